@@ -1,0 +1,19 @@
+# The README's commands. Each makes or reuses .venv first: nothing to install by hand.
+STAMP := .venv/.made-for-these-requirements
+
+.PHONY: demo test check clean
+demo: $(STAMP)
+	@.venv/bin/rig demo
+
+test: $(STAMP)
+	@tools/check
+
+# Static checks alone, for a quick look while editing.
+check: $(STAMP)
+	@tools/check static
+
+$(STAMP): pyproject.toml constraints.txt tools/make-venv
+	@tools/make-venv $(STAMP)
+
+clean:
+	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .import_linter_cache

@@ -1,0 +1,108 @@
+"""Time, handed in. Nothing else in the project reads a clock or sleeps.
+
+A `Clock` counts *bench seconds*. On a real bench these are real seconds; against `rig sim --speed N` they run
+N times faster than the wall; in a dry run they are the virtual time of a `sims.World`, which satisfies this
+protocol by shape and never waits at all.
+"""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Protocol
+
+_BOOTTIME = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
+
+
+class Clock(Protocol):
+    """What every part of the controller may know of time."""
+
+    def now(self) -> float:
+        """Bench seconds since an arbitrary origin; never steps, keeps counting while the machine sleeps."""
+        ...
+
+    def utc(self) -> float:
+        """Coordinated Universal Time in seconds since 1970-01-01; may be stepped by the system."""
+        ...
+
+    def sleep(self, seconds: float) -> None:
+        """Let `seconds` bench seconds pass; zero or less returns at once."""
+        ...
+
+    def timeout(self, seconds: float) -> float:
+        """Real seconds that an operating-system wait may last when the instrument needs `seconds`."""
+        ...
+
+    def stopwatch(self) -> float:
+        """Real seconds of this machine, for reporting how long our own work took; never for decisions."""
+        ...
+
+
+class RealClock:
+    """The machine's clock: CLOCK_BOOTTIME for durations (it counts through suspend), UTC for dates."""
+
+    def now(self) -> float:
+        """See `Clock.now`."""
+        return time.clock_gettime(_BOOTTIME)
+
+    def utc(self) -> float:
+        """See `Clock.utc`."""
+        return time.time()
+
+    def sleep(self, seconds: float) -> None:
+        """See `Clock.sleep`."""
+        if seconds > 0:
+            time.sleep(seconds)
+
+    def timeout(self, seconds: float) -> float:
+        """See `Clock.timeout`."""
+        return seconds
+
+    def stopwatch(self) -> float:
+        """See `Clock.stopwatch`."""
+        return time.perf_counter()
+
+
+class ScaledClock(RealClock):
+    """Real time run `speed` times faster, for benches served by `rig sim --speed N` in another process.
+
+    Args:
+        speed: bench seconds per real second.
+        epoch_utc: bench time's UTC when the simulated bench started, in seconds since 1970-01-01.
+        started_utc: the machine's UTC at that same moment.
+
+    """
+
+    def __init__(self, speed: float, epoch_utc: float, started_utc: float) -> None:
+        if not speed > 0:
+            raise ValueError(f"speed must be positive, not {speed}")
+        self._speed = speed
+        self._epoch_utc = epoch_utc
+        self._started_utc = started_utc
+
+    def now(self) -> float:
+        """See `Clock.now`."""
+        return super().now() * self._speed
+
+    def utc(self) -> float:
+        """See `Clock.utc`."""
+        return self._epoch_utc + (super().utc() - self._started_utc) * self._speed
+
+    def sleep(self, seconds: float) -> None:
+        """See `Clock.sleep`."""
+        super().sleep(seconds / self._speed)
+
+    def timeout(self, seconds: float) -> float:
+        """Bench seconds made real, plus 0.2 s for two processes sharing this machine's processors."""
+        return seconds / self._speed + 0.2
+
+
+def boot_id() -> str:
+    """Name of this boot of the machine; CLOCK_BOOTTIME values compare only within one boot.
+
+    Returns an empty string where the kernel does not say, which callers must treat as "another boot".
+    """
+    try:
+        return Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
+    except OSError:
+        return ""

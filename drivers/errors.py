@@ -1,0 +1,49 @@
+"""What can go wrong with an instrument, named by the operator's situation.
+
+Every message says what happened, at which instrument and address, and what to do next.
+"""
+
+from __future__ import annotations
+
+
+class DriverError(Exception):
+    """Base of all errors a driver raises on purpose."""
+
+
+class Unreachable(DriverError):
+    """The address cannot be opened: cable, power, permissions or a wrong address."""
+
+
+class NoReply(DriverError):
+    """A query was sent and nothing (or not all of it) came back in time."""
+
+
+class BadReply(DriverError):
+    """Something came back that is not an answer to the question."""
+
+
+class WrongInstrument(DriverError):
+    """An instrument answers, but it is not the one the bench file declares."""
+
+
+class InstrumentError(DriverError):
+    """The instrument itself reports an error.
+
+    Attributes:
+        code: the instrument's own number for it.
+        text: the instrument's own words.
+
+    """
+
+    def __init__(self, instrument: str, code: int, text: str) -> None:
+        super().__init__(f"{instrument} reports error {code}: {text}")
+        self.code = code
+        self.text = text
+
+
+class LimitError(DriverError):
+    """A command outside the limits was refused before anything was sent."""
+
+
+class NotReady(DriverError):
+    """The instrument cannot do this now: not homed, drive off, in local control."""

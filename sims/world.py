@@ -1,0 +1,120 @@
+"""Virtual time: one thread, one queue of events, no waiting.
+
+A `World` owns the time of a simulated bench. Twins schedule what they will do (`call_in`); whoever waits pumps
+the queue (`sleep`, `run_until`) and time jumps from event to event. It has the shape of a clock (`now`, `utc`,
+`sleep`, `timeout`, `stopwatch`), so that it can be handed to code that knows nothing of simulation.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Callable
+from time import perf_counter
+
+EPOCH_UTC = 1_768_500_000.0
+"""UTC at virtual time zero unless the world file says otherwise: 2026-01-15 18:00:00."""
+
+
+class Deadlock(RuntimeError):
+    """Somebody waits without a timeout and nothing is scheduled that could wake them."""
+
+
+class Timer:
+    """A scheduled call; `cancel` makes it do nothing."""
+
+    __slots__ = ("action", "at")
+
+    def __init__(self, at: float, action: Callable[[], None]) -> None:
+        self.at = at
+        self.action: Callable[[], None] | None = action
+
+    def cancel(self) -> None:
+        """Forget the call; harmless if it has already happened."""
+        self.action = None
+
+
+class World:
+    """Virtual time.
+
+    Args:
+        start: first value of `now()`, seconds; a resumed dry run starts where the last one stopped, plus a gap.
+        epoch_utc: UTC at `now() == 0`, seconds since 1970-01-01.
+
+    """
+
+    def __init__(self, start: float = 0.0, epoch_utc: float = EPOCH_UTC) -> None:
+        self._now = float(start)
+        self._epoch_utc = epoch_utc
+        self._queue: list[tuple[float, int, Timer]] = []
+        self._count = 0
+
+    def now(self) -> float:
+        """Virtual seconds."""
+        return self._now
+
+    def utc(self) -> float:
+        """Virtual UTC, seconds since 1970-01-01."""
+        return self._epoch_utc + self._now
+
+    def timeout(self, seconds: float) -> float:
+        """Waits on the operating system do not belong in virtual time; the figure is passed on unchanged."""
+        return seconds
+
+    def stopwatch(self) -> float:
+        """Real seconds of this machine, for reporting how fast the simulation runs."""
+        return perf_counter()  # noqa: TID251 - the one reading of real time in virtual time; decides nothing
+
+    def call_in(self, seconds: float, action: Callable[[], None]) -> Timer:
+        """Have `action` called `seconds` from now (never earlier than now); returns a timer to cancel it."""
+        timer = Timer(self._now + max(0.0, seconds), action)
+        self._count += 1
+        heapq.heappush(self._queue, (timer.at, self._count, timer))
+        return timer
+
+    def sleep(self, seconds: float) -> None:
+        """Let virtual time pass, running whatever falls due."""
+        if seconds > 0:
+            self.run_until(self._now + seconds)
+
+    def next_due(self) -> float | None:
+        """When the next event is scheduled, None if nothing is."""
+        while self._queue and self._queue[0][2].action is None:
+            heapq.heappop(self._queue)
+        return self._queue[0][0] if self._queue else None
+
+    def run_until(self, end: float | None, predicate: Callable[[], bool] | None = None) -> bool:
+        """Run events in order until `predicate` holds or time reaches `end`.
+
+        Args:
+            end: virtual time to stop at; None waits for the predicate alone.
+            predicate: checked before the first event and after each one.
+
+        Returns:
+            Whether the predicate held (always False without one; time is then exactly `end`).
+
+        Raises:
+            Deadlock: `end` is None and the queue runs dry.
+
+        """
+        if predicate is not None and predicate():
+            return True
+        queue = self._queue
+        while queue:
+            at, _, timer = queue[0]
+            if end is not None and at > end:
+                break
+            heapq.heappop(queue)
+            action = timer.action
+            if action is None:
+                continue
+            timer.action = None
+            if at > self._now:
+                self._now = at
+            action()
+            if predicate is not None and predicate():
+                return True
+        if end is None:
+            raise Deadlock("waiting for ever: nothing is scheduled in this world and no timeout was given")
+        if end > self._now:
+            self._now = end
+        return False
