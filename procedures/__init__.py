@@ -1,1 +1,24 @@
-"""."""
+"""What to run: experimental designs, the order they are run in, and the run list that results.
+
+Nothing here talks to an instrument. A procedure is expanded once, before anything moves, into a `RunList`: every
+point of the run, in order. The run list is hashed and stored; the run is the run list carried out.
+"""
+
+from procedures.designs import Design, fraction, grid, tumble
+from procedures.orders import Visit, random_order, serpentine
+from procedures.pitch_roll import PitchRollProcedure
+from procedures.run_list import Factor, Point, RunList
+
+__all__ = [
+    "Design",
+    "Factor",
+    "PitchRollProcedure",
+    "Point",
+    "RunList",
+    "Visit",
+    "fraction",
+    "grid",
+    "random_order",
+    "serpentine",
+    "tumble",
+]

@@ -1,0 +1,205 @@
+"""The pitch-roll procedure: `procedure.toml` with `kind = "pitch-roll"`, checked and expanded to a run list.
+
+Field by field this is also the reference of the file format: `docs/procedures.md` is made from it.
+"""
+
+from __future__ import annotations
+
+import random
+from typing import Annotated, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from procedures.designs import Design, fraction, grid, roll_circle, tumble, uniform
+from procedures.orders import Visit, random_order, reversed_pass, serpentine
+from procedures.run_list import Factor, Point, RunList
+
+Positive = Annotated[float, Field(gt=0)]
+Side = Annotated[list[float], Field(min_length=1)]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class FractionSettings(_Strict):
+    """Decimation of the grid's interior, eq. (109)."""
+
+    pitch_every: int = Field(ge=1, description="keep every K_alpha-th pitch row whole")
+    roll_every: int = Field(ge=1, description="keep every K_R-th roll column whole")
+
+
+class DesignSettings(_Strict):
+    """Which angles to visit.
+
+    D1: `pitch_max_deg` and `pitch_count`, uniform and symmetric; roll uniform over the circle.
+    D0: any `pitch_deg` list; roll uniform over the circle. D: lists of both. T6, T4: nothing more.
+    """
+
+    type: Literal["D", "D0", "D1", "T6", "T4"]
+    pitch_max_deg: Positive | None = Field(None, le=180, description="D1: pitch goes from minus to plus this")
+    pitch_count: int | None = Field(None, ge=2, description="D1: number of pitch angles N")
+    pitch_deg: Side | None = Field(None, description="D and D0: the pitch angles")
+    roll_count: int | None = Field(None, ge=1, description="D0 and D1: number of roll angles M")
+    roll_repeat_180: bool = Field(True, description="D0 and D1: end at +180 deg, repeating -180 deg")
+    roll_deg: Side | None = Field(None, description="D: the roll angles; [0] for a sensor without roll")
+    fraction: FractionSettings | None = Field(None, description="decimate the interior of the grid")
+
+    @model_validator(mode="after")
+    def _fields_fit_the_type(self) -> Self:
+        needs = {
+            "D": {"pitch_deg", "roll_deg"},
+            "D0": {"pitch_deg", "roll_count"},
+            "D1": {"pitch_max_deg", "pitch_count", "roll_count"},
+            "T6": set(),
+            "T4": set(),
+        }[self.type]
+        optional = {"type", "roll_repeat_180", "fraction"} if needs else {"type"}
+        missing = sorted(name for name in needs if getattr(self, name) is None)
+        extra = sorted(self.model_fields_set - needs - optional)
+        if missing:
+            raise ValueError(f"design {self.type} needs {', '.join(missing)}")
+        if extra:
+            raise ValueError(f"design {self.type} does not use {', '.join(extra)}")
+        self.build()
+        return self
+
+    def build(self) -> Design:
+        """The design these settings describe. Raises ValueError where they cannot be built."""
+        if self.type in ("T6", "T4"):
+            return tumble(roll=self.type == "T6")
+        if self.type == "D1":
+            assert self.pitch_max_deg is not None
+            assert self.pitch_count is not None
+            pitch = uniform(-self.pitch_max_deg, self.pitch_max_deg, self.pitch_count)
+        else:
+            assert self.pitch_deg is not None
+            pitch = tuple(self.pitch_deg)
+        if self.type == "D":
+            assert self.roll_deg is not None
+            roll = tuple(self.roll_deg)
+        else:
+            assert self.roll_count is not None
+            roll = roll_circle(self.roll_count, repeat_180=self.roll_repeat_180 and self.roll_count > 1)
+        full = grid(self.type, pitch, roll)
+        if self.fraction is None:
+            return full
+        return fraction(full, pitch_every=self.fraction.pitch_every, roll_every=self.fraction.roll_every)
+
+
+class OrderSettings(_Strict):
+    """In which order the points are visited."""
+
+    type: Literal["serpentine", "up-and-down", "random"] = Field(
+        "serpentine",
+        description="serpentine: every point once a replication; up-and-down: to the last row and back, every "
+        "point twice; random: shuffled within each replication, sides of approach balanced",
+    )
+    replications: Literal["abba", "alternate", "same"] = Field(
+        "abba", description="which replications walk the path backwards (serpentine and up-and-down)"
+    )
+
+
+class ApproachSettings(_Strict):
+    """How an axis is brought to the side it is to arrive from."""
+
+    overtravel_deg: Positive = Field(2.0, le=45, description="beyond backlash and hysteresis together")
+
+
+class SettleSettings(_Strict):
+    """When an angle counts as reached."""
+
+    band_deg: Positive = Field(0.0005, description="readback within this of the setpoint")
+    dwell_s: float = Field(3.0, ge=0, description="for this long")
+    drift_deg_per_s: Positive = Field(0.001, description="and drifting slower than this")
+    poll_s: Positive = Field(0.5, description="time between readbacks")
+    timeout_s: Positive = Field(120.0, description="then the settling has failed")
+
+
+class MeasureSettings(_Strict):
+    """What is read at a point."""
+
+    readings: int = Field(10, ge=1, le=50_000, description="sweeps over all channels; their mean is the observation")
+    max_sd_V: Positive | None = Field(None, description="noisier than this: read again")
+    repeats: int = Field(2, ge=0, le=10, description="how often to read again before accepting it, flagged")
+
+
+class EnvironmentSettings(_Strict):
+    """The enclosure's temperature before the first point and after a long gap."""
+
+    setpoint_degC: float = Field(23.0, ge=-80, le=200)
+    tolerance_degC: Positive = Field(0.5, description="enclosure within this of the setpoint")
+    dwell_s: float = Field(900.0, ge=0, description="for this long")
+    drift_degC_per_h: Positive = Field(1.0, description="and drifting slower than this")
+    poll_s: Positive = Field(10.0)
+    timeout_s: Positive = Field(4 * 3600.0)
+
+
+class RecoverySettings(_Strict):
+    """What an interruption costs."""
+
+    max_gap_s: Positive = Field(1800.0, description="after a longer gap the environment is settled again")
+
+
+class FaultSettings(_Strict):
+    """What to do when something goes wrong at a point."""
+
+    retries: int = Field(2, ge=0, le=20, description="attempts after the first before the policy below applies")
+    not_settled: Literal["skip", "hold", "abort"] = "skip"
+    overload: Literal["skip", "hold", "abort"] = "skip"
+    no_reply: Literal["skip", "hold", "abort"] = "abort"
+    instrument_error: Literal["skip", "hold", "abort"] = "abort"
+
+
+class ExpectSettings(_Strict):
+    """What is expected of the sensors; used by `rig plan` and never by a fit."""
+
+    sigma_deg: Positive = Field(2e-4, description="standard error of one observation")
+
+
+class AcceptanceSettings(_Strict):
+    """When a finished calibration is fit for use; outside it `rig run` ends with exit code 3."""
+
+    sigma_E_deg: Positive | None = Field(None, description="largest standard error of the fit")
+
+
+class PitchRollProcedure(_Strict):
+    """A whole `procedure.toml` of kind pitch-roll."""
+
+    kind: Literal["pitch-roll"]
+    name: str = Field(min_length=1, max_length=80)
+    seed: int = Field(0, ge=0, le=2**63 - 1, description="of every random choice in the order")
+    replications: int = Field(6, ge=1, le=1000)
+    design: DesignSettings
+    order: OrderSettings = OrderSettings()
+    approach: ApproachSettings = ApproachSettings()
+    settle: SettleSettings = SettleSettings()
+    measure: MeasureSettings = MeasureSettings()
+    environment: EnvironmentSettings | None = None
+    recovery: RecoverySettings = RecoverySettings()
+    faults: FaultSettings = FaultSettings()
+    expect: ExpectSettings = ExpectSettings()
+    acceptance: AcceptanceSettings = AcceptanceSettings()
+
+    def expand(self) -> RunList:
+        """Every point of the run, in order."""
+        design = self.design.build()
+        overtravel = self.approach.overtravel_deg
+        factors = (Factor("pitch_deg", "pitch", overtravel), Factor("roll_deg", "roll", overtravel))
+        rng = random.Random(self.seed)
+        points: list[Point] = []
+        for replication in range(1, self.replications + 1):
+            for visit in self._visits(design, replication, rng):
+                setpoints = (design.pitch_deg[visit.row], design.roll_deg[visit.column])
+                sides = (visit.pitch_side, visit.roll_side)
+                points.append(Point(len(points), replication, None, setpoints, sides))
+        return RunList(factors, tuple(points), self.seed)
+
+    def _visits(self, design: Design, replication: int, rng: random.Random) -> list[Visit]:
+        if self.order.type == "random":
+            return list(random_order(design, rng))
+        return serpentine(
+            design,
+            backwards=reversed_pass(replication, self.order.replications),
+            up_and_down=self.order.type == "up-and-down",
+        )
