@@ -29,6 +29,10 @@ class Clock(Protocol):
         """Let `seconds` bench seconds pass; zero or less returns at once."""
         ...
 
+    def idle(self, seconds: float) -> None:
+        """Let bench time pass while waiting for a person: real time passes too, even where time is virtual."""
+        ...
+
     def timeout(self, seconds: float) -> float:
         """Real seconds that an operating-system wait may last when the instrument needs `seconds`."""
         ...
@@ -53,6 +57,10 @@ class RealClock:
         """See `Clock.sleep`."""
         if seconds > 0:
             time.sleep(seconds)
+
+    def idle(self, seconds: float) -> None:
+        """See `Clock.idle`."""
+        self.sleep(seconds)
 
     def timeout(self, seconds: float) -> float:
         """See `Clock.timeout`."""

@@ -139,6 +139,7 @@ class RecoverySettings(_Strict):
     """What an interruption costs."""
 
     max_gap_s: Positive = Field(1800.0, description="after a longer gap the environment is settled again")
+    hold_max_s: Positive = Field(12 * 3600.0, description="a hold nobody releases ends the session after this")
 
 
 class FaultSettings(_Strict):

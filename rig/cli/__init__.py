@@ -1,1 +1,43 @@
-"""."""
+"""The command line: `rig`."""
+
+from __future__ import annotations
+
+import sys
+
+import click
+import typer
+
+from rig.errors import ExitCode, RigError
+
+app = typer.Typer(
+    name="rig",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode="markdown",
+    pretty_exceptions_enable=False,
+    help="Runs calibration experiments overnight, survives crashes, fits the data and traces the residual to the "
+    "effect the model lacks.\n\n"
+    "Exit codes: 0 done, 1 fault (bench safe), 2 usage, 3 done but outside acceptance, 4 stopped by `rig stop`, "
+    "75 interrupted (resumable), 78 bad configuration.",
+)
+
+
+def main() -> None:
+    """Entry point: run the command, turn errors meant for people into one message and an exit code."""
+    from rig.cli import commands  # noqa: F401, PLC0415 - importing it registers the commands
+
+    try:
+        code = app(standalone_mode=False)
+    except RigError as error:
+        print(f"rig: {error}", file=sys.stderr)
+        code = error.exit_code
+    except click.exceptions.ClickException as error:
+        error.show(file=sys.stderr)
+        code = ExitCode.USAGE
+    except (click.exceptions.Abort, KeyboardInterrupt):
+        code = ExitCode.INTERRUPTED
+    except BrokenPipeError:
+        # Whoever read our output has gone; there is nobody to tell.
+        sys.stderr.close()
+        code = ExitCode.DONE
+    sys.exit(int(code) if isinstance(code, int) else 0)

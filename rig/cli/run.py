@@ -1,0 +1,245 @@
+"""`rig run`, `resume`, `status`, `hold`, `release`, `stop`, `verify`."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections.abc import Callable
+from datetime import UTC, datetime
+from pathlib import Path
+from types import FrameType
+from typing import Annotated, Any
+
+import typer
+
+from rig.cli import app
+from rig.cli.show import duration, err, mark, out, print_json, run_progress
+from rig.controller import Result, load_plan, resume_run, start_run
+from rig.engine.live import controller_alive, live_path, read_json, send_request
+from rig.engine.run_file import RunReader
+from rig.engine.session import Outcome, Progress, Signals
+from rig.engine.state import fold
+from rig.errors import ExitCode, RigError, UsageError
+
+RunArgument = Annotated[Path, typer.Argument(help="the run file, DIR/ID.sqlite", show_default=False)]
+BenchOption = Annotated[Path, typer.Option("--bench", "-b", help="the bench file", show_default=False)]
+ProcedureArgument = Annotated[Path, typer.Argument(help="the procedure file", show_default=False)]
+JsonOption = Annotated[bool, typer.Option("--json", help="print the result as JSON")]
+KillOption = Annotated[
+    int | None,
+    typer.Option(
+        "--kill-at-point",
+        min=1,
+        help="for trying out recovery: kill this process with SIGKILL when so many points are done",
+        show_default=False,
+    ),
+]
+
+_EXIT = {
+    Outcome.COMPLETE: ExitCode.DONE,
+    Outcome.STOPPED: ExitCode.STOPPED,
+    Outcome.INTERRUPTED: ExitCode.INTERRUPTED,
+    Outcome.FAULT: ExitCode.FAULT,
+}
+
+
+@app.command()
+def run(
+    procedure: ProcedureArgument,
+    bench: BenchOption,
+    dry: Annotated[
+        bool, typer.Option("--dry", help="let simulated instruments take the place of the real ones")
+    ] = False,
+    world: Annotated[
+        Path | None, typer.Option(help="with --dry: the truth behind the simulated bench", show_default=False)
+    ] = None,
+    out_dir: Annotated[Path, typer.Option("--out", "-o", help="folder for the run file")] = Path("runs"),
+    kill_at_point: KillOption = None,
+) -> int:
+    """Carry out a procedure on a bench.
+
+    The first line printed is the run file's path. The run survives anything: `rig resume` carries on with it.
+
+    Example: `rig run procedure.toml --bench bench.toml --dry --world world.toml`
+    """
+    plan = load_plan(procedure, bench, dry=dry, world=world)
+
+    def announce(path: Path) -> None:
+        print(path, flush=True)
+
+    with run_progress(simulated=dry or plan.bench.simulated) as show:
+        result = start_run(
+            plan, out_dir, signals=_signals(), announce=announce, on_progress=_killing(show, kill_at_point)
+        )
+    return conclude(result)
+
+
+@app.command()
+def resume(
+    run_file: RunArgument,
+    bench: Annotated[
+        Path | None, typer.Option(help="a bench file with new addresses for the same instruments", show_default=False)
+    ] = None,
+    accept: Annotated[
+        list[str] | None,
+        typer.Option(help="accept another instrument than before in this place; repeatable", show_default=False),
+    ] = None,
+    gap: Annotated[float, typer.Option(help="dry runs: seconds the simulated bench was left alone")] = 120.0,
+    kill_at_point: KillOption = None,
+) -> int:
+    """Carry on with an interrupted run.
+
+    Example: `rig resume runs/20260115T180000-night-1a2b.sqlite`
+    """
+    with RunReader.open(run_file) as reader:
+        simulated = bool(reader.genesis().data["simulated"])
+    with run_progress(simulated=simulated) as show:
+        result = resume_run(
+            run_file,
+            signals=_signals(),
+            on_progress=_killing(show, kill_at_point),
+            bench=bench,
+            accept=frozenset(accept or ()),
+            dry_gap_s=gap,
+        )
+    return conclude(result)
+
+
+def conclude(result: Result) -> int:
+    """Say how a session ended; the exit code."""
+    state = result.state
+    if result.message:
+        print(f"rig: {result.message}", file=sys.stderr)
+    for index, reason in sorted(state.skipped.items()):
+        err.print(f"[yellow]point {index} was skipped:[/] {reason}")
+    words = f"{result.outcome.value}: {len(state.accepted)} of {state.points} points observed"
+    err.print(f"{mark(state.simulated)}{words} in {duration(state.elapsed_s)}")
+    return _EXIT[result.outcome]
+
+
+def _signals() -> Signals:
+    """SIGINT and SIGTERM stop motion and leave the run resumable."""
+    signals = Signals()
+
+    def note(number: int, _frame: FrameType | None) -> None:
+        signals.interrupt = signal.Signals(number).name
+
+    signal.signal(signal.SIGINT, note)
+    signal.signal(signal.SIGTERM, note)
+    return signals
+
+
+def _killing(show: Callable[[Progress], None], at_point: int | None) -> Callable[[Progress], None]:
+    if at_point is None:
+        return show
+
+    def show_or_die(news: Progress) -> None:
+        if news.done >= at_point:
+            os.kill(os.getpid(), signal.SIGKILL)
+        show(news)
+
+    return show_or_die
+
+
+@app.command()
+def status(run_file: RunArgument, as_json: JsonOption = False) -> int:
+    """Show what a run has come to, running or not."""
+    with RunReader.open(run_file) as reader:
+        state = fold(reader.records())
+        genesis = reader.genesis()
+        count, head = reader.head()
+    live = read_json(live_path(run_file)) or {}
+    running = bool(live) and controller_alive(live)
+    summary: dict[str, Any] = {
+        "run_id": state.run_id,
+        "simulated": state.simulated,
+        "procedure": genesis.data["procedure"],
+        "bench": genesis.data["bench"],
+        "state": live["state"] if running else _resting(state.ended, state.sessions),
+        "running": running,
+        "points": state.points,
+        "accepted": len(state.accepted),
+        "skipped": {str(k): v for k, v in state.skipped.items()},
+        "sessions": state.sessions,
+        "elapsed_s": live["elapsed_s"] if running else state.elapsed_s,
+        "remaining_s": live.get("remaining_s") if running else None,
+        "last_record_utc": datetime.fromtimestamp(state.utc_s, UTC).isoformat(timespec="seconds"),
+        "last_fault": state.last_fault,
+        "message": live.get("message", "") if running else "",
+        "records": count,
+        "head": head.hex(),
+    }
+    if as_json:
+        print_json(summary)
+        return ExitCode.DONE
+    left = "" if summary["remaining_s"] is None else f", {duration(summary['remaining_s'])} left"
+    out.print(f"{mark(state.simulated)}[bold]{summary['procedure']}[/] on {summary['bench']}: {summary['state']}")
+    out.print(f"  {summary['accepted']} of {summary['points']} points in {duration(summary['elapsed_s'])}{left}")
+    out.print(f"  {summary['sessions']} session(s), last record {summary['last_record_utc']}")
+    for index, why in summary["skipped"].items():
+        out.print(f"  [yellow]point {index} skipped:[/] {why}")
+    if state.last_fault and not running:
+        out.print(f"  [red]last fault:[/] {state.last_fault}")
+    if summary["message"]:
+        out.print(f"  {summary['message']}")
+    if not running and state.ended is None:
+        out.print(f"  carry on with: rig resume {run_file}")
+    return ExitCode.DONE
+
+
+def _resting(ended: str | None, sessions: int) -> str:
+    if ended is not None:
+        return ended
+    return "interrupted" if sessions else "created"
+
+
+def _ask(run_file: Path, verb: str) -> int:
+    if not run_file.exists():
+        raise UsageError(f"there is no run file {run_file}")
+    request_id = send_request(run_file, verb)
+    if request_id is None:
+        raise RigError(f"no controller is running on {run_file}; `rig status {run_file}` shows what it has come to")
+    from drivers.clock import RealClock  # noqa: PLC0415
+
+    clock = RealClock()
+    give_up = clock.now() + 30.0
+    while clock.now() < give_up:
+        live = read_json(live_path(run_file))
+        if live is None:
+            break  # the controller has ended, which is what it was asked for or better
+        if live.get("acknowledged") == request_id:
+            break
+        clock.sleep(0.05)
+    else:
+        raise RigError(f"the controller of {run_file} did not acknowledge within 30 s; look at the process itself")
+    err.print(f"{verb}: acknowledged")
+    return ExitCode.DONE
+
+
+@app.command()
+def hold(run_file: RunArgument) -> int:
+    """Stop motion and wait; `rig release` lets the run go on."""
+    return _ask(run_file, "hold")
+
+
+@app.command()
+def release(run_file: RunArgument) -> int:
+    """Let a held run go on."""
+    return _ask(run_file, "release")
+
+
+@app.command()
+def stop(run_file: RunArgument) -> int:
+    """Park the bench and end the session; the run can be resumed later."""
+    return _ask(run_file, "stop")
+
+
+@app.command()
+def verify(run_file: RunArgument) -> int:
+    """Check that a run file is whole and unchanged."""
+    with RunReader.open(run_file) as reader:
+        reader.verify()
+        count, head = reader.head()
+    out.print(f"{run_file}: {count} records, chain unbroken, head {head.hex()}")
+    return ExitCode.DONE

@@ -1,0 +1,177 @@
+"""Reading bench, procedure and world files: TOML in, checked objects out, one clear message if not.
+
+A message names the file, the place in it, what is wrong, and what would be right.
+"""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from collections.abc import Mapping
+from datetime import date
+from pathlib import Path
+from typing import Any, Literal, Self, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from procedures import PitchRollProcedure
+from rig.errors import ConfigurationError
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class InstrumentConfig(BaseModel):
+    """One `[instruments.NAME]` table. What is not listed here goes to the driver, which checks it."""
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+
+    driver: str
+    address: str = Field(min_length=1)
+    asset: str = Field("", description="your asset number, for instruments that do not tell their serial number")
+    due: date | None = Field(None, description="when its own calibration is due")
+    serial: str = Field("", description="expected serial number; another one is refused")
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """What the driver is to check."""
+        return dict(self.model_extra or {})
+
+
+class SensorConfig(_Strict):
+    """One `[sensors.NAME]` table: a sensor under calibration, its output recorded as `NAME_V`."""
+
+    axis: Literal["x", "y", "z"]
+    reader: str = Field(description="which instrument reads it")
+    channel: str = Field("input", description="on which channel")
+    asset: str = ""
+
+
+class TemperatureConfig(_Strict):
+    """One `[temperatures.NAME]` table; NAME is the column it is recorded in and ends in `_degC`."""
+
+    reader: str
+    channel: str
+    place: Literal["package", "enclosure", "lab"] = "package"
+
+
+class LiveConfig(_Strict):
+    """Written by `rig sim`: how this bench's time runs."""
+
+    speed: float = Field(gt=0)
+    epoch_utc: float
+    started_utc: float
+
+
+class BenchConfig(_Strict):
+    """A whole `bench.toml`."""
+
+    name: str = Field(min_length=1, max_length=80)
+    simulated: bool = False
+    instruments: dict[str, InstrumentConfig] = Field(min_length=1)
+    sensors: dict[str, SensorConfig] = Field(min_length=1)
+    temperatures: dict[str, TemperatureConfig] = Field(default_factory=dict)
+    limits: dict[str, tuple[float, float]] = Field(default_factory=dict)
+    live: LiveConfig | None = None
+
+    @model_validator(mode="after")
+    def _names_meet(self) -> Self:
+        read = {f"sensors.{name}": (s.reader, s.channel) for name, s in self.sensors.items()}
+        read |= {f"temperatures.{name}": (t.reader, t.channel) for name, t in self.temperatures.items()}
+        taken: dict[tuple[str, str], str] = {}
+        for name, (reader, channel) in read.items():
+            if reader not in self.instruments:
+                known = ", ".join(sorted(self.instruments))
+                raise ValueError(f"{name}.reader = {reader!r} is no instrument here (there are {known})")
+            other = taken.setdefault((reader, channel), name)
+            if other != name:
+                raise ValueError(f"{other} and {name} are both on channel {channel} of {reader}")
+        for name in self.temperatures:
+            if not name.endswith("_degC"):
+                raise ValueError(f"temperatures.{name}: the name is a column and must end in its unit, _degC")
+        for name, (low, high) in self.limits.items():
+            if not low < high:
+                raise ValueError(f"limits.{name}: {low:g} is not below {high:g}")
+        return self
+
+
+def parse_toml(text: str, where: str) -> dict[str, Any]:
+    """TOML text to plain values; raises `ConfigurationError` naming `where`, line and column."""
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigurationError(f"{where} is not valid TOML: {error}") from error
+
+
+def read_text(path: Path, what: str) -> str:
+    """A configuration file's text; raises `ConfigurationError` if it cannot be read."""
+    try:
+        return path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise ConfigurationError(f"there is no {what} file {path}") from None
+    except IsADirectoryError:
+        raise ConfigurationError(f"{path} is a folder; name the {what} file in it") from None
+    except UnicodeDecodeError as error:
+        raise ConfigurationError(f"{path} is not UTF-8 text (byte {error.start})") from error
+    except OSError as error:
+        raise ConfigurationError(f"{path} cannot be read: {error.strerror}") from error
+
+
+def parse_bench(text: str, where: str) -> BenchConfig:
+    """Check the text of a bench file."""
+    return validated(BenchConfig, parse_toml(text, where), where)
+
+
+def parse_procedure(text: str, where: str) -> PitchRollProcedure:
+    """Check the text of a procedure file."""
+    values = parse_toml(text, where)
+    kind = values.get("kind")
+    if kind != "pitch-roll":
+        raise ConfigurationError(f'{where}: kind = {kind!r} is not a kind of procedure; known: "pitch-roll"')
+    return validated(PitchRollProcedure, values, where)
+
+
+def explain(error: ValidationError, where: str, model: type[BaseModel]) -> str:
+    """A pydantic error as lines a person can act on."""
+    lines = []
+    for item in error.errors():
+        place = ".".join(str(part) for part in item["loc"])
+        if item["type"] == "extra_forbidden":
+            message = f"{place} is not known here{_hint(model, item['loc'])}"
+        elif item["type"] == "missing":
+            message = f"{place} is missing"
+        else:
+            got = item.get("input")
+            shown = "" if isinstance(got, Mapping) or not place else f" (it is {got!r})"
+            message = f"{place}: {item['msg'].removeprefix('Value error, ')}{shown}".removeprefix(": ")
+        lines.append(f"{where}: {message}")
+    return "\n".join(lines)
+
+
+def _hint(model: type[BaseModel], place: tuple[int | str, ...]) -> str:
+    """The nearest known names to an unknown one."""
+    inner: object = model
+    for part in place[:-1]:
+        if not (isinstance(inner, type) and issubclass(inner, BaseModel)):
+            return ""
+        field = inner.model_fields.get(str(part))
+        if field is None:
+            return ""
+        candidates = (field.annotation, *getattr(field.annotation, "__args__", ()))
+        inner = next((c for c in candidates if isinstance(c, type) and issubclass(c, BaseModel)), None)
+    if not (isinstance(inner, type) and issubclass(inner, BaseModel)):
+        return ""
+    names = list(inner.model_fields)
+    near = difflib.get_close_matches(str(place[-1]), names, n=1)
+    return f"; did you mean {near[0]}?" if near else f" (known: {', '.join(names)})"
+
+
+def validated(model: type[Model], values: Mapping[str, Any], where: str) -> Model:
+    """An instance of `model`; raises `ConfigurationError` listing everything that is wrong."""
+    try:
+        return model.model_validate(values)
+    except ValidationError as error:
+        raise ConfigurationError(explain(error, where, model)) from error

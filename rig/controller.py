@@ -1,0 +1,284 @@
+"""Starting and resuming runs: files checked, bench opened and locked, sequencer let loose.
+
+`rig run` is create + resume: the difference between a new run and an interrupted one is what the run file says.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import platform
+import re
+import secrets
+import shutil
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from drivers.clock import Clock, RealClock, ScaledClock, boot_id
+from drivers.errors import DriverError
+from procedures import PitchRollProcedure, RunList
+from rig import __version__
+from rig.bench import Bench, check_options, identities, locked_addresses, open_bench
+from rig.config import BenchConfig, parse_bench, parse_procedure, parse_toml, read_text
+from rig.engine.guard import Guard
+from rig.engine.run_file import Genesis, RunReader, RunWriter, create
+from rig.engine.sequencer import Sequencer
+from rig.engine.session import Outcome, Progress, Session, Signals
+from rig.engine.state import RunState, fold
+from rig.errors import BenchFault, ConfigurationError, StorageError, UsageError
+
+BYTES_PER_POINT = 6000
+"""What an observation takes in the run file, with its share of indexes and log; measured, rounded up."""
+
+_VIRTUAL = "virtual"
+"""Stands for the boot id where time is virtual: its clock continues across sessions by construction."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is to be run, checked: texts as given and what they mean.
+
+    Attributes:
+        documents: file texts by document name ("bench.toml", "procedure.toml", "world.toml").
+        bench: the bench file.
+        procedure: the procedure file.
+        run_list: every point.
+        dry: whether twins take the place of the instruments.
+        truth: the world file's values; only ever given to twins.
+
+    """
+
+    documents: Mapping[str, str]
+    bench: BenchConfig
+    procedure: PitchRollProcedure
+    run_list: RunList
+    dry: bool
+    truth: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Result:
+    """How a session ended, and what there is to say about it."""
+
+    outcome: Outcome
+    message: str
+    state: RunState
+
+
+def load_plan(procedure: Path, bench: Path, *, dry: bool = False, world: Path | None = None) -> Plan:
+    """Read and check everything that decides a run. Raises `ConfigurationError`."""
+    if world is not None and not dry:
+        raise UsageError("--world describes a simulated bench; it goes with --dry")
+    documents = {"bench.toml": read_text(bench, "bench"), "procedure.toml": read_text(procedure, "procedure")}
+    if world is not None:
+        documents["world.toml"] = read_text(world, "world")
+    return _plan(documents, dry, {"bench.toml": str(bench), "procedure.toml": str(procedure), "world.toml": str(world)})
+
+
+def _plan(documents: Mapping[str, str], dry: bool, where: Mapping[str, str]) -> Plan:
+    config = parse_bench(documents["bench.toml"], where["bench.toml"])
+    check_options(config, where["bench.toml"])
+    procedure = parse_procedure(documents["procedure.toml"], where["procedure.toml"])
+    run_list = procedure.expand()
+    Guard(config.limits).check_run_list(run_list, {})
+    truth = parse_toml(documents["world.toml"], where["world.toml"]) if "world.toml" in documents else {}
+    return Plan(documents, config, procedure, run_list, dry, truth)
+
+
+@contextlib.contextmanager
+def opened(plan: Plan, *, start: float = 0.0) -> Iterator[tuple[Bench, Clock, str]]:
+    """The bench of a plan, opened and locked, with its clock and the name of this boot of it.
+
+    Raises:
+        BenchFault: an instrument cannot be reached.
+        BusyError: another controller has one of the addresses.
+
+    """
+    if plan.dry:
+        from rig.simulated.dry_run import DryBench  # noqa: PLC0415 - a real run never loads the simulation
+
+        dry = DryBench(plan.bench, plan.truth, start=start)
+        bench = open_bench(dry.config, check_options(dry.config, "bench"), dry.world, dry.wires)
+        try:
+            yield bench, dry.world, _VIRTUAL
+        finally:
+            bench.close()
+            dry.close()
+        return
+    from drivers.wires import Wires  # noqa: PLC0415
+
+    live = plan.bench.live
+    clock: Clock = ScaledClock(live.speed, live.epoch_utc, live.started_utc) if live else RealClock()
+    boot = f"{boot_id()}*{live.speed:g}" if live else boot_id()
+    with locked_addresses(plan.bench.instruments):
+        bench = open_bench(plan.bench, check_options(plan.bench, "bench"), clock, Wires(clock))
+        try:
+            yield bench, clock, boot
+        finally:
+            bench.close()
+
+
+def start_run(
+    plan: Plan,
+    folder: Path,
+    *,
+    signals: Signals,
+    announce: Callable[[Path], None],
+    on_progress: Callable[[Progress], None],
+) -> Result:
+    """Create a run in `folder` and carry it out.
+
+    Every instrument is asked who it is before the run file is made, so that a bench that is not there leaves
+    nothing behind. `announce` gets the run file's path as soon as it exists.
+    """
+    _check_space(folder, len(plan.run_list))
+    with opened(plan) as (bench, clock, boot):
+        Guard(plan.bench.limits).check_run_list(plan.run_list, bench.head.axes())
+        try:
+            identities(bench)
+        except DriverError as error:
+            raise BenchFault(str(error)) from error
+        run_id = _new_id(plan.procedure.name)
+        path = folder / f"{run_id}.sqlite"
+        about = {"software": versions(), "procedure": plan.procedure.name, "bench": plan.bench.name}
+        genesis = Genesis(run_id, plan.documents, plan.run_list, plan.dry or plan.bench.simulated, about)
+        create(path, genesis, elapsed_s=0.0, utc_s=clock.utc())
+        announce(path)
+        with RunWriter.open(path) as run:
+            return _session(run, plan, bench, clock, boot, frozenset(), signals, on_progress)
+
+
+def resume_run(
+    path: Path,
+    *,
+    signals: Signals,
+    on_progress: Callable[[Progress], None],
+    bench: Path | None = None,
+    accept: frozenset[str] = frozenset(),
+    dry_gap_s: float = 120.0,
+) -> Result:
+    """Carry on with a run wherever it stopped.
+
+    Args:
+        path: the run file.
+        signals: looked at wherever the sequencer waits.
+        on_progress: called with news, often.
+        bench: another bench file, for instruments that have moved to other addresses.
+        accept: names of instruments that may be other ones than before.
+        dry_gap_s: for a dry run, how long its simulated bench was left alone.
+
+    """
+    with RunWriter.open(path) as run:
+        state = fold(run.records())
+        if state.ended is not None:
+            return Result(Outcome.COMPLETE, f"{path} is complete: nothing to resume", state)
+        plan = _stored_plan(run, path, bench)
+        unknown = sorted(accept - set(plan.bench.instruments))
+        if unknown:
+            known = ", ".join(sorted(plan.bench.instruments))
+            raise UsageError(f"--accept {unknown[0]}: there is no such instrument on this bench ({known})")
+        _check_space(path.parent, state.remaining)
+        with opened(plan, start=state.elapsed_s + dry_gap_s) as (opened_bench, clock, boot):
+            return _session(run, plan, opened_bench, clock, boot, accept, signals, on_progress)
+
+
+def _stored_plan(run: RunReader, path: Path, bench: Path | None) -> Plan:
+    documents = run.documents()
+    dry = bool(run.genesis().data["simulated"]) and parse_bench(documents["bench.toml"], str(path)).live is None
+    plan = _plan(documents, dry, {name: f"{path} ({name})" for name in documents})
+    if plan.run_list.sha256() != run.genesis().data["run_list"]:
+        raise ConfigurationError(
+            f"{path}: this version of rig expands the stored procedure to another run list; "
+            f"resume it with the version that began it ({run.genesis().data['software']['calibration-rig']})"
+        )
+    if bench is None:
+        return plan
+    other = parse_bench(read_text(bench, "bench"), str(bench))
+    check_options(other, str(bench))
+    for what in ("name", "sensors", "temperatures", "limits", "simulated"):
+        if getattr(other, what) != getattr(plan.bench, what):
+            raise ConfigurationError(f"{bench}: {what} differ from the bench the run began on; only instruments may")
+    if {n: i.driver for n, i in other.instruments.items()} != {n: i.driver for n, i in plan.bench.instruments.items()}:
+        raise ConfigurationError(f"{bench}: it has other instruments than the bench the run began on")
+    return Plan(plan.documents, other, plan.procedure, plan.run_list, plan.dry, plan.truth)
+
+
+def _session(
+    run: RunWriter,
+    plan: Plan,
+    bench: Bench,
+    clock: Clock,
+    boot: str,
+    accept: frozenset[str],
+    signals: Signals,
+    on_progress: Callable[[Progress], None],
+) -> Result:
+    state = fold(run.records())
+    origin, certain = _elapsed_origin(state, clock, boot)
+    session = Session(
+        elapsed_origin=origin,
+        number=state.sessions + 1,
+        gap_s=max(0.0, clock.now() - origin - state.elapsed_s),
+        gap_certain=certain,
+        accept=accept,
+        about={"pid": os.getpid(), "host": platform.node(), "boot": boot, "software": versions()},
+    )
+    sequencer = Sequencer(
+        bench=bench,
+        run=run,
+        state=state,
+        run_list=plan.run_list,
+        procedure=plan.procedure,
+        clock=clock,
+        session=session,
+        signals=signals,
+        on_progress=on_progress,
+    )
+    outcome = sequencer.run()
+    return Result(outcome, sequencer.message, state)
+
+
+def _elapsed_origin(state: RunState, clock: Clock, boot: str) -> tuple[float, bool]:
+    """Clock reading at which elapsed time was zero, and whether the clock itself says so (no reboot between)."""
+    if boot == _VIRTUAL:
+        return 0.0, True
+    if not state.sessions:
+        return clock.now() - state.elapsed_s, True
+    before = state.session
+    if boot and before["boot"] == boot:
+        return before["clock_s"] - before["elapsed_s"], True
+    gap = max(0.0, clock.utc() - state.utc_s)
+    return clock.now() - state.elapsed_s - gap, False
+
+
+def versions() -> dict[str, str]:
+    """What computed this: our version, Python's, and the libraries whose answers matter."""
+    import apsw  # noqa: PLC0415
+    import numpy as np  # noqa: PLC0415
+
+    return {
+        "calibration-rig": __version__,
+        "python": platform.python_version(),
+        "sqlite": apsw.sqlite_lib_version(),
+        "numpy": np.__version__,
+    }
+
+
+def _new_id(name: str) -> str:
+    slug = re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")[:40] or "run"
+    moment = datetime.fromtimestamp(RealClock().utc(), UTC)
+    return f"{moment:%Y%m%dT%H%M%S}-{slug}-{secrets.token_hex(2)}"
+
+
+def _check_space(folder: Path, points: int) -> None:
+    existing = next((p for p in (folder, *folder.absolute().parents) if p.exists()), Path("/"))
+    free = shutil.disk_usage(existing).free
+    needed = points * BYTES_PER_POINT + 10_000_000
+    if free < needed:
+        raise StorageError(
+            f"{existing} has {free / 1e6:.0f} MB free and the run may need {needed / 1e6:.0f} MB: "
+            f"free some, or choose another folder with --out"
+        )

@@ -1,0 +1,97 @@
+"""Records and the hash chain that binds them.
+
+A run is a sequence of records. Each carries the hash of the one before and of its own contents, so that a record
+cannot be changed, removed or inserted without breaking every later one. What the recovery needs is in fields of
+its own; `body` holds the evidence (readings, settling, identities) as JSON.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+GENESIS = bytes(32)
+"""What the first record names as its predecessor."""
+
+
+@dataclass(frozen=True)
+class Record:
+    """One thing that happened.
+
+    Attributes:
+        session: which start of the controller, from 1; 0 for what was written when the run was created.
+        kind: "run", "session", "identity", "event", "observation", "skip", "fault", "hold", "release", "end".
+        elapsed_s: bench seconds since the run was created; UTC-based across a reboot.
+        utc_s: seconds since 1970-01-01.
+        run_index: the point it belongs to, if any.
+        whole_plot: the whole plot it belongs to, if any.
+        attempt: which attempt at that point, from 1.
+        status: for an observation "accepted" or "rejected"; for others a word of their own.
+        body: JSON text.
+
+    """
+
+    session: int
+    kind: str
+    elapsed_s: float
+    utc_s: float
+    run_index: int | None = None
+    whole_plot: int | None = None
+    attempt: int | None = None
+    status: str | None = None
+    body: str = "{}"
+
+    @cached_property
+    def data(self) -> dict[str, Any]:
+        """The body, decoded."""
+        decoded: dict[str, Any] = json.loads(self.body)
+        return decoded
+
+    def fields(self) -> tuple[object, ...]:
+        """The record as a row, in the order of the table's columns."""
+        return (
+            self.session,
+            self.kind,
+            self.elapsed_s,
+            self.utc_s,
+            self.run_index,
+            self.whole_plot,
+            self.attempt,
+            self.status,
+            self.body,
+        )
+
+
+def encode(body: Mapping[str, Any]) -> str:
+    """Body as compact JSON. Raises ValueError on NaN or infinity, which JSON does not have."""
+    return json.dumps(body, separators=(",", ":"), allow_nan=False)
+
+
+def link(previous: bytes, seq: int, record: Record) -> bytes:
+    """Hash of a record given its predecessor's."""
+    text = json.dumps([seq, *record.fields()], separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(previous + text.encode()).digest()
+
+
+def first_break(rows: Iterable[tuple[int, Record, bytes, bytes]]) -> str | None:
+    """Where a chain is broken, None if it holds.
+
+    Args:
+        rows: (seq, record, previous, hash) in order of seq.
+
+    """
+    expected_seq, expected = 1, GENESIS
+    for seq, record, previous, own in rows:
+        what = f"record {seq} ({record.kind}" + (")" if record.run_index is None else f" of point {record.run_index})")
+        if seq != expected_seq:
+            return f"record {expected_seq} is missing: record {seq} follows record {expected_seq - 1}"
+        if previous != expected:
+            return f"{what} does not follow the record before it: something was changed, removed or inserted there"
+        if link(previous, seq, record) != own:
+            return f"{what} was changed after it was written"
+        expected_seq, expected = seq + 1, own
+    return None

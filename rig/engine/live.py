@@ -1,0 +1,123 @@
+"""What a running controller says between commits, and how it is asked to hold, release or stop.
+
+`RUN.live` is a small JSON file replaced atomically at most once a second; it is news, not record. `RUN.request`
+is written by `rig hold|release|stop` and acknowledged in `RUN.live`; a request meant for an earlier session is
+ignored, so that last night's stop cannot stop tonight's run.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import secrets
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+VERBS = ("hold", "release", "stop")
+
+
+def live_path(run: Path) -> Path:
+    """Where the live state of a run file is."""
+    return run.with_suffix(".live")
+
+
+def request_path(run: Path) -> Path:
+    """Where requests to the controller of a run file go."""
+    return run.with_suffix(".request")
+
+
+def replace_json(path: Path, content: Mapping[str, Any]) -> None:
+    """Write a small JSON file so that readers see the old or the new one, never a part."""
+    temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")
+    temporary.write_text(json.dumps(content) + "\n", encoding="utf-8")
+    os.replace(temporary, path)
+
+
+def read_json(path: Path) -> dict[str, Any] | None:
+    """A small JSON file's object; None if it is missing or not one."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return content if isinstance(content, dict) else None
+
+
+class LiveState:
+    """Writes `RUN.live`, sparingly. Failing to write it never disturbs a run."""
+
+    def __init__(self, run: Path, stopwatch: Callable[[], float]) -> None:
+        self._path = live_path(run)
+        self._stopwatch = stopwatch
+        self._written = -1e9
+
+    def publish(self, content: Callable[[], Mapping[str, Any]], *, now: bool = False) -> None:
+        """Write what `content` returns, unless less than a second has passed and it is not urgent."""
+        moment = self._stopwatch()
+        if not now and moment - self._written < 1.0:
+            return
+        self._written = moment
+        with contextlib.suppress(OSError):
+            replace_json(self._path, content())
+
+    def remove(self) -> None:
+        """Take the file away at the end of a session."""
+        with contextlib.suppress(OSError):
+            self._path.unlink(missing_ok=True)
+
+
+@dataclass(frozen=True)
+class Request:
+    """One request of a person: its own id and what is wanted."""
+
+    request_id: str
+    verb: str
+
+
+class Requests:
+    """Looks for requests to this session, at most ten times a second of real time."""
+
+    def __init__(self, run: Path, session: int, stopwatch: Callable[[], float]) -> None:
+        self._path = request_path(run)
+        self._session = session
+        self._stopwatch = stopwatch
+        self._looked = -1e9
+        self._seen = ""
+
+    def poll(self) -> Request | None:
+        """A new request, once; None if there is none."""
+        moment = self._stopwatch()
+        if moment - self._looked < 0.1:
+            return None
+        self._looked = moment
+        if not self._path.exists():
+            return None
+        content = read_json(self._path)
+        if content is None or content.get("session") != self._session or content.get("id") == self._seen:
+            return None
+        self._seen = str(content["id"])
+        verb = str(content.get("verb"))
+        with contextlib.suppress(OSError):
+            self._path.unlink(missing_ok=True)
+        return Request(self._seen, verb) if verb in VERBS else None
+
+
+def send_request(run: Path, verb: str) -> str | None:
+    """Ask the controller of a run for something; returns the request's id, None if no controller is running."""
+    live = read_json(live_path(run))
+    if live is None or not controller_alive(live):
+        return None
+    request_id = secrets.token_hex(8)
+    replace_json(request_path(run), {"id": request_id, "session": live["session"], "verb": verb})
+    return request_id
+
+
+def controller_alive(live: Mapping[str, Any]) -> bool:
+    """Whether the process that wrote a live state still exists on this machine."""
+    try:
+        os.kill(int(live["pid"]), 0)
+    except (OSError, KeyError, ValueError, TypeError):
+        return False
+    return True

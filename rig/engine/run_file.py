@@ -1,0 +1,376 @@
+"""The run file: one SQLite database that holds a run, append-only, durable, self-checking.
+
+Write-ahead log with synchronous=FULL: a commit that returned survives a power cut. One connection writes, ever.
+Triggers refuse UPDATE and DELETE, records are chained by hash (`rig.engine.chain`), and a partial unique index
+makes a second accepted observation of a point impossible. A finished run leaves WAL mode: one ordinary file.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import hashlib
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self
+
+import apsw
+
+from procedures import Factor, Point, RunList
+from rig.engine import wal
+from rig.engine.chain import GENESIS, Record, encode, first_break, link
+from rig.errors import BusyError, RunFileError, StorageError
+
+APPLICATION_ID = 0x52494721
+SCHEMA_VERSION = 1
+
+_TABLES = """
+CREATE TABLE document (name TEXT PRIMARY KEY, body TEXT NOT NULL) STRICT;
+CREATE TABLE factor (position INTEGER PRIMARY KEY, name TEXT NOT NULL, axis TEXT NOT NULL, overtravel REAL NOT NULL)
+    STRICT;
+CREATE TABLE record (
+    seq INTEGER PRIMARY KEY, session INTEGER NOT NULL, kind TEXT NOT NULL, elapsed_s REAL NOT NULL,
+    utc_s REAL NOT NULL, run_index INTEGER, whole_plot INTEGER, attempt INTEGER, status TEXT, body TEXT NOT NULL,
+    previous BLOB NOT NULL, hash BLOB NOT NULL) STRICT;
+CREATE UNIQUE INDEX one_accepted_observation ON record (run_index) WHERE kind = 'observation' AND status = 'accepted';
+"""
+_COLUMNS = "session, kind, elapsed_s, utc_s, run_index, whole_plot, attempt, status, body"
+
+
+def _append_only(table: str) -> str:
+    return "".join(
+        f"CREATE TRIGGER {table}_refuses_{verb.lower()} BEFORE {verb} ON {table} "
+        f"BEGIN SELECT RAISE(ABORT, 'a run file is append-only'); END;"
+        for verb in ("UPDATE", "DELETE")
+    )
+
+
+@dataclass(frozen=True)
+class Genesis:
+    """What a run is, fixed when it is created.
+
+    Attributes:
+        run_id: its name, also the file's.
+        documents: the bench, procedure (and, for a dry run, world) files as given, by name.
+        run_list: every point.
+        simulated: whether no real instrument is involved.
+        about: versions and whatever else should travel with the run.
+
+    """
+
+    run_id: str
+    documents: Mapping[str, str]
+    run_list: RunList
+    simulated: bool
+    about: Mapping[str, Any]
+
+
+class RunReader:
+    """A run file opened read-only: short transactions, never in the writer's way."""
+
+    def __init__(self, path: Path, connection: apsw.Connection) -> None:
+        self.path = path
+        self._db = connection
+
+    @classmethod
+    def open(cls, path: Path) -> Self:
+        """Open for reading. Raises `RunFileError` if this is not a run file."""
+        _check_header(path)
+        try:
+            db = apsw.Connection(path.absolute().as_uri() + "?mode=ro", flags=_READ)
+            db.set_busy_timeout(2000)
+            return cls(path, _checked(path, db))
+        except apsw.Error as error:
+            raise _unreadable(path, error) from error
+
+    def close(self) -> None:
+        """Close the database; idempotent."""
+        self._db.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def documents(self) -> dict[str, str]:
+        """The files the run was made from, by name."""
+        return dict(self._all("SELECT name, body FROM document ORDER BY name"))
+
+    def run_list(self) -> RunList:
+        """The run list as stored."""
+        factors = tuple(
+            Factor(name, axis, overtravel)
+            for name, axis, overtravel in self._all("SELECT name, axis, overtravel FROM factor ORDER BY position")
+        )
+        width = len(factors)
+        names = ", ".join([f'"{f.name}"' for f in factors] + [f'"{f.name}_side"' for f in factors])
+        points = tuple(
+            Point(row[0], row[1], row[2], tuple(row[3 : 3 + width]), tuple(row[3 + width :]))
+            for row in self._all(f"SELECT run_index, replication, whole_plot, {names} FROM point ORDER BY run_index")
+        )
+        return RunList(factors, points, int(self.genesis().data["seed"]))
+
+    def genesis(self) -> Record:
+        """The first record: what the run is."""
+        for _, record, _, _ in self.chained("seq = 1"):
+            return record
+        raise RunFileError(f"{self.path} holds no records: it was never finished being created; delete it")
+
+    def records(self, kind: str | None = None) -> Iterator[Record]:
+        """Records in order, all or of one kind."""
+        where, values = ("kind = ?", (kind,)) if kind else ("1", ())
+        return (record for _, record, _, _ in self.chained(where, values))
+
+    def chained(self, where: str = "1", values: tuple[object, ...] = ()) -> Iterator[tuple[int, Record, bytes, bytes]]:
+        """Rows as (seq, record, previous, hash), in order."""
+        statement = f"SELECT seq, {_COLUMNS}, previous, hash FROM record WHERE {where} ORDER BY seq"
+        for row in self._all(statement, values):
+            yield row[0], Record(*row[1:10]), row[10], row[11]
+
+    def head(self) -> tuple[int, bytes]:
+        """Number of records and the last one's hash."""
+        for seq, own in self._all("SELECT seq, hash FROM record ORDER BY seq DESC LIMIT 1"):
+            return seq, own
+        return 0, GENESIS
+
+    def verify(self) -> None:
+        """Check integrity, run list, documents and chain; raises `RunFileError` that says what was changed, where."""
+        try:
+            for (answer,) in self._all("PRAGMA quick_check(1)"):
+                if answer != "ok":
+                    raise RunFileError(f"{self.path} is damaged: {answer}. {_WAY_FORWARD}")
+            broken = first_break(self.chained())
+            if broken is None:
+                broken = self._changed_contents()
+        except (apsw.Error, ValueError, TypeError) as error:
+            raise _unreadable(self.path, error) from error
+        if broken is not None:
+            raise RunFileError(f"{self.path} was edited or damaged: {broken}. {_WAY_FORWARD}")
+
+    def _changed_contents(self) -> str | None:
+        declared = self.genesis().data
+        documents = self.documents()
+        for name, digest in declared["documents"].items():
+            if _digest(documents.get(name, "")) != digest:
+                return f"the stored {name} is not the one the run began with"
+        if sorted(documents) != sorted(declared["documents"]):
+            return "a document was added or removed"
+        if self.run_list().sha256() != declared["run_list"]:
+            return "the run list is not the one the run began with"
+        end = None
+        for seq, record, _, _ in self.chained("kind = 'end'"):
+            end = (seq, record)
+        if end is not None and (end[1].data["records"] != end[0] - 1 or end[0] != self.head()[0]):
+            return "records were added after, or are missing before, the end of the run"
+        return None
+
+    def _all(self, statement: str, values: tuple[object, ...] = ()) -> list[Any]:
+        return self._db.execute(statement, values).fetchall()
+
+
+class RunWriter(RunReader):
+    """The one connection that writes. Holds an exclusive lock on the run file while it lives."""
+
+    dropped: wal.WalState
+    _lock: int
+
+    @classmethod
+    def open(cls, path: Path, *, vfs: str = "") -> Self:
+        """Lock, look at the log, open, verify. Raises `BusyError` or `RunFileError`."""
+        _check_header(path)
+        lock = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+        try:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError as error:
+                raise BusyError(f"{path} is in use by another controller; `rig status {path}` shows it") from error
+            dropped = wal.inspect(path)
+            try:
+                db = apsw.Connection(str(path), flags=apsw.SQLITE_OPEN_READWRITE, vfs=vfs or None)
+                run = cls(path, _checked(path, db))
+            except apsw.Error as error:
+                raise _unreadable(path, error) from error
+            run.dropped = dropped
+            run._lock = lock
+            run.verify()
+            run._start()
+        except BaseException:
+            os.close(lock)
+            raise
+        return run
+
+    def _start(self) -> None:
+        self._db.pragma("journal_mode", "wal")
+        self._db.pragma("synchronous", "full")
+        self._seq, self._hash = self.head()
+        self._pending: list[tuple[int, Record, bytes, bytes]] = []
+
+    def append(self, record: Record, *, commit: bool = True) -> None:
+        """Add a record; without `commit` it becomes durable together with the next one that has it.
+
+        Raises:
+            StorageError: the record could not be made durable. Nothing was written; the run must stop.
+
+        """
+        seq = self._seq + len(self._pending) + 1
+        previous = self._pending[-1][3] if self._pending else self._hash
+        self._pending.append((seq, record, previous, link(previous, seq, record)))
+        if commit:
+            self.commit()
+
+    def commit(self) -> None:
+        """Make everything appended durable. Raises `StorageError`."""
+        if not self._pending:
+            return
+        rows = [(seq, *record.fields(), previous, own) for seq, record, previous, own in self._pending]
+        try:
+            self._db.execute("BEGIN IMMEDIATE")
+            self._db.executemany(f"INSERT INTO record VALUES ({', '.join('?' * 12)})", rows)
+            self._db.execute("COMMIT")
+        except apsw.Error as error:
+            with contextlib.suppress(apsw.Error):
+                self._db.execute("ROLLBACK")
+            if isinstance(error, apsw.ConstraintError):
+                raise
+            raise StorageError(
+                f"cannot write to {self.path}: {error}. Everything up to the last observation is safe. "
+                f"Free space or mend the disk, then: rig resume {self.path}"
+            ) from error
+        self._seq, _, _, self._hash = self._pending[-1]
+        self._pending.clear()
+
+    def finish(self, record: Record) -> None:
+        """Write the end record with count and head hash, and turn the file into an ordinary one."""
+        self.commit()
+        body = {**record.data, "records": self._seq, "head": self._hash.hex()}
+        self.append(
+            Record(record.session, "end", record.elapsed_s, record.utc_s, status=record.status, body=encode(body))
+        )
+        try:
+            self._db.pragma("wal_checkpoint(TRUNCATE)")
+            self._db.pragma("journal_mode", "delete")
+        except apsw.Error as error:
+            raise StorageError(f"cannot close {self.path}: {error}; every record is safe in it") from error
+
+    def close(self) -> None:
+        """Close; records not committed are lost, as they would be in a crash."""
+        super().close()
+        if self._lock >= 0:
+            os.close(self._lock)  # after SQLite: closing any descriptor drops its own locks on the file
+            self._lock = -1
+
+
+def create(path: Path, genesis: Genesis, *, elapsed_s: float, utc_s: float) -> None:
+    """Make a run file: whole and durable under its final name, or not there at all.
+
+    Raises:
+        StorageError: the disk refuses.
+        RunFileError: something of that name exists.
+
+    """
+    if path.exists():
+        raise RunFileError(f"{path} exists already; a run is never overwritten")
+    part = path.with_name(path.name + ".part")
+    part.unlink(missing_ok=True)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        db = apsw.Connection(str(part))
+        try:
+            _fill(db, genesis, elapsed_s, utc_s)
+        finally:
+            db.close()
+        os.replace(part, path)
+        _sync_folder(path.parent)
+    except (apsw.Error, OSError) as error:
+        part.unlink(missing_ok=True)
+        raise StorageError(f"cannot create {path}: {error}. Nothing was moved and nothing is left behind.") from error
+
+
+def _fill(db: apsw.Connection, genesis: Genesis, elapsed_s: float, utc_s: float) -> None:
+    runs = genesis.run_list
+    columns = "".join(f', "{f.name}" REAL NOT NULL' for f in runs.factors)
+    sides = "".join(f', "{f.name}_side" INTEGER NOT NULL' for f in runs.factors)
+    db.pragma("application_id", APPLICATION_ID)
+    db.pragma("user_version", SCHEMA_VERSION)
+    db.pragma("synchronous", "full")
+    db.execute("BEGIN IMMEDIATE")
+    db.execute(_TABLES)
+    db.execute(
+        f"CREATE TABLE point (run_index INTEGER PRIMARY KEY, replication INTEGER NOT NULL, whole_plot INTEGER"
+        f"{columns}{sides}) STRICT"
+    )
+    db.execute("".join(_append_only(table) for table in ("document", "factor", "point", "record")))
+    db.executemany("INSERT INTO document VALUES (?, ?)", list(genesis.documents.items()))
+    db.executemany(
+        "INSERT INTO factor VALUES (?, ?, ?, ?)",
+        [(i, f.name, f.axis, f.overtravel) for i, f in enumerate(runs.factors)],
+    )
+    marks = ", ".join("?" * (3 + 2 * len(runs.factors)))
+    db.executemany(
+        f"INSERT INTO point VALUES ({marks})",
+        ((p.index, p.replication, p.whole_plot, *p.setpoints, *p.sides) for p in runs.points),
+    )
+    body = {
+        "run_id": genesis.run_id,
+        "simulated": genesis.simulated,
+        "documents": {name: _digest(text) for name, text in genesis.documents.items()},
+        "run_list": runs.sha256(),
+        "points": len(runs),
+        "seed": runs.seed,
+        **genesis.about,
+    }
+    first = Record(0, "run", elapsed_s, utc_s, body=encode(body))
+    row = (1, *first.fields(), GENESIS, link(GENESIS, 1, first))
+    db.execute(f"INSERT INTO record VALUES ({', '.join('?' * 12)})", row)
+    db.execute("COMMIT")
+
+
+_READ = apsw.SQLITE_OPEN_READONLY | apsw.SQLITE_OPEN_URI
+_WAY_FORWARD = (
+    "Nothing was changed now. Keep the file; `rig export FILE --out DATA.csv` saves the observations that can still "
+    "be read, and a copy from before the damage can be resumed as it is."
+)
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _check_header(path: Path) -> None:
+    """Refuse what is no run file before SQLite touches it."""
+    try:
+        with path.open("rb") as file:
+            start = file.read(100)
+    except FileNotFoundError:
+        raise RunFileError(f"{path} does not exist") from None
+    except OSError as error:
+        raise RunFileError(f"{path} cannot be read: {error.strerror}") from error
+    if not start.startswith(b"SQLite format 3\0") or len(start) < 100:
+        raise RunFileError(f"{path} is not a run file (not an SQLite database)")
+    if int.from_bytes(start[68:72], "big") != APPLICATION_ID:
+        raise RunFileError(f"{path} is not a run file (an SQLite database of another program)")
+
+
+def _checked(path: Path, db: apsw.Connection) -> apsw.Connection:
+    version = db.pragma("user_version")
+    if version != SCHEMA_VERSION:
+        raise RunFileError(
+            f"{path} has run-file format {version}, this program reads format {SCHEMA_VERSION}: "
+            f"use the version of rig that wrote it"
+        )
+    return db
+
+
+def _unreadable(path: Path, error: Exception) -> RunFileError:
+    return RunFileError(f"{path} is damaged and cannot be read ({error}). {_WAY_FORWARD}")
+
+
+def _sync_folder(folder: Path) -> None:
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

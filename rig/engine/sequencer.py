@@ -1,0 +1,536 @@
+"""The sequencer: one flat state machine that carries a run list out, point by point, into a run file.
+
+Every state has one handler, which does its work and answers with the trigger that follows; the table of states
+(`rig.engine.states`) says which triggers are permitted. Resuming is the ordinary way to run: a new run is a run
+of which nothing has been observed yet.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from transitions import Machine
+
+from drivers.clock import Clock
+from drivers.errors import BadReply, DriverError, InstrumentError, NoReply, NotReady, Unreachable
+from procedures import PitchRollProcedure, Point, RunList
+from rig.bench import Bench, identities
+from rig.engine.actions import BenchActions, NotSettled
+from rig.engine.chain import Record, encode
+from rig.engine.guard import Guard
+from rig.engine.live import LiveState, Requests
+from rig.engine.measuring import Observation
+from rig.engine.motion import Leg, plan_legs, recovery_legs
+from rig.engine.run_file import RunWriter
+from rig.engine.session import Outcome, Progress, Session, Signals
+from rig.engine.state import RunState
+from rig.engine.states import AT_POINT, FINAL, TRANSITIONS, State
+from rig.errors import BenchFault, RigError, StorageError
+
+
+class _Interrupted(Exception):
+    pass
+
+
+class _HoldRequested(Exception):
+    pass
+
+
+class _StopRequested(Exception):
+    pass
+
+
+class OverloadedError(Exception):
+    """A reading was out of the instrument's range."""
+
+
+@dataclass
+class _AtPoint:
+    """What is known about the point being worked on."""
+
+    point: Point
+    attempt: int
+    legs: list[Leg]
+    settling: dict[str, Any] = field(default_factory=dict)
+    observation: Observation | None = None
+    measured_s: tuple[float, float] = (0.0, 0.0)
+    failures: int = 0
+    repeats: int = 0
+    rejected: list[dict[str, Any]] = field(default_factory=list)
+
+
+class Sequencer:
+    """Carries out a run.
+
+    Args:
+        bench: opened instruments.
+        run: the run file, locked for writing.
+        state: what the run file says so far.
+        run_list: every point.
+        procedure: settle, measure and fault settings.
+        clock: bench time.
+        session: this start of the controller.
+        signals: looked at wherever the sequencer waits.
+        on_progress: called with news, often.
+
+    """
+
+    def __init__(
+        self,
+        *,
+        bench: Bench,
+        run: RunWriter,
+        state: RunState,
+        run_list: RunList,
+        procedure: PitchRollProcedure,
+        clock: Clock,
+        session: Session,
+        signals: Signals,
+        on_progress: Callable[[Progress], None],
+    ) -> None:
+        self._bench, self._run, self._fold = bench, run, state
+        self._run_list, self._procedure = run_list, procedure
+        self._clock, self._session, self._signals = clock, session, signals
+        self._on_progress = on_progress
+        self._guard = Guard(bench.config.limits)
+        self._do = BenchActions(bench, self._guard, clock, self._wait)
+        self._live = LiveState(run.path, clock.stopwatch)
+        self._requests = Requests(run.path, session.number, clock.stopwatch)
+        self._acknowledged = ""
+        self._queue = [p for p in run_list.points if p.index not in state.accepted and p.index not in state.skipped]
+        self._queue.reverse()  # the next point is popped from the end
+        self._deferred: list[Point] = []
+        self._put_off = set(state.put_off)
+        self._at: _AtPoint | None = None
+        self._message = ""
+        self._pace: list[float] = []
+        self._outcome: Outcome | None = None
+        self._needs_set_up = True
+        self._machine = Machine(
+            states=[str(s) for s in State],
+            initial=str(State.READY),
+            transitions=[
+                {"trigger": t.trigger, "source": [str(s) for s in t.sources], "dest": str(t.target)}
+                for t in TRANSITIONS
+            ],
+            auto_transitions=False,
+        )
+        self._handlers: dict[str, Callable[[], str]] = {
+            State.READY: lambda: "check",
+            State.CHECKING: self._checking,
+            State.PREPARING: self._preparing,
+            State.RECOVERING: self._recovering,
+            State.MOVING: self._moving,
+            State.SETTLING: self._settling,
+            State.MEASURING: self._measuring,
+            State.RECORDING: self._recording,
+            State.HOLDING: self._holding,
+            State.PARKING: self._parking,
+        }
+        missing = set(State) - FINAL - set(self._handlers)
+        assert not missing, f"states without a handler: {missing}"
+
+    @property
+    def state(self) -> State:
+        """Where the sequencer is."""
+        return State(self._machine.state)
+
+    @property
+    def message(self) -> str:
+        """What is going on; after the end, what there is to say about it."""
+        return self._message
+
+    # --- the loop -------------------------------------------------------------------------------------------
+
+    def run(self) -> Outcome:
+        """Work until done, stopped, interrupted or faulted. The bench is safe whatever the answer is."""
+        try:
+            self._open_session()
+            while self.state not in FINAL:
+                trigger = self._next_trigger()
+                if trigger is None:
+                    break
+                self._machine.trigger(trigger)
+                self._tell()
+            return self._outcome or Outcome.FAULT
+        except BaseException:
+            self._bench.make_safe()  # an error nobody foresaw: safe state first, then the traceback
+            raise
+        finally:
+            self._live.remove()
+
+    def _next_trigger(self) -> str | None:
+        """The trigger that follows; None to leave the loop where it is, for a later resume."""
+        try:
+            try:
+                return self._handlers[self.state]()
+            except _Interrupted:
+                return self._interrupted()
+            except _HoldRequested:
+                return self._begin_hold("asked for")
+            except _StopRequested:
+                self._outcome = Outcome.STOPPED
+                self._do.stop_motion()
+                self._note("stop")
+                return "park"
+            except (NotSettled, OverloadedError, DriverError) as error:
+                return self._decide(error)
+        except StorageError as error:
+            return self._give_up(str(error), recorded=False)
+        except (NotSettled, OverloadedError, DriverError, RigError) as error:
+            return self._give_up(str(error))
+
+    # --- time, news, requests -------------------------------------------------------------------------------
+
+    def _elapsed(self) -> float:
+        return self._clock.now() - self._session.elapsed_origin
+
+    def _wait(self, seconds: float) -> None:
+        """Let bench time pass in slices, looking up between them."""
+        self._look_up()
+        end = self._clock.now() + seconds
+        while (left := end - self._clock.now()) > 1e-9:
+            self._clock.sleep(min(left, 5.0))
+            self._look_up()
+        self._do.look_around()
+
+    def _look_up(self) -> None:
+        if self._signals.interrupt:
+            raise _Interrupted
+        request = self._requests.poll()
+        if request is not None and self.state != State.PARKING:
+            self._acknowledged = request.request_id
+            self._tell(now=True)
+            if request.verb == "stop":
+                raise _StopRequested
+            if request.verb == "hold" and self.state != State.HOLDING:
+                raise _HoldRequested
+            if request.verb == "release" and self.state == State.HOLDING:
+                self._message = "released"
+        self._tell()
+
+    def _tell(self, *, now: bool = False) -> None:
+        self._live.publish(self._live_content, now=now)
+        self._on_progress(self._progress())
+
+    def _progress(self) -> Progress:
+        fold = self._fold
+        remaining = None
+        if self._pace:
+            remaining = fold.remaining * sum(self._pace) / len(self._pace)
+        done = len(fold.accepted) + len(fold.skipped)
+        return Progress(str(self.state), done, fold.points, self._elapsed(), remaining, self._message)
+
+    def _live_content(self) -> dict[str, Any]:
+        p = self._progress()
+        return {
+            "run_id": self._fold.run_id,
+            "simulated": self._fold.simulated,
+            "session": self._session.number,
+            "pid": self._session.about["pid"],
+            "acknowledged": self._acknowledged,
+            "state": p.state,
+            "message": p.message,
+            "done": p.done,
+            "points": p.total,
+            "elapsed_s": round(p.elapsed_s, 3),
+            "remaining_s": None if p.remaining_s is None else round(p.remaining_s, 1),
+            "utc_s": round(self._clock.utc(), 3),
+            "point": None if self._at is None else self._at.point.index,
+        }
+
+    # --- records --------------------------------------------------------------------------------------------
+
+    def _record(
+        self, kind: str, body: Mapping[str, Any], *, status: str | None = None, at_point: bool = False
+    ) -> Record:
+        at = self._at if at_point else None
+        return Record(
+            self._session.number,
+            kind,
+            self._elapsed(),
+            self._clock.utc(),
+            at.point.index if at else None,
+            at.point.whole_plot if at else None,
+            at.attempt if at else None,
+            status,
+            encode(body),
+        )
+
+    def _note(self, kind: str, body: Mapping[str, Any] | None = None, *, status: str | None = None) -> None:
+        self._write(self._record(kind, body or {}, status=status, at_point=self._at is not None))
+
+    def _write(self, record: Record, *, commit: bool = True) -> None:
+        self._run.append(record, commit=commit)
+        self._fold.add(record)
+
+    def _open_session(self) -> None:
+        s = self._session
+        dropped = self._run.dropped
+        body = {
+            **s.about,
+            "clock_s": self._clock.now(),
+            "elapsed_s": self._elapsed(),
+            "gap_s": s.gap_s,
+            "gap_certain": s.gap_certain,
+            "wal_frames_dropped": dropped.dropped,
+            "wal_commits_lost": dropped.lost_commits,
+            "wal_damage": dropped.damage,
+        }
+        self._write(self._record("session", body))
+
+    # --- handlers, one a state ------------------------------------------------------------------------------
+
+    def _checking(self) -> str:
+        found = identities(self._bench)
+        self._compare_identities(found)
+        self._do.stop_motion()
+        as_found = self._do.readback()
+        self._write(self._record("event", as_found, status="as-found"))
+        self._guard.check_run_list(self._run_list, self._bench.head.axes())
+        if not self._queue:
+            return "park"
+        long_gap = self._session.gap_s > self._procedure.recovery.max_gap_s
+        homed = all(axis["homed"] for axis in as_found["axes"].values())
+        if self._session.number == 1 or long_gap or not homed or not self._environment_stands(as_found):
+            return "prepare"
+        return "recover"
+
+    def _compare_identities(self, found: Mapping[str, dict[str, Any]]) -> None:
+        for name, now in found.items():
+            before = self._fold.identities.get(name)
+            same = before is not None and all(before[key] == now[key] for key in ("maker", "model", "serial", "asset"))
+            if same:
+                continue
+            if before is not None and name not in self._session.accept:
+                raise BenchFault(
+                    f"{name} is another instrument than before (was {_who(before)}; is {_who(now)}). Connect the first "
+                    f"one, or accept the new one as a new block of the data: "
+                    f"rig resume {self._run.path} --accept {name}"
+                )
+            body = {**now, "replaces": before}
+            self._write(self._record("identity", body, status=name))
+
+    def _environment_stands(self, as_found: Mapping[str, Any]) -> bool:
+        wanted = self._procedure.environment
+        return wanted is None or all(
+            c["running"]
+            and abs(c["setpoint_degC"] - wanted.setpoint_degC) < 0.05
+            and abs(c["temperature_degC"] - wanted.setpoint_degC) <= wanted.tolerance_degC
+            for c in as_found["chambers"].values()
+        )
+
+    def _preparing(self) -> str:
+        self._set_up()
+        if self._do.home(self._procedure.settle.poll_s):
+            self._note("event", status="homed")
+        if self._procedure.environment is not None:
+            self._message = "environment settling"
+            evidence = self._do.prepare_environment(self._procedure.environment)
+            self._note("event", evidence, status="environment-settled")
+            self._message = ""
+        return "recover"
+
+    def _set_up(self) -> None:
+        if self._needs_set_up:
+            self._do.set_up()
+            self._needs_set_up = False
+
+    def _recovering(self) -> str:
+        self._set_up()
+        if self._at is None and not self._choose():
+            return "park"
+        assert self._at is not None
+        at = self._at
+        index = at.point.index
+        before = self._run_list.points[index - 1] if index else None
+        at.legs = recovery_legs(self._run_list.factors, at.point, before)
+        at.repeats = 0
+        return "move"
+
+    def _choose(self) -> bool:
+        """Take up the next point; False if there is none left."""
+        if not self._queue and self._deferred:
+            self._queue, self._deferred = self._deferred[::-1], []
+        if not self._queue:
+            self._at = None
+            return False
+        point = self._queue.pop()
+        self._at = _AtPoint(point, self._fold.attempts.get(point.index, 0) + 1, [])
+        self._started_s = self._elapsed()
+        return True
+
+    def _moving(self) -> str:
+        assert self._at is not None
+        self._do.go(self._at.legs, self._procedure.settle.poll_s)
+        return "settle"
+
+    def _settling(self) -> str:
+        assert self._at is not None
+        at = self._at
+        targets = {f.axis: v for f, v in zip(self._run_list.factors, at.point.setpoints, strict=True)}
+        at.settling = self._do.settle(targets, self._procedure.settle)
+        return "measure"
+
+    def _measuring(self) -> str:
+        assert self._at is not None
+        at, settings = self._at, self._procedure.measure
+        began = self._elapsed()
+        observation = self._do.measure(settings.readings)
+        at.measured_s = (began, self._elapsed())
+        at.observation = observation
+        overloaded = observation.overloaded()
+        if overloaded:
+            self._write(self._record("observation", observation.as_json(), status="rejected", at_point=True))
+            raise OverloadedError(f"{', '.join(overloaded)} out of range at point {at.point.index}")
+        name, sd = observation.noisiest()
+        if settings.max_sd_V is not None and sd > settings.max_sd_V:
+            if at.repeats < settings.repeats:
+                at.repeats += 1
+                at.rejected.append({"noisy": name, **observation.as_json()})
+                return "repeat"
+            observation.flags.append("noisy")
+        return "record"
+
+    def _recording(self) -> str:
+        assert self._at is not None
+        at = self._at
+        assert at.observation is not None
+        after = {axis: state.position_deg for axis, state in self._do.axes().items()}
+        self._assert_undisturbed(at, after)
+        body = {
+            "approach": {axis: [a.side, a.start] for axis, a in self._do.arrivals.items()},
+            "position_deg": after,
+            "settling": at.settling,
+            "measured_s": at.measured_s,
+            "environment": self._do.environment(),
+            **at.observation.as_json(),
+        }
+        if at.rejected:
+            body["rejected"] = at.rejected
+        self._write(self._record("observation", body, status="accepted", at_point=True))
+        self._pace = [*self._pace[-199:], self._elapsed() - self._started_s]
+        if not self._choose():
+            return "park"
+        band = self._procedure.settle.band_deg
+        self._at.legs = plan_legs(self._run_list.factors, self._at.point, after, self._do.arrivals, band)
+        return "move"
+
+    def _assert_undisturbed(self, at: _AtPoint, after: Mapping[str, float]) -> None:
+        """An observation counts only where it was planned, reached as planned, and not left meanwhile."""
+        band = self._procedure.settle.band_deg
+        for factor, target, side in zip(self._run_list.factors, at.point.setpoints, at.point.sides, strict=True):
+            arrival = self._do.arrivals.get(factor.axis)
+            if arrival is None or arrival.side != side:
+                raise NotSettled(f"{factor.axis} did not arrive from its planned side", at.settling)
+            if abs(after[factor.axis] - target) > band:
+                raise NotSettled(f"{factor.axis} left its band while it was measured", at.settling)
+
+    def _holding(self) -> str:
+        self._message = "held; release it with `rig release`"
+        limit = self._clock.now() + self._procedure.recovery.hold_max_s
+        while self._message != "released":
+            self._look_up()
+            self._do.look_around()
+            self._clock.idle(1.0)
+            if self._clock.now() > limit:
+                raise BenchFault(f"held for {self._procedure.recovery.hold_max_s / 3600:g} h and nobody released it")
+        self._message = ""
+        self._note("release")
+        return "recover"
+
+    def _parking(self) -> str:
+        self._set_up()
+        self._do.park(self._procedure.settle.poll_s)
+        unsafe = self._bench.make_safe()
+        if unsafe:
+            raise BenchFault("parked, but not everything could be brought to its safe state: " + "; ".join(unsafe))
+        if self._outcome is None:
+            self._outcome = Outcome.COMPLETE
+            fold = self._fold
+            body = {"accepted": len(fold.accepted), "skipped": {str(i): why for i, why in fold.skipped.items()}}
+            self._run.finish(self._record("end", body, status="complete"))
+        else:
+            self._note("event", status="parked")
+        return "finish"
+
+    # --- what may go wrong ----------------------------------------------------------------------------------
+
+    def _decide(self, error: Exception) -> str:
+        """Policy for an error at a point; anywhere else, and for errors no policy covers, it is a fault."""
+        at = self._at
+        policy = self._policy(error)
+        if at is None or policy is None or self.state not in AT_POINT:
+            raise error
+        self._needs_set_up = isinstance(error, DriverError)
+        at.failures += 1
+        decision = "retry" if at.failures <= self._procedure.faults.retries else policy
+        body = {"message": str(error), "evidence": getattr(error, "evidence", {}), "error": type(error).__name__}
+        self._write(self._record("fault", body, status=decision, at_point=True))
+        if decision == "abort":
+            return self._give_up(str(error), recorded=False)
+        self._do.stop_motion()
+        at.attempt += 1
+        self._message = f"point {at.point.index}, {decision}: {error}"
+        if decision == "hold":
+            return self._begin_hold(str(error))
+        if decision == "skip":
+            self._skip(at, str(error))
+        return decision
+
+    def _policy(self, error: Exception) -> str | None:
+        """What the procedure says about errors of this kind; None if it has no say."""
+        faults = self._procedure.faults
+        policies: tuple[tuple[tuple[type[Exception], ...], str], ...] = (
+            ((NotSettled,), faults.not_settled),
+            ((OverloadedError,), faults.overload),
+            ((NoReply, BadReply, Unreachable), faults.no_reply),
+            ((InstrumentError, NotReady), faults.instrument_error),
+        )
+        return next((policy for kinds, policy in policies if isinstance(error, kinds)), None)
+
+    def _skip(self, at: _AtPoint, reason: str) -> None:
+        again = at.point.index not in self._put_off
+        status = "later" if again else "final"
+        self._write(self._record("skip", {"reason": reason}, status=status, at_point=True))
+        if again:
+            self._put_off.add(at.point.index)
+            self._deferred.append(at.point)
+        self._at = None
+
+    def _begin_hold(self, why: str) -> str:
+        if self.state == State.HOLDING:
+            return "recover"
+        self._do.stop_motion()
+        self._note("hold", {"why": why})
+        return "hold"
+
+    def _interrupted(self) -> str | None:
+        """A signal: stop motion, record it, and leave the run for `rig resume`."""
+        self._do.stop_motion()
+        self._note("event", {"signal": self._signals.interrupt}, status="interrupted")
+        self._outcome = Outcome.INTERRUPTED
+        return None
+
+    def _give_up(self, message: str, *, recorded: bool = True) -> str:
+        """Safe state first, then say why."""
+        unsafe = self._bench.make_safe()
+        self._outcome = Outcome.FAULT
+        self._message = message
+        if unsafe:
+            self._message += "\nNOT everything could be brought to its safe state: " + "; ".join(unsafe)
+        if recorded:
+            body = {"message": self._message, "state": str(self.state)}
+            try:
+                self._note("fault", body, status="abort")
+            except StorageError as error:
+                self._message += f"\n{error}"
+        return "fault"
+
+
+def _who(identity: Mapping[str, Any]) -> str:
+    serial = identity["serial"] if identity["confirmed"] else "no serial number"
+    asset = f", asset {identity['asset']}" if identity["asset"] else ""
+    return f"{identity['maker']} {identity['model']}, {serial}{asset}"

@@ -1,0 +1,68 @@
+"""What a session (one start of the controller on a run) is told, and what it says."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any
+
+
+class Outcome(Enum):
+    """How a session ended."""
+
+    COMPLETE = "complete"
+    STOPPED = "stopped"
+    INTERRUPTED = "interrupted"
+    FAULT = "fault"
+
+
+@dataclass(frozen=True)
+class Progress:
+    """News for whoever watches.
+
+    Attributes:
+        state: where the sequencer is.
+        done: points with an accepted observation or given up for good.
+        total: points of the run.
+        elapsed_s: bench seconds since the run was created.
+        remaining_s: bench seconds the rest is expected to take, None while that cannot be said.
+        message: what is going on, "" if the state says it.
+
+    """
+
+    state: str
+    done: int
+    total: int
+    elapsed_s: float
+    remaining_s: float | None
+    message: str
+
+
+@dataclass
+class Session:
+    """One start of the controller on a run.
+
+    Attributes:
+        elapsed_origin: clock reading at which the run's elapsed time was zero.
+        number: from 1.
+        gap_s: bench seconds since the last record.
+        gap_certain: False if the gap was bridged by UTC across a reboot.
+        accept: names of instruments that may be other ones than before.
+        about: what the session record keeps besides (process, host, versions).
+
+    """
+
+    elapsed_origin: float
+    number: int
+    gap_s: float
+    gap_certain: bool
+    accept: frozenset[str]
+    about: Mapping[str, Any]
+
+
+@dataclass
+class Signals:
+    """Set from a signal handler, looked at wherever the sequencer waits."""
+
+    interrupt: str = ""

@@ -1,0 +1,85 @@
+"""When a quantity has arrived: inside its band, for long enough, and no longer drifting.
+
+Samples outside the band count the dwell back instead of resetting it, so that one spike does not cost a whole
+dwell while a value that keeps leaving the band never settles. Nothing is filtered, masked or invented: what was
+sampled is the evidence.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Outcome = Literal["waiting", "settled", "timed-out", "drifting"]
+_KEPT = 200
+"""Samples kept as evidence; a longer trace is thinned, its first and last samples always staying."""
+
+
+@dataclass(frozen=True)
+class Criteria:
+    """What settled means. Units are the quantity's own; drift is per second."""
+
+    target: float
+    band: float
+    dwell_s: float
+    drift_per_s: float
+    timeout_s: float
+
+
+class Settling:
+    """Judges one quantity sample by sample.
+
+    Args:
+        criteria: what settled means.
+        started: clock time at which waiting began; the timeout counts from here.
+
+    """
+
+    def __init__(self, criteria: Criteria, started: float) -> None:
+        self.criteria = criteria
+        self._started = started
+        self._inside_s = 0.0
+        self._last: float | None = None
+        self._samples: list[tuple[float, float]] = []
+        self.outcome: Outcome = "waiting"
+
+    def add(self, now: float, value: float) -> Outcome:
+        """Take a sample made at clock time `now`; once the outcome is not "waiting" it does not change."""
+        if self.outcome != "waiting":
+            return self.outcome
+        c = self.criteria
+        inside = abs(value - c.target) <= c.band
+        step = 0.0 if self._last is None else now - self._last
+        self._inside_s = self._inside_s + step if inside else max(0.0, self._inside_s - step)
+        self._last = now
+        self._samples.append((now - self._started, value))
+        if inside and self._inside_s >= c.dwell_s and abs(self._slope()) <= c.drift_per_s:
+            self.outcome = "settled"
+        elif now - self._started >= c.timeout_s:
+            self.outcome = "drifting" if inside and self._inside_s >= c.dwell_s else "timed-out"
+        return self.outcome
+
+    def _slope(self) -> float:
+        """Least-squares slope of the samples inside the band over the last dwell, per second."""
+        c = self.criteria
+        since = self._samples[-1][0] - c.dwell_s - 1e-9
+        recent = [s for s in self._samples if s[0] >= since and abs(s[1] - c.target) <= c.band]
+        n = len(recent)
+        mean_t = sum(t for t, _ in recent) / n
+        spread = sum((t - mean_t) ** 2 for t, _ in recent)
+        if spread == 0.0:
+            return 0.0
+        mean_v = sum(v for _, v in recent) / n
+        return sum((t - mean_t) * (v - mean_v) for t, v in recent) / spread
+
+    def evidence(self) -> dict[str, object]:
+        """What was seen, for the run file: outcome, seconds taken, samples as [seconds, value]."""
+        samples = self._samples
+        if len(samples) > _KEPT:
+            step = (len(samples) - 1) / (_KEPT - 1)
+            samples = [samples[round(i * step)] for i in range(_KEPT)]
+        return {
+            "outcome": self.outcome,
+            "seconds": round(samples[-1][0], 3) if samples else 0.0,
+            "samples": [[round(t, 3), v] for t, v in samples],
+        }

@@ -1,0 +1,95 @@
+"""The state of a run, folded from its records. Nothing else remembers anything."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+from rig.engine.chain import Record
+
+
+@dataclass
+class RunState:
+    """What a run has come to.
+
+    Attributes:
+        points: length of the run list.
+        sessions: how often a controller has been started on it.
+        accepted: indexes of points with an accepted observation.
+        skipped: index to reason, for points given up for good.
+        put_off: indexes of points that were skipped once, to be tried again at the end.
+        attempts: index to number of attempts so far.
+        elapsed_s: of the last record.
+        utc_s: of the last record.
+        identities: who the instruments were, by name, as last accepted.
+        session: body of the last session record: boot id, clock reading and the elapsed time that went with it.
+        last_index: the point last observed.
+        ended: status of the end record, None while the run can be resumed.
+        simulated: no real instrument involved.
+
+    """
+
+    points: int = 0
+    sessions: int = 0
+    accepted: set[int] = field(default_factory=set)
+    skipped: dict[int, str] = field(default_factory=dict)
+    put_off: set[int] = field(default_factory=set)
+    attempts: dict[int, int] = field(default_factory=dict)
+    elapsed_s: float = 0.0
+    utc_s: float = 0.0
+    identities: dict[str, dict[str, Any]] = field(default_factory=dict)
+    session: dict[str, Any] = field(default_factory=dict)
+    last_index: int | None = None
+    ended: str | None = None
+    simulated: bool = False
+    run_id: str = ""
+    last_fault: str | None = None
+
+    @property
+    def remaining(self) -> int:
+        """Points still to be observed."""
+        return self.points - len(self.accepted) - len(self.skipped)
+
+    def add(self, record: Record) -> None:
+        """Take one more record, in order."""
+        self.elapsed_s, self.utc_s = record.elapsed_s, record.utc_s
+        match record.kind:
+            case "run":
+                self.points = int(record.data["points"])
+                self.simulated = bool(record.data["simulated"])
+                self.run_id = str(record.data["run_id"])
+            case "session":
+                self.sessions = record.session
+                self.session = record.data
+                self.last_fault = None
+            case "identity":
+                self.identities[str(record.status)] = record.data
+            case "observation":
+                assert record.run_index is not None
+                self.attempts[record.run_index] = record.attempt or 1
+                if record.status == "accepted":
+                    self.accepted.add(record.run_index)
+                    self.last_index = record.run_index
+            case "skip":
+                assert record.run_index is not None
+                self.attempts[record.run_index] = record.attempt or 1
+                self.put_off.add(record.run_index)
+                if record.status == "final":
+                    self.skipped[record.run_index] = str(record.data["reason"])
+            case "fault":
+                if record.run_index is not None:
+                    self.attempts[record.run_index] = record.attempt or 1
+                self.last_fault = str(record.data["message"])
+            case "end":
+                self.ended = record.status
+            case _:
+                pass
+
+
+def fold(records: Iterable[Record]) -> RunState:
+    """State after all of `records`."""
+    state = RunState()
+    for record in records:
+        state.add(record)
+    return state

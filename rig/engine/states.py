@@ -1,0 +1,115 @@
+"""The sequencer's states and triggers: one flat table, the only place that says what may follow what.
+
+`docs/sequencer.md` is generated from it (`python -m rig.engine.states`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class State(StrEnum):
+    """Where the sequencer is."""
+
+    READY = "ready"
+    CHECKING = "checking"
+    PREPARING = "preparing"
+    RECOVERING = "recovering"
+    MOVING = "moving"
+    SETTLING = "settling"
+    MEASURING = "measuring"
+    RECORDING = "recording"
+    HOLDING = "holding"
+    PARKING = "parking"
+    DONE = "done"
+    FAULTED = "faulted"
+
+
+MEANING = {
+    State.READY: "created or reopened; nothing has been sent to any instrument",
+    State.CHECKING: "motion stopped, identities compared, states read; nothing commanded but stop",
+    State.PREPARING: "instruments set up, axes homed, the environment brought to temperature and settled",
+    State.RECOVERING: "the way back to the next point is planned beyond and through the previous point",
+    State.MOVING: "axes under way, all of a leg together",
+    State.SETTLING: "every axis inside its band, for the dwell, without drift",
+    State.MEASURING: "sweeps over all channels",
+    State.RECORDING: "the observation is made durable; the next point is chosen",
+    State.HOLDING: "motion stopped; waits for release, stop, or a later resume",
+    State.PARKING: "axes go to the parking position",
+    State.DONE: "the sequence is over; the run file says whether it is complete or was stopped",
+    State.FAULTED: "every instrument has been brought to its safe state; the run can be resumed",
+}
+
+FINAL = frozenset({State.DONE, State.FAULTED})
+AT_POINT = (State.MOVING, State.SETTLING, State.MEASURING, State.RECORDING)
+WORKING = (State.PREPARING, State.RECOVERING, *AT_POINT)
+
+
+@dataclass(frozen=True)
+class Transition:
+    """One permitted change of state."""
+
+    trigger: str
+    sources: tuple[State, ...]
+    target: State
+    when: str
+
+
+TRANSITIONS = (
+    Transition("check", (State.READY,), State.CHECKING, "at every start"),
+    Transition("prepare", (State.CHECKING,), State.PREPARING, "a new run, or the gap was longer than max_gap"),
+    Transition(
+        "recover", (State.CHECKING, State.PREPARING, State.HOLDING), State.RECOVERING, "the last move is unknown"
+    ),
+    Transition("retry", AT_POINT, State.RECOVERING, "another attempt at the point"),
+    Transition("skip", AT_POINT, State.RECOVERING, "given up here for now"),
+    Transition("move", (State.RECOVERING, State.RECORDING), State.MOVING, "there is a point to go to"),
+    Transition("settle", (State.MOVING,), State.SETTLING, "no axis moves any more"),
+    Transition("measure", (State.SETTLING,), State.MEASURING, "all axes settled"),
+    Transition("repeat", (State.MEASURING,), State.MEASURING, "too noisy; read again"),
+    Transition("record", (State.MEASURING,), State.RECORDING, "readings complete"),
+    Transition("hold", WORKING, State.HOLDING, "asked for by `rig hold`, or a fault policy"),
+    Transition("park", (*WORKING, State.CHECKING, State.HOLDING), State.PARKING, "all points done, or `rig stop`"),
+    Transition("finish", (State.PARKING,), State.DONE, "parked"),
+    Transition(
+        "fault",
+        (State.READY, State.CHECKING, *WORKING, State.HOLDING, State.PARKING),
+        State.FAULTED,
+        "an error no policy covers, a violated limit, or the disk refuses",
+    ),
+)
+
+
+def diagram() -> str:
+    """The table as a Mermaid state diagram."""
+    lines = ["stateDiagram-v2", "    [*] --> ready"]
+    lines += [f"    {source} --> {t.target}: {t.trigger}" for t in TRANSITIONS for source in t.sources]
+    lines += [f"    {state} --> [*]" for state in sorted(FINAL)]
+    return "\n".join(lines)
+
+
+def document() -> str:
+    """`docs/sequencer.md`."""
+    states = "\n".join(f"| {state} | {meaning} |" for state, meaning in MEANING.items())
+    triggers = "\n".join(f"| {t.trigger} | {', '.join(t.sources)} | {t.target} | {t.when} |" for t in TRANSITIONS)
+    return f"""# The sequencer
+
+Generated from `rig/engine/states.py` by `python -m rig.engine.states > docs/sequencer.md`; a test fails if it is stale.
+
+| state | meaning |
+| --- | --- |
+{states}
+
+| trigger | from | to | when |
+| --- | --- | --- | --- |
+{triggers}
+
+```mermaid
+{diagram()}
+```
+"""
+
+
+if __name__ == "__main__":
+    print(document(), end="")

@@ -1,0 +1,83 @@
+"""A dry run: the same bench file, every address replaced by that driver's twin, under virtual time."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Mapping
+from functools import cache
+from importlib.metadata import entry_points
+from typing import Any
+
+from drivers.wires import Wires
+from rig.config import BenchConfig
+from rig.contracts import with_contracts
+from rig.errors import ConfigurationError
+from sims.bench import SimBench
+from sims.physics.truth import WorldError
+from sims.world import World
+
+Tap = Callable[[str, str, bytes], None]
+"""Called with (instrument, "tx" or "rx", bytes) for every transfer on every wire."""
+
+_keys = itertools.count(1)
+
+
+@cache
+def twin_classes() -> dict[str, Any]:
+    """Twin class by driver name, from the entry-point group `rig.twins`."""
+    return {point.name: point.load() for point in entry_points(group="rig.twins")}
+
+
+def plain(config: BenchConfig) -> dict[str, Any]:
+    """A bench file as the plain values the simulation takes, contracts filled in."""
+    values = config.model_dump(mode="json")
+    for name, instrument in config.instruments.items():
+        values["instruments"][name] |= with_contracts(instrument.driver, instrument.options)
+    return values
+
+
+class DryBench:
+    """A simulated bench in this process.
+
+    Args:
+        config: the bench file as given.
+        truth: the world file's values; {} for a world without surprises.
+        start: virtual seconds at which its time begins.
+        where: the world file's name, for messages.
+        tap: sees every byte on every wire.
+
+    Raises:
+        ConfigurationError: the world file is wrong, or a driver has no twin.
+
+    """
+
+    def __init__(
+        self,
+        config: BenchConfig,
+        truth: Mapping[str, Any],
+        *,
+        start: float = 0.0,
+        where: str = "world",
+        tap: Tap | None = None,
+    ) -> None:
+        for name, instrument in config.instruments.items():
+            if instrument.driver not in twin_classes():
+                raise ConfigurationError(
+                    f"instruments.{name}: driver {instrument.driver!r} has no twin, so it cannot run dry "
+                    f"(twins: {', '.join(sorted(twin_classes()))})"
+                )
+        self.world = World(start)
+        key = f"dry{next(_keys)}"
+        try:
+            self.sim = SimBench(self.world, plain(config), truth, key, twin_classes())
+        except WorldError as error:
+            raise ConfigurationError(f"{where}: {error}") from error
+        instruments = {
+            name: i.model_copy(update={"address": f"sim://{key}/{name}"}) for name, i in config.instruments.items()
+        }
+        self.config = config.model_copy(update={"instruments": instruments, "simulated": True})
+        self.wires = Wires(self.world, simulated=self.sim.transports(), tap=tap)
+
+    def close(self) -> None:
+        """Take the simulated addresses away."""
+        self.sim.close()

@@ -1,0 +1,248 @@
+"""The run file: durable, append-only, self-checking, never half there."""
+
+from __future__ import annotations
+
+import sqlite3
+import subprocess
+import sys
+from pathlib import Path
+
+import apsw
+import pytest
+
+from procedures import Factor, Point, RunList
+from rig.engine import wal
+from rig.engine.chain import Record, encode
+from rig.engine.run_file import Genesis, RunReader, RunWriter, create
+from rig.engine.state import fold
+from rig.errors import BusyError, RunFileError, StorageError
+
+RUN_LIST = RunList(
+    (Factor("pitch_deg", "pitch", 2.0), Factor("roll_deg", "roll", 2.0)),
+    tuple(Point(i, 1 + i // 5, None, (10.0 * i, -30.0), (1, -1)) for i in range(10)),
+    seed=3,
+)
+
+
+def genesis() -> Genesis:
+    return Genesis("a-run", {"bench.toml": "name = 'b'", "procedure.toml": "x = 1"}, RUN_LIST, True, {"bench": "b"})
+
+
+def observation(index: int, status: str = "accepted") -> Record:
+    body = encode({"outputs": {"x_V": {"mean": 0.1 * index}}})
+    return Record(1, "observation", 10.0 * index, 1e9 + index, index, None, 1, status, body)
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    path = tmp_path / "a-run.sqlite"
+    create(path, genesis(), elapsed_s=0.0, utc_s=1e9)
+    return path
+
+
+def test_what_was_put_in_comes_out(path):
+    with RunWriter.open(path) as run:
+        for i in range(3):
+            run.append(observation(i))
+    with RunReader.open(path) as reader:
+        assert reader.run_list() == RUN_LIST
+        assert reader.documents() == dict(genesis().documents)
+        assert [r.data["outputs"]["x_V"]["mean"] for r in reader.records("observation")] == [0.0, 0.1, 0.2]
+        state = fold(reader.records())
+    assert state.accepted == {0, 1, 2}
+    assert state.remaining == 7
+
+
+def test_a_second_accepted_observation_of_a_point_is_impossible(path):
+    with RunWriter.open(path) as run:
+        run.append(observation(4))
+        run.append(observation(4, "rejected"))
+        with pytest.raises(apsw.ConstraintError):
+            run.append(observation(4))
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "UPDATE record SET elapsed_s = 0",
+        "DELETE FROM record",
+        "UPDATE point SET pitch_deg = 0",
+        "DELETE FROM document",
+        "UPDATE factor SET overtravel = 0",
+    ],
+)
+def test_the_file_refuses_to_be_changed(path, statement):
+    with sqlite3.connect(path) as db, pytest.raises(sqlite3.IntegrityError, match="append-only"):
+        db.execute(statement)
+
+
+@pytest.mark.parametrize(
+    ("tampering", "says"),
+    [
+        ("UPDATE record SET body = '{}' WHERE seq = 3", "record 3 (observation of point 1) was changed"),
+        ("UPDATE record SET utc_s = utc_s + 1 WHERE seq = 2", "record 2 (observation of point 0) was changed"),
+        ("DELETE FROM record WHERE seq = 3", "record 3 is missing"),
+        ("UPDATE document SET body = 'name = 1' WHERE name = 'bench.toml'", "stored bench.toml is not the one"),
+        ("UPDATE point SET pitch_deg = 1 WHERE run_index = 2", "run list is not the one"),
+        ("INSERT INTO document VALUES ('x', 'y')", "document was added"),
+    ],
+)
+def test_an_edit_behind_its_back_is_found_and_named(path, tampering, says):
+    with RunWriter.open(path) as run:
+        for i in range(4):
+            run.append(observation(i))
+    with sqlite3.connect(path) as db:
+        for (name,) in db.execute("SELECT name FROM sqlite_master WHERE type = 'trigger'").fetchall():
+            db.execute(f"DROP TRIGGER {name}")
+        db.execute(tampering)
+    db.close()
+    with RunReader.open(path) as reader, pytest.raises(RunFileError) as caught:
+        reader.verify()
+    assert says in str(caught.value)
+    with pytest.raises(RunFileError):
+        RunWriter.open(path)
+
+
+def test_a_finished_run_is_one_ordinary_file_and_a_cut_tail_shows(path):
+    with RunWriter.open(path) as run:
+        run.append(observation(0))
+        run.finish(Record(1, "end", 20.0, 1e9, status="complete"))
+    assert [p.name for p in path.parent.iterdir()] == [path.name]
+    with RunReader.open(path) as reader:
+        reader.verify()
+        assert fold(reader.records()).ended == "complete"
+
+
+def test_only_one_controller_at_a_time(path):
+    with RunWriter.open(path), pytest.raises(BusyError, match="in use by another controller"):
+        RunWriter.open(path)
+    RunWriter.open(path).close()
+
+
+def test_readers_do_not_disturb_the_writer(path):
+    with RunWriter.open(path) as run, RunReader.open(path) as reader:
+        for i in range(5):
+            run.append(observation(i))
+            assert len(fold(reader.records()).accepted) == i + 1
+
+
+def test_uncommitted_records_become_durable_with_the_next_commit(path):
+    with RunWriter.open(path) as run:
+        run.append(observation(0), commit=False)
+        with RunReader.open(path) as reader:
+            assert not fold(reader.records()).accepted
+        run.append(observation(1))
+        with RunReader.open(path) as reader:
+            assert fold(reader.records()).accepted == {0, 1}
+            reader.verify()
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (b"", "not a run file"),
+        (b"hello", "not a run file"),
+        (b"SQLite format 3\0" + bytes(100), "another program"),
+    ],
+)
+def test_what_is_no_run_file_is_refused(tmp_path, content, says):
+    path = tmp_path / "x.sqlite"
+    path.write_bytes(content)
+    for cls in (RunReader, RunWriter):
+        with pytest.raises(RunFileError, match=says):
+            cls.open(path)
+    assert path.read_bytes() == content
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(RunFileError, match="does not exist"):
+        RunReader.open(tmp_path / "none.sqlite")
+
+
+def test_damage_in_the_middle_is_reported_not_raised_as_a_traceback(path):
+    with RunWriter.open(path) as run:
+        for i in range(10):
+            run.append(observation(i))
+        run.finish(Record(1, "end", 100.0, 1e9, status="complete"))
+    whole = path.read_bytes()
+    for at in range(4096, len(whole), 1021):
+        damaged = bytearray(whole)
+        damaged[at] ^= 0x10
+        path.write_bytes(bytes(damaged))
+        try:
+            with RunReader.open(path) as reader:
+                reader.verify()
+                assert len(fold(reader.records()).accepted) == 10, f"byte {at}"
+        except RunFileError as error:
+            assert "rig export" in str(error), f"byte {at}"
+
+
+def test_creating_on_a_full_disk_leaves_nothing(tmp_path, monkeypatch):
+    monkeypatch.setattr("rig.engine.run_file.os.replace", _refuse)
+    with pytest.raises(StorageError, match="nothing is left behind"):
+        create(tmp_path / "a.sqlite", genesis(), elapsed_s=0, utc_s=0)
+    assert list(tmp_path.iterdir()) == []
+
+
+def _refuse(*_: object) -> None:
+    raise OSError(28, "No space left on device")
+
+
+_KILLED = """
+import os, signal, sys
+sys.path.insert(0, {tests!r})
+from pathlib import Path
+from test_run_file import observation
+from rig.engine.run_file import RunWriter
+run = RunWriter.open(Path({path!r}))
+for i in range(5):
+    run.append(observation(i))
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def _killed_writer(path: Path) -> None:
+    script = _KILLED.format(tests=str(Path(__file__).parent), path=str(path))
+    assert subprocess.run([sys.executable, "-c", script], check=False).returncode == -9
+
+
+def test_what_was_committed_survives_a_sigkill(path):
+    _killed_writer(path)
+    state = wal.inspect(path)
+    assert state.frames > 0
+    assert state.dropped == 0
+    with RunWriter.open(path) as run:
+        assert run.dropped.damage == ""
+        assert fold(run.records()).accepted == {0, 1, 2, 3, 4}
+
+
+def test_a_torn_or_flipped_log_is_counted_before_sqlite_drops_it(path):
+    _killed_writer(path)
+    log = path.with_name(path.name + "-wal")
+    shm = path.with_name(path.name + "-shm")
+    main, whole = path.read_bytes(), log.read_bytes()
+    frame = 24 + int.from_bytes(whole[8:12], "big")
+    cuts = [32 + frame * k + extra for k in range((len(whole) - 32) // frame) for extra in (0, 10, frame - 1)]
+    outcomes = set()
+    for cut in [*cuts, len(whole)]:
+        path.write_bytes(main)
+        log.write_bytes(whole[:cut])
+        shm.unlink(missing_ok=True)
+        seen = wal.inspect(path)
+        with RunWriter.open(path) as run:
+            accepted = fold(run.records()).accepted
+        assert accepted == set(range(len(accepted)))
+        outcomes.add(len(accepted))
+        assert (seen.damage != "") == ((cut - 32) % frame != 0)
+    assert outcomes == {0, 1, 2, 3, 4, 5}
+
+    path.write_bytes(main)
+    flipped = bytearray(whole)
+    flipped[32 + frame + 100] ^= 1
+    log.write_bytes(bytes(flipped))
+    shm.unlink(missing_ok=True)
+    seen = wal.inspect(path)
+    assert seen.damage == "frame 2 fails its checksum"
+    assert seen.lost_commits > 0
+    with RunWriter.open(path) as run:
+        assert 5 - len(fold(run.records()).accepted) == seen.lost_commits

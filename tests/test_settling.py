@@ -1,0 +1,67 @@
+"""Settling: arrival by evidence."""
+
+from __future__ import annotations
+
+import math
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rig.engine.settling import Criteria, Settling
+
+CRITERIA = Criteria(target=10.0, band=0.1, dwell_s=5.0, drift_per_s=0.01, timeout_s=60.0)
+
+
+def outcome_of(values, step=1.0, criteria=CRITERIA):
+    settling = Settling(criteria, 0.0)
+    for i, value in enumerate(values):
+        if settling.add(i * step, value) != "waiting":
+            break
+    return settling
+
+
+def test_a_quiet_value_settles_after_the_dwell_and_not_before():
+    assert outcome_of([10.0] * 5).outcome == "waiting"
+    assert outcome_of([10.0] * 6).outcome == "settled"
+
+
+def test_one_spike_costs_its_own_time_twice_not_a_new_dwell():
+    values = [10.0] * 4 + [11.0] + [10.0] * 20
+    settled = outcome_of(values)
+    assert settled.outcome == "settled"
+    assert settled.evidence()["seconds"] == 5 + 2
+
+
+def test_a_value_outside_its_band_times_out():
+    assert outcome_of([11.0] * 100).outcome == "timed-out"
+
+
+def test_a_value_inside_the_band_that_keeps_creeping_is_called_drifting():
+    criteria = Criteria(10.0, 1.0, 5.0, 0.001, 60.0)
+    assert outcome_of([9.1 + 0.02 * i for i in range(100)], criteria=criteria).outcome == "drifting"
+
+
+def test_an_exponential_approach_settles_when_it_is_slow_enough():
+    tau = 4.0
+    settled = outcome_of([10 + 5 * math.exp(-i / tau) for i in range(200)])
+    assert settled.outcome == "settled"
+    arrival = tau * math.log(5 / 0.1)
+    assert arrival + 5 - 1 <= settled.evidence()["seconds"] <= arrival + 5 + 3
+
+
+@given(st.lists(st.sampled_from((10.0, 10.05, 9.93, 11.0, 2.0)), min_size=1, max_size=80))
+def test_settled_means_at_least_a_dwell_inside_and_inside_now(values):
+    settled = outcome_of(values)
+    samples = [v for _, v in settled.evidence()["samples"]]
+    inside = [abs(v - 10.0) <= 0.1 for v in samples]
+    if settled.outcome == "settled":
+        assert inside[-1]
+        assert sum(inside) > 5
+
+
+def test_a_long_trace_is_thinned_but_keeps_its_ends():
+    settled = outcome_of([11.0] * 5000, step=0.01)
+    samples = settled.evidence()["samples"]
+    assert len(samples) == 200
+    assert samples[0][0] == 0.0
+    assert samples[-1][0] == 49.99
