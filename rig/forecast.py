@@ -1,0 +1,74 @@
+"""The evening question: when will it finish, and how sure is that? Answered by a rehearsal.
+
+The first points of the run list are run dry, on twins with the bench file's own speeds and settings, and the rest
+is extrapolated. What a rehearsal cannot know (repeats, retries, an interruption) is added as a stated allowance.
+"""
+
+from __future__ import annotations
+
+import statistics
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from procedures import RunList
+from rig.controller import Plan, start_run
+from rig.engine.run_file import RunReader
+from rig.engine.session import Outcome, Progress, Signals
+from rig.errors import RigError
+
+ALLOWANCE = 0.05
+"""Share added for repeats, retries and one short interruption."""
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """How long a run will take, in bench seconds.
+
+    Attributes:
+        preparation_s: until the first point is under way: set-up, homing, environment.
+        point_s: mean of one point: move, settle, measure.
+        point_sd_s: its standard deviation from point to point.
+        total_s: all of it, with nothing going wrong.
+        latest_s: with the allowance for what may go wrong.
+        rehearsed: on how many points this stands.
+
+    """
+
+    preparation_s: float
+    point_s: float
+    point_sd_s: float
+    total_s: float
+    latest_s: float
+    rehearsed: int
+
+
+def rehearse(plan: Plan, on_progress: Callable[[Progress], None], *, points: int = 400) -> Forecast:
+    """Run the first `points` points dry and extrapolate.
+
+    Raises:
+        RigError: the rehearsal failed, which the run itself would too.
+
+    """
+    head = RunList(plan.run_list.factors, plan.run_list.points[:points], plan.run_list.seed)
+    with tempfile.TemporaryDirectory(prefix="rig-rehearsal-") as folder:
+        paths: list[Path] = []
+        dry = replace(plan, run_list=head, dry=True, truth={})
+        result = start_run(dry, Path(folder), signals=Signals(), announce=paths.append, on_progress=on_progress)
+        if result.outcome is not Outcome.COMPLETE:
+            raise RigError(f"a rehearsal on simulated instruments failed: {result.message}")
+        with RunReader.open(paths[0]) as reader:
+            ends = [record.elapsed_s for record in reader.records("observation")]
+    steps = [b - a for a, b in zip(ends, ends[1:], strict=False)] or [0.0]
+    point = statistics.fmean(steps)
+    preparation = max(0.0, ends[0] - point)
+    total = preparation + len(plan.run_list) * point
+    return Forecast(
+        preparation_s=preparation,
+        point_s=point,
+        point_sd_s=statistics.pstdev(steps),
+        total_s=total,
+        latest_s=preparation + (total - preparation) * (1 + ALLOWANCE),
+        rehearsed=len(ends),
+    )
