@@ -12,17 +12,19 @@ from dataclasses import dataclass, field
 from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from pydantic import BaseModel
 
 from drivers.clock import Clock
 from drivers.errors import DriverError
 from drivers.roles import Chamber, Head, Instrument, Reader
-from drivers.wires import Wires
 from rig.config import BenchConfig, InstrumentConfig, validated
 from rig.contracts import with_contracts
 from rig.errors import BenchFault, BusyError, ConfigurationError
+
+if TYPE_CHECKING:
+    from drivers.wires import Wires
 
 Role = TypeVar("Role")
 

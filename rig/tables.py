@@ -125,7 +125,9 @@ def attitude_data(table: Table) -> AttitudeData:
     if (counts > 1).any():
         twice = int(seen[counts > 1][0])
         rows = [int(r) + 2 for r in np.flatnonzero(order == twice)[:2]]
-        raise UsageError(f"{table.source}, rows {rows[0]} and {rows[1]}: order {twice} stands there twice; a point copied?")
+        raise UsageError(
+            f"{table.source}, rows {rows[0]} and {rows[1]}: order {twice} stands there twice; a point copied?"
+        )
     try:
         return AttitudeData(
             replicate=integers["replicate"],

@@ -451,7 +451,9 @@ class Sequencer:
             self._outcome = Outcome.COMPLETE
             fold = self._fold
             body = {"accepted": len(fold.accepted), "skipped": {str(i): why for i, why in fold.skipped.items()}}
-            self._run.finish(self._record("end", body, status="complete"))
+            end = self._record("end", body, status="complete")
+            self._run.finish(end)
+            self._fold.add(end)
         else:
             self._note("event", status="parked")
         return "finish"

@@ -1,0 +1,174 @@
+"""`rig fit`, `trace`, `export`: what the data say."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.table import Table as RichTable
+
+from rig.cli import app
+from rig.cli.run import JsonOption
+from rig.cli.show import err, mark, out, print_json
+from rig.errors import ExitCode, UsageError
+
+if TYPE_CHECKING:
+    from rig.closed_loop import Traced
+
+DataArgument = Annotated[Path, typer.Argument(help="a run file, or a CSV table", show_default=False)]
+
+
+@app.command()
+def fit(
+    data: DataArgument,
+    as_json: JsonOption = False,
+    out_file: Annotated[
+        Path | None, typer.Option("--out", "-o", help="write the calibration to this JSON file", show_default=False)
+    ] = None,
+) -> int:
+    """Fit the declared model to every sensor and analyse the replications.
+
+    Example: `rig fit runs/20260115T180000-night-1a2b.sqlite`
+    """
+    from rig.closed_loop import fit_table  # noqa: PLC0415
+    from rig.tables import read_table  # noqa: PLC0415
+
+    table = read_table(data)
+    result = fit_table(table)
+    if out_file is not None:
+        _write_json(out_file, result)
+    if as_json:
+        print_json(result)
+        return ExitCode.DONE
+    out.print(f"{mark(table.simulated)}[bold]{data.name}[/]: {len(table)} observations")
+    for name, sensor in result["sensors"].items():
+        _show_fit(name, sensor)
+    return ExitCode.DONE
+
+
+def _show_fit(name: str, sensor: Mapping[str, Any]) -> None:
+    table = RichTable(
+        "parameter", "estimate", "standard error", title=f"{name}, {sensor['model']}", title_justify="left"
+    )
+    for parameter, value in sensor["parameters"].items():
+        table.add_row(parameter, number(value["estimate"], 8), number(value["stderr"], 3))
+    out.print(table)
+    out.print(
+        f"  sigma_E {degrees(sensor['sigma_E_deg'])} = bias {degrees(sensor['sigma_bias_deg'])} and "
+        f"precision {degrees(sensor['sigma_prec_deg'])}"
+    )
+    for test, limit, what in (
+        ("T_bias", "F_bias_95", "lack of fit"),
+        ("T_b", "F_bS_95", "offset between replications"),
+        ("T_S", "F_bS_95", "sensitivity between replications"),
+        ("T_drift", "F_drift_95", "all parameters between replications"),
+    ):
+        value, bound = sensor[test], sensor[limit]
+        if value is None:
+            out.print(f"  {test:<8} cannot be tested with these data: {what}")
+            continue
+        verdict = "[yellow]significant[/]" if value > bound else "not significant"
+        out.print(f"  {test:<8} {value:9.3g}  (95 % limit {bound:.3g})  {what}: {verdict}")
+    out.print()
+
+
+@app.command()
+def trace(
+    data: DataArgument,
+    as_json: JsonOption = False,
+    report: Annotated[Path | None, typer.Option(help="write a self-contained HTML report", show_default=False)] = None,
+) -> int:
+    """Find what the declared model lacks: residual, effect, error before and after.
+
+    Example: `rig trace runs/20260115T180000-night-1a2b.sqlite --report night.html`
+    """
+    from rig.closed_loop import trace_table  # noqa: PLC0415
+    from rig.tables import read_table  # noqa: PLC0415
+
+    table = read_table(data)
+    traced = trace_table(table)
+    if report is not None:
+        from rig.report import write_report  # noqa: PLC0415
+
+        write_report(report, table, traced)
+        err.print(f"report: {report}")
+    if as_json:
+        print_json(traced.to_json())
+    else:
+        show_trace(traced)
+    return ExitCode.DONE
+
+
+_BEFORE_AFTER = (
+    ("sigma_E_deg", "sigma_E / 1e-4 deg", 1e4),
+    ("sigma_bias_deg", "sigma_bias / 1e-4 deg", 1e4),
+    ("sigma_prec_deg", "sigma_prec / 1e-4 deg", 1e4),
+    ("T_bias", "T_bias", 1.0),
+    ("T_b", "T_b", 1.0),
+    ("T_S", "T_S", 1.0),
+    ("cv_rms_deg", "left-out error / 1e-4 deg", 1e4),
+)
+
+
+def show_trace(traced: Traced) -> None:
+    """A short table a sensor: error before and after, and the effects found."""
+    out.print(f"{mark(traced.simulated)}[bold]{traced.file}[/]: {traced.points} observations")
+    for name, sensor in traced.sensors.items():
+        out.print(f"\n[bold]{name}[/] ({sensor['declared']}): [bold]{sensor['verdict']}[/]")
+        table = RichTable("", "before", "after")
+        for key, label, scale in _BEFORE_AFTER:
+            cells = (number(None if v is None else v * scale, 3) for v in (sensor["before"][key], sensor["after"][key]))
+            table.add_row(label, *cells)
+        out.print(table)
+        for effect in sensor["effects"]:
+            share = "" if effect["share"] is None else f", {effect['share']:.0%} of the excess error"
+            out.print(f"  [green]{effect['effect']}[/] ({effect['stratum']}): {effect['term']}{share}")
+            for value, error, term in zip(
+                effect["coefficients"], effect["stderr"], effect["term"].split(" + "), strict=False
+            ):
+                out.print(f"    {value:.4g} +- {error:.2g} {effect['unit']}  {term}")
+            if effect["aliases"]:
+                out.print(f"    cannot be told from: {', '.join(effect['aliases'])}")
+                out.print(f"    would separate them: {effect['separate_by']}")
+
+
+def degrees(value: float | None) -> str:
+    """A standard error in degrees, as the paper prints it."""
+    return "unknown" if value is None else f"{value * 1e4:.3g}e-4 deg"
+
+
+def number(value: float | None, digits: int) -> str:
+    """A number, or a dash where there is none."""
+    return "-" if value is None else f"{value:.{digits}g}"
+
+
+@app.command()
+def export(
+    run_file: Annotated[Path, typer.Argument(help="the run file", show_default=False)],
+    out_file: Annotated[Path, typer.Option("--out", "-o", help="the CSV file to write", show_default=False)],
+    everything: Annotated[bool, typer.Option("--all", help="rejected observations too, with their status")] = False,
+) -> int:
+    """Write a run's observations as CSV, units in the column names.
+
+    Example: `rig export runs/20260115T180000-night-1a2b.sqlite --out night.csv`
+    """
+    from rig.tables import run_table, write_csv  # noqa: PLC0415
+
+    table = run_table(run_file, everything=everything)
+    write_csv(table.columns, out_file)
+    err.print(f"{mark(table.simulated)}{out_file}: {len(table)} observations")
+    return ExitCode.DONE
+
+
+def _write_json(path: Path, value: object) -> None:
+    temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")
+    try:
+        temporary.write_text(json.dumps(value, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+        os.replace(temporary, path)
+    except OSError as error:
+        temporary.unlink(missing_ok=True)
+        raise UsageError(f"{path} cannot be written: {error.strerror}; nothing is left behind") from error

@@ -1,0 +1,261 @@
+"""The sequencer on ideal instruments: order, approach, recovery, policies."""
+
+from __future__ import annotations
+
+import itertools
+
+import pytest
+from ideal_bench import PROCEDURE, new_run, run_session
+from transitions import MachineError
+
+from drivers.errors import InstrumentError, NoReply
+from rig.engine.run_file import RunReader
+from rig.engine.session import Outcome, Signals
+from rig.errors import StorageError
+
+POINTS = 18
+
+
+def observations(path):
+    with RunReader.open(path) as reader:
+        reader.verify()
+        return [r for r in reader.records("observation") if r.status == "accepted"]
+
+
+def records(path, kind):
+    with RunReader.open(path) as reader:
+        return list(reader.records(kind))
+
+
+def test_a_run_observes_every_point_once_in_order_from_the_planned_sides(tmp_path):
+    path = new_run(tmp_path)
+    outcome, state, head, _ = run_session(path)
+    assert outcome is Outcome.COMPLETE
+    seen = observations(path)
+    assert [r.run_index for r in seen] == list(range(POINTS))
+    for record, point in zip(seen, PROCEDURE.expand().points, strict=True):
+        sides = tuple(record.data["approach"][axis][0] for axis in ("pitch", "roll"))
+        assert sides == point.sides
+        for axis, setpoint, side in zip(("pitch", "roll"), point.setpoints, point.sides, strict=True):
+            assert (setpoint - record.data["approach"][axis][1]) * side >= 2.0 - 1e-9
+            assert record.data["position_deg"][axis] == setpoint
+    assert head.sent[-1] == {"pitch": 0.0, "roll": 0.0}
+    assert head.safe >= 1
+    assert state.ended == "complete"
+
+
+class Killed(BaseException):
+    """Stands for SIGKILL: no handler of the sequencer may catch it for good."""
+
+
+def kill_after(wakeups):
+    count = itertools.count()
+
+    def on_progress(_news):
+        if next(count) == wakeups:
+            raise Killed
+
+    return on_progress
+
+
+@pytest.mark.parametrize("wakeups", range(0, 400, 7))
+def test_killed_anywhere_and_resumed_nothing_is_lost_or_doubled(tmp_path, wakeups):
+    path = new_run(tmp_path)
+    try:
+        run_session(path, on_progress=kill_after(wakeups))
+    except Killed:
+        outcome, *_ = run_session(path)
+        assert outcome is Outcome.COMPLETE
+    seen = observations(path)
+    assert sorted(r.run_index for r in seen) == list(range(POINTS))
+    for record, point in zip(sorted(seen, key=lambda r: r.run_index), PROCEDURE.expand().points, strict=True):
+        assert tuple(record.data["approach"][axis][0] for axis in ("pitch", "roll")) == point.sides
+
+
+def test_after_an_interruption_the_previous_point_is_passed_again(tmp_path):
+    path = new_run(tmp_path)
+    with pytest.raises(Killed):
+        run_session(path, on_progress=kill_after(150))
+    last = observations(path)[-1].run_index
+    _, _, head, _ = run_session(path)
+    points = PROCEDURE.expand().points
+    previous = dict(zip(("pitch", "roll"), points[last].setpoints, strict=True))
+    assert head.sent[1] == previous
+    assert head.sent[0] == {
+        axis: previous[axis] - 2.0 * s for axis, s in zip(previous, points[last].sides, strict=True)
+    }
+
+
+def test_a_signal_stops_motion_and_leaves_the_run_resumable(tmp_path):
+    path = new_run(tmp_path)
+    signals = Signals()
+
+    def interrupt(news):
+        if news.done == 3:
+            signals.interrupt = "SIGTERM"
+
+    outcome, _, head, _ = run_session(path, signals=signals, on_progress=interrupt)
+    assert outcome is Outcome.INTERRUPTED
+    assert not any(state.moving for state in head.read().values())
+    assert [r.status for r in records(path, "event")][-1] == "interrupted"
+    assert run_session(path)[0] is Outcome.COMPLETE
+    assert len(observations(path)) == POINTS
+
+
+def failing(times, error):
+    left = itertools.count()
+
+    def spoil(_bench, head, _reader):
+        read = head.read
+
+        def flaky():
+            n = next(left)
+            if 40 <= n < 40 + times:
+                raise error
+            return read()
+
+        head.read = flaky
+
+    return spoil
+
+
+def test_a_passing_fault_is_retried_and_recorded(tmp_path):
+    path = new_run(tmp_path)
+    outcome, *_ = run_session(path, spoil=failing(1, NoReply("head at nowhere did not answer")))
+    assert outcome is Outcome.COMPLETE
+    assert [r.status for r in records(path, "fault")] == ["retry"]
+    assert len(observations(path)) == POINTS
+
+
+@pytest.mark.parametrize("error", [NoReply("head at nowhere is silent"), InstrumentError("head", 3, "following error")])
+def test_a_lasting_fault_ends_safe_and_says_why(tmp_path, error):
+    path = new_run(tmp_path)
+    outcome, _, head, message = run_session(path, spoil=failing(10_000, error))
+    assert outcome is Outcome.FAULT
+    assert str(error) in message
+    assert head.safe >= 1
+    outcome, *_ = run_session(path)
+    assert outcome is Outcome.COMPLETE
+
+
+def test_an_overloaded_point_is_retried_then_skipped_then_tried_again_at_the_end(tmp_path):
+    path = new_run(tmp_path)
+
+    def overload_three_times(_bench, _head, reader):
+        reader.overloads = {5, 6, 7}
+
+    outcome, state, *_ = run_session(path, spoil=overload_three_times)
+    assert outcome is Outcome.COMPLETE
+    assert [r.status for r in records(path, "fault")] == ["retry", "retry", "skip"]
+    assert not state.skipped
+    assert observations(path)[-1].run_index == 4
+    rejected = [r for r in records(path, "observation") if r.status == "rejected"]
+    assert [r.data["readings"]["x_V"][0] for r in rejected] == [None] * 3
+
+
+def test_a_point_that_always_overloads_is_skipped_with_its_reason(tmp_path):
+    path = new_run(tmp_path)
+
+    def overload_at_zero(_bench, head, reader):
+        fetch = reader.fetch
+
+        def fetch_or_overload():
+            readings = dict(fetch())
+            if head.position("pitch") == 0 and head.position("roll") == 0:
+                readings["1"] = [9.9e37] * 4
+            return readings
+
+        reader.fetch = fetch_or_overload
+
+    outcome, state, *_ = run_session(path, spoil=overload_at_zero)
+    assert outcome is Outcome.COMPLETE
+    assert sorted(state.skipped) == [4, 13]
+    assert all("x_V out of range" in why for why in state.skipped.values())
+    assert len(observations(path)) == POINTS - 2
+
+
+def test_noisy_readings_are_repeated_then_accepted_with_a_flag(tmp_path):
+    path = new_run(tmp_path)
+    procedure = PROCEDURE.model_copy(
+        update={"measure": PROCEDURE.measure.model_copy(update={"max_sd_V": 1e-3, "repeats": 2})}
+    )
+
+    def noisy(_bench, _head, reader):
+        reader.noise_V = 0.01
+
+    outcome, *_ = run_session(path, procedure=procedure, spoil=noisy)
+    assert outcome is Outcome.COMPLETE
+    for record in observations(path):
+        assert record.data["flags"] == ["noisy"]
+        assert len(record.data["rejected"]) == 2
+
+
+def test_another_instrument_is_refused_unless_accepted(tmp_path):
+    path = new_run(tmp_path)
+    with pytest.raises(Killed):
+        run_session(path, on_progress=kill_after(150))
+
+    def replaced(_bench, head, _reader):
+        head.serial = "H2"
+
+    outcome, _, head, message = run_session(path, spoil=replaced)
+    assert outcome is Outcome.FAULT
+    assert "head is another instrument than before (was ideal head, H1; is ideal head, H2)" in message
+    assert "--accept head" in message
+    assert head.sent == []
+    outcome, *_ = run_session(path, spoil=replaced, accept=frozenset({"head"}))
+    assert outcome is Outcome.COMPLETE
+    assert records(path, "identity")[-1].data["replaces"]["serial"] == "H1"
+
+
+def test_a_limit_passed_by_a_readback_ends_safe(tmp_path):
+    path = new_run(tmp_path)
+
+    def slips(_bench, head, _reader):
+        head.position = lambda axis: 97.0 if head.world.now() > 30 else 0.0
+
+    outcome, _, head, message = run_session(path, spoil=slips)
+    assert outcome is Outcome.FAULT
+    assert "pitch is at 97 deg, outside -95 to 95" in message
+    assert head.safe >= 1
+
+
+def test_a_disk_that_refuses_stops_the_run_safe_with_everything_before_it(tmp_path, monkeypatch):
+    path = new_run(tmp_path)
+    commit = __import__("rig.engine.run_file", fromlist=["RunWriter"]).RunWriter.commit
+    calls = itertools.count()
+
+    def full(self):
+        if next(calls) > 12:
+            raise StorageError("cannot write: disk full. Free space, then: rig resume")
+        commit(self)
+
+    monkeypatch.setattr("rig.engine.run_file.RunWriter.commit", full)
+    outcome, _, head, message = run_session(path)
+    monkeypatch.undo()
+    assert outcome is Outcome.FAULT
+    assert "disk full" in message
+    assert head.safe >= 1
+    assert 0 < len(observations(path)) < POINTS
+    assert run_session(path)[0] is Outcome.COMPLETE
+    assert len(observations(path)) == POINTS
+
+
+def test_an_unforeseen_error_leaves_the_bench_safe_before_it_is_raised(tmp_path):
+    path = new_run(tmp_path)
+    heads = []
+
+    def bug(news):
+        if news.state == "measuring":
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        run_session(path, on_progress=bug, spoil=lambda _bench, head, _reader: heads.append(head))
+    assert heads[0].safe == 1
+
+
+def test_triggers_that_the_table_does_not_permit_are_refused(tmp_path, monkeypatch):
+    path = new_run(tmp_path)
+    monkeypatch.setattr("rig.engine.sequencer.Sequencer._settling", lambda _self: "finish")
+    with pytest.raises(MachineError):
+        run_session(path)
