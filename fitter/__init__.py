@@ -1,1 +1,26 @@
-"""."""
+"""What the data say: models, least squares, analysis of variance, and the trace from a residual to its cause.
+
+Pure functions: arrays in, frozen dataclasses out. No files, no clocks, no instruments.
+
+    data = AttitudeData(replicate=..., order=..., ..., outputs={"x_V": ...})
+    fit_attitude(data, "x_V").to_dict()
+    trace(data).to_json()
+"""
+
+from fitter.attitude import attitude_columns, variance_function
+from fitter.calibration import AttitudeFit, fit_all, fit_attitude
+from fitter.data import AttitudeData
+from fitter.linear import LinearFit, RankError, Triangle, least_squares
+
+__all__ = [
+    "AttitudeData",
+    "AttitudeFit",
+    "LinearFit",
+    "RankError",
+    "Triangle",
+    "attitude_columns",
+    "fit_all",
+    "fit_attitude",
+    "least_squares",
+    "variance_function",
+]

@@ -1,0 +1,158 @@
+"""Fit one sensor of a pitch-roll calibration: the linear attitude model and Table 2."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.attitude import (
+    AttitudeParameters,
+    NoRollParameters,
+    attitude_columns,
+    attitude_parameters,
+    fit_columns,
+    no_roll_parameters,
+    nominal_axis,
+    sensitive_axis,
+    sigma_deg,
+)
+from fitter.data import AttitudeData
+from fitter.linear import LinearFit
+from fitter.replication import Replication, analyse
+
+JsonValue = float | int | str | None | list["JsonValue"] | dict[str, "JsonValue"]
+_SIGMAS = ("sigma_E", "sigma_bias", "sigma_prec", "sigma_b", "sigma_S")
+
+
+@dataclass(frozen=True, eq=False)
+class AttitudeFit:
+    """Calibration of one sensor.
+
+    Attributes:
+        sensor: column name of its output.
+        model: "attitude-x", "attitude-y", "attitude-z" or "attitude-no-roll".
+        linear: the least-squares fit of `fitter.attitude.COLUMNS`, in volts.
+        parameters: the paper's parameters of it.
+        replication: Table 2.
+        pitch_range_deg: lowest and highest pitch calibrated; outside it predictions are extrapolations.
+        roll_range_deg: the same for roll.
+
+    """
+
+    sensor: str
+    model: str
+    linear: LinearFit
+    parameters: AttitudeParameters | NoRollParameters
+    replication: Replication
+    pitch_range_deg: tuple[float, float]
+    roll_range_deg: tuple[float, float]
+
+    @property
+    def has_roll(self) -> bool:
+        """Whether the model has roll in it."""
+        return isinstance(self.parameters, AttitudeParameters)
+
+    @property
+    def sensitive_axis(self) -> FloatArray:
+        """(3,) sensitive axis times sensitivity, V/g in package axes."""
+        return sensitive_axis(self.linear.coefficients)
+
+    def columns(self, pitch_deg: FloatArray, roll_deg: FloatArray) -> FloatArray:
+        """(n, k) rows of the model at these angles, for the intervals of `linear`."""
+        return attitude_columns(pitch_deg, roll_deg, roll=self.has_roll)
+
+    def predict(self, pitch_deg: FloatArray, roll_deg: FloatArray) -> FloatArray:
+        """(n,) output in volts at these angles."""
+        return self.linear.predict(self.columns(pitch_deg, roll_deg))
+
+    def to_dict(self) -> dict[str, JsonValue]:
+        """For JSON: numbers that do not exist are None, never NaN."""
+        p, stderr = self.parameters, self.parameters.stderr
+        names = ("b_V", "S_V", "Omega_deg", "A_deg") if self.has_roll else ("b_V", "S_V", "phi_deg")
+        df = self.linear.df
+        return {
+            "model": self.model,
+            "points": self.linear.n,
+            "pitch_range_deg": list(self.pitch_range_deg),
+            "roll_range_deg": list(self.roll_range_deg),
+            "coefficients": coefficient_table(self.linear),
+            "parameters": {
+                name: {"estimate": _known(getattr(p, name)), "stderr": _known(float(stderr[i])), "df": df}
+                for i, name in enumerate(names)
+            },
+            **table_2(self.replication, p.S_V),
+        }
+
+
+def fit_attitude(data: AttitudeData, sensor: str) -> AttitudeFit:
+    """Calibrate one sensor: eq. (2), (4) or (5) by its axis, eq. (1) where there was no roll.
+
+    Raises:
+        KeyError: `data` has no such output.
+        fitter.linear.RankError: the points visited do not determine the model.
+
+    """
+    output = data.outputs[sensor]
+    columns = attitude_columns(data.pitch_deg, data.roll_deg, roll=data.has_roll)
+    linear = fit_columns(columns, output)
+    parameters: AttitudeParameters | NoRollParameters
+    if data.has_roll:
+        axis = nominal_axis(sensor, linear.coefficients)
+        model = f"attitude-{'xyz'[axis]}"
+        parameters = attitude_parameters(axis, linear.coefficients, linear.covariance)
+    else:
+        model = "attitude-no-roll"
+        parameters = no_roll_parameters(linear.coefficients, linear.covariance)
+    return AttitudeFit(
+        sensor=sensor,
+        model=model,
+        linear=linear,
+        parameters=parameters,
+        replication=analyse(linear, columns, output, data.point, data.replicate_index),
+        pitch_range_deg=(float(data.pitch_deg.min()), float(data.pitch_deg.max())),
+        roll_range_deg=(float(data.roll_deg.min()), float(data.roll_deg.max())),
+    )
+
+
+def table_2(r: Replication, S_V: float) -> dict[str, JsonValue]:
+    """The columns of Table 2 for JSON: sigmas in volts, and in degrees (`_deg`) as the paper prints them."""
+    sigmas = {name: getattr(r, name) for name in (*_SIGMAS, "sigma_pr")}
+    table: dict[str, JsonValue] = {name: _known(value) for name, value in sigmas.items()}
+    table |= {f"{name}_deg": _known(sigma_deg(value, S_V)) for name, value in sigmas.items()}
+    table |= {
+        "T_bias": _known(r.bias.value),
+        "F_bias_95": _known(r.bias.limit_95),
+        "p_bias": _known(r.bias.p),
+        "df_bias": [r.bias.df_above, r.bias.df_below],
+        "T_b": _known(r.drift_b.value),
+        "T_S": _known(r.drift_S.value),
+        "F_bS_95": _known(r.drift_b.limit_95),
+        "p_b": _known(r.drift_b.p),
+        "p_S": _known(r.drift_S.p),
+        "df_bS": [r.drift_b.df_above, r.drift_b.df_below],
+        "T_drift": _known(r.drift.value),
+        "F_drift_95": _known(r.drift.limit_95),
+        "p_drift": _known(r.drift.p),
+        "df_drift": [r.drift.df_above, r.drift.df_below],
+    }
+    return table
+
+
+def coefficient_table(fit: LinearFit) -> dict[str, JsonValue]:
+    """Estimate, standard error and degrees of freedom of every coefficient, by column name."""
+    return {
+        name: {"estimate": float(value), "stderr": _known(float(error)), "df": fit.df}
+        for name, value, error in zip(fit.names, fit.coefficients, fit.stderr, strict=True)
+    }
+
+
+def fit_all(data: AttitudeData) -> Mapping[str, AttitudeFit]:
+    """`fit_attitude` for every output."""
+    return {sensor: fit_attitude(data, sensor) for sensor in data.sensors}
+
+
+def _known(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

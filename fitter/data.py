@@ -1,0 +1,186 @@
+"""What was captured, as arrays: the only thing the fitter ever reads."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fitter.arrays import FloatArray, IntArray
+
+SAME_ANGLE_DEG = 0.02
+"""Angles closer than this are one setting of the head: well above readback noise, well below any design's step."""
+
+
+@dataclass(frozen=True, eq=False)
+class AttitudeData:
+    """Observations of a pitch-roll calibration, one row each, in any order.
+
+    Attributes:
+        replicate: (n,) which pass over the design.
+        order: (n,) executed position over the whole run; no two alike.
+        elapsed_s: (n,) seconds since the start of the run.
+        pitch_deg: (n,) angles of the head.
+        roll_deg: (n,) zero throughout for a calibration without roll.
+        sensor_temperature_degC: (n,).
+        outputs: volts by column name; the first letter of a name tells the sensor's nominal axis ("x_V").
+        pitch_side: (n,) +1 arrived moving up, -1 moving down, 0 unknown. Left out: from the executed order.
+        roll_side: (n,) the same for roll.
+        block: (n,) counts up where an interruption or a replaced instrument may have left a step. Left out: one block.
+
+    Raises:
+        ValueError: lengths differ, a value is not finite, an order is used twice, or there is nothing to fit.
+
+    """
+
+    replicate: IntArray
+    order: IntArray
+    elapsed_s: FloatArray
+    pitch_deg: FloatArray
+    roll_deg: FloatArray
+    sensor_temperature_degC: FloatArray
+    outputs: Mapping[str, FloatArray]
+    pitch_side: IntArray = field(default=None)  # type: ignore[arg-type]  # None only until __post_init__
+    roll_side: IntArray = field(default=None)  # type: ignore[arg-type]  # None only until __post_init__
+    block: IntArray = field(default=None)  # type: ignore[arg-type]  # None only until __post_init__
+
+    def __post_init__(self) -> None:
+        count = np.size(self.order)
+        if count == 0:
+            raise ValueError("there are no observations")
+        put = object.__setattr__
+        for name in ("replicate", "order"):
+            put(self, name, _whole(name, getattr(self, name), count))
+        for name in ("elapsed_s", "pitch_deg", "roll_deg", "sensor_temperature_degC"):
+            put(self, name, _finite(name, getattr(self, name), count))
+        if not self.outputs:
+            raise ValueError("there is no sensor output to fit")
+        put(self, "outputs", MappingProxyType({name: _finite(name, v, count) for name, v in self.outputs.items()}))
+        if np.unique(self.order).size != count:
+            raise ValueError("order: two observations have the same executed position")
+        for name, angle in (("pitch_side", self.pitch_deg), ("roll_side", self.roll_deg)):
+            given = getattr(self, name)
+            put(self, name, self._side_from_order(angle) if given is None else np.sign(_whole(name, given, count)))
+        put(self, "block", np.zeros(count, np.int64) if self.block is None else _whole("block", self.block, count))
+
+    def __len__(self) -> int:
+        return int(self.order.size)
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Names of the outputs."""
+        return tuple(self.outputs)
+
+    @property
+    def replicates(self) -> IntArray:
+        """(n_rep,) numbers of the replications, ascending."""
+        return self._replication[0]
+
+    @property
+    def replicate_index(self) -> IntArray:
+        """(n,) position of each row's replication in `replicates`."""
+        return self._replication[1]
+
+    @cached_property
+    def _replication(self) -> tuple[IntArray, IntArray]:
+        values, index = np.unique(self.replicate, return_inverse=True)
+        return values, index.astype(np.int64)
+
+    @cached_property
+    def has_roll(self) -> bool:
+        """Whether more than one roll angle was visited (+180 and -180 deg are one)."""
+        return np.unique(_settings(_wrap(self.roll_deg))).size > 1
+
+    @cached_property
+    def g_M(self) -> FloatArray:  # noqa: N802 - the paper's symbol
+        """(n, 3) gravity in package axes, in g: [sin a, -sin R cos a, -cos R cos a] (eq. 113)."""
+        a, r = np.radians(self.pitch_deg), np.radians(self.roll_deg)
+        return np.column_stack([np.sin(a), -np.sin(r) * np.cos(a), -np.cos(r) * np.cos(a)])
+
+    @cached_property
+    def point(self) -> IntArray:
+        """(n,) which point of the design each row is, from 0.
+
+        A point is a pair of head angles and, where one replication visits the pair more than once, which visit it
+        is: a pass up and back has 2 N - 1 or 2 N points for N angles, as Table 2 of NASA/TP-1999-209835 counts.
+        """
+        pair = _settings(self.pitch_deg) * (1 + len(self)) + _settings(self.roll_deg)
+        executed = np.lexsort((self.order, pair, self.replicate_index))
+        new = np.diff(pair[executed], prepend=-1) != 0
+        new |= np.diff(self.replicate_index[executed], prepend=-1) != 0
+        start = np.maximum.accumulate(np.where(new, np.arange(len(self)), 0))
+        visit = np.empty(len(self), np.int64)
+        visit[executed] = np.arange(len(self)) - start
+        return _number(_number(pair) * (1 + visit.max()) + visit)
+
+    @cached_property
+    def attitude(self) -> IntArray:
+        """(n,) which attitude each row is, from 0; several pairs of head angles can lead to one attitude.
+
+        (a, R) and (180 - a, R + 180) are one attitude, +180 and -180 deg are one angle, and at a = +-90 deg roll
+        turns the package about gravity and changes nothing.
+        """
+        a, r = _wrap(self.pitch_deg), self.roll_deg
+        over = np.abs(a) > 90.0 + SAME_ANGLE_DEG
+        a, r = np.where(over, np.sign(a) * 180.0 - a, a), np.where(over, r + 180.0, r)
+        r = _wrap(np.where(np.abs(np.abs(a) - 90.0) <= SAME_ANGLE_DEG, 0.0, r))
+        pair = _settings(a) * (1 + len(self)) + _settings(r)
+        return _number(pair)
+
+    def take(self, rows: IntArray) -> AttitudeData:
+        """The observations at `rows` (indices or a mask), sides and blocks as they are in the whole."""
+        picked = {f.name: getattr(self, f.name)[rows] for f in fields(self) if f.name != "outputs"}
+        return AttitudeData(**picked, outputs={name: v[rows] for name, v in self.outputs.items()})
+
+    def _side_from_order(self, angle: FloatArray) -> IntArray:
+        executed = np.argsort(self.order)
+        moves = np.diff(angle[executed], prepend=angle[executed[0]])
+        moves = np.where(np.abs(moves) < SAME_ANGLE_DEG, 0.0, np.sign(moves))
+        last = np.maximum.accumulate(np.where(moves != 0, np.arange(len(self)), 0))
+        side = np.empty(len(self), np.int64)
+        side[executed] = moves[last].astype(np.int64)
+        return side
+
+
+def _finite(name: str, values: ArrayLike, count: int) -> FloatArray:
+    array = np.array(values, dtype=np.float64)
+    if array.shape != (count,):
+        raise ValueError(f"{name}: expected {count} values in one dimension, found shape {array.shape}")
+    bad = np.flatnonzero(~np.isfinite(array))
+    if bad.size:
+        raise ValueError(f"{name}: row {bad[0]} holds {array[bad[0]]}, not a finite number")
+    array.flags.writeable = False
+    return array
+
+
+def _whole(name: str, values: ArrayLike, count: int) -> IntArray:
+    array = _finite(name, values, count)
+    bad = np.flatnonzero(array != np.round(array))
+    if bad.size:
+        raise ValueError(f"{name}: row {bad[0]} holds {array[bad[0]]:g}, not a whole number")
+    whole = array.astype(np.int64)
+    whole.flags.writeable = False
+    return whole
+
+
+def _number(code: IntArray) -> IntArray:
+    """(n,) the same classes as `code`, numbered from 0."""
+    return np.asarray(np.unique(code, return_inverse=True)[1], np.int64)
+
+
+def _wrap(angle_deg: FloatArray) -> FloatArray:
+    """To [-180, 180), with what is within the tolerance of +180 deg joined to -180 deg."""
+    wrapped = np.mod(angle_deg + 180.0, 360.0) - 180.0
+    return np.where(wrapped > 180.0 - SAME_ANGLE_DEG, wrapped - 360.0, wrapped)
+
+
+def _settings(angle_deg: FloatArray) -> IntArray:
+    """(n,) settings of an axis, numbered from 0: sorted angles are split wherever they are further apart than noise."""
+    by_angle = np.argsort(angle_deg, kind="stable")
+    setting = np.empty(angle_deg.size, np.int64)
+    setting[by_angle] = np.cumsum(np.diff(angle_deg[by_angle], prepend=angle_deg[by_angle[0]]) > SAME_ANGLE_DEG)
+    return setting

@@ -1,0 +1,210 @@
+"""Analysis of variance of a replicated calibration: the columns of Table 2 of NASA/TP-1999-209835.
+
+With n replications of K points and L parameters (balanced; every count below is exact for missing points too):
+
+    point by replication, "pure error"      SS_pe   K (n - 1)
+    between points, lack of fit             SS_lof  K - L
+    replications' own parameters            SS_rep  (n - 1) L      part of SS_pe
+    pure error beyond them                  SS_pr   (n - 1)(K - L) the rest of SS_pe
+
+The paper's T_b and T_S have lack of fit in their denominator, so removing a real effect can raise them; the joint
+drift test is against SS_pr, which lack of fit does not enter.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitter.arrays import FloatArray, IntArray
+from fitter.linear import LinearFit, RankError, least_squares, orthonormal
+from fitter.quantiles import f_limit, f_tail
+
+NAN = float("nan")
+
+
+@dataclass(frozen=True)
+class FTest:
+    """A ratio of mean squares, its 95 % limit and the probability of exceeding it by chance.
+
+    NaN throughout where the data leave no degrees of freedom for the test.
+    """
+
+    value: float
+    df_above: int
+    df_below: int
+
+    @property
+    def limit_95(self) -> float:
+        """Value stayed below with 95 % probability when there is nothing to find."""
+        return f_limit(0.95, self.df_above, self.df_below)
+
+    @property
+    def p(self) -> float:
+        """Probability of a larger value when there is nothing to find."""
+        return f_tail(self.value, self.df_above, self.df_below) if np.isfinite(self.value) else NAN
+
+
+@dataclass(frozen=True)
+class Replication:
+    """Table 2 for one sensor; sigmas in volts.
+
+    Attributes:
+        sigma_E: standard error of the regression.
+        sigma_bias: its part from lack of fit; sigma_bias^2 + sigma_prec^2 = sigma_E^2.
+        sigma_prec: its part from scatter between replications at one point.
+        bias: T_bias and its limit, on (K - L, K (n - 1)) degrees of freedom.
+        sigma_b: variation of the offset between replications, scaled to sigma_w in the absence of drift.
+        sigma_S: the same for the sensitivity.
+        sigma_w: standard error of the fits to one replication each, pooled.
+        sigma_pr: point by replication, beyond each replication's own parameters.
+        drift_b: T_b and its limit, on (n - 1, n (K - L)) degrees of freedom.
+        drift_S: T_S and its limit.
+        drift: joint test of all parameters against sigma_pr.
+        n_replications: replications that could be fitted alone.
+        n_points: points of the design seen at least once.
+
+    """
+
+    sigma_E: float
+    sigma_bias: float
+    sigma_prec: float
+    bias: FTest
+    sigma_b: float
+    sigma_S: float
+    sigma_w: float
+    sigma_pr: float
+    drift_b: FTest
+    drift_S: FTest
+    drift: FTest
+    n_replications: int
+    n_points: int
+
+
+def analyse(
+    fit: LinearFit,
+    columns: FloatArray,
+    output: FloatArray,
+    point: IntArray,
+    replicate: IntArray,
+    extra: FloatArray | None = None,
+    by_hand: int = 0,
+) -> Replication:
+    """Table 2 for one output.
+
+    Args:
+        fit: of `output` on `columns`; offset first, sensitive axis in the remaining coefficients.
+        columns: (n, L) rows of the declared model.
+        output: (n,) volts, already free of the effects in `extra`.
+        point: (n,) point of the design, from 0.
+        replicate: (n,) replication, from 0.
+        extra: (n, q) columns of effects whose coefficients were fitted together with the model, if any.
+        by_hand: how many coefficients that fit beyond `columns`; they cost degrees of freedom.
+
+    """
+    n, k = columns.shape
+    extra = np.empty((n, 0)) if extra is None else extra
+    within_point = _within_points(extra, point)
+    pe = float(np.sum(_residual(centred(output[:, None], point), within_point) ** 2))
+    n_points = int(point.max()) + 1
+    df_pe = n - n_points - within_point.shape[1]
+    df_lof = n - k - by_hand - df_pe
+    lof = max(fit.rss - pe, 0.0)
+    sigma_E = float(np.sqrt(fit.rss / (n - k - by_hand))) if n > k + by_hand else NAN
+    split = pe / fit.rss if fit.rss > 0 else NAN
+    alone = _each_alone(columns, output, replicate, fit.names)
+    df_w, ss_w = sum(f.df for f in alone), sum(f.rss for f in alone)
+    offset, sensitivity = np.eye(k)[0], np.array([0.0, *fit.coefficients[1:]])
+    sigma_b, drift_b = _drift(alone, offset, ss_w, df_w)
+    sigma_S, drift_S = _drift(alone, sensitivity, ss_w, df_w)
+    sigma_pr, drift = _joint_drift(columns, output, point, replicate, extra)
+    return Replication(
+        sigma_E=sigma_E,
+        sigma_bias=sigma_E * float(np.sqrt(1.0 - min(split, 1.0))) if df_pe > 0 else NAN,
+        sigma_prec=sigma_E * float(np.sqrt(min(split, 1.0))) if df_pe > 0 else NAN,
+        bias=_ratio(lof, df_lof, pe, df_pe),
+        sigma_b=sigma_b,
+        sigma_S=sigma_S,
+        sigma_w=float(np.sqrt(ss_w / df_w)) if df_w > 0 else NAN,
+        sigma_pr=sigma_pr,
+        drift_b=drift_b,
+        drift_S=drift_S,
+        drift=drift,
+        n_replications=len(alone),
+        n_points=n_points,
+    )
+
+
+def centred(columns: FloatArray, group: IntArray) -> FloatArray:
+    """(n, q) `columns` less their mean over each group; `group` (n,) numbers from 0."""
+    size = np.bincount(group)
+    out = np.empty_like(columns)
+    for j in range(columns.shape[1]):
+        mean = np.bincount(group, columns[:, j]) / np.maximum(size, 1)
+        out[:, j] = columns[:, j] - mean[group]
+    return out
+
+
+def own_parameters(columns: FloatArray, replicate: IntArray) -> FloatArray:
+    """(n, n_rep L) the declared model's columns once for each replication, zero outside it."""
+    n, k = columns.shape
+    n_rep = int(replicate.max()) + 1
+    out = np.zeros((n, n_rep, k))
+    out[np.arange(n), replicate] = columns
+    return out.reshape(n, n_rep * k)
+
+
+def _within_points(columns: FloatArray, point: IntArray) -> FloatArray:
+    return orthonormal(centred(columns, point), np.linalg.norm(columns, axis=0))
+
+
+def _residual(columns: FloatArray, basis: FloatArray) -> FloatArray:
+    return np.asarray(columns - basis @ (basis.T @ columns))
+
+
+def _ratio(above: float, df_above: int, below: float, df_below: int) -> FTest:
+    if df_above <= 0 or df_below <= 0 or below <= 0:
+        return FTest(NAN, max(df_above, 0), max(df_below, 0))
+    return FTest(above / df_above / (below / df_below), df_above, df_below)
+
+
+def _each_alone(
+    columns: FloatArray, output: FloatArray, replicate: IntArray, names: tuple[str, ...]
+) -> list[LinearFit]:
+    """One fit a replication; replications with too few points for one (cut short) are left out."""
+    fits = []
+    for r in range(int(replicate.max()) + 1):
+        rows = replicate == r
+        try:
+            fits.append(least_squares(columns[rows], output[rows], names))
+        except RankError:
+            continue
+    return fits
+
+
+def _drift(alone: list[LinearFit], direction: FloatArray, ss_w: float, df_w: int) -> tuple[float, FTest]:
+    """Variation between replications of direction . coefficients: its sigma, scaled as sigma_w is, and its F test.
+
+    Replications weigh by how well each determines the value, which makes F exact for unequal ones too.
+    """
+    df_b = len(alone) - 1
+    if df_b <= 0 or not np.any(direction):
+        return NAN, FTest(NAN, max(df_b, 0), df_w)
+    direction = direction / np.linalg.norm(direction)
+    values = np.array([f.coefficients @ direction for f in alone])
+    weights = np.array([1.0 / np.sum((direction @ f.root) ** 2) for f in alone])
+    ss_b = float(np.sum(weights * (values - np.average(values, weights=weights)) ** 2))
+    return float(np.sqrt(ss_b / df_b)), _ratio(ss_b, df_b, ss_w, df_w)
+
+
+def _joint_drift(
+    columns: FloatArray, output: FloatArray, point: IntArray, replicate: IntArray, extra: FloatArray
+) -> tuple[float, FTest]:
+    y = centred(output[:, None], point)
+    before = _within_points(extra, point)
+    both = _within_points(np.column_stack([extra, own_parameters(columns, replicate)]), point)
+    ss_0, ss_1 = float(np.sum(_residual(y, before) ** 2)), float(np.sum(_residual(y, both) ** 2))
+    df_drift = both.shape[1] - before.shape[1]
+    df_pr = len(y) - int(point.max()) - 1 - both.shape[1]
+    return float(np.sqrt(ss_1 / df_pr)) if df_pr > 0 else NAN, _ratio(ss_0 - ss_1, df_drift, ss_1, df_pr)

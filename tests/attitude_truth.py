@@ -1,0 +1,185 @@
+"""A bench of its own for the fitter's tests: gravity, rotations and physical causes, none of the fitter's formulas.
+
+Follows appendix A of NASA/TP-1999-209835: a package is turned by pitch, then by roll; a sensor is turned in the
+package by its azimuth and coning angle and reads the component of gravity along its own axis.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fitter import AttitudeData
+
+GRAVITY = np.array([0.0, 0.0, -1.0])
+
+
+def turn_pitch(a):
+    """(n, 3, 3), eq. (110); radians."""
+    c, s, o, i = np.cos(a), np.sin(a), np.zeros_like(a), np.ones_like(a)
+    return np.stack([np.stack([c, o, -s], -1), np.stack([o, i, o], -1), np.stack([s, o, c], -1)], -2)
+
+
+def turn_roll(r):
+    """(n, 3, 3), eq. (111); radians."""
+    c, s, o, i = np.cos(r), np.sin(r), np.zeros_like(r), np.ones_like(r)
+    return np.stack([np.stack([i, o, o], -1), np.stack([o, c, s], -1), np.stack([o, -s, c], -1)], -2)
+
+
+def turn_yaw(y):
+    """(n, 3, 3), eq. (112); radians."""
+    c, s, o, i = np.cos(y), np.sin(y), np.zeros_like(y), np.ones_like(y)
+    return np.stack([np.stack([c, s, o], -1), np.stack([-s, c, o], -1), np.stack([o, o, i], -1)], -2)
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """True sensor; the sign of a temperature coefficient or drift is the sign it has in the output."""
+
+    axis: str
+    b: float = 0.002
+    S: float = 5.0
+    Omega_deg: float = 0.6
+    A_deg: float = 70.0
+    b_per_degC: float = 0.0
+    S_per_degC: float = 0.0
+    b_per_h: float = 0.0
+    S_per_h: float = 0.0
+    quadratic: float = 0.0
+    cubic: float = 0.0
+    cross: float = 0.0
+    b_step: float = 0.0
+
+    def gravity_along(self, g):
+        """(n,) component along the sensitive axis, in g; eqs. (114) to (116)."""
+        A, Om = np.radians(np.array([self.A_deg])), np.radians(np.array([self.Omega_deg]))
+        if self.axis == "x":
+            turned = turn_yaw(Om) @ turn_roll(A)
+        elif self.axis == "y":
+            turned = turn_roll(Om) @ turn_pitch(A)
+        else:
+            turned = turn_pitch(Om) @ turn_yaw(A)
+        return g @ turned[0]["xyz".index(self.axis)]
+
+
+@dataclass(frozen=True)
+class Bench:
+    """What is true of head, package and room."""
+
+    sensors: tuple[Sensor, ...] = (Sensor("x"), Sensor("y", b=-0.003, S=5.1), Sensor("z", b=0.001, S=4.9))
+    sigma_deg: float = 1.5e-4
+    offset_sd: float = 0.0
+    """Of each replication's own offset, in units of the reading's standard deviation."""
+    offset_walk: bool = False
+    compliance: Mapping[tuple[str, str], float] = field(default_factory=dict)
+    """Degrees the package turns about an axis for 1 g along another: {("y", "x"): 4e-4}."""
+    pitch_backlash_deg: float = 0.0
+    roll_backlash_deg: float = 0.0
+    pitch_error_deg: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    """Of the head's own scale: sin, cos once per turn, sin, cos twice per turn."""
+    roll_error_deg: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    degC_daily: float = 0.5
+    degC_phase: float = 0.9
+    hours: float = 28.0
+
+    def temperature(self, hours):
+        return 23.0 + self.degC_daily * np.sin(2 * np.pi * hours / 24.0 + self.degC_phase)
+
+    def outputs(self, pitch_deg, roll_deg, temperature, hours, pitch_side, roll_side, block):
+        """Noise-free outputs in volts, by column name."""
+        a = _head(pitch_deg, self.pitch_error_deg) + np.radians(self.pitch_backlash_deg) * pitch_side / 2
+        r = _head(roll_deg, self.roll_error_deg) + np.radians(self.roll_backlash_deg) * roll_side / 2
+        g = np.einsum("nij,njk,k->ni", turn_roll(r), turn_pitch(a), GRAVITY)
+        rotation = np.zeros_like(g)
+        for (about, along), degrees in self.compliance.items():
+            rotation["xyz".index(about) == np.arange(3)[None, :].repeat(len(g), 0)] += (
+                np.radians(degrees) * g[:, "xyz".index(along)]
+            )
+        g = g - np.cross(rotation, g)
+        out = {}
+        for s in self.sensors:
+            u = s.gravity_along(g)
+            i = "xyz".index(s.axis)
+            dt = temperature - 23.0
+            gain = s.S * (1 + s.S_per_degC * dt + s.S_per_h * (hours - 14.0))
+            out[f"{s.axis}_V"] = (
+                s.b
+                + s.b_per_degC * dt
+                + s.b_per_h * (hours - 14.0)
+                + s.b_step * (block > 0)
+                + gain * (u + s.quadratic * u**2 + s.cubic * u**3 + s.cross * g[:, (i + 1) % 3] * g[:, (i + 2) % 3])
+            )
+        return out
+
+
+def _head(angle_deg, error_deg):
+    t = np.radians(angle_deg)
+    s1, c1, s2, c2 = error_deg
+    return t + np.radians(s1 * np.sin(t) + c1 * np.cos(t) + s2 * np.sin(2 * t) + c2 * np.cos(2 * t))
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Grid, replications, and the order they are run in: "abba", "same" or "random"."""
+
+    pitch_deg: np.ndarray
+    roll_deg: np.ndarray
+    replications: int = 6
+    order: str = "abba"
+    up_and_down: bool = False
+
+
+def D1(pitch_max, pitch_count, roll_count=13, **kw):
+    return Plan(np.linspace(-pitch_max, pitch_max, pitch_count), np.linspace(-180, 180, roll_count), **kw)
+
+
+def rows_of(plan, rng):
+    """pitch, roll, pitch side, roll side, replicate, in executed order."""
+    rows = []
+    for rep in range(plan.replications):
+        path = []
+        for i, p in enumerate(plan.pitch_deg):
+            rolls = plan.roll_deg if i % 2 == 0 else plan.roll_deg[::-1]
+            path += [(p, r, 1, 1 if i % 2 == 0 else -1) for r in rolls]
+        if plan.up_and_down:
+            path += [(p, r, -ps, -rs) for p, r, ps, rs in reversed(path)]
+        if plan.order == "abba" and rep % 4 in (1, 2):
+            path = [(p, r, -ps, -rs) for p, r, ps, rs in reversed(path)]
+        if plan.order == "random":
+            path = [(p, r, *rng.choice([-1, 1], 2)) for p, r, _, _ in (path[k] for k in rng.permutation(len(path)))]
+        rows += [(*row, rep + 1) for row in path]
+    return np.array(rows, float).T
+
+
+def simulate(bench, plan, seed, *, break_at=None, drop=0.0):
+    """(data, noise-free outputs) of one run; `break_at` starts a second block at that fraction of the run."""
+    rng = np.random.default_rng(seed)
+    pitch, roll, pitch_side, roll_side, replicate = rows_of(plan, rng)
+    n = pitch.size
+    hours = np.linspace(0, bench.hours, n)
+    block = np.zeros(n, int) if break_at is None else (np.arange(n) >= break_at * n).astype(int)
+    temperature = bench.temperature(hours)
+    truth = bench.outputs(pitch, roll, temperature, hours, pitch_side, roll_side, block)
+    noisy = {}
+    for s in bench.sensors:
+        sigma = np.radians(bench.sigma_deg) * s.S
+        offsets = rng.normal(0, bench.offset_sd * sigma, plan.replications)
+        if bench.offset_walk:
+            offsets = np.cumsum(offsets)
+        noisy[f"{s.axis}_V"] = truth[f"{s.axis}_V"] + rng.normal(0, sigma, n) + offsets[replicate.astype(int) - 1]
+    keep = rng.random(n) >= drop
+    data = AttitudeData(
+        replicate=replicate,
+        order=np.arange(n),
+        elapsed_s=hours * 3600.0,
+        pitch_deg=pitch,
+        roll_deg=roll,
+        sensor_temperature_degC=temperature,
+        outputs=noisy,
+        pitch_side=pitch_side,
+        roll_side=roll_side,
+        block=block,
+    )
+    return data.take(np.flatnonzero(keep)), {name: v[keep] for name, v in truth.items()}

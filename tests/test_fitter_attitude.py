@@ -1,0 +1,235 @@
+"""The attitude models against rotations (appendix A) and against the figures of NASA/TP-1999-209835."""
+
+import numpy as np
+import pytest
+from attitude_truth import D1, Bench, Sensor, simulate
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fitter import AttitudeData, RankError, attitude_columns, fit_attitude, least_squares, variance_function
+from fitter.attitude import (
+    COLUMNS,
+    COLUMNS_NO_ROLL,
+    attitude_parameters,
+    linear_coefficients,
+    no_roll_parameters,
+    nominal_axis,
+    sigma_deg,
+)
+
+angles = st.floats(-180, 180)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    axis=st.sampled_from("xyz"),
+    b=st.floats(-1, 1),
+    S=st.floats(0.1, 10),
+    Omega=st.floats(0, 179),
+    A=angles,
+    pitch=angles,
+    roll=angles,
+)
+def test_linear_model_is_the_rotated_sensor(axis, b, S, Omega, A, pitch, roll):
+    truth = Bench(sensors=(Sensor(axis, b, S, Omega, A),))
+    one = np.array([pitch]), np.array([roll])
+    volts = truth.outputs(*one, np.array([23.0]), np.array([14.0]), np.zeros(1), np.zeros(1), np.zeros(1))
+    c = linear_coefficients("xyz".index(axis), b, S, Omega, A)
+    assert (attitude_columns(*one) @ c)[0] == pytest.approx(volts[f"{axis}_V"][0], abs=1e-12)
+
+
+@settings(max_examples=60, deadline=None)
+@given(axis=st.integers(0, 2), S=st.floats(0.1, 10), Omega=st.floats(1e-3, 179), A=st.floats(-179.9, 180))
+def test_parameters_and_back_and_their_covariance(axis, S, Omega, A):
+    values = np.array([0.3, S, Omega, A])
+    c = linear_coefficients(axis, *values)
+    root = np.random.default_rng(1).normal(size=(4, 4)) * 1e-6
+    p = attitude_parameters(axis, c, root @ root.T)
+    np.testing.assert_allclose([p.b_V, p.S_V, p.Omega_deg, p.A_deg], values, rtol=1e-9, atol=1e-9)
+    # the forward map differentiated numerically must carry the parameters' covariance back to the coefficients'
+    step = np.array([1e-3, S * 1e-5, min(Omega, 1.0) * 1e-3, 1e-2])
+    forward = np.column_stack(
+        [
+            (linear_coefficients(axis, *(values + h)) - linear_coefficients(axis, *(values - h))) / (2 * h.sum())
+            for h in np.diag(step)
+        ]
+    )
+    back = forward @ p.covariance @ forward.T
+    np.testing.assert_allclose(back, root @ root.T, rtol=1e-4, atol=1e-6 * np.abs(root @ root.T).max())
+
+
+def test_without_coning_azimuth_is_undefined_and_nothing_else():
+    p = attitude_parameters(0, linear_coefficients(0, 0.0, 5.0, 0.0, 45.0), np.diag([1.0, 4.0, 9.0, 9.0]) * 1e-12)
+    assert p.Omega_deg == 0
+    assert np.isnan(p.A_deg)
+    assert np.isnan(p.stderr[3])
+    np.testing.assert_allclose(p.stderr[:3], [1e-6, 2e-6, np.degrees(3e-6 / 5.0)])
+
+
+def test_sensor_without_roll_is_eq_1():
+    pitch = np.linspace(-36, 36, 37)
+    phi = np.radians(0.4)
+    volts = 0.01 + 5.0 * np.sin(np.radians(pitch) - phi)
+    fit = least_squares(attitude_columns(pitch, 0 * pitch, roll=False), volts, COLUMNS_NO_ROLL)
+    p = no_roll_parameters(fit.coefficients, np.eye(3))
+    np.testing.assert_allclose([p.b_V, p.S_V, p.phi_deg], [0.01, 5.0, 0.4], rtol=1e-9)
+    d = p.covariance[2, 2]
+    assert d == pytest.approx(np.degrees(1 / 5.0) ** 2)
+
+
+def test_axis_by_name_or_by_what_the_sensor_feels():
+    backwards = linear_coefficients(2, 0.0, 5.0, 178.0, 10.0)
+    assert nominal_axis("x_V", backwards) == 0
+    assert nominal_axis("unit_7_V", backwards) == 2
+
+
+@pytest.mark.parametrize("axis", "xyz")
+def test_a_whole_calibration_finds_the_truth(axis):
+    truth = Sensor(axis, b=-0.004, S=4.7, Omega_deg=1.3, A_deg=-130.0)
+    data, clean = simulate(Bench(sensors=(truth,)), D1(90, 19), seed=4)
+    fit = fit_attitude(data, f"{axis}_V")
+    p = fit.parameters
+    pull = (np.array([p.b_V, p.S_V, p.Omega_deg, p.A_deg]) - [-0.004, 4.7, 1.3, -130.0]) / p.stderr
+    assert np.all(np.abs(pull) < 4)
+    assert fit.model == f"attitude-{axis}"
+    assert sigma_deg(fit.linear.sigma, p.S_V) == pytest.approx(1.5e-4, rel=0.05)
+    error = fit.predict(data.pitch_deg, data.roll_deg) - clean[f"{axis}_V"]
+    half = fit.linear.confidence(fit.columns(data.pitch_deg, data.roll_deg), level=0.9999)
+    assert np.mean(np.abs(error) < half) > 0.95
+
+
+ROLL_64 = np.arange(64) * 360 / 64 - 180
+
+
+@pytest.mark.parametrize(
+    ("calibrated", "used", "figure"),
+    [
+        (30, 30, 1.989),
+        (45, 45, 1.993),
+        (45, 30, 1.927),
+        (90, 90, 2.008),
+        (90, 30, 2.222),
+        (180, 180, 1.993),
+        (180, 30, 2.174),
+    ],
+)
+def test_table_1(calibrated, used, figure):
+    pitch, roll = np.meshgrid(np.linspace(-calibrated, calibrated, 33), ROLL_64)
+    design = attitude_columns(pitch.ravel(), roll.ravel())
+    at = np.linspace(-used, used, 2001)
+    mean = variance_function(design, attitude_columns(at, np.full_like(at, 12.0))).mean()
+    assert np.sqrt(len(design) * mean) == pytest.approx(figure, abs=6e-4)
+
+
+def test_tumble_designs():
+    at = attitude_columns(*np.random.default_rng(0).uniform(-180, 180, (2, 50)))
+    six = attitude_columns(np.array([-90.0, 0, 90, 180, 0, 0]), np.array([0.0, 0, 0, 0, 90, -90]))
+    np.testing.assert_allclose(variance_function(six, at), 2 / 3)  # eq. (69)
+    pitch = np.array([-90.0, 0, 90, 180])
+    four = attitude_columns(pitch, 0 * pitch, roll=False)
+    line = np.linspace(-180, 180, 50)
+    np.testing.assert_allclose(variance_function(four, attitude_columns(line, line, roll=False)), 3 / 4)  # eq. (71)
+
+
+def test_variance_of_design_D1():
+    n, m = 33, 64
+    pitch, roll = np.meshgrid(np.linspace(-30, 30, n), ROLL_64)
+    at = np.linspace(-60, 60, 41)
+    c2 = np.cos(2 * np.radians(np.linspace(-30, 30, n))).sum()
+    cos = np.cos(np.radians(at)) ** 2
+    eq_66 = 1 / (m * n) + 2 * (n + c2 + (n - 3 * c2) * cos) / (m * (n**2 - c2**2))
+    h = attitude_columns(pitch.ravel(), roll.ravel())
+    for level in (0.0, 77.0):  # Theorem IV: independent of roll
+        np.testing.assert_allclose(variance_function(h, attitude_columns(at, np.full_like(at, level))), eq_66)
+    # eq. (67) with the errata: C_a wherever cos a stands beside it
+    c1 = np.cos(np.radians(np.linspace(-30, 30, n))).sum()
+    ca, sa = np.cos(np.radians(at)), np.sin(np.radians(at))
+    eq_67 = ((n + c2) / 2 - 2 * c1 * ca + n * ca**2) / (n * (n + c2) / 2 - c1**2) + 2 * sa**2 / (n - c2)
+    line = np.linspace(-30, 30, n)
+    h = attitude_columns(line, 0 * line, roll=False)
+    np.testing.assert_allclose(variance_function(h, attitude_columns(at, 0 * at, roll=False)), eq_67)
+    assert eq_67[20] == pytest.approx(0.06876, abs=5e-6)
+
+
+def test_variance_is_the_same_for_all_sensors():
+    """Theorems I to III: whichever sensor, and however mounted, the normalised output variance is the same."""
+    data, _ = simulate(Bench(), D1(45, 9), seed=0)
+    at = attitude_columns(np.array([5.0, 80.0]), np.array([30.0, -60.0]))
+    per_sensor = [fit_attitude(data, s).linear.variance_function(at) for s in data.sensors]
+    np.testing.assert_allclose(per_sensor[1:], [per_sensor[0]] * 2)
+
+
+def rows(**changes):
+    n = 12
+    base = {
+        "replicate": np.repeat([1, 2], n // 2),
+        "order": np.arange(n),
+        "elapsed_s": np.arange(n) * 30.0,
+        "pitch_deg": np.tile([-30.0, 0, 30, 30, 0, -30], 2),
+        "roll_deg": np.zeros(n),
+        "sensor_temperature_degC": np.full(n, 23.0),
+        "outputs": {"x_V": np.sin(np.arange(n))},
+    }
+    return base | changes
+
+
+def test_points_attitudes_and_sides():
+    data = AttitudeData(**rows())
+    assert not data.has_roll
+    assert data.point.max() + 1 == 6  # up and back: each visit its own point
+    np.testing.assert_array_equal(data.point[:6], data.point[6:])
+    np.testing.assert_array_equal(data.pitch_side, [0, 1, 1, 1, -1, -1, -1, 1, 1, 1, -1, -1])
+    night, _ = simulate(Bench(), D1(180, 37), seed=0)
+    assert (night.point.max() + 1, night.attitude.max() + 1) == (481, 206)
+    noise = np.random.default_rng(0).normal(0, 1e-4, (2, len(night)))
+    fields = {name: getattr(night, name) for name in ("replicate", "order", "elapsed_s", "sensor_temperature_degC")}
+    read_back = AttitudeData(
+        **fields, pitch_deg=night.pitch_deg + noise[0], roll_deg=night.roll_deg + noise[1], outputs=night.outputs
+    )
+    np.testing.assert_array_equal(read_back.point, night.point)
+    assert read_back.attitude.max() + 1 == 206
+
+
+def test_sides_do_not_depend_on_the_order_of_rows():
+    data, _ = simulate(Bench(), D1(90, 7), seed=0)
+    shuffled = data.take(np.random.default_rng(0).permutation(len(data)))
+    bare = AttitudeData(
+        **{name: getattr(shuffled, name) for name in rows() if name not in ("outputs",)}, outputs=shuffled.outputs
+    )
+    known = bare.roll_side != 0
+    np.testing.assert_array_equal(bare.roll_side[known & (bare.roll_deg % 180 != 0)] != 0, True)
+    order = np.argsort(bare.order)
+    np.testing.assert_array_equal(bare.point[order], data.point[np.argsort(data.order)])
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"pitch_deg": np.zeros(5)}, "pitch_deg: expected 12 values"),
+        ({"elapsed_s": np.full(12, np.nan)}, "elapsed_s: row 0 holds nan"),
+        ({"outputs": {"x_V": np.r_[np.zeros(11), np.inf]}}, "x_V: row 11 holds inf"),
+        ({"outputs": {}}, "no sensor output"),
+        ({"order": np.zeros(12)}, "same executed position"),
+        ({"replicate": np.full(12, 1.5)}, "replicate: row 0 holds 1.5, not a whole number"),
+        ({"order": np.zeros(0)}, "no observations"),
+    ],
+)
+def test_what_cannot_be_fitted_is_refused(changes, message):
+    with pytest.raises(ValueError, match=message):
+        AttitudeData(**rows(**changes))
+
+
+def test_a_design_that_does_not_determine_the_model():
+    data = AttitudeData(**rows(pitch_deg=np.zeros(12), roll_deg=np.tile([0.0, 90, 180], 4)))
+    with pytest.raises(RankError, match=r"sin\(pitch\)"):
+        fit_attitude(data, "x_V")
+
+
+def test_json_has_no_nan():
+    data = AttitudeData(**rows())
+    found = fit_attitude(data, "x_V").to_dict()
+    assert found["model"] == "attitude-no-roll"
+    assert found["points"] == 12
+    assert all(value == value for value in found.values())  # noqa: PLR0124 - NaN is what differs from itself
+    assert set(found["coefficients"]) == set(COLUMNS_NO_ROLL)
+    assert len(COLUMNS) == 4
