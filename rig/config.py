@@ -10,7 +10,7 @@ import tomllib
 from collections.abc import Mapping
 from datetime import date
 from pathlib import Path
-from typing import Any, Literal, Self, TypeVar
+from typing import Any, Literal, Self, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
@@ -152,17 +152,18 @@ def explain(error: ValidationError, where: str, model: type[BaseModel]) -> str:
 
 
 def _hint(model: type[BaseModel], place: tuple[int | str, ...]) -> str:
-    """The nearest known names to an unknown one."""
-    inner: object = model
-    for part in place[:-1]:
-        if not (isinstance(inner, type) and issubclass(inner, BaseModel)):
-            return ""
-        field = inner.model_fields.get(str(part))
+    """The nearest known names to an unknown one, at a place inside nested tables."""
+    inner: type[BaseModel] | None = model
+    parts = iter(place[:-1])
+    for part in parts:
+        field = inner.model_fields.get(str(part)) if inner else None
         if field is None:
             return ""
-        candidates = (field.annotation, *getattr(field.annotation, "__args__", ()))
-        inner = next((c for c in candidates if isinstance(c, type) and issubclass(c, BaseModel)), None)
-    if not (isinstance(inner, type) and issubclass(inner, BaseModel)):
+        kinds = (field.annotation, *get_args(field.annotation))
+        inner = next((k for k in kinds if isinstance(k, type) and issubclass(k, BaseModel)), None)
+        if get_origin(field.annotation) is dict:
+            next(parts, None)  # the name a user gave to the table
+    if inner is None:
         return ""
     names = list(inner.model_fields)
     near = difflib.get_close_matches(str(place[-1]), names, n=1)

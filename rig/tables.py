@@ -137,9 +137,7 @@ def attitude_data(table: Table) -> AttitudeData:
             roll_deg=table.columns["roll_deg"],
             sensor_temperature_degC=table.columns["sensor_temperature_degC"],
             outputs=outputs,
-            pitch_side=integers.get("pitch_side"),
-            roll_side=integers.get("roll_side"),
-            block=integers.get("block"),
+            **{name: integers[name] for name in _OPTIONAL if name in integers},
         )
     except ValueError as error:
         raise UsageError(f"{table.source}: {error}") from error

@@ -7,6 +7,7 @@ of which nothing has been observed yet.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -105,7 +106,8 @@ class Sequencer:
         self._put_off = set(state.put_off)
         self._at: _AtPoint | None = None
         self._message = ""
-        self._pace: list[float] = []
+        self._pace: deque[float] = deque(maxlen=200)
+        self._point_s: float | None = None
         self._outcome: Outcome | None = None
         self._needs_set_up = True
         self._machine = Machine(
@@ -217,9 +219,7 @@ class Sequencer:
 
     def _progress(self) -> Progress:
         fold = self._fold
-        remaining = None
-        if self._pace:
-            remaining = fold.remaining * sum(self._pace) / len(self._pace)
+        remaining = None if self._point_s is None else fold.remaining * self._point_s
         done = len(fold.accepted) + len(fold.skipped)
         return Progress(str(self.state), done, fold.points, self._elapsed(), remaining, self._message)
 
@@ -411,7 +411,8 @@ class Sequencer:
         if at.rejected:
             body["rejected"] = at.rejected
         self._write(self._record("observation", body, status="accepted", at_point=True))
-        self._pace = [*self._pace[-199:], self._elapsed() - self._started_s]
+        self._pace.append(self._elapsed() - self._started_s)
+        self._point_s = sum(self._pace) / len(self._pace)
         if not self._choose():
             return "park"
         band = self._procedure.settle.band_deg

@@ -1,0 +1,146 @@
+"""Our own time per point, with a durable commit, beside bluesky's RunEngine, which stores nothing.
+
+Both run 2,886 points on instruments that answer at once, in the same process, in turn. Also: what the file system
+asks for one fdatasync of a record's size, and how many syncs a commit really makes (counted by strace where it is
+installed, otherwise through a recording VFS).
+
+    .venv/bin/python benchmarks/bench_engine.py
+"""
+
+from __future__ import annotations
+
+import os
+import statistics
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import apsw
+
+sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
+
+import ideal_bench
+
+from procedures import PitchRollProcedure
+from rig.engine.chain import Record, encode
+from rig.engine.run_file import RunWriter
+
+POINTS = 2886
+ROUNDS = 5
+
+
+def procedure() -> PitchRollProcedure:
+    return PitchRollProcedure.model_validate(
+        {
+            "kind": "pitch-roll",
+            "name": "night",
+            "design": {"type": "D1", "pitch_max_deg": 90, "pitch_count": 37, "roll_count": 13},
+            "settle": {"dwell_s": 1.0},
+        }
+    )
+
+
+def ours(folder: Path) -> float:
+    """Seconds a point, ideal instruments' arithmetic included."""
+    path = ideal_bench.new_run(folder, procedure())
+    began = time.perf_counter()
+    ideal_bench.run_session(path, procedure=procedure())
+    seconds = time.perf_counter() - began
+    path.unlink()
+    return seconds / POINTS
+
+
+def bluesky() -> float:
+    """Seconds a point of a two-motor, one-detector scan that nobody listens to."""
+    from bluesky import RunEngine
+    from bluesky.plan_stubs import close_run, mv, open_run, trigger_and_read
+    from ophyd.sim import SynAxis, det
+
+    engine = RunEngine({})
+    pitch, roll = SynAxis(name="pitch"), SynAxis(name="roll")
+
+    def scan():
+        yield from open_run()
+        for i in range(POINTS):
+            yield from mv(pitch, i % 37, roll, i % 13)
+            yield from trigger_and_read([det, pitch, roll])
+        yield from close_run()
+
+    began = time.perf_counter()
+    engine(scan())
+    return (time.perf_counter() - began) / POINTS
+
+
+def bare_sync(folder: Path, size: int = 2000, count: int = 500) -> float:
+    """Median seconds of appending and syncing `size` bytes."""
+    file = os.open(folder / "bare", os.O_CREAT | os.O_RDWR)
+    times = []
+    for _ in range(count):
+        os.write(file, b"x" * size)
+        began = time.perf_counter()
+        os.fdatasync(file)
+        times.append(time.perf_counter() - began)
+    os.close(file)
+    return statistics.median(times)
+
+
+class CountingFile(apsw.VFSFile):
+    """Counts syncs of one file."""
+
+    def __init__(self, name, flags, counts):
+        super().__init__("", name, flags)
+        text = name if isinstance(name, str) else name.filename()
+        self.counts, self.key = counts, "log" if text.endswith("-wal") else "main"
+
+    def xSync(self, flags):  # noqa: N802 - apsw's name
+        self.counts[self.key] = self.counts.get(self.key, 0) + 1
+        super().xSync(flags)
+
+
+class CountingVFS(apsw.VFS):
+    """Counts syncs of all files."""
+
+    def __init__(self):
+        self.counts: dict[str, int] = {}
+        super().__init__("counting", "")
+
+    def xOpen(self, name, flags):  # noqa: N802 - apsw's name
+        return CountingFile(name, flags, self.counts)
+
+
+def syncs(folder: Path) -> dict[str, float]:
+    """Syncs a commit, of the log and of the main file (checkpoints)."""
+    path = ideal_bench.new_run(folder, procedure())
+    vfs = CountingVFS()
+    with RunWriter.open(path, vfs="counting") as run:
+        vfs.counts.clear()
+        for i in range(1000):
+            body = encode({"outputs": {"x_V": {"readings": [0.1 * i] * 120}}})
+            run.append(Record(1, "observation", i, i, i, None, 1, "accepted", body))
+    counts = dict(vfs.counts)
+    path.unlink()
+    return {key: value / 1000 for key, value in counts.items()}
+
+
+def main() -> None:
+    with tempfile.TemporaryDirectory(dir=Path.cwd()) as name:
+        folder = Path(name)
+        ours(folder)
+        mine = [ours(folder) for _ in range(ROUNDS)]
+        bare = bare_sync(folder)
+        print(f"ours, one durable commit a point: {statistics.median(mine) * 1e6:7.0f} us a point")
+        print(f"bare fdatasync of 2 kB:           {bare * 1e6:7.0f} us")
+        for key, value in syncs(folder).items():
+            print(f"syncs of the {key} file a commit:   {value:7.3f}")
+    try:
+        theirs = [bluesky() for _ in range(ROUNDS)]
+    except ImportError as missing:
+        print(f"bluesky is not installed ({missing}): pip install -e '.[bench]'")
+        return
+    ratio = statistics.median(theirs) / statistics.median(mine)
+    print(f"bluesky RunEngine, nothing stored:{statistics.median(theirs) * 1e6:7.0f} us a point, {ratio:.1f} times ours")
+
+
+if __name__ == "__main__":
+    main()

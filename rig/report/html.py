@@ -1,0 +1,125 @@
+"""Fill the report's template."""
+
+from __future__ import annotations
+
+import os
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import jinja2
+import numpy as np
+
+from rig.errors import UsageError
+from rig.report.plots import Picture, residual_map, residuals_against
+from rig.report.story import story
+from rig.tables import Table
+
+if TYPE_CHECKING:
+    from rig.closed_loop import Traced
+
+_ROWS = (
+    ("sigma_E_deg", "sigma_E / 1e-4 deg", 1e4, "standard error of one observation"),
+    ("sigma_bias_deg", "sigma_bias / 1e-4 deg", 1e4, "its part from lack of fit"),
+    ("sigma_prec_deg", "sigma_prec / 1e-4 deg", 1e4, "its part from scatter between replications"),
+    ("T_bias", "T_bias", 1.0, "lack of fit against scatter"),
+    ("F_bias_95", "its 95 % limit", 1.0, ""),
+    ("T_b", "T_b", 1.0, "offset between replications"),
+    ("T_S", "T_S", 1.0, "sensitivity between replications"),
+    ("F_bS_95", "their 95 % limit", 1.0, ""),
+    ("cv_rms_deg", "left-out error / 1e-4 deg", 1e4, "rms error at replications the fit has not seen"),
+)
+
+
+@cache
+def _template() -> jinja2.Template:
+    text = files("rig.report").joinpath("report.html.j2").read_text(encoding="utf-8")
+    return jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined).from_string(text)
+
+
+def write_report(path: Path, table: Table, traced: Traced) -> None:
+    """Write a self-contained HTML report, whole or not at all. Raises `UsageError` if the disk refuses."""
+    text = render(table, traced)
+    temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")
+    try:
+        temporary.write_text(text, encoding="utf-8")
+        os.replace(temporary, path)
+    except OSError as error:
+        temporary.unlink(missing_ok=True)
+        raise UsageError(f"{path} cannot be written: {error.strerror}; nothing is left behind") from error
+
+
+def render(table: Table, traced: Traced) -> str:
+    """The report as HTML; everything that came from a file is escaped."""
+    provenance = dict(table.provenance)
+    software = provenance.pop("software", {})
+    provenance |= {f"software: {name}": version for name, version in software.items()}
+    hours = float(np.ptp(table.columns["elapsed_s"])) / 3600.0
+    return _template().render(
+        title=provenance.get("procedure", Path(table.source).name),
+        simulated=table.simulated,
+        points=len(table),
+        span=f"{hours:.1f} h",
+        sensors=[_sensor(name, traced) for name in traced.sensors],
+        provenance=list(provenance.items()),
+        story=story(Path(table.source)) if "run_id" in provenance else [],
+    )
+
+
+def _sensor(name: str, traced: Traced) -> dict[str, Any]:
+    result = traced.sensors[name]
+    before, after = result["before"], result["after"]
+    return {
+        "name": name,
+        "declared": result["declared"],
+        "verdict": result["verdict"],
+        "sentence": traced.sentences[name],
+        "rows": [
+            {
+                "label": label,
+                "before": _number(before[key], scale),
+                "after": _number(after[key], scale),
+                "meaning": what,
+            }
+            for key, label, scale, what in _ROWS
+        ],
+        "effects": [_effect(effect, traced.causes) for effect in result["effects"]],
+        "plots": _plots(name, traced.pictures[name]),
+    }
+
+
+def _effect(effect: dict[str, Any], causes: dict[str, str]) -> dict[str, Any]:
+    terms = effect["term"].split(" + ")
+    return {
+        **effect,
+        "cause": causes.get(effect["effect"], ""),
+        "share": None if effect["share"] is None else f"{effect['share']:.0%}",
+        "p": None if effect["p_adjusted"] is None else f"{effect['p_adjusted']:.2g}",
+        "aliases": ", ".join(effect["aliases"]),
+        "terms": [
+            {"term": term, "value": f"{value:.4g}", "stderr": f"{error:.2g}", "unit": effect["unit"]}
+            for term, value, error in zip(terms, effect["coefficients"], effect["stderr"], strict=False)
+        ],
+    }
+
+
+def _plots(name: str, picture: Picture) -> list[dict[str, str]]:
+    over = [
+        (picture.pitch_deg, "pitch / deg"),
+        (picture.roll_deg, "roll / deg"),
+        (picture.elapsed_h, "bench time / h"),
+        (picture.temperature_degC, "sensor temperature / degC"),
+    ]
+    plots = [
+        {"alt": f"{name}: residuals over {label}, before and after", "png": residuals_against(picture, x, label)}
+        for x, label in over
+        if np.ptp(x) > 0
+    ]
+    if np.ptp(picture.roll_deg) > 0:
+        plots.append({"alt": f"{name}: mean residual over pitch and roll", "png": residual_map(picture)})
+    return plots
+
+
+def _number(value: float | None, scale: float) -> str:
+    return "-" if value is None else f"{value * scale:.3g}"

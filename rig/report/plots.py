@@ -1,0 +1,113 @@
+"""Residual plots as embedded PNG: before beside after, on one scale."""
+
+from __future__ import annotations
+
+import base64
+import io
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+Array = np.ndarray[Any, np.dtype[np.float64]]
+
+_SCALE = 1e4
+_UNIT = "1e-4 deg"
+_MARKS = "osD^v<>ph*"
+
+
+@dataclass(frozen=True)
+class Picture:
+    """What is plotted of one sensor.
+
+    Attributes:
+        pitch_deg: (n,) setpoints.
+        roll_deg: (n,) setpoints.
+        elapsed_h: (n,) hours since the start of the run.
+        temperature_degC: (n,) at the sensor.
+        replicate: (n,) which pass over the design.
+        before_deg: (n,) residual of the declared model.
+        after_deg: (n,) residual with the effects that were found.
+        interval_deg: half-width of the 95 % prediction interval before and after, one number each.
+
+    """
+
+    pitch_deg: Array
+    roll_deg: Array
+    elapsed_h: Array
+    temperature_degC: Array
+    replicate: np.ndarray[Any, np.dtype[np.int64]]
+    before_deg: Array
+    after_deg: Array
+    interval_deg: tuple[float, float]
+
+
+def residuals_against(picture: Picture, x: Array, label: str) -> str:
+    """Residuals before and after over one variable, a colour for each replication; base64 PNG."""
+    figure = Figure(figsize=(9.6, 3.2), dpi=110, layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(1, 2, sharex=True, sharey=True)
+    for axis, residual, half, title in (
+        (axes[0], picture.before_deg, picture.interval_deg[0], "before: declared model"),
+        (axes[1], picture.after_deg, picture.interval_deg[1], "after: with the effects found"),
+    ):
+        _by_replication(axis, x, residual, picture.replicate)
+        for side in (-half, half):
+            axis.axhline(side * _SCALE, color="0.35", linewidth=0.9, linestyle="-.")
+        axis.set_title(title, fontsize=9)
+        axis.set_xlabel(label, fontsize=9)
+    axes[0].set_ylabel(f"residual / {_UNIT}", fontsize=9)
+    bound = 1.15 * _SCALE * float(np.percentile(np.abs(picture.before_deg), 99.8))
+    axes[0].set_ylim(-bound, bound)
+    return _png(figure)
+
+
+def _by_replication(axis: Axes, x: Array, residual: Array, replicate: np.ndarray[Any, np.dtype[np.int64]]) -> None:
+    for i, r in enumerate(np.unique(replicate)):
+        rows = replicate == r
+        axis.plot(
+            x[rows],
+            residual[rows] * _SCALE,
+            _MARKS[i % len(_MARKS)],
+            markersize=2.2,
+            alpha=0.55,
+            label=f"replication {r}",
+        )
+    axis.grid(color="0.9", linewidth=0.6)
+    axis.tick_params(labelsize=8)
+    axis.axhline(0, color="0.5", linewidth=0.7)
+
+
+def residual_map(picture: Picture) -> str:
+    """Mean residual over pitch and roll, before and after, on one colour scale; base64 PNG."""
+    figure = Figure(figsize=(9.6, 2.9), dpi=110, layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(1, 2, sharex=True, sharey=True)
+    pitch, i = np.unique(np.round(picture.pitch_deg, 3), return_inverse=True)
+    roll, j = np.unique(np.round(picture.roll_deg, 3), return_inverse=True)
+    shape = (len(roll), len(pitch))
+    cell = j * len(pitch) + i
+    count = np.bincount(cell, minlength=shape[0] * shape[1])
+    means = []
+    for residual in (picture.before_deg, picture.after_deg):
+        total = np.bincount(cell, residual, minlength=shape[0] * shape[1])
+        with np.errstate(invalid="ignore"):
+            means.append((_SCALE * total / np.where(count, count, np.nan)).reshape(shape))
+    bound = float(np.nanmax(np.abs(means[0])))
+    for axis, mean, title in zip(axes, means, ("before", "after"), strict=True):
+        mesh = axis.pcolormesh(pitch, roll, mean, vmin=-bound, vmax=bound, cmap="RdBu_r", shading="nearest")
+        axis.set_title(f"mean residual, {title}", fontsize=9)
+        axis.set_xlabel("pitch / deg", fontsize=9)
+        axis.tick_params(labelsize=8)
+    axes[0].set_ylabel("roll / deg", fontsize=9)
+    figure.colorbar(mesh, ax=axes, label=_UNIT)
+    return _png(figure)
+
+
+def _png(figure: Figure) -> str:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", metadata={"Software": None})
+    return base64.b64encode(buffer.getvalue()).decode("ascii")

@@ -1,0 +1,66 @@
+"""What happened during a run, in a person's words: sessions, gaps, homings, faults, holds, skips, the end."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+from rig.engine.chain import Record
+from rig.engine.run_file import RunReader
+
+
+class Line(NamedTuple):
+    """One happening: when, in hours and minutes of bench time, and what."""
+
+    when: str
+    what: str
+
+
+def story(path: Path) -> list[Line]:
+    """The happenings of a run file, in order; observations are left out."""
+    with RunReader.open(path) as reader:
+        return [Line(_clock(r.elapsed_s), words) for r in reader.records() if (words := _words(r))]
+
+
+def _clock(seconds: float) -> str:
+    minutes = int(seconds // 60)
+    return f"{minutes // 60}:{minutes % 60:02d}"
+
+
+def _words(record: Record) -> str:
+    data = record.data
+    at = "" if record.run_index is None else f" at point {record.run_index}"
+    match record.kind:
+        case "run":
+            return f"run created, {data['points']} points, run list {data['run_list'][:16]}..."
+        case "session":
+            words = f"session {record.session} began"
+            if record.session > 1:
+                certain = "" if data["gap_certain"] else " (by UTC, across a restart of the machine)"
+                words += f" after a gap of {data['gap_s']:.0f} s{certain}"
+            if data["wal_commits_lost"]:
+                words += (
+                    f"; {data['wal_commits_lost']} record(s) had been lost from a damaged log ({data['wal_damage']})"
+                )
+            return words
+        case "identity":
+            serial = data["serial"] if data["confirmed"] else "serial number not told"
+            again = "" if data["replaces"] is None else ", accepted in place of another one"
+            asset = data["asset"] or "not declared"
+            return f"{record.status}: {data['maker']} {data['model']}, {serial}, asset {asset}{again}"
+        case "fault":
+            return f"fault{at}: {data['message']} ({record.status})"
+        case "skip":
+            return f"point {record.run_index} {'skipped' if record.status == 'final' else 'put off'}: {data['reason']}"
+        case "hold":
+            return f"held{at}: {data['why']}"
+        case "release":
+            return "released"
+        case "stop":
+            return "stopped on request"
+        case "event" if record.status in ("homed", "interrupted", "parked", "environment-settled"):
+            return record.status.replace("-", " ")
+        case "end":
+            return f"{record.status}: {data['accepted']} points observed, {data['records']} records before this one"
+        case _:
+            return ""

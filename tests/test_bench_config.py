@@ -1,0 +1,81 @@
+"""A wrong bench file is explained; addresses are locked against a second controller."""
+
+from __future__ import annotations
+
+import pytest
+
+from rig.bench import locked_addresses
+from rig.config import InstrumentConfig, parse_bench
+from rig.errors import BusyError, ConfigurationError
+
+GOOD = """
+name = "b"
+[instruments.head]
+driver = "newport-esp301"
+address = "/dev/rig/head"
+[instruments.dvm]
+driver = "keysight-34401a"
+address = "/dev/rig/dvm"
+[sensors.x]
+axis = "x"
+reader = "dvm"
+"""
+
+
+def test_the_good_file_is_good():
+    assert parse_bench(GOOD, "bench.toml").sensors["x"].channel == "input"
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (("reader", "raeder"), "did you mean reader?"),
+        (('reader = "dvm"', 'reader = "dmv"'), "'dmv' is no instrument here (there are dvm, head)"),
+        (('axis = "x"', 'axis = "w"'), "sensors.x.axis"),
+        (('name = "b"', ""), "name is missing"),
+        (("[sensors.x]", '[sensors.y]\naxis = "y"\nreader = "dvm"\n[sensors.x]'), "both on channel input of dvm"),
+        (('name = "b"', 'name = "b"\nlimits = { pitch_deg = [5, -5] }'), "5 is not below -5"),
+        (
+            ("[sensors.x]", '[temperatures.t]\nreader = "dvm"\nchannel = "2"\n[sensors.x]'),
+            "must end in its unit, _degC",
+        ),
+        (('address = "/dev/rig/dvm"', 'address = "/dev/rig/dvm"\ndue = "soon"'), "instruments.dvm.due"),
+        (("[sensors.x]", "[sensors.x"), "not valid TOML"),
+    ],
+)
+def test_a_wrong_bench_file_is_explained(change, says):
+    with pytest.raises(ConfigurationError) as caught:
+        parse_bench(GOOD.replace(*change), "bench.toml")
+    assert says in str(caught.value)
+    assert "bench.toml" in str(caught.value)
+
+
+def instrument(address: str) -> InstrumentConfig:
+    return InstrumentConfig(driver="d", address=address)
+
+
+def test_an_address_serves_one_controller_at_a_time(tmp_path):
+    device = tmp_path / "ttyS9"
+    device.touch()
+    link = tmp_path / "dvm"
+    link.symlink_to(device)
+    with locked_addresses({"a": instrument(str(device))}):
+        with (
+            pytest.raises(BusyError, match="in use by another controller"),
+            locked_addresses({"b": instrument(str(link))}),
+        ):
+            pass
+        with locked_addresses({"c": instrument("modbus-tcp://127.0.0.1:5502/1")}):
+            pass
+    with locked_addresses({"b": instrument(str(link))}):
+        pass
+
+
+def test_two_units_on_one_modbus_wire_are_one_lock_and_no_deadlock():
+    units = {name: instrument(f"modbus-tcp://127.0.0.1:5503/{n}") for n, name in enumerate("ab", 1)}
+    with (
+        locked_addresses(units),
+        pytest.raises(BusyError),
+        locked_addresses({"c": instrument("modbus-tcp://127.0.0.1:5503/9")}),
+    ):
+        pass
