@@ -1,0 +1,255 @@
+"""Newport ESP301 motion controller with two rotary stages: a dividing head's pitch and roll.
+
+Commands from the ESP301 user's manual (Newport EDH0235En1030, section 3): several commands may share a line of at
+most 80 characters, separated by semicolons; every query of a line is answered with a line of its own.
+
+The controller does not tell whether an axis has been homed. This driver therefore leaves a mark when it has seen a
+home search end well: a distinctive jog speed (JW), which is lost at power-off just as the encoder's zero is. It is
+never saved to the controller's memory, and jogging from the front panel merely runs at that speed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Literal
+
+from pydantic import BaseModel, Field, model_validator
+
+from drivers.clock import Clock
+from drivers.errors import BadReply, InstrumentError, LimitError, NotReady, WrongInstrument
+from drivers.roles import AxisState, Identity
+from drivers.wires import SerialSettings, Wires
+
+Axis = Literal["pitch", "roll"]
+
+_HOMED_MARK_DEG_PER_S = 0.1357
+_NOT_HOMED_DEG_PER_S = 1.0
+_HOME_TOLERANCE_DEG = 0.01
+_DEGREES = 7  # SN's number for this unit
+_READBACK = 1e-3  # the controller rounds speeds to counts per servo cycle
+_MOST_ERRORS = 10  # the controller keeps ten
+
+
+class NewportESP301:
+    """The head's two axes behind one controller; satisfies `drivers.roles.Head`.
+
+    Args:
+        name: the bench's name for it.
+        address: serial address.
+        options: see `Options`.
+        wires: where to open it.
+        clock: bench time.
+
+    Raises:
+        Unreachable: the address cannot be opened.
+
+    """
+
+    class Options(BaseModel, extra="forbid"):
+        """What the bench file may say about this instrument."""
+
+        baud: Literal[9600, 19200, 38400, 57600, 115200, 921600] = Field(19200, description="symbols per second")
+        pitch_axis: int = Field(1, ge=1, le=3, description="controller axis that pitches")
+        roll_axis: int = Field(2, ge=1, le=3, description="controller axis that rolls")
+        speed_deg_per_s: float = Field(8.0, gt=0, le=80, description="speed of moves")
+        acceleration_deg_per_s2: float = Field(16.0, gt=0, le=320, description="acceleration and deceleration of moves")
+        home_mode: int = Field(1, ge=0, le=6, description="how to search for home: nn of the manual's OR command")
+        home_speed_deg_per_s: float = Field(4.0, gt=0, le=40, description="speed of the home search's first leg")
+        pitch_deg: tuple[float, float] = Field((-190.0, 190.0), description="lowest and highest pitch")
+        roll_deg: tuple[float, float] = Field((-190.0, 190.0), description="lowest and highest roll")
+
+        @model_validator(mode="after")
+        def _consistent(self) -> NewportESP301.Options:
+            if self.pitch_axis == self.roll_axis:
+                raise ValueError(f"pitch_axis and roll_axis are both {self.pitch_axis}")
+            for name, (low, high) in (("pitch_deg", self.pitch_deg), ("roll_deg", self.roll_deg)):
+                if not low < high:
+                    raise ValueError(f"{name}: {low:g} is not below {high:g}")
+            return self
+
+    def __init__(self, name: str, address: str, options: Options, wires: Wires, clock: Clock) -> None:
+        self.name = name
+        self._options = options
+        self._clock = clock
+        settings = SerialSettings(options.baud, "8N1", send_end=b"\r", timeout_s=1.0)
+        self._line = wires.serial(address, settings, name)
+        self._numbers: dict[str, int] = {"pitch": options.pitch_axis, "roll": options.roll_axis}
+        self._limits = {"pitch": options.pitch_deg, "roll": options.roll_deg}
+        self._status = ";".join(f"{n}TP?;{n}MD?;{n}MO?" for n in self._numbers.values())
+        self._homed: dict[str, bool | None] = dict.fromkeys(self._numbers)
+        self._homing: set[str] = set()
+        self._faults: dict[str, str] = dict.fromkeys(self._numbers, "")
+        self._unchecked = True
+
+    def axes(self) -> Mapping[str, tuple[float, float]]:
+        """See `Head.axes`."""
+        return dict(self._limits)
+
+    def identify(self) -> Identity:
+        """See `Instrument.identify`. The serial number is that of the stages, which the controller reads from them."""
+        version = self._line.query("VE?")
+        words = version.split(maxsplit=1)
+        if not words or words[0].upper() != "ESP301":
+            raise WrongInstrument(f"{self._line.where} should be a Newport ESP301; it answers {version!r}")
+        stages = [self._line.query(f"{n}ID?").partition(",") for n in self._numbers.values()]
+        serials = dict.fromkeys(serial.strip() for _, _, serial in stages)
+        return Identity("Newport", "ESP301", "+".join(serials), words[1] if len(words) > 1 else "")
+
+    def prepare(self) -> None:
+        """Set units, speeds and limits, switch the motors on, and read everything back. Moves nothing.
+
+        Raises:
+            InstrumentError: the controller refuses a setting.
+            BadReply: a setting reads back as something else.
+
+        """
+        self._errors()  # left from before: not this run's
+        options = self._options
+        for axis, n in self._numbers.items():
+            low, high = self._limits[axis]
+            settings = {
+                "SN": _DEGREES,
+                "VA": options.speed_deg_per_s,
+                "AC": options.acceleration_deg_per_s2,
+                "AG": options.acceleration_deg_per_s2,
+                "OH": options.home_speed_deg_per_s,
+                "SL": low,
+                "SR": high,
+            }
+            self._line.write(";".join([f"{n}MO", *(f"{n}{name}{value:g}" for name, value in settings.items())]))
+            self._raise_errors()
+            wanted = {"MO": 1.0, **settings}
+            question = ";".join(f"{n}{name}?" for name in wanted)
+            answers = self._line.query_lines(question, len(wanted))
+            for (name, value), answer in zip(wanted.items(), answers, strict=True):
+                if not math.isclose(self._number(question, answer), value, rel_tol=_READBACK, abs_tol=1e-6):
+                    raise BadReply(
+                        f"{self._line.where}: {axis} was set to {name} {value:g} and reads back {answer}; "
+                        f"check the stage's own maximum settings"
+                    )
+        self._faults = dict.fromkeys(self._numbers, "")
+
+    def home(self) -> None:
+        """See `Head.home`; `read` reports an axis as homed once its search has ended at zero without an error."""
+        self.read()
+        for axis, n in self._numbers.items():
+            if not self._homed[axis]:
+                self._line.write(f"{n}JW{_NOT_HOMED_DEG_PER_S:g};{n}OR{self._options.home_mode}")
+                self._homing.add(axis)
+                self._faults[axis] = ""
+        self._unchecked = True
+
+    def move(self, targets_deg: Mapping[str, float]) -> None:
+        """See `Head.move`.
+
+        Targets are sent in units of 1e-5 deg, finer than the encoder.
+
+        Raises:
+            LimitError: a target is outside its axis' limits, or no number.
+            NotReady: an axis has not been homed since power-on.
+
+        """
+        for axis, target in targets_deg.items():
+            low, high = self._limits[axis]
+            if not low <= target <= high:
+                raise LimitError(f"{self._line.where}: {axis} to {target:g} deg is outside {low:g} to {high:g}")
+        if any(self._homed[axis] is None for axis in targets_deg):
+            self.read()
+        lost = [axis for axis in targets_deg if not self._homed[axis]]
+        if lost:
+            raise NotReady(f"{self._line.where}: {' and '.join(lost)} must be homed before it can go to an angle")
+        self._line.write(";".join(f"{self._numbers[axis]}PA{target:.5f}" for axis, target in targets_deg.items()))
+        self._unchecked = True
+
+    def read(self) -> Mapping[str, AxisState]:
+        """See `Head.read`. One exchange; a second one when something may have gone wrong.
+
+        Raises:
+            InstrumentError: the controller reports an error that belongs to no axis.
+
+        """
+        answers = self._line.query_lines(self._status, 3 * len(self._numbers))
+        positions, moving, enabled = {}, {}, {}
+        for i, axis in enumerate(self._numbers):
+            position, done, powered = answers[3 * i : 3 * i + 3]
+            positions[axis] = self._number(self._status, position)
+            moving[axis] = not self._flag(self._status, done)
+            enabled[axis] = self._flag(self._status, powered)
+        # Errors show as motion that ended or a motor that went off, so they are asked for only then.
+        if (self._unchecked and not any(moving.values())) or not all(enabled.values()):
+            self._collect_errors()
+            self._unchecked = any(moving.values())
+        self._follow_homing(positions, moving, enabled)
+        return {
+            axis: AxisState(positions[axis], moving[axis], bool(self._homed[axis]), enabled[axis], self._faults[axis])
+            for axis in self._numbers
+        }
+
+    def stop(self) -> None:
+        """See `Head.stop`. A home search that is under way is given up."""
+        self._line.write(";".join(f"{n}ST" for n in self._numbers.values()))
+        self._homing.clear()
+        self._unchecked = True
+
+    def make_safe(self) -> None:
+        """See `Instrument.make_safe`: motion stops, the motors keep holding."""
+        self.stop()
+
+    def close(self) -> None:
+        """See `Instrument.close`."""
+        self._line.close()
+
+    def _follow_homing(
+        self, positions: Mapping[str, float], moving: Mapping[str, bool], enabled: Mapping[str, bool]
+    ) -> None:
+        """Keep track of which axes are homed; a motor found off may mean that the controller was restarted."""
+        for axis, n in self._numbers.items():
+            if axis in self._homing:
+                if moving[axis]:
+                    continue
+                self._homing.discard(axis)
+                if not self._faults[axis] and abs(positions[axis]) <= _HOME_TOLERANCE_DEG:
+                    self._line.write(f"{n}JW{_HOMED_MARK_DEG_PER_S:g}")
+                self._homed[axis] = None
+            if self._homed[axis] is None or not enabled[axis]:
+                question = f"{n}JW?"
+                mark = self._number(question, self._line.query(question))
+                self._homed[axis] = math.isclose(mark, _HOMED_MARK_DEG_PER_S, rel_tol=_READBACK)
+
+    def _collect_errors(self) -> None:
+        """Move the controller's errors to the axes they belong to."""
+        for code, text in self._errors():
+            axis = next((a for a, n in self._numbers.items() if n == code // 100), None)
+            if axis is None:
+                raise InstrumentError(self._line.where, code, text)
+            self._faults[axis] = f"{text} (error {code})"
+
+    def _raise_errors(self) -> None:
+        for code, text in self._errors():
+            raise InstrumentError(self._line.where, code, text)
+
+    def _errors(self) -> list[tuple[int, str]]:
+        """All errors the controller has kept, oldest first; asking removes them, so a question is never repeated."""
+        found: list[tuple[int, str]] = []
+        while len(found) <= _MOST_ERRORS:
+            answer = self._line.query("TB?", repeat=False)
+            code, _, rest = answer.partition(",")
+            _, _, text = rest.partition(",")
+            if not code.strip().isdecimal():
+                raise self._line.bad_reply("TB?", answer, "code, time, text")
+            if int(code) == 0:
+                break
+            found.append((int(code), text.strip()))
+        return found
+
+    def _number(self, question: str, answer: str) -> float:
+        try:
+            return float(answer)
+        except ValueError:
+            raise self._line.bad_reply(question, answer, "a number") from None
+
+    def _flag(self, question: str, answer: str) -> bool:
+        if answer not in ("0", "1"):
+            raise self._line.bad_reply(question, answer, "0 or 1")
+        return answer == "1"

@@ -1,0 +1,269 @@
+"""A serial line that carries text commands and text replies, one query at a time.
+
+The line opens any address pyserial understands (`/dev/ttyUSB0`, `COM4`, `socket://host:5025`, `rfc2217://...`).
+It never resends a command that may have been carried out. After a missing or surprising reply it listens until
+the instrument is silent before it speaks again, so that a late reply cannot answer the next question.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal, NoReturn, Protocol, cast
+
+import serial
+
+from drivers.clock import Clock
+from drivers.errors import BadReply, NoReply, Unreachable
+
+try:
+    import termios
+
+    _PORT_ERRORS: tuple[type[Exception], ...] = (OSError, termios.error)  # pyserial lets the latter through
+except ImportError:  # Windows has no termios; its port errors are all OSError
+    _PORT_ERRORS = (OSError,)
+
+Frame = Literal["7E1", "7E2", "7O1", "7O2", "8N1", "8N2", "8E1", "8O1"]
+"""Data bits, parity, stop bits, as instruments print it."""
+
+Tap = Callable[[str, str, bytes], None]
+"""Called with (instrument, "tx" or "rx", bytes) for every transfer."""
+
+_OPEN_ERRORS: tuple[type[Exception], ...] = (*_PORT_ERRORS, ValueError)
+_WRITE_TIMEOUT_S = 5.0
+_LONGEST_REPLY = 1 << 20
+_TALKS_ON_S = 10.0
+
+
+class _Port(Protocol):
+    """What is used of a pyserial port; pyserial's own base class does not declare all of it."""
+
+    timeout: float | None
+
+    @property
+    def in_waiting(self) -> int: ...
+    def read(self, size: int = 1, /) -> bytes: ...
+    def write(self, data: bytes, /) -> int | None: ...
+    def close(self) -> None: ...
+
+
+@dataclass(frozen=True)
+class SerialSettings:
+    """How an instrument wants to be talked to.
+
+    Attributes:
+        baud: symbols per second.
+        frame: data bits, parity, stop bits.
+        send_end: what ends a command.
+        reply_end: last character of a reply; white space around a reply is not part of it.
+        timeout_s: bench seconds within which an ordinary reply is complete.
+        quiet_s: bench seconds of silence after which an upset line counts as in step again.
+
+    """
+
+    baud: int
+    frame: Frame = "8N1"
+    send_end: bytes = b"\n"
+    reply_end: bytes = b"\n"
+    timeout_s: float = 1.0
+    quiet_s: float = 0.3
+
+
+class SerialLine:
+    """One open serial line.
+
+    Args:
+        address: what pyserial is to open.
+        settings: how the instrument wants to be talked to.
+        clock: bench time.
+        label: who is at the other end, for messages and the wire log.
+        tap: sees every byte.
+
+    Attributes:
+        exchanges: queries sent so far, repeated ones included.
+        retries: queries that had to be sent a second time.
+
+    Raises:
+        Unreachable: the address cannot be opened.
+
+    """
+
+    def __init__(
+        self, address: str, settings: SerialSettings, clock: Clock, *, label: str = "", tap: Tap | None = None
+    ) -> None:
+        self.address = address
+        self.settings = settings
+        self.clock = clock
+        self.label = label or address
+        self.exchanges = 0
+        self.retries = 0
+        self._tap = tap
+        self._out_of_step = False
+        self._port: _Port | None = self._open()
+
+    @property
+    def where(self) -> str:
+        """The instrument and its address, as messages name them."""
+        return self.label if self.label == self.address else f"{self.label} at {self.address}"
+
+    def write(self, text: str) -> None:
+        """Send a command that has no reply. Raises `Unreachable`."""
+        port = self._in_step()
+        try:
+            self._send(port, text)
+        except _PORT_ERRORS as error:
+            self._lost(error)
+
+    def query(self, text: str, timeout_s: float | None = None, *, repeat: bool = True) -> str:
+        """Send a question and return its one-line answer; see `query_lines`."""
+        return self.query_lines(text, 1, timeout_s, repeat=repeat)[0]
+
+    def query_lines(self, text: str, count: int, timeout_s: float | None = None, *, repeat: bool = True) -> list[str]:
+        """Send a question that has `count` lines of answer.
+
+        Args:
+            text: the question, without its terminator.
+            count: lines to wait for.
+            timeout_s: bench seconds of silence to bear; the line's own setting if None.
+            repeat: the question has no side effect and may be asked a second time.
+
+        Raises:
+            NoReply: nothing, or not all of it, in time.
+            BadReply: more lines than expected, or bytes that are not text.
+            Unreachable: the port is gone.
+
+        """
+        timeout = self.settings.timeout_s if timeout_s is None else timeout_s
+        try:
+            return self._ask(text, count, timeout)
+        except NoReply:
+            if not repeat:
+                raise
+        self.retries += 1
+        return self._ask(text, count, timeout)
+
+    def drain(self) -> None:
+        """Listen until the instrument has been silent for `quiet_s`, and forget what it said.
+
+        Raises:
+            BadReply: it never stops talking.
+            Unreachable: the port is gone.
+
+        """
+        port = self._port or self._reopened()
+        end = self.clock.now() + _TALKS_ON_S
+        try:
+            port.timeout = self.clock.timeout(self.settings.quiet_s)
+            while heard := port.read(4096):
+                if self._tap:
+                    self._tap(self.label, "rx", heard)
+                if self.clock.now() > end:
+                    raise BadReply(
+                        f"{self.where} sends without being asked: is it set to talk by itself, "
+                        f"or is another instrument on this line?"
+                    )
+        except _PORT_ERRORS as error:
+            self._lost(error)
+        self._out_of_step = False
+
+    def bad_reply(self, text: str, reply: object, expected: str) -> BadReply:
+        """The error for an answer that makes no sense; the line resynchronises before it is used again."""
+        self._out_of_step = True
+        return BadReply(f"{self.where} answered {reply!r} to {text!r}; expected {expected}")
+
+    def close(self) -> None:
+        """Release the port; idempotent. The line opens again if it is used again."""
+        port, self._port = self._port, None
+        if port is not None:
+            port.close()
+
+    def _open(self) -> _Port:
+        settings = self.settings
+        # A pseudo-terminal carries whole bytes and refuses every other frame.
+        frame = "8N1" if os.path.realpath(self.address).startswith("/dev/pts/") else settings.frame
+        try:
+            port = serial.serial_for_url(
+                self.address,
+                baudrate=settings.baud,
+                bytesize=int(frame[0]),
+                parity=frame[1],
+                stopbits=int(frame[2]),
+                timeout=self.clock.timeout(settings.timeout_s),
+                write_timeout=_WRITE_TIMEOUT_S,
+                exclusive=True,
+            )
+            return cast(_Port, port)
+        except _OPEN_ERRORS as error:
+            raise Unreachable(
+                f"{self.where} cannot be opened ({error}); check power, cable, address and permissions"
+            ) from error
+
+    def _reopened(self) -> _Port:
+        self._port = port = self._open()
+        self._out_of_step = True
+        return port
+
+    def _in_step(self) -> _Port:
+        port = self._port or self._reopened()
+        try:
+            stray = port.in_waiting
+        except _PORT_ERRORS as error:
+            self._lost(error)
+        if stray or self._out_of_step:
+            self.drain()
+        return port
+
+    def _send(self, port: _Port, text: str) -> None:
+        data = text.encode("ascii") + self.settings.send_end
+        if self._tap:
+            self._tap(self.label, "tx", data)
+        port.write(data)
+
+    def _ask(self, text: str, count: int, timeout_s: float) -> list[str]:
+        port = self._in_step()
+        self.exchanges += 1
+        try:
+            limit = self.clock.timeout(timeout_s)
+            if port.timeout != limit:  # setting it reprograms a real port, so only when it changes
+                port.timeout = limit
+            self._send(port, text)
+            received = self._receive(port, text, count, timeout_s)
+        except _PORT_ERRORS as error:
+            self._lost(error)
+        if self._tap:
+            self._tap(self.label, "rx", received)
+        try:
+            lines = received.decode("ascii").split(self.settings.reply_end.decode("ascii"))
+        except UnicodeDecodeError:
+            raise self.bad_reply(text, received, "text; do baud rate and frame match the instrument's?") from None
+        if len(lines) != count + 1 or lines[-1].strip():
+            raise self.bad_reply(text, received, f"{count} line(s)")
+        return [line.strip() for line in lines[:-1]]
+
+    def _receive(self, port: _Port, text: str, count: int, timeout_s: float) -> bytes:
+        end = self.settings.reply_end
+        received = bytearray()
+        while received.count(end) < count:
+            heard = port.read(port.in_waiting or 1)
+            if not heard:
+                self._out_of_step = True
+                if self._tap and received:
+                    self._tap(self.label, "rx", bytes(received))
+                got = f"only {bytes(received)!r}" if received else "nothing"
+                raise NoReply(
+                    f"{self.where} answered {got} to {text!r} within {timeout_s:g} s; "
+                    f"is it switched on, connected, and set to {self.settings.baud} baud {self.settings.frame}?"
+                )
+            received += heard
+            if len(received) > _LONGEST_REPLY:
+                raise self.bad_reply(text, bytes(received[:40]), "an answer that ends")
+        return bytes(received)
+
+    def _lost(self, error: BaseException) -> NoReturn:
+        port, self._port = self._port, None
+        if port is not None:
+            with contextlib.suppress(*_PORT_ERRORS):  # it is gone already, which is what is being reported
+                port.close()
+        raise Unreachable(f"{self.where} was lost ({error}); check cable and power") from error

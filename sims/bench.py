@@ -1,0 +1,79 @@
+"""A simulated bench: the physical truth, and a twin for every instrument a bench file declares."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+from zlib import crc32
+
+from sims.physics import Plant
+from sims.wires.serial_line import SerialCable, register, unregister
+from sims.world import World
+
+_OF_THE_BENCH = frozenset({"driver", "address", "asset", "due", "serial"})
+"""Keys of an `[instruments.NAME]` table that are the bench's own; the rest are the driver's and its twin's options."""
+
+
+def serial_number(bench: str, instrument: str) -> str:
+    """The serial number a twin answers with: the same for the same bench and instrument, always."""
+    return f"SN{crc32(f'{bench}/{instrument}'.encode()) % 1_000_000:06d}"
+
+
+class SimBench:
+    """Twins of every instrument of a bench around one plant.
+
+    Args:
+        world: virtual time.
+        bench: the bench file as plain values.
+        truth: the world file as plain values.
+        key: name of this world in `sim://KEY/INSTRUMENT` addresses.
+        twin_classes: twin class by driver name.
+
+    Attributes:
+        plant: what is physically there.
+        cables: serial cables by instrument.
+
+    Raises:
+        sims.physics.WorldError: the world file is wrong.
+
+    """
+
+    def __init__(
+        self,
+        world: World,
+        bench: Mapping[str, Any],
+        truth: Mapping[str, Any],
+        key: str,
+        twin_classes: Mapping[str, Callable[..., Any]],
+    ) -> None:
+        self.world = world
+        self.plant = Plant(world, truth, bench)
+        self._key = key
+        self._twins: dict[str, Any] = {}
+        for name, instrument in bench["instruments"].items():
+            options = {k: v for k, v in instrument.items() if k not in _OF_THE_BENCH}
+            serial = instrument.get("serial") or serial_number(bench["name"], name)
+            twin = twin_classes[instrument["driver"]](name, options, world, self.plant, serial)
+            self._twins[name] = twin
+        self.cables = {n: SerialCable(world, twin) for n, twin in self._twins.items() if twin.kind == "serial"}
+        for name, cable in self.cables.items():
+            register(f"{key}/{name}", cable)
+
+    def twin(self, name: str) -> Any:
+        """The twin of one instrument."""
+        return self._twins[name]
+
+    @property
+    def twins(self) -> Mapping[str, Any]:
+        """All twins by the bench's names."""
+        return dict(self._twins)
+
+    def power_cycle(self) -> None:
+        """Switch every instrument off and on; the plant stays as it is."""
+        for twin in self._twins.values():
+            twin.power_cycle()
+
+    def close(self) -> None:
+        """Take the addresses away."""
+        for name in self.cables:
+            unregister(f"{self._key}/{name}")

@@ -1,0 +1,408 @@
+"""Simulated Newport ESP301 motion controller with two rotary stages: a dividing head's pitch and roll.
+
+Commands and error codes from the ESP301 user's manual (Newport EDH0235En1030, section 3 and appendix A); that a
+line with several queries is answered with one line each is seen in public drivers. Angles are degrees, time is the
+world's. The mechanics behind the encoders (profiles, backlash, settling) are the plant's; this module is the
+controller: it counts from wherever it was switched on until it has found home.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import lru_cache, partial
+from typing import Protocol
+
+from sims.world import World
+
+ENCODER_DEG = 1e-4
+"""Encoder resolution; positions are answered in whole counts."""
+
+_COMMAND_S = 0.004  # time the controller takes for one command [?]
+_TICK_S = 400e-6  # TB?'s time stamps count servo cycles of 400 us
+_QUEUED_ERRORS = 10
+_POLL_S = 0.05
+_HOME_RUN_UP_DEG = 2.0
+
+_ERRORS = {
+    0: "NO ERROR DETECTED",
+    6: "COMMAND DOES NOT EXIST",
+    7: "PARAMETER OUT OF RANGE",
+    9: "AXIS NUMBER OUT OF RANGE",
+    37: "AXIS NUMBER MISSING",
+    38: "COMMAND PARAMETER MISSING",
+}
+_AXIS_ERRORS = {
+    3: "FOLLOWING ERROR THRESHOLD EXCEEDED",
+    6: "POSITIVE SOFTWARE LIMIT DETECTED",
+    7: "NEGATIVE SOFTWARE LIMIT DETECTED",
+    10: "MAXIMUM VELOCITY EXCEEDED",
+    11: "MAXIMUM ACCELERATION EXCEEDED",
+    13: "MOTOR NOT ENABLED",
+    20: "HOMING ABORTED",
+    30: "COMMAND NOT ALLOWED DURING HOMING",
+}
+
+
+class Head(Protocol):
+    """The mechanics this controller drives (`sims.physics.head`)."""
+
+    def move(self, axis: str, target_deg: float, speed: float, accel: float) -> None:
+        """Start a motion profile; speeds in deg/s, accelerations in deg/s^2."""
+        ...
+
+    def stop(self, axis: str) -> None:
+        """Decelerate to rest."""
+        ...
+
+    def encoder_deg(self, axis: str, t: float) -> float:
+        """What the encoder shows."""
+        ...
+
+    def moving(self, axis: str, t: float) -> bool:
+        """Whether a profile is under way."""
+        ...
+
+
+class Plant(Protocol):
+    """What this twin uses of the plant."""
+
+    @property
+    def head(self) -> Head:
+        """The dividing head."""
+        ...
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number that can be set and asked for.
+
+    Attributes:
+        default: value at power-on.
+        low, high: range.
+        ceiling: parameter that this one may not exceed, "" if none.
+        ceiling_error: axis error if it does.
+
+    """
+
+    default: float
+    low: float = 0.0
+    high: float = 1e9
+    ceiling: str = ""
+    ceiling_error: int = 0
+
+
+PARAMETERS = {
+    "VA": Parameter(4.0, ceiling="VU", ceiling_error=10),
+    "VU": Parameter(40.0),
+    "AC": Parameter(16.0, ceiling="AU", ceiling_error=11),
+    "AG": Parameter(16.0, ceiling="AU", ceiling_error=11),
+    "AU": Parameter(160.0),
+    "OH": Parameter(4.0, ceiling="VU", ceiling_error=10),
+    "OL": Parameter(0.5, ceiling="VU", ceiling_error=10),
+    "JH": Parameter(4.0, ceiling="VU", ceiling_error=10),
+    "JW": Parameter(1.0, ceiling="VU", ceiling_error=10),
+    "SH": Parameter(0.0, low=-1e6, high=1e6),
+    "SL": Parameter(-360.0, low=-1e6, high=1e6),
+    "SR": Parameter(360.0, low=-1e6, high=1e6),
+    "SN": Parameter(7, low=0, high=11),
+    "FP": Parameter(4, low=0, high=7),
+}
+"""Speeds in deg/s, accelerations in deg/s^2, angles in degrees; SN 7 means degrees."""
+
+_POWER_ON = {name: parameter.default for name, parameter in PARAMETERS.items()}
+_COMMAND = re.compile(r"(\d*)([A-Z]{2})(\??)(.*)")
+
+
+@lru_cache(maxsize=4096)
+def _parsed(text: str) -> tuple[int, str, bool, str] | None:
+    """Axis number (0 if none), mnemonic, whether a query, parameter text."""
+    match = _COMMAND.fullmatch(text.replace(" ", "").upper())
+    if match is None:
+        return None
+    number, mnemonic, query, parameter = match.groups()
+    return int(number or 0), mnemonic, bool(query), parameter
+
+
+class _Refused(Exception):
+    """A command the controller does not carry out; `code` goes to its error queue."""
+
+    def __init__(self, code: int) -> None:
+        super().__init__(code)
+        self.code = code
+
+
+def _number(text: str) -> float:
+    """A command's parameter."""
+    try:
+        return float(text)
+    except ValueError:
+        raise _Refused(7 if text else 38) from None
+
+
+class _Axis:
+    """One axis of the controller: its settings, and where its count began."""
+
+    def __init__(self, name: str, head: Head, world: World) -> None:
+        self.name = name
+        self._head = head
+        self._world = world
+        self.switch_on()
+
+    def switch_on(self) -> None:
+        """Settings as at power-on: motor off, counting from here."""
+        self.values = dict(_POWER_ON)
+        self.powered = False
+        self.homing = False
+        self.target = 0.0
+        self.zero = self._head.encoder_deg(self.name, self._world.now())
+
+    def position(self) -> float:
+        """The count, in degrees."""
+        counts = round((self._head.encoder_deg(self.name, self._world.now()) - self.zero) / ENCODER_DEG)
+        return counts * ENCODER_DEG
+
+    def driving(self) -> bool:
+        """Whether a motion profile is under way."""
+        return self._head.moving(self.name, self._world.now())
+
+    def moving(self) -> bool:
+        """Whether motion is not done, homing included."""
+        return self.homing or self.driving()
+
+    def go(self, target: float, speed: float) -> None:
+        """Start a move to `target` of this count."""
+        self.target = target
+        self._head.move(self.name, target + self.zero, speed, min(self.values["AC"], self.values["AG"]))
+
+    def stop(self) -> None:
+        """Decelerate to rest."""
+        self._head.stop(self.name)
+
+
+class NewportESP301Twin:
+    """The controller.
+
+    Args:
+        name: the bench's name for it.
+        options: its options in the bench file; `pitch_axis`, `roll_axis` and `baud` matter here.
+        world: virtual time.
+        plant: offers `head`.
+        serial: serial number its stages answer with.
+
+    """
+
+    kind = "serial"
+    frame = "8N1"
+
+    def __init__(self, name: str, options: Mapping[str, object], world: World, plant: Plant, serial: str) -> None:
+        self.name = name
+        self.baud = int(str(options.get("baud", 19200)))
+        self._world = world
+        self._serial = serial
+        numbers = {axis: int(str(options.get(f"{axis}_axis", n))) for n, axis in ((1, "pitch"), (2, "roll"))}
+        self._axes = {number: _Axis(axis, plant.head, world) for axis, number in numbers.items()}
+        self._commands: dict[str, Callable[[_Axis, int, str], str | None]] = {
+            "TP": lambda axis, n, text: f"{axis.position():.4f}",
+            "MD": lambda axis, n, text: "0" if axis.moving() else "1",
+            "DP": lambda axis, n, text: f"{axis.target:.4f}",
+            "ID": lambda axis, n, text: f"RGV100BL, {self._serial}",
+            "MO": self._power_on,
+            "MF": self._power_off,
+            "PA": self._move_absolute,
+            "PR": self._move_relative,
+            "ST": self._stop,
+            "DH": self._define_home,
+            "OR": self._search_home,
+        }
+        self._session = 0
+        self._switch_on()
+
+    def _switch_on(self) -> None:
+        self._session += 1
+        self._started = self._world.now()
+        self._input = bytearray()
+        self._lines: deque[str] = deque()
+        self._running = False
+        self._errors: deque[tuple[int, int]] = deque()
+
+    def power_cycle(self) -> None:
+        """Off and on again: settings, homing and the count are lost, the mechanics stay where they are."""
+        for axis in self._axes.values():
+            axis.stop()
+            axis.switch_on()
+        self._switch_on()
+
+    def on_rx(self, data: bytes, tx: Callable[[bytes], None]) -> None:
+        """Collect characters; a carriage return ends a line, a line feed is ignored."""
+        self._input += data
+        if b"\r" not in self._input:
+            return
+        *lines, rest = bytes(self._input).replace(b"\n", b"").split(b"\r")
+        self._input = bytearray(rest)
+        self._lines.extend(line.decode("latin-1") for line in lines)
+        if not self._running:
+            self._next_line(tx)
+
+    def _next_line(self, tx: Callable[[bytes], None]) -> None:
+        """Take the next line; it is carried out when the controller has had time to read it."""
+        self._running = bool(self._lines)
+        if self._running:
+            commands = deque(c for c in self._lines.popleft().split(";") if c.strip())
+            self._world.call_in(_COMMAND_S * len(commands), partial(self._carry_out, commands, tx, self._session))
+
+    def _carry_out(self, commands: deque[str], tx: Callable[[bytes], None], session: int) -> None:
+        if session != self._session:
+            return  # switched off in between
+        answers = []
+        while commands:
+            if self._waits(commands[0]):
+                self._world.call_in(_POLL_S, partial(self._carry_out, commands, tx, session))
+                break
+            try:
+                answer = self._execute(commands.popleft())
+            except _Refused as refused:
+                self._fail(refused.code)
+            else:
+                if answer is not None:
+                    answers.append(answer)
+        if answers:
+            tx(("\r\n".join(answers) + "\r\n").encode("ascii"))
+        if not commands:
+            self._next_line(tx)
+
+    def _waits(self, command: str) -> bool:
+        """Whether the command is WS (wait for stop) and there is motion to wait for."""
+        parsed = _parsed(command)
+        if parsed is None or parsed[1] != "WS":
+            return False
+        waited = [self._axes[parsed[0]]] if parsed[0] in self._axes else list(self._axes.values())
+        return any(axis.moving() for axis in waited)
+
+    def _execute(self, command: str) -> str | None:
+        parsed = _parsed(command)
+        if parsed is None:
+            raise _Refused(6)
+        number, mnemonic, query, text = parsed
+        if mnemonic in ("TE", "TB", "VE", "AB", "WS"):
+            return self._execute_without_axis(mnemonic)
+        action = self._commands.get(mnemonic)
+        parameter = PARAMETERS.get(mnemonic)
+        if action is None and parameter is None:
+            raise _Refused(6)
+        if not number:
+            raise _Refused(37)
+        axis = self._axes.get(number)
+        if axis is None:
+            raise _Refused(9)
+        if parameter is not None:
+            if query:
+                return f"{axis.values[mnemonic]:g}"
+            self._set(axis, number, mnemonic, parameter, text)
+            return None
+        assert action is not None
+        return action(axis, number, "?" if query else text)
+
+    def _execute_without_axis(self, mnemonic: str) -> str | None:
+        match mnemonic:
+            case "VE":
+                return "ESP301 Version 3.0.1 6/1/99"
+            case "TE":
+                return str(self._oldest_error()[0])
+            case "TB":
+                code, tick = self._oldest_error()
+                text = _AXIS_ERRORS[code % 100] if code >= 100 else _ERRORS[code]
+                return f"{code}, {tick}, {f'AXIS-{code // 100} ' if code >= 100 else ''}{text}"
+            case "AB":
+                for number, axis in self._axes.items():
+                    self._stop(axis, number, "")
+                    axis.powered = False
+        return None
+
+    def _oldest_error(self) -> tuple[int, int]:
+        return self._errors.popleft() if self._errors else (0, self._ticks())
+
+    def _ticks(self) -> int:
+        return round((self._world.now() - self._started) / _TICK_S)
+
+    def _fail(self, code: int) -> None:
+        if len(self._errors) == _QUEUED_ERRORS:
+            self._errors.popleft()
+        self._errors.append((code, self._ticks()))
+
+    def _set(self, axis: _Axis, number: int, name: str, parameter: Parameter, text: str) -> None:
+        value = _number(text)
+        if not parameter.low <= value <= parameter.high:
+            raise _Refused(7)
+        if parameter.ceiling and value > axis.values[parameter.ceiling]:
+            raise _Refused(100 * number + parameter.ceiling_error)
+        axis.values[name] = value
+
+    def _power_on(self, axis: _Axis, number: int, text: str) -> str | None:
+        if text == "?":
+            return "1" if axis.powered else "0"
+        axis.powered = True
+        return None
+
+    def _power_off(self, axis: _Axis, number: int, text: str) -> str | None:
+        if text == "?":
+            return "0" if axis.powered else "1"
+        axis.powered = False
+        self._stop(axis, number, "")
+        return None
+
+    def _move_absolute(self, axis: _Axis, number: int, text: str) -> str | None:
+        if text == "?":
+            return f"{axis.target:.4f}"
+        self._move(axis, number, _number(text))
+        return None
+
+    def _move_relative(self, axis: _Axis, number: int, text: str) -> None:
+        self._move(axis, number, axis.position() + _number(text))
+
+    def _move(self, axis: _Axis, number: int, target: float) -> None:
+        self._check_ready(axis, number)
+        if target > axis.values["SR"]:
+            raise _Refused(100 * number + 6)
+        if target < axis.values["SL"]:
+            raise _Refused(100 * number + 7)
+        axis.go(target, axis.values["VA"])
+
+    def _check_ready(self, axis: _Axis, number: int) -> None:
+        if not axis.powered:
+            raise _Refused(100 * number + 13)
+        if axis.homing:
+            raise _Refused(100 * number + 30)
+
+    def _stop(self, axis: _Axis, number: int, text: str) -> None:
+        if axis.homing:
+            axis.homing = False
+            self._fail(100 * number + 20)
+        axis.stop()
+
+    def _define_home(self, axis: _Axis, number: int, text: str) -> None:
+        axis.zero += axis.position() - (_number(text) if text else 0.0)
+
+    def _search_home(self, axis: _Axis, number: int, text: str) -> None:
+        """Go below the home mark fast, then up to it slowly: the index is always met from the same side."""
+        if text and _number(text) not in range(7):
+            raise _Refused(7)
+        self._check_ready(axis, number)
+        axis.homing = True
+        axis.go(-_HOME_RUN_UP_DEG - axis.zero, axis.values["OH"])
+        self._world.call_in(_POLL_S, partial(self._home_next, axis, [0.0], self._session))
+
+    def _home_next(self, axis: _Axis, legs: list[float], session: int) -> None:
+        if not axis.homing or session != self._session:
+            return
+        if axis.driving():
+            self._world.call_in(_POLL_S, partial(self._home_next, axis, legs, session))
+        elif legs:
+            axis.go(legs[0] - axis.zero, axis.values["OL"])
+            self._world.call_in(_POLL_S, partial(self._home_next, axis, legs[1:], session))
+        else:
+            axis.homing = False
+            axis.zero = -axis.values["SH"]
+            axis.target = axis.values["SH"]

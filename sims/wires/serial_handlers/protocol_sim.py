@@ -1,0 +1,124 @@
+"""`sim://KEY/INSTRUMENT`: a pyserial port whose other end is a twin in this process, under virtual time.
+
+Reading pumps the world until bytes are there or the timeout has passed in virtual time; nothing ever waits. A port
+opened with another baud rate or frame than the twin's hears and says nothing, as on a real line.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from serial import PortNotOpenError, SerialBase, SerialException
+
+from sims.wires.serial_line import SerialCable, find
+
+if TYPE_CHECKING:
+    from _typeshed import ReadableBuffer
+
+
+class Serial(SerialBase):
+    """A port on a simulated cable; see pyserial's `SerialBase` for what its methods mean."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        self._cable: SerialCable | None = None
+        self._received = bytearray()
+        self._understood = True
+        super().__init__(*args, **kwargs)
+
+    def open(self) -> None:
+        """Plug into the cable named by the URL. Raises `SerialException` if there is none or it is taken."""
+        place = str(self.port).partition("://")[2]
+        cable = find(place)
+        if cable is None:
+            raise SerialException(f"there is no simulated instrument at {self.port}")
+        if cable.attached:
+            raise SerialException(f"{self.port} is already open")
+        self._cable = cable
+        self._received.clear()
+        self._reconfigure_port()
+        cable.attach(self._hear)
+        self.is_open = True
+
+    def close(self) -> None:
+        """Unplug."""
+        if self.is_open and self._cable is not None:
+            self._cable.attach(None)
+        self._cable = None
+        self.is_open = False
+
+    def _hear(self, data: bytes) -> None:
+        if self._understood:
+            self._received += data
+
+    def _reconfigure_port(self, force_update: bool = False) -> None:
+        if self._cable is not None:
+            frame = f"{self.bytesize}{self.parity}{self.stopbits:g}"
+            self._understood = (self.baudrate, frame) == self._cable.setting
+
+    @property
+    def in_waiting(self) -> int:
+        """Bytes received and not yet read."""
+        return len(self._received)
+
+    def read(self, size: int = 1) -> bytes:
+        """Up to `size` bytes; fewer if the timeout passes first (virtual time)."""
+        cable = self._cable
+        if cable is None:
+            raise PortNotOpenError()
+        received = self._received
+        if len(received) < size:
+            world = cable.world
+            timeout = self.timeout
+            end = None if timeout is None else world.now() + timeout
+            world.run_until(end, lambda: len(received) >= size)
+        data = bytes(received[:size])
+        del received[:size]
+        return data
+
+    def write(self, data: ReadableBuffer, /) -> int:
+        """Hand bytes to the line; they travel at its baud rate."""
+        if self._cable is None:
+            raise PortNotOpenError()
+        sent = bytes(data)
+        if self._understood:
+            self._cable.send(sent)
+        return len(sent)
+
+    def flush(self) -> None:
+        """Everything handed over is on its way already."""
+
+    def reset_input_buffer(self) -> None:
+        """Forget what was received and not read."""
+        self._received.clear()
+
+    def reset_output_buffer(self) -> None:
+        """Nothing waits on this side."""
+
+    def _update_rts_state(self) -> None:
+        pass  # the simulated cable has three wires
+
+    def _update_dtr_state(self) -> None:
+        pass
+
+    def _update_break_state(self) -> None:
+        pass
+
+    @property
+    def cts(self) -> bool:
+        """Always ready."""
+        return True
+
+    @property
+    def dsr(self) -> bool:
+        """Always ready."""
+        return True
+
+    @property
+    def ri(self) -> bool:
+        """Nobody rings."""
+        return False
+
+    @property
+    def cd(self) -> bool:
+        """The cable is plugged in."""
+        return True

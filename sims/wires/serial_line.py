@@ -1,0 +1,97 @@
+"""The instrument's end of a serial cable, under virtual time.
+
+A cable takes the time its baud rate takes, each way. What the host sends arrives at the twin when its last
+character has passed; what the twin answers reaches whoever has attached to the cable: a pyserial client on a
+`sim://` address in this process, or a pseudo-terminal that another process has open.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Protocol
+
+import serial
+
+from sims.world import World
+
+_HANDLERS = "sims.wires.serial_handlers"
+
+
+class SerialTwin(Protocol):
+    """What a twin on a serial line offers."""
+
+    baud: int
+    frame: str
+
+    def on_rx(self, data: bytes, tx: Callable[[bytes], None]) -> None:
+        """Take bytes in; answer through `tx`, now or later."""
+        ...
+
+
+def bits_per_character(frame: str) -> int:
+    """Start bit, data bits, parity bit if any, stop bits: "8N1" is 10, "7E2" is 11."""
+    return 1 + int(frame[0]) + (frame[1] != "N") + int(frame[2])
+
+
+class SerialCable:
+    """A cable with a twin at its end.
+
+    Args:
+        world: virtual time.
+        twin: the instrument.
+
+    """
+
+    def __init__(self, world: World, twin: SerialTwin) -> None:
+        self.world = world
+        self.setting = (twin.baud, twin.frame)
+        self._twin = twin
+        self._character_s = bits_per_character(twin.frame) / twin.baud
+        self._to_twin_free = 0.0
+        self._to_host_free = 0.0
+        self._receive: Callable[[bytes], None] | None = None
+
+    @property
+    def attached(self) -> bool:
+        """Whether somebody holds the host's end."""
+        return self._receive is not None
+
+    def attach(self, receive: Callable[[bytes], None] | None) -> None:
+        """Give the host's end to `receive`; None unplugs it, and what arrives is lost."""
+        self._receive = receive
+
+    def send(self, data: bytes) -> None:
+        """Bytes leave the host; they arrive at the twin when the line has carried them."""
+        now = self.world.now()
+        self._to_twin_free = max(now, self._to_twin_free) + len(data) * self._character_s
+        self.world.call_in(self._to_twin_free - now, partial(self._twin.on_rx, data, self._answer))
+
+    def _answer(self, data: bytes) -> None:
+        now = self.world.now()
+        self._to_host_free = max(now, self._to_host_free) + len(data) * self._character_s
+        self.world.call_in(self._to_host_free - now, partial(self._arrive, data))
+
+    def _arrive(self, data: bytes) -> None:
+        if self._receive is not None:
+            self._receive(data)
+
+
+_cables: dict[str, SerialCable] = {}
+
+
+def register(place: str, cable: SerialCable) -> None:
+    """Make a cable reachable as `sim://PLACE` for every pyserial client in this process."""
+    if _HANDLERS not in serial.protocol_handler_packages:
+        serial.protocol_handler_packages.append(_HANDLERS)
+    _cables[place] = cable
+
+
+def unregister(place: str) -> None:
+    """Take an address away; harmless if it is not there."""
+    _cables.pop(place, None)
+
+
+def find(place: str) -> SerialCable | None:
+    """The cable at `sim://PLACE`."""
+    return _cables.get(place)
