@@ -61,11 +61,22 @@ class Plan:
 
 @dataclass(frozen=True)
 class Result:
-    """How a session ended, and what there is to say about it."""
+    """How a session ended, and what there is to say about it.
 
+    Attributes:
+        path: the run file.
+        outcome: how it ended.
+        message: why, "" if there is nothing to explain.
+        state: what the run has come to.
+        procedure: what was run, None where the run was complete already.
+
+    """
+
+    path: Path
     outcome: Outcome
     message: str
     state: RunState
+    procedure: PitchRollProcedure | None
 
 
 def load_plan(procedure: Path, bench: Path, *, dry: bool = False, world: Path | None = None) -> Plan:
@@ -174,7 +185,7 @@ def resume_run(
     with RunWriter.open(path) as run:
         state = fold(run.records())
         if state.ended is not None:
-            return Result(Outcome.COMPLETE, f"{path} is complete: nothing to resume", state)
+            return Result(path, Outcome.COMPLETE, f"{path} is complete: nothing to resume", state, None)
         plan = _stored_plan(run, path, bench)
         unknown = sorted(accept - set(plan.bench.instruments))
         if unknown:
@@ -238,7 +249,7 @@ def _session(
         on_progress=on_progress,
     )
     outcome = sequencer.run()
-    return Result(outcome, sequencer.message, state)
+    return Result(run.path, outcome, sequencer.message, state, plan.procedure)
 
 
 def _elapsed_origin(state: RunState, clock: Clock, boot: str) -> tuple[float, bool]:

@@ -115,7 +115,28 @@ def conclude(result: Result) -> int:
         err.print(f"[yellow]point {index} was skipped:[/] {reason}")
     words = f"{result.outcome.value}: {len(state.accepted)} of {state.points} points observed"
     err.print(f"{mark(state.simulated)}{words} in {duration(state.elapsed_s)}")
+    if result.outcome is Outcome.COMPLETE and _outside_acceptance(result):
+        return ExitCode.OUTSIDE_ACCEPTANCE
     return _EXIT[result.outcome]
+
+
+def _outside_acceptance(result: Result) -> bool:
+    """Fit a complete run and hold it against the procedure's acceptance limits; says what it found."""
+    limit = result.procedure.acceptance.sigma_E_deg if result.procedure else None
+    if limit is None:
+        return False
+    from rig.closed_loop import fit_table  # noqa: PLC0415
+    from rig.tables import run_table  # noqa: PLC0415
+
+    outside = False
+    for name, sensor in fit_table(run_table(result.path))["sensors"].items():
+        sigma = sensor["sigma_E_deg"]
+        if sigma is None or sigma > limit:
+            outside = True
+            err.print(f"[red]{name} is outside acceptance:[/] sigma_E {sigma} deg, limit {limit:g} deg")
+    if not outside:
+        err.print(f"every sensor is inside acceptance (sigma_E up to {limit:g} deg)")
+    return outside
 
 
 def _signals() -> Signals:
