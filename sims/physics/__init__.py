@@ -1,1 +1,11 @@
-"""."""
+"""What is physically there on a simulated bench: head, package, temperatures, and the effects nobody declared.
+
+Written from rotations and heat flow, a second time and independently of the models the fitter knows. Everything
+is a function of virtual time in closed form, so that neither the order nor the number of questions asked of it
+can change an answer.
+"""
+
+from sims.physics.plant import Plant
+from sims.physics.truth import Truth, WorldError, read_truth
+
+__all__ = ["Plant", "Truth", "WorldError", "read_truth"]

@@ -1,0 +1,124 @@
+"""Effects nobody declared, each in the terms of its physical cause.
+
+Every class is one `[effects.NAME]` table of a world file; all of them are off unless the file switches them on.
+An effect of the sensors may be given once for all of them or by sensor: `uV_per_degC = 40` or
+`uV_per_degC = { x = 40, z = -15 }`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import pi, radians, sin
+
+from sims.physics.fields import BySensor, NumberBySensor, Several, Word, accepts, quantity
+from sims.physics.rotations import Vector, apply, pitch_matrix, roll_matrix
+
+ARCSEC = 1.0 / 3600.0
+"""One arc second in degrees."""
+
+_BY_SENSOR = accepts(NumberBySensor())
+
+
+@dataclass(frozen=True)
+class IsolationPad:
+    """Pads under the sensors sag: the package tips about y under its weight along x, about x under that along y.
+
+    Tipping by c times g_x about y turns a part c g_x g_z of the weight into the x axis. That is
+    -(c/2) sin(2 pitch) cos(roll): two periods of pitch and one of roll, as NASA/TP-1999-209835 found.
+    """
+
+    pitch_compliance_deg_per_g: float = quantity(0.0, -1.0, 1.0)
+    roll_compliance_deg_per_g: float = quantity(0.0, -1.0, 1.0)
+
+    def deflect(self, gravity: Vector) -> Vector:
+        """Gravity in the axes of the deflected sensors, given gravity in package axes."""
+        tip = radians(self.pitch_compliance_deg_per_g) * gravity[0]
+        lean = radians(self.roll_compliance_deg_per_g) * gravity[1]
+        return apply(roll_matrix(lean), apply(pitch_matrix(tip), gravity))
+
+
+@dataclass(frozen=True)
+class OffsetTemperature:
+    """A sensor's offset moves with the package's temperature."""
+
+    uV_per_degC: BySensor = field(default=0.0, metadata=_BY_SENSOR)
+    reference_degC: float = quantity(23.0, -100.0, 200.0)
+
+
+@dataclass(frozen=True)
+class SensitivityTemperature:
+    """A sensor's sensitivity moves with the package's temperature."""
+
+    ppm_per_degC: BySensor = field(default=0.0, metadata=_BY_SENSOR)
+    reference_degC: float = quantity(23.0, -100.0, 200.0)
+
+
+@dataclass(frozen=True)
+class OffsetDrift:
+    """A sensor's offset moves with time, counted from the start of the world."""
+
+    uV_per_h: BySensor = field(default=0.0, metadata=_BY_SENSOR)
+
+
+@dataclass(frozen=True)
+class SensitivityDrift:
+    """A sensor's sensitivity moves with time, counted from the start of the world."""
+
+    ppm_per_h: BySensor = field(default=0.0, metadata=_BY_SENSOR)
+
+
+@dataclass(frozen=True)
+class SecondOrder:
+    """An accelerometer's output has a term in the square of the acceleration along its axis."""
+
+    ug_per_g2: BySensor = field(default=0.0, metadata=_BY_SENSOR)
+
+
+@dataclass(frozen=True)
+class Backlash:
+    """Play between encoder and table, which the encoder cannot see: the table trails by half of it."""
+
+    pitch_arcsec: float = quantity(0.0, 0.0, 3600.0)
+    roll_arcsec: float = quantity(0.0, 0.0, 3600.0)
+
+    def play_deg(self, axis: str) -> float:
+        """Full width of the play of an axis, degrees."""
+        return {"pitch": self.pitch_arcsec, "roll": self.roll_arcsec}.get(axis, 0.0) * ARCSEC
+
+
+@dataclass(frozen=True)
+class HeadError:
+    """One harmonic of the head's error: the table is ahead of the encoder by amplitude * sin(periods * angle + phase).
+
+    One period a turn is an eccentric encoder disc, two an elliptic one.
+    """
+
+    axis: str = field(default="pitch", metadata=accepts(Word(("pitch", "roll"))))
+    amplitude_arcsec: float = quantity(0.0, -3600.0, 3600.0)
+    periods_per_turn: float = quantity(1.0, 0.0, 1e5)
+    phase_deg: float = quantity(0.0, -360.0, 360.0)
+
+    def error_deg(self, encoder_deg: float) -> float:
+        """Table minus encoder, degrees."""
+        angle = (self.periods_per_turn * encoder_deg + self.phase_deg) * (pi / 180.0)
+        return self.amplitude_arcsec * ARCSEC * sin(angle)
+
+
+@dataclass(frozen=True)
+class Effects:
+    """The `[effects]` of a world. Absent ones are their own neutral selves."""
+
+    isolation_pad: IsolationPad = field(default_factory=IsolationPad)
+    offset_temperature: OffsetTemperature = field(default_factory=OffsetTemperature)
+    sensitivity_temperature: SensitivityTemperature = field(default_factory=SensitivityTemperature)
+    offset_drift: OffsetDrift = field(default_factory=OffsetDrift)
+    sensitivity_drift: SensitivityDrift = field(default_factory=SensitivityDrift)
+    second_order: SecondOrder = field(default_factory=SecondOrder)
+    backlash: Backlash = field(default_factory=Backlash)
+    head_error: tuple[HeadError, ...] = field(default=(), metadata=accepts(Several(HeadError)))
+
+
+def of_sensor(values: float | Mapping[str, float], sensor: str) -> float:
+    """What a by-sensor value says about one sensor; sensors it does not name have none of it."""
+    return values.get(sensor, 0.0) if isinstance(values, Mapping) else values
