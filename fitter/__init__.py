@@ -4,7 +4,7 @@ Pure functions: arrays in, frozen dataclasses out. No files, no clocks, no instr
 
     data = AttitudeData(replicate=..., order=..., ..., outputs={"x_V": ...})
     fit_attitude(data, "x_V").to_dict()
-    trace(data).to_json()
+    fitter.trace.trace(data).to_json()
 """
 
 from fitter.attitude import attitude_columns, variance_function

@@ -1,1 +1,45 @@
-"""."""
+"""The catalogue of effects a calibration may lack, each a declarative entry.
+
+The order is the order in which equally good explanations are named: simplest and most usual cause first.
+"""
+
+from fitter.effects.effect import Effect, Scene, Stratum, Term
+from fitter.effects.package import (
+    BACKLASH_PITCH,
+    BACKLASH_ROLL,
+    HEAD_ONCE,
+    HEAD_TWICE,
+    ISOLATION_PADS,
+    ROLL_HEAD_ONCE,
+    ROLL_HEAD_TWICE,
+)
+from fitter.effects.sensor import (
+    CROSS_AXIS,
+    OFFSET_DRIFT,
+    OFFSET_STEP,
+    OFFSET_TEMPERATURE,
+    SECOND_ORDER,
+    SENSITIVITY_DRIFT,
+    SENSITIVITY_TEMPERATURE,
+    THIRD_ORDER,
+)
+
+CATALOGUE: tuple[Effect, ...] = (
+    ISOLATION_PADS,
+    OFFSET_TEMPERATURE,
+    SENSITIVITY_TEMPERATURE,
+    OFFSET_STEP,
+    OFFSET_DRIFT,
+    SENSITIVITY_DRIFT,
+    BACKLASH_PITCH,
+    BACKLASH_ROLL,
+    SECOND_ORDER,
+    THIRD_ORDER,
+    HEAD_ONCE,
+    HEAD_TWICE,
+    ROLL_HEAD_ONCE,
+    ROLL_HEAD_TWICE,
+    CROSS_AXIS,
+)
+
+__all__ = ["CATALOGUE", "Effect", "Scene", "Stratum", "Term"]

@@ -1,0 +1,159 @@
+"""What an effect is: a physical cause, and the columns it would add to the model of each sensor."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.data import AttitudeData
+
+Stratum = Literal["between-point", "point-by-replication", "replication"]
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Observations, and what their columns are reckoned from.
+
+    Attributes:
+        data: the observations.
+        axes: (3,) sensitive axis times sensitivity of each sensor, V/g, from the declared model.
+        nominal: nominal axis of each sensor, 0, 1, 2.
+        roll: whether the declared model has roll; without it the package's axes are those at zero roll.
+        temperature_degC: reference temperature; temperature effects are zero there.
+        elapsed_s: reference time; drifts are zero there.
+
+    """
+
+    data: AttitudeData
+    axes: Mapping[str, FloatArray]
+    nominal: Mapping[str, int]
+    roll: bool
+    temperature_degC: float
+    elapsed_s: float
+
+    def on(self, data: AttitudeData) -> Scene:
+        """The same references for other observations."""
+        return replace(self, data=data)
+
+    @cached_property
+    def pitch(self) -> FloatArray:
+        """(n,) pitch, rad."""
+        return np.asarray(np.radians(self.data.pitch_deg))
+
+    @cached_property
+    def rolled(self) -> FloatArray:
+        """(n,) roll, rad; zero where the model has none."""
+        return np.asarray(np.radians(self.data.roll_deg)) if self.roll else np.zeros(len(self.data))
+
+    @cached_property
+    def g(self) -> FloatArray:
+        """(n, 3) gravity in package axes."""
+        a, r = self.pitch, self.rolled
+        return np.column_stack([np.sin(a), -np.sin(r) * np.cos(a), -np.cos(r) * np.cos(a)])
+
+    @cached_property
+    def g_per_pitch(self) -> FloatArray:
+        """(n, 3) derivative of `g` with respect to pitch, 1/rad."""
+        a, r = self.pitch, self.rolled
+        return np.column_stack([np.cos(a), np.sin(r) * np.sin(a), np.cos(r) * np.sin(a)])
+
+    @cached_property
+    def g_per_roll(self) -> FloatArray:
+        """(n, 3) derivative of `g` with respect to roll, 1/rad."""
+        a, r = self.pitch, self.rolled
+        return np.column_stack([np.zeros_like(a), -np.cos(r) * np.cos(a), np.sin(r) * np.cos(a)])
+
+    def along(self, sensor: str) -> FloatArray:
+        """(n,) gravity along the sensitive axis, in g."""
+        m = self.axes[sensor]
+        return np.asarray(self.g @ (m / np.linalg.norm(m)))
+
+    def warmth(self) -> FloatArray:
+        """(n,) sensor temperature above the reference, degC."""
+        return self.data.sensor_temperature_degC - self.temperature_degC
+
+    def hours(self) -> FloatArray:
+        """(n,) time since the reference, h."""
+        return (self.data.elapsed_s - self.elapsed_s) / 3600.0
+
+
+Column = Callable[[Scene, str], FloatArray]
+
+
+@dataclass(frozen=True)
+class Term:
+    """One column of an effect.
+
+    Attributes:
+        name: unique within its effect.
+        column: (n,) volts for a coefficient of one, for a given sensor.
+        shown: for a given sensor, the term as a formula and the factor from the coefficient to that formula's, in
+            the effect's unit; without it the name is the formula and the factor is one.
+
+    """
+
+    name: str
+    column: Column
+    shown: Callable[[Scene, str], tuple[str, float]] | None = None
+
+    def as_formula(self, scene: Scene, sensor: str) -> tuple[str, float]:
+        """Formula and factor for one sensor."""
+        return self.shown(scene, sensor) if self.shown else (self.name, 1.0)
+
+
+@dataclass(frozen=True)
+class Effect:
+    """A catalogue entry. Adding an effect to the tracer is adding one of these.
+
+    Attributes:
+        name: as reported.
+        cause: what happens physically.
+        scope: "package" if one cause moves all sensors together (one coefficient for all), "sensor" if each
+            sensor has its own coefficient.
+        stratum: where it varies when the order of the run is balanced: between the points of the design, or point
+            by replication, that is with time, temperature or direction.
+        unit: of the reported coefficients.
+        against: the field of `AttitudeData` its residual is best looked at against.
+        terms: its columns, given the observations (an effect may have as many as there were interruptions).
+        separate_by: the measurement that would tell it from what looks alike.
+        usual_size: what instruments of this kind show.
+        known_aliases: effects that look alike on common designs, and when.
+        needs: what the observations must have: a key of `PREREQUISITES` each.
+
+    """
+
+    name: str
+    cause: str
+    scope: Literal["package", "sensor"]
+    stratum: Stratum
+    unit: str
+    against: str
+    terms: Callable[[AttitudeData], tuple[Term, ...]]
+    separate_by: str
+    usual_size: str
+    known_aliases: Mapping[str, str]
+    needs: tuple[str, ...] = ()
+
+    def applies_to(self, data: AttitudeData) -> bool:
+        """Whether these observations have what it takes to look for it."""
+        return all(PREREQUISITES[need](data) for need in self.needs)
+
+
+PREREQUISITES: Mapping[str, Callable[[AttitudeData], bool]] = {
+    "roll": lambda data: data.has_roll,
+    "temperature": lambda data: bool(np.ptp(data.sensor_temperature_degC) > 1e-3),
+    "time": lambda data: bool(np.ptp(data.elapsed_s) > 0),
+    "pitch sides": lambda data: bool(np.ptp(data.pitch_side) > 0),
+    "roll sides": lambda data: bool(np.ptp(data.roll_side) > 0) and data.has_roll,
+    "blocks": lambda data: bool(np.ptp(data.block) > 0),
+}
+
+
+def fixed(*terms: Term) -> Callable[[AttitudeData], tuple[Term, ...]]:
+    """Terms that are the same whatever the observations."""
+    return lambda _data: terms

@@ -1,0 +1,150 @@
+"""Effects inside one sensor, each with a coefficient of its own."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.data import AttitudeData
+from fitter.effects.effect import Effect, Scene, Term, fixed
+from fitter.effects.package import product_formula
+
+OFFSET_TEMPERATURE = Effect(
+    name="offset-temperature",
+    cause="the offset follows the sensor's temperature",
+    scope="sensor",
+    stratum="point-by-replication",
+    unit="V/degC",
+    against="sensor_temperature_degC",
+    terms=fixed(Term("temperature", lambda scene, _sensor: scene.warmth())),
+    separate_by="repeat a few points at another enclosure temperature, the time of day unchanged",
+    usual_size="5e-5 g/degC",
+    known_aliases={"offset-drift": "where the temperature went one way all night"},
+    needs=("temperature",),
+)
+
+SENSITIVITY_TEMPERATURE = Effect(
+    name="sensitivity-temperature",
+    cause="the sensitivity follows the sensor's temperature",
+    scope="sensor",
+    stratum="point-by-replication",
+    unit="V/g/degC",
+    against="sensor_temperature_degC",
+    terms=fixed(Term("temperature*gravity", lambda scene, sensor: scene.warmth() * scene.along(sensor))),
+    separate_by="repeat a few points at another enclosure temperature, the time of day unchanged",
+    usual_size="1e-4 of the sensitivity per degC",
+    known_aliases={"sensitivity-drift": "where the temperature went one way all night"},
+    needs=("temperature",),
+)
+
+OFFSET_DRIFT = Effect(
+    name="offset-drift",
+    cause="the offset drifts steadily with time",
+    scope="sensor",
+    stratum="point-by-replication",
+    unit="V/h",
+    against="elapsed_s",
+    terms=fixed(Term("time", lambda scene, _sensor: scene.hours())),
+    separate_by="go on for some hours at constant temperature",
+    usual_size="1e-5 g a day",
+    known_aliases={"offset-temperature": "where the temperature went one way all night"},
+    needs=("time",),
+)
+
+SENSITIVITY_DRIFT = Effect(
+    name="sensitivity-drift",
+    cause="the sensitivity drifts steadily with time",
+    scope="sensor",
+    stratum="point-by-replication",
+    unit="V/g/h",
+    against="elapsed_s",
+    terms=fixed(Term("time*gravity", lambda scene, sensor: scene.hours() * scene.along(sensor))),
+    separate_by="go on for some hours at constant temperature",
+    usual_size="1e-5 of the sensitivity a day",
+    known_aliases={"sensitivity-temperature": "where the temperature went one way all night"},
+    needs=("time",),
+)
+
+
+def _steps(data: AttitudeData) -> tuple[Term, ...]:
+    return tuple(_step(int(block)) for block in np.unique(data.block)[1:])
+
+
+def _step(block: int) -> Term:
+    return Term(f"from block {block}", lambda scene, _sensor: np.asarray(scene.data.block >= block, np.float64))
+
+
+OFFSET_STEP = Effect(
+    name="offset-step",
+    cause="the offset changed at an interruption of the run or when an instrument was replaced",
+    scope="sensor",
+    stratum="point-by-replication",
+    unit="V",
+    against="elapsed_s",
+    terms=_steps,
+    separate_by="repeat a few points of the earlier block",
+    usual_size="whatever the interruption did",
+    known_aliases={"offset-drift": "where there are few points on one side"},
+    needs=("blocks",),
+)
+
+SECOND_ORDER = Effect(
+    name="sensor-second-order",
+    cause="the accelerometer's output has a term in the square of the acceleration along its axis",
+    scope="sensor",
+    stratum="between-point",
+    unit="V/g^2",
+    against="pitch_deg",
+    terms=fixed(Term("gravity^2", lambda scene, sensor: scene.along(sensor) ** 2)),
+    separate_by="mount the package reversed: the sensor's own square keeps its sign in package axes",
+    usual_size="2e-5 of the range",
+    known_aliases={"head-once-per-turn": "its cosine phase, for an x sensor by itself"},
+)
+
+THIRD_ORDER = Effect(
+    name="sensor-third-order",
+    cause="the accelerometer's output has a term in the cube of the acceleration along its axis",
+    scope="sensor",
+    stratum="between-point",
+    unit="V/g^3",
+    against="pitch_deg",
+    terms=fixed(Term("gravity^3", lambda scene, sensor: scene.along(sensor) ** 3)),
+    separate_by="go beyond +-60 deg of pitch, or compare two sensors of different axes on the same head",
+    usual_size="2e-5 of the range",
+    known_aliases={
+        "head-twice-per-turn": "its sine phase, for an x sensor by itself",
+        "isolation-pad-deflection": "within +-30 deg of pitch",
+    },
+)
+
+
+def _cross(first: int, second: int) -> Term:
+    """Product of gravity's components `first` and `second` axes after the sensor's own, cyclically."""
+
+    def pair(scene: Scene, sensor: str) -> tuple[int, int]:
+        own = scene.nominal[sensor]
+        return (own + first) % 3, (own + second) % 3
+
+    def column(scene: Scene, sensor: str) -> FloatArray:
+        i, j = pair(scene, sensor)
+        return scene.g[:, i] * scene.g[:, j]
+
+    def shown(scene: Scene, sensor: str) -> tuple[str, float]:
+        return product_formula(*pair(scene, sensor), roll=scene.roll)
+
+    return Term(f"axis+{first} * axis+{second}", column, shown)
+
+
+CROSS_AXIS = Effect(
+    name="cross-axis",
+    cause="the accelerometer's output has a term in the product of accelerations along and across its axis",
+    scope="sensor",
+    stratum="between-point",
+    unit="V/g^2",
+    against="roll_deg",
+    terms=fixed(_cross(0, 1), _cross(0, 2), _cross(1, 2), _cross(1, 1)),
+    separate_by="read a second sensor of the package: a package that turns moves all of them, a cross-axis term one",
+    usual_size="2e-5 of the range",
+    known_aliases={"isolation-pad-deflection": "for a sensor by itself"},
+    needs=("roll",),
+)

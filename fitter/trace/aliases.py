@@ -1,0 +1,102 @@
+"""Which other causes explain the data equally well.
+
+An alias class is every set of candidates which, put in place of an effect and refitted together with all the rest,
+comes within `DELTA` of the best residual sum of squares. It is not a threshold on correlations: more data, another
+sensor or another order of running separate what a correlation only compares.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.trace.estimate import concerns
+from fitter.trace.levels import Level
+from fitter.trace.problem import Problem
+from fitter.trace.score import Whitened, errors, whiten
+
+DELTA = 6.0
+"""Units of the error's variance; 2.4 standard errors."""
+PER_COLUMN = 2.0
+"""Price of a column in the same units, so that a cause with more columns is not better for having them."""
+
+
+@dataclass(frozen=True)
+class Rival:
+    """Another explanation of one effect.
+
+    Attributes:
+        effect: its name.
+        terms: indices of the candidates that make it up.
+        sigmas: how far behind the best explanation it is, in standard errors.
+
+    """
+
+    effect: str
+    terms: tuple[int, ...]
+    sigmas: float
+
+    @property
+    def alias(self) -> bool:
+        """Whether the data cannot tell it from the best."""
+        return self.sigmas**2 <= DELTA
+
+
+def rivals(problem: Problem, chosen: tuple[int, ...], effect: str, level: Level) -> tuple[Rival, ...]:
+    """All explanations of what the terms of `effect` among `chosen` explain, itself included, best first.
+
+    Args:
+        problem: the run.
+        chosen: candidates in the model.
+        effect: name of the effect to be replaced.
+        level: where residual sums of squares are compared.
+
+    """
+    group = tuple(j for j in chosen if problem.candidates[j].effect.name == effect)
+    rest = tuple(j for j in chosen if j not in group)
+    white = whiten(problem, level, rest, errors(problem, chosen))
+    sensors = {problem.sensors[i] for j in group for i in np.flatnonzero(concerns(problem, j) > 0.01)}
+    price = {group: _price(white, group)}
+    for name in dict.fromkeys(c.effect.name for c in problem.candidates):
+        if name == effect or any(problem.candidates[j].effect.name == name for j in rest):
+            continue
+        terms = [j for j, c in enumerate(problem.candidates) if c.effect.name == name and c.sensor in (None, *sensors)]
+        found = _cheapest(white, terms)
+        if found:
+            price[found] = _price(white, found)
+    best = min(price.values())
+    order = sorted(price, key=lambda terms: price[terms])
+    return tuple(
+        Rival(problem.candidates[terms[0]].effect.name, terms, float(np.sqrt(price[terms] - best))) for terms in order
+    )
+
+
+def simplest(problem: Problem, candidates: Iterable[Rival]) -> Rival:
+    """Of the explanations the data cannot tell apart the one with fewest columns, then first in the catalogue."""
+    return min((r for r in candidates if r.alias), key=lambda r: (len(r.terms), min(r.terms)))
+
+
+def _cheapest(white: Whitened, terms: list[int]) -> tuple[int, ...]:
+    """The terms worth their price, taken one after the other; at least one."""
+    taken: tuple[int, ...] = ()
+    price = np.inf
+    while len(taken) < len(terms):
+        tries = {j: _price(white, (*taken, j)) for j in terms if j not in taken}
+        best = min(tries, key=lambda j: tries[j])
+        if tries[best] >= price:
+            break
+        taken, price = (*taken, best), tries[best]
+    return tuple(sorted(taken))
+
+
+def _price(white: Whitened, terms: tuple[int, ...]) -> float:
+    """Residual sum of squares with `terms` fitted, less the constant without them, plus the price of the columns."""
+    count, n, _ = white.columns.shape
+    columns: FloatArray = white.columns[:, :, list(terms)].reshape(count * n, len(terms))
+    gram, dot = columns.T @ columns, columns.T @ white.outputs.reshape(-1)
+    length = np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
+    weights = np.linalg.lstsq(gram / np.outer(length, length), dot / length, rcond=1e-10)[0]
+    return float(-weights @ (dot / length)) + PER_COLUMN * len(terms)

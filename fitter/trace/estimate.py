@@ -1,0 +1,88 @@
+"""The coefficients of the effects found, fitted together with the declared model of every sensor."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.attitude import attitude_columns, fit_columns
+from fitter.linear import LinearFit, least_squares
+from fitter.replication import Replication, analyse
+from fitter.trace.levels import Level
+from fitter.trace.problem import Problem
+from fitter.trace.score import NOTHING_LEFT, errors
+
+DRIFTS = 0.01
+"""Replications are given parameters of their own where the joint drift test falls below this."""
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """Declared model and effects, fitted together.
+
+    Attributes:
+        chosen: indices of the candidates in the model.
+        level: "declared" if all observations were fitted as one, "replications" if each replication was given
+            parameters of its own because they drift beyond what the effects explain.
+        gamma: (q,) their coefficients.
+        covariance: (q, q) of them, conditional on their having been chosen.
+        corrected: (S, n) outputs less the effects, V.
+        fits: of the declared model to the corrected outputs.
+        tables: Table 2 of each sensor, effects taken out.
+
+    """
+
+    chosen: tuple[int, ...]
+    level: Level
+    gamma: FloatArray
+    covariance: FloatArray
+    corrected: FloatArray
+    fits: tuple[LinearFit, ...]
+    tables: tuple[Replication, ...]
+
+
+def estimate(problem: Problem, chosen: tuple[int, ...]) -> Estimate:
+    """Fit the `chosen` candidates."""
+    together = _estimate_at(problem, chosen, "declared")
+    p = [table.drift.p for table in together.tables]
+    drifts = any(value * len(p) < DRIFTS for value in p)
+    if not chosen or not drifts or not _left(problem, chosen):
+        return together
+    return _estimate_at(problem, chosen, "replications")
+
+
+def concerns(problem: Problem, j: int) -> FloatArray:
+    """(S,) share of the information about candidate `j` that each sensor holds."""
+    sigma = errors(problem, ())
+    length2 = np.sum((problem.columns["declared"][:, :, j] / sigma[:, None]) ** 2, axis=1)
+    return np.asarray(length2 / length2.sum())
+
+
+def _left(problem: Problem, chosen: tuple[int, ...]) -> bool:
+    columns, raw = problem.columns["replications"], problem.raw
+    return all(np.linalg.norm(columns[:, :, j]) > NOTHING_LEFT * np.linalg.norm(raw[:, :, j]) for j in chosen)
+
+
+def _estimate_at(problem: Problem, chosen: tuple[int, ...], level: Level) -> Estimate:
+    picked = list(chosen)
+    sigma = errors(problem, chosen)[:, None]
+    if picked:
+        columns = (problem.columns[level][:, :, picked] / sigma[:, :, None]).reshape(-1, len(picked))
+        names = [f"{problem.candidates[j].effect.name} {problem.candidates[j].term.name}" for j in picked]
+        solved = least_squares(columns, (problem.outputs[level] / sigma).reshape(-1), names)
+        gamma, covariance = solved.coefficients, solved.root @ solved.root.T
+    else:
+        gamma, covariance = np.zeros(0), np.zeros((0, 0))
+    data = problem.scene.data
+    effects = problem.raw[:, :, picked]
+    corrected = np.stack([data.outputs[s] for s in problem.sensors]) - effects @ gamma
+    h = attitude_columns(data.pitch_deg, data.roll_deg, roll=problem.scene.roll)
+    fits = tuple(fit_columns(h, y) for y in corrected)
+    tables = []
+    for i, (fit, y) in enumerate(zip(fits, corrected, strict=True)):
+        own = [k for k, j in enumerate(picked) if concerns(problem, j)[i] > 0.01]
+        extra = effects[i][:, own]
+        tables.append(analyse(fit, h, y, data.point, data.replicate_index, extra, len(own)))
+    return Estimate(chosen, level, gamma, covariance, corrected, fits, tuple(tables))

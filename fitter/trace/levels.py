@@ -1,0 +1,89 @@
+"""The levels of a replicated run: how much is taken out of an output before an effect is looked for.
+
+declared       the declared model
+replications   the declared model anew in every replication, so that whatever a replication has of its own is gone
+points         that, and the mean of every point, so that only what varies point by replication is left
+
+What varies between points is judged at `replications`, what varies with time, temperature or direction at `points`:
+no offset of a replication, however it wanders from one to the next, and no lack of fit can then pass for it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from fitter.arrays import FloatArray, IntArray
+from fitter.attitude import attitude_columns
+from fitter.data import AttitudeData
+from fitter.linear import orthonormal
+from fitter.replication import centred, own_parameters
+
+Level = Literal["declared", "replications", "points"]
+LEVELS: tuple[Level, ...] = ("declared", "replications", "points")
+BLOCKS_PER_REPLICATION = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Levels:
+    """Projections onto what each level leaves.
+
+    Attributes:
+        declared: (n, L) orthonormal basis of the declared model.
+        replications: (n, n_rep L) of the model in every replication.
+        points: (n, rank) of the same less the points' means.
+        point: (n,) point of the design.
+        stretch: (n,) which stretch of consecutive observations, a quarter of a replication, a row belongs to.
+
+    """
+
+    declared: FloatArray
+    replications: FloatArray
+    points: FloatArray
+    point: IntArray
+    stretch: IntArray
+
+    @property
+    def n_points(self) -> int:
+        """K, points of the design."""
+        return int(self.point.max()) + 1
+
+    def df(self, level: Level) -> int:
+        """Degrees of freedom left at a level."""
+        taken = int(self._basis(level).shape[1]) + (self.n_points if level == "points" else 0)
+        return len(self.point) - taken
+
+    def leave(self, columns: FloatArray, level: Level) -> FloatArray:
+        """(n, q) what is left of `columns` (n, q) at a level."""
+        basis = self._basis(level)
+        if level == "points":
+            columns = centred(columns, self.point)
+        return np.asarray(columns - basis @ (basis.T @ columns))
+
+    def _basis(self, level: Level) -> FloatArray:
+        return {"declared": self.declared, "replications": self.replications, "points": self.points}[level]
+
+
+def levels_of(data: AttitudeData) -> Levels:
+    """The levels of a pitch-roll run."""
+    h = attitude_columns(data.pitch_deg, data.roll_deg, roll=data.has_roll)
+    own = own_parameters(h, data.replicate_index)
+    return Levels(
+        declared=orthonormal(h),
+        replications=orthonormal(own),
+        points=orthonormal(centred(own, data.point), np.linalg.norm(own, axis=0)),
+        point=data.point,
+        stretch=_stretches(data),
+    )
+
+
+def _stretches(data: AttitudeData) -> IntArray:
+    stretch = np.empty(len(data), np.int64)
+    for index in range(data.replicates.size):
+        rows = np.flatnonzero(data.replicate_index == index)
+        executed = rows[np.argsort(data.order[rows])]
+        quarter = np.arange(rows.size) * BLOCKS_PER_REPLICATION // rows.size
+        stretch[executed] = index * BLOCKS_PER_REPLICATION + quarter
+    return stretch

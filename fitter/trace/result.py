@@ -1,0 +1,193 @@
+"""What a trace found, ready to print or to plot."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.attitude import attitude_columns
+from fitter.calibration import JsonValue, coefficient_table, table_2
+from fitter.data import AttitudeData
+from fitter.effects import Scene
+from fitter.linear import LinearFit
+from fitter.replication import FTest, Replication
+from fitter.trace.problem import Candidate, raw_columns
+
+
+@dataclass(frozen=True, eq=False)
+class FoundEffect:
+    """An effect as it shows in one sensor.
+
+    Attributes:
+        effect: name in the catalogue.
+        cause: what happens physically.
+        stratum: where it was found.
+        terms: its terms as formulas, without those that do not show in this sensor.
+        coefficients: of the formulas, in `unit`.
+        stderr: of the coefficients; conditional on the effect having been selected on the same data.
+        unit: of the coefficients.
+        p_adjusted: probability of finding the like by chance, over all candidates, sensors and steps of the run.
+        share: of the sensor's residual beyond pure error, how much it explains.
+        aliases: other effects the data cannot tell from it.
+        separation: standard errors by which every other explanation falls behind, by effect.
+        separate_by: the measurement that would tell it from its aliases, with the size it would show.
+        contribution_V: (n,) what it adds to the output of each observation.
+        against: field of `AttitudeData` to plot it against.
+
+    """
+
+    effect: str
+    cause: str
+    stratum: str
+    terms: tuple[str, ...]
+    coefficients: tuple[float, ...]
+    stderr: tuple[float, ...]
+    unit: str
+    p_adjusted: float
+    share: float
+    aliases: tuple[str, ...]
+    separation: Mapping[str, float]
+    separate_by: str
+    contribution_V: FloatArray
+    against: str
+
+    def to_json(self) -> dict[str, JsonValue]:
+        """As `rig trace --json` prints it."""
+        return {
+            "effect": self.effect,
+            "cause": self.cause,
+            "stratum": self.stratum,
+            "term": ", ".join(self.terms),
+            "terms": list(self.terms),
+            "coefficients": list(self.coefficients),
+            "stderr": list(self.stderr),
+            "stderr_is": "conditional on the selection",
+            "unit": self.unit,
+            "p_adjusted": self.p_adjusted,
+            "share": self.share,
+            "aliases": list(self.aliases),
+            "separation_sigmas": dict(self.separation),
+            "separate_by": self.separate_by,
+            "rms_V": float(np.sqrt(np.mean(self.contribution_V**2))),
+        }
+
+
+@dataclass(frozen=True)
+class Unnamed:
+    """What no effect of the catalogue explains, and where it lives."""
+
+    where: str
+    share: float
+
+    def to_json(self) -> dict[str, JsonValue]:
+        """As `rig trace --json` prints it."""
+        return {"where": self.where, "share": self.share}
+
+
+@dataclass(frozen=True, eq=False)
+class SensorTrace:
+    """What was found in one sensor.
+
+    Attributes:
+        sensor: column name of its output.
+        declared: the declared model.
+        verdict: "explained", "nothing to add", "partly explained" or "unexplained".
+        before: Table 2 with the declared model.
+        after: Table 2 with the effects taken out.
+        cv_rms_before: rms error on replications left out, V; None with a single replication.
+        cv_rms_after: the same after, with the search repeated without the replication left out.
+        effects: found, largest share first.
+        unnamed: what remains, if it is more than error.
+        shared_attitude_before: do commands that share an attitude agree? Only the head, not gravity, can part them.
+        shared_attitude_after: the same with the effects taken out.
+        fit: the declared model beside the effects.
+        S_V: sensitivity, to express volts in degrees.
+        residual_before_V: (n,) residual of the declared model, in the data's order of rows.
+        residual_after_V: (n,) residual with the effects.
+
+    """
+
+    sensor: str
+    declared: str
+    verdict: str
+    before: Replication
+    after: Replication
+    cv_rms_before: float | None
+    cv_rms_after: float | None
+    effects: tuple[FoundEffect, ...]
+    unnamed: tuple[Unnamed, ...]
+    shared_attitude_before: FTest
+    shared_attitude_after: FTest
+    fit: LinearFit
+    S_V: float
+    residual_before_V: FloatArray
+    residual_after_V: FloatArray
+
+    def to_json(self) -> dict[str, JsonValue]:
+        """As `rig trace --json` prints it."""
+        return {
+            "declared": self.declared,
+            "verdict": self.verdict,
+            "before": self._side(self.before, self.cv_rms_before, self.shared_attitude_before),
+            "effects": [effect.to_json() for effect in self.effects],
+            "after": self._side(self.after, self.cv_rms_after, self.shared_attitude_after),
+            "unnamed": [rest.to_json() for rest in self.unnamed],
+            "fitted": {"coefficients": self._fitted()},
+        }
+
+    def _side(self, table: Replication, cv_rms: float | None, shared: FTest) -> dict[str, JsonValue]:
+        known = np.isfinite(shared.value)
+        return {
+            **table_2(table, self.S_V),
+            "cv_rms": cv_rms,
+            "cv_rms_deg": None if cv_rms is None else float(np.degrees(cv_rms / self.S_V)),
+            "T_shared_attitude": shared.value if known else None,
+            "F_shared_attitude_95": shared.limit_95 if known else None,
+        }
+
+    def _fitted(self) -> dict[str, JsonValue]:
+        table = coefficient_table(self.fit)
+        for effect in self.effects:
+            for term, value, error in zip(effect.terms, effect.coefficients, effect.stderr, strict=True):
+                table[f"{effect.effect}: {term}"] = {"estimate": value, "stderr": error, "unit": effect.unit}
+        return table
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """What was found in a run.
+
+    Attributes:
+        sensors: by column name.
+        scene: references of the effects' columns.
+        chosen: the terms in the model.
+        gamma: (q,) their coefficients, in the terms' own units.
+        points: number of observations.
+
+    """
+
+    sensors: Mapping[str, SensorTrace]
+    scene: Scene
+    chosen: tuple[Candidate, ...]
+    gamma: FloatArray
+    points: int
+
+    def predict(self, data: AttitudeData) -> dict[str, FloatArray]:
+        """(n,) outputs in volts of each sensor for other observations, effects included."""
+        extra = raw_columns(self.scene.on(data), self.chosen) @ self.gamma
+        h = attitude_columns(data.pitch_deg, data.roll_deg, roll=self.scene.roll)
+        return {s: t.fit.predict(h) + extra[i] for i, (s, t) in enumerate(self.sensors.items())}
+
+    def to_json(self, file: str | None = None) -> dict[str, JsonValue]:
+        """The object `rig trace --json` prints; numbers that do not exist are None, never NaN."""
+        return {
+            "data": {"file": file, "points": self.points, "kind": "pitch-roll"},
+            "reference": {
+                "temperature_degC": self.scene.temperature_degC,
+                "elapsed_s": self.scene.elapsed_s,
+            },
+            "sensors": {name: found.to_json() for name, found in self.sensors.items()},
+        }

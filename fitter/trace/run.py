@@ -1,0 +1,218 @@
+"""From the residual to the effect: the whole of a trace."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.attitude import attitude_columns
+from fitter.calibration import AttitudeFit
+from fitter.data import AttitudeData
+from fitter.effects import CATALOGUE, Effect
+from fitter.linear import RankError
+from fitter.replication import Replication
+from fitter.trace.aliases import Rival, rivals, simplest
+from fitter.trace.estimate import Estimate, concerns, estimate
+from fitter.trace.family import Family, family_of
+from fitter.trace.problem import Candidate, Problem, pose, raw_columns
+from fitter.trace.remainder import shared_attitude, strongest_wave
+from fitter.trace.result import FoundEffect, SensorTrace, Trace, Unnamed
+from fitter.trace.score import score
+from fitter.trace.search import p_adjusted, search
+
+SEED = 20260115
+UNEXPLAINED = 1e-3
+"""Lack of fit or drift below this probability is something that remains."""
+SHOWS = 3.0
+"""An effect on the package is reported for the sensors in which it amounts to this many standard errors."""
+ROUNDS = 3
+
+
+def trace(data: AttitudeData, catalogue: Sequence[Effect] = CATALOGUE, seed: int = SEED) -> Trace:
+    """Find what the declared attitude model lacks.
+
+    Args:
+        data: a pitch-roll run; any number of sensors, judged together.
+        catalogue: effects to look for.
+        seed: of the simulated null; the same data and seed give the same answer.
+
+    Raises:
+        fitter.linear.RankError: the points visited do not determine the declared model.
+
+    """
+    problem = pose(data, catalogue)
+    family = family_of(problem, score(problem, ()), seed)
+    found = _settle(problem, family)
+    before, after = estimate(problem, ()), estimate(problem, found)
+    classes = {name: rivals(problem, found, name, after.level) for name in _names(problem, found)}
+    cv = left_out(data, catalogue, family)
+    sensors = {
+        sensor: _sensor(problem, family, before, after, classes, i, None if cv is None else cv[:, i])
+        for i, sensor in enumerate(problem.sensors)
+    }
+    chosen = tuple(problem.candidates[j] for j in after.chosen)
+    return Trace(sensors, problem.scene, chosen, after.gamma, len(data))
+
+
+def left_out(data: AttitudeData, catalogue: Sequence[Effect], family: Family) -> FloatArray | None:
+    """(2, S) rms error on replications left out, V, before and after; None where fewer than two can be.
+
+    The search is repeated without the replication that is left out, whose own offset is predicted as zero.
+    """
+    squares, count = np.zeros((2, len(data.sensors))), 0
+    for replicate in data.replicates:
+        inside = data.replicate != replicate
+        rest, aside = data.take(np.flatnonzero(inside)), data.take(np.flatnonzero(~inside))
+        if not len(rest):
+            return None
+        try:
+            problem = pose(rest, catalogue)
+        except RankError:
+            return None
+        found = _settle(problem, family)
+        h = attitude_columns(aside.pitch_deg, aside.roll_deg, roll=problem.scene.roll)
+        outputs = np.stack([aside.outputs[s] for s in aside.sensors])
+        for i, fitted in enumerate((estimate(problem, ()), estimate(problem, found))):
+            chosen = [problem.candidates[j] for j in fitted.chosen]
+            effects = raw_columns(problem.scene.on(aside), chosen) @ fitted.gamma
+            error = outputs - effects - np.stack([fit.predict(h) for fit in fitted.fits])
+            squares[i] += np.sum(error**2, axis=1)
+        count += len(aside)
+    return np.asarray(np.sqrt(squares / count))
+
+
+def _settle(problem: Problem, family: Family) -> tuple[int, ...]:
+    """Search, then put the simplest of each alias class in the place of what was found first, until nothing moves."""
+    chosen: tuple[int, ...] = ()
+    for _ in range(ROUNDS):
+        chosen = search(problem, family, chosen)
+        settled = chosen
+        level = estimate(problem, chosen).level
+        for name in _names(problem, chosen):
+            if any(problem.candidates[j].effect.name == name for j in settled):
+                lead = simplest(problem, rivals(problem, settled, name, level))
+                others = tuple(j for j in settled if problem.candidates[j].effect.name != name)
+                settled = (*others, *lead.terms)
+        if frozenset(settled) == frozenset(chosen):
+            break
+        chosen = settled
+    return chosen
+
+
+def _names(problem: Problem, chosen: tuple[int, ...]) -> list[str]:
+    return list(dict.fromkeys(problem.candidates[j].effect.name for j in chosen))
+
+
+def _sensor(
+    problem: Problem,
+    family: Family,
+    before: Estimate,
+    after: Estimate,
+    classes: dict[str, tuple[Rival, ...]],
+    i: int,
+    cv: FloatArray | None,
+) -> SensorTrace:
+    sensor = problem.sensors[i]
+    declared: AttitudeFit = problem.fits[sensor]
+    effects = sorted(
+        (e for name in classes if (e := _found(problem, family, before, after, classes[name], name, i)) is not None),
+        key=lambda effect: -effect.share,
+    )
+    h = declared.columns(problem.scene.data.pitch_deg, problem.scene.data.roll_deg)
+    unnamed = _unnamed(problem, after, i)
+    return SensorTrace(
+        sensor=sensor,
+        declared=declared.model,
+        verdict=_verdict(bool(effects), bool(unnamed)),
+        before=before.tables[i],
+        after=after.tables[i],
+        cv_rms_before=None if cv is None else float(cv[0]),
+        cv_rms_after=None if cv is None else float(cv[1]),
+        effects=tuple(effects),
+        unnamed=unnamed,
+        shared_attitude_before=shared_attitude(problem, before.corrected[i]),
+        shared_attitude_after=shared_attitude(problem, after.corrected[i]),
+        fit=after.fits[i],
+        S_V=declared.parameters.S_V,
+        residual_before_V=before.corrected[i] - before.fits[i].predict(h),
+        residual_after_V=after.corrected[i] - after.fits[i].predict(h),
+    )
+
+
+def _found(
+    problem: Problem,
+    family: Family,
+    before: Estimate,
+    after: Estimate,
+    explanations: tuple[Rival, ...],
+    name: str,
+    i: int,
+) -> FoundEffect | None:
+    """The effect as sensor `i` shows it; None where it does not."""
+    sensor, picked = problem.sensors[i], list(after.chosen)
+    mine = [k for k, j in enumerate(picked) if problem.candidates[j].effect.name == name]
+    shown = [k for k in mine if _size(problem, after, k, i) > SHOWS]
+    if not shown:
+        return None
+    effect = problem.candidates[picked[shown[0]]].effect
+    contribution = problem.raw[i][:, [picked[k] for k in mine]] @ after.gamma[mine]
+    formulas = [problem.candidates[picked[k]].term.as_formula(problem.scene, sensor) for k in shown]
+    stderr = np.sqrt(np.diag(after.covariance))
+    h = problem.fits[sensor].columns(problem.scene.data.pitch_deg, problem.scene.data.roll_deg)
+    without = after.corrected[i] + contribution
+    rss_without = float(np.sum((without - h @ np.linalg.lstsq(h, without, rcond=None)[0]) ** 2))
+    excess = before.fits[i].rss - after.fits[i].df * _pure_variance(after.tables[i])
+    best = next(rival for rival in explanations if rival.effect == name)
+    peak = float(np.max(np.abs(contribution)))
+    return FoundEffect(
+        effect=name,
+        cause=effect.cause,
+        stratum=_stratum(problem, [picked[k] for k in shown]),
+        terms=tuple(text for text, _ in formulas),
+        coefficients=tuple(float(after.gamma[k] * f) for k, (_, f) in zip(shown, formulas, strict=True)),
+        stderr=tuple(float(stderr[k] * abs(f)) for k, (_, f) in zip(shown, formulas, strict=True)),
+        unit=effect.unit,
+        p_adjusted=min(p_adjusted(problem, family, after.chosen, picked[k]) for k in shown),
+        share=float(np.clip((rss_without - after.fits[i].rss) / excess, 0.0, 1.0)) if excess > 0 else 0.0,
+        aliases=tuple(r.effect for r in explanations if r.alias and r.effect != name),
+        separation={r.effect: round(max(r.sigmas - best.sigmas, 0.0), 2) for r in explanations if r.effect != name},
+        separate_by=f"{effect.separate_by}; the effect reaches {peak:.2g} V "
+        f"({np.degrees(peak / problem.fits[sensor].parameters.S_V):.2g} deg) here",
+        contribution_V=contribution,
+        against=effect.against,
+    )
+
+
+def _size(problem: Problem, after: Estimate, k: int, i: int) -> float:
+    """Standard errors that term `k` of the model amounts to in sensor `i` by itself."""
+    column = problem.columns["declared"][i][:, after.chosen[k]]
+    sigma = np.sqrt(_pure_variance(after.tables[i]))
+    return float(abs(after.gamma[k]) * np.linalg.norm(column) / sigma) if concerns(problem, after.chosen[k])[i] else 0.0
+
+
+def _pure_variance(table: Replication) -> float:
+    return table.sigma_pr**2 if np.isfinite(table.sigma_pr) else table.sigma_E**2
+
+
+def _stratum(problem: Problem, picked: list[int]) -> str:
+    candidate: Candidate = problem.candidates[picked[0]]
+    judged = {"points": "point-by-replication", "replications": "between-point"}[problem.judged_at[picked[0]]]
+    return judged if candidate.effect.stratum != "between-point" else "between-point"
+
+
+def _unnamed(problem: Problem, after: Estimate, i: int) -> tuple[Unnamed, ...]:
+    table, rest = after.tables[i], []
+    if table.bias.p < UNEXPLAINED:
+        rest.append(strongest_wave(problem, after.corrected[i]))
+    if table.drift.p < UNEXPLAINED:
+        share = 1.0 - _pure_variance(table) / table.sigma_E**2
+        rest.append(Unnamed("between replications: the parameters drift", float(np.clip(share, 0.0, 1.0))))
+    return tuple(rest)
+
+
+def _verdict(found: bool, remains: bool) -> str:
+    if found:
+        return "partly explained" if remains else "explained"
+    return "unexplained" if remains else "nothing to add"
