@@ -139,7 +139,9 @@ def main() -> None:
         print(f"bluesky is not installed ({missing}): pip install -e '.[bench]'")
         return
     ratio = statistics.median(theirs) / statistics.median(mine)
-    print(f"bluesky RunEngine, nothing stored:{statistics.median(theirs) * 1e6:7.0f} us a point, {ratio:.1f} times ours")
+    print(
+        f"bluesky RunEngine, nothing stored:{statistics.median(theirs) * 1e6:7.0f} us a point, {ratio:.1f} times ours"
+    )
 
 
 if __name__ == "__main__":

@@ -1,10 +1,12 @@
-"""From a table to what it says: fit, trace, error before and after."""
+"""From a table to what it says: fit, trace, error before and after, in JSON and in words."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
-from fitter import fit_all
+from fitter import AttitudeData, fit_all
+from fitter.trace import SensorTrace, Trace, trace
 from rig.errors import UsageError
 from rig.tables import Table, attitude_data
 
@@ -20,3 +22,56 @@ def fit_table(table: Table) -> dict[str, Any]:
         "data": {"points": len(table), "kind": "pitch-roll", "simulated": table.simulated, **table.provenance},
         "sensors": {name: fit.to_dict() for name, fit in fits.items()},
     }
+
+
+@dataclass(frozen=True, eq=False)
+class Traced:
+    """A table and what was traced in it.
+
+    Attributes:
+        table: where the data come from.
+        data: the same as arrays.
+        trace: what was found, by sensor.
+
+    """
+
+    table: Table
+    data: AttitudeData
+    trace: Trace
+
+    def to_json(self) -> dict[str, Any]:
+        """What `rig trace --json` prints."""
+        result: dict[str, Any] = self.trace.to_json(self.table.source)
+        result["data"] |= {"simulated": self.table.simulated, **self.table.provenance, "file": self.table.source}
+        for name, sensor in self.trace.sensors.items():
+            result["sensors"][name]["sentence"] = sentence(name, sensor)
+        return result
+
+
+def trace_table(table: Table) -> Traced:
+    """Trace what the declared model lacks in a pitch-roll table. Raises `UsageError`."""
+    data = attitude_data(table)
+    try:
+        return Traced(table, data, trace(data))
+    except ValueError as error:
+        raise UsageError(f"{table.source}: {error}") from error
+
+
+def sentence(name: str, found: SensorTrace) -> str:
+    """What was found in one sensor, in words that can go into a certificate."""
+    before, after = (_degrees(side.sigma_E, found.S_V) for side in (found.before, found.after))
+    if not found.effects:
+        return f"{name}: the declared model ({found.declared}) leaves a standard error of {before}; {found.verdict}."
+    effects = " and ".join(f"{e.effect} ({e.share:.0%} of the excess over scatter)" for e in found.effects)
+    text = (
+        f"{name}: the declared model ({found.declared}) leaves a standard error of {before}; it lacks {effects}. "
+        f"With that the standard error is {after}"
+    )
+    if found.cv_rms_before is not None and found.cv_rms_after is not None:
+        errors = (_degrees(rms, found.S_V) for rms in (found.cv_rms_before, found.cv_rms_after))
+        text += ", and the error at replications that were left out goes from {} to {}".format(*errors)
+    return text + "."
+
+
+def _degrees(volts: float, sensitivity: float) -> str:
+    return f"{volts / sensitivity * 57.29577951308232:.3g} deg"

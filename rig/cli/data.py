@@ -89,12 +89,11 @@ def trace(
     from rig.closed_loop import trace_table  # noqa: PLC0415
     from rig.tables import read_table  # noqa: PLC0415
 
-    table = read_table(data)
-    traced = trace_table(table)
+    traced = trace_table(read_table(data))
     if report is not None:
         from rig.report import write_report  # noqa: PLC0415
 
-        write_report(report, table, traced)
+        write_report(report, traced)
         err.print(f"report: {report}")
     if as_json:
         print_json(traced.to_json())
@@ -116,8 +115,11 @@ _BEFORE_AFTER = (
 
 def show_trace(traced: Traced) -> None:
     """A short table a sensor: error before and after, and the effects found."""
-    out.print(f"{mark(traced.simulated)}[bold]{traced.file}[/]: {traced.points} observations")
-    for name, sensor in traced.sensors.items():
+    result = traced.to_json()
+    out.print(
+        f"{mark(traced.table.simulated)}[bold]{result['data']['file']}[/]: {result['data']['points']} observations"
+    )
+    for name, sensor in result["sensors"].items():
         out.print(f"\n[bold]{name}[/] ({sensor['declared']}): [bold]{sensor['verdict']}[/]")
         table = RichTable("", "before", "after")
         for key, label, scale in _BEFORE_AFTER:
@@ -125,15 +127,16 @@ def show_trace(traced: Traced) -> None:
             table.add_row(label, *cells)
         out.print(table)
         for effect in sensor["effects"]:
-            share = "" if effect["share"] is None else f", {effect['share']:.0%} of the excess error"
-            out.print(f"  [green]{effect['effect']}[/] ({effect['stratum']}): {effect['term']}{share}")
-            for value, error, term in zip(
-                effect["coefficients"], effect["stderr"], effect["term"].split(" + "), strict=False
-            ):
+            out.print(
+                f"  [green]{effect['effect']}[/] ({effect['stratum']}): {effect['share']:.0%} of the excess error"
+            )
+            for term, value, error in zip(effect["terms"], effect["coefficients"], effect["stderr"], strict=True):
                 out.print(f"    {value:.4g} +- {error:.2g} {effect['unit']}  {term}")
             if effect["aliases"]:
-                out.print(f"    cannot be told from: {', '.join(effect['aliases'])}")
+                out.print(f"    these data cannot tell it from: {', '.join(effect['aliases'])}")
                 out.print(f"    would separate them: {effect['separate_by']}")
+        for rest in sensor["unnamed"]:
+            out.print(f"  [yellow]unexplained:[/] {rest['share']:.0%} of the excess error, {rest['where']}")
 
 
 def degrees(value: float | None) -> str:

@@ -48,10 +48,9 @@ def demo(
     if result.outcome is not Outcome.COMPLETE:
         raise RigError("the demo's run did not complete after it was resumed; please report this")
     err.print("Tracing the residual of every sensor ...")
-    table = run_table(path)
-    traced = trace_table(table)
+    traced = trace_table(run_table(path))
     report = path.with_suffix(".html")
-    write_report(report, table, traced)
+    write_report(report, traced)
     if as_json:
         print_json(traced.to_json())
     else:

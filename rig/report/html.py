@@ -14,7 +14,6 @@ import numpy as np
 from rig.errors import UsageError
 from rig.report.plots import Picture, residual_map, residuals_against
 from rig.report.story import story
-from rig.tables import Table
 
 if TYPE_CHECKING:
     from rig.closed_loop import Traced
@@ -38,9 +37,9 @@ def _template() -> jinja2.Template:
     return jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined).from_string(text)
 
 
-def write_report(path: Path, table: Table, traced: Traced) -> None:
+def write_report(path: Path, traced: Traced) -> None:
     """Write a self-contained HTML report, whole or not at all. Raises `UsageError` if the disk refuses."""
-    text = render(table, traced)
+    text = render(traced)
     temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")
     try:
         temporary.write_text(text, encoding="utf-8")
@@ -50,31 +49,30 @@ def write_report(path: Path, table: Table, traced: Traced) -> None:
         raise UsageError(f"{path} cannot be written: {error.strerror}; nothing is left behind") from error
 
 
-def render(table: Table, traced: Traced) -> str:
+def render(traced: Traced) -> str:
     """The report as HTML; everything that came from a file is escaped."""
+    table = traced.table
     provenance = dict(table.provenance)
     software = provenance.pop("software", {})
     provenance |= {f"software: {name}": version for name, version in software.items()}
-    hours = float(np.ptp(table.columns["elapsed_s"])) / 3600.0
+    hours = float(np.ptp(traced.data.elapsed_s)) / 3600.0
+    result = traced.to_json()
     return _template().render(
         title=provenance.get("procedure", Path(table.source).name),
         simulated=table.simulated,
         points=len(table),
         span=f"{hours:.1f} h",
-        sensors=[_sensor(name, traced) for name in traced.sensors],
+        sensors=[_sensor(name, result["sensors"][name], traced) for name in traced.trace.sensors],
         provenance=list(provenance.items()),
         story=story(Path(table.source)) if "run_id" in provenance else [],
     )
 
 
-def _sensor(name: str, traced: Traced) -> dict[str, Any]:
-    result = traced.sensors[name]
+def _sensor(name: str, result: dict[str, Any], traced: Traced) -> dict[str, Any]:
     before, after = result["before"], result["after"]
     return {
+        **result,
         "name": name,
-        "declared": result["declared"],
-        "verdict": result["verdict"],
-        "sentence": traced.sentences[name],
         "rows": [
             {
                 "label": label,
@@ -84,24 +82,38 @@ def _sensor(name: str, traced: Traced) -> dict[str, Any]:
             }
             for key, label, scale, what in _ROWS
         ],
-        "effects": [_effect(effect, traced.causes) for effect in result["effects"]],
-        "plots": _plots(name, traced.pictures[name]),
+        "effects": [_effect(effect) for effect in result["effects"]],
+        "plots": _plots(name, _picture(traced, name)),
     }
 
 
-def _effect(effect: dict[str, Any], causes: dict[str, str]) -> dict[str, Any]:
-    terms = effect["term"].split(" + ")
+def _effect(effect: dict[str, Any]) -> dict[str, Any]:
+    rows = zip(effect["terms"], effect["coefficients"], effect["stderr"], strict=True)
     return {
         **effect,
-        "cause": causes.get(effect["effect"], ""),
-        "share": None if effect["share"] is None else f"{effect['share']:.0%}",
-        "p": None if effect["p_adjusted"] is None else f"{effect['p_adjusted']:.2g}",
+        "share": f"{effect['share']:.0%}",
+        "p": f"{effect['p_adjusted']:.2g}",
         "aliases": ", ".join(effect["aliases"]),
         "terms": [
             {"term": term, "value": f"{value:.4g}", "stderr": f"{error:.2g}", "unit": effect["unit"]}
-            for term, value, error in zip(terms, effect["coefficients"], effect["stderr"], strict=False)
+            for term, value, error in rows
         ],
     }
+
+
+def _picture(traced: Traced, name: str) -> Picture:
+    data, found = traced.data, traced.trace.sensors[name]
+    to_deg = np.degrees(1.0 / found.S_V)
+    return Picture(
+        pitch_deg=data.pitch_deg,
+        roll_deg=data.roll_deg,
+        elapsed_h=data.elapsed_s / 3600.0,
+        temperature_degC=data.sensor_temperature_degC,
+        replicate=data.replicate,
+        before_deg=found.residual_before_V * to_deg,
+        after_deg=found.residual_after_V * to_deg,
+        interval_deg=(1.96 * found.before.sigma_E * to_deg, 1.96 * found.after.sigma_E * to_deg),
+    )
 
 
 def _plots(name: str, picture: Picture) -> list[dict[str, str]]:

@@ -1,0 +1,39 @@
+"""Kill real controllers at random moments until there are enough kills; nothing may be lost, doubled or wrong.
+
+.venv/bin/python benchmarks/kill_campaign.py --kills 200 [--seed 1]
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
+
+from kills import Tally, one_run
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--kills", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=1)
+    asked = parser.parse_args()
+    total = Tally()
+    seed = asked.seed
+    while total.kills < asked.kills:
+        with tempfile.TemporaryDirectory(dir=Path.cwd()) as folder:
+            total.add(one_run(Path(folder), seed, kills=12, longest_s=1.6, replications=4))
+        print(f"seed {seed}: {total}", flush=True)
+        seed += 1
+    bad = total.lost + total.duplicated + total.wrong_side
+    print(
+        f"{total.kills} kills in {total.runs} runs of {total.points} points in all: "
+        f"{total.lost} lost, {total.duplicated} duplicated, {total.wrong_side} from the wrong side"
+    )
+    return 1 if bad else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

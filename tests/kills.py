@@ -1,0 +1,107 @@
+"""Real SIGKILLs of real controllers: start, kill at a random moment, resume, kill again, and count what is left.
+
+Used by the quick tests for a few kills and by `benchmarks/kill_campaign.py` for many.
+"""
+
+from __future__ import annotations
+
+import random
+import signal
+import subprocess
+import sys
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+from procedures import RunList
+from rig.engine.run_file import RunReader
+from rig.examples import example
+
+LAB = example("attitude-lab")
+
+PROCEDURE = """
+kind = "pitch-roll"
+name = "kills"
+replications = {replications}
+[design]
+type = "D1"
+pitch_max_deg = 90
+pitch_count = 13
+roll_count = 13
+[settle]
+dwell_s = 1
+[measure]
+readings = 4
+"""
+
+
+@dataclass
+class Tally:
+    """What a campaign has come to."""
+
+    runs: int = 0
+    kills: int = 0
+    points: int = 0
+    lost: int = 0
+    duplicated: int = 0
+    wrong_side: int = 0
+
+    def add(self, other: Tally) -> None:
+        for name in vars(self):
+            setattr(self, name, getattr(self, name) + getattr(other, name))
+
+
+def rig(*arguments: object, **options: object) -> subprocess.Popen[str]:
+    command = [sys.executable, "-m", "rig", *map(str, arguments)]
+    return subprocess.Popen(command, text=True, stderr=subprocess.PIPE, stdout=subprocess.PIPE, **options)
+
+
+def one_run(folder: Path, seed: int, *, kills: int, longest_s: float, replications: int = 3) -> Tally:
+    """Kill a run up to `kills` times, each at most `longest_s` after its start, then let it finish and judge it."""
+    rng = random.Random(seed)
+    procedure = folder / f"kills-{seed}.toml"
+    procedure.write_text(PROCEDURE.format(replications=replications))
+    bench, world = LAB / "bench.toml", LAB / "world.toml"
+    process = rig("run", procedure, "--bench", bench, "--dry", "--world", world, "--out", folder)
+    line = process.stdout.readline()
+    assert line, process.stderr.read()
+    path = Path(line.strip())
+    tally = Tally(runs=1)
+    while True:
+        try:
+            delay = rng.uniform(0, longest_s) if tally.kills < kills else 60.0
+            process.wait(delay)
+        except subprocess.TimeoutExpired:
+            process.send_signal(signal.SIGKILL)
+            process.wait()
+            process.communicate()
+            tally.kills += 1
+            process = rig("resume", path)
+            continue
+        _, said = process.communicate()
+        assert process.returncode == 0, f"seed {seed}: exit {process.returncode}: {said}"
+        break
+    tally.add(judge(path))
+    return tally
+
+
+def judge(path: Path) -> Tally:
+    """Hold a finished run file against its run list."""
+    with RunReader.open(path) as reader:
+        reader.verify()
+        run_list: RunList = reader.run_list()
+        accepted = [r for r in reader.records("observation") if r.status == "accepted"]
+    counts = Counter(r.run_index for r in accepted)
+    wrong = 0
+    for record in accepted:
+        point = run_list.points[record.run_index]
+        for factor, side, setpoint in zip(run_list.factors, point.sides, point.setpoints, strict=True):
+            arrived, start = record.data["approach"][factor.axis]
+            if arrived != side or (setpoint - start) * side < factor.overtravel - 0.01:
+                wrong += 1
+    return Tally(
+        points=len(run_list),
+        lost=sum(p.index not in counts for p in run_list.points),
+        duplicated=sum(n - 1 for n in counts.values()),
+        wrong_side=wrong,
+    )
