@@ -155,7 +155,7 @@ PROCEDURE = PitchRollProcedure.model_validate(
 
 def new_run(folder: Path, procedure: PitchRollProcedure = PROCEDURE) -> Path:
     path = folder / "small.sqlite"
-    genesis = Genesis("small", {}, procedure.expand(), True, {"procedure": "small", "bench": "ideal"})
+    genesis = Genesis("small", {}, procedure.expand(), True, {"procedure": "small", "bench": "ideal", "software": {}})
     create(path, genesis, elapsed_s=0.0, utc_s=0.0)
     return path
 

@@ -1,0 +1,106 @@
+"""Tables: what is wrong with one is said in one line, and nothing is written."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from ideal_bench import new_run, run_session
+
+from rig.errors import RunFileError, UsageError
+from rig.tables import attitude_data, read_table, run_table, write_csv
+
+HEAD = "replicate,order,elapsed_s,pitch_deg,roll_deg,sensor_temperature_degC,x_V"
+ROWS = [f"{1 + i // 4},{i + 1},{30 * i},{(-30, -10, 10, 30)[i % 4]},{90 * (i % 3)},23.1,{0.1 * i}" for i in range(8)]
+
+
+def written(tmp_path, *lines):
+    path = tmp_path / "data.csv"
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def test_a_good_table_is_read(tmp_path):
+    data = attitude_data(read_table(written(tmp_path, HEAD, *ROWS)))
+    assert len(data) == 8
+    assert data.sensors == ("x_V",)
+
+
+@pytest.mark.parametrize(
+    ("lines", "says"),
+    [
+        ([HEAD, *ROWS[:3], ROWS[3].replace("23.1", "warm")], "row 5, column sensor_temperature_degC: 'warm' is not"),
+        ([HEAD, *ROWS[:3], ROWS[3].replace("23.1", "nan")], "row 5, column sensor_temperature_degC: nan is not"),
+        ([HEAD, *ROWS[:3], ROWS[3].replace("23.1", "")], "row 5, column sensor_temperature_degC: the value is missing"),
+        ([HEAD, ROWS[0], ROWS[1] + ",7"], "row 3: 8 values for 7 columns"),
+        ([HEAD.replace("pitch_deg", "pitch_rad"), *ROWS], "pitch_rad is in 'rad'; convert it and name it pitch_deg"),
+        ([HEAD.replace("x_V", "x_mV"), *ROWS], "column x_mV is in 'mV'; convert it and name it x_V"),
+        ([HEAD.replace("elapsed_s", "elapsed_h"), *ROWS], "name it elapsed_s"),
+        ([HEAD.replace("sensor_temperature_degC", "t"), *ROWS], "column sensor_temperature_degC is missing"),
+        ([HEAD.replace("x_V", "x"), *ROWS], "there is no sensor output"),
+        ([HEAD, *ROWS, ROWS[2]], "rows 4 and 10: order 3 stands there twice"),
+        ([HEAD, *ROWS[:2], ROWS[2].replace("1,3,", "1,3.5,")], "row 4, column order: 3.5 is not a whole number"),
+        ([HEAD.replace("x_V", "elapsed_s"), *ROWS], "column 'elapsed_s' stands there twice"),
+        ([HEAD], "column names and no rows"),
+        ([""], "is empty"),
+        ([HEAD, '1,2,"unterminated'], "not a CSV table"),
+    ],
+)  # fmt: skip
+def test_a_wrong_table_is_explained_in_one_line(tmp_path, lines, says):
+    with pytest.raises(UsageError) as caught:
+        attitude_data(read_table(written(tmp_path, *lines)))
+    message = str(caught.value)
+    assert says in message
+    assert "data.csv" in message
+    assert "\n" not in message
+
+
+def test_bytes_that_are_no_text_are_refused(tmp_path):
+    path = tmp_path / "data.csv"
+    path.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(UsageError, match="neither a run file nor UTF-8 text"):
+        read_table(path)
+
+
+def test_what_a_run_observed_is_what_its_table_says(tmp_path):
+    path = new_run(tmp_path)
+    run_session(path)
+    table = run_table(path)
+    assert len(table) == 18
+    truth = np.sin(np.radians(table.columns["pitch_deg"]))
+    np.testing.assert_allclose(table.columns["x_V"], truth, atol=1e-12)
+    assert list(table.columns["order"]) == list(range(1, 19))
+    assert (np.diff(table.columns["elapsed_s"]) > 0).all()
+    assert table.simulated
+    copy = tmp_path / "copy.csv"
+    write_csv(table.columns, copy)
+    again = read_table(copy)
+    assert list(again.columns) == list(table.columns)
+    for name, values in table.columns.items():
+        np.testing.assert_array_equal(again.columns[name], values)
+
+
+def test_everything_includes_rejected_observations_with_gaps(tmp_path):
+    path = new_run(tmp_path)
+
+    def overload_once(_bench, _head, reader):
+        reader.overloads = {5}
+
+    run_session(path, spoil=overload_once)
+    table = run_table(path, everything=True)
+    assert len(table) == 19
+    (rejected,) = np.flatnonzero(table.columns["accepted"] == 0)
+    assert math.isnan(table.columns["x_V"][rejected])
+    assert len(run_table(path)) == 18
+
+
+def test_a_run_without_observations_says_so(tmp_path):
+    with pytest.raises(RunFileError, match="holds no observations yet"):
+        read_table(new_run(tmp_path))
+
+
+def test_a_table_that_cannot_be_written_leaves_nothing(tmp_path):
+    with pytest.raises(UsageError, match="cannot be written"):
+        write_csv({"a": [1.0]}, tmp_path / "missing" / "a.csv")
+    assert list(tmp_path.iterdir()) == []
