@@ -1,7 +1,8 @@
 """The dividing head's mechanics: two axes, their encoders, and where the table really is.
 
-An encoder counts from wherever it was switched on until homing has found its mark. Errors the encoder cannot see
-(hidden play, harmonics of the head) are on the table's side: `true_deg`.
+An encoder's angle is counted from its mark here. A controller that was switched on does not know the mark until its
+homing has found it at 0 deg; keeping count is the controller's business. Errors the encoder cannot see (hidden
+play, harmonics of the head) are on the table's side: `true_deg`.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ class Now(Protocol):
 
 
 class Axis:
-    """One axis: its moves, its encoder's zero, its errors."""
+    """One axis: its moves and its errors."""
 
     def __init__(self, world: Now, start_deg: float, mechanics: Mechanics, errors: Sequence[HeadError]) -> None:
         self._world = world
@@ -37,8 +38,6 @@ class Axis:
         self._deceleration = 1.0
         resting = Course(1.0, (), start_deg, 0.0)
         self._legs = [Leg(-inf, start_deg, start_deg, -mechanics.hidden_play_deg / 2.0, resting, mechanics)]
-        self._zeros = [(-inf, start_deg, False)]
-        """When the encoder's zero changed: (time, table angle at its zero, whether homing found it)."""
 
     def leg(self, t: float) -> Leg:
         """The leg in force at `t`."""
@@ -47,23 +46,13 @@ class Axis:
                 return leg
         return self._legs[0]
 
-    def _zero(self, t: float) -> tuple[float, float, bool]:
-        for zero in reversed(self._zeros):
-            if zero[0] <= t:
-                return zero
-        return self._zeros[0]
-
     def encoder_deg(self, t: float) -> float:
-        """What an ideal counter on the encoder shows."""
-        return self.leg(t).angle(t) - self._zero(t)[1]
+        """The encoder's angle from its mark, before quantisation."""
+        return self.leg(t).angle(t)
 
     def speed_deg_per_s(self, t: float) -> float:
         """Encoder speed."""
         return self.leg(t).speed(t)
-
-    def homed(self, t: float) -> bool:
-        """Whether the encoder's zero is the mark."""
-        return self._zero(t)[2]
 
     def moving(self, t: float) -> bool:
         """Whether the motion profile is still running; the creep after it does not count."""
@@ -83,45 +72,8 @@ class Axis:
         """The table's angle as the pendulum shows it, behind its lag."""
         return self._table(self.leg(t).seen(t), t)
 
-    def move(self, target_deg: float, speed_deg_per_s: float, acceleration_deg_per_s2: float) -> None:
-        """Go to an encoder angle."""
-        self._go(target_deg + self._zero(self._world.now())[1], speed_deg_per_s, acceleration_deg_per_s2)
-
-    def home(self, speed_deg_per_s: float, acceleration_deg_per_s2: float) -> None:
-        """Go to the mark at the table's zero; the encoder counts from there once it has come to rest."""
-        self._go(0.0, speed_deg_per_s, acceleration_deg_per_s2)
-        self._zeros.append((self._legs[-1].end, 0.0, True))
-
-    def stop(self, deceleration_deg_per_s2: float | None = None) -> None:
-        """Come to rest as soon as the deceleration allows (the last move's, unless another is given)."""
-        now = self._interrupt()
-        leg = self.leg(now)
-        if now < leg.end:
-            angle, speed = leg.angle(now), leg.speed(now)
-            deceleration = deceleration_deg_per_s2 or self._deceleration
-            still = Course(leg.course.direction, (), angle, 0.0)
-            self._append(now, stopping(angle, speed, deceleration) if speed else still)
-
-    def forget_zero(self) -> None:
-        """Power was lost: the axis stops dead and its encoder counts from here."""
-        now = self._interrupt()
-        leg = self.leg(now)
-        angle = leg.angle(now)
-        if now < leg.end:
-            self._append(now, Course(leg.course.direction, (), angle, 0.0))
-        self._zeros.append((now, angle, False))
-
-    def _interrupt(self) -> float:
-        """Forget what was to come, and what is long past; returns the time."""
-        now = self._world.now()
-        legs = [leg for leg in self._legs if leg.start <= now]
-        while len(legs) > 1 and legs[1].start < now - _REMEMBERED_S:
-            del legs[0]
-        self._legs = legs
-        self._zeros = [zero for zero in self._zeros if zero[0] <= now][-8:]
-        return now
-
-    def _go(self, target: float, speed: float, acceleration: float) -> None:
+    def move(self, target: float, speed: float, acceleration: float) -> None:
+        """Go to an encoder angle; both speed (deg/s) and acceleration (deg/s^2) must be positive."""
         if not (speed > 0.0 and acceleration > 0.0):
             raise ValueError(f"speed {speed} and acceleration {acceleration} must be positive")
         now = self._interrupt()
@@ -136,6 +88,25 @@ class Axis:
         reversing = (target - angle) * leg.course.direction < 0.0
         wait = sqrt(2.0 * m.gear_play_deg / acceleration) if reversing else 0.0
         self._append(now, towards(angle, moving_at, target, speed, acceleration, m.creep_deg, wait))
+
+    def stop(self, deceleration_deg_per_s2: float | None = None) -> None:
+        """Come to rest as soon as the deceleration allows (the last move's, unless another is given)."""
+        now = self._interrupt()
+        leg = self.leg(now)
+        if now < leg.end:
+            angle, speed = leg.angle(now), leg.speed(now)
+            deceleration = deceleration_deg_per_s2 or self._deceleration
+            still = Course(leg.course.direction, (), angle, 0.0)
+            self._append(now, stopping(angle, speed, deceleration) if speed else still)
+
+    def _interrupt(self) -> float:
+        """Forget what was to come, and what is long past; returns the time."""
+        now = self._world.now()
+        legs = [leg for leg in self._legs if leg.start <= now]
+        while len(legs) > 1 and legs[1].start < now - _REMEMBERED_S:
+            del legs[0]
+        self._legs = legs
+        return now
 
     def _append(self, at: float, course: Course) -> None:
         last = self._legs[-1]
@@ -181,21 +152,12 @@ class HeadMechanics:
         """Start moving to an encoder angle at up to `speed` deg/s with `accel` deg/s^2."""
         self.axes[axis].move(target_deg, speed, accel)
 
-    def home(self, axis: str, speed: float, accel: float) -> None:
-        """Start looking for the encoder's mark, which is at the table's zero."""
-        self.axes[axis].home(speed, accel)
-
     def stop(self, axis: str, decel: float | None = None) -> None:
         """Come to rest at `decel` deg/s^2, the last move's acceleration unless given."""
         self.axes[axis].stop(decel)
 
-    def power_cycle(self) -> None:
-        """Both axes stop dead; their encoders show 0 where they stand, and are not homed."""
-        for axis in self.axes.values():
-            axis.forget_zero()
-
     def encoder_deg(self, axis: str, t: float) -> float:
-        """Encoder reading before quantisation."""
+        """Encoder angle from its mark, before quantisation."""
         return self.axes[axis].encoder_deg(t)
 
     def speed_deg_per_s(self, axis: str, t: float) -> float:
@@ -209,7 +171,3 @@ class HeadMechanics:
     def moving(self, axis: str, t: float) -> bool:
         """Whether the motion profile is running; the creep after it does not count."""
         return self.axes[axis].moving(t)
-
-    def homed(self, axis: str, t: float) -> bool:
-        """Whether the encoder's zero is known."""
-        return self.axes[axis].homed(t)

@@ -109,7 +109,7 @@ class HeadTruth:
     """The dividing head's mechanics: `[head]`.
 
     Attributes:
-        start_pitch_deg: where the pitch axis really stands when the world starts; its encoder does not know.
+        start_pitch_deg: where the pitch axis stands when the world starts, counted from its encoder's mark.
         start_roll_deg: the same of the roll axis.
         backlash_arcsec: play in the gear. The encoder sits on the table, behind the gear: on a reversal the table
             waits while the motor crosses the play, and no angle is wrong. Play that the encoder cannot see is
