@@ -11,14 +11,11 @@ from __future__ import annotations
 import re
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import Protocol
 
+from sims.twins.newport_axis import PARAMETERS, Axis, Head, Parameter
 from sims.world import World
-
-ENCODER_DEG = 1e-4
-"""Encoder resolution; positions are answered in whole counts."""
 
 _COMMAND_S = 0.004  # time the controller takes for one command [?]
 _TICK_S = 400e-6  # TB?'s time stamps count servo cycles of 400 us
@@ -46,26 +43,6 @@ _AXIS_ERRORS = {
 }
 
 
-class Head(Protocol):
-    """The mechanics this controller drives (`sims.physics.head`)."""
-
-    def move(self, axis: str, target_deg: float, speed: float, accel: float) -> None:
-        """Start a motion profile; speeds in deg/s, accelerations in deg/s^2."""
-        ...
-
-    def stop(self, axis: str) -> None:
-        """Decelerate to rest."""
-        ...
-
-    def encoder_deg(self, axis: str, t: float) -> float:
-        """What the encoder shows."""
-        ...
-
-    def moving(self, axis: str, t: float) -> bool:
-        """Whether a profile is under way."""
-        ...
-
-
 class Plant(Protocol):
     """What this twin uses of the plant."""
 
@@ -75,44 +52,6 @@ class Plant(Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class Parameter:
-    """A number that can be set and asked for.
-
-    Attributes:
-        default: value at power-on.
-        low, high: range.
-        ceiling: parameter that this one may not exceed, "" if none.
-        ceiling_error: axis error if it does.
-
-    """
-
-    default: float
-    low: float = 0.0
-    high: float = 1e9
-    ceiling: str = ""
-    ceiling_error: int = 0
-
-
-PARAMETERS = {
-    "VA": Parameter(4.0, ceiling="VU", ceiling_error=10),
-    "VU": Parameter(40.0),
-    "AC": Parameter(16.0, ceiling="AU", ceiling_error=11),
-    "AG": Parameter(16.0, ceiling="AU", ceiling_error=11),
-    "AU": Parameter(160.0),
-    "OH": Parameter(4.0, ceiling="VU", ceiling_error=10),
-    "OL": Parameter(0.5, ceiling="VU", ceiling_error=10),
-    "JH": Parameter(4.0, ceiling="VU", ceiling_error=10),
-    "JW": Parameter(1.0, ceiling="VU", ceiling_error=10),
-    "SH": Parameter(0.0, low=-1e6, high=1e6),
-    "SL": Parameter(-360.0, low=-1e6, high=1e6),
-    "SR": Parameter(360.0, low=-1e6, high=1e6),
-    "SN": Parameter(7, low=0, high=11),
-    "FP": Parameter(4, low=0, high=7),
-}
-"""Speeds in deg/s, accelerations in deg/s^2, angles in degrees; SN 7 means degrees."""
-
-_POWER_ON = {name: parameter.default for name, parameter in PARAMETERS.items()}
 _COMMAND = re.compile(r"(\d*)([A-Z]{2})(\??)(.*)")
 
 
@@ -142,46 +81,6 @@ def _number(text: str) -> float:
         raise _Refused(7 if text else 38) from None
 
 
-class _Axis:
-    """One axis of the controller: its settings, and where its count began."""
-
-    def __init__(self, name: str, head: Head, world: World) -> None:
-        self.name = name
-        self._head = head
-        self._world = world
-        self.switch_on()
-
-    def switch_on(self) -> None:
-        """Settings as at power-on: motor off, counting from here."""
-        self.values = dict(_POWER_ON)
-        self.powered = False
-        self.homing = False
-        self.target = 0.0
-        self.zero = self._head.encoder_deg(self.name, self._world.now())
-
-    def position(self) -> float:
-        """The count, in degrees."""
-        counts = round((self._head.encoder_deg(self.name, self._world.now()) - self.zero) / ENCODER_DEG)
-        return counts * ENCODER_DEG
-
-    def driving(self) -> bool:
-        """Whether a motion profile is under way."""
-        return self._head.moving(self.name, self._world.now())
-
-    def moving(self) -> bool:
-        """Whether motion is not done, homing included."""
-        return self.homing or self.driving()
-
-    def go(self, target: float, speed: float) -> None:
-        """Start a move to `target` of this count."""
-        self.target = target
-        self._head.move(self.name, target + self.zero, speed, min(self.values["AC"], self.values["AG"]))
-
-    def stop(self) -> None:
-        """Decelerate to rest."""
-        self._head.stop(self.name)
-
-
 class NewportESP301Twin:
     """The controller.
 
@@ -203,8 +102,8 @@ class NewportESP301Twin:
         self._world = world
         self._serial = serial
         numbers = {axis: int(str(options.get(f"{axis}_axis", n))) for n, axis in ((1, "pitch"), (2, "roll"))}
-        self._axes = {number: _Axis(axis, plant.head, world) for axis, number in numbers.items()}
-        self._commands: dict[str, Callable[[_Axis, int, str], str | None]] = {
+        self._axes = {number: Axis(axis, plant.head, world) for axis, number in numbers.items()}
+        self._commands: dict[str, Callable[[Axis, int, str], str | None]] = {
             "TP": lambda axis, n, text: f"{axis.position():.4f}",
             "MD": lambda axis, n, text: "0" if axis.moving() else "1",
             "DP": lambda axis, n, text: f"{axis.target:.4f}",
@@ -332,7 +231,7 @@ class NewportESP301Twin:
             self._errors.popleft()
         self._errors.append((code, self._ticks()))
 
-    def _set(self, axis: _Axis, number: int, name: str, parameter: Parameter, text: str) -> None:
+    def _set(self, axis: Axis, number: int, name: str, parameter: Parameter, text: str) -> None:
         value = _number(text)
         if not parameter.low <= value <= parameter.high:
             raise _Refused(7)
@@ -340,29 +239,29 @@ class NewportESP301Twin:
             raise _Refused(100 * number + parameter.ceiling_error)
         axis.values[name] = value
 
-    def _power_on(self, axis: _Axis, number: int, text: str) -> str | None:
+    def _power_on(self, axis: Axis, number: int, text: str) -> str | None:
         if text == "?":
             return "1" if axis.powered else "0"
         axis.powered = True
         return None
 
-    def _power_off(self, axis: _Axis, number: int, text: str) -> str | None:
+    def _power_off(self, axis: Axis, number: int, text: str) -> str | None:
         if text == "?":
             return "0" if axis.powered else "1"
         axis.powered = False
         self._stop(axis, number, "")
         return None
 
-    def _move_absolute(self, axis: _Axis, number: int, text: str) -> str | None:
+    def _move_absolute(self, axis: Axis, number: int, text: str) -> str | None:
         if text == "?":
             return f"{axis.target:.4f}"
         self._move(axis, number, _number(text))
         return None
 
-    def _move_relative(self, axis: _Axis, number: int, text: str) -> None:
+    def _move_relative(self, axis: Axis, number: int, text: str) -> None:
         self._move(axis, number, axis.position() + _number(text))
 
-    def _move(self, axis: _Axis, number: int, target: float) -> None:
+    def _move(self, axis: Axis, number: int, target: float) -> None:
         self._check_ready(axis, number)
         if target > axis.values["SR"]:
             raise _Refused(100 * number + 6)
@@ -370,22 +269,22 @@ class NewportESP301Twin:
             raise _Refused(100 * number + 7)
         axis.go(target, axis.values["VA"])
 
-    def _check_ready(self, axis: _Axis, number: int) -> None:
+    def _check_ready(self, axis: Axis, number: int) -> None:
         if not axis.powered:
             raise _Refused(100 * number + 13)
         if axis.homing:
             raise _Refused(100 * number + 30)
 
-    def _stop(self, axis: _Axis, number: int, text: str) -> None:
+    def _stop(self, axis: Axis, number: int, text: str) -> None:
         if axis.homing:
             axis.homing = False
             self._fail(100 * number + 20)
         axis.stop()
 
-    def _define_home(self, axis: _Axis, number: int, text: str) -> None:
+    def _define_home(self, axis: Axis, number: int, text: str) -> None:
         axis.zero += axis.position() - (_number(text) if text else 0.0)
 
-    def _search_home(self, axis: _Axis, number: int, text: str) -> None:
+    def _search_home(self, axis: Axis, number: int, text: str) -> None:
         """Go below the home mark fast, then up to it slowly: the index is always met from the same side."""
         if text and _number(text) not in range(7):
             raise _Refused(7)
@@ -394,7 +293,7 @@ class NewportESP301Twin:
         axis.go(-_HOME_RUN_UP_DEG - axis.zero, axis.values["OH"])
         self._world.call_in(_POLL_S, partial(self._home_next, axis, [0.0], self._session))
 
-    def _home_next(self, axis: _Axis, legs: list[float], session: int) -> None:
+    def _home_next(self, axis: Axis, legs: list[float], session: int) -> None:
         if not axis.homing or session != self._session:
             return
         if axis.driving():

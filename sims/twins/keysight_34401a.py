@@ -1,0 +1,258 @@
+"""Simulated HP/Agilent/Keysight 34401A voltmeter on its serial interface, DC volts.
+
+Commands, errors and state after *RST from the 34401A user's guide (34401-90004).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+from sims.twins.keysight_meter import (
+    RESOLUTION,
+    SETTLING_S,
+    Plant,
+    nplc_for,
+    nplc_for_resolution,
+    parameter,
+    range_for,
+    range_named,
+    reading,
+    text,
+)
+from sims.twins.keysight_trigger import TRIGGERING, TriggeredTwin
+from sims.twins.scpi import COMMON, ScpiTwin
+from sims.twins.scpi_syntax import Command, ScpiError, boolean, compiled
+from sims.world import World
+
+_INPUT = "input"
+_MOST_SAMPLES = 50_000
+
+_TABLE = (
+    *COMMON,
+    *TRIGGERING,
+    Command("CONFigure:VOLTage[:DC]", set="configure"),
+    Command("CONFigure", query="ask_configuration"),
+    Command("MEASure:VOLTage[:DC]", query="measure"),
+    Command("[SENSe:]FUNCtion", set="set_function", query="ask_function"),
+    Command("[SENSe:]VOLTage[:DC]:NPLCycles", set="set_nplc", query="ask_nplc"),
+    Command("[SENSe:]VOLTage[:DC]:RANGe", set="set_range", query="ask_range"),
+    Command("[SENSe:]VOLTage[:DC]:RANGe:AUTO", set="set_autorange", query="ask_autorange"),
+    Command("[SENSe:]VOLTage[:DC]:RESolution", set="set_resolution", query="ask_resolution"),
+    Command("[SENSe:]ZERO:AUTO", set="set_autozero", query="ask_autozero"),
+    Command("TRIGger:DELay", set="set_delay", query="ask_delay"),
+    Command("TRIGger:DELay:AUTO", set="set_delay_auto", query="ask_delay_auto"),
+    Command("SAMPle:COUNt", set="set_sample_count", query="ask_sample_count"),
+    Command("INPut:IMPedance:AUTO", set="set_impedance_auto", query="ask_impedance_auto"),
+    Command("ROUTe:TERMinals", query="ask_terminals"),
+    Command("DISPlay", set="set_display", query="ask_display"),
+    Command("SYSTem:BEEPer", set="beep"),
+    Command("*TST", query="test"),
+)
+
+
+class Keysight34401ATwin(TriggeredTwin):
+    """The voltmeter. Its one input is the plant's channel "input".
+
+    Args:
+        name: the bench's name for it.
+        options: its options in the bench file; `baud`, `frame` and `line_Hz` matter here.
+        world: virtual time.
+        plant: what is at the input.
+        serial: not told by this model, which answers 0.
+
+    """
+
+    commands = compiled(_TABLE)
+    errors: ClassVar[Mapping[int, str]] = {**ScpiTwin.errors, 550: "Command not allowed in local"}
+    identity = "HEWLETT-PACKARD,34401A,0,10-5-2"
+    memory = 512
+
+    def __init__(self, name: str, options: Mapping[str, object], world: World, plant: Plant, serial: str) -> None:
+        super().__init__(name, options, world, plant, baud=9600, frame="7E2")
+
+    def reset(self) -> None:
+        """*RST: DC volts, autorange, 10 power line cycles, autozero, one reading at once."""
+        super().reset()
+        self.nplc = 10.0
+        self.range = 0.0
+        self.autozero = True
+        self.delay: float | None = None
+        self.sample_count = 1
+        self.impedance_auto = False
+        self.display = True
+
+    def sweeps(self) -> int:
+        """One sweep is one reading."""
+        return self.trigger_count * self.sample_count
+
+    def readings_per_sweep(self) -> int:
+        """One input."""
+        return 1
+
+    def settling_s(self) -> float:
+        """Trigger delay, automatic unless set."""
+        return SETTLING_S[self.nplc] if self.delay is None else self.delay
+
+    def sweep_s(self) -> float:
+        """Delay, integration, and with autozero a second integration with the input shorted."""
+        return self.settling_s() + (2 if self.autozero else 1) * self.nplc / self.line_hz
+
+    def take(self, began: float) -> list[float]:
+        """One reading."""
+        t0 = began + self.settling_s()
+        return [reading(self.plant, self.name, _INPUT, t0, self.nplc, self.line_hz, self.range)]
+
+    def overload_bit(self, position: int) -> int:
+        """Voltage overload is bit 0."""
+        return 1
+
+    def configure(self, span: str = "DEF", resolution: str = "DEF") -> None:
+        """CONFigure:VOLTage:DC presets everything and does not trigger."""
+        wanted = range_named(span)
+        nplc = nplc_for_resolution(resolution, wanted)
+        self.changed()
+        TriggeredTwin.reset(self)
+        self.range, self.nplc = wanted, nplc
+        self.autozero, self.delay, self.sample_count = True, None, 1
+
+    def ask_configuration(self) -> str:
+        """CONFigure?."""
+        return f'"VOLT {self._span():+.6E},{self._resolution():+.6E}"'
+
+    def measure(self, span: str = "DEF", resolution: str = "DEF") -> str:
+        """MEASure:VOLTage:DC?: configure and read."""
+        if not self._streaming:
+            self.configure(span, resolution)
+        return self.read()
+
+    def _span(self) -> float:
+        return self.range or range_for(
+            self.plant.channel_V(self.name, _INPUT, self.world.now(), self.world.now() + 1e-3)
+        )
+
+    def _resolution(self) -> float:
+        return RESOLUTION[self.nplc] * self._span()
+
+    def set_function(self, name: str) -> None:
+        """FUNCtion: only DC volts is wired up here."""
+        if name.strip("\"'").upper() not in ("VOLT", "VOLT:DC", "VOLTAGE", "VOLTAGE:DC"):
+            raise ScpiError(-224)
+        self.changed()
+
+    def ask_function(self) -> str:
+        """FUNCtion?."""
+        return '"VOLT"'
+
+    def set_nplc(self, cycles: str) -> None:
+        """VOLTage:DC:NPLCycles."""
+        chosen = nplc_for(cycles)
+        self.changed()
+        self.nplc = chosen
+
+    def ask_nplc(self) -> str:
+        """VOLTage:DC:NPLCycles?."""
+        return text(self.nplc)
+
+    def set_range(self, span: str) -> None:
+        """VOLTage:DC:RANGe."""
+        chosen = range_named(span)
+        self.changed()
+        self.range = chosen
+
+    def ask_range(self) -> str:
+        """VOLTage:DC:RANGe?."""
+        return text(self._span())
+
+    def set_autorange(self, state: str) -> None:
+        """VOLTage:DC:RANGe:AUTO."""
+        on = boolean(state)
+        self.changed()
+        self.range = 0.0 if on else self._span()
+
+    def ask_autorange(self) -> str:
+        """VOLTage:DC:RANGe:AUTO?."""
+        return "0" if self.range else "1"
+
+    def set_resolution(self, volts: str) -> None:
+        """VOLTage:DC:RESolution; refused while autoranging."""
+        if not self.range:
+            raise ScpiError(-221)
+        chosen = nplc_for_resolution(volts, self.range)
+        self.changed()
+        self.nplc = chosen
+
+    def ask_resolution(self) -> str:
+        """VOLTage:DC:RESolution?."""
+        return text(self._resolution())
+
+    def set_autozero(self, state: str) -> None:
+        """ZERO:AUTO; ONCE leaves it off."""
+        on = state.upper() != "ONCE" and boolean(state)
+        self.changed()
+        self.autozero = on
+
+    def ask_autozero(self) -> str:
+        """ZERO:AUTO?."""
+        return "1" if self.autozero else "0"
+
+    def set_delay(self, seconds: str) -> None:
+        """TRIGger:DELay, which ends the automatic delay."""
+        value = parameter(seconds, 0.0, 3600.0, 0.0)
+        if not 0.0 <= value <= 3600.0:
+            raise ScpiError(-222)
+        self.changed()
+        self.delay = value
+
+    def ask_delay(self) -> str:
+        """TRIGger:DELay?."""
+        return text(self.settling_s())
+
+    def set_delay_auto(self, state: str) -> None:
+        """TRIGger:DELay:AUTO."""
+        on = boolean(state)
+        self.changed()
+        self.delay = None if on else self.settling_s()
+
+    def ask_delay_auto(self) -> str:
+        """TRIGger:DELay:AUTO?."""
+        return "1" if self.delay is None else "0"
+
+    def set_sample_count(self, count: str) -> None:
+        """SAMPle:COUNt."""
+        value = parameter(count, 1, _MOST_SAMPLES, 1)
+        if not 1 <= value <= _MOST_SAMPLES:
+            raise ScpiError(-222)
+        self.changed()
+        self.sample_count = round(value)
+
+    def ask_sample_count(self) -> str:
+        """SAMPle:COUNt?."""
+        return text(self.sample_count)
+
+    def set_impedance_auto(self, state: str) -> None:
+        """INPut:IMPedance:AUTO."""
+        self.impedance_auto = boolean(state)
+
+    def ask_impedance_auto(self) -> str:
+        """INPut:IMPedance:AUTO?."""
+        return "1" if self.impedance_auto else "0"
+
+    def ask_terminals(self) -> str:
+        """ROUTe:TERMinals?."""
+        return "FRON"
+
+    def set_display(self, state: str) -> None:
+        """DISPlay."""
+        self.display = boolean(state)
+
+    def ask_display(self) -> str:
+        """DISPlay?."""
+        return "1" if self.display else "0"
+
+    def beep(self) -> None:
+        """SYSTem:BEEPer."""
+
+    def test(self) -> str:
+        """*TST?: passed."""
+        return "+0"

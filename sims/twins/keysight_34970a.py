@@ -1,0 +1,311 @@
+"""Simulated Agilent/Keysight 34970A scanner with a 34901A multiplexer in slot 100, on its serial interface.
+
+Commands, errors and state after *RST from the 34970A/34972A Command Reference, version 2.00. Channels 101 to 120
+measure DC volts or thermistors.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+from sims.twins.keysight_meter import (
+    OVERLOAD,
+    RESOLUTION,
+    SETTLING_S,
+    Plant,
+    nplc_for,
+    nplc_for_resolution,
+    parameter,
+    range_named,
+    reading,
+    temperature,
+    text,
+)
+from sims.twins.keysight_trigger import TRIGGERING, TriggeredTwin
+from sims.twins.scpi import COMMON, ScpiTwin
+from sims.twins.scpi_syntax import Command, ScpiError, boolean, compiled
+from sims.world import World
+
+CHANNELS = tuple(str(n) for n in range(101, 121))
+"""Of a 34901A in slot 100."""
+
+THERMISTORS = (2252, 5000, 10000)
+"""Ohms at 25 degrees Celsius of the types it linearises (44004, 44007, 44006)."""
+
+_RELAY_S = 0.0167  # closing a 34901A's relay: 60 channels a second
+_VOLTS, _DEGREES = "VOLT", "TEMP"
+
+_TABLE = (
+    *COMMON,
+    *TRIGGERING,
+    Command("ABORt", set="abort"),
+    Command("CONFigure:VOLTage[:DC]", set="configure_volts"),
+    Command("CONFigure:TEMPerature", set="configure_temperature"),
+    Command("CONFigure", query="ask_configuration"),
+    Command("ROUTe:SCAN", set="set_scan", query="ask_scan"),
+    Command("ROUTe:SCAN:SIZE", query="ask_scan_size"),
+    Command("[SENSe:]VOLTage[:DC]:NPLC", set="set_nplc_volts", query="ask_nplc_volts"),
+    Command("[SENSe:]VOLTage[:DC]:RANGe", set="set_range", query="ask_range"),
+    Command("[SENSe:]TEMPerature:NPLC", set="set_nplc_temperature", query="ask_nplc_temperature"),
+    Command("[SENSe:]ZERO:AUTO", set="set_autozero", query="ask_autozero"),
+    Command("UNIT:TEMPerature", set="set_unit", query="ask_unit"),
+    Command("TRIGger:TIMer", set="set_timer", query="ask_timer"),
+    Command("SYSTem:LFRequency", query="ask_line_frequency"),
+)
+
+
+@dataclass(frozen=True)
+class Channel:
+    """Settings of one channel. `range` 0 means autorange; `type` is a thermistor's resistance."""
+
+    function: str = _VOLTS
+    nplc: float = 1.0
+    range: float = 0.0
+    type: int = 0
+    autozero: bool = True
+    fahrenheit: bool = False
+
+    def seconds(self, line_hz: float) -> float:
+        """Time of a reading: relay, settling, integration, and with autozero a second integration."""
+        return _RELAY_S + SETTLING_S[self.nplc] + (2 if self.autozero else 1) * self.nplc / line_hz
+
+
+class Keysight34970ATwin(TriggeredTwin):
+    """The scanner.
+
+    Args:
+        name: the bench's name for it.
+        options: its options in the bench file; `baud`, `frame` and `line_Hz` matter here.
+        world: virtual time.
+        plant: what is wired to its channels.
+        serial: not told by this model, which answers 0.
+
+    """
+
+    commands = compiled(_TABLE)
+    errors: ClassVar[Mapping[int, str]] = {
+        **ScpiTwin.errors,
+        112: "Channel list: channel number out of range",
+        113: "Channel list: empty scan list",
+        251: "Unsupported temperature transducer type",
+        261: "Not able to execute while scan initiated",
+        305: "Not able to perform requested operation",
+        309: "Incorrectly formatted channel list",
+        550: "Not able to execute command in local mode",
+    }
+    identity = "HEWLETT-PACKARD,34970A,0,13-2-2"
+    queued_errors = 10
+    overflow = "Error queue overflow"
+    memory = 50_000
+    sources = ("IMM", "BUS", "EXT", "TIM")
+
+    def __init__(self, name: str, options: Mapping[str, object], world: World, plant: Plant, serial: str) -> None:
+        super().__init__(name, options, world, plant, baud=9600, frame="8N1")
+
+    def reset(self) -> None:
+        """*RST: every channel DC volts, autorange, 1 power line cycle; empty scan list."""
+        super().reset()
+        self.channels = dict.fromkeys(CHANNELS, Channel())
+        self.scan: list[str] = []
+        self.timer_s = 10.0
+
+    def changed(self) -> None:
+        """Settings are fixed while a scan is under way."""
+        if self.measuring:
+            raise ScpiError(261)
+        super().changed()
+
+    def sweeps(self) -> int:
+        """Scans in a measurement."""
+        return self.trigger_count
+
+    def readings_per_sweep(self) -> int:
+        """Channels in the scan list."""
+        return len(self.scan)
+
+    def sweep_s(self) -> float:
+        """Channel after channel; a timer may make it longer."""
+        seconds = sum(self.channels[c].seconds(self.line_hz) for c in self.scan)
+        return max(seconds, self.timer_s) if self.source == "TIM" else seconds
+
+    def take(self, began: float) -> list[float]:
+        """One scan."""
+        values = []
+        for name in self.scan:
+            channel = self.channels[name]
+            t0 = began + _RELAY_S + SETTLING_S[channel.nplc]
+            if channel.function == _VOLTS:
+                value = reading(self.plant, self.name, name, t0, channel.nplc, self.line_hz, channel.range)
+            else:
+                value = temperature(self.plant, self.name, name, t0, channel.nplc, self.line_hz)
+                if channel.fahrenheit and value != OVERLOAD:
+                    value = value * 1.8 + 32.0
+            values.append(value)
+            began += channel.seconds(self.line_hz)
+        return values
+
+    def overload_bit(self, position: int) -> int:
+        """Voltage overload is bit 0, temperature overload bit 10."""
+        return 1 if self.channels[self.scan[position]].function == _VOLTS else 1 << 10
+
+    def initiate(self) -> None:
+        """INITiate; fails without a scan list."""
+        if not self.scan:
+            raise ScpiError(113)
+        super().initiate()
+
+    def read(self) -> str:
+        """READ?; fails without a scan list."""
+        if not self.scan:
+            raise ScpiError(113)
+        return super().read()
+
+    def abort(self) -> None:
+        """ABORt: gives up the scan; a scan that had ended keeps its readings."""
+        if self.measuring or self._armed:
+            self.stop_measuring()
+
+    def configure_volts(self, *parameters: str) -> None:
+        """CONFigure:VOLTage:DC [range[,resolution],](@channels): also makes them the scan list."""
+        span, resolution, *_ = *parameters[:-1], "DEF", "DEF"
+        chosen = range_named(span)
+        nplc = nplc_for_resolution(resolution, chosen) if resolution.upper() != "DEF" else 1.0
+        self._configure(parameters, Channel(_VOLTS, nplc, chosen))
+
+    def configure_temperature(self, *parameters: str) -> None:
+        """CONFigure:TEMPerature type,thermistor[,1[,resolution]],(@channels): also makes them the scan list."""
+        if len(parameters) < 3:
+            raise ScpiError(-109)
+        if parameters[0].upper() not in ("THER", "THERMISTOR"):
+            raise ScpiError(251)
+        ohms = round(parameter(parameters[1], 5000, 5000, 5000))
+        if ohms not in THERMISTORS:
+            raise ScpiError(-224)
+        self._configure(parameters, Channel(_DEGREES, 1.0, 0.0, ohms))
+
+    def _configure(self, parameters: tuple[str, ...], settings: Channel) -> None:
+        listed = self._listed(parameters[-1] if parameters else "")
+        self.changed()
+        TriggeredTwin.reset(self)
+        for name in listed:
+            self.channels[name] = replace(settings, fahrenheit=self.channels[name].fahrenheit)
+        self.scan = listed
+
+    def ask_configuration(self, channels: str = "") -> str:
+        """CONFigure?."""
+        return ",".join(self._about(self.channels[name]) for name in self._listed(channels))
+
+    def _about(self, channel: Channel) -> str:
+        if channel.function == _DEGREES:
+            return f'"TEMP THER,{channel.type},{1:+.6E},{1e-4:+.6E}"'
+        span = channel.range or 10.0
+        return f'"VOLT {span:+.6E},{RESOLUTION[channel.nplc] * span:+.6E}"'
+
+    def _listed(self, text_: str) -> list[str]:
+        """Channels of a list such as (@101,103:105), ascending; the scan list if none is given."""
+        if not text_:
+            return self.scan
+        match = re.fullmatch(r"\(@([\d:,\s]*)\)", text_)
+        if match is None:
+            raise ScpiError(309 if text_.startswith("(") else -109)
+        found: set[int] = set()
+        for part in filter(None, (p.strip() for p in match.group(1).split(","))):
+            first, _, last = part.partition(":")
+            ends = sorted((int(first), int(last or first)))
+            found.update(range(ends[0], ends[1] + 1))
+        if any(str(n) not in self.channels for n in found):
+            raise ScpiError(112)
+        return [str(n) for n in sorted(found)]
+
+    def set_scan(self, channels: str) -> None:
+        """ROUTe:SCAN."""
+        listed = self._listed(channels)
+        self.changed()
+        self.scan = listed
+
+    def ask_scan(self) -> str:
+        """ROUTe:SCAN?: a block of definite length."""
+        listed = f"(@{','.join(self.scan)})"
+        digits = str(len(listed))
+        return f"#{len(digits)}{digits}{listed}"
+
+    def ask_scan_size(self) -> str:
+        """ROUTe:SCAN:SIZE?."""
+        return f"{len(self.scan):+d}"
+
+    def _change(self, channels: str, function: str, change: Callable[[Channel], Channel]) -> None:
+        """Change settings of channels that measure `function` ("" for any)."""
+        listed = self._listed(channels)
+        if any(function not in ("", self.channels[name].function) for name in listed):
+            raise ScpiError(305)
+        self.changed()
+        for name in listed:
+            self.channels[name] = change(self.channels[name])
+
+    def _ask(self, channels: str, about: Callable[[Channel], str]) -> str:
+        return ",".join(about(self.channels[name]) for name in self._listed(channels))
+
+    def set_nplc_volts(self, cycles: str, channels: str = "") -> None:
+        """VOLTage:DC:NPLC."""
+        chosen = nplc_for(cycles)
+        self._change(channels, _VOLTS, lambda c: replace(c, nplc=chosen))
+
+    def ask_nplc_volts(self, channels: str = "") -> str:
+        """VOLTage:DC:NPLC?."""
+        return self._ask(channels, lambda c: text(c.nplc))
+
+    def set_nplc_temperature(self, cycles: str, channels: str = "") -> None:
+        """TEMPerature:NPLC."""
+        chosen = nplc_for(cycles)
+        self._change(channels, _DEGREES, lambda c: replace(c, nplc=chosen))
+
+    def ask_nplc_temperature(self, channels: str = "") -> str:
+        """TEMPerature:NPLC?."""
+        return self._ask(channels, lambda c: text(c.nplc))
+
+    def set_range(self, span: str, channels: str = "") -> None:
+        """VOLTage:DC:RANGe."""
+        chosen = range_named(span)
+        self._change(channels, _VOLTS, lambda c: replace(c, range=chosen))
+
+    def ask_range(self, channels: str = "") -> str:
+        """VOLTage:DC:RANGe?."""
+        return self._ask(channels, lambda c: text(c.range or 10.0))
+
+    def set_autozero(self, state: str, channels: str = "") -> None:
+        """ZERO:AUTO; ONCE leaves it off."""
+        on = state.upper() != "ONCE" and boolean(state)
+        self._change(channels, "", lambda c: replace(c, autozero=on))
+
+    def ask_autozero(self, channels: str = "") -> str:
+        """ZERO:AUTO?."""
+        return self._ask(channels, lambda c: "1" if c.autozero else "0")
+
+    def set_unit(self, unit: str, channels: str = "") -> None:
+        """UNIT:TEMPerature."""
+        if unit.upper() not in ("C", "F"):
+            raise ScpiError(-224)
+        self._change(channels, "", lambda c: replace(c, fahrenheit=unit.upper() == "F"))
+
+    def ask_unit(self, channels: str = "") -> str:
+        """UNIT:TEMPerature?."""
+        return self._ask(channels, lambda c: "F" if c.fahrenheit else "C")
+
+    def set_timer(self, seconds: str) -> None:
+        """TRIGger:TIMer: from one scan to the next."""
+        value = parameter(seconds, 0.0, 359_999.0, 10.0)
+        if not 0.0 <= value <= 359_999.0:
+            raise ScpiError(-222)
+        self.changed()
+        self.timer_s = value
+
+    def ask_timer(self) -> str:
+        """TRIGger:TIMer?."""
+        return text(self.timer_s)
+
+    def ask_line_frequency(self) -> str:
+        """SYSTem:LFRequency?."""
+        return f"{self.line_hz:+.0f}"

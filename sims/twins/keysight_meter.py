@@ -1,0 +1,143 @@
+"""The analog-to-digital converter that the simulated 34401A and 34970A share: ranges, noise, resolution, time."""
+
+from __future__ import annotations
+
+import math
+from typing import Protocol
+
+from sims.noise import event_at, normal
+from sims.twins.scpi_syntax import ScpiError, number
+
+OVERLOAD = 9.9e37
+"""The reading outside the range (34401A manual)."""
+
+RANGES = (0.1, 1.0, 10.0, 100.0, 1000.0)
+"""DC voltage ranges, V; all but the highest measure 20 % beyond their name."""
+
+RESOLUTION = {0.02: 1e-4, 0.2: 1e-5, 1.0: 3e-6, 10.0: 1e-6, 100.0: 3e-7}
+"""Specified resolution as a fraction of the range, by integration time in power line cycles (34401A manual)."""
+
+SETTLING_S = {0.02: 0.001, 0.2: 0.001, 1.0: 0.0015, 10.0: 0.0015, 100.0: 0.0015}
+"""Automatic trigger delay for DC volts by power line cycles (34401A manual)."""
+
+_LAST_DIGIT = 0.1  # readings are sent ten times finer than the specified resolution, as recorded data show
+_WHITE = 4e-8  # noise of a reading that integrates for 1 s, as a fraction of the range [?]
+_FLOOR = 2e-8  # noise that no integration removes, as a fraction of the range [?]
+
+
+class Seeded(Protocol):
+    """A world's truth, as far as its noise goes."""
+
+    @property
+    def seed(self) -> int:
+        """Key of all noise."""
+        ...
+
+
+class Plant(Protocol):
+    """What a meter uses of the plant."""
+
+    @property
+    def truth(self) -> Seeded:
+        """The world file's values."""
+        ...
+
+    def channel_V(self, instrument: str, channel: str, t0: float, t1: float) -> float:  # noqa: N802
+        """Mean voltage at an input over a window, V."""
+        ...
+
+    def channel_degC(self, instrument: str, channel: str, t: float) -> float:  # noqa: N802
+        """Temperature of the sensor at an input, degrees Celsius."""
+        ...
+
+
+def range_for(volts: float) -> float:
+    """The range that autoranging chooses."""
+    return next((r for r in RANGES if abs(volts) <= 1.2 * r), RANGES[-1])
+
+
+def reading(plant: Plant, instrument: str, channel: str, t0: float, nplc: float, line_hz: float, fixed: float) -> float:
+    """One DC voltage reading.
+
+    Args:
+        plant: what is at the input.
+        instrument: the meter's name.
+        channel: its input.
+        t0: when integration begins, virtual seconds.
+        nplc: integration time, power line cycles.
+        line_hz: power line frequency.
+        fixed: range, V; 0 chooses one.
+
+    Returns:
+        Volts in steps of the range's last digit, or `OVERLOAD` with the sign of the input.
+
+    """
+    aperture = nplc / line_hz
+    true = plant.channel_V(instrument, channel, t0, t0 + aperture)
+    span = fixed or range_for(true)
+    if abs(true) > (1.2 if span < RANGES[-1] else 1.05) * span:
+        return math.copysign(OVERLOAD, true)
+    sd = span * math.hypot(_WHITE / math.sqrt(aperture), _FLOOR)
+    noisy = true + sd * normal(plant.truth.seed, f"{instrument}/{channel}/converter", event_at(t0))
+    step = _LAST_DIGIT * RESOLUTION[nplc] * span
+    return round(noisy / step) * step
+
+
+def temperature(plant: Plant, instrument: str, channel: str, t0: float, nplc: float, line_hz: float) -> float:
+    """One thermistor reading, degrees Celsius in steps of 1 mK; `OVERLOAD` if the input is open."""
+    aperture = nplc / line_hz
+    true = plant.channel_degC(instrument, channel, t0 + aperture / 2)
+    if not -80.0 <= true <= 150.0:  # the linearisation's range (34970A manual)
+        return OVERLOAD
+    sd = math.hypot(2e-4 / math.sqrt(aperture), 2e-4)
+    noisy = true + sd * normal(plant.truth.seed, f"{instrument}/{channel}/converter", event_at(t0))
+    return round(noisy, 3)
+
+
+def text(value: float) -> str:
+    """A reading as the instruments print it: +1.23456789E+00."""
+    return f"{value:+.8E}"
+
+
+def nplc_for(request: str) -> float:
+    """The integration time for a request, power line cycles: the shortest that is not shorter than asked for."""
+    value = parameter(request, min(RESOLUTION), max(RESOLUTION), 10.0)
+    chosen = next((n for n in RESOLUTION if n >= value * (1 - 1e-9)), None)
+    if chosen is None or value <= 0:
+        raise ScpiError(-222)
+    return chosen
+
+
+def range_named(request: str) -> float:
+    """The range for a request, V: the lowest that takes the value; 0 for AUTO and DEF."""
+    if request.upper() in ("AUTO", "DEF", "DEFAULT"):
+        return 0.0
+    value = parameter(request, RANGES[0], RANGES[-1], 10.0)
+    chosen = next((r for r in RANGES if r >= abs(value)), None)
+    if chosen is None:
+        raise ScpiError(-222)
+    return chosen
+
+
+def nplc_for_resolution(request: str, span: float) -> float:
+    """The integration time that gives a resolution in volts on a range (10 V while autoranging)."""
+    if request.upper() in ("DEF", "DEFAULT"):
+        return 10.0
+    scale = span or 10.0
+    value = parameter(request, RESOLUTION[100.0] * scale, RESOLUTION[0.02] * scale, RESOLUTION[10.0] * scale)
+    chosen = next((n for n, r in RESOLUTION.items() if r * scale <= value * (1 + 1e-9)), None)
+    if chosen is None:
+        raise ScpiError(-222)
+    return chosen
+
+
+def parameter(request: str, lowest: float, highest: float, default: float) -> float:
+    """A numeric parameter, or what MIN, MAX and DEF stand for."""
+    match request.upper():
+        case "MIN" | "MINIMUM":
+            return lowest
+        case "MAX" | "MAXIMUM":
+            return highest
+        case "DEF" | "DEFAULT":
+            return default
+    return number(request)

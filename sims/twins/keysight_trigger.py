@@ -1,0 +1,183 @@
+"""How the simulated 34401A and 34970A are triggered, take their readings, and hand them over."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping
+
+from sims.twins.keysight_meter import OVERLOAD, Plant, parameter, text
+from sims.twins.scpi import DEVICE_ERROR, ScpiTwin, Wait
+from sims.twins.scpi_syntax import Command, ScpiError
+from sims.world import Timer, World
+
+TRIGGERING = (
+    Command("INITiate[:IMMediate]", set="initiate"),
+    Command("FETCh", query="fetch"),
+    Command("READ", query="read"),
+    Command("*TRG", set="trigger"),
+    Command("TRIGger:SOURce", set="set_source", query="ask_source"),
+    Command("TRIGger:COUNt", set="set_trigger_count", query="ask_trigger_count"),
+    Command("DATA:POINts", query="ask_points"),
+)
+_MOST_TRIGGERS = 50_000
+
+
+class TriggeredTwin(ScpiTwin):
+    """A meter with a trigger system: idle, waiting for a trigger, measuring.
+
+    A measurement is `sweeps` equal sweeps from the moment of the trigger. Its readings are worked out when it ends.
+    """
+
+    sources: tuple[str, ...] = ("IMM", "BUS", "EXT")
+    memory: int
+
+    def __init__(
+        self, name: str, options: Mapping[str, object], world: World, plant: Plant, baud: int, frame: str
+    ) -> None:
+        self.plant = plant
+        self.line_hz = float(str(options.get("line_Hz", 50)))
+        self._timer: Timer | None = None
+        self._ends = 0.0
+        super().__init__(name, world, int(str(options.get("baud", baud))), str(options.get("frame", frame)))
+
+    @abstractmethod
+    def sweeps(self) -> int:
+        """Sweeps in a measurement."""
+
+    @abstractmethod
+    def sweep_s(self) -> float:
+        """Seconds from one sweep to the next."""
+
+    @abstractmethod
+    def readings_per_sweep(self) -> int:
+        """How many readings a sweep gives."""
+
+    @abstractmethod
+    def take(self, began: float) -> list[float]:
+        """The readings of the sweep that began at `began`."""
+
+    @abstractmethod
+    def overload_bit(self, position: int) -> int:
+        """The questionable-data bit that tells of an overload of a sweep's reading at this position."""
+
+    def reset(self) -> None:
+        """Trigger settings of *RST."""
+        self.stop_measuring()
+        self.source = "IMM"
+        self.trigger_count = 1
+
+    def stop_measuring(self) -> None:
+        """Give up the measurement and forget its readings."""
+        if self._timer is not None:
+            self._timer.cancel()
+        self._timer = None
+        self._armed = False
+        self._streaming = False
+        self._readings: list[float] | None = None
+
+    def device_clear(self) -> None:
+        """Also gives up the measurement."""
+        super().device_clear()
+        self.stop_measuring()
+
+    def changed(self) -> None:
+        """A setting is about to change, which gives up the measurement and forgets its readings."""
+        self.stop_measuring()
+
+    @property
+    def measuring(self) -> bool:
+        """Whether a measurement is under way."""
+        return self._timer is not None
+
+    def busy_for(self) -> float:
+        """See `ScpiTwin`."""
+        return max(0.0, self._ends - self.world.now()) if self.measuring else 0.0
+
+    def initiate(self) -> None:
+        """INITiate: readings go to memory."""
+        if self.sweeps() * self.readings_per_sweep() > self.memory:
+            raise ScpiError(-222)
+        self._arm()
+        if self.source in ("IMM", "TIM"):
+            self._begin()
+
+    def _arm(self) -> None:
+        if self.measuring or self._armed:
+            raise ScpiError(-213)
+        self._armed = True
+        self._readings = None
+
+    def _begin(self) -> None:
+        began = self.world.now()
+        seconds = self.sweeps() * self.sweep_s()
+        self._armed = False
+        self._ends = began + seconds
+        self._timer = self.world.call_in(seconds, lambda: self._finish(began))
+
+    def _finish(self, began: float) -> None:
+        self._timer = None
+        self._readings = []
+        for k in range(self.sweeps()):
+            taken = self.take(began + k * self.sweep_s())
+            self._readings += taken
+            for position, value in enumerate(taken):
+                if abs(value) == OVERLOAD:
+                    self.events |= DEVICE_ERROR
+                    self.questionable |= self.overload_bit(position)
+
+    def trigger(self) -> None:
+        """*TRG."""
+        if not self._armed or self.source != "BUS":
+            raise ScpiError(-211)
+        self._begin()
+
+    def fetch(self) -> str:
+        """FETCh?: waits for the measurement to end."""
+        if self.measuring:
+            raise Wait(self.busy_for())
+        if self._armed:
+            raise ScpiError(-214)
+        if self._readings is None:
+            raise ScpiError(-230)
+        return ",".join(map(text, self._readings))
+
+    def read(self) -> str:
+        """READ?: measures and answers without using the memory."""
+        if not self._streaming:
+            if self.source == "BUS":
+                raise ScpiError(-214)
+            self._arm()
+            self._begin()
+            self._streaming = True
+        answer = self.fetch()
+        self._streaming = False
+        self._readings = None
+        return answer
+
+    def set_source(self, name: str) -> None:
+        """TRIGger:SOURce."""
+        source = "IMM" if name.upper() == "IMMEDIATE" else name.upper()
+        if source not in self.sources:
+            raise ScpiError(-224)
+        self.changed()
+        self.source = source
+
+    def ask_source(self) -> str:
+        """TRIGger:SOURce?."""
+        return self.source
+
+    def set_trigger_count(self, count: str) -> None:
+        """TRIGger:COUNt."""
+        value = parameter(count, 1, _MOST_TRIGGERS, 1)
+        if not 1 <= value <= _MOST_TRIGGERS:
+            raise ScpiError(-222)
+        self.changed()
+        self.trigger_count = round(value)
+
+    def ask_trigger_count(self) -> str:
+        """TRIGger:COUNt?."""
+        return text(self.trigger_count)
+
+    def ask_points(self) -> str:
+        """DATA:POINts?: readings in memory."""
+        return f"{len(self._readings or ()):+d}"

@@ -1,0 +1,111 @@
+"""One axis of the simulated ESP301: its settings, and a count that began wherever it was switched on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from sims.world import World
+
+ENCODER_DEG = 1e-4
+"""Encoder resolution; positions are answered in whole counts."""
+
+
+class Head(Protocol):
+    """The mechanics this controller drives (`sims.physics.head`)."""
+
+    def move(self, axis: str, target_deg: float, speed: float, accel: float) -> None:
+        """Start a motion profile; speeds in deg/s, accelerations in deg/s^2."""
+        ...
+
+    def stop(self, axis: str) -> None:
+        """Decelerate to rest."""
+        ...
+
+    def encoder_deg(self, axis: str, t: float) -> float:
+        """What the encoder shows."""
+        ...
+
+    def moving(self, axis: str, t: float) -> bool:
+        """Whether a profile is under way."""
+        ...
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number that can be set and asked for.
+
+    Attributes:
+        default: value at power-on.
+        low, high: range.
+        ceiling: parameter that this one may not exceed, "" if none.
+        ceiling_error: axis error if it does.
+
+    """
+
+    default: float
+    low: float = 0.0
+    high: float = 1e9
+    ceiling: str = ""
+    ceiling_error: int = 0
+
+
+PARAMETERS = {
+    "VA": Parameter(4.0, ceiling="VU", ceiling_error=10),
+    "VU": Parameter(40.0),
+    "AC": Parameter(16.0, ceiling="AU", ceiling_error=11),
+    "AG": Parameter(16.0, ceiling="AU", ceiling_error=11),
+    "AU": Parameter(160.0),
+    "OH": Parameter(4.0, ceiling="VU", ceiling_error=10),
+    "OL": Parameter(0.5, ceiling="VU", ceiling_error=10),
+    "JH": Parameter(4.0, ceiling="VU", ceiling_error=10),
+    "JW": Parameter(1.0, ceiling="VU", ceiling_error=10),
+    "SH": Parameter(0.0, low=-1e6, high=1e6),
+    "SL": Parameter(-360.0, low=-1e6, high=1e6),
+    "SR": Parameter(360.0, low=-1e6, high=1e6),
+    "SN": Parameter(7, low=0, high=11),
+    "FP": Parameter(4, low=0, high=7),
+}
+"""Speeds in deg/s, accelerations in deg/s^2, angles in degrees; SN 7 means degrees."""
+
+_POWER_ON = {name: parameter.default for name, parameter in PARAMETERS.items()}
+
+
+class Axis:
+    """One axis of the controller: its settings, and where its count began."""
+
+    def __init__(self, name: str, head: Head, world: World) -> None:
+        self.name = name
+        self._head = head
+        self._world = world
+        self.switch_on()
+
+    def switch_on(self) -> None:
+        """Settings as at power-on: motor off, counting from here."""
+        self.values = dict(_POWER_ON)
+        self.powered = False
+        self.homing = False
+        self.target = 0.0
+        self.zero = self._head.encoder_deg(self.name, self._world.now())
+
+    def position(self) -> float:
+        """The count, in degrees."""
+        counts = round((self._head.encoder_deg(self.name, self._world.now()) - self.zero) / ENCODER_DEG)
+        return counts * ENCODER_DEG
+
+    def driving(self) -> bool:
+        """Whether a motion profile is under way."""
+        return self._head.moving(self.name, self._world.now())
+
+    def moving(self) -> bool:
+        """Whether motion is not done, homing included."""
+        return self.homing or self.driving()
+
+    def go(self, target: float, speed: float) -> None:
+        """Start a move to `target` of this count."""
+        self.target = target
+        self._head.move(self.name, target + self.zero, speed, min(self.values["AC"], self.values["AG"]))
+
+    def stop(self) -> None:
+        """Decelerate to rest."""
+        self._head.stop(self.name)

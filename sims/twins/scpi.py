@@ -1,0 +1,317 @@
+"""What simulated SCPI instruments have in common: syntax, error queue, status registers, remote and local.
+
+Paths that carry over a semicolon are SCPI-1999's; the common commands and the status byte are IEEE 488.2's.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections import deque
+from collections.abc import Callable, Mapping
+from functools import lru_cache, partial
+from typing import Any, ClassVar
+
+from sims.twins.scpi_syntax import Command, ScpiError, number, split_outside
+from sims.world import World
+
+DEVICE_CLEAR = 0x03
+"""Ctrl-C stands for GPIB's device clear on a serial line (34401A manual)."""
+
+OPC, QUERY_ERROR, DEVICE_ERROR, EXECUTION_ERROR, COMMAND_ERROR, POWER_ON = 1, 4, 8, 16, 32, 128
+"""Bits of the standard event register."""
+
+_COMMAND_S = 0.003  # time for one command [?]
+
+_ERRORS = {
+    -103: "Invalid separator",
+    -104: "Data type error",
+    -108: "Parameter not allowed",
+    -109: "Missing parameter",
+    -113: "Undefined header",
+    -121: "Invalid character in number",
+    -211: "Trigger ignored",
+    -213: "Init ignored",
+    -214: "Trigger deadlock",
+    -221: "Settings conflict",
+    -222: "Data out of range",
+    -224: "Illegal parameter value",
+    -230: "Data stale",
+}
+
+
+class Wait(Exception):
+    """A command that cannot be answered yet; it is tried again in `seconds`."""
+
+    def __init__(self, seconds: float) -> None:
+        super().__init__(seconds)
+        self.seconds = seconds
+
+
+COMMON = (
+    Command("*IDN", query="ask_identity", local=True),
+    Command("*RST", set="reset", local=True),
+    Command("*CLS", set="clear_status", local=True),
+    Command("*ESE", set="set_event_enable", query="ask_event_enable", local=True),
+    Command("*ESR", query="ask_events", local=True),
+    Command("*SRE", set="set_service_enable", query="ask_service_enable", local=True),
+    Command("*STB", query="ask_status_byte", local=True),
+    Command("*OPC", set="note_completion", query="ask_completion", local=True),
+    Command("*WAI", set="wait_for_completion", local=True),
+    Command("SYSTem:ERRor", query="ask_error", local=True),
+    Command("SYSTem:VERSion", query="ask_version", local=True),
+    Command("SYSTem:REMote", set="go_remote", local=True),
+    Command("SYSTem:RWLock", set="go_remote", local=True),
+    Command("SYSTem:LOCal", set="go_local", local=True),
+    Command("STATus:QUEStionable[:EVENt]", query="ask_questionable"),
+    Command("STATus:QUEStionable:ENABle", set="set_questionable_enable", query="ask_questionable_enable"),
+    Command("STATus:PRESet", set="preset_status"),
+)
+
+
+@lru_cache(maxsize=1024)
+def _parameters(method: Callable[..., Any]) -> tuple[int, float]:
+    """Fewest and most parameters that a method takes besides `self`."""
+    kinds = list(inspect.signature(method).parameters.values())[1:]
+    fewest = sum(p.kind is p.POSITIONAL_OR_KEYWORD and p.default is p.empty for p in kinds)
+    return fewest, float("inf") if any(p.kind is p.VAR_POSITIONAL for p in kinds) else len(kinds)
+
+
+class ScpiTwin:
+    """An instrument that takes lines of SCPI commands over a serial line.
+
+    Subclasses give the command table, identity, and what `reset` and `busy_for` mean. Commands are carried out in
+    order; one that has to wait (FETC? during a measurement) holds up those behind it.
+
+    Args:
+        name: the bench's name for it.
+        world: virtual time.
+        baud: symbols per second of its line.
+        frame: its line's data bits, parity, stop bits.
+
+    """
+
+    kind = "serial"
+    commands: ClassVar[Mapping[str, Command]]
+    errors: ClassVar[Mapping[int, str]] = _ERRORS
+    identity: ClassVar[str]
+    queued_errors: ClassVar[int] = 20
+    overflow: ClassVar[str] = "Too many errors"
+
+    def __init__(self, name: str, world: World, baud: int, frame: str) -> None:
+        self.name = name
+        self.world = world
+        self.baud = baud
+        self.frame = frame
+        self._session = 0
+        self.switch_on()
+
+    def switch_on(self) -> None:
+        """State at power-on."""
+        self._session += 1
+        self._input = bytearray()
+        self._lines: deque[str] = deque()
+        self._running = False
+        self._queue: deque[tuple[int, str]] = deque()
+        self.events = POWER_ON
+        self.questionable = 0
+        self._event_enable = 0
+        self._service_enable = 0
+        self._questionable_enable = 0
+        self.remote = False
+        self.reset()
+
+    def power_cycle(self) -> None:
+        """Off and on again: settings, readings and errors are lost, local control."""
+        self.switch_on()
+
+    def reset(self) -> None:
+        """The settings of *RST."""
+        raise NotImplementedError(f"{type(self).__name__} does not say what *RST does")
+
+    def busy_for(self) -> float:
+        """Seconds until the measurement under way is complete; 0 if there is none."""
+        return 0.0
+
+    def on_rx(self, data: bytes, tx: Callable[[bytes], None]) -> None:
+        """Collect characters; LF ends a line, CR is white space, Ctrl-C clears input, output and measurement."""
+        if DEVICE_CLEAR in data:
+            data = data[data.rindex(DEVICE_CLEAR) + 1 :]
+            self.device_clear()
+        self._input += data
+        *lines, rest = bytes(self._input).split(b"\n")
+        self._input = bytearray(rest)
+        self._lines.extend(line.decode("latin-1") for line in lines)
+        if not self._running:
+            self._next_line(tx)
+
+    def device_clear(self) -> None:
+        """Forget what was sent and not yet carried out."""
+        self._session += 1
+        self._input.clear()
+        self._lines.clear()
+        self._running = False
+
+    def _next_line(self, tx: Callable[[bytes], None]) -> None:
+        self._running = bool(self._lines)
+        if self._running:
+            units = deque(split_outside(self._lines.popleft().strip(), ";"))
+            delay = _COMMAND_S * len(units)
+            self.world.call_in(delay, partial(self._carry_out, units, [], "", tx, self._session))
+
+    def _carry_out(
+        self, units: deque[str], answers: list[str], path: str, tx: Callable[[bytes], None], session: int
+    ) -> None:
+        """Carry out what is left of a line; `path` is the subtree in which the next header is looked for."""
+        if session != self._session:
+            return  # cleared or switched off in between
+        while units:
+            unit = units[0].strip()
+            try:
+                header, _, rest = unit.partition(" ")
+                path, answer = self._execute(path, header, rest.strip())
+            except Wait as wait:
+                self.world.call_in(wait.seconds, partial(self._carry_out, units, answers, path, tx, session))
+                return
+            except ScpiError as error:
+                self.fail(error.code)
+            else:
+                if answer is not None:
+                    answers.append(answer)
+            units.popleft()
+        if answers:
+            tx(";".join(answers).encode("ascii") + b"\r\n")
+        self._next_line(tx)
+
+    def _execute(self, path: str, header: str, rest: str) -> tuple[str, str | None]:
+        if not header:
+            return path, None
+        query = header.endswith("?")
+        name = header.removesuffix("?").upper()
+        if not name.startswith("*"):
+            name = name[1:] if name.startswith(":") else path + name
+        row = self.commands.get(name)
+        method = row and (row.query if query else row.set)
+        if row is None or not method:
+            raise ScpiError(-113)
+        if not (self.remote or row.local):
+            raise ScpiError(550)
+        arguments = [part.strip() for part in split_outside(rest, ",")] if rest else []
+        fewest, most = _parameters(getattr(type(self), method))
+        if not fewest <= len(arguments) <= most:
+            raise ScpiError(-109 if len(arguments) < fewest else -108)
+        answer: str | None = getattr(self, method)(*arguments)
+        if not name.startswith("*"):
+            path = name[: name.rfind(":") + 1]
+        return path, answer
+
+    def fail(self, code: int) -> None:
+        """Put an error into the queue and its class into the event register."""
+        if -200 < code <= -100:
+            self.events |= COMMAND_ERROR
+        elif -300 < code <= -200:
+            self.events |= EXECUTION_ERROR
+        elif -500 < code <= -400:
+            self.events |= QUERY_ERROR
+        else:
+            self.events |= DEVICE_ERROR
+        if len(self._queue) < self.queued_errors:
+            self._queue.append((code, self.errors[code]))
+        else:
+            self._queue[-1] = (-350, self.overflow)
+
+    def ask_identity(self) -> str:
+        """*IDN?."""
+        return self.identity
+
+    def ask_error(self) -> str:
+        """SYSTem:ERRor?."""
+        code, text = self._queue.popleft() if self._queue else (0, "No error")
+        return f'{code:+d},"{text}"'
+
+    def ask_version(self) -> str:
+        """SYSTem:VERSion?."""
+        return "1991.0"
+
+    def clear_status(self) -> None:
+        """*CLS."""
+        self.events = 0
+        self.questionable = 0
+        self._queue.clear()
+
+    def set_event_enable(self, value: str) -> None:
+        """*ESE."""
+        self._event_enable = _byte(value)
+
+    def ask_event_enable(self) -> str:
+        """*ESE?."""
+        return f"{self._event_enable:+d}"
+
+    def ask_events(self) -> str:
+        """*ESR?: reading clears it."""
+        events, self.events = self.events, 0
+        return f"{events:+d}"
+
+    def set_service_enable(self, value: str) -> None:
+        """*SRE."""
+        self._service_enable = _byte(value)
+
+    def ask_service_enable(self) -> str:
+        """*SRE?."""
+        return f"{self._service_enable:+d}"
+
+    def ask_status_byte(self) -> str:
+        """*STB?."""
+        summary = 8 * bool(self.questionable & self._questionable_enable) + 32 * bool(self.events & self._event_enable)
+        return f"{summary + 64 * bool(summary & self._service_enable):+d}"
+
+    def note_completion(self) -> None:
+        """*OPC: sets the event bit when the measurement under way is complete."""
+        session = self._session
+        self.world.call_in(self.busy_for(), lambda: self._complete(session))
+
+    def _complete(self, session: int) -> None:
+        if session == self._session:
+            self.events |= OPC
+
+    def wait_for_completion(self) -> None:
+        """*WAI."""
+        seconds = self.busy_for()
+        if seconds > 0:
+            raise Wait(seconds)
+
+    def ask_completion(self) -> str:
+        """*OPC?."""
+        self.wait_for_completion()
+        return "1"
+
+    def ask_questionable(self) -> str:
+        """STATus:QUEStionable?: reading clears it."""
+        value, self.questionable = self.questionable, 0
+        return f"{value:+d}"
+
+    def set_questionable_enable(self, value: str) -> None:
+        """STATus:QUEStionable:ENABle."""
+        self._questionable_enable = round(number(value)) & 0x7FFF
+
+    def ask_questionable_enable(self) -> str:
+        """STATus:QUEStionable:ENABle?."""
+        return f"{self._questionable_enable:+d}"
+
+    def preset_status(self) -> None:
+        """STATus:PRESet."""
+        self._questionable_enable = 0
+
+    def go_remote(self) -> None:
+        """SYSTem:REMote and SYSTem:RWLock."""
+        self.remote = True
+
+    def go_local(self) -> None:
+        """SYSTem:LOCal."""
+        self.remote = False
+
+
+def _byte(text: str) -> int:
+    value = round(number(text))
+    if not 0 <= value <= 255:
+        raise ScpiError(-222)
+    return value

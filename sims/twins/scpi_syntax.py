@@ -1,0 +1,92 @@
+"""SCPI syntax: headers in short and long form, optional nodes, parameters (SCPI-1999, volume 1, section 6).
+
+A command table maps header patterns as manuals print them, `[SENSe:]VOLTage:DC:NPLCycles`, to methods.
+"""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+
+class ScpiError(Exception):
+    """A command that is refused; `code` goes to the error queue."""
+
+    def __init__(self, code: int) -> None:
+        super().__init__(code)
+        self.code = code
+
+
+@dataclass(frozen=True)
+class Command:
+    """One row of a command table.
+
+    Attributes:
+        header: as the manual prints it.
+        set: method name for the command form, "" if it has none.
+        query: method name for the query form, "" if it has none.
+        local: allowed in local control.
+
+    """
+
+    header: str
+    set: str = ""
+    query: str = ""
+    local: bool = False
+
+
+def _forms(header: str) -> list[str]:
+    """Every spelling of a header: optional nodes in and out, each node short and long, upper case."""
+    if header.startswith("*"):
+        return [header]
+    nodes = re.findall(r"\[:?([A-Za-z]+):?\]|:?([A-Za-z]+)", header)
+    choices = []
+    for optional, required in nodes:
+        name = optional or required
+        short = "".join(c for c in name if c.isupper())
+        spellings = list(dict.fromkeys((short, name.upper())))
+        choices.append([*spellings, ""] if optional else spellings)
+    return [":".join(filter(None, combination)) for combination in itertools.product(*choices)]
+
+
+def compiled(table: Sequence[Command]) -> dict[str, Command]:
+    """Rows of a command table by every spelling of their headers."""
+    return {form: row for row in table for form in _forms(row.header)}
+
+
+def split_outside(text: str, separator: str) -> list[str]:
+    """Split at a separator that is not inside quotes or parentheses."""
+    parts, depth, quote, part = [], 0, "", ""
+    for c in text:
+        if quote:
+            quote = "" if c == quote else quote
+        elif c in "\"'":
+            quote = c
+        elif c in "()":
+            depth += 1 if c == "(" else -1
+        elif c == separator and not depth:
+            parts.append(part)
+            part = ""
+            continue
+        part += c
+    return [*parts, part]
+
+
+def number(text: str) -> float:
+    """A numeric parameter."""
+    try:
+        return float(text)
+    except ValueError:
+        raise ScpiError(-104 if text[:1].isalpha() else -121) from None
+
+
+def boolean(text: str) -> bool:
+    """ON, OFF or a number that is rounded."""
+    match text.upper():
+        case "ON":
+            return True
+        case "OFF":
+            return False
+    return round(number(text)) != 0
