@@ -1,0 +1,88 @@
+"""HP/Agilent/Keysight 34401A voltmeter on its serial interface, DC volts.
+
+Commands from the 34401A user's guide (34401-90004). Its serial interface leaves the factory at 9600 baud, seven
+bits, even parity, two stop bits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, BaseModel, Field
+
+from drivers.clock import Clock
+from drivers.scpi import Nplc, ScpiMeter, one_of, settling_s
+from drivers.wires import SerialSettings, Wires
+
+_MEMORY = 512
+
+
+class Keysight34401A(ScpiMeter):
+    """The voltmeter; satisfies `drivers.roles.Reader` with one channel, "input".
+
+    Args:
+        name: the bench's name for it.
+        address: serial address.
+        options: see `Options`.
+        wires: where to open it.
+        clock: bench time.
+
+    Raises:
+        Unreachable: the address cannot be opened.
+
+    """
+
+    class Options(BaseModel, extra="forbid"):
+        """What the bench file may say about this instrument."""
+
+        baud: Literal[300, 600, 1200, 2400, 4800, 9600] = Field(9600, description="symbols per second")
+        frame: Literal["7E2", "7O2", "8N2", "8N1"] = Field("7E2", description="data bits, parity, stop bits")
+        nplc: Nplc = Field(10, description="integration time, power line cycles")
+        line_Hz: Literal[50, 60] = Field(50, description="power line frequency, from which it takes its timing")
+        range_V: Annotated[float, AfterValidator(one_of(0.1, 1, 10, 100, 1000))] = Field(
+            10, description="measuring range"
+        )
+
+    def __init__(self, name: str, address: str, options: Options, wires: Wires, clock: Clock) -> None:
+        self.name = name
+        self._options = options
+        settings = SerialSettings(options.baud, options.frame, timeout_s=2.0)
+        super().__init__(wires.serial(address, settings, name), clock, "34401A")
+
+    @property
+    def most_sweeps(self) -> int:
+        """512 readings."""
+        return _MEMORY
+
+    def channels(self) -> Sequence[str]:
+        """See `Reader.channels`."""
+        return ("input",)
+
+    def sweep_s(self) -> float:
+        """Seconds of a reading: automatic delay, integration, and autozero, which integrates once more."""
+        return settling_s(self._options.nplc) + 2 * self._options.nplc / self._options.line_Hz
+
+    def prepare(self) -> None:
+        """Set range, integration time and trigger, and read them back.
+
+        Raises:
+            InstrumentError: a command was refused.
+            BadReply: a setting reads back as something else.
+
+        """
+        span, nplc = self._options.range_V, self._options.nplc
+        self._configure(
+            (f"CONF:VOLT:DC {span:g}", f"VOLT:DC:NPLC {nplc:g}", "ZERO:AUTO ON", "TRIG:SOUR IMM", "SAMP:COUN 1")
+        )
+        self._verify(
+            {
+                "FUNC?": '"VOLT"',
+                "VOLT:DC:RANG?": span,
+                "VOLT:DC:RANG:AUTO?": "0",
+                "VOLT:DC:NPLC?": nplc,
+                "ZERO:AUTO?": "1",
+                "TRIG:SOUR?": "IMM",
+                "SAMP:COUN?": 1.0,
+            }
+        )

@@ -1,0 +1,199 @@
+"""What the drivers of SCPI meters have in common: identity, error queue, settings read back, readings in two steps.
+
+On a serial line these instruments take one query at a time and obey only in remote control (SYSTem:REMote).
+Ctrl-C stands for GPIB's device clear: it ends a measurement and empties the instrument's buffers.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Annotated
+
+from pydantic import AfterValidator
+
+from drivers.clock import Clock
+from drivers.errors import BadReply, InstrumentError, LimitError, NoReply, NotReady, WrongInstrument
+from drivers.roles import Identity
+from drivers.wires import SerialLine
+
+_DEVICE_CLEAR = "\x03"
+_MOST_ERRORS = 21
+_LATE_S = 2.0
+_BITS_PER_CHARACTER = 11
+_CHARACTERS_PER_READING = 16
+_READBACK = 1e-6
+
+
+def one_of(*allowed: float) -> Callable[[float], float]:
+    """A check that a number is one of a few."""
+
+    def check(value: float) -> float:
+        if value not in allowed:
+            raise ValueError(f"must be one of {', '.join(f'{a:g}' for a in allowed)}")
+        return value
+
+    return check
+
+
+Nplc = Annotated[float, AfterValidator(one_of(0.02, 0.2, 1, 10, 100))]
+"""Integration time, power line cycles."""
+
+FREQUENCIES = (50.0, 60.0)
+"""Power line frequencies that integration times refer to, Hz."""
+
+
+def settling_s(nplc: float) -> float:
+    """The automatic delay before a DC volts reading, seconds (34401A user's guide, chapter 3)."""
+    return 0.0015 if nplc >= 1 else 0.001
+
+
+class ScpiMeter(ABC):
+    """A meter that is triggered with INITiate and asked for its readings with FETCh?.
+
+    Args:
+        line: its open serial line.
+        clock: bench time.
+        model: what its identity must name.
+
+    """
+
+    def __init__(self, line: SerialLine, clock: Clock, model: str) -> None:
+        self._line = line
+        self._clock = clock
+        self._model = model
+        self._count = 0
+        self._due = 0.0
+
+    @abstractmethod
+    def channels(self) -> Sequence[str]:
+        """See `Reader.channels`."""
+
+    @abstractmethod
+    def prepare(self) -> None:
+        """See `Instrument.prepare`."""
+
+    @property
+    @abstractmethod
+    def most_sweeps(self) -> int:
+        """Sweeps that fit the instrument's memory."""
+
+    @abstractmethod
+    def sweep_s(self) -> float:
+        """Seconds that one sweep over all channels takes."""
+
+    def identify(self) -> Identity:
+        """See `Instrument.identify`.
+
+        Also ends what an earlier session may have left under way, whose readings would be taken for the answer,
+        and takes remote control.
+        """
+        self._clear()
+        self._line.write("SYST:REM")
+        answer = self._line.query("*IDN?")
+        parts = [part.strip() for part in answer.split(",")]
+        if len(parts) != 4 or parts[1] != self._model:
+            raise WrongInstrument(f"{self._line.where} should be a {self._model}; it answers {answer!r} to *IDN?")
+        return Identity(*parts)
+
+    def start(self, count: int) -> float:
+        """See `Reader.start`.
+
+        Raises:
+            LimitError: fewer than one sweep, or more than the instrument's memory holds.
+
+        """
+        if not 1 <= count <= self.most_sweeps:
+            raise LimitError(f"{self._line.where} can take 1 to {self.most_sweeps} sweeps at once, not {count}")
+        self._line.write(f"TRIG:COUN {count};:INIT")
+        expected = count * self.sweep_s()
+        self._count = count
+        self._due = self._clock.now() + expected
+        return expected
+
+    def fetch(self) -> Mapping[str, Sequence[float]]:
+        """See `Reader.fetch`. Asks only when the readings are due, since the instrument hears nothing meanwhile.
+
+        Raises:
+            NotReady: nothing was started.
+            NoReply: the readings did not come; the measurement has been given up.
+            BadReply: not as many numbers as were asked for.
+
+        """
+        if not self._count:
+            raise NotReady(f"{self._line.where}: there is nothing to fetch; start a measurement first")
+        names = self.channels()
+        count, self._count = self._count, 0
+        self._clock.sleep(self._due - self._clock.now())
+        sending_s = count * len(names) * _CHARACTERS_PER_READING * _BITS_PER_CHARACTER / self._line.settings.baud
+        try:
+            answer = self._line.query("FETC?", sending_s + count * self.sweep_s() / 4 + _LATE_S, repeat=False)
+        except NoReply:
+            self._clear()
+            self._raise_errors()  # often says why there are no readings
+            raise
+        try:
+            values = [float(word) for word in answer.split(",")]
+        except ValueError:
+            raise self._line.bad_reply("FETC?", answer, "numbers") from None
+        if len(values) != count * len(names):
+            raise self._line.bad_reply("FETC?", answer, f"{count * len(names)} numbers")
+        return {name: values[i :: len(names)] for i, name in enumerate(names)}
+
+    def make_safe(self) -> None:
+        """See `Instrument.make_safe`: a measurement under way is given up; nothing else can do harm."""
+        self._clear()
+        self._count = 0
+
+    def close(self) -> None:
+        """See `Instrument.close`."""
+        self._line.close()
+
+    def _clear(self) -> None:
+        self._line.write(_DEVICE_CLEAR)
+        self._line.drain()
+
+    def _configure(self, commands: Iterable[str]) -> None:
+        """Reset to a known state, send commands one by one, and see that none was refused."""
+        self._clear()
+        for command in ("SYST:REM", "*RST", "*CLS", *commands):
+            self._line.write(command)
+            if self._line.query("*OPC?") != "1":
+                raise self._line.bad_reply("*OPC?", "", "1")
+        self._raise_errors()
+
+    def _verify(self, wanted: Mapping[str, float | str]) -> None:
+        """Read settings back; raises `BadReply` naming the first that is not as wanted."""
+        for question, value in wanted.items():
+            answer = self._line.query(question)
+            parts = [answer] if isinstance(value, str) else answer.split(",")  # one number for each channel
+            if not all(_agrees(part, value) for part in parts):
+                raise BadReply(f"{self._line.where}: {question} should answer {value} and answers {answer!r}")
+
+    def _raise_errors(self) -> None:
+        """Empty the error queue; raises `InstrumentError` with the first of it, the others in its text."""
+        found: list[tuple[int, str]] = []
+        while len(found) <= _MOST_ERRORS:
+            answer = self._line.query("SYST:ERR?", repeat=False)
+            code, _, text = answer.partition(",")
+            try:
+                number = int(code)
+            except ValueError:
+                raise self._line.bad_reply("SYST:ERR?", answer, 'code,"text"') from None
+            if number == 0:
+                break
+            found.append((number, text.strip('"')))
+        if found:
+            (code_, text_), *others = found
+            more = "".join(f"; then {c} {t}" for c, t in others)
+            raise InstrumentError(self._line.where, code_, text_ + more)
+
+
+def _agrees(answer: str, wanted: float | str) -> bool:
+    if isinstance(wanted, str):
+        return answer == wanted
+    try:
+        return math.isclose(float(answer), wanted, rel_tol=_READBACK)
+    except ValueError:
+        return False
