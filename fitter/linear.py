@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy.linalg import qr as pivoted_qr
-from scipy.linalg import solve_triangular
+from scipy.linalg.lapack import dtrtri
 
 from fitter.arrays import FloatArray
 from fitter.quantiles import t_limit
@@ -123,9 +123,8 @@ class Triangle:
         length = np.linalg.norm(r, axis=0)
         scaled = r / np.where(length > 0, length, 1.0)
         self._check_rank(scaled)
-        root = solve_triangular(scaled, np.eye(k)) / length[:, None]
-        coefficients = solve_triangular(scaled, qty) / length
-        return LinearFit(self.names, coefficients, root, float(np.sum(rest**2)), self.n)
+        inverse = np.triu(dtrtri(scaled)[0])
+        return LinearFit(self.names, inverse @ qty / length, inverse / length[:, None], float(np.sum(rest**2)), self.n)
 
     def _check_rank(self, scaled: FloatArray) -> None:
         _, values, right = np.linalg.svd(scaled)

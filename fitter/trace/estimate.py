@@ -53,28 +53,32 @@ def estimate(problem: Problem, chosen: tuple[int, ...]) -> Estimate:
     return _estimate_at(problem, chosen, "replications")
 
 
+def coefficients(problem: Problem, chosen: tuple[int, ...], level: Level) -> tuple[FloatArray, FloatArray]:
+    """(q,) coefficients of the `chosen` candidates, fitted at one level, and their (q, q) covariance."""
+    if not chosen:
+        return np.zeros(0), np.zeros((0, 0))
+    picked, sigma = list(chosen), errors(problem, chosen)[:, None]
+    columns = (problem.columns[level][:, :, picked] / sigma[:, :, None]).reshape(-1, len(picked))
+    names = [f"{problem.candidates[j].effect.name} {problem.candidates[j].term.name}" for j in picked]
+    solved = least_squares(columns, (problem.outputs[level] / sigma).reshape(-1), names)
+    return solved.coefficients, solved.root @ solved.root.T
+
+
 def concerns(problem: Problem, j: int) -> FloatArray:
     """(S,) share of the information about candidate `j` that each sensor holds."""
     sigma = errors(problem, ())
-    length2 = np.sum((problem.columns["declared"][:, :, j] / sigma[:, None]) ** 2, axis=1)
+    length2 = (np.linalg.norm(problem.columns["declared"][:, :, j], axis=1) / sigma) ** 2
     return np.asarray(length2 / length2.sum())
 
 
 def _left(problem: Problem, chosen: tuple[int, ...]) -> bool:
-    columns, raw = problem.columns["replications"], problem.raw
-    return all(np.linalg.norm(columns[:, :, j]) > NOTHING_LEFT * np.linalg.norm(raw[:, :, j]) for j in chosen)
+    left = np.linalg.norm(problem.columns["replications"][:, :, list(chosen)], axis=(0, 1))
+    return bool(np.all(left > NOTHING_LEFT * np.linalg.norm(problem.length[:, list(chosen)], axis=0)))
 
 
 def _estimate_at(problem: Problem, chosen: tuple[int, ...], level: Level) -> Estimate:
     picked = list(chosen)
-    sigma = errors(problem, chosen)[:, None]
-    if picked:
-        columns = (problem.columns[level][:, :, picked] / sigma[:, :, None]).reshape(-1, len(picked))
-        names = [f"{problem.candidates[j].effect.name} {problem.candidates[j].term.name}" for j in picked]
-        solved = least_squares(columns, (problem.outputs[level] / sigma).reshape(-1), names)
-        gamma, covariance = solved.coefficients, solved.root @ solved.root.T
-    else:
-        gamma, covariance = np.zeros(0), np.zeros((0, 0))
+    gamma, covariance = coefficients(problem, chosen, level)
     data = problem.scene.data
     effects = problem.raw[:, :, picked]
     corrected = np.stack([data.outputs[s] for s in problem.sensors]) - effects @ gamma

@@ -44,9 +44,9 @@ def family_of(problem: Problem, scores: Scores, seed: int) -> Family:
     columns = np.zeros((problem.raw.shape[0] * problem.raw.shape[1], len(problem.candidates)))
     for level in ("replications", "points"):
         here = problem.at(level)
-        columns[:, here] = whiten(problem, level, (), sigma).columns[:, :, here].reshape(-1, here.size)
+        columns[:, here] = whiten(problem, level, (), sigma, here).columns.reshape(len(columns), here.size)
     length = np.linalg.norm(columns, axis=0)
-    raw = np.sqrt(np.sum((problem.raw / sigma[:, None, None]) ** 2, axis=(0, 1)))
+    raw = np.sqrt(np.sum((problem.length / sigma[:, None]) ** 2, axis=0))
     judged = length > NOTHING_LEFT * raw
     if not np.any(judged):
         return Family(np.ones(1))
@@ -55,10 +55,11 @@ def family_of(problem: Problem, scores: Scores, seed: int) -> Family:
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     rng = np.random.default_rng(seed)
     z = np.abs(rng.standard_normal((DRAWS, root.shape[1]), dtype=np.float32) @ root.T.astype(np.float32))
-    df = np.where(np.isin(np.arange(len(problem.candidates)), problem.at("points")), 1, 0)[judged]
+    group = np.isin(np.flatnonzero(judged), problem.at("points"))
     smallest = np.ones(DRAWS)
-    for group in np.unique(df):
-        members = df == group
+    for members in (group, ~group):
+        if not np.any(members):
+            continue
         freedom = float(np.max(scores.df[judged][members]))
         estimated = np.sqrt(rng.chisquare(freedom, DRAWS) / freedom)
         best = z[:, members].max(axis=1) / estimated

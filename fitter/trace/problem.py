@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,13 +71,14 @@ class Problem:
         """Names of the outputs, in the order of the first axis."""
         return self.scene.data.sensors
 
+    @cached_property
+    def length(self) -> FloatArray:
+        """(S, J) length of each raw column."""
+        return np.asarray(np.linalg.norm(self.raw, axis=1))
+
     def at(self, level: Level) -> IntArray:
         """Indices of the candidates judged at a level."""
         return np.array([j for j, judged in enumerate(self.judged_at) if judged == level], np.int64)
-
-    def with_cause(self, cause: tuple[str, str | None]) -> tuple[int, ...]:
-        """Indices of all candidates of one cause."""
-        return tuple(j for j, c in enumerate(self.candidates) if c.cause == cause)
 
 
 def pose(data: AttitudeData, catalogue: Sequence[Effect]) -> Problem:

@@ -40,7 +40,7 @@ def p_between_replications(problem: Problem, chosen: tuple[int, ...], gamma: Flo
         _own(problem, problem.columns["declared"] / scale[:, :, None]),
     )
     y = own_outputs[:, :, 0]
-    length2 = np.sum((problem.raw / scale[:, :, None]) ** 2, axis=(0, 1))
+    length2 = np.sum((problem.length / scale) ** 2, axis=0)
     for j, candidate in enumerate(problem.candidates):
         if j in chosen or candidate.effect.stratum == "between-point":
             continue

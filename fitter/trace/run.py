@@ -16,11 +16,11 @@ from fitter.replication import Replication
 from fitter.trace.aliases import Rival, rivals, simplest
 from fitter.trace.estimate import Estimate, concerns, estimate
 from fitter.trace.family import Family, family_of
-from fitter.trace.problem import Candidate, Problem, pose, raw_columns
+from fitter.trace.problem import Problem, pose, raw_columns
 from fitter.trace.remainder import shared_attitude, strongest_wave
 from fitter.trace.result import FoundEffect, SensorTrace, Trace, Unnamed
 from fitter.trace.score import score
-from fitter.trace.search import p_adjusted, search
+from fitter.trace.search import p_adjusted, search, stratum_of
 
 SEED = 20260115
 UNEXPLAINED = 1e-3
@@ -169,7 +169,7 @@ def _found(
     return FoundEffect(
         effect=name,
         cause=effect.cause,
-        stratum=_stratum(problem, [picked[k] for k in shown]),
+        stratum=stratum_of(problem, family, after.chosen, picked[shown[0]]),
         terms=tuple(text for text, _ in formulas),
         coefficients=tuple(float(after.gamma[k] * f) for k, (_, f) in zip(shown, formulas, strict=True)),
         stderr=tuple(float(stderr[k] * abs(f)) for k, (_, f) in zip(shown, formulas, strict=True)),
@@ -194,12 +194,6 @@ def _size(problem: Problem, after: Estimate, k: int, i: int) -> float:
 
 def _pure_variance(table: Replication) -> float:
     return table.sigma_pr**2 if np.isfinite(table.sigma_pr) else table.sigma_E**2
-
-
-def _stratum(problem: Problem, picked: list[int]) -> str:
-    candidate: Candidate = problem.candidates[picked[0]]
-    judged = {"points": "point-by-replication", "replications": "between-point"}[problem.judged_at[picked[0]]]
-    return judged if candidate.effect.stratum != "between-point" else "between-point"
 
 
 def _unnamed(problem: Problem, after: Estimate, i: int) -> tuple[Unnamed, ...]:

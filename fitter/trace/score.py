@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from fitter.arrays import FloatArray
+from fitter.arrays import FloatArray, IntArray
 from fitter.linear import orthonormal
 from fitter.quantiles import f_limit
 from fitter.trace.levels import Level
@@ -69,45 +69,64 @@ def errors(problem: Problem, chosen: Sequence[int]) -> FloatArray:
     own, y = problem.columns[level][:, :, list(chosen)], problem.outputs[level]
     sigma = np.empty(len(problem.sensors))
     for i in range(len(sigma)):
-        basis = orthonormal(own[i], np.linalg.norm(problem.raw[i][:, list(chosen)], axis=0), NOTHING_LEFT)
+        basis = orthonormal(own[i], problem.length[i, list(chosen)], NOTHING_LEFT)
         left = y[i] - basis @ (basis.T @ y[i])
         df = problem.levels.df(level) - basis.shape[1]
         sigma[i] = np.sqrt(np.sum(left**2) / df) if df > 0 else np.nan
     return np.maximum(sigma, np.finfo(float).tiny)
 
 
-def whiten(problem: Problem, level: Level, chosen: Sequence[int], sigma: FloatArray) -> Whitened:
-    """Outputs and columns over `sigma` (S,), with the `chosen` candidates fitted and taken out of both."""
-    count, n, j = problem.columns[level].shape
-    columns = (problem.columns[level] / sigma[:, None, None]).reshape(count * n, j)
-    outputs = (problem.outputs[level] / sigma[:, None]).reshape(count * n)
-    raw = np.sqrt(np.sum((problem.raw[:, :, list(chosen)] / sigma[:, None, None]) ** 2, axis=(0, 1)))
-    basis = orthonormal(columns[:, list(chosen)], raw, 1e-6)
-    columns = columns - basis @ (basis.T @ columns)
-    outputs = outputs - basis @ (basis.T @ outputs)
-    return Whitened(outputs.reshape(count, n), columns.reshape(count, n, j))
+def whiten(
+    problem: Problem, level: Level, chosen: Sequence[int], sigma: FloatArray, of: Sequence[int] | IntArray | None = None
+) -> Whitened:
+    """Outputs and columns over `sigma` (S,), with the `chosen` candidates fitted and taken out of both.
+
+    Args:
+        problem: the run.
+        level: what else is taken out.
+        chosen: candidates in the model.
+        sigma: (S,) error of each sensor, V.
+        of: the candidates whose columns are wanted; all of them if left out.
+
+    """
+    block, (count, n, _) = problem.columns[level], problem.raw.shape
+    picked, wanted = list(chosen), slice(None) if of is None else np.asarray(of, np.int64)
+    taken = (block[:, :, picked] / sigma[:, None, None]).reshape(count * n, len(picked))
+    basis = orthonormal(taken, np.linalg.norm(problem.length[:, picked] / sigma[:, None], axis=0), 1e-6)
+    columns, outputs = block[:, :, wanted] / sigma[:, None, None], problem.outputs[level] / sigma[:, None]
+    if basis.shape[1]:
+        flat = columns.reshape(count * n, columns.shape[2])
+        columns = (flat - basis @ (basis.T @ flat)).reshape(columns.shape)
+        outputs = (outputs.reshape(-1) - basis @ (basis.T @ outputs.reshape(-1))).reshape(outputs.shape)
+    return Whitened(outputs, columns)
 
 
-def score(problem: Problem, chosen: Sequence[int]) -> Scores:
-    """Score every candidate beside the `chosen` ones, each at the level it is judged at."""
+def score(problem: Problem, chosen: Sequence[int], of: Sequence[int] | None = None) -> Scores:
+    """Score candidates beside the `chosen` ones, each at the level it is judged at.
+
+    Args:
+        problem: the run.
+        chosen: candidates in the model.
+        of: the candidates to be scored; all of them if left out.
+
+    """
     count = len(problem.candidates)
     t, df, gain = np.zeros(count), np.ones(count), np.zeros(count)
     sigma = errors(problem, chosen)
     levels: tuple[Level, ...] = ("replications", "points")
     for level in levels:
-        here = problem.at(level)
+        here = problem.at(level) if of is None else np.intersect1d(problem.at(level), of)
         if not here.size or problem.levels.df(level) <= len(chosen) + 1:
             continue
-        white = whiten(problem, level, chosen, sigma)
-        columns, e = white.columns[:, :, here], white.outputs
+        white = whiten(problem, level, chosen, sigma, here)
+        columns, e = white.columns, white.outputs
         norm2, dot = np.sum(columns**2, axis=1), np.einsum("snj,sn->sj", columns, e)
-        raw2 = np.sum((problem.raw[:, :, here] / sigma[:, None, None]) ** 2, axis=(0, 1))
+        raw2 = np.sum((problem.length[:, here] / sigma[:, None]) ** 2, axis=0)
         can = (norm2.sum(axis=0) > NOTHING_LEFT**2 * raw2) & ~np.isin(here, chosen)
         gamma = dot.sum(axis=0) / np.where(can, norm2.sum(axis=0), 1.0)
         inflation, df_here = _lack_of_fit(problem, level, chosen, norm2, dot, gamma, e, sigma)
-        variance = np.sum(norm2 * inflation, axis=0)
         own = np.sum(columns * (e[:, :, None] - gamma * columns), axis=0)
-        variance = np.maximum(variance, np.sum(own**2, axis=0))
+        variance = np.maximum(np.sum(norm2 * inflation, axis=0), np.sum(own**2, axis=0))
         if level == "points":
             by_stretch = np.zeros((int(problem.levels.stretch.max()) + 1, here.size))
             np.add.at(by_stretch, problem.levels.stretch, own)
@@ -136,7 +155,7 @@ def _lack_of_fit(
     inflation = np.ones_like(norm2)
     if df_error <= 0 or level == "points":
         return inflation, plain if df_error <= 0 else np.full_like(plain, df_error * len(sigma))
-    within = np.sum(whiten(problem, "points", chosen, sigma).outputs ** 2, axis=1)
+    within = np.sum(whiten(problem, "points", chosen, sigma, ()).outputs ** 2, axis=1)
     df_lof = problem.levels.n_points - problem.levels.declared.shape[1] - len(chosen) - 1
     if df_lof <= 0:
         return inflation, np.full_like(plain, df_error * len(sigma))

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from fitter.arrays import FloatArray
-from fitter.trace.estimate import estimate
+from fitter.effects import Stratum
+from fitter.trace.estimate import coefficients
 from fitter.trace.family import ALPHA, FOR_REPLICATIONS, Family
 from fitter.trace.problem import Problem
 from fitter.trace.replications import p_between_replications
@@ -43,8 +44,16 @@ def prune(problem: Problem, family: Family, chosen: tuple[int, ...]) -> tuple[in
 def p_adjusted(problem: Problem, family: Family, chosen: tuple[int, ...], j: int) -> float:
     """Probability that the best of the family looks as good as `j` beside the other `chosen` by chance."""
     others = tuple(k for k in chosen if k != j)
-    p = float(family.adjust(score(problem, others).p[j]))
+    p = float(family.adjust(score(problem, others, (j,)).p[j]))
     return p if p <= ALPHA else min(p, float(_between(problem, others)[j]))
+
+
+def stratum_of(problem: Problem, family: Family, chosen: tuple[int, ...], j: int) -> Stratum:
+    """The stratum in which `j` stands out beside the other `chosen`."""
+    others = tuple(k for k in chosen if k != j)
+    if float(family.adjust(score(problem, others, (j,)).p[j])) > ALPHA:
+        return "replication"
+    return "point-by-replication" if problem.judged_at[j] == "points" else "between-point"
 
 
 def _best(problem: Problem, family: Family, chosen: tuple[int, ...]) -> int | None:
@@ -59,6 +68,6 @@ def _best(problem: Problem, family: Family, chosen: tuple[int, ...]) -> int | No
 
 def _between(problem: Problem, chosen: tuple[int, ...]) -> FloatArray:
     """(J,) p between replications, each multiplied by the number of tests over their share of the family."""
-    p = p_between_replications(problem, chosen, estimate(problem, chosen).gamma)
+    p = p_between_replications(problem, chosen, coefficients(problem, chosen, "declared")[0])
     tests = max(int(np.sum(p < 1.0)), 1)
     return np.asarray(np.minimum(p * tests / FOR_REPLICATIONS, 1.0))
