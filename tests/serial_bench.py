@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping
+from types import SimpleNamespace
 
 from drivers.wires import Wires
 from sims.wires.serial_line import SerialCable, register
@@ -42,7 +43,7 @@ class FakeHead:
 class FakePlant:
     """Constant voltages and temperatures by channel, and a head."""
 
-    seed = 7
+    truth = SimpleNamespace(seed=7)
 
     def __init__(self, world: World, volts: Mapping[str, float] | None = None, degC: float = 23.0) -> None:
         self.head = FakeHead(world, {"pitch": 31.25, "roll": -12.5})

@@ -1,0 +1,238 @@
+"""The 34970A driver and twin: scan lists, thermistors, de-interleaving, and the Command Reference's errors."""
+
+from __future__ import annotations
+
+import itertools
+
+import pytest
+from pydantic import ValidationError
+from serial_bench import FakePlant, plug_in, wires
+
+from drivers.errors import BadReply, InstrumentError, LimitError, WrongInstrument
+from drivers.keysight_34970a import Keysight34970A, channel_list
+from drivers.roles import Reader, is_overload
+from sims.twins.keysight_34970a import Keysight34970ATwin
+from sims.world import World
+
+CHANNELS = {"102": "volts", "101": "volts", "103": "volts", "110": "thermistor-10k", "109": "thermistor-5k"}
+
+
+class Rig:
+    def __init__(self, degC=23.4567, **options):
+        self.world = World()
+        self.plant = FakePlant(self.world, {"101": 1.0, "102": 2.0, "103": -3.0}, degC)
+        options = {"channels": CHANNELS, **options}
+        self.twin = Keysight34970ATwin("dvm", options, self.world, self.plant, "")
+        self.wires, self.wire = wires(self.world)
+        address = plug_in(self.world, self.twin)
+        self.dvm = Keysight34970A("dvm", address, Keysight34970A.Options(**options), self.wires, self.world)
+        self.line = self.dvm._line
+
+    def ready(self):
+        self.dvm.identify()
+        self.dvm.prepare()
+        self.wire.log.clear()
+        return self
+
+    def remote(self):
+        self.line.write("SYST:REM")
+        return self.line
+
+
+def test_it_is_a_reader_of_its_channels_in_scan_order():
+    dvm = Rig().dvm
+    assert isinstance(dvm, Reader)
+    assert list(dvm.channels()) == ["101", "102", "103", "109", "110"]
+
+
+def test_prepare_sets_channels_and_scan_list_and_reads_them_back():
+    rig = Rig()
+    rig.dvm.prepare()
+    sent = [line for line in rig.wire.sent() if line != b"*OPC?\n"]
+    assert sent == [
+        b"\x03\n",
+        b"SYST:REM\n",
+        b"*RST\n",
+        b"*CLS\n",
+        b"CONF:VOLT:DC 10,(@101:103)\n",
+        b"VOLT:DC:NPLC 10,(@101:103)\n",
+        b"CONF:TEMP THER,5000,(@109)\n",
+        b"CONF:TEMP THER,10000,(@110)\n",
+        b"TEMP:NPLC 10,(@109:110)\n",
+        b"UNIT:TEMP C,(@109:110)\n",
+        b"ROUT:SCAN (@101:103,109:110)\n",
+        b"TRIG:SOUR IMM\n",
+        b"SYST:ERR?\n",
+        b"VOLT:DC:RANG? (@101:103)\n",
+        b"VOLT:DC:NPLC? (@101:103)\n",
+        b"TEMP:NPLC? (@109:110)\n",
+        b"UNIT:TEMP? (@109:110)\n",
+        b"ROUT:SCAN?\n",
+        b"TRIG:SOUR?\n",
+        b"SYST:LFR?\n",
+    ]
+    assert ("rx", b"#222(@101,102,103,109,110)\r\n") in rig.wire.log
+
+
+def test_a_scan_list_that_reads_back_otherwise_is_reported():
+    rig = Rig()
+    rig.twin.ask_scan = lambda: "#206(@101)"
+    with pytest.raises(BadReply, match=r"ROUT:SCAN\? should answer #222.* and answers '#206\(@101\)'"):
+        rig.dvm.prepare()
+
+
+def test_sweeps_come_back_by_channel():
+    rig = Rig().ready()
+    began = rig.world.now()
+    expected = rig.dvm.start(3)
+    readings = rig.dvm.fetch()
+    assert rig.wire.sent() == [b"TRIG:COUN 3;:INIT\n", b"FETC?\n"]
+    assert expected == pytest.approx(3 * 5 * (1 / 60 + 0.0015 + 2 * 10 / 50), rel=1e-3)
+    assert expected < rig.world.now() - began < expected + 0.4
+    assert {name: len(values) for name, values in readings.items()} == dict.fromkeys(rig.dvm.channels(), 3)
+    assert readings["101"] == pytest.approx([1.0] * 3, abs=1e-5)
+    assert readings["103"] == pytest.approx([-3.0] * 3, abs=1e-5)
+    assert readings["110"] == pytest.approx([23.457] * 3, abs=0.005)
+    order = [channel for channel, _, _ in rig.plant.windows]
+    assert order == ["101", "102", "103"] * 3
+
+
+def test_channels_are_measured_one_after_another():
+    rig = Rig().ready()
+    rig.dvm.start(2)
+    rig.dvm.fetch()
+    edges = [edge for _, t0, t1 in rig.plant.windows for edge in (t0, t1)]
+    assert edges == sorted(edges)
+
+
+def test_the_power_lines_frequency_is_learnt():
+    rig = Rig(channels={"101": "volts"})
+    rig.twin.line_hz = 60.0
+    rig.ready()
+    assert rig.dvm.sweep_s() == pytest.approx(1 / 60 + 0.0015 + 2 * 10 / 60, rel=1e-3)
+
+
+def test_an_open_thermistor_is_an_overload_with_its_own_status_bit():
+    rig = Rig(degC=float("inf")).ready()
+    rig.line.query("*ESR?")
+    rig.dvm.start(1)
+    readings = rig.dvm.fetch()
+    assert is_overload(readings["110"][0])
+    assert not is_overload(readings["101"][0])
+    assert rig.line.query("STAT:QUES?") == "+1024"
+    assert rig.line.query("*ESR?") == "+8"
+    assert rig.line.query("SYST:ERR?") == '+0,"No error"'
+
+
+def test_memory_limits_the_sweeps():
+    with pytest.raises(LimitError, match="1 to 10000 sweeps"):
+        Rig().ready().dvm.start(10_001)
+
+
+def test_settings_are_fixed_while_a_scan_is_under_way_and_abort_ends_it():
+    rig = Rig().ready()
+    rig.dvm.start(10)
+    rig.line.write("VOLT:DC:NPLC 1,(@101)")
+    assert rig.line.query("SYST:ERR?") == '+261,"Not able to execute while scan initiated"'
+    rig.line.write("ABOR")
+    rig.line.write("VOLT:DC:NPLC 1,(@101)")
+    assert rig.line.query("SYST:ERR?") == '+0,"No error"'
+
+
+def test_make_safe_gives_up_a_scan():
+    rig = Rig().ready()
+    rig.dvm.start(1000)
+    rig.dvm.make_safe()
+    assert not rig.twin.measuring
+    assert rig.dvm.identify().model == "34970A"
+
+
+def test_readings_stay_after_fetching_and_go_with_a_changed_setting():
+    rig = Rig().ready()
+    rig.dvm.start(1)
+    rig.dvm.fetch()
+    assert rig.line.query("FETC?").count(",") == 4
+    rig.line.write("TRIG:COUN 2")
+    assert rig.line.query("FETC?;:SYST:ERR?") == '-230,"Data stale"'
+
+
+@pytest.mark.parametrize(
+    ("command", "error"),
+    [
+        ("INIT", '+113,"Channel list: empty scan list"'),
+        ("ROUT:SCAN (@101,121)", '+112,"Channel list: channel number out of range"'),
+        ("ROUT:SCAN (101)", '+309,"Incorrectly formatted channel list"'),
+        ("CONF:TEMP TC,K,(@101)", '+251,"Unsupported temperature transducer type"'),
+        ("CONF:TEMP THER,4711,(@101)", '-224,"Illegal parameter value"'),
+        ("TEMP:NPLC 1,(@101)", '+305,"Not able to perform requested operation"'),
+        ("ROUT:SCAN", '-109,"Missing parameter"'),
+    ],
+)
+def test_the_instrument_refuses_with_the_references_error_numbers(command, error):
+    line = Rig().remote()
+    line.write(command)
+    assert line.query("SYST:ERR?") == error
+
+
+def test_local_control_obeys_nothing():
+    line = Rig().line
+    line.write("ROUT:SCAN (@101)")
+    assert line.query("SYST:ERR?") == '+550,"Not able to execute command in local mode"'
+
+
+def test_the_error_queue_holds_ten_and_then_says_so():
+    line = Rig().remote()
+    line.write(";".join([":NO"] * 15))
+    errors = [line.query("SYST:ERR?") for _ in range(11)]
+    assert errors[8:] == ['-113,"Undefined header"', '-350,"Error queue overflow"', '+0,"No error"']
+
+
+def test_configuration_reads_back_as_in_the_reference():
+    """The reference prints "TEMP THER,5000,+1.000000E+00,+1.000000E-04" for a 5 kilohm thermistor."""
+    line = Rig().remote()
+    line.write("CONF:TEMP THER,5000,1,0.1,(@108)")
+    assert line.query("CONF? (@108)") == '"TEMP THER,5000,+1.000000E+00,+1.000000E-04"'
+    line.write("CONF:VOLT:DC 10,0.003,(@103,108)")
+    assert line.query("ROUT:SCAN?") == "#210(@103,108)"
+
+
+def test_factory_reset_is_the_references():
+    line = Rig().remote()
+    line.write("CONF:VOLT:DC 10,(@101);:TRIG:COUN 7")
+    line.write("*RST")
+    assert line.query("ROUT:SCAN:SIZE?") == "+0"
+    assert line.query("VOLT:DC:NPLC? (@101);:TRIG:COUN?;SOUR?") == "+1.00000000E+00;+1.00000000E+00;IMM"
+
+
+def test_timed_scans_keep_their_interval():
+    rig = Rig(channels={"101": "volts"}).ready()
+    rig.line.write("TRIG:SOUR TIM;TIM 7.5;COUN 3;:INIT")
+    rig.line.query("*OPC?", 60.0)
+    begins = [t0 for _, t0, _ in rig.plant.windows]
+    assert [b - a for a, b in itertools.pairwise(begins)] == pytest.approx([7.5, 7.5])
+
+
+def test_another_scanner_is_refused():
+    rig = Rig()
+    rig.twin.identity = "Agilent Technologies,34972A,MY49000001,1.12"
+    with pytest.raises(WrongInstrument, match="should be a 34970A"):
+        rig.dvm.identify()
+
+
+def test_a_refused_channel_is_reported():
+    rig = Rig(channels={"201": "volts"})
+    with pytest.raises(InstrumentError, match="error 112: Channel list: channel number out of range"):
+        rig.dvm.prepare()
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"channels": {}}, {"channels": {"121": "volts"}}, {"channels": {"101": "ohms"}}, {"nplc": 3}, {"range_V": 300}],
+)
+def test_options_are_checked(options):
+    with pytest.raises(ValidationError):
+        Keysight34970A.Options(**{"channels": CHANNELS, **options})
+
+
+def test_neighbours_join_in_a_channel_list():
+    assert channel_list(["101", "103", "102", "201", "110"]) == "(@101:103,110,201)"
