@@ -1,0 +1,217 @@
+"""A serial line stays in step: late and partial replies, chatter, lost ports, on sim:// and on a pseudo-terminal."""
+
+from __future__ import annotations
+
+import os
+import pty
+import threading
+
+import pytest
+from serial_bench import Recorder, plug_in
+
+from drivers.clock import RealClock
+from drivers.errors import BadReply, NoReply, Unreachable
+from drivers.wires import SerialLine, SerialSettings, Wires
+from sims.wires.serial_line import find
+from sims.world import World
+
+
+class Parrot:
+    """Answers after a set time with set bytes; keeps what it hears."""
+
+    kind = "serial"
+    name = "parrot"
+    frame = "8N1"
+
+    def __init__(self, world, baud=9600):
+        self.world = world
+        self.baud = baud
+        self.heard = []
+        self.heard_at = []
+        self.answers = []
+
+    def on_rx(self, data, tx):
+        self.heard.append(data)
+        self.heard_at.append(self.world.now())
+        if self.answers:
+            delay, answer = self.answers.pop(0)
+            self.world.call_in(delay, lambda: tx(answer))
+
+
+def parrot(**settings):
+    world = World()
+    twin = Parrot(world)
+    address = plug_in(world, twin)
+    tap = Recorder()
+    line = Wires(world, tap=tap).serial(address, SerialSettings(9600, timeout_s=1.0, **settings), "parrot")
+    return world, twin, line, tap
+
+
+def test_an_exchange_takes_the_time_its_baud_rate_takes():
+    world, twin, line, _ = parrot()
+    twin.answers = [(0.0, b"1234567\r\n")]
+    assert line.query("ABC") == "1234567"
+    assert twin.heard_at == [pytest.approx(4 * 10 / 9600)]
+    assert world.now() == pytest.approx((4 + 9) * 10 / 9600)
+    assert line.exchanges == 1
+
+
+def test_a_late_reply_does_not_answer_the_next_question():
+    world, twin, line, _ = parrot()
+    twin.answers = [(1.2, b"late\n"), (0.01, b"right\n")]
+    with pytest.raises(NoReply, match=r"parrot at sim://.* answered nothing to 'A' within 1 s"):
+        line.query("A", repeat=False)
+    world.sleep(0.0)
+    assert line.query("B") == "right"
+
+
+def test_a_reply_that_comes_between_questions_is_not_taken_for_an_answer():
+    world, twin, line, _ = parrot()
+    twin.answers = [(2.0, b"late\n"), (0.01, b"right\n")]
+    with pytest.raises(NoReply):
+        line.query("A", repeat=False)
+    world.sleep(5.0)
+    assert line.query("B") == "right"
+
+
+def test_a_question_may_be_repeated_once_and_that_is_counted():
+    _, twin, line, _ = parrot()
+    twin.answers = [(99.0, b""), (0.01, b"second\n")]
+    assert line.query("A") == "second"
+    assert (line.exchanges, line.retries) == (2, 1)
+    assert twin.heard == [b"A\n", b"A\n"]
+
+
+def test_a_command_is_never_repeated():
+    world, twin, line, _ = parrot()
+    line.write("GO")
+    world.sleep(10.0)
+    assert twin.heard == [b"GO\n"]
+
+
+def test_part_of_a_reply_is_no_reply():
+    _, twin, line, _ = parrot()
+    twin.answers = [(0.01, b"+1.23")]
+    with pytest.raises(NoReply, match=r"answered only b'\+1\.23'"):
+        line.query("A", repeat=False)
+
+
+def test_more_lines_than_asked_for_are_a_bad_reply():
+    _, twin, line, _ = parrot()
+    twin.answers = [(0.01, b"one\r\ntwo\r\n"), (0.01, b"three\n")]
+    with pytest.raises(BadReply, match="expected 1 line"):
+        line.query("A")
+    assert line.query("B") == "three"
+
+
+def test_several_lines_of_answer():
+    _, twin, line, _ = parrot()
+    twin.answers = [(0.01, b"one\r\ntwo\r\n")]
+    assert line.query_lines("A;B", 2) == ["one", "two"]
+
+
+def test_bytes_that_are_no_text_suggest_baud_rate_and_frame():
+    _, twin, line, _ = parrot()
+    twin.answers = [(0.01, b"\xf7\x80\n")]
+    with pytest.raises(BadReply, match="do baud rate and frame match"):
+        line.query("A")
+
+
+def test_an_instrument_that_never_stops_talking_is_named():
+    world, _, line, _ = parrot()
+    cable = find(line.address.removeprefix("sim://"))
+
+    def talk():
+        cable._answer(b"blah\n")
+        world.call_in(0.1, talk)
+
+    talk()
+    world.sleep(1.0)
+    with pytest.raises(BadReply, match="sends without being asked"):
+        line.query("A")
+
+
+def test_the_tap_sees_every_byte_in_order():
+    _, twin, line, tap = parrot()
+    twin.answers = [(0.01, b"one\n"), (0.01, b"two\n")]
+    line.query("A")
+    line.write("B")
+    assert tap.log == [("tx", b"A\n"), ("rx", b"one\n"), ("tx", b"B\n")]
+
+
+def test_wires_open_a_line_once_and_share_it():
+    world, _, line, _ = parrot()
+    wires = Wires(world)
+    line.close()
+    first = wires.serial(line.address, SerialSettings(9600), "one")
+    assert wires.serial(line.address, SerialSettings(9600), "two") is first
+    with pytest.raises(Unreachable, match=r"two: one at .* already uses this line at 9600 baud 8N1"):
+        wires.serial(line.address, SerialSettings(19200), "two")
+    wires.close()
+    wires.close()
+
+
+def test_a_second_controller_is_refused():
+    world, _, line, _ = parrot()
+    with pytest.raises(Unreachable, match="already open"):
+        Wires(world).serial(line.address, SerialSettings(9600), "other")
+
+
+@pytest.mark.parametrize("address", ["/dev/no-such-port", "sim://nowhere/dvm", "nonsense://x", "socket://127.0.0.1:1"])
+def test_an_address_that_cannot_be_opened_is_unreachable(address):
+    with pytest.raises(Unreachable, match=r"dvm at .* cannot be opened .*check power, cable, address"):
+        Wires(RealClock()).serial(address, SerialSettings(9600), "dvm")
+
+
+class Terminal:
+    """A pseudo-terminal with an instrument of one line of code at its other end, in a thread."""
+
+    def __init__(self, answer):
+        self.master, self._slave = pty.openpty()
+        self.name = os.ttyname(self._slave)
+        self._thread = threading.Thread(target=self._serve, args=(answer,), daemon=True)
+        self._thread.start()
+
+    def _serve(self, answer):
+        try:
+            while data := os.read(self.master, 1000):
+                os.write(self.master, answer(data))
+        except OSError:
+            pass
+
+    def hang_up(self):
+        os.close(self._slave)
+        os.close(self.master)
+
+
+@pytest.mark.parametrize("frame", ["8N1", "7E2"])
+def test_a_pseudo_terminal_can_be_opened_again_and_again_with_any_frame(frame):
+    terminal = Terminal(lambda data: b"echo " + data.replace(b"\n", b"\r\n"))
+    for _ in range(3):
+        line = SerialLine(terminal.name, SerialSettings(9600, frame), RealClock(), label="dvm")
+        assert line.query("hello") == "echo hello"
+        line.close()
+    terminal.hang_up()
+
+
+def test_a_peer_that_goes_away_is_unreachable_not_a_traceback():
+    terminal = Terminal(lambda data: b"here\n")
+    line = SerialLine(terminal.name, SerialSettings(9600, timeout_s=0.2), RealClock(), label="dvm")
+    assert line.query("A") == "here"
+    terminal.hang_up()
+    with pytest.raises((Unreachable, NoReply)):
+        line.query("A")
+    with pytest.raises((Unreachable, NoReply), match="dvm at /dev/pts/"):
+        line.query("A")
+    line.close()
+
+
+def test_a_silent_terminal_is_no_reply_in_real_time():
+    master, slave = pty.openpty()
+    line = SerialLine(os.ttyname(slave), SerialSettings(9600, timeout_s=0.1, quiet_s=0.05), RealClock())
+    with pytest.raises(NoReply):
+        line.query("A")
+    assert line.retries == 1
+    line.close()
+    os.close(master)
+    os.close(slave)
