@@ -1,0 +1,150 @@
+"""A Modbus slave without input or output: bytes in, bytes out.
+
+Function codes 3, 4, 6 and 16, framed for TCP (MBAP header) or for a serial line (RTU). Source: MODBUS Application
+Protocol 1.1b3, MODBUS over Serial Line 1.02, MODBUS Messaging on TCP/IP 1.0b.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+ILLEGAL_FUNCTION, ILLEGAL_ADDRESS, ILLEGAL_VALUE, NO_TARGET = 1, 2, 3, 11
+_READ, _READ_INPUT, _WRITE_ONE, _WRITE = 3, 4, 6, 16
+_MOST_READ, _MOST_WRITTEN = 125, 123
+
+
+class Refused(Exception):
+    """A request that is answered with an exception code."""
+
+    def __init__(self, code: int) -> None:
+        super().__init__(code)
+        self.code = code
+
+
+class Registers(Protocol):
+    """The registers of one device; 16-bit words by address."""
+
+    def read(self, address: int, count: int) -> Sequence[int]:
+        """Words from `address` on. Raises `Refused`."""
+        ...
+
+    def write(self, address: int, words: Sequence[int]) -> None:
+        """Set words from `address` on. Raises `Refused`."""
+        ...
+
+
+def answer(registers: Registers, pdu: bytes) -> bytes:
+    """A device's answer to a request, both without their frame."""
+    try:
+        return pdu[:1] + _carry_out(registers, pdu)
+    except Refused as refused:
+        return bytes((pdu[0] | 0x80, refused.code))
+
+
+def _carry_out(registers: Registers, pdu: bytes) -> bytes:
+    function = pdu[0]
+    if function not in (_READ, _READ_INPUT, _WRITE_ONE, _WRITE):
+        raise Refused(ILLEGAL_FUNCTION)
+    if len(pdu) < 5:
+        raise Refused(ILLEGAL_VALUE)
+    address, number = struct.unpack(">HH", pdu[1:5])
+    if function == _WRITE_ONE:
+        registers.write(address, [number])
+        return pdu[1:5]
+    if function == _WRITE:
+        size = 2 * number
+        if not 1 <= number <= _MOST_WRITTEN or pdu[5:6] != bytes((size,)) or len(pdu) != 6 + size:
+            raise Refused(ILLEGAL_VALUE)
+        registers.write(address, struct.unpack(f">{number}H", pdu[6:]))
+        return pdu[1:5]
+    if not 1 <= number <= _MOST_READ:
+        raise Refused(ILLEGAL_VALUE)
+    words = registers.read(address, number)
+    return struct.pack(f">B{number}H", 2 * number, *words)
+
+
+def crc16(data: bytes) -> bytes:
+    """Check sum of an RTU frame, low byte first."""
+    crc = 0xFFFF
+    for byte in data:
+        crc ^= byte
+        for _ in range(8):
+            crc = crc >> 1 ^ 0xA001 if crc & 1 else crc >> 1
+    return struct.pack("<H", crc)
+
+
+class TcpSlave:
+    """Devices behind one TCP connection.
+
+    A request for a unit that is not there is answered as a gateway does: exception 11, target did not respond.
+
+    Args:
+        devices: registers by unit identifier.
+
+    """
+
+    def __init__(self, devices: Mapping[int, Registers]) -> None:
+        self._devices = devices
+        self._buffer = b""
+
+    def feed(self, data: bytes) -> list[bytes]:
+        """Take bytes as they come; returns the answers to the requests they complete."""
+        self._buffer += data
+        answers = []
+        while len(self._buffer) >= 8:
+            transaction, protocol, length, unit = struct.unpack(">HHHB", self._buffer[:7])
+            if protocol != 0 or not 2 <= length <= 254:
+                self._buffer = b""  # not Modbus: nothing in it can be trusted
+                break
+            if len(self._buffer) < 6 + length:
+                break
+            pdu, self._buffer = self._buffer[7 : 6 + length], self._buffer[6 + length :]
+            device = self._devices.get(unit)
+            reply = answer(device, pdu) if device else bytes((pdu[0] | 0x80, NO_TARGET))
+            answers.append(struct.pack(">HHHB", transaction, 0, 1 + len(reply), unit) + reply)
+        return answers
+
+
+class RtuSlave:
+    """Devices on one serial line.
+
+    Nobody answers for a unit that is not there, for a frame with a wrong check sum, or for a broadcast (unit 0).
+
+    Args:
+        devices: registers by unit address.
+
+    """
+
+    def __init__(self, devices: Mapping[int, Registers]) -> None:
+        self._devices = devices
+        self._buffer = b""
+
+    def feed(self, data: bytes) -> list[bytes]:
+        """Take bytes as they come; returns the answers to the requests they complete."""
+        self._buffer += data
+        answers = []
+        while (size := self._request_size()) and len(self._buffer) >= size:
+            frame, self._buffer = self._buffer[:size], self._buffer[size:]
+            if crc16(frame[:-2]) != frame[-2:]:
+                self._buffer = b""  # out of step; the master will time out and ask again
+                break
+            unit, pdu = frame[0], frame[1:-2]
+            if unit == 0:
+                for device in self._devices.values():
+                    answer(device, pdu)
+            elif unit in self._devices:
+                reply = bytes((unit,)) + answer(self._devices[unit], pdu)
+                answers.append(reply + crc16(reply))
+        return answers
+
+    def _request_size(self) -> int:
+        """Bytes of the request at the head of the buffer, 0 if too little of it is there to tell."""
+        if len(self._buffer) < 4:
+            return 0
+        if self._buffer[1] == _WRITE:
+            return 9 + self._buffer[6] if len(self._buffer) > 6 else 0
+        if self._buffer[1] in (_READ, _READ_INPUT, _WRITE_ONE):
+            return 8
+        return len(self._buffer)
