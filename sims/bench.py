@@ -6,9 +6,10 @@ from collections.abc import Callable, Mapping
 from typing import Any
 from zlib import crc32
 
-from sims.physics import Plant
+from sims.physics import Plant, read_truth
+from sims.wires.modbus_line import ModbusCable
 from sims.wires.serial_line import SerialCable, register, unregister
-from sims.world import World
+from sims.world import EPOCH_UTC, World
 
 _OF_THE_BENCH = frozenset({"driver", "address", "asset", "due", "serial"})
 """Keys of an `[instruments.NAME]` table that are the bench's own; the rest are the driver's and its twin's options."""
@@ -17,6 +18,23 @@ _OF_THE_BENCH = frozenset({"driver", "address", "asset", "due", "serial"})
 def serial_number(bench: str, instrument: str) -> str:
     """The serial number a twin answers with: the same for the same bench and instrument, always."""
     return f"SN{crc32(f'{bench}/{instrument}'.encode()) % 1_000_000:06d}"
+
+
+def world_for(bench: Mapping[str, Any], truth: Mapping[str, Any], start: float = 0.0) -> World:
+    """The virtual time that a world file asks for.
+
+    Args:
+        bench: the bench file as plain values.
+        truth: the world file as plain values; its `epoch` is UTC at virtual time zero.
+        start: first value of `now()`, seconds.
+
+    Raises:
+        sims.physics.WorldError: the world file is wrong.
+
+    """
+    axes = {name: sensor["axis"] for name, sensor in bench.get("sensors", {}).items()}
+    epoch = read_truth(truth, axes).epoch
+    return World(start, EPOCH_UTC if epoch is None else epoch)
 
 
 class SimBench:
@@ -58,6 +76,16 @@ class SimBench:
         self.cables = {n: SerialCable(world, twin) for n, twin in self._twins.items() if twin.kind == "serial"}
         for name, cable in self.cables.items():
             register(f"{key}/{name}", cable)
+
+    def transports(self) -> Mapping[str, Callable[[str], object]]:
+        """What stands in for wires that are not serial, by kind: factories that take a `sim://` address."""
+        return {"modbus": lambda address: ModbusCable(self.world, self._at(address).on_rx)}
+
+    def _at(self, address: str) -> Any:
+        key, _, name = address.removeprefix("sim://").partition("/")
+        if key != self._key or name not in self._twins:
+            raise LookupError(f"there is no simulated instrument at {address}")
+        return self._twins[name]
 
     def twin(self, name: str) -> Any:
         """The twin of one instrument."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Callable
-from time import perf_counter, sleep
+from time import monotonic, perf_counter, sleep, time
 
 EPOCH_UTC = 1_768_500_000.0
 """UTC at virtual time zero unless the world file says otherwise: 2026-01-15 18:00:00."""
@@ -123,3 +123,40 @@ class World:
         if end > self._now:
             self._now = end
         return False
+
+
+class Pace:
+    """Ties a world to real time, for those who look at it from another process.
+
+    Args:
+        world: the world; its present is now.
+        speed: virtual seconds per real second.
+
+    Attributes:
+        epoch_utc: the world's UTC at this moment.
+        started_utc: the machine's UTC at this moment.
+
+    """
+
+    def __init__(self, world: World, speed: float) -> None:
+        self._world = world
+        self._speed = speed
+        self._virtual = world.now()
+        self._real = monotonic()
+        self.epoch_utc = world.utc()
+        self.started_utc = time()
+
+    def catch_up(self) -> None:
+        """Let the world reach the present."""
+        self._world.run_until(self._virtual + (monotonic() - self._real) * self._speed)
+
+    def real_s(self) -> float:
+        """Real seconds since the beginning."""
+        return monotonic() - self._real
+
+    def until_next(self, most: float) -> float:
+        """Real seconds until the world's next event, at most `most`."""
+        due = self._world.next_due()
+        if due is None:
+            return most
+        return min(most, max(0.0, (due - self._virtual) / self._speed - self.real_s()))

@@ -1,0 +1,170 @@
+"""A simulated bench for other processes, in real time or a multiple of it.
+
+The same twins as in a dry run, behind the operating system's own serial ports and sockets. One thread waits for
+bytes and for the world's next event, whichever comes first.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import re
+import selectors
+import signal
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from sims.bench import SimBench, world_for
+from sims.wires.modbus_line import ModbusEndpoint
+from sims.wires.ports import Port, PseudoTerminal, TcpPort
+from sims.world import Pace
+
+_LOOK_UP_S = 0.5  # how often to see whether it is time to stop when nothing happens
+
+
+def serve(
+    bench: Mapping[str, Any],
+    truth: Mapping[str, Any],
+    twin_classes: Mapping[str, Callable[..., Any]],
+    live: Path,
+    *,
+    speed: float = 1.0,
+    seconds: float | None = None,
+    announce: Callable[[str], None] = lambda line: None,
+) -> None:
+    """Serve a bench until SIGINT, SIGTERM, or its time is up.
+
+    Args:
+        bench: the bench file as plain values.
+        truth: the world file as plain values.
+        twin_classes: twin class by driver name.
+        live: written when everything is open: the bench file with the addresses served; removed at the end.
+        speed: virtual seconds per real second.
+        seconds: real seconds after which to stop; None serves until told to stop.
+        announce: called with a line for each instrument and one for the file.
+
+    Raises:
+        sims.physics.WorldError: the world file is wrong.
+        OSError: `live` cannot be written, or a port cannot be opened.
+
+    """
+    with selectors.DefaultSelector() as selector, _told_to_stop(selector) as stopped:
+        world = world_for(bench, truth)
+        sim = SimBench(world, bench, truth, f"served{os.getpid()}", twin_classes)
+        ports: list[Port] = []
+        try:
+            pace = Pace(world, speed)
+            instruments = {}
+            for name, instrument in bench["instruments"].items():
+                address = _open(sim, name, instrument["address"], selector, ports)
+                instruments[name] = {**instrument, "address": address}
+                announce(f"{name}: {address}")
+            times = {"speed": speed, "epoch_utc": pace.epoch_utc, "started_utc": pace.started_utc}
+            _write(live, toml({**bench, "simulated": True, "instruments": instruments, "live": times}))
+            announce(f"serving until Ctrl-C; use --bench {live}")
+            try:
+                while not stopped() and (seconds is None or pace.real_s() < seconds):
+                    pace.catch_up()
+                    for key, _ in selector.select(pace.until_next(_LOOK_UP_S)):
+                        pace.catch_up()
+                        key.data()
+            finally:
+                live.unlink(missing_ok=True)
+        finally:
+            for port in ports:
+                port.close()
+            sim.close()
+
+
+def _open(sim: SimBench, name: str, address: str, selector: selectors.BaseSelector, ports: list[Port]) -> str:
+    """Open a door to one instrument; returns the address to use instead of the bench file's own."""
+    twin = sim.twin(name)
+    match twin.kind:
+        case "serial":
+            cable = sim.cables[name]
+            terminal = PseudoTerminal(selector, lambda data, tx: cable.send(data))
+            cable.attach(terminal.send)
+            ports.append(terminal)
+            return terminal.address
+        case "modbus":
+            unit = int(address.rpartition("/")[2])
+            rtu = address.startswith("modbus-rtu:")
+
+            def end() -> ModbusEndpoint:
+                return ModbusEndpoint(sim.world, {unit: twin.registers}, rtu=rtu)
+
+            port: Port = PseudoTerminal(selector, end().on_rx) if rtu else TcpPort(selector, lambda: end().on_rx)
+            ports.append(port)
+            return f"modbus-{'rtu' if rtu else 'tcp'}://{port.address}/{unit}"
+        case kind:
+            raise ValueError(f"{name}: a twin of kind {kind!r} cannot be served")
+
+
+@contextlib.contextmanager
+def _told_to_stop(selector: selectors.BaseSelector) -> Iterator[Callable[[], bool]]:
+    """Whether SIGINT or SIGTERM has come; either also ends a wait of the selector."""
+    told: list[int] = []
+    reading, writing = os.pipe()
+    os.set_blocking(reading, False)
+    os.set_blocking(writing, False)
+    selector.register(reading, selectors.EVENT_READ, lambda: os.read(reading, 100))
+    woken_before = signal.set_wakeup_fd(writing)
+    before = {s: signal.signal(s, lambda number, frame: told.append(number)) for s in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield lambda: bool(told)
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        signal.set_wakeup_fd(woken_before)
+        selector.unregister(reading)
+        os.close(reading)
+        os.close(writing)
+
+
+def _write(path: Path, text: str) -> None:
+    """Write a file that is either not there or complete."""
+    part = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        part.write_text(text, encoding="utf-8")
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def toml(values: Mapping[str, Any]) -> str:
+    """Plain values as TOML; None is left out, since TOML has no word for it."""
+    return "\n".join(_table(values, ())) + "\n"
+
+
+def _table(values: Mapping[str, Any], path: tuple[str, ...]) -> Iterator[str]:
+    inner = {k: v for k, v in values.items() if isinstance(v, Mapping)}
+    for key, value in values.items():
+        if key not in inner and value is not None:
+            yield f"{_key(key)} = {_value(value)}"
+    for key, value in inner.items():
+        here = (*path, key)
+        yield f"\n[{'.'.join(map(_key, here))}]"
+        yield from _table(value, here)
+
+
+def _key(key: str) -> str:
+    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else _string(key)
+
+
+def _string(text: str) -> str:
+    return json.dumps(text).replace("\x7f", "\\u007f")
+
+
+def _value(value: object) -> str:
+    match value:
+        case bool():
+            return "true" if value else "false"
+        case int() | float():
+            return repr(value)
+        case str():
+            return _string(value)
+        case list() | tuple():
+            return f"[{', '.join(map(_value, value))}]"
+    raise TypeError(f"{value!r} has no place in a bench file")

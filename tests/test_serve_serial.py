@@ -1,0 +1,173 @@
+"""The same drivers against the same twins in another process: pseudo-terminals, real time made faster."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import tomllib
+from contextlib import contextmanager
+from types import SimpleNamespace
+
+import pytest
+from pymeasure.adapters import SerialAdapter
+from pymeasure.instruments.hp import HP34401A
+from serial import Serial
+
+from drivers.clock import RealClock, ScaledClock
+from drivers.errors import DriverError
+from drivers.keysight_34401a import Keysight34401A
+from drivers.keysight_34970a import Keysight34970A
+from drivers.newport_esp301 import NewportESP301
+from drivers.wires import Wires
+from sims.serve import toml
+
+SPEED = 20.0
+BENCH = {
+    "name": "served",
+    "instruments": {
+        "head": {"driver": "newport-esp301", "address": "/dev/rig/head", "serial": "SN4711", "due": None},
+        "dvm": {"driver": "keysight-34401a", "address": "/dev/rig/dvm", "nplc": 1},
+        "scanner": {
+            "driver": "keysight-34970a",
+            "address": "/dev/rig/scanner",
+            "channels": {"101": "volts", "104": "thermistor-10k"},
+            "nplc": 1,
+        },
+    },
+    "sensors": {"x": {"axis": "x", "reader": "dvm", "channel": "input"}},
+    "temperatures": {"sensor_temperature_degC": {"reader": "scanner", "channel": "104", "place": "package"}},
+    "limits": {"pitch_deg": [-190, 190]},
+}
+SERVER = """
+import json, pathlib, sys
+from sims.serve import serve
+from sims.twins.newport_esp301 import NewportESP301Twin
+from sims.twins.keysight_34401a import Keysight34401ATwin
+from sims.twins.keysight_34970a import Keysight34970ATwin
+twins = {"newport-esp301": NewportESP301Twin, "keysight-34401a": Keysight34401ATwin,
+         "keysight-34970a": Keysight34970ATwin}
+bench, live, speed, seconds = json.loads(sys.argv[1])
+serve(bench, {}, twins, pathlib.Path(live), speed=speed, seconds=seconds, announce=lambda s: print(s, flush=True))
+"""
+
+
+@contextmanager
+def served(folder, speed=SPEED, seconds=50.0):
+    live = folder / "LIVE.toml"
+    arguments = json.dumps([BENCH, str(live), speed, seconds])
+    server = subprocess.Popen(
+        [sys.executable, "-c", SERVER, arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    try:
+        for line in server.stdout:
+            if line.startswith("serving"):
+                break
+        bench = tomllib.loads(live.read_text())
+        clock = ScaledClock(**bench["live"])
+        yield SimpleNamespace(process=server, live=live, bench=bench, clock=clock, wires=Wires(clock))
+    finally:
+        server.terminate()
+        server.communicate(timeout=20)
+
+
+def driver(bench, name, cls):
+    instrument = bench.bench["instruments"][name]
+    own = {k: v for k, v in instrument.items() if k not in ("driver", "address", "serial", "due", "asset")}
+    return cls(name, instrument["address"], cls.Options(**own), bench.wires, bench.clock)
+
+
+def test_drivers_work_across_processes(tmp_path):
+    with served(tmp_path) as bench:
+        assert bench.bench["simulated"] is True
+        assert bench.bench["instruments"]["head"]["address"].startswith("/dev/pts/")
+
+        head = driver(bench, "head", NewportESP301)
+        assert head.identify().serial == "SN4711"
+        head.prepare()
+        head.home()
+        while not all(state.homed for state in head.read().values()):
+            bench.clock.sleep(1.0)
+        head.move({"pitch": 90.0, "roll": -10.0})
+        bench.clock.sleep(1.0)
+        while any(state.moving for state in head.read().values()):
+            bench.clock.sleep(1.0)
+        bench.clock.sleep(5.0)
+        assert head.read()["pitch"].position_deg == pytest.approx(90.0, abs=5e-4)
+        assert head.read()["roll"].position_deg == pytest.approx(-10.0, abs=5e-4)
+
+        dvm = driver(bench, "dvm", Keysight34401A)
+        dvm.identify()
+        dvm.prepare()
+        dvm.start(3)
+        upright = dvm.fetch()["input"]
+        assert len(upright) == 3
+        assert abs(upright[0]) > 0.1, "a sensor along x feels its weight at 90 degrees of pitch"
+
+        scanner = driver(bench, "scanner", Keysight34970A)
+        scanner.identify()
+        scanner.prepare()
+        scanner.start(2)
+        readings = scanner.fetch()
+        assert readings["101"] == pytest.approx([0.0, 0.0], abs=1e-4)
+        assert 10.0 < readings["104"][0] < 35.0
+        bench.wires.close()
+
+
+@pytest.mark.filterwarnings("ignore:It is not known whether this device support SCPI:FutureWarning")
+def test_pymeasures_hp34401a_reads_the_twin_through_a_pseudo_terminal(tmp_path):
+    with served(tmp_path, speed=5.0) as bench:
+        port = Serial(bench.bench["instruments"]["dvm"]["address"], 9600, timeout=10.0)
+        dvm = HP34401A(SerialAdapter(port, write_termination="\n", read_termination="\r\n"))
+        dvm.write("SYST:REM")
+        assert dvm.id == "HEWLETT-PACKARD,34401A,0,10-5-2"
+        dvm.nplc = 1
+        dvm.sample_count = 3
+        readings = dvm.reading
+        assert len(readings) == 3
+        assert all(abs(r) < 12.0 for r in readings)
+        port.close()
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_ends_it_and_takes_the_bench_file_away(tmp_path, number):
+    with served(tmp_path) as bench:
+        assert bench.live.exists()
+        began = RealClock().now()
+        os.kill(bench.process.pid, number)
+        assert bench.process.wait(timeout=10.0) == 0
+        assert RealClock().now() - began < 5.0
+        assert not bench.live.exists()
+        assert list(tmp_path.iterdir()) == []
+
+
+def test_it_stops_by_itself_when_its_time_is_up(tmp_path):
+    with served(tmp_path, seconds=0.3) as bench:
+        assert bench.process.wait(timeout=10.0) == 0
+        assert not bench.live.exists()
+
+
+def test_instruments_that_go_away_are_named(tmp_path):
+    with served(tmp_path) as bench:
+        head = driver(bench, "head", NewportESP301)
+        head.read()
+        bench.process.kill()
+        bench.process.wait(timeout=10.0)
+        with pytest.raises(DriverError, match="head at /dev/pts/"):
+            head.read()
+        bench.wires.close()
+
+
+def test_bench_values_survive_as_toml():
+    values = {
+        "name": 'a "quoted" name\nin two lines \\ µ',
+        "simulated": True,
+        "nothing": None,
+        "limits": {"pitch_deg": [-190, 190.5]},
+        "instruments": {"head": {"speed": 1e-05, "odd key": "x", "channels": {"101": "volts"}}},
+    }
+    back = tomllib.loads(toml(values))
+    del values["nothing"]
+    assert back == values
