@@ -11,7 +11,10 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
-_CONTRACTS: dict[str, tuple[str, str]] = {}
+_CONTRACTS = {
+    "watlow-f4t": ("register_map", "watlow_f4t.toml"),
+    "cia402-pair": ("eds", "cia402_drive.eds"),
+}
 """Driver name to (option that takes the text, file in `contracts/`)."""
 
 

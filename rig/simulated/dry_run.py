@@ -12,9 +12,8 @@ from drivers.wires import Wires
 from rig.config import BenchConfig
 from rig.contracts import with_contracts
 from rig.errors import ConfigurationError
-from sims.bench import SimBench
+from sims.bench import SimBench, world_for
 from sims.physics.truth import WorldError
-from sims.world import World
 
 Tap = Callable[[str, str, bytes], None]
 """Called with (instrument, "tx" or "rx", bytes) for every transfer on every wire."""
@@ -23,9 +22,25 @@ _keys = itertools.count(1)
 
 
 @cache
-def twin_classes() -> dict[str, Any]:
-    """Twin class by driver name, from the entry-point group `rig.twins`."""
-    return {point.name: point.load() for point in entry_points(group="rig.twins")}
+def twin_class(driver: str) -> Any:
+    """The twin registered for a driver, entry-point group `rig.twins`; raises `ConfigurationError` if it has none."""
+    known = {point.name: point for point in entry_points(group="rig.twins")}
+    if driver not in known:
+        raise ConfigurationError(
+            f"driver {driver!r} has no twin, so it cannot run dry (twins: {', '.join(sorted(known))})"
+        )
+    return known[driver].load()
+
+
+def twin_classes(config: BenchConfig) -> dict[str, Any]:
+    """The twins a bench needs, by driver name. Raises `ConfigurationError` naming the instrument that has none."""
+    found = {}
+    for name, instrument in config.instruments.items():
+        try:
+            found[instrument.driver] = twin_class(instrument.driver)
+        except ConfigurationError as error:
+            raise ConfigurationError(f"instruments.{name}: {error}") from None
+    return found
 
 
 def plain(config: BenchConfig) -> dict[str, Any]:
@@ -60,16 +75,11 @@ class DryBench:
         where: str = "world",
         tap: Tap | None = None,
     ) -> None:
-        for name, instrument in config.instruments.items():
-            if instrument.driver not in twin_classes():
-                raise ConfigurationError(
-                    f"instruments.{name}: driver {instrument.driver!r} has no twin, so it cannot run dry "
-                    f"(twins: {', '.join(sorted(twin_classes()))})"
-                )
-        self.world = World(start)
+        values = plain(config)
         key = f"dry{next(_keys)}"
         try:
-            self.sim = SimBench(self.world, plain(config), truth, key, twin_classes())
+            self.world = world_for(values, truth, start)
+            self.sim = SimBench(self.world, values, truth, key, twin_classes(config))
         except WorldError as error:
             raise ConfigurationError(f"{where}: {error}") from error
         instruments = {

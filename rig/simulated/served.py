@@ -1,0 +1,47 @@
+"""`rig sim`: the simulated bench behind the operating system's own ports, for controllers in other processes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from rig.bench import check_options
+from rig.config import parse_bench, parse_toml, read_text
+from rig.errors import ConfigurationError, RigError
+from rig.simulated.dry_run import plain, twin_classes
+from sims.physics.truth import WorldError
+from sims.serve import serve
+
+
+def serve_bench(
+    bench: Path,
+    world: Path | None,
+    speed: float,
+    live: Path,
+    seconds: float | None,
+    announce: Callable[[str], None],
+) -> None:
+    """Serve a bench until told to stop.
+
+    Args:
+        bench: the bench file.
+        world: the truth behind it; a plain world if None.
+        speed: bench seconds per real second.
+        live: where to write the bench file with the addresses served; removed at the end.
+        seconds: real seconds after which to stop by itself; None for never.
+        announce: called with a line for each instrument.
+
+    Raises:
+        ConfigurationError: one of the files is wrong.
+        RigError: a port cannot be opened, or `live` cannot be written.
+
+    """
+    config = parse_bench(read_text(bench, "bench"), str(bench))
+    check_options(config, str(bench))
+    truth = {} if world is None else parse_toml(read_text(world, "world"), str(world))
+    try:
+        serve(plain(config), truth, twin_classes(config), live, speed=speed, seconds=seconds, announce=announce)
+    except WorldError as error:
+        raise ConfigurationError(f"{world}: {error}") from error
+    except OSError as error:
+        raise RigError(f"the simulated bench cannot be served: {error}") from error
