@@ -73,6 +73,10 @@ class Bench:
     offset_sd: float = 0.0
     """Of each replication's own offset, in units of the reading's standard deviation."""
     offset_walk: bool = False
+    wander: float = 0.0
+    """Of each sensor's offset through the run, as a random walk: its sd at the end, in readings' standard deviations."""
+    jitter_deg: float = 0.0
+    """Of the head's angles from one point to the next; all sensors see it."""
     compliance: Mapping[tuple[str, str], float] = field(default_factory=dict)
     """Degrees the package turns about an axis for 1 g along another: {("y", "x"): 4e-4}."""
     pitch_backlash_deg: float = 0.0
@@ -162,13 +166,25 @@ def simulate(bench, plan, seed, *, break_at=None, drop=0.0):
     block = np.zeros(n, int) if break_at is None else (np.arange(n) >= break_at * n).astype(int)
     temperature = bench.temperature(hours)
     truth = bench.outputs(pitch, roll, temperature, hours, pitch_side, roll_side, block)
+    shaken = bench.outputs(
+        pitch + rng.normal(0, bench.jitter_deg, n),
+        roll + rng.normal(0, bench.jitter_deg, n),
+        temperature,
+        hours,
+        pitch_side,
+        roll_side,
+        block,
+    )
     noisy = {}
     for s in bench.sensors:
         sigma = np.radians(bench.sigma_deg) * s.S
+        walk = np.cumsum(rng.normal(0, bench.wander * sigma / np.sqrt(n), n))
         offsets = rng.normal(0, bench.offset_sd * sigma, plan.replications)
         if bench.offset_walk:
             offsets = np.cumsum(offsets)
-        noisy[f"{s.axis}_V"] = truth[f"{s.axis}_V"] + rng.normal(0, sigma, n) + offsets[replicate.astype(int) - 1]
+        noisy[f"{s.axis}_V"] = (
+            shaken[f"{s.axis}_V"] + walk + rng.normal(0, sigma, n) + offsets[replicate.astype(int) - 1]
+        )
     keep = rng.random(n) >= drop
     data = AttitudeData(
         replicate=replicate,

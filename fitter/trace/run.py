@@ -61,12 +61,12 @@ def left_out(data: AttitudeData, catalogue: Sequence[Effect], family: Family) ->
 
     The search is repeated without the replication that is left out, whose own offset is predicted as zero.
     """
+    if data.replicates.size < 2:
+        return None
     squares, count = np.zeros((2, len(data.sensors))), 0
     for replicate in data.replicates:
         inside = data.replicate != replicate
         rest, aside = data.take(np.flatnonzero(inside)), data.take(np.flatnonzero(~inside))
-        if not len(rest):
-            return None
         try:
             problem = pose(rest, catalogue)
         except RankError:

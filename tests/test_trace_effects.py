@@ -1,0 +1,111 @@
+"""Every effect of the catalogue, made by rotations and physics in `attitude_truth`, must be found by its name.
+
+One scenario an effect at least; a catalogue entry without a scenario fails `test_every_effect_has_a_scenario`.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+from attitude_truth import D1, Bench, Plan, Sensor, simulate
+
+from fitter.effects import CATALOGUE
+from fitter.effects.effect import PREREQUISITES
+from fitter.trace import trace
+
+X, Y, Z = "x_V", "y_V", "z_V"
+NIGHT = D1(180, 19, 13)
+
+
+def on_x(**errors):
+    return (Sensor("x", **errors), Sensor("y"), Sensor("z"))
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """What is wrong with a bench, and the only thing that may be reported for it, by sensor."""
+
+    effect: str
+    bench: Bench
+    sensors: tuple[str, ...]
+    coefficient: float | None = None
+    """Of the first term on the first sensor."""
+    options: dict = field(default_factory=dict)
+    plan: Plan = NIGHT
+
+
+PAD = "isolation-pad-deflection"
+# deg per g about y by weight along x, on an x sensor of 5 V/g: S c/2 times sin 2a cos R, in volts
+SAG = 8e-4
+SAG_V = 5.0 * np.radians(SAG) / 2
+
+SCENARIOS = {
+    "pads, in the pitch plane": Scenario(PAD, Bench(compliance={("y", "x"): SAG}), (X, Z), SAG_V),
+    "pads, in two planes": Scenario(PAD, Bench(compliance={("y", "x"): SAG, ("z", "x"): 5e-4}), (X, Y, Z)),
+    "pads, by weight across": Scenario(PAD, Bench(compliance={("y", "z"): SAG}), (X, Z)),
+    "offset and temperature": Scenario("offset-temperature", Bench(sensors=on_x(b_per_degC=5e-5)), (X,), 5e-5),
+    "sensitivity and temperature": Scenario(
+        "sensitivity-temperature", Bench(sensors=on_x(S_per_degC=2e-5)), (X,), 1e-4
+    ),
+    "offset and time": Scenario("offset-drift", Bench(sensors=on_x(b_per_h=2e-6)), (X,), 2e-6),
+    "sensitivity and time": Scenario("sensitivity-drift", Bench(sensors=on_x(S_per_h=8e-7)), (X,), 4e-6),
+    "an interruption": Scenario("offset-step", Bench(sensors=on_x(b_step=3e-5)), (X,), 3e-5, options={"break_at": 0.4}),
+    "backlash of pitch": Scenario("backlash-pitch", Bench(pitch_backlash_deg=3e-4), (X, Y, Z), 3e-4),
+    "backlash of roll": Scenario("backlash-roll", Bench(roll_backlash_deg=3e-4), (Y, Z), 3e-4),
+    "square": Scenario("sensor-second-order", Bench(sensors=on_x(quadratic=4e-6)), (X,), 2e-5),
+    "cube": Scenario("sensor-third-order", Bench(sensors=on_x(cubic=6e-6)), (X,), 3e-5),
+    "product": Scenario("cross-axis", Bench(sensors=on_x(cross=1e-5)), (X,), 2.5e-5),
+    "pitch scale, once": Scenario("head-once-per-turn", Bench(pitch_error_deg=(3e-4, 0, 0, 0)), (X, Y, Z), 3e-4),
+    "pitch scale, once, both phases": Scenario(
+        "head-once-per-turn", Bench(pitch_error_deg=(2e-4, 2e-4, 0, 0)), (X, Y, Z), 2e-4
+    ),
+    "pitch scale, twice": Scenario("head-twice-per-turn", Bench(pitch_error_deg=(0, 0, 3e-4, 0)), (X, Y, Z), 3e-4),
+    "pitch scale, twice, cosine": Scenario(
+        "head-twice-per-turn", Bench(pitch_error_deg=(0, 0, 0, 3e-4)), (X, Y, Z), 3e-4
+    ),
+    "roll scale, once": Scenario("roll-head-once-per-turn", Bench(roll_error_deg=(3e-4, 0, 0, 0)), (Y, Z), 3e-4),
+    "roll scale, once, cosine": Scenario(
+        "roll-head-once-per-turn", Bench(roll_error_deg=(0, 3e-4, 0, 0)), (Y, Z), 3e-4
+    ),
+    "roll scale, twice": Scenario("roll-head-twice-per-turn", Bench(roll_error_deg=(0, 0, 3e-4, 0)), (Y, Z), 3e-4),
+    "roll scale, twice, cosine": Scenario(
+        "roll-head-twice-per-turn", Bench(roll_error_deg=(0, 0, 0, 3e-4)), (Y, Z), 3e-4
+    ),
+}
+
+
+def test_every_effect_has_a_scenario():
+    assert {scenario.effect for scenario in SCENARIOS.values()} == {effect.name for effect in CATALOGUE}
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_effect_is_named(name):
+    scenario = SCENARIOS[name]
+    data, _ = simulate(scenario.bench, scenario.plan, seed=1, **scenario.options)
+    found = trace(data)
+    assert {s: {e.effect for e in t.effects} for s, t in found.sensors.items() if t.effects} == {
+        s: {scenario.effect} for s in scenario.sensors
+    }
+    first = found.sensors[scenario.sensors[0]]
+    effect = first.effects[0]
+    assert first.verdict == "explained"
+    assert effect.p_adjusted < 0.035
+    assert effect.share > 0.9
+    assert first.cv_rms_after < first.cv_rms_before
+    assert np.std(first.residual_after_V) < np.std(first.residual_before_V)
+    if scenario.coefficient is not None:
+        assert abs(effect.coefficients[0] - scenario.coefficient) < 5 * effect.stderr[0] + 0.01 * scenario.coefficient
+
+
+@pytest.mark.parametrize("effect", CATALOGUE, ids=lambda effect: effect.name)
+def test_entries_are_complete(effect):
+    data, _ = simulate(Bench(), D1(60, 3, 5, replications=2), seed=0, break_at=0.5)
+    assert effect.cause
+    assert effect.separate_by
+    assert effect.usual_size
+    assert set(effect.needs) <= set(PREREQUISITES)
+    assert set(effect.known_aliases) <= {other.name for other in CATALOGUE} - {effect.name}
+    assert hasattr(data, effect.against)
+    names = [term.name for term in effect.terms(data)]
+    assert names
+    assert len(set(names)) == len(names)
