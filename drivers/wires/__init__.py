@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import Any
 
 from drivers.clock import Clock
 from drivers.errors import Unreachable
+from drivers.wires.modbus import ModbusLine, ModbusWires
 from drivers.wires.serial_line import SerialLine, SerialSettings, Tap
 
-__all__ = ["SerialLine", "SerialSettings", "Tap", "Wires"]
+__all__ = ["ModbusLine", "SerialLine", "SerialSettings", "Tap", "Wires"]
 
 
 class Wires:
@@ -26,13 +28,14 @@ class Wires:
         self,
         clock: Clock,
         *,
-        simulated: Mapping[str, Callable[[str], object]] | None = None,
+        simulated: Mapping[str, Callable[[str], Any]] | None = None,
         tap: Tap | None = None,
     ) -> None:
+        factories = simulated or {}
         self._clock = clock
-        self._simulated = dict(simulated or {})
         self._tap = tap
         self._serial: dict[str, SerialLine] = {}
+        self._modbus = ModbusWires(clock, factories.get("modbus"), tap)
 
     def serial(self, address: str, settings: SerialSettings, name: str = "") -> SerialLine:
         """The serial line at `address`.
@@ -56,8 +59,23 @@ class Wires:
             )
         return line
 
+    def modbus(self, address: str, name: str = "", timeout_s: float = 1.0) -> ModbusLine:
+        """The device at `address`.
+
+        Args:
+            address: `modbus-tcp://host:502/1` or `modbus-rtu:///dev/ttyUSB1/1`; the last number is the unit.
+            name: the bench's name for the device, used in messages.
+            timeout_s: bench seconds to wait for a reply.
+
+        Raises:
+            Unreachable: the connection or line cannot be opened, or is already open with other settings.
+
+        """
+        return self._modbus.line(address, name, timeout_s)
+
     def close(self) -> None:
         """Release every wire; idempotent."""
+        self._modbus.close()
         for line in self._serial.values():
             line.close()
         self._serial.clear()
