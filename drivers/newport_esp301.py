@@ -27,6 +27,7 @@ _HOMED_MARK_DEG_PER_S = 0.1357
 _NOT_HOMED_DEG_PER_S = 1.0
 _HOME_TOLERANCE_DEG = 0.01
 _DEGREES = 7  # SN's number for this unit
+_HOME_STARTS_S = 1.0  # within this a search that has not moved yet is not taken for one that has ended
 _READBACK = 1e-3  # the controller rounds speeds to counts per servo cycle
 _MOST_ERRORS = 10  # the controller keeps ten
 
@@ -78,7 +79,7 @@ class NewportESP301:
         self._limits = {"pitch": options.pitch_deg, "roll": options.roll_deg}
         self._status = ";".join(f"{n}TP?;{n}MD?;{n}MO?" for n in self._numbers.values())
         self._homed: dict[str, bool | None] = dict.fromkeys(self._numbers)
-        self._homing: set[str] = set()
+        self._homing: dict[str, float] = {}
         self._faults: dict[str, str] = dict.fromkeys(self._numbers, "")
         self._unchecked = True
 
@@ -136,7 +137,7 @@ class NewportESP301:
         for axis, n in self._numbers.items():
             if not self._homed[axis]:
                 self._line.write(f"{n}JW{_NOT_HOMED_DEG_PER_S:g};{n}OR{self._options.home_mode}")
-                self._homing.add(axis)
+                self._homing[axis] = self._clock.now()
                 self._faults[axis] = ""
         self._unchecked = True
 
@@ -174,7 +175,8 @@ class NewportESP301:
         for i, axis in enumerate(self._numbers):
             position, done, powered = answers[3 * i : 3 * i + 3]
             positions[axis] = self._number(self._status, position)
-            moving[axis] = not self._flag(self._status, done)
+            starting = self._clock.now() - self._homing.get(axis, -math.inf) < _HOME_STARTS_S
+            moving[axis] = not self._flag(self._status, done) or starting
             enabled[axis] = self._flag(self._status, powered)
         # Errors show as motion that ended or a motor that went off, so they are asked for only then.
         if (self._unchecked and not any(moving.values())) or not all(enabled.values()):
@@ -208,7 +210,7 @@ class NewportESP301:
             if axis in self._homing:
                 if moving[axis]:
                     continue
-                self._homing.discard(axis)
+                del self._homing[axis]
                 if not self._faults[axis] and abs(positions[axis]) <= _HOME_TOLERANCE_DEG:
                     self._line.write(f"{n}JW{_HOMED_MARK_DEG_PER_S:g}")
                 self._homed[axis] = None

@@ -113,6 +113,19 @@ def test_homing_marks_the_axes_and_survives_a_new_driver_but_not_a_power_cycle()
     assert not any(s.homed or s.enabled for s in again.read().values())
 
 
+def test_a_search_that_has_not_begun_to_move_is_not_taken_for_one_that_ended_at_zero():
+    """After power-on the count is zero wherever the axis stands."""
+    rig = Rig()
+    rig.head.prepare()
+    rig.twin._search_home = lambda axis, number, text: None
+    rig.twin._commands["OR"] = rig.twin._search_home
+    rig.head.home()
+    early = rig.head.read()
+    assert early["pitch"].position_deg == 0.0
+    assert early["pitch"].moving
+    assert not early["pitch"].homed
+
+
 def test_the_home_mark_alone_does_not_come_from_an_interrupted_search():
     rig = Rig()
     rig.head.prepare()

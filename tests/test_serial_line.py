@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import pty
+import socket
 import threading
+from types import SimpleNamespace
 
 import pytest
+import serial
+from serial.rfc2217 import PortManager
 from serial_bench import Recorder, plug_in
 
 from drivers.clock import RealClock
@@ -215,3 +220,39 @@ def test_a_silent_terminal_is_no_reply_in_real_time():
     line.close()
     os.close(master)
     os.close(slave)
+
+
+class NetworkServer:
+    """A serial server on the loopback interface: bytes come back as they were, through RFC 2217 or plainly."""
+
+    def __init__(self, rfc2217):
+        self.port = serial.serial_for_url("loop://", timeout=0.0)
+        self._listening = socket.create_server(("127.0.0.1", 0))
+        self.address = f"127.0.0.1:{self._listening.getsockname()[1]}"
+        threading.Thread(target=self._serve, args=(rfc2217,), daemon=True).start()
+
+    def _serve(self, rfc2217):
+        client, _ = self._listening.accept()
+        manager = PortManager(self.port, SimpleNamespace(write=client.sendall)) if rfc2217 else None
+        with client, self._listening, contextlib.suppress(OSError):
+            while data := client.recv(1000):
+                answer = b"".join(manager.filter(data)) if manager else data
+                if answer:
+                    client.sendall(answer)
+
+
+@pytest.mark.parametrize("scheme", ["socket", "rfc2217"])
+def test_serial_servers_on_the_network(scheme):
+    server = NetworkServer(scheme == "rfc2217")
+    wires = Wires(RealClock())
+    line = wires.serial(f"{scheme}://{server.address}", SerialSettings(9600, "7E2"), "dvm")
+    assert line.query("hello") == "hello"
+    assert line.query("again", 0.5) == "again"
+    if scheme == "rfc2217":
+        assert (server.port.baudrate, server.port.bytesize, server.port.parity, server.port.stopbits) == (
+            9600,
+            7,
+            "E",
+            2,
+        )
+    wires.close()

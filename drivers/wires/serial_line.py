@@ -191,7 +191,7 @@ class SerialLine:
                 parity=frame[1],
                 stopbits=int(frame[2]),
                 timeout=self.clock.timeout(settings.timeout_s),
-                write_timeout=_WRITE_TIMEOUT_S,
+                write_timeout=None if "://" in self.address else _WRITE_TIMEOUT_S,  # rfc2217:// refuses one
                 exclusive=True,
             )
             return cast(_Port, port)
