@@ -241,7 +241,7 @@ class NetworkServer:
                     client.sendall(answer)
 
 
-@pytest.mark.filterwarnings("ignore:setDaemon:DeprecationWarning")  # pyserial's own
+@pytest.mark.filterwarnings("ignore:set(Daemon|Name):DeprecationWarning")  # pyserial's own
 @pytest.mark.parametrize("scheme", ["socket", "rfc2217"])
 def test_serial_servers_on_the_network(scheme):
     server = NetworkServer(scheme == "rfc2217")
