@@ -1,4 +1,4 @@
-"""Microseconds an exchange in process: driver, pyserial, simulated line, twin and physics together.
+"""Microseconds an exchange in process: driver, wire, twin and physics together.
 
 python benchmarks/bench_exchange.py
 """
@@ -7,46 +7,83 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from importlib.resources import files
 
+from drivers.keysight_34401a import Keysight34401A
+from drivers.keysight_34970a import Keysight34970A
 from drivers.newport_esp301 import NewportESP301
+from drivers.watlow_f4t import WatlowF4T
 from drivers.wires import Wires
 from sims.bench import SimBench
+from sims.twins.keysight_34401a import Keysight34401ATwin
+from sims.twins.keysight_34970a import Keysight34970ATwin
 from sims.twins.newport_esp301 import NewportESP301Twin
+from sims.twins.watlow_f4t import WatlowF4TTwin
 from sims.world import World
 
-REPEATS = 20_000
+REGISTERS = files("contracts").joinpath("watlow_f4t.toml").read_text(encoding="utf-8")
+CHANNELS = {"101": "volts", "102": "volts", "103": "volts", "104": "thermistor-10k"}
+BENCH = {
+    "name": "benchmark",
+    "instruments": {
+        "head": {"driver": "newport-esp301", "address": ""},
+        "dvm": {"driver": "keysight-34401a", "address": ""},
+        "scanner": {"driver": "keysight-34970a", "address": "", "channels": CHANNELS},
+        "enclosure": {"driver": "watlow-f4t", "address": "", "register_map": REGISTERS},
+    },
+    "sensors": {axis: {"axis": axis, "reader": "scanner", "channel": f"10{i + 1}"} for i, axis in enumerate("xyz")},
+    "temperatures": {"sensor_temperature_degC": {"reader": "scanner", "channel": "104", "place": "package"}},
+}
+TWINS = {
+    "newport-esp301": NewportESP301Twin,
+    "keysight-34401a": Keysight34401ATwin,
+    "keysight-34970a": Keysight34970ATwin,
+    "watlow-f4t": WatlowF4TTwin,
+}
 
 
-def microseconds(action: Callable[[], object], repeats: int = REPEATS) -> float:
-    """The best of five, since what else the machine does only ever adds."""
+def report(what: str, action: Callable[[], object], exchanges: int = 1, repeats: int = 10_000) -> None:
+    """Print the best of five, since what else the machine does only ever adds."""
     best = float("inf")
     for _ in range(5):
         began = time.perf_counter()
         for _ in range(repeats // 5):
             action()
         best = min(best, (time.perf_counter() - began) / (repeats // 5))
-    return best * 1e6
+    print(f"{what:58} {best * 1e6 / exchanges:7.1f} us an exchange")
 
 
 def main() -> None:
     world = World()
-    bench = {
-        "name": "benchmark",
-        "instruments": {"head": {"driver": "newport-esp301", "address": "/dev/rig/head"}},
-        "sensors": {},
-    }
-    SimBench(world, bench, {}, "benchmark", {"newport-esp301": NewportESP301Twin})
-    wires = Wires(world)
+    sim = SimBench(world, BENCH, {}, "benchmark", TWINS)
+    wires = Wires(world, simulated=sim.transports())
     head = NewportESP301("head", "sim://benchmark/head", NewportESP301.Options(), wires, world)
     head.prepare()
     head.home()
     while any(s.moving or not s.homed for s in head.read().values()):
         world.sleep(0.5)
-    line = head._line
-    print(f"ESP301  1TP?                   {microseconds(lambda: line.query('1TP?')):6.1f} us")
-    print(f"ESP301  read(), at rest        {microseconds(head.read):6.1f} us   (six queries in one line)")
+    report("ESP301: one query, 1TP?", lambda: head._line.query("1TP?"))
+    report("ESP301: read() at rest, six queries in one line", head.read)
     head.move({"pitch": 170.0, "roll": 170.0})
-    print(f"ESP301  read(), while moving   {microseconds(head.read, 500):6.1f} us")
+    report("ESP301: read() while moving", head.read, repeats=500)
+
+    dvm = Keysight34401A("dvm", "sim://benchmark/dvm", Keysight34401A.Options(), wires, world)
+    dvm.prepare()
+    report("34401A: one query, SYST:ERR?", lambda: dvm._line.query("SYST:ERR?"))
+    report("34401A: start(5) and fetch(), five readings", lambda: (dvm.start(5), dvm.fetch()), 2, 2000)
+
+    scanner = Keysight34970A(
+        "scanner", "sim://benchmark/scanner", Keysight34970A.Options(channels=CHANNELS), wires, world
+    )
+    scanner.prepare()
+    report("34970A: start(3) and fetch(), twelve readings", lambda: (scanner.start(3), scanner.fetch()), 2, 2000)
+
+    options = WatlowF4T.Options(register_map=REGISTERS)
+    enclosure = WatlowF4T("enclosure", "sim://benchmark/enclosure", options, wires, world)
+    enclosure.prepare()
+    before = enclosure._line.exchanges
+    enclosure.read()
+    report("F4T: read()", enclosure.read, enclosure._line.exchanges - before, 2000)
 
 
 if __name__ == "__main__":
