@@ -1,3 +1,7 @@
 """Every command, registered by being imported."""
 
-from rig.cli import data, demo, plan, run, sim  # noqa: F401
+import rig.cli.data
+import rig.cli.demo
+import rig.cli.plan
+import rig.cli.run
+import rig.cli.sim  # noqa: F401
