@@ -28,7 +28,8 @@ _NOT_HOMED_DEG_PER_S = 1.0
 _HOME_TOLERANCE_DEG = 0.01
 _DEGREES = 7  # SN's number for this unit
 _HOME_STARTS_S = 1.0  # within this a search that has not moved yet is not taken for one that has ended
-_READBACK = 1e-3  # the controller rounds speeds to counts per servo cycle
+_SPEED_ROUNDING = 1e-3  # the controller rounds speeds to counts per servo cycle
+_ANGLE_ROUNDING_DEG = 1e-3
 _MOST_ERRORS = 10  # the controller keeps ten
 
 
@@ -118,13 +119,14 @@ class NewportESP301:
                 "SL": low,
                 "SR": high,
             }
-            self._line.write(";".join([f"{n}MO", *(f"{n}{name}{value:g}" for name, value in settings.items())]))
+            self._line.write(";".join([f"{n}MO", *(f"{n}{name}{value:.9g}" for name, value in settings.items())]))
             self._raise_errors()
             wanted = {"MO": 1.0, **settings}
             question = ";".join(f"{n}{name}?" for name in wanted)
             answers = self._line.query_lines(question, len(wanted))
             for (name, value), answer in zip(wanted.items(), answers, strict=True):
-                if not math.isclose(self._number(question, answer), value, rel_tol=_READBACK, abs_tol=1e-6):
+                allowed = _ANGLE_ROUNDING_DEG if name in ("SL", "SR") else _SPEED_ROUNDING * value
+                if abs(self._number(question, answer) - value) > allowed:
                     raise BadReply(
                         f"{self._line.where}: {axis} was set to {name} {value:g} and reads back {answer}; "
                         f"check the stage's own maximum settings"
@@ -217,7 +219,7 @@ class NewportESP301:
             if self._homed[axis] is None or not enabled[axis]:
                 question = f"{n}JW?"
                 mark = self._number(question, self._line.query(question))
-                self._homed[axis] = math.isclose(mark, _HOMED_MARK_DEG_PER_S, rel_tol=_READBACK)
+                self._homed[axis] = math.isclose(mark, _HOMED_MARK_DEG_PER_S, rel_tol=_SPEED_ROUNDING)
 
     def _collect_errors(self) -> None:
         """Move the controller's errors to the axes they belong to."""

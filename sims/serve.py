@@ -135,18 +135,17 @@ def _write(path: Path, text: str) -> None:
 
 def toml(values: Mapping[str, Any]) -> str:
     """Plain values as TOML; None is left out, since TOML has no word for it."""
-    return "\n".join(_table(values, ())) + "\n"
+    return "\n".join(_table(values, ())).lstrip() + "\n"
 
 
 def _table(values: Mapping[str, Any], path: tuple[str, ...]) -> Iterator[str]:
     inner = {k: v for k, v in values.items() if isinstance(v, Mapping)}
-    for key, value in values.items():
-        if key not in inner and value is not None:
-            yield f"{_key(key)} = {_value(value)}"
+    own = {k: v for k, v in values.items() if k not in inner and v is not None}
+    if path and (own or not inner):
+        yield f"\n[{'.'.join(map(_key, path))}]"
+    yield from (f"{_key(key)} = {_value(value)}" for key, value in own.items())
     for key, value in inner.items():
-        here = (*path, key)
-        yield f"\n[{'.'.join(map(_key, here))}]"
-        yield from _table(value, here)
+        yield from _table(value, (*path, key))
 
 
 def _key(key: str) -> str:

@@ -9,7 +9,7 @@ from pymeasure.instruments.newport import ESP300
 from serial import serial_for_url
 from serial_bench import FakePlant, plug_in, wires
 
-from drivers.errors import InstrumentError, LimitError, NotReady, WrongInstrument
+from drivers.errors import BadReply, InstrumentError, LimitError, NotReady, WrongInstrument
 from drivers.newport_esp301 import NewportESP301
 from drivers.roles import Head
 from sims.twins.newport_esp301 import NewportESP301Twin
@@ -86,6 +86,19 @@ def test_prepare_sets_and_reads_back_every_setting():
     ]
     assert all(len(line) <= 80 for line in rig.wire.sent())
     assert rig.plant.head.commands == []
+
+
+def test_limits_are_sent_with_all_their_digits():
+    rig = Rig(roll_deg=(-179.98765, 180.00001))
+    rig.head.prepare()
+    assert b"2MO;2SN7;2VA8;2AC16;2AG16;2OH4;2SL-179.98765;2SR180.00001\r" in rig.wire.sent()
+
+
+def test_a_limit_that_reads_back_otherwise_is_reported():
+    rig = Rig()
+    rig.twin._set = lambda axis, number, name, parameter, text: axis.values.update({name: min(180.0, float(text))})
+    with pytest.raises(BadReply, match="pitch was set to SR 190 and reads back 180"):
+        rig.head.prepare()
 
 
 def test_prepare_reports_a_setting_the_stage_cannot_do():

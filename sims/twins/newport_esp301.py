@@ -198,7 +198,7 @@ class NewportESP301Twin:
             raise _Refused(9)
         if parameter is not None:
             if query:
-                return f"{axis.values[mnemonic]:g}"
+                return f"{axis.values[mnemonic]:.9g}"
             self._set(axis, number, mnemonic, parameter, text)
             return None
         assert action is not None
