@@ -1,4 +1,4 @@
-"""The same drivers against the same twins in another process: pseudo-terminals, real time made faster."""
+"""The same drivers against the same twins in another process: pseudo-terminals and TCP, real time made faster."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tomllib
 from contextlib import contextmanager
+from importlib.resources import files
 from types import SimpleNamespace
 
 import pytest
@@ -21,10 +22,12 @@ from drivers.errors import DriverError
 from drivers.keysight_34401a import Keysight34401A
 from drivers.keysight_34970a import Keysight34970A
 from drivers.newport_esp301 import NewportESP301
+from drivers.watlow_f4t import WatlowF4T
 from drivers.wires import Wires
 from sims.serve import toml
 
 SPEED = 20.0
+REGISTERS = files("contracts").joinpath("watlow_f4t.toml").read_text(encoding="utf-8")
 BENCH = {
     "name": "served",
     "instruments": {
@@ -36,6 +39,8 @@ BENCH = {
             "channels": {"101": "volts", "104": "thermistor-10k"},
             "nplc": 1,
         },
+        "enclosure": {"driver": "watlow-f4t", "address": "modbus-tcp://192.0.2.10:502/1", "register_map": REGISTERS},
+        "oven": {"driver": "watlow-f4t", "address": "modbus-rtu:///dev/ttyUSB1/3", "register_map": REGISTERS},
     },
     "sensors": {"x": {"axis": "x", "reader": "dvm", "channel": "input"}},
     "temperatures": {"sensor_temperature_degC": {"reader": "scanner", "channel": "104", "place": "package"}},
@@ -47,8 +52,9 @@ from sims.serve import serve
 from sims.twins.newport_esp301 import NewportESP301Twin
 from sims.twins.keysight_34401a import Keysight34401ATwin
 from sims.twins.keysight_34970a import Keysight34970ATwin
+from sims.twins.watlow_f4t import WatlowF4TTwin
 twins = {"newport-esp301": NewportESP301Twin, "keysight-34401a": Keysight34401ATwin,
-         "keysight-34970a": Keysight34970ATwin}
+         "keysight-34970a": Keysight34970ATwin, "watlow-f4t": WatlowF4TTwin}
 bench, live, speed, seconds = json.loads(sys.argv[1])
 serve(bench, {}, twins, pathlib.Path(live), speed=speed, seconds=seconds, announce=lambda s: print(s, flush=True))
 """
@@ -113,6 +119,22 @@ def test_drivers_work_across_processes(tmp_path):
         readings = scanner.fetch()
         assert readings["101"] == pytest.approx([0.0, 0.0], abs=1e-4)
         assert 10.0 < readings["104"][0] < 35.0
+        bench.wires.close()
+
+
+@pytest.mark.parametrize(
+    ("name", "address"), [("enclosure", "modbus-tcp://127.0.0.1:"), ("oven", "modbus-rtu:///dev/pts")]
+)
+def test_modbus_is_served_on_tcp_and_on_a_serial_line(tmp_path, name, address):
+    with served(tmp_path) as bench:
+        assert bench.bench["instruments"][name]["address"].startswith(address)
+        chamber = driver(bench, name, WatlowF4T)
+        chamber.identify()
+        chamber.prepare()
+        chamber.set_temperature(25.0)
+        assert chamber.read().setpoint_degC == pytest.approx(25.0, abs=1e-3)
+        bench.wires.close()
+        assert chamber.read().running, "a second connection is as good as the first"
         bench.wires.close()
 
 
