@@ -52,7 +52,8 @@ class Plant(Protocol):
         ...
 
 
-_COMMAND = re.compile(r"(\d*)([A-Z]{2})(\??)(.*)")
+_COMMAND = re.compile(r"(\d{0,3})([A-Z]{2})(\??)(.*)", re.ASCII)
+_NUMBER = re.compile(r"[+-]?(\d{1,9}\.?\d*|\.\d+)(E[+-]?\d)?", re.ASCII)
 
 
 @lru_cache(maxsize=4096)
@@ -75,10 +76,9 @@ class _Refused(Exception):
 
 def _number(text: str) -> float:
     """A command's parameter."""
-    try:
-        return float(text)
-    except ValueError:
-        raise _Refused(7 if text else 38) from None
+    if not _NUMBER.fullmatch(text):
+        raise _Refused(7 if text else 38)
+    return float(text)
 
 
 class NewportESP301Twin:

@@ -74,12 +74,17 @@ def split_outside(text: str, separator: str) -> list[str]:
     return [*parts, part]
 
 
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(E[+-]?\d{1,3})?", re.ASCII | re.IGNORECASE)
+
+
 def number(text: str) -> float:
     """A numeric parameter."""
-    try:
-        return float(text)
-    except ValueError:
-        raise ScpiError(-104 if text[:1].isalpha() else -121) from None
+    if not _NUMBER.fullmatch(text):
+        raise ScpiError(-104 if text[:1].isalpha() else -121)
+    value = float(text)
+    if not abs(value) < 1e38:
+        raise ScpiError(-222)
+    return value
 
 
 def boolean(text: str) -> bool:
