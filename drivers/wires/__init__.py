@@ -7,10 +7,11 @@ from typing import Any
 
 from drivers.clock import Clock
 from drivers.errors import Unreachable
+from drivers.wires.can import CanLine, CanWires
 from drivers.wires.modbus import ModbusLine, ModbusWires
 from drivers.wires.serial_line import SerialLine, SerialSettings, Tap
 
-__all__ = ["ModbusLine", "SerialLine", "SerialSettings", "Tap", "Wires"]
+__all__ = ["CanLine", "ModbusLine", "SerialLine", "SerialSettings", "Tap", "Wires"]
 
 
 class Wires:
@@ -36,6 +37,7 @@ class Wires:
         self._tap = tap
         self._serial: dict[str, SerialLine] = {}
         self._modbus = ModbusWires(clock, factories.get("modbus"), tap)
+        self._can = CanWires(clock, factories.get("can"), tap)
 
     def serial(self, address: str, settings: SerialSettings, name: str = "") -> SerialLine:
         """The serial line at `address`.
@@ -73,9 +75,23 @@ class Wires:
         """
         return self._modbus.line(address, name, timeout_s)
 
+    def can(self, address: str, name: str = "") -> CanLine:
+        """The CAN bus at `address`.
+
+        Args:
+            address: `can:socketcan/can0`, `can:slcan//dev/ttyACM0`, or another of python-can's interfaces.
+            name: the bench's name for the instrument, used in messages.
+
+        Raises:
+            Unreachable: the bus cannot be opened.
+
+        """
+        return self._can.line(address, name)
+
     def close(self) -> None:
         """Release every wire; idempotent."""
         self._modbus.close()
+        self._can.close()
         for line in self._serial.values():
             line.close()
         self._serial.clear()
