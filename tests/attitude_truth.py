@@ -74,7 +74,7 @@ class Bench:
     """Of each replication's own offset, in units of the reading's standard deviation."""
     offset_walk: bool = False
     wander: float = 0.0
-    """Of each sensor's offset through the run, as a random walk: its sd at the end, in readings' standard deviations."""
+    """Of each sensor's offset through the run: sd of a random walk at its end, in readings' standard deviations."""
     jitter_deg: float = 0.0
     """Of the head's angles from one point to the next; all sensors see it."""
     compliance: Mapping[tuple[str, str], float] = field(default_factory=dict)
@@ -199,3 +199,18 @@ def simulate(bench, plan, seed, *, break_at=None, drop=0.0):
         block=block,
     )
     return data.take(np.flatnonzero(keep)), {name: v[keep] for name, v in truth.items()}
+
+
+def told_the_truth(bench, without, data, sensor):
+    """(n,) outputs predicted by least squares that knows the true shape of every effect, and only has to size it.
+
+    `without` are the same bench with one of its effects taken out, each; the difference is that effect's shape.
+    """
+    hours = data.elapsed_s / 3600.0
+    recorded = (data.pitch_deg, data.roll_deg, data.sensor_temperature_degC, hours, data.pitch_side, data.roll_side)
+    full, *less = (b.outputs(*recorded, data.block)[sensor] for b in (bench, *without))
+    a, r = np.radians(data.pitch_deg), np.radians(data.roll_deg)
+    model = [np.ones_like(a), np.sin(a), np.cos(a) * np.sin(r), np.cos(a) * np.cos(r)]
+    shapes = [full - one for one in less]
+    columns = np.column_stack(model + [s / np.linalg.norm(s) for s in shapes if np.linalg.norm(s) > 0])
+    return columns @ np.linalg.lstsq(columns, data.outputs[sensor], rcond=None)[0]

@@ -1,12 +1,12 @@
 """The tracer on whole runs: the demo's two effects, clean runs, and the traps that make false alarms."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from attitude_truth import D1, Bench, Plan, Sensor, simulate
+from attitude_truth import D1, Bench, Plan, Sensor, simulate, told_the_truth
 
-from fitter import attitude_columns
 from fitter.trace import trace
 
 X, Y, Z = "x_V", "y_V", "z_V"
@@ -57,15 +57,9 @@ def test_the_night_of_the_demo(demo):
 def test_prediction_is_as_good_as_a_fit_that_is_told_the_truth(demo):
     data, clean, found = demo
     predicted = found.predict(data)
-    a, r = np.radians(data.pitch_deg), np.radians(data.roll_deg)
-    gravity = {X: np.sin(a), Y: -np.cos(a) * np.sin(r), Z: -np.cos(a) * np.cos(r)}
-    sags = {X: np.sin(2 * a) * np.cos(r), Y: None, Z: np.sin(a) ** 2}
-    ratios = []
-    for sensor in (X, Y, Z):
-        told = [attitude_columns(data.pitch_deg, data.roll_deg), gravity[sensor] * (data.sensor_temperature_degC - 23)]
-        told = np.column_stack(told + ([] if sags[sensor] is None else [sags[sensor]]))
-        best = told @ np.linalg.lstsq(told, data.outputs[sensor], rcond=None)[0]
-        ratios.append(np.std(predicted[sensor] - clean[sensor]) / np.std(best - clean[sensor]))
+    without = (replace(DEMO, compliance={}), replace(DEMO, sensors=CLEAN.sensors))
+    told = {sensor: told_the_truth(DEMO, without, data, sensor) for sensor in (X, Y, Z)}
+    ratios = [np.std(predicted[s] - clean[s]) / np.std(told[s] - clean[s]) for s in (X, Y, Z)]
     assert np.median(ratios) < 1.1
 
 
@@ -107,7 +101,15 @@ def test_demo_on_a_smaller_design():
 
 
 @pytest.mark.parametrize(
-    "bench", [CLEAN, Bench(offset_sd=3.0), Bench(offset_sd=3.0, offset_walk=True)], ids=["clean", "offsets", "walk"]
+    "bench",
+    [
+        CLEAN,
+        Bench(offset_sd=3.0),
+        Bench(offset_sd=3.0, offset_walk=True),
+        Bench(wander=5.0),
+        Bench(jitter_deg=2e-4),
+    ],
+    ids=["clean", "offsets of replications", "offsets that walk", "an offset that walks all night", "a shaking head"],
 )
 def test_nothing_is_reported_where_nothing_is(bench):
     """Five runs of three sensors each, fixed seeds; the rates over many: python -m benchmarks.bench_fit clean."""
@@ -121,6 +123,14 @@ def test_verdict_on_replications_that_wander():
     assert x.verdict == "unexplained"
     assert "between replications" in x.unnamed[0].where
     assert trace(simulate(CLEAN, D1(90, 13, 13), 0)[0]).sensors[X].verdict == "nothing to add"
+
+
+def test_an_offset_that_walks_all_night_is_said_to_walk():
+    data, _ = simulate(replace(DEMO, wander=5.0), D1(180, 19, 13), seed=3)
+    found = trace(data)
+    assert names(found) == DEMO_NAMES
+    assert all(t.verdict == "partly explained" for t in found.sensors.values())
+    assert all("random walk" in t.unnamed[0].where for t in found.sensors.values())
 
 
 def test_what_no_effect_explains_is_shown_and_not_named():

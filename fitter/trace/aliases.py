@@ -60,28 +60,29 @@ def rivals(problem: Problem, chosen: tuple[int, ...], effect: str, level: Level)
     rest = tuple(j for j in chosen if j not in group)
     white = whiten(problem, level, rest, errors(problem, chosen))
     sensors = {problem.sensors[i] for j in group for i in np.flatnonzero(concerns(problem, j) > 0.01)}
-    price = {group: _price(white, group)}
+    paths = [{group: _price(white, group)}]
     for name in dict.fromkeys(c.effect.name for c in problem.candidates):
         if name == effect or any(problem.candidates[j].effect.name == name for j in rest):
             continue
         terms = [j for j, c in enumerate(problem.candidates) if c.effect.name == name and c.sensor in (None, *sensors)]
-        found = _cheapest(white, terms)
-        if found:
-            price[found] = _price(white, found)
-    best = min(price.values())
-    order = sorted(price, key=lambda terms: price[terms])
+        if terms:
+            paths.append(_path(white, terms))
+    best = min(min(path.values()) for path in paths)
+    explanations = [_smallest(path, best) for path in paths]
     return tuple(
-        Rival(problem.candidates[terms[0]].effect.name, terms, float(np.sqrt(price[terms] - best))) for terms in order
+        Rival(problem.candidates[terms[0]].effect.name, terms, float(np.sqrt(price - best)))
+        for terms, price in sorted(explanations, key=lambda explanation: explanation[1])
     )
 
 
-def simplest(problem: Problem, candidates: Iterable[Rival]) -> Rival:
+def simplest(candidates: Iterable[Rival]) -> Rival:
     """Of the explanations the data cannot tell apart the one with fewest columns, then first in the catalogue."""
     return min((r for r in candidates if r.alias), key=lambda r: (len(r.terms), min(r.terms)))
 
 
-def _cheapest(white: Whitened, terms: list[int]) -> tuple[int, ...]:
-    """The terms worth their price, taken one after the other; at least one."""
+def _path(white: Whitened, terms: list[int]) -> dict[tuple[int, ...], float]:
+    """Price of the best term, of the best two, and so on, taken one after the other while the price falls."""
+    path: dict[tuple[int, ...], float] = {}
     taken: tuple[int, ...] = ()
     price = np.inf
     while len(taken) < len(terms):
@@ -90,7 +91,16 @@ def _cheapest(white: Whitened, terms: list[int]) -> tuple[int, ...]:
         if tries[best] >= price:
             break
         taken, price = (*taken, best), tries[best]
-    return tuple(sorted(taken))
+        path[tuple(sorted(taken))] = price
+    return path
+
+
+def _smallest(path: dict[tuple[int, ...], float], best: float) -> tuple[tuple[int, ...], float]:
+    """The fewest terms of one cause that come within `DELTA` of the best explanation; else its cheapest."""
+    for terms, price in path.items():
+        if price - best <= DELTA:
+            return terms, price
+    return min(path.items(), key=lambda item: item[1])
 
 
 def _price(white: Whitened, terms: tuple[int, ...]) -> float:

@@ -58,10 +58,14 @@ def coefficients(problem: Problem, chosen: tuple[int, ...], level: Level) -> tup
     if not chosen:
         return np.zeros(0), np.zeros((0, 0))
     picked, sigma = list(chosen), errors(problem, chosen)[:, None]
-    columns = (problem.columns[level][:, :, picked] / sigma[:, :, None]).reshape(-1, len(picked))
+    white = problem.columns[level][:, :, picked] / sigma[:, :, None]
+    columns = white.reshape(-1, len(picked))
     names = [f"{problem.candidates[j].effect.name} {problem.candidates[j].term.name}" for j in picked]
     solved = least_squares(columns, (problem.outputs[level] / sigma).reshape(-1), names)
-    return solved.coefficients, solved.root @ solved.root.T
+    spread = solved.root @ solved.root.T
+    ahead = np.cumsum(white[:, problem.levels.executed], axis=1)
+    walk = np.einsum("s,snj,snk->jk", problem.wander, ahead, ahead)
+    return solved.coefficients, spread + spread @ walk @ spread
 
 
 def concerns(problem: Problem, j: int) -> FloatArray:

@@ -23,7 +23,6 @@ from fitter.replication import centred, own_parameters
 
 Level = Literal["declared", "replications", "points"]
 LEVELS: tuple[Level, ...] = ("declared", "replications", "points")
-BLOCKS_PER_REPLICATION = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +35,7 @@ class Levels:
         points: (n, rank) of the same less the points' means.
         point: (n,) point of the design.
         stretch: (n,) which stretch of consecutive observations, a quarter of a replication, a row belongs to.
+        executed: (n,) rows in the order of running, replication by replication.
 
     """
 
@@ -44,6 +44,7 @@ class Levels:
     points: FloatArray
     point: IntArray
     stretch: IntArray
+    executed: IntArray
 
     @property
     def n_points(self) -> int:
@@ -75,15 +76,18 @@ def levels_of(data: AttitudeData) -> Levels:
         replications=orthonormal(own),
         points=orthonormal(centred(own, data.point), np.linalg.norm(own, axis=0)),
         point=data.point,
-        stretch=_stretches(data),
+        stretch=stretches(data, -(-len(data) // (4 * data.replicates.size))),
+        executed=np.lexsort((data.order, data.replicate_index)),
     )
 
 
-def _stretches(data: AttitudeData) -> IntArray:
+def stretches(data: AttitudeData, length: int) -> IntArray:
+    """(n,) which stretch of about `length` consecutive observations of one replication each row belongs to."""
     stretch = np.empty(len(data), np.int64)
+    first = 0
     for index in range(data.replicates.size):
         rows = np.flatnonzero(data.replicate_index == index)
-        executed = rows[np.argsort(data.order[rows])]
-        quarter = np.arange(rows.size) * BLOCKS_PER_REPLICATION // rows.size
-        stretch[executed] = index * BLOCKS_PER_REPLICATION + quarter
+        count = max(round(rows.size / length), 1)
+        stretch[rows[np.argsort(data.order[rows])]] = first + np.arange(rows.size) * count // rows.size
+        first += count
     return stretch

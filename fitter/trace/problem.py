@@ -54,6 +54,8 @@ class Problem:
         columns: (S, n, J) what is left of them, by level.
         outputs: (S, n) what is left of the outputs, by level.
         judged_at: for each candidate, the level it is tested at.
+        wander: (S,) mean square step, a row, of the random walk in each sensor's offset, over its error's variance;
+            zero where the residual shows none.
 
     """
 
@@ -65,6 +67,7 @@ class Problem:
     columns: Mapping[Level, FloatArray]
     outputs: Mapping[Level, FloatArray]
     judged_at: tuple[Level, ...]
+    wander: FloatArray
 
     @property
     def sensors(self) -> tuple[str, ...]:
@@ -110,6 +113,7 @@ def pose(data: AttitudeData, catalogue: Sequence[Effect]) -> Problem:
             "points" if kept[j] and c.effect.stratum != "between-point" else "replications"
             for j, c in zip(useful, candidates, strict=True)
         ),
+        wander=np.zeros(len(data.sensors)),
     )
 
 

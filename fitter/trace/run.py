@@ -20,7 +20,8 @@ from fitter.trace.problem import Problem, pose, raw_columns
 from fitter.trace.remainder import shared_attitude, strongest_wave
 from fitter.trace.result import FoundEffect, SensorTrace, Trace, Unnamed
 from fitter.trace.score import score
-from fitter.trace.search import p_adjusted, search, stratum_of
+from fitter.trace.search import p_adjusted, prune, search, stratum_of
+from fitter.trace.wander import expected, with_wander
 
 SEED = 20260115
 UNEXPLAINED = 1e-3
@@ -44,7 +45,7 @@ def trace(data: AttitudeData, catalogue: Sequence[Effect] = CATALOGUE, seed: int
     """
     problem = pose(data, catalogue)
     family = family_of(problem, score(problem, ()), seed)
-    found = _settle(problem, family)
+    problem, found = _settle(problem, family)
     before, after = estimate(problem, ()), estimate(problem, found)
     classes = {name: rivals(problem, found, name, after.level) for name in _names(problem, found)}
     cv = left_out(data, catalogue, family)
@@ -71,7 +72,7 @@ def left_out(data: AttitudeData, catalogue: Sequence[Effect], family: Family) ->
             problem = pose(rest, catalogue)
         except RankError:
             return None
-        found = _settle(problem, family)
+        problem, found = _settle(problem, family)
         h = attitude_columns(aside.pitch_deg, aside.roll_deg, roll=problem.scene.roll)
         outputs = np.stack([aside.outputs[s] for s in aside.sensors])
         for i, fitted in enumerate((estimate(problem, ()), estimate(problem, found))):
@@ -83,16 +84,34 @@ def left_out(data: AttitudeData, catalogue: Sequence[Effect], family: Family) ->
     return np.asarray(np.sqrt(squares / count))
 
 
-def _settle(problem: Problem, family: Family) -> tuple[int, ...]:
+def _settle(problem: Problem, family: Family) -> tuple[Problem, tuple[int, ...]]:
+    """Search; then judge what was found against the random walk that is left, until nothing changes.
+
+    A walk is looked for beside the effects and not before them: an effect of temperature not yet in the model looks
+    like one, and would be judged against itself.
+    """
+    chosen = _search_and_name(problem, family)
+    if problem.levels.df("points") <= 0:
+        return problem, chosen
+    by = expected(problem)
+    for _ in range(ROUNDS):
+        walking = with_wander(problem, chosen, by)
+        if np.all((walking.wander > 0) == (problem.wander > 0)):
+            break
+        problem = walking
+        chosen = _search_and_name(problem, family, prune(problem, family, chosen))
+    return problem, chosen
+
+
+def _search_and_name(problem: Problem, family: Family, chosen: tuple[int, ...] = ()) -> tuple[int, ...]:
     """Search, then put the simplest of each alias class in the place of what was found first, until nothing moves."""
-    chosen: tuple[int, ...] = ()
     for _ in range(ROUNDS):
         chosen = search(problem, family, chosen)
         settled = chosen
         level = estimate(problem, chosen).level
         for name in _names(problem, chosen):
             if any(problem.candidates[j].effect.name == name for j in settled):
-                lead = simplest(problem, rivals(problem, settled, name, level))
+                lead = simplest(rivals(problem, settled, name, level))
                 others = tuple(j for j in settled if problem.candidates[j].effect.name != name)
                 settled = (*others, *lead.terms)
         if frozenset(settled) == frozenset(chosen):
@@ -200,10 +219,19 @@ def _unnamed(problem: Problem, after: Estimate, i: int) -> tuple[Unnamed, ...]:
     table, rest = after.tables[i], []
     if table.bias.p < UNEXPLAINED:
         rest.append(strongest_wave(problem, after.corrected[i]))
-    if table.drift.p < UNEXPLAINED:
+    if problem.wander[i] > 0:
+        rest.append(Unnamed("along the run: the offset takes a random walk", _walk_share(problem, i)))
+    elif table.drift.p < UNEXPLAINED:
         share = 1.0 - _pure_variance(table) / table.sigma_E**2
         rest.append(Unnamed("between replications: the parameters drift", float(np.clip(share, 0.0, 1.0))))
     return tuple(rest)
+
+
+def _walk_share(problem: Problem, i: int) -> float:
+    """Share of the variance of a sensor's residual that the walk holds, within a replication."""
+    data = problem.scene.data
+    spread = problem.wander[i] * len(data) / data.replicates.size / 6
+    return float(spread / (1.0 + spread))
 
 
 def _verdict(found: bool, remains: bool) -> str:

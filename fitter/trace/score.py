@@ -7,7 +7,8 @@ coefficient over the largest of its standard errors:
   there after the candidate, so that an unknown cause cannot bring in whatever slightly resembles it;
 - from the scatter of each observation's own contribution, which holds for unequal variances and for head errors that
   several sensors share;
-- for what varies in time, from the scatter over stretches of the run, which holds where the noise wanders slowly.
+- for what varies in time, from the scatter over stretches of the run, which holds where the noise wanders slowly;
+- from a random walk of the offset, where the residual shows one (`wander.py`).
 """
 
 from __future__ import annotations
@@ -126,7 +127,8 @@ def score(problem: Problem, chosen: Sequence[int], of: Sequence[int] | None = No
         gamma = dot.sum(axis=0) / np.where(can, norm2.sum(axis=0), 1.0)
         inflation, df_here = _lack_of_fit(problem, level, chosen, norm2, dot, gamma, e, sigma)
         own = np.sum(columns * (e[:, :, None] - gamma * columns), axis=0)
-        variance = np.maximum(np.sum(norm2 * inflation, axis=0), np.sum(own**2, axis=0))
+        variance = np.sum(norm2 * inflation, axis=0) + walked(problem, columns)
+        variance = np.maximum(variance, np.sum(own**2, axis=0))
         if level == "points":
             by_stretch = np.zeros((int(problem.levels.stretch.max()) + 1, here.size))
             np.add.at(by_stretch, problem.levels.stretch, own)
@@ -135,6 +137,17 @@ def score(problem: Problem, chosen: Sequence[int], of: Sequence[int] | None = No
         gain[here] = np.where(can, dot.sum(axis=0) * gamma, 0.0)
         df[here] = df_here
     return Scores(t, df, 2.0 * special.stdtr(df, -np.abs(t)), gain)
+
+
+def walked(problem: Problem, columns: FloatArray) -> FloatArray:
+    """(J,) what the random walk in the offsets adds to the variance of columns' (S, n, J) products with the outputs.
+
+    The columns are free of every replication's offset, so the walk may start anew in each.
+    """
+    if not np.any(problem.wander):
+        return np.zeros(columns.shape[2])
+    ahead = np.cumsum(columns[:, problem.levels.executed], axis=1)
+    return np.asarray(problem.wander @ np.sum(ahead**2, axis=1))
 
 
 def _lack_of_fit(

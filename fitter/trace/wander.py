@@ -1,0 +1,70 @@
+"""Noise that wanders: an offset that takes a random walk through the run, beside the scatter of the readings.
+
+A random walk looks like temperature, like drift, like direction, and over a serpentine path even like the design.
+Where the residual shows one, every candidate is judged against it too; the effects that remain are those a random
+walk does not explain.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fitter.arrays import FloatArray, IntArray
+from fitter.trace.levels import stretches
+from fitter.trace.problem import Problem
+from fitter.trace.score import errors, whiten
+
+OBSERVATIONS = 24
+"""In one stretch: long enough for a slow walk to stand out of the scatter, short enough to have many."""
+SURE = 3.0
+"""Standard deviations of the null by which the sums over stretches must be too large."""
+DRAWS = 100
+SEED = 1
+
+
+@dataclass(frozen=True, eq=False)
+class Expected:
+    """What white noise and a random walk, both of unit size, leave at the level "points".
+
+    Attributes:
+        stretch: (n,) which stretch a row belongs to.
+        white: (2,) mean sum of squares, and mean sum of squared sums over stretches, of white noise.
+        walk: (2,) the same of a random walk that moves by one a row.
+        ratio_sd: sd of their quotient, for white noise.
+
+    """
+
+    stretch: IntArray
+    white: FloatArray
+    walk: FloatArray
+    ratio_sd: float
+
+
+def expected(problem: Problem) -> Expected:
+    """Simulate both kinds of noise through the projection that residuals went through; needs replications."""
+    data, rng = problem.scene.data, np.random.default_rng(SEED)
+    stretch = stretches(data, OBSERVATIONS)
+    white = rng.standard_normal((len(data), DRAWS))
+    walk = np.empty_like(white)
+    walk[problem.levels.executed] = np.cumsum(rng.standard_normal((len(data), DRAWS)), axis=0)
+    left = [_sums(problem.levels.leave(noise, "points"), stretch) for noise in (white, walk)]
+    ratio = left[0][1] / left[0][0]
+    return Expected(stretch, left[0].mean(axis=1), left[1].mean(axis=1), float(ratio.std(ddof=1)))
+
+
+def with_wander(problem: Problem, chosen: tuple[int, ...], by: Expected) -> Problem:
+    """The problem with the random walk that is left in each sensor beside the `chosen` candidates, if any is."""
+    left = whiten(problem, "points", chosen, errors(problem, chosen), ()).outputs
+    squares, sums = _sums(left.T, by.stretch)
+    standing_out = (sums / squares - by.white[1] / by.white[0]) / by.ratio_sd
+    mix = np.linalg.solve(np.column_stack([by.white, by.walk]), np.stack([squares, sums]))
+    return replace(problem, wander=np.where(standing_out > SURE, np.maximum(mix[1], 0.0), 0.0))
+
+
+def _sums(noise: FloatArray, stretch: IntArray) -> FloatArray:
+    """(2, q) sum of squares, and sum of squared sums over stretches, of each column of `noise` (n, q)."""
+    by_stretch = np.zeros((int(stretch.max()) + 1, noise.shape[1]))
+    np.add.at(by_stretch, stretch, noise)
+    return np.stack([np.sum(noise**2, axis=0), np.sum(by_stretch**2, axis=0)])
