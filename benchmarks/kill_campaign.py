@@ -24,7 +24,7 @@ def main() -> int:
     seed = asked.seed
     while total.kills < asked.kills:
         with tempfile.TemporaryDirectory(dir=Path.cwd()) as folder:
-            total.add(one_run(Path(folder), seed, kills=12, longest_s=1.6, replications=4))
+            total.add(one_run(Path(folder), seed, kills=12, longest_s=1.4))
         print(f"seed {seed}: {total}", flush=True)
         seed += 1
     bad = total.lost + total.duplicated + total.wrong_side

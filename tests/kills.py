@@ -56,7 +56,7 @@ def rig(*arguments: object, **options: object) -> subprocess.Popen[str]:
     return subprocess.Popen(command, text=True, stderr=subprocess.PIPE, stdout=subprocess.PIPE, **options)
 
 
-def one_run(folder: Path, seed: int, *, kills: int, longest_s: float, replications: int = 3) -> Tally:
+def one_run(folder: Path, seed: int, *, kills: int, longest_s: float, replications: int = 8) -> Tally:
     """Kill a run up to `kills` times, each at most `longest_s` after its start, then let it finish and judge it."""
     rng = random.Random(seed)
     procedure = folder / f"kills-{seed}.toml"

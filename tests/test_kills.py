@@ -9,6 +9,6 @@ from kills import one_run
 @pytest.mark.parametrize("seed", [101, 202])
 def test_killed_at_random_moments_nothing_is_lost_doubled_or_approached_from_the_wrong_side(tmp_path, seed):
     print(f"seed {seed}")
-    tally = one_run(tmp_path, seed, kills=5, longest_s=1.5)
+    tally = one_run(tmp_path, seed, kills=5, longest_s=1.2)
     assert tally.kills >= 3
     assert (tally.lost, tally.duplicated, tally.wrong_side) == (0, 0, 0)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import sys
 
-import click
 import typer
 
 from rig.errors import ExitCode, RigError
+
+# Typer carries click inside itself from 0.2x on and used the installed one before: this finds either.
+_UsageProblem: type[Exception] = next(cls for cls in typer.BadParameter.__mro__ if cls.__name__ == "ClickException")
 
 app = typer.Typer(
     name="rig",
@@ -31,10 +33,10 @@ def main() -> None:
     except RigError as error:
         print(f"rig: {error}", file=sys.stderr)
         code = error.exit_code
-    except click.exceptions.ClickException as error:
-        error.show(file=sys.stderr)
+    except _UsageProblem as error:
+        error.show(file=sys.stderr)  # type: ignore[attr-defined]  # every ClickException has it
         code = ExitCode.USAGE
-    except (click.exceptions.Abort, KeyboardInterrupt):
+    except (typer.Abort, KeyboardInterrupt):
         code = ExitCode.INTERRUPTED
     except BrokenPipeError:
         # Whoever read our output has gone; there is nobody to tell.

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 DataArgument = Annotated[Path, typer.Argument(help="a run file, or a CSV table", show_default=False)]
 
 
-@app.command()
+@app.command(rich_help_panel="Data")
 def fit(
     data: DataArgument,
     as_json: JsonOption = False,
@@ -76,7 +76,7 @@ def _show_fit(name: str, sensor: Mapping[str, Any]) -> None:
     out.print()
 
 
-@app.command()
+@app.command(rich_help_panel="Data")
 def trace(
     data: DataArgument,
     as_json: JsonOption = False,
@@ -149,7 +149,7 @@ def number(value: float | None, digits: int) -> str:
     return "-" if value is None else f"{value:.{digits}g}"
 
 
-@app.command()
+@app.command(rich_help_panel="Data")
 def export(
     run_file: Annotated[Path, typer.Argument(help="the run file", show_default=False)],
     out_file: Annotated[Path, typer.Option("--out", "-o", help="the CSV file to write", show_default=False)],

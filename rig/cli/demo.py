@@ -17,7 +17,7 @@ from rig.engine.session import Outcome, Signals
 from rig.errors import ExitCode, RigError
 
 
-@app.command()
+@app.command(rich_help_panel="Trying it out")
 def demo(
     out_dir: Annotated[Path, typer.Option("--out", "-o", help="folder for the run file and the report")] = Path("runs"),
     as_json: JsonOption = False,

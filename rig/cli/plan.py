@@ -17,7 +17,7 @@ from rig.controller import BYTES_PER_POINT, load_plan
 from rig.errors import ExitCode
 
 
-@app.command()
+@app.command(rich_help_panel="Running")
 def plan(
     procedure: ProcedureArgument,
     bench: BenchOption,

@@ -44,7 +44,7 @@ _EXIT = {
 }
 
 
-@app.command()
+@app.command(rich_help_panel="Running")
 def run(
     procedure: ProcedureArgument,
     bench: BenchOption,
@@ -75,7 +75,7 @@ def run(
     return conclude(result)
 
 
-@app.command()
+@app.command(rich_help_panel="Running")
 def resume(
     run_file: RunArgument,
     bench: Annotated[
@@ -163,7 +163,7 @@ def _killing(show: Callable[[Progress], None], at_point: int | None) -> Callable
     return show_or_die
 
 
-@app.command()
+@app.command(rich_help_panel="Running")
 def status(run_file: RunArgument, as_json: JsonOption = False) -> int:
     """Show what a run has come to, running or not."""
     with RunReader.open(run_file) as reader:
@@ -238,25 +238,25 @@ def _ask(run_file: Path, verb: str) -> int:
     return ExitCode.DONE
 
 
-@app.command()
+@app.command(rich_help_panel="Running")
 def hold(run_file: RunArgument) -> int:
     """Stop motion and wait; `rig release` lets the run go on."""
     return _ask(run_file, "hold")
 
 
-@app.command()
+@app.command(rich_help_panel="Running")
 def release(run_file: RunArgument) -> int:
     """Let a held run go on."""
     return _ask(run_file, "release")
 
 
-@app.command()
+@app.command(rich_help_panel="Running")
 def stop(run_file: RunArgument) -> int:
     """Park the bench and end the session; the run can be resumed later."""
     return _ask(run_file, "stop")
 
 
-@app.command()
+@app.command(rich_help_panel="Data")
 def verify(run_file: RunArgument) -> int:
     """Check that a run file is whole and unchanged."""
     with RunReader.open(run_file) as reader:

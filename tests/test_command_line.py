@@ -1,0 +1,156 @@
+"""The command line as a person meets it: one clear message, the documented exit code, nothing half-written."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from dry import LAB, SHORT, dry, write_short
+
+from rig.examples import example
+
+BENCH = (LAB / "bench.toml").read_text()
+
+
+def rig(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "rig", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False, cwd=cwd)
+
+
+def files(folder: Path) -> set[str]:
+    return {str(p.relative_to(folder)) for p in folder.rglob("*")}
+
+
+@pytest.mark.parametrize(
+    ("bench", "procedure", "code", "says"),
+    [
+        (BENCH.replace("newport-esp301", "newport-esp300"), SHORT, 78, "driver 'newport-esp300' is not known"),
+        (BENCH.replace("nplc = 10", "nplc = 11"), SHORT, 78, "instruments.scanner: nplc"),
+        (BENCH.replace("nplc = 10", "nlpc = 10"), SHORT, 78, "did you mean nplc?"),
+        (BENCH.replace("[-185, 185]", "[-60, 60]"), SHORT, 78, "pitch_deg = -90, outside -60 to 60 (bench limits)"),
+        (BENCH + "\n[[[", SHORT, 78, "not valid TOML"),
+        (BENCH, SHORT.replace("replications = 2", "replications = 0"), 78, "replications"),
+        (BENCH, "kind = 'tea'", 78, "is not a kind of procedure"),
+        (BENCH.replace('channel = "103"', 'channel = "309"'), SHORT, 78, "no channel 309"),
+    ],
+)  # fmt: skip
+def test_a_wrong_file_is_explained_and_nothing_is_left_behind(tmp_path, bench, procedure, code, says):
+    (tmp_path / "bench.toml").write_text(bench)
+    write_short(tmp_path, procedure)
+    before = files(tmp_path)
+    done = rig("run", "short.toml", "--bench", "bench.toml", "--dry", cwd=tmp_path)
+    assert done.returncode == code, done.stderr
+    assert says in done.stderr
+    assert "Traceback" not in done.stderr
+    assert done.stdout == ""
+    assert files(tmp_path) == before
+
+
+def test_a_wrong_world_is_explained(tmp_path):
+    write_short(tmp_path)
+    (tmp_path / "world.toml").write_text("[effects.isolation_pads]\nx = 1\n")
+    done = rig("run", "short.toml", "--bench", LAB / "bench.toml", "--dry", "--world", "world.toml", cwd=tmp_path)
+    assert done.returncode == 78
+    assert "isolation_pads" in done.stderr
+    assert "isolation_pad" in done.stderr
+    assert not (tmp_path / "runs").exists()
+
+
+def test_an_unreachable_instrument_is_named_with_its_address_and_nothing_is_left_behind(tmp_path):
+    write_short(tmp_path)
+    done = rig("run", "short.toml", "--bench", LAB / "bench.toml", cwd=tmp_path)
+    assert done.returncode == 1
+    assert "head at /dev/rig/head cannot be opened" in done.stderr
+    assert files(tmp_path) == {"short.toml"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "says"),
+    [
+        (("run",), 2, "Missing argument"),
+        (("run", "none.toml", "--bench", "none.toml"), 78, "there is no bench file none.toml"),
+        (("fit", "none.csv"), 2, "there is no file none.csv"),
+        (("trace", "."), 2, "is a folder"),
+        (("resume", "none.sqlite"), 1, "does not exist"),
+        (("status", "short.toml"), 1, "is not a run file"),
+        (("verify", "short.toml"), 1, "is not a run file"),
+        (("export", "short.toml", "--out", "x.csv"), 1, "is not a run file"),
+        (("hold", "none.sqlite"), 2, "there is no run file"),
+        (("run", "short.toml", "--bench", "short.toml", "--world", "w.toml"), 2, "--world"),
+        (("nonsense",), 2, "No such command"),
+    ],
+)
+def test_misuse_is_one_message_and_an_exit_code(tmp_path, arguments, code, says):
+    write_short(tmp_path)
+    done = rig(*arguments, cwd=tmp_path)
+    assert done.returncode == code, done.stderr
+    assert says in done.stderr
+    assert "Traceback" not in done.stderr
+    assert files(tmp_path) == {"short.toml"}
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    return dry(tmp_path_factory.mktemp("finished"))
+
+
+def test_what_a_finished_run_answers(finished, tmp_path):
+    status = json.loads(rig("status", finished, "--json", cwd=tmp_path).stdout)
+    assert status["state"] == "complete"
+    assert status["accepted"] == status["points"] == 30
+    assert rig("verify", finished, cwd=tmp_path).returncode == 0
+    resumed = rig("resume", finished, cwd=tmp_path)
+    assert resumed.returncode == 0
+    assert "nothing to resume" in resumed.stderr
+    assert rig("hold", finished, cwd=tmp_path).returncode == 1
+    exported = rig("export", finished, "--out", "data.csv", cwd=tmp_path)
+    assert exported.returncode == 0
+    assert "SIMULATED" in exported.stderr
+    from_run = json.loads(rig("fit", finished, "--json", cwd=tmp_path).stdout)
+    from_table = json.loads(rig("fit", "data.csv", "--json", cwd=tmp_path).stdout)
+    assert from_run["data"]["simulated"]
+    assert from_run["sensors"] == from_table["sensors"]
+
+
+def test_simulated_is_said_wherever_a_simulated_run_is_shown(finished, tmp_path):
+    for arguments in (("status", finished), ("fit", finished), ("trace", finished, "--report", "r.html")):
+        done = rig(*arguments, cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        assert "SIMULATED" in done.stdout
+    assert "SIMULATED" in (tmp_path / "r.html").read_text()
+
+
+def test_an_edited_run_file_is_refused_by_resume_and_named_by_verify(tmp_path):
+    path = dry(tmp_path)
+    changed = bytearray(path.read_bytes())
+    at = changed.rfind(b'"mean":')
+    digit = next(i for i in range(at + 7, at + 30) if changed[i : i + 1].isdigit())
+    changed[digit] = ord("1") if changed[digit] != ord("1") else ord("2")
+    path.write_bytes(bytes(changed))
+    for command in ("verify", "resume"):
+        done = rig(command, path, cwd=tmp_path)
+        assert done.returncode == 1
+        assert "was changed after it was written" in done.stderr
+
+
+def test_outside_acceptance_ends_with_3_and_a_complete_run(tmp_path):
+    write_short(tmp_path, SHORT + "[acceptance]\nsigma_E_deg = 1e-9\n")
+    done = rig("run", "short.toml", "--bench", LAB / "bench.toml", "--dry", cwd=tmp_path)
+    assert done.returncode == 3
+    assert "outside acceptance" in done.stderr
+    assert json.loads(rig("status", done.stdout.strip(), "--json", cwd=tmp_path).stdout)["state"] == "complete"
+
+
+def test_the_evening_question(tmp_path):
+    lab = example("attitude-lab")
+    done = rig("plan", lab / "procedure.toml", "--bench", lab / "bench.toml", "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    answer = json.loads(done.stdout)
+    assert answer["points"] == 13 * 25 * 6
+    assert 15 * 3600 < answer["seconds"]["total"] < 25 * 3600
+    assert answer["seconds"]["total"] < answer["seconds"]["latest"]
+    assert answer["overdue"] == [] or "calibration is due" in answer["overdue"][0]
+    assert files(tmp_path) == set()

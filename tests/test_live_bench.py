@@ -1,0 +1,116 @@
+"""Controller and simulated bench in two processes: real serial ports, sockets and signals, wall-clock bounded."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from dry import LAB
+from kills import judge, rig
+
+SPEED = 400
+
+PROCEDURE = """
+kind = "pitch-roll"
+name = "live"
+replications = 3
+[design]
+type = "T6"
+[settle]
+dwell_s = 2
+[measure]
+readings = 4
+"""
+
+
+@pytest.fixture
+def live(tmp_path):
+    """The example bench served for at most a minute; yields its LIVE.toml."""
+    bench = tmp_path / "LIVE.toml"
+    arguments = (LAB / "bench.toml", "--world", LAB / "world.toml", "--speed", SPEED, "--live", bench, "--for", 60)
+    server = rig("sim", *arguments)
+    wait_for(bench.exists, server)
+    yield bench
+    server.send_signal(signal.SIGTERM)
+    server.communicate(timeout=10)
+    assert not bench.exists()
+
+
+def wait_for(condition, process, seconds=20.0):
+    end = time.monotonic() + seconds  # noqa: TID251 - two processes in real time
+    while not condition():
+        assert process.poll() is None, process.communicate()[1]
+        assert time.monotonic() < end, "waited too long"  # noqa: TID251
+        time.sleep(0.02)  # noqa: TID251
+
+
+def started(tmp_path, live):
+    procedure = tmp_path / "live-procedure.toml"
+    procedure.write_text(PROCEDURE)
+    process = rig("run", procedure, "--bench", live, "--out", tmp_path)
+    return process, Path(process.stdout.readline().strip())
+
+
+def news(path):
+    try:
+        return json.loads(path.with_suffix(".live").read_text())
+    except (OSError, ValueError):
+        return {"done": 0, "state": ""}
+
+
+def command(*arguments):
+    return subprocess.run(
+        [sys.executable, "-m", "rig", *map(str, arguments)], capture_output=True, text=True, check=False
+    )
+
+
+def test_killed_while_the_instruments_live_on(tmp_path, live):
+    process, path = started(tmp_path, live)
+    wait_for(lambda: news(path)["done"] >= 4, process)
+    process.send_signal(signal.SIGKILL)
+    process.communicate()
+    resumed = command("resume", path)
+    assert resumed.returncode == 0, resumed.stderr
+    tally = judge(path)
+    assert (tally.points, tally.lost, tally.duplicated, tally.wrong_side) == (18, 0, 0, 0)
+
+
+def test_hold_release_and_stop_reach_a_running_controller(tmp_path, live):
+    process, path = started(tmp_path, live)
+    wait_for(lambda: news(path)["done"] >= 2, process)
+    assert command("hold", path).returncode == 0
+    wait_for(lambda: news(path)["state"] == "holding", process)
+    status = json.loads(command("status", path, "--json").stdout)
+    assert status["running"]
+    assert status["simulated"]
+    assert status["state"] == "holding"
+    held_at = news(path)["done"]
+    assert command("release", path).returncode == 0
+    wait_for(lambda: news(path)["done"] > held_at, process)
+    assert command("stop", path).returncode == 0
+    assert process.wait(20) == 4
+    process.communicate()
+    assert command("hold", path).returncode == 1
+    assert command("resume", path).returncode == 0
+    assert judge(path).lost == 0
+
+
+def test_a_second_controller_is_refused_and_a_signal_leaves_the_run_resumable(tmp_path, live):
+    process, path = started(tmp_path, live)
+    wait_for(lambda: news(path)["done"] >= 1, process)
+    second = command("resume", path)
+    assert second.returncode == 1
+    assert "in use by another controller" in second.stderr
+    other = command("run", tmp_path / "live-procedure.toml", "--bench", live, "--out", tmp_path / "other")
+    assert other.returncode == 1
+    assert "in use by another controller" in other.stderr
+    assert not list(tmp_path.glob("other/*.sqlite"))
+    process.send_signal(signal.SIGTERM)
+    assert process.wait(20) == 75
+    process.communicate()
+    assert command("status", path).returncode == 0
