@@ -121,7 +121,7 @@ class CanBus:
     def _opened(self, where: str) -> CanTransport:
         try:
             return self._open()
-        except (*_BUS_ERRORS, ValueError, ImportError) as error:
+        except (*_BUS_ERRORS, ValueError, NotImplementedError, ImportError) as error:
             raise Unreachable(
                 f"{where} cannot be opened ({error}); check power, cable, address and permissions"
             ) from error

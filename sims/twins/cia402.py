@@ -1,0 +1,91 @@
+"""Simulated pair of CiA 402 drives on one CAN bus: the dividing head's pitch and roll.
+
+What the nodes offer is what the data sheet in the options describes; the drives themselves are in `cia402_drive`.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Mapping
+from functools import partial
+
+from sims.physics import Plant
+from sims.twins.cia402_drive import Drive
+from sims.wires.eds import read_eds
+from sims.wires.sdo_server import SdoServer
+from sims.world import World
+
+REPLY_S = 0.0005
+"""Seconds from an SDO request to its reply, both on the wire: about 0.25 ms each at 500 kbit/s."""
+
+_NMT, _EMERGENCY, _SDO_REPLY, _SDO_REQUEST, _BOOT_UP = 0x000, 0x080, 0x580, 0x600, 0x700
+_RESET_NODE, _RESET_COMMUNICATION = 0x81, 0x82
+
+Transmit = Callable[[int, bytes], None]
+
+
+class CiA402PairTwin:
+    """The pair.
+
+    Args:
+        name: the bench's name for it.
+        options: its options in the bench file; `eds` (text), `pitch_node`, `roll_node` and `counts_per_degree`
+            matter here.
+        world: virtual time.
+        plant: offers `head`.
+        serial: serial number; its digits and the node are what the drives answer.
+
+    Attributes:
+        drives: by axis.
+
+    """
+
+    kind = "can"
+
+    def __init__(self, name: str, options: Mapping[str, object], world: World, plant: Plant, serial: str) -> None:
+        self.name = name
+        self._world = world
+        self._transmit: Transmit | None = None
+        eds = str(options["eds"])
+        scale = float(str(options.get("counts_per_degree", 36000)))
+        digits = int("".join(c for c in serial if c.isdigit()) or 0) % 10**8
+        self.drives: dict[str, Drive] = {}
+        self._servers: dict[int, SdoServer] = {}
+        self._nodes: dict[int, Drive] = {}
+        for default, axis in ((1, "pitch"), (2, "roll")):
+            node = int(str(options.get(f"{axis}_node", default)))
+            emergency = partial(self._send_emergency, node)
+            drive = Drive(world, plant.head, axis, scale, read_eds(eds, node), 10 * digits + default, emergency)
+            self.drives[axis] = self._nodes[node] = drive
+            self._servers[node] = SdoServer(drive)
+
+    def on_frame(self, can_id: int, data: bytes, tx: Transmit) -> None:
+        """Take a frame from the bus; answers go to `tx` later."""
+        self._transmit = tx
+        if can_id == _NMT:
+            self._manage(data, tx)
+            return
+        node = can_id - _SDO_REQUEST
+        server = self._servers.get(node)
+        if server is not None and (reply := server.answer(data)) is not None:
+            self._world.call_in(REPLY_S, partial(tx, _SDO_REPLY + node, reply))
+
+    def power_cycle(self) -> None:
+        """Off and on again: parameters and references are lost, the mechanics stay where they are."""
+        for drive in self.drives.values():
+            drive.power_cycle()
+
+    def _manage(self, data: bytes, tx: Transmit) -> None:
+        """Network management: a reset restarts a node, or all of them (0)."""
+        if len(data) != 2 or data[0] not in (_RESET_NODE, _RESET_COMMUNICATION):
+            return
+        for node, drive in self._nodes.items():
+            if data[1] in (0, node):
+                if data[0] == _RESET_NODE:
+                    drive.power_cycle()
+                self._world.call_in(REPLY_S, partial(tx, _BOOT_UP + node, b"\0"))
+
+    def _send_emergency(self, node: int, code: int, register: int) -> None:
+        if self._transmit is not None:
+            frame = struct.pack("<HB5x", code, register)
+            self._world.call_in(REPLY_S, partial(self._transmit, _EMERGENCY + node, frame))
