@@ -305,7 +305,7 @@ def rtu_device() -> Iterator[tuple[str, Words]]:
                 data = os.read(ours, 4096)
             except OSError:
                 return
-            if data == b"stop":
+            if b"stop" in data:
                 return
             for reply in slave.feed(data):
                 os.write(ours, reply)

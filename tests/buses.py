@@ -1,0 +1,81 @@
+"""Instruments on simulated Modbus and CAN wires, on the real plant, for tests of drivers and twins."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+
+from drivers.cia402 import CiA402Pair
+from drivers.watlow_f4t import WatlowF4T
+from drivers.wires import Wires
+from sims.physics import Plant
+from sims.twins.cia402 import CiA402PairTwin
+from sims.twins.watlow_f4t import WatlowF4TTwin
+from sims.wires.can_line import CanCable
+from sims.wires.modbus_line import ModbusCable
+from sims.world import World
+
+CONTRACTS = Path(__file__).parents[1] / "contracts"
+EDS = (CONTRACTS / "cia402_drive.eds").read_text(encoding="utf-8")
+REGISTER_MAP = (CONTRACTS / "watlow_f4t.toml").read_text(encoding="utf-8")
+
+Driver = TypeVar("Driver")
+Twin = TypeVar("Twin")
+
+
+@dataclass
+class Simulated(Generic[Driver, Twin]):
+    """A driver, its twin, and what passed between them ("tx 06014041...").
+
+    Attributes:
+        make: a new driver, as another controller process would have: it knows nothing of the first.
+
+    """
+
+    make: Callable[[], Driver]
+    twin: Twin
+    world: World
+    plant: Plant
+    log: list[str]
+    driver: Driver = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.driver = self.make()
+
+    def bytes_of(self, action: Callable[[], object]) -> list[str]:
+        """What an action sends and hears."""
+        self.log.clear()
+        action()
+        return list(self.log)
+
+
+def oven(truth: dict[str, Any] | None = None, **options: Any) -> Simulated[WatlowF4T, WatlowF4TTwin]:
+    world = World()
+    plant = Plant(world, truth or {}, {})
+    given = {"register_map": REGISTER_MAP, **options}
+    twin = WatlowF4TTwin("oven", given, world, plant, "SN004711")
+    log: list[str] = []
+
+    def make() -> WatlowF4T:
+        factories = {"modbus": lambda address: ModbusCable(world, twin.on_rx)}
+        wires = Wires(world, simulated=factories, tap=lambda name, way, data: log.append(f"{way} {data.hex()}"))
+        return WatlowF4T("oven", "sim://w/oven", WatlowF4T.Options(**given), wires, world)
+
+    return Simulated(make, twin, world, plant, log)
+
+
+def head(truth: dict[str, Any] | None = None, **options: Any) -> Simulated[CiA402Pair, CiA402PairTwin]:
+    world = World()
+    plant = Plant(world, truth or {}, {})
+    given = {"eds": EDS, **options}
+    twin = CiA402PairTwin("head", given, world, plant, "SN004711")
+    log: list[str] = []
+
+    def make() -> CiA402Pair:
+        factories = {"can": lambda address: CanCable(world, twin.on_frame)}
+        wires = Wires(world, simulated=factories, tap=lambda name, way, data: log.append(f"{way} {data.hex()}"))
+        return CiA402Pair("head", "sim://w/head", CiA402Pair.Options(**given), wires, world)
+
+    return Simulated(make, twin, world, plant, log)

@@ -1,0 +1,230 @@
+"""Watlow F4T: the registers on the wire, and driver and twin as a chamber."""
+
+import struct
+
+import pytest
+from buses import REGISTER_MAP, oven
+from pydantic import ValidationError
+from pymodbus.client import ModbusTcpClient
+
+from drivers.errors import BadReply, InstrumentError, LimitError, WrongInstrument
+from drivers.roles import Chamber, Identity
+from drivers.watlow_f4t import WatlowF4T
+from sims.wires.modbus_line import ModbusCable
+from sims.wires.modbus_slave import Refused
+
+
+class Independent(ModbusTcpClient):
+    """pymodbus's client on the twin, without our driver."""
+
+    def __init__(self, cable: ModbusCable) -> None:
+        super().__init__("", retries=0)
+        self.cable = cable
+
+    def connect(self) -> bool:
+        return True
+
+    def send(self, request: bytes, addr: object = None) -> int:
+        self.cable.send(request)
+        return len(request)
+
+    def recv(self, size: int | None) -> bytes:
+        return self.cable.recv(1.0)
+
+    def close(self) -> None:
+        pass
+
+    def number(self, address: int) -> float:
+        words = self.read_holding_registers(address, count=2).registers
+        return float(self.convert_from_registers(words, self.DATATYPE.FLOAT32, word_order="little"))  # type: ignore[arg-type]  # one number
+
+    def set(self, address: int, value: float) -> bool:
+        words = self.convert_to_registers(value, self.DATATYPE.FLOAT32, word_order="little")
+        return not self.write_registers(address, words).isError()
+
+
+def adu(transaction: int, pdu: bytes) -> str:
+    return (struct.pack(">HHHB", transaction, 0, 1 + len(pdu), 1) + pdu).hex()
+
+
+def test_it_plays_the_role_of_a_chamber() -> None:
+    assert isinstance(oven().driver, Chamber)
+
+
+def test_identity_is_part_number_serial_number_and_firmware() -> None:
+    assert oven().driver.identify() == Identity("Watlow", "F4T1A2CAA1A1AAA", "4711", "5.3")
+
+
+def test_setting_a_temperature_is_the_manuals_registers_low_word_first() -> None:
+    bench = oven(units="C")
+    assert bench.bytes_of(lambda: bench.driver.set_temperature(23.5)) == [
+        f"tx {adu(1, bytes.fromhex('10 0ADE 0002 04 0000 41BC'))}",  # 2782: set point
+        f"rx {adu(1, bytes.fromhex('10 0ADE 0002'))}",
+        f"tx {adu(2, bytes.fromhex('03 0ADE 0002'))}",
+        f"rx {adu(2, bytes.fromhex('03 04 0000 41BC'))}",
+        f"tx {adu(3, bytes.fromhex('03 0AAA 0001'))}",  # 2730: control mode, 10 auto
+        f"rx {adu(3, bytes.fromhex('03 02 000A'))}",
+    ]
+
+
+def test_reading_asks_for_set_point_process_value_power_mode_and_alarms() -> None:
+    bench = oven(units="C", alarms=2, loop=3)
+    bench.world.sleep(1.0)
+    sent = [line for line in bench.bytes_of(bench.driver.read) if line.startswith("tx")]
+    addresses = [int(line[-8:-4], 16) for line in sent]
+    assert addresses == [2782 + 320, 2820 + 320, 2808 + 320, 2814 + 320, 1356, 1456]
+
+
+def test_the_enclosure_goes_to_the_setpoint_and_the_readings_say_so() -> None:
+    bench = oven()
+    bench.driver.prepare()
+    bench.driver.set_temperature(27.0)
+    bench.world.sleep(3600.0)
+    state = bench.driver.read()
+    assert state.setpoint_degC == pytest.approx(27.0, abs=1e-4)
+    assert state.temperature_degC == pytest.approx(
+        bench.plant.temperature_degC("enclosure", bench.world.now()), abs=0.02
+    )
+    assert state.temperature_degC == pytest.approx(27.0, abs=0.5)
+    assert 0 < state.power_pct < 100
+    assert state.running
+    assert state.alarms == ()
+
+
+def test_units_follow_the_display_whichever_it_shows() -> None:
+    bench = oven()
+    client = Independent(ModbusCable(bench.world, bench.twin.on_rx))
+    assert client.read_holding_registers(1328).registers == [30], "as shipped: degrees Fahrenheit"
+    bench.driver.set_temperature(25.0)
+    assert client.number(2782) == pytest.approx(77.0)
+    client.write_register(1328, 15)
+    assert client.number(2782) == pytest.approx(25.0)
+    assert bench.driver.read().setpoint_degC == pytest.approx(25.0)
+
+
+def test_a_ramp_is_set_and_followed() -> None:
+    bench = oven(ramp_degC_per_min=0.5, units="C")
+    client = Independent(ModbusCable(bench.world, bench.twin.on_rx))
+    client.write_register(1328, 15)
+    bench.driver.prepare()
+    assert [client.read_holding_registers(a).registers[0] for a in (2794, 2796)] == [85, 57]
+    assert client.number(2798) == pytest.approx(0.5)
+    bench.driver.set_temperature(28.0)
+    bench.world.sleep(240.0)
+    assert client.number(2810) == pytest.approx(25.0, abs=0.01)
+    assert bench.driver.read().setpoint_degC == 28.0
+    bench.world.sleep(400.0)
+    assert client.number(2810) == pytest.approx(28.0)
+
+
+def test_control_switched_off_is_seen_and_switched_on_again() -> None:
+    bench = oven()
+    client = Independent(ModbusCable(bench.world, bench.twin.on_rx))
+    client.write_register(2730, 62)
+    assert not bench.driver.read().running
+    assert bench.driver.read().power_pct == 0.0
+    bench.driver.set_temperature(23.0)
+    assert bench.driver.read().running
+
+
+def test_stop_holds_where_it_is() -> None:
+    bench = oven()
+    bench.driver.set_temperature(30.0)
+    bench.world.sleep(300.0)
+    here = bench.driver.read().temperature_degC
+    bench.driver.stop()
+    assert bench.driver.read().setpoint_degC == pytest.approx(here, abs=0.05)
+
+
+def test_the_safe_state_is_about_ambient_under_control() -> None:
+    bench = oven(safe_degC=22.0)
+    bench.driver.set_temperature(60.0)
+    bench.driver.make_safe()
+    state = bench.driver.read()
+    assert state.setpoint_degC == pytest.approx(22.0, abs=1e-4)
+    assert state.running
+
+
+@pytest.mark.parametrize("degC", [9.999, 40.001, float("nan"), float("inf")])
+def test_nothing_is_sent_outside_the_limits(degC: float) -> None:
+    bench = oven(low_degC=10.0, high_degC=40.0)
+    assert bench.driver.limits() == (10.0, 40.0)
+    with pytest.raises(LimitError, match=r"oven at sim://w/oven: .* is outside 10 to 40 degC"):
+        bench.driver.set_temperature(degC)
+    assert bench.log == []
+
+
+def test_a_controller_that_allows_less_than_the_bench_is_told() -> None:
+    with pytest.raises(LimitError, match="the controller's own setpoint range is -40 to 150 degC"):
+        oven(low_degC=-50.0).driver.prepare()
+
+
+def test_alarms_are_named() -> None:
+    bench = oven()
+    bench.twin.set_alarm(2, "high")
+    bench.twin.set_alarm(3, "blocked")
+    assert bench.driver.read().alarms == ("alarm 2: high",)
+
+
+def test_a_setpoint_that_reads_back_differently_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = oven()
+    monkeypatch.setattr(bench.plant.enclosure, "command", lambda *args, **kwargs: None)
+    with pytest.raises(BadReply, match=r"setpoint was set to 86 and reads back 73\.4"):
+        bench.driver.set_temperature(30.0)
+
+
+def test_another_modbus_device_is_the_wrong_instrument() -> None:
+    bench = oven(register_map=REGISTER_MAP.replace('model = "F4T"', 'model = "D4T"'))
+    with pytest.raises(WrongInstrument, match="should be a Watlow D4T; its part number is 'F4T1A2CAA1A1AAA'"):
+        bench.driver.identify()
+    bench = oven()
+    bench.twin.registers.read = lambda address, count: (_ for _ in ()).throw(Refused(2))  # type: ignore[method-assign]  # has none
+    with pytest.raises(WrongInstrument, match="its part number is ''"):
+        bench.driver.identify()
+
+
+@pytest.mark.parametrize(
+    ("pdu", "answer"),
+    [
+        ("03 0001 0001", "83 02"),  # no such register
+        ("03 0ADD 0002", "83 02"),  # one of the two
+        ("06 0AF8 0000", "86 02"),  # power is read only
+        ("06 0ADE 0000", "86 02"),  # half of a number
+        ("06 0AAA 0007", "86 03"),  # no such mode
+        ("10 0ADE 0002 04 0000 4479", "90 03"),  # 996 degrees
+        ("05 0001 FF00", "85 01"),  # no coils
+    ],
+)
+def test_what_the_twin_refuses(pdu: str, answer: str) -> None:
+    bench = oven()
+    cable = ModbusCable(bench.world, bench.twin.on_rx)
+    cable.send(bytes.fromhex(adu(1, bytes.fromhex(pdu))))
+    assert cable.recv(1.0).hex() == adu(1, bytes.fromhex(answer))
+
+
+def test_a_refusal_reaches_the_operator_with_its_meaning() -> None:
+    bench = oven(high_degC=400.0)
+    with pytest.raises(InstrumentError, match=r"oven at sim://w/oven reports error 3: writing 2 word.s. at 2782"):
+        bench.driver.set_temperature(399.0)
+
+
+def test_settings_survive_a_power_cycle() -> None:
+    bench = oven()
+    bench.driver.set_temperature(31.0)
+    bench.twin.power_cycle()
+    assert bench.make().read().setpoint_degC == pytest.approx(31.0, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"register_map": "nonsense"}, "the register map cannot be read"),
+        ({"register_map": "maker = 'x'"}, "the register map cannot be read"),
+        ({"register_map": REGISTER_MAP, "low_degC": 50.0, "high_degC": 40.0}, "low_degC 50 is not below high_degC 40"),
+        ({"register_map": REGISTER_MAP, "safe_degC": 400.0}, "safe_degC 400 is outside"),
+        ({"register_map": REGISTER_MAP, "setpoint": 1}, "Extra inputs"),
+    ],
+)
+def test_options_are_strict(options: dict[str, object], message: str) -> None:
+    with pytest.raises(ValidationError, match=message):
+        WatlowF4T.Options.model_validate(options)
