@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
+import pty
 import subprocess
 import sys
 from pathlib import Path
@@ -142,6 +145,25 @@ def test_outside_acceptance_ends_with_3_and_a_complete_run(tmp_path):
     assert done.returncode == 3
     assert "outside acceptance" in done.stderr
     assert json.loads(rig("status", done.stdout.strip(), "--json", cwd=tmp_path).stdout)["state"] == "complete"
+
+
+def test_on_a_terminal_the_run_files_path_still_goes_to_stdout(tmp_path):
+    """The progress bar lives on stderr, which is a terminal here, and leaves stdout alone."""
+    write_short(tmp_path)
+    master, terminal = pty.openpty()
+    command = [sys.executable, "-m", "rig", "run", "short.toml", "--bench", str(LAB / "bench.toml"), "--dry"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=terminal, text=True, cwd=tmp_path) as process:
+        os.close(terminal)
+        shown = bytearray()
+        with contextlib.suppress(OSError):  # how a pseudo-terminal says that its other end has closed
+            while chunk := os.read(master, 4096):
+                shown += chunk
+        out = process.communicate()[0]
+    os.close(master)
+    assert process.returncode == 0
+    assert (tmp_path / out.splitlines()[0]).exists()
+    assert out.count("\n") == 1
+    assert b"30/30 points" in shown
 
 
 def test_the_evening_question(tmp_path):

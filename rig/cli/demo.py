@@ -76,6 +76,7 @@ def _run_until_killed(lab: Path, procedure: Path, folder: Path, kill_at_point: i
     done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False)
     if err.is_terminal:
         err.show_cursor(True)  # the killed process had no chance to
+        err.print()
     lines = done.stdout.splitlines()
     if done.returncode != -9 or not lines:
         raise RigError(f"the demo's first half ended with exit code {done.returncode} instead of being killed")

@@ -70,8 +70,9 @@ def run_progress(*, simulated: bool) -> Iterator[Any]:
         _BenchTime(),
         TextColumn("[yellow]{task.fields[message]}"),
     )
-    with Progress(*columns, console=err, refresh_per_second=5) as bar:
-        task = bar.add_task("run", total=None, state="starting", message="", spent=0.0, left=None)
+    # Redirecting would send the run file's path, our one line on stdout, to stderr with the bar.
+    with Progress(*columns, console=err, refresh_per_second=5, redirect_stdout=False, redirect_stderr=False) as bar:
+        task = bar.add_task("run", total=1, state="starting", message="", spent=0.0, left=None)
 
         def show(news: News) -> None:
             bar.update(
