@@ -93,9 +93,12 @@ def fit_attitude(data: AttitudeData, sensor: str) -> AttitudeFit:
     Raises:
         KeyError: `data` has no such output.
         fitter.linear.RankError: the points visited do not determine the model.
+        ValueError: the output never changes.
 
     """
     output = data.outputs[sensor]
+    if np.ptp(output) == 0:
+        raise ValueError(f"{sensor} reads {output[0]:g} V at every attitude: there is nothing to calibrate")
     columns = attitude_columns(data.pitch_deg, data.roll_deg, roll=data.has_roll)
     linear = fit_columns(columns, output)
     parameters: AttitudeParameters | NoRollParameters

@@ -225,6 +225,11 @@ def test_a_design_that_does_not_determine_the_model():
         fit_attitude(data, "x_V")
 
 
+def test_a_sensor_that_is_not_connected():
+    with pytest.raises(ValueError, match="x_V reads 0 V at every attitude"):
+        fit_attitude(AttitudeData(**rows(outputs={"x_V": np.zeros(12)})), "x_V")
+
+
 def test_json_has_no_nan():
     data = AttitudeData(**rows())
     found = fit_attitude(data, "x_V").to_dict()

@@ -208,3 +208,21 @@ def test_a_single_replication_is_judged_against_its_residual():
     assert names(found) == {(X, "isolation-pad-deflection"), (Z, "isolation-pad-deflection")}
     assert found.sensors[X].cv_rms_after is None
     json.dumps(found.to_json(), allow_nan=False)
+
+
+@pytest.mark.parametrize(
+    ("bench", "plan"),
+    [
+        (Bench(sigma_deg=0.0), D1(90, 7, 5)),
+        (CLEAN, Plan(np.array([-90.0, 0, 90, 180]), np.array([0.0, 90, -90]))),
+        (CLEAN, Plan(np.array([-30.0, 30]), np.array([0.0, 90, 180]), replications=2)),
+        (Bench(sensors=(Sensor("x"),)), Plan(np.array([-90.0, 0, 90]), np.array([0.0]), replications=2)),
+        (Bench(sensors=(Sensor("x"),)), Plan(np.linspace(-36, 36, 37), np.array([0.0]), replications=1)),
+        (Bench(degC_daily=0.0), D1(90, 7, 5, replications=3)),
+    ],
+    ids=["no noise", "tumble", "eight points", "three points, no roll", "one pass", "constant temperature"],
+)
+def test_little_data_is_no_reason_to_fail(bench, plan):
+    found = trace(simulate(bench, plan, seed=0)[0])
+    assert all(t.verdict == "nothing to add" for t in found.sensors.values())
+    json.dumps(found.to_json(), allow_nan=False)

@@ -64,7 +64,6 @@ class FoundEffect:
             "terms": list(self.terms),
             "coefficients": list(self.coefficients),
             "stderr": list(self.stderr),
-            "stderr_is": "conditional on the selection",
             "unit": self.unit,
             "p_adjusted": self.p_adjusted,
             "share": self.share,
@@ -135,8 +134,25 @@ class SensorTrace:
             "effects": [effect.to_json() for effect in self.effects],
             "after": self._side(self.after, self.cv_rms_after, self.shared_attitude_after),
             "unnamed": [rest.to_json() for rest in self.unnamed],
+            "notes": list(self.notes),
             "fitted": {"coefficients": self._fitted()},
         }
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences that stand beside the numbers before and after."""
+        notes = []
+        if self.effects and self.after.drift_b.value > self.before.drift_b.value:
+            notes.append(
+                "T_b rose because the lack of fit that was removed stood in its denominator; p_drift is free of that"
+            )
+        if self.effects:
+            notes.append("standard errors of the effects are conditional on their having been selected on these data")
+        if self.cv_rms_after is not None:
+            notes.append(
+                "cv_rms: each replication in turn left out of selection and fit, its own offset predicted as zero"
+            )
+        return tuple(notes)
 
     def _side(self, table: Replication, cv_rms: float | None, shared: FTest) -> dict[str, JsonValue]:
         known = np.isfinite(shared.value)

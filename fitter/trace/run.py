@@ -19,7 +19,7 @@ from fitter.trace.family import Family, family_of
 from fitter.trace.problem import Problem, pose, raw_columns
 from fitter.trace.remainder import shared_attitude, strongest_wave
 from fitter.trace.result import FoundEffect, SensorTrace, Trace, Unnamed
-from fitter.trace.score import score
+from fitter.trace.score import RESOLVED, score
 from fitter.trace.search import p_adjusted, prune, search, stratum_of
 from fitter.trace.wander import expected, with_wander
 
@@ -91,9 +91,9 @@ def _settle(problem: Problem, family: Family) -> tuple[Problem, tuple[int, ...]]
     like one, and would be judged against itself.
     """
     chosen = _search_and_name(problem, family)
-    if problem.levels.df("points") <= 0:
-        return problem, chosen
     by = expected(problem)
+    if by is None:
+        return problem, chosen
     for _ in range(ROUNDS):
         walking = with_wander(problem, chosen, by)
         if np.all((walking.wander > 0) == (problem.wander > 0)):
@@ -217,6 +217,8 @@ def _pure_variance(table: Replication) -> float:
 
 def _unnamed(problem: Problem, after: Estimate, i: int) -> tuple[Unnamed, ...]:
     table, rest = after.tables[i], []
+    if table.sigma_E < RESOLVED * np.ptp(after.corrected[i]):
+        return ()
     if table.bias.p < UNEXPLAINED:
         rest.append(strongest_wave(problem, after.corrected[i]))
     if problem.wander[i] > 0:

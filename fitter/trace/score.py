@@ -29,6 +29,10 @@ NOTHING_LEFT = 1e-3
 """A candidate of which less than this share is left beside the others at its level cannot be judged there."""
 
 
+RESOLVED = 1e-12
+"""Of an output's swing: what is smaller than this is rounding, and data without noise are not tested against it."""
+
+
 @dataclass(frozen=True, eq=False)
 class Scores:
     """One entry a candidate, (J,); zero and one where a candidate is in the model or cannot be judged.
@@ -74,7 +78,8 @@ def errors(problem: Problem, chosen: Sequence[int]) -> FloatArray:
         left = y[i] - basis @ (basis.T @ y[i])
         df = problem.levels.df(level) - basis.shape[1]
         sigma[i] = np.sqrt(np.sum(left**2) / df) if df > 0 else np.nan
-    return np.maximum(sigma, np.finfo(float).tiny)
+    swing = np.array([np.ptp(problem.scene.data.outputs[s]) for s in problem.sensors])
+    return np.asarray(np.maximum(sigma, RESOLVED * np.maximum(swing, 1.0)))
 
 
 def whiten(
@@ -120,22 +125,18 @@ def score(problem: Problem, chosen: Sequence[int], of: Sequence[int] | None = No
         if not here.size or problem.levels.df(level) <= len(chosen) + 1:
             continue
         white = whiten(problem, level, chosen, sigma, here)
-        columns, e = white.columns, white.outputs
-        norm2, dot = np.sum(columns**2, axis=1), np.einsum("snj,sn->sj", columns, e)
-        raw2 = np.sum((problem.length[:, here] / sigma[:, None]) ** 2, axis=0)
-        can = (norm2.sum(axis=0) > NOTHING_LEFT**2 * raw2) & ~np.isin(here, chosen)
-        gamma = dot.sum(axis=0) / np.where(can, norm2.sum(axis=0), 1.0)
-        inflation, df_here = _lack_of_fit(problem, level, chosen, norm2, dot, gamma, e, sigma)
-        own = np.sum(columns * (e[:, :, None] - gamma * columns), axis=0)
-        variance = np.sum(norm2 * inflation, axis=0) + walked(problem, columns)
-        variance = np.maximum(variance, np.sum(own**2, axis=0))
-        if level == "points":
-            by_stretch = np.zeros((int(problem.levels.stretch.max()) + 1, here.size))
-            np.add.at(by_stretch, problem.levels.stretch, own)
-            variance = np.maximum(variance, np.sum(by_stretch**2, axis=0))
-        t[here] = np.where(can, dot.sum(axis=0) / np.sqrt(np.where(can, variance, 1.0)), 0.0)
-        gain[here] = np.where(can, dot.sum(axis=0) * gamma, 0.0)
-        df[here] = df_here
+        norm2, dot = np.sum(white.columns**2, axis=1), np.einsum("snj,sn->sj", white.columns, white.outputs)
+        length2 = np.sum((problem.length[:, here] / sigma[:, None]) ** 2, axis=0)
+        can = (norm2.sum(axis=0) > NOTHING_LEFT**2 * length2) & ~np.isin(here, chosen)
+        gamma = np.where(can, dot.sum(axis=0), 0.0) / np.where(can, norm2.sum(axis=0), 1.0)
+        after = np.sum(white.outputs**2, axis=1)[:, None] - 2 * gamma * dot + gamma**2 * norm2
+        inflation, df[here] = _lack_of_fit(problem, level, chosen, after, norm2, sigma)
+        variance = np.maximum(
+            np.sum(norm2 * inflation, axis=0) + walked(problem, white.columns),
+            _scatter(problem, level, white, gamma),
+        )
+        t[here] = gamma * norm2.sum(axis=0) / np.sqrt(np.where(can, variance, 1.0))
+        gain[here] = gamma * dot.sum(axis=0)
     return Scores(t, df, 2.0 * special.stdtr(df, -np.abs(t)), gain)
 
 
@@ -150,30 +151,43 @@ def walked(problem: Problem, columns: FloatArray) -> FloatArray:
     return np.asarray(problem.wander @ np.sum(ahead**2, axis=1))
 
 
+def _scatter(problem: Problem, level: Level, white: Whitened, gamma: FloatArray) -> FloatArray:
+    """(J,) variance of each column's product with the outputs, from the scatter of what observations contribute."""
+    own = np.sum(white.columns * (white.outputs[:, :, None] - gamma * white.columns), axis=0)
+    single = np.sum(own**2, axis=0)
+    if level != "points":
+        return np.asarray(single)
+    by_stretch = np.zeros((int(problem.levels.stretch.max()) + 1, own.shape[1]))
+    np.add.at(by_stretch, problem.levels.stretch, own)
+    return np.asarray(np.maximum(single, np.sum(by_stretch**2, axis=0)))
+
+
 def _lack_of_fit(
-    problem: Problem,
-    level: Level,
-    chosen: Sequence[int],
-    norm2: FloatArray,
-    dot: FloatArray,
-    gamma: FloatArray,
-    e: FloatArray,
-    sigma: FloatArray,
+    problem: Problem, level: Level, chosen: Sequence[int], after: FloatArray, norm2: FloatArray, sigma: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """(S, J) mean square left between points after each candidate over the error, one where it is no more than
-    error; and (J,) degrees of freedom of what the candidate is judged against.
+    """What candidates are judged against: pure error, or the lack of fit where more than error is left.
+
+    Args:
+        problem: the run.
+        level: at which they are judged.
+        chosen: candidates in the model.
+        after: (S, J) residual sum of squares beside each candidate, over each sensor's error.
+        norm2: (S, J) squared length of the candidates' columns.
+        sigma: (S,) error of each sensor, V.
+
+    Returns:
+        (S, J) mean square of that error over the pure error's, and (J,) its degrees of freedom.
+
     """
-    df_error = problem.levels.df("points")
-    plain = np.full(norm2.shape[1], float(max(df_error, problem.levels.df(level) - len(chosen) - 1)))
-    inflation = np.ones_like(norm2)
-    if df_error <= 0 or level == "points":
-        return inflation, plain if df_error <= 0 else np.full_like(plain, df_error * len(sigma))
+    count, j = norm2.shape
+    pure, plain = problem.levels.df("points"), np.ones((count, j))
+    if pure <= 0:
+        return plain, np.full(j, float(problem.levels.df(level) - len(chosen) - 1))
+    lof = problem.levels.n_points - problem.levels.declared.shape[1] - len(chosen) - 1
+    if level == "points" or lof <= 0:
+        return plain, np.full(j, float(pure * count))
     within = np.sum(whiten(problem, "points", chosen, sigma, ()).outputs ** 2, axis=1)
-    df_lof = problem.levels.n_points - problem.levels.declared.shape[1] - len(chosen) - 1
-    if df_lof <= 0:
-        return inflation, np.full_like(plain, df_error * len(sigma))
-    after = np.sum(e**2, axis=1)[:, None] - 2 * gamma * dot + gamma**2 * norm2
-    ratio = (after - within[:, None]) / df_lof
-    inflation = np.where(ratio > f_limit(0.95, df_lof, df_error), ratio, 1.0)
-    worst = np.any((inflation > 1.0) & (norm2 > 0.05 * norm2.sum(axis=0)), axis=0)
-    return inflation, np.where(worst, float(df_lof), float(df_error * len(sigma)))
+    ratio = (after - within[:, None]) / lof
+    inflation = np.where(ratio > f_limit(0.95, lof, pure), ratio, 1.0)
+    concerned = norm2 > 0.05 * norm2.sum(axis=0)
+    return inflation, np.where(np.any((inflation > 1.0) & concerned, axis=0), float(lof), float(pure * count))

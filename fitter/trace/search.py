@@ -57,6 +57,8 @@ def stratum_of(problem: Problem, family: Family, chosen: tuple[int, ...], j: int
 
 
 def _best(problem: Problem, family: Family, chosen: tuple[int, ...]) -> int | None:
+    if not problem.candidates:
+        return None
     scores = score(problem, chosen)
     found = np.flatnonzero(family.adjust(scores.p) <= ALPHA)
     if found.size:

@@ -20,6 +20,10 @@ from fitter.trace.score import errors, whiten
 
 OBSERVATIONS = 24
 """In one stretch: long enough for a slow walk to stand out of the scatter, short enough to have many."""
+STRETCHES = 4
+"""At least, in a replication, if it is long enough for that."""
+SHORTEST = 16
+"""Observations of a replication below which no walk is looked for."""
 SURE = 3.0
 """Standard deviations of the null by which the sums over stretches must be too large."""
 MARGIN = 3.0
@@ -48,10 +52,16 @@ class Expected:
     ratio_sd: float
 
 
-def expected(problem: Problem) -> Expected:
-    """Simulate both kinds of noise through the projection that residuals went through; needs replications."""
+def expected(problem: Problem) -> Expected | None:
+    """Simulate both kinds of noise through the projection that residuals went through.
+
+    None where no walk could be seen: without replications, or in very short ones.
+    """
     data, rng = problem.scene.data, np.random.default_rng(SEED)
-    stretch = stretches(data, OBSERVATIONS)
+    each = len(data) // data.replicates.size
+    if problem.levels.df("points") <= 0 or each < SHORTEST:
+        return None
+    stretch = stretches(data, min(OBSERVATIONS, each // STRETCHES))
     white = rng.standard_normal((len(data), DRAWS))
     walk = np.empty_like(white)
     walk[problem.levels.executed] = np.cumsum(rng.standard_normal((len(data), DRAWS)), axis=0)
@@ -101,6 +111,7 @@ def _log_likelihood(moves: FloatArray, firsts: NDArray[np.bool_], step: float) -
 def _walk(left: FloatArray, by: Expected) -> FloatArray:
     """(S,) mean square step of the walk in what is left, zero where there may be none."""
     squares, sums = _sums(left.T, by.stretch)
+    squares = np.maximum(squares, np.finfo(float).tiny)
     standing_out = (sums / squares - by.white[1] / by.white[0]) / by.ratio_sd
     mix = np.linalg.solve(np.column_stack([by.white, by.walk]), np.stack([squares, sums]))
     return np.asarray(np.where(standing_out > SURE, np.maximum(mix[1], 0.0), 0.0))
