@@ -7,6 +7,7 @@ from typing import Any
 from zlib import crc32
 
 from sims.physics import Plant, read_truth
+from sims.wires.can_line import CanCable
 from sims.wires.modbus_line import ModbusCable
 from sims.wires.serial_line import SerialCable, register, unregister
 from sims.world import EPOCH_UTC, World
@@ -79,7 +80,10 @@ class SimBench:
 
     def transports(self) -> Mapping[str, Callable[[str], object]]:
         """What stands in for wires that are not serial, by kind: factories that take a `sim://` address."""
-        return {"modbus": lambda address: ModbusCable(self.world, self._at(address).on_rx)}
+        return {
+            "modbus": lambda address: ModbusCable(self.world, self._at(address).on_rx),
+            "can": lambda address: CanCable(self.world, self._at(address).on_frame),
+        }
 
     def _at(self, address: str) -> Any:
         key, _, name = address.removeprefix("sim://").partition("/")

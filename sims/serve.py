@@ -19,6 +19,7 @@ from typing import Any
 from sims.bench import SimBench, world_for
 from sims.wires.modbus_line import ModbusEndpoint
 from sims.wires.ports import Port, PseudoTerminal, TcpPort
+from sims.wires.slcan import SlcanAdapter
 from sims.world import Pace
 
 _LOOK_UP_S = 0.5  # how often to see whether it is time to stop when nothing happens
@@ -98,6 +99,10 @@ def _open(sim: SimBench, name: str, address: str, selector: selectors.BaseSelect
             port: Port = PseudoTerminal(selector, end().on_rx) if rtu else TcpPort(selector, lambda: end().on_rx)
             ports.append(port)
             return f"modbus-{'rtu' if rtu else 'tcp'}://{port.address}/{unit}"
+        case "can":
+            adapter = PseudoTerminal(selector, SlcanAdapter(twin.on_frame).on_rx)
+            ports.append(adapter)
+            return f"can:slcan/{adapter.address}"
         case kind:
             raise ValueError(f"{name}: a twin of kind {kind!r} cannot be served")
 

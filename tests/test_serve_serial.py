@@ -1,4 +1,4 @@
-"""The same drivers against the same twins in another process: pseudo-terminals and TCP, real time made faster."""
+"""The same drivers against the same twins in another process: pseudo-terminals, TCP, slcan; time made to run fast."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from pymeasure.adapters import SerialAdapter
 from pymeasure.instruments.hp import HP34401A
 from serial import Serial
 
+from drivers.cia402 import CiA402Pair
 from drivers.clock import RealClock, ScaledClock
 from drivers.errors import DriverError
 from drivers.keysight_34401a import Keysight34401A
@@ -27,6 +28,7 @@ from drivers.wires import Wires
 from sims.serve import toml
 
 SPEED = 20.0
+EDS = files("contracts").joinpath("cia402_drive.eds").read_text(encoding="utf-8")
 REGISTERS = files("contracts").joinpath("watlow_f4t.toml").read_text(encoding="utf-8")
 BENCH = {
     "name": "served",
@@ -40,6 +42,7 @@ BENCH = {
             "nplc": 1,
         },
         "enclosure": {"driver": "watlow-f4t", "address": "modbus-tcp://192.0.2.10:502/1", "register_map": REGISTERS},
+        "drives": {"driver": "cia402-pair", "address": "can:socketcan/can0", "eds": EDS},
         "oven": {"driver": "watlow-f4t", "address": "modbus-rtu:///dev/ttyUSB1/3", "register_map": REGISTERS},
     },
     "sensors": {"x": {"axis": "x", "reader": "dvm", "channel": "input"}},
@@ -53,8 +56,10 @@ from sims.twins.newport_esp301 import NewportESP301Twin
 from sims.twins.keysight_34401a import Keysight34401ATwin
 from sims.twins.keysight_34970a import Keysight34970ATwin
 from sims.twins.watlow_f4t import WatlowF4TTwin
+from sims.twins.cia402 import CiA402PairTwin
 twins = {"newport-esp301": NewportESP301Twin, "keysight-34401a": Keysight34401ATwin,
-         "keysight-34970a": Keysight34970ATwin, "watlow-f4t": WatlowF4TTwin}
+         "keysight-34970a": Keysight34970ATwin, "watlow-f4t": WatlowF4TTwin,
+         "cia402-pair": CiA402PairTwin}
 bench, live, speed, seconds = json.loads(sys.argv[1])
 serve(bench, {}, twins, pathlib.Path(live), speed=speed, seconds=seconds, announce=lambda s: print(s, flush=True))
 """
@@ -85,6 +90,21 @@ def driver(bench, name, cls):
     return cls(name, instrument["address"], cls.Options(**own), bench.wires, bench.clock)
 
 
+def goes_where_it_is_told(head, clock):
+    head.prepare()
+    head.home()
+    while not all(state.homed for state in head.read().values()):
+        clock.sleep(1.0)
+    head.move({"pitch": 90.0, "roll": -10.0})
+    clock.sleep(1.0)
+    while any(state.moving for state in head.read().values()):
+        clock.sleep(1.0)
+    clock.sleep(5.0)
+    states = head.read()
+    assert states["pitch"].position_deg == pytest.approx(90.0, abs=5e-4)
+    assert states["roll"].position_deg == pytest.approx(-10.0, abs=5e-4)
+
+
 def test_drivers_work_across_processes(tmp_path):
     with served(tmp_path) as bench:
         assert bench.bench["simulated"] is True
@@ -92,17 +112,7 @@ def test_drivers_work_across_processes(tmp_path):
 
         head = driver(bench, "head", NewportESP301)
         assert head.identify().serial == "SN4711"
-        head.prepare()
-        head.home()
-        while not all(state.homed for state in head.read().values()):
-            bench.clock.sleep(1.0)
-        head.move({"pitch": 90.0, "roll": -10.0})
-        bench.clock.sleep(1.0)
-        while any(state.moving for state in head.read().values()):
-            bench.clock.sleep(1.0)
-        bench.clock.sleep(5.0)
-        assert head.read()["pitch"].position_deg == pytest.approx(90.0, abs=5e-4)
-        assert head.read()["roll"].position_deg == pytest.approx(-10.0, abs=5e-4)
+        goes_where_it_is_told(head, bench.clock)
 
         dvm = driver(bench, "dvm", Keysight34401A)
         dvm.identify()
@@ -135,6 +145,15 @@ def test_modbus_is_served_on_tcp_and_on_a_serial_line(tmp_path, name, address):
         assert chamber.read().setpoint_degC == pytest.approx(25.0, abs=1e-3)
         bench.wires.close()
         assert chamber.read().running, "a second connection is as good as the first"
+        bench.wires.close()
+
+
+def test_can_is_served_as_a_serial_adapter(tmp_path):
+    with served(tmp_path) as bench:
+        assert bench.bench["instruments"]["drives"]["address"].startswith("can:slcan//dev/pts/")
+        drives = driver(bench, "drives", CiA402Pair)
+        drives.identify()
+        goes_where_it_is_told(drives, bench.clock)
         bench.wires.close()
 
 
