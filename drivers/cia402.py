@@ -7,7 +7,8 @@ hands it over as text. Positions on the wire are encoder counts.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Literal
 
 from pydantic import BaseModel, Field, field_validator, model_validator
 
@@ -72,7 +73,7 @@ class _Axis:
     limits: tuple[float, float]
     homing: bool = False
     homed: bool | None = None
-    fault: str = field(default="")
+    fault: str = ""
 
 
 class CiA402Pair:
@@ -103,7 +104,9 @@ class CiA402Pair:
         in_position_deg: float = Field(3e-4, gt=0, description="how near the target counts as reached")
         in_position_s: float = Field(0.05, ge=0, le=60, description="and for how long")
         following_error_deg: float = Field(0.5, gt=0, description="behind by more than this the drive gives up")
-        homed_bit: int = Field(15, ge=8, le=15, description="statusword bit by which the drive tells it is homed")
+        homed_bit: Literal[0, 8, 14, 15] = Field(
+            15, description="statusword bit by which the drives tell that they are homed; 0 if they do not"
+        )
         pitch_deg: tuple[float, float] = Field((-190.0, 190.0), description="lowest and highest pitch")
         roll_deg: tuple[float, float] = Field((-190.0, 190.0), description="lowest and highest roll")
         timeout_s: float = Field(0.3, gt=0, description="wait for an SDO reply")
@@ -210,8 +213,8 @@ class CiA402Pair:
     def home(self) -> None:
         """See `Head.home`."""
         for name, axis in self._axes.items():
-            if self._status(axis) & self._homed_bit:
-                axis.homed = True
+            axis.homed = self._is_homed(axis, self._status(axis))
+            if axis.homed:
                 continue
             self._set_out(name, axis)
             axis.node.write(MODE, HOMING)
@@ -234,7 +237,7 @@ class CiA402Pair:
         moving = [(name, self._axes[name], self._counts(target)) for name, target in targets_deg.items()]
         for name, axis, _ in moving:
             if axis.homed is None:
-                axis.homed = bool(self._status(axis) & self._homed_bit)
+                axis.homed = self._is_homed(axis, self._status(axis))
             if not axis.homed:
                 raise NotReady(f"{self._where}: {name} must be homed before it can go to an angle")
         for _, axis, counts in moving:
@@ -254,7 +257,7 @@ class CiA402Pair:
             if axis.homing:
                 status = self._follow_homing(axis, status)
             state = _state(status)
-            axis.homed = bool(status & self._homed_bit)
+            axis.homed = self._is_homed(axis, status)
             states[name] = AxisState(
                 position_deg=position,
                 moving=state in ("enabled", "quick stop") and (axis.homing or not status & _REACHED),
@@ -286,9 +289,15 @@ class CiA402Pair:
         """See `Instrument.close`."""
         self._line.close()
 
-    @property
-    def _homed_bit(self) -> int:
-        return 1 << self._options.homed_bit
+    def _is_homed(self, axis: _Axis, status: int) -> bool:
+        """Whether the position is referenced.
+
+        If the drive does not tell, only a search that was seen to end well counts, and only as long as the drive
+        stays enabled: one that is not may have been switched off.
+        """
+        if self._options.homed_bit:
+            return bool(status & 1 << self._options.homed_bit)
+        return bool(axis.homed) and _state(status) == "enabled"
 
     def _counts(self, degrees: float) -> int:
         return round(degrees * self._options.counts_per_degree)
@@ -348,6 +357,8 @@ class CiA402Pair:
             axis.fault = "the home search failed; look at the mark and the homing method"
         elif _state(status) == "enabled" and not (status & _REACHED and status & _HOMED_NOW):
             return status
+        else:
+            axis.homed = _state(status) == "enabled"
         axis.homing = False
         if _state(status) == "enabled":
             axis.node.write(CONTROLWORD, _HOLD)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Generic, TypeVar
+
+from pydantic import BaseModel
 
 from drivers.cia402 import CiA402Pair
 from drivers.watlow_f4t import WatlowF4T
@@ -79,3 +82,11 @@ def head(truth: dict[str, Any] | None = None, **options: Any) -> Simulated[CiA40
         return CiA402Pair("head", "sim://w/head", CiA402Pair.Options(**given), wires, world)
 
     return Simulated(make, twin, world, plant, log)
+
+
+def assert_documented(options: type[BaseModel]) -> None:
+    """docs/instruments.md lists every option with its default and meaning."""
+    text = (CONTRACTS.parent / "docs" / "instruments.md").read_text(encoding="utf-8")
+    for name, option in options.model_fields.items():
+        default = "required" if option.is_required() else f"`{json.dumps(option.default)}`"
+        assert f"| `{name}` | {default} | {option.description} |" in text

@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 import pytest
-from buses import EDS, Simulated, head
+from buses import EDS, Simulated, assert_documented, head
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
@@ -153,6 +153,21 @@ def test_another_controller_process_finds_the_axes_homed_and_power_loss_unhomes_
     states = bench.make().read()
     assert not any(state.homed or state.enabled for state in states.values())
     assert bench.plant.head.encoder_deg("pitch", bench.world.now()) == pytest.approx(20.0, abs=1e-4)
+
+
+def test_a_drive_that_does_not_tell_is_homed_in_every_session_and_after_every_loss_of_power() -> None:
+    bench = homed(homed_bit=0)
+    assert all(state.homed for state in bench.driver.read().values())
+    bench.driver.move({"pitch": 2.0})
+    until_still(bench)
+    second = bench.make()
+    second.prepare()
+    assert not second.read()["pitch"].homed
+    bench.twin.power_cycle()
+    assert not bench.driver.read()["pitch"].homed
+    bench.driver.prepare()
+    bench.driver.home()
+    assert until_still(bench)["pitch"].homed
 
 
 @settings(max_examples=20)
@@ -323,6 +338,10 @@ def test_a_node_on_two_instruments_is_refused() -> None:
 def test_options_are_strict(options: dict[str, object], message: str) -> None:
     with pytest.raises(ValidationError, match=message):
         CiA402Pair.Options.model_validate(options)
+
+
+def test_the_document_lists_every_option() -> None:
+    assert_documented(CiA402Pair.Options)
 
 
 # The twin alone, by the letters of CiA 402.

@@ -3,7 +3,7 @@
 import struct
 
 import pytest
-from buses import REGISTER_MAP, oven
+from buses import REGISTER_MAP, assert_documented, oven
 from pydantic import ValidationError
 from pymodbus.client import ModbusTcpClient
 
@@ -228,3 +228,7 @@ def test_settings_survive_a_power_cycle() -> None:
 def test_options_are_strict(options: dict[str, object], message: str) -> None:
     with pytest.raises(ValidationError, match=message):
         WatlowF4T.Options.model_validate(options)
+
+
+def test_the_document_lists_every_option() -> None:
+    assert_documented(WatlowF4T.Options)
