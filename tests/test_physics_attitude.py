@@ -94,7 +94,7 @@ def test_the_papers_pad_effect_is_a_compliance_of_about_a_thousandth_of_a_degree
 
 
 def test_within_30_degrees_the_pad_effect_still_shows_with_41_percent_of_its_amplitude() -> None:
-    """READING.md on row 28(b): 13 x 25 points within +-30 deg leave an rms of 0.41 of sin 2a cos R."""
+    """Table 2, row 28(b): 13 x 25 points within +-30 deg leave an rms of 0.41 of sin 2a cos R."""
     points = design(np.linspace(-30, 30, 13), np.linspace(-180, 180, 25))
     c = 1e-3
     pad = IsolationPad(pitch_compliance_deg_per_g=c)
@@ -120,7 +120,7 @@ def test_second_order_term_is_a_parabola_in_the_acceleration() -> None:
 
 
 def test_a_head_error_of_one_period_a_turn_at_phase_90_is_a_quadratic_and_at_phase_0_is_sin_2a() -> None:
-    """READING.md: what looks alike on the x model."""
+    """What looks alike on the x model: a head error and the sensor's own terms."""
     pitches = np.linspace(-180, 180, 73)
     for phase, shape in ((90.0, np.sin(np.radians(pitches)) ** 2), (0.0, np.sin(2 * np.radians(pitches)))):
         error = HeadError("pitch", 2.0, 1.0, phase)
