@@ -9,6 +9,7 @@ import sys
 import time
 from pathlib import Path
 
+import kills
 import pytest
 from dry import LAB
 from kills import judge, rig
@@ -18,7 +19,7 @@ SPEED = 400
 PROCEDURE = """
 kind = "pitch-roll"
 name = "live"
-replications = 3
+replications = 8
 [design]
 type = "T6"
 [settle]
@@ -56,6 +57,23 @@ def started(tmp_path, live):
     return process, Path(process.stdout.readline().strip())
 
 
+@pytest.fixture(autouse=True)
+def no_process_left_behind(monkeypatch):
+    """Whatever a test started ends with it, pipes closed."""
+    begun = []
+
+    def remembered(*arguments):
+        begun.append(kills.rig(*arguments))
+        return begun[-1]
+
+    monkeypatch.setitem(globals(), "rig", remembered)
+    yield
+    for process in begun:
+        if process.poll() is None:
+            process.kill()
+        process.communicate()
+
+
 def news(path):
     try:
         return json.loads(path.with_suffix(".live").read_text())
@@ -77,7 +95,7 @@ def test_killed_while_the_instruments_live_on(tmp_path, live):
     resumed = command("resume", path)
     assert resumed.returncode == 0, resumed.stderr
     tally = judge(path)
-    assert (tally.points, tally.lost, tally.duplicated, tally.wrong_side) == (18, 0, 0, 0)
+    assert (tally.points, tally.lost, tally.duplicated, tally.wrong_side) == (48, 0, 0, 0)
 
 
 def test_hold_release_and_stop_reach_a_running_controller(tmp_path, live):

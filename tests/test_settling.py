@@ -25,11 +25,12 @@ def test_a_quiet_value_settles_after_the_dwell_and_not_before():
     assert outcome_of([10.0] * 6).outcome == "settled"
 
 
-def test_one_spike_costs_its_own_time_twice_not_a_new_dwell():
+def test_one_spike_costs_three_samples_not_a_new_dwell():
+    """The way out is taken back, the spike's own step and the way in do not count."""
     values = [10.0] * 4 + [11.0] + [10.0] * 20
     settled = outcome_of(values)
     assert settled.outcome == "settled"
-    assert settled.evidence()["seconds"] == 5 + 2
+    assert settled.evidence()["seconds"] == 5 + 3
 
 
 def test_a_value_outside_its_band_times_out():

@@ -40,6 +40,7 @@ class Settling:
         self._started = started
         self._inside_s = 0.0
         self._last: float | None = None
+        self._was_inside = False
         self._samples: list[tuple[float, float]] = []
         self.outcome: Outcome = "waiting"
 
@@ -50,8 +51,11 @@ class Settling:
         c = self.criteria
         inside = abs(value - c.target) <= c.band
         step = 0.0 if self._last is None else now - self._last
-        self._inside_s = self._inside_s + step if inside else max(0.0, self._inside_s - step)
-        self._last = now
+        if not inside:
+            self._inside_s = max(0.0, self._inside_s - step)
+        elif self._was_inside:  # time on the way in does not count
+            self._inside_s += step
+        self._last, self._was_inside = now, inside
         self._samples.append((now - self._started, value))
         if inside and self._inside_s >= c.dwell_s and abs(self._slope()) <= c.drift_per_s:
             self.outcome = "settled"
