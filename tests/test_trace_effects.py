@@ -105,6 +105,7 @@ def test_entries_are_complete(effect):
     assert effect.usual_size
     assert set(effect.needs) <= set(PREREQUISITES)
     assert set(effect.known_aliases) <= {other.name for other in CATALOGUE} - {effect.name}
+    assert all(alias.when and alias.separate_by for alias in effect.known_aliases.values())
     assert hasattr(data, effect.against)
     names = [term.name for term in effect.terms(data)]
     assert names

@@ -3,7 +3,7 @@
 The order is the order in which equally good explanations are named: simplest and most usual cause first.
 """
 
-from fitter.effects.effect import Effect, Scene, Stratum, Term
+from fitter.effects.effect import Alias, Effect, Scene, Stratum, Term
 from fitter.effects.package import (
     BACKLASH_PITCH,
     BACKLASH_ROLL,
@@ -42,4 +42,4 @@ CATALOGUE: tuple[Effect, ...] = (
     CROSS_AXIS,
 )
 
-__all__ = ["CATALOGUE", "Effect", "Scene", "Stratum", "Term"]
+__all__ = ["CATALOGUE", "Alias", "Effect", "Scene", "Stratum", "Term"]

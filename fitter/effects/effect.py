@@ -107,6 +107,20 @@ class Term:
 
 
 @dataclass(frozen=True)
+class Alias:
+    """Another effect that looks alike.
+
+    Attributes:
+        when: on which designs, in which sensors.
+        separate_by: the measurement that would tell the two apart.
+
+    """
+
+    when: str
+    separate_by: str
+
+
+@dataclass(frozen=True)
 class Effect:
     """A catalogue entry. Adding an effect to the tracer is adding one of these.
 
@@ -120,9 +134,9 @@ class Effect:
         unit: of the reported coefficients.
         against: the field of `AttitudeData` its residual is best looked at against.
         terms: its columns, given the observations (an effect may have as many as there were interruptions).
-        separate_by: the measurement that would tell it from what looks alike.
+        separate_by: the measurement that would confirm it, or tell it from what is not among the known aliases.
         usual_size: what instruments of this kind show.
-        known_aliases: effects that look alike on common designs, and when.
+        known_aliases: effects that look alike on common designs.
         needs: what the observations must have: a key of `PREREQUISITES` each.
 
     """
@@ -136,7 +150,7 @@ class Effect:
     terms: Callable[[AttitudeData], tuple[Term, ...]]
     separate_by: str
     usual_size: str
-    known_aliases: Mapping[str, str]
+    known_aliases: Mapping[str, Alias]
     needs: tuple[str, ...] = ()
 
     def applies_to(self, data: AttitudeData) -> bool:

@@ -12,9 +12,19 @@ from collections.abc import Callable
 import numpy as np
 
 from fitter.arrays import FloatArray
-from fitter.effects.effect import Effect, Scene, Term, fixed
+from fitter.effects.effect import Alias, Effect, Scene, Term, fixed
 
 _DEGREE = np.radians(1.0)
+
+_BOTH_SIDES = "visit some points twice in one replication, once from each side"
+_OTHER_INDEX = (
+    "start the scale from another index, turned a quarter turn against the sensor: an error of the head moves"
+)
+_REVERSED = (
+    "mount the package reversed, turned half a turn about its own x axis: what a sag adds to the x output in sin 2a "
+    "changes sign, what the head adds does not"
+)
+_REMOUNTED = "remount the package turned by a known roll angle: an error of the head stays with the head"
 
 _PRODUCTS = {
     (0, 0): ("sin(pitch)^2", 1.0),
@@ -77,12 +87,18 @@ ISOLATION_PADS = Effect(
     against="pitch_deg",
     # about y first: the sag in the pitch plane that the paper shows, sin 2a cos R on an x sensor
     terms=fixed(*(_sag(about, along) for about in (1, 2, 0) for along in range(3))),
-    separate_by="mount the package reversed (turned half a turn about its own x axis): what sags with the package "
-    "keeps its sign in package axes, an error of the head does not",
+    separate_by="lock the pads and repeat a few points: the sag goes",
     usual_size="4e-4 deg",
     known_aliases={
-        "cross-axis": "for a sensor by itself: its products of two components of gravity are the same columns",
-        "head-once-per-turn": "without roll, exactly (sin 2a); with roll its cosine phase is two equal sags",
+        "cross-axis": Alias(
+            "always, if each sensor has the products of gravity's components that a sag would give it",
+            "lock the pads and repeat a few points: a sag goes, a sensor's own product stays",
+        ),
+        "head-once-per-turn": Alias(
+            "without roll, exactly (sin 2a); with roll its cosine phase is two equal sags",
+            _REVERSED,
+        ),
+        "sensor-third-order": Alias("without roll, within +-30 deg of pitch", "go beyond +-60 deg of pitch"),
     },
 )
 
@@ -94,9 +110,11 @@ BACKLASH_PITCH = Effect(
     unit="deg",
     against="pitch_deg",
     terms=fixed(_pitch_error("side/2", lambda scene: scene.data.pitch_side.astype(np.float64) / 2)),
-    separate_by="visit some points twice in one replication, once from each side",
+    separate_by=_BOTH_SIDES,
     usual_size="arc seconds, 1e-3 deg",
-    known_aliases={"offset-drift": "where direction alternates with the replication and there is no roll"},
+    known_aliases={
+        "offset-drift": Alias("where direction alternates with the replication and there is no roll", _BOTH_SIDES)
+    },
     needs=("pitch sides",),
 )
 
@@ -108,9 +126,9 @@ BACKLASH_ROLL = Effect(
     unit="deg",
     against="roll_deg",
     terms=fixed(_roll_error("side/2", lambda scene: scene.data.roll_side.astype(np.float64) / 2)),
-    separate_by="visit some points twice in one replication, once from each side",
+    separate_by=_BOTH_SIDES,
     usual_size="arc seconds, 1e-3 deg",
-    known_aliases={"roll-head-once-per-turn": "where every replication walks the same path"},
+    known_aliases={"roll-head-once-per-turn": Alias("where every replication walks the same path", _BOTH_SIDES)},
     needs=("roll sides",),
 )
 
@@ -128,8 +146,15 @@ HEAD_ONCE = Effect(
     separate_by="compare commands that share an attitude, (a, R) and (180 - a, R + 180), or two sensors on the head",
     usual_size="seconds of arc, 5e-4 deg",
     known_aliases={
-        "sensor-second-order": "the cosine phase, for an x sensor by itself",
-        "isolation-pad-deflection": "the sine phase without roll; the cosine phase is two equal sags",
+        "sensor-second-order": Alias(
+            "the cosine phase, for an x sensor by itself",
+            "mount the package end for end: a sensor's own square keeps its sign in the output, an error of the head "
+            "changes it with the slope",
+        ),
+        "isolation-pad-deflection": Alias(
+            "the sine phase without roll; the cosine phase is two equal sags",
+            f"{_REVERSED}; lock the pads",
+        ),
     },
 )
 
@@ -144,9 +169,9 @@ HEAD_TWICE = Effect(
         _pitch_error("sin(2*pitch)", lambda scene: np.sin(2 * scene.pitch)),
         _pitch_error("cos(2*pitch)", lambda scene: np.cos(2 * scene.pitch)),
     ),
-    separate_by="start the scale from another index, turned a quarter turn against the sensor",
+    separate_by=_OTHER_INDEX,
     usual_size="seconds of arc, 5e-4 deg",
-    known_aliases={"sensor-third-order": "the sine phase, for an x sensor by itself"},
+    known_aliases={"sensor-third-order": Alias("the sine phase, for an x sensor by itself", _OTHER_INDEX)},
 )
 
 ROLL_HEAD_ONCE = Effect(
@@ -160,9 +185,9 @@ ROLL_HEAD_ONCE = Effect(
         _roll_error("sin(roll)", lambda scene: np.sin(scene.rolled)),
         _roll_error("cos(roll)", lambda scene: np.cos(scene.rolled)),
     ),
-    separate_by="remount the package turned by a known roll angle",
+    separate_by=_REMOUNTED,
     usual_size="seconds of arc, 5e-4 deg",
-    known_aliases={"cross-axis": "for a y or z sensor near zero pitch"},
+    known_aliases={"cross-axis": Alias("for a y or z sensor near zero pitch", _REMOUNTED)},
     needs=("roll",),
 )
 
@@ -177,8 +202,8 @@ ROLL_HEAD_TWICE = Effect(
         _roll_error("sin(2*roll)", lambda scene: np.sin(2 * scene.rolled)),
         _roll_error("cos(2*roll)", lambda scene: np.cos(2 * scene.rolled)),
     ),
-    separate_by="remount the package turned by a known roll angle",
+    separate_by=_REMOUNTED,
     usual_size="seconds of arc, 5e-4 deg",
-    known_aliases={"sensor-third-order": "for a y or z sensor near zero pitch"},
+    known_aliases={"sensor-third-order": Alias("for a y or z sensor near zero pitch", _REMOUNTED)},
     needs=("roll",),
 )

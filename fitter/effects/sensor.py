@@ -6,8 +6,15 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.data import AttitudeData
-from fitter.effects.effect import Effect, Scene, Term, fixed
+from fitter.effects.effect import Alias, Effect, Scene, Term, fixed
 from fitter.effects.package import product_formula
+
+_ONE_WAY = "where the temperature went one way all night"
+_OTHER_TEMPERATURE = "repeat a few points at another enclosure temperature, at the same time of day"
+_END_FOR_END = (
+    "mount the package end for end: a sensor's own square keeps its sign in the output, an error of the head changes "
+    "it with the slope"
+)
 
 OFFSET_TEMPERATURE = Effect(
     name="offset-temperature",
@@ -17,9 +24,9 @@ OFFSET_TEMPERATURE = Effect(
     unit="V/degC",
     against="sensor_temperature_degC",
     terms=fixed(Term("temperature", lambda scene, _sensor: scene.warmth())),
-    separate_by="repeat a few points at another enclosure temperature, the time of day unchanged",
+    separate_by=_OTHER_TEMPERATURE,
     usual_size="5e-5 g/degC",
-    known_aliases={"offset-drift": "where the temperature went one way all night"},
+    known_aliases={"offset-drift": Alias(_ONE_WAY, _OTHER_TEMPERATURE)},
     needs=("temperature",),
 )
 
@@ -31,9 +38,9 @@ SENSITIVITY_TEMPERATURE = Effect(
     unit="V/g/degC",
     against="sensor_temperature_degC",
     terms=fixed(Term("temperature*gravity", lambda scene, sensor: scene.warmth() * scene.along(sensor))),
-    separate_by="repeat a few points at another enclosure temperature, the time of day unchanged",
+    separate_by=_OTHER_TEMPERATURE,
     usual_size="1e-4 of the sensitivity per degC",
-    known_aliases={"sensitivity-drift": "where the temperature went one way all night"},
+    known_aliases={"sensitivity-drift": Alias(_ONE_WAY, _OTHER_TEMPERATURE)},
     needs=("temperature",),
 )
 
@@ -47,7 +54,7 @@ OFFSET_DRIFT = Effect(
     terms=fixed(Term("time", lambda scene, _sensor: scene.hours())),
     separate_by="go on for some hours at constant temperature",
     usual_size="1e-5 g a day",
-    known_aliases={"offset-temperature": "where the temperature went one way all night"},
+    known_aliases={"offset-temperature": Alias(_ONE_WAY, _OTHER_TEMPERATURE)},
     needs=("time",),
 )
 
@@ -61,7 +68,7 @@ SENSITIVITY_DRIFT = Effect(
     terms=fixed(Term("time*gravity", lambda scene, sensor: scene.hours() * scene.along(sensor))),
     separate_by="go on for some hours at constant temperature",
     usual_size="1e-5 of the sensitivity a day",
-    known_aliases={"sensitivity-temperature": "where the temperature went one way all night"},
+    known_aliases={"sensitivity-temperature": Alias(_ONE_WAY, _OTHER_TEMPERATURE)},
     needs=("time",),
 )
 
@@ -84,7 +91,9 @@ OFFSET_STEP = Effect(
     terms=_steps,
     separate_by="repeat a few points of the earlier block",
     usual_size="whatever the interruption did",
-    known_aliases={"offset-drift": "where there are few points on one side"},
+    known_aliases={
+        "offset-drift": Alias("where there are few points on one side", "repeat points of the earlier block")
+    },
     needs=("blocks",),
 )
 
@@ -96,9 +105,9 @@ SECOND_ORDER = Effect(
     unit="V/g^2",
     against="pitch_deg",
     terms=fixed(Term("gravity^2", lambda scene, sensor: scene.along(sensor) ** 2)),
-    separate_by="mount the package reversed: the sensor's own square keeps its sign in package axes",
+    separate_by=_END_FOR_END,
     usual_size="2e-5 of the range",
-    known_aliases={"head-once-per-turn": "its cosine phase, for an x sensor by itself"},
+    known_aliases={"head-once-per-turn": Alias("its cosine phase, for an x sensor by itself", _END_FOR_END)},
 )
 
 THIRD_ORDER = Effect(
@@ -112,8 +121,11 @@ THIRD_ORDER = Effect(
     separate_by="go beyond +-60 deg of pitch, or compare two sensors of different axes on the same head",
     usual_size="2e-5 of the range",
     known_aliases={
-        "head-twice-per-turn": "its sine phase, for an x sensor by itself",
-        "isolation-pad-deflection": "within +-30 deg of pitch",
+        "head-twice-per-turn": Alias(
+            "its sine phase, for an x sensor by itself",
+            "start the head's scale from another index: an error of the head moves with it",
+        ),
+        "isolation-pad-deflection": Alias("without roll, within +-30 deg of pitch", "go beyond +-60 deg of pitch"),
     },
 )
 
@@ -145,6 +157,10 @@ CROSS_AXIS = Effect(
     terms=fixed(_cross(0, 1), _cross(0, 2), _cross(1, 2), _cross(1, 1)),
     separate_by="read a second sensor of the package: a package that turns moves all of them, a cross-axis term one",
     usual_size="2e-5 of the range",
-    known_aliases={"isolation-pad-deflection": "for a sensor by itself"},
+    known_aliases={
+        "isolation-pad-deflection": Alias(
+            "for a sensor by itself", "lock the pads and repeat a few points: a sag goes, a sensor's own product stays"
+        )
+    },
     needs=("roll",),
 )
