@@ -4,6 +4,7 @@
     python -m benchmarks.bench_fit demo     20 nights with isolation pads and a temperature coefficient nobody declared
     python -m benchmarks.bench_fit clean    100 runs of each kind in which nothing is missing
     python -m benchmarks.bench_fit noise    the same with replications that wander, shaking heads, missing points
+    python -m benchmarks.bench_fit delta    how often a true cause does not lead its alias class, by the width of the class
 
 The bench is the one of the fitter's tests (tests/attitude_truth.py), written from rotations.
 """
@@ -26,7 +27,7 @@ from attitude_truth import D1, Bench, Plan, Sensor, simulate, told_the_truth
 
 from fitter import attitude_columns, fit_attitude
 from fitter.attitude import fit_columns
-from fitter.trace import trace
+from fitter.trace import aliases, trace
 
 CLEAN = Bench()
 # sigma_prec 1.5e-4 deg; pads 4e-4 deg on x; temperature as row 28(a) to (b) of Table 2
@@ -91,6 +92,17 @@ def _error_ratio(data, clean, found, sensor):
     return traced / told
 
 
+def delta(seeds=120):
+    lost = Counter()
+    for seed in range(3000, 3000 + seeds):
+        data, _ = simulate(DEMO, D1(180, 13, 13), seed)
+        for width in (6.0, 9.0):
+            aliases.DELTA = width
+            lost[width] += not names(trace(data)) >= EXPECTED
+    for width, count in lost.items():
+        print(f"class {width:g} wide: a true cause not leading its class in {count} of {seeds} runs")
+
+
 def false_alarms(label, bench, plan, seeds=100, **options):
     runs, what = 0, Counter()
     for seed in range(seeds):
@@ -126,4 +138,4 @@ def noise():
 
 if __name__ == "__main__":
     for name in sys.argv[1:] or ["speed"]:
-        {"speed": speed, "demo": demo, "clean": clean, "noise": noise}[name]()
+        {"speed": speed, "demo": demo, "clean": clean, "noise": noise, "delta": delta}[name]()
