@@ -4,7 +4,7 @@
     python -m benchmarks.bench_fit demo     20 nights with isolation pads and a temperature coefficient nobody declared
     python -m benchmarks.bench_fit clean    100 runs of each kind in which nothing is missing
     python -m benchmarks.bench_fit noise    the same with replications that wander, shaking heads, missing points
-    python -m benchmarks.bench_fit delta    how often a true cause does not lead its alias class, by the width of the class
+    python -m benchmarks.bench_fit delta    how often a true cause does not lead its alias class, by its width
 
 The bench is the one of the fitter's tests (tests/attitude_truth.py), written from rotations.
 """
