@@ -37,7 +37,8 @@ def test_a_dry_run_measures_the_world_it_was_given(tmp_path):
     """A sensor without any effect reads offset plus sensitivity times gravity along its axis."""
     world = tmp_path / "world.toml"
     world.write_text(
-        "[sensors.x]\noffset_V = 0.5\nsensitivity_V_per_g = 2\nconing_deg = 0\nnoise_V = 0\n[lab]\ndaily_amplitude_degC = 0\n"
+        "[sensors.x]\noffset_V = 0.5\nsensitivity_V_per_g = 2\nconing_deg = 0\nnoise_V = 0\n"
+        "[lab]\ndaily_amplitude_degC = 0\n"
     )
     table = run_table(dry(tmp_path, world=world))
     gravity_along_x = np.sin(np.radians(table.columns["pitch_deg"]))
