@@ -90,7 +90,8 @@ def _read_csv(path: Path) -> Table:
         for column, cell in enumerate(row):
             values[at, column] = _number(path, number, names[column], cell)
     columns = {name: values[:, i].copy() for i, name in enumerate(names)}
-    return Table(str(path), columns, False, {"file": path.name})
+    simulated = bool(columns.get("simulated", np.zeros(1)).any())
+    return Table(str(path), columns, simulated, {"file": path.name, "simulated": simulated})
 
 
 def _number(path: Path, row: int, column: str, cell: str) -> float:
@@ -189,6 +190,8 @@ def run_table(path: Path, *, everything: bool = False) -> Table:
             row |= {"block": record.session, "run_index": record.run_index}
             if everything:
                 row["accepted"] = float(record.status == "accepted")
+            if genesis.data["simulated"]:
+                row["simulated"] = 1.0
             rows.append(row)
         _, head = reader.head()
     if not rows:

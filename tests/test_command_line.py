@@ -124,6 +124,9 @@ def test_simulated_is_said_wherever_a_simulated_run_is_shown(finished, tmp_path)
         assert done.returncode == 0, done.stderr
         assert "SIMULATED" in done.stdout
     assert "SIMULATED" in (tmp_path / "r.html").read_text()
+    assert rig("verify", finished, cwd=tmp_path).stdout.startswith("SIMULATED")
+    rig("export", finished, "--out", "data.csv", cwd=tmp_path)
+    assert rig("fit", "data.csv", cwd=tmp_path).stdout.startswith("SIMULATED")
 
 
 def test_an_edited_run_file_is_refused_by_resume_and_named_by_verify(tmp_path):

@@ -262,5 +262,6 @@ def verify(run_file: RunArgument) -> int:
     with RunReader.open(run_file) as reader:
         reader.verify()
         count, head = reader.head()
-    out.print(f"{run_file}: {count} records, chain unbroken, head {head.hex()}")
+        simulated = bool(reader.genesis().data["simulated"])
+    out.print(f"{mark(simulated)}{run_file}: {count} records, chain unbroken, head {head.hex()}")
     return ExitCode.DONE

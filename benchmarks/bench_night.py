@@ -1,0 +1,65 @@
+"""The example night through every byte of every protocol: seconds, exchanges, microseconds an exchange.
+
+    .venv/bin/python benchmarks/bench_night.py [--poll 0.1]
+
+A shorter poll makes more exchanges a point: 0.1 s gives well over a hundred.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import tempfile
+import time
+from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+from rig.controller import load_plan, start_run
+from rig.engine.session import Signals
+from rig.examples import example
+from rig.simulated import dry_run
+
+LAB = example("attitude-lab")
+
+
+def night(poll_s: float, *, counted: bool) -> tuple[float, int, int]:
+    """(seconds, questions and commands sent, points) of one dry run."""
+    sent = 0
+
+    def tap(_instrument: str, direction: str, _data: bytes) -> None:
+        nonlocal sent
+        sent += direction == "tx"
+
+    original = dry_run.DryBench.__init__
+    if counted:
+
+        def tapped(self, *args, **kwargs):
+            original(self, *args, **kwargs, tap=tap)
+
+        dry_run.DryBench.__init__ = tapped
+    try:
+        with tempfile.TemporaryDirectory(dir=Path.cwd()) as folder:
+            procedure = Path(folder) / "night.toml"
+            text = (LAB / "night.toml").read_text().replace("[settle]\n", f"[settle]\npoll_s = {poll_s}\n")
+            procedure.write_text(text)
+            plan = load_plan(procedure, LAB / "bench.toml", dry=True, world=LAB / "world.toml")
+            began = time.perf_counter()
+            start_run(plan, Path(folder), signals=Signals(), announce=lambda _: None, on_progress=lambda _: None)
+            return time.perf_counter() - began, sent, len(plan.run_list)
+    finally:
+        dry_run.DryBench.__init__ = original
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--poll", type=float, default=0.5, help="seconds between readbacks")
+    poll_s = parser.parse_args().poll
+    _, sent, points = night(poll_s, counted=True)
+    seconds = sorted(night(poll_s, counted=False)[0] for _ in range(3))[1]
+    print(f"{points} points, {sent / points:.0f} exchanges a point: {seconds:.2f} s (median of 3)")
+    print(f"{1e6 * seconds / sent:.1f} us an exchange, everything included (twins, physics, sequencer, run file)")
+
+
+if __name__ == "__main__":
+    main()
