@@ -8,15 +8,15 @@ from __future__ import annotations
 import csv
 import io
 import math
-import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
 from fitter import AttitudeData
+from rig.atomic import write_whole
 from rig.engine.chain import Record
 from rig.engine.run_file import RunReader
 from rig.errors import RunFileError, UsageError
@@ -234,16 +234,13 @@ def _all_names(rows: Iterable[Mapping[str, float]]) -> list[str]:
 
 def write_csv(columns: Mapping[str, Sequence[float] | np.ndarray[Any, Any]], path: Path) -> None:
     """Write a table whole or not at all. Raises `UsageError` if the disk refuses."""
-    temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")
-    try:
-        with temporary.open("w", encoding="utf-8", newline="") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(columns)
-            writer.writerows(_cells(columns))
-        os.replace(temporary, path)
-    except OSError as error:
-        temporary.unlink(missing_ok=True)
-        raise UsageError(f"{path} cannot be written: {error.strerror}; nothing is left behind") from error
+
+    def rows(file: IO[str]) -> None:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(columns)
+        writer.writerows(_cells(columns))
+
+    write_whole(path, rows)
 
 
 def _cells(columns: Mapping[str, Sequence[float] | np.ndarray[Any, Any]]) -> Iterator[list[str]]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,10 +10,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table as RichTable
 
+from rig.atomic import write_whole
 from rig.cli import app
 from rig.cli.run import JsonOption
 from rig.cli.show import err, mark, out, print_json
-from rig.errors import ExitCode, UsageError
+from rig.errors import ExitCode
 
 if TYPE_CHECKING:
     from rig.closed_loop import Traced
@@ -40,7 +40,7 @@ def fit(
     table = read_table(data)
     result = fit_table(table)
     if out_file is not None:
-        _write_json(out_file, result)
+        write_whole(out_file, lambda file: json.dump(result, file, indent=2, allow_nan=False))
     if as_json:
         print_json(result)
         return ExitCode.DONE
@@ -165,13 +165,3 @@ def export(
     write_csv(table.columns, out_file)
     err.print(f"{mark(table.simulated)}{out_file}: {len(table)} observations")
     return ExitCode.DONE
-
-
-def _write_json(path: Path, value: object) -> None:
-    temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")
-    try:
-        temporary.write_text(json.dumps(value, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-        os.replace(temporary, path)
-    except OSError as error:
-        temporary.unlink(missing_ok=True)
-        raise UsageError(f"{path} cannot be written: {error.strerror}; nothing is left behind") from error

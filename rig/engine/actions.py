@@ -147,25 +147,32 @@ class BenchActions:
 
     def settle(self, targets: Mapping[str, float], settings: SettleSettings) -> dict[str, Any]:
         """Wait until every axis has settled at its target; returns the evidence. Raises `NotSettled`."""
-        began = self._clock.now()
-        judges = {
-            axis: Settling(
-                Criteria(target, settings.band_deg, settings.dwell_s, settings.drift_deg_per_s, settings.timeout_s),
-                began,
-            )
+        criteria = {
+            axis: Criteria(target, settings.band_deg, settings.dwell_s, settings.drift_deg_per_s, settings.timeout_s)
             for axis, target in targets.items()
         }
+
+        def read() -> dict[str, float]:
+            return {axis: state.position_deg for axis, state in self.axes().items()}
+
+        return self._until_settled(criteria, read, settings.poll_s)
+
+    def _until_settled(
+        self, criteria: Mapping[str, Criteria], read: Callable[[], Mapping[str, float]], poll_s: float
+    ) -> dict[str, Any]:
+        began = self._clock.now()
+        judges = {name: Settling(c, began) for name, c in criteria.items()}
         while True:
-            states = self.axes()
+            values = read()
             now = self._clock.now()
-            outcomes = {axis: judge.add(now, states[axis].position_deg) for axis, judge in judges.items()}
+            outcomes = {name: judge.add(now, values[name]) for name, judge in judges.items()}
             if "waiting" not in outcomes.values():
                 break
-            self._wait(settings.poll_s)
-        evidence = {axis: judge.evidence() for axis, judge in judges.items()}
-        failed = [f"{axis} {outcome}" for axis, outcome in outcomes.items() if outcome != "settled"]
+            self._wait(poll_s)
+        evidence = {name: judge.evidence() for name, judge in judges.items()}
+        failed = [f"{name} {outcome}" for name, outcome in outcomes.items() if outcome != "settled"]
         if failed:
-            raise NotSettled(f"{', '.join(failed)} after {settings.timeout_s:g} s", evidence)
+            raise NotSettled(f"{', '.join(failed)} after {now - began:.0f} s", evidence)
         return evidence
 
     def measure(self, readings: int) -> Observation:
@@ -192,20 +199,11 @@ class BenchActions:
             settings.drift_degC_per_h / 3600.0,
             settings.timeout_s,
         )
-        began = self._clock.now()
-        judges = {name: Settling(criteria, began) for name in self._chambers}
-        while True:
-            states = self.environment()
-            now = self._clock.now()
-            outcomes = {name: judge.add(now, states[name]["temperature_degC"]) for name, judge in judges.items()}
-            if "waiting" not in outcomes.values():
-                break
-            self._wait(settings.poll_s)
-        evidence = {name: judge.evidence() for name, judge in judges.items()}
-        failed = [f"{name} {outcome}" for name, outcome in outcomes.items() if outcome != "settled"]
-        if failed:
-            raise NotSettled(f"{', '.join(failed)} after {settings.timeout_s:g} s", evidence)
-        return evidence
+
+        def read() -> dict[str, float]:
+            return {name: state["temperature_degC"] for name, state in self.environment().items()}
+
+        return self._until_settled(dict.fromkeys(self._chambers, criteria), read, settings.poll_s)
 
     def park(self, poll_s: float) -> None:
         """Drive every axis to 0 deg, or to the nearest angle the limits allow."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import jinja2
 import numpy as np
 
-from rig.errors import UsageError
+from rig.atomic import write_whole
 from rig.report.plots import Picture, residual_map, residuals_against
 from rig.report.story import story
 
@@ -40,13 +39,7 @@ def _template() -> jinja2.Template:
 def write_report(path: Path, traced: Traced) -> None:
     """Write a self-contained HTML report, whole or not at all. Raises `UsageError` if the disk refuses."""
     text = render(traced)
-    temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")
-    try:
-        temporary.write_text(text, encoding="utf-8")
-        os.replace(temporary, path)
-    except OSError as error:
-        temporary.unlink(missing_ok=True)
-        raise UsageError(f"{path} cannot be written: {error.strerror}; nothing is left behind") from error
+    write_whole(path, lambda file: file.write(text))
 
 
 def render(traced: Traced) -> str:

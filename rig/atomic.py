@@ -1,0 +1,31 @@
+"""Files that are either whole or not there."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import IO
+
+from rig.errors import UsageError
+
+
+def write_whole(path: Path, write: Callable[[IO[str]], object]) -> None:
+    """Write a text file under another name and rename it when it is complete.
+
+    Args:
+        path: the file to make or replace.
+        write: called with the open file.
+
+    Raises:
+        UsageError: the disk or the folder refuses; nothing is left behind and an older file stays as it was.
+
+    """
+    temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")
+    try:
+        with temporary.open("w", encoding="utf-8", newline="") as file:
+            write(file)
+        os.replace(temporary, path)
+    except OSError as error:
+        temporary.unlink(missing_ok=True)
+        raise UsageError(f"{path} cannot be written: {error.strerror}; nothing is left behind") from error
