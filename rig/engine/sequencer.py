@@ -7,23 +7,21 @@ of which nothing has been observed yet.
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from typing import Any
 
 from transitions import Machine
 
 from drivers.clock import Clock
-from drivers.errors import BadReply, DriverError, InstrumentError, NoReply, NotReady, Unreachable
+from drivers.errors import DriverError
 from procedures import PitchRollProcedure, Point, RunList
 from rig.bench import Bench, identities
 from rig.engine.actions import BenchActions, NotSettled
-from rig.engine.chain import Record, encode
 from rig.engine.guard import Guard
-from rig.engine.live import LiveState, Requests
-from rig.engine.measuring import Observation
-from rig.engine.motion import Leg, plan_legs, recovery_legs
+from rig.engine.journal import Journal, PointInHand
+from rig.engine.live import Requests
+from rig.engine.motion import plan_legs, recovery_legs
+from rig.engine.policies import OverloadedError, policy_for
 from rig.engine.run_file import RunWriter
 from rig.engine.session import Outcome, Progress, Session, Signals
 from rig.engine.state import RunState
@@ -41,25 +39,6 @@ class _HoldRequested(Exception):
 
 class _StopRequested(Exception):
     pass
-
-
-class OverloadedError(Exception):
-    """A reading was out of the instrument's range."""
-
-
-@dataclass
-class _AtPoint:
-    """What is known about the point being worked on."""
-
-    point: Point
-    attempt: int
-    legs: list[Leg]
-    settling: dict[str, Any] = field(default_factory=dict)
-    observation: Observation | None = None
-    measured_s: tuple[float, float] = (0.0, 0.0)
-    failures: int = 0
-    repeats: int = 0
-    rejected: list[dict[str, Any]] = field(default_factory=list)
 
 
 class Sequencer:
@@ -91,23 +70,18 @@ class Sequencer:
         signals: Signals,
         on_progress: Callable[[Progress], None],
     ) -> None:
-        self._bench, self._run, self._fold = bench, run, state
+        self._bench, self._path = bench, run.path
         self._run_list, self._procedure = run_list, procedure
         self._clock, self._session, self._signals = clock, session, signals
-        self._on_progress = on_progress
+        self._journal = Journal(run, state, clock, session, on_progress)
         self._guard = Guard(bench.config.limits)
         self._do = BenchActions(bench, self._guard, clock, self._wait)
-        self._live = LiveState(run.path, clock.stopwatch)
         self._requests = Requests(run.path, session.number, clock.stopwatch)
-        self._acknowledged = ""
         self._queue = [p for p in run_list.points if p.index not in state.accepted and p.index not in state.skipped]
         self._queue.reverse()  # the next point is popped from the end
         self._deferred: list[Point] = []
         self._put_off = set(state.put_off)
-        self._at: _AtPoint | None = None
-        self._message = ""
-        self._pace: deque[float] = deque(maxlen=200)
-        self._point_s: float | None = None
+        self._released = False
         self._outcome: Outcome | None = None
         self._needs_set_up = True
         self._machine = Machine(
@@ -142,26 +116,27 @@ class Sequencer:
     @property
     def message(self) -> str:
         """What is going on; after the end, what there is to say about it."""
-        return self._message
+        return self._journal.message
 
     # --- the loop -------------------------------------------------------------------------------------------
 
     def run(self) -> Outcome:
         """Work until done, stopped, interrupted or faulted. The bench is safe whatever the answer is."""
         try:
-            self._open_session()
+            self._journal.open()
             while self.state not in FINAL:
                 trigger = self._next_trigger()
                 if trigger is None:
                     break
                 self._machine.trigger(trigger)
-                self._tell()
+                self._journal.state = self.state
+                self._journal.tell()
             return self._outcome or Outcome.FAULT
         except BaseException:
             self._bench.make_safe()  # an error nobody foresaw: safe state first, then the traceback
             raise
         finally:
-            self._live.remove()
+            self._journal.close()
 
     def _next_trigger(self) -> str | None:
         """The trigger that follows; None to leave the loop where it is, for a later resume."""
@@ -175,7 +150,7 @@ class Sequencer:
             except _StopRequested:
                 self._outcome = Outcome.STOPPED
                 self._do.stop_motion()
-                self._note("stop")
+                self._journal.write("stop")
                 return "park"
             except (NotSettled, OverloadedError, DriverError) as error:
                 return self._decide(error)
@@ -184,10 +159,7 @@ class Sequencer:
         except (NotSettled, OverloadedError, DriverError, RigError) as error:
             return self._give_up(str(error))
 
-    # --- time, news, requests -------------------------------------------------------------------------------
-
-    def _elapsed(self) -> float:
-        return self._clock.now() - self._session.elapsed_origin
+    # --- waiting, signals, requests -------------------------------------------------------------------------------
 
     def _wait(self, seconds: float) -> None:
         """Let bench time pass in slices, looking up between them."""
@@ -203,83 +175,13 @@ class Sequencer:
             raise _Interrupted
         request = self._requests.poll()
         if request is not None and self.state != State.PARKING:
-            self._acknowledged = request.request_id
-            self._tell(now=True)
+            self._journal.acknowledge(request.request_id)
             if request.verb == "stop":
                 raise _StopRequested
             if request.verb == "hold" and self.state != State.HOLDING:
                 raise _HoldRequested
-            if request.verb == "release" and self.state == State.HOLDING:
-                self._message = "released"
-        self._tell()
-
-    def _tell(self, *, now: bool = False) -> None:
-        self._live.publish(self._live_content, now=now)
-        self._on_progress(self._progress())
-
-    def _progress(self) -> Progress:
-        fold = self._fold
-        remaining = None if self._point_s is None else fold.remaining * self._point_s
-        done = len(fold.accepted) + len(fold.skipped)
-        return Progress(str(self.state), done, fold.points, self._elapsed(), remaining, self._message)
-
-    def _live_content(self) -> dict[str, Any]:
-        p = self._progress()
-        return {
-            "run_id": self._fold.run_id,
-            "simulated": self._fold.simulated,
-            "session": self._session.number,
-            "pid": self._session.about["pid"],
-            "acknowledged": self._acknowledged,
-            "state": p.state,
-            "message": p.message,
-            "done": p.done,
-            "points": p.total,
-            "elapsed_s": round(p.elapsed_s, 3),
-            "remaining_s": None if p.remaining_s is None else round(p.remaining_s, 1),
-            "utc_s": round(self._clock.utc(), 3),
-            "point": None if self._at is None else self._at.point.index,
-        }
-
-    # --- records --------------------------------------------------------------------------------------------
-
-    def _record(
-        self, kind: str, body: Mapping[str, Any], *, status: str | None = None, at_point: bool = False
-    ) -> Record:
-        at = self._at if at_point else None
-        return Record(
-            self._session.number,
-            kind,
-            self._elapsed(),
-            self._clock.utc(),
-            at.point.index if at else None,
-            at.point.whole_plot if at else None,
-            at.attempt if at else None,
-            status,
-            encode(body),
-        )
-
-    def _note(self, kind: str, body: Mapping[str, Any] | None = None, *, status: str | None = None) -> None:
-        self._write(self._record(kind, body or {}, status=status, at_point=self._at is not None))
-
-    def _write(self, record: Record, *, commit: bool = True) -> None:
-        self._run.append(record, commit=commit)
-        self._fold.add(record)
-
-    def _open_session(self) -> None:
-        s = self._session
-        dropped = self._run.dropped
-        body = {
-            **s.about,
-            "clock_s": self._clock.now(),
-            "elapsed_s": self._elapsed(),
-            "gap_s": s.gap_s,
-            "gap_certain": s.gap_certain,
-            "wal_frames_dropped": dropped.dropped,
-            "wal_commits_lost": dropped.lost_commits,
-            "wal_damage": dropped.damage,
-        }
-        self._write(self._record("session", body))
+            self._released = request.verb == "release"
+        self._journal.tell()
 
     # --- handlers, one a state ------------------------------------------------------------------------------
 
@@ -288,7 +190,7 @@ class Sequencer:
         self._compare_identities(found)
         self._do.stop_motion()
         as_found = self._do.readback()
-        self._write(self._record("event", as_found, status="as-found"))
+        self._journal.write("event", as_found, status="as-found")
         self._guard.check_run_list(self._run_list, self._bench.head.axes())
         if not self._queue:
             return "park"
@@ -300,7 +202,7 @@ class Sequencer:
 
     def _compare_identities(self, found: Mapping[str, dict[str, Any]]) -> None:
         for name, now in found.items():
-            before = self._fold.identities.get(name)
+            before = self._journal.fold.identities.get(name)
             same = before is not None and all(before[key] == now[key] for key in ("maker", "model", "serial", "asset"))
             if same:
                 continue
@@ -308,10 +210,9 @@ class Sequencer:
                 raise BenchFault(
                     f"{name} is another instrument than before (was {_who(before)}; is {_who(now)}). Connect the first "
                     f"one, or accept the new one as a new block of the data: "
-                    f"rig resume {self._run.path} --accept {name}"
+                    f"rig resume {self._path} --accept {name}"
                 )
-            body = {**now, "replaces": before}
-            self._write(self._record("identity", body, status=name))
+            self._journal.write("identity", {**now, "replaces": before}, status=name)
 
     def _environment_stands(self, as_found: Mapping[str, Any]) -> bool:
         wanted = self._procedure.environment
@@ -325,12 +226,12 @@ class Sequencer:
     def _preparing(self) -> str:
         self._set_up()
         if self._do.home(self._procedure.settle.poll_s):
-            self._note("event", status="homed")
+            self._journal.write("event", status="homed")
         if self._procedure.environment is not None:
-            self._message = "environment settling"
+            self._journal.message = "environment settling"
             evidence = self._do.prepare_environment(self._procedure.environment)
-            self._note("event", evidence, status="environment-settled")
-            self._message = ""
+            self._journal.write("event", evidence, status="environment-settled")
+            self._journal.message = ""
         return "recover"
 
     def _set_up(self) -> None:
@@ -340,50 +241,47 @@ class Sequencer:
 
     def _recovering(self) -> str:
         self._set_up()
-        if self._at is None and not self._choose():
+        at = self._journal.at or self._choose()
+        if at is None:
             return "park"
-        assert self._at is not None
-        at = self._at
         index = at.point.index
         before = self._run_list.points[index - 1] if index else None
         at.legs = recovery_legs(self._run_list.factors, at.point, before)
         at.repeats = 0
         return "move"
 
-    def _choose(self) -> bool:
-        """Take up the next point; False if there is none left."""
+    def _choose(self) -> PointInHand | None:
+        """Take up the next point; None if there is none left."""
         if not self._queue and self._deferred:
             self._queue, self._deferred = self._deferred[::-1], []
-        if not self._queue:
-            self._at = None
-            return False
-        point = self._queue.pop()
-        self._at = _AtPoint(point, self._fold.attempts.get(point.index, 0) + 1, [])
-        self._started_s = self._elapsed()
-        return True
+        self._journal.take_up(self._queue.pop() if self._queue else None)
+        return self._journal.at
+
+    @property
+    def _at(self) -> PointInHand:
+        """The point in hand, in states that have one."""
+        assert self._journal.at is not None
+        return self._journal.at
 
     def _moving(self) -> str:
-        assert self._at is not None
         self._do.go(self._at.legs, self._procedure.settle.poll_s)
         return "settle"
 
     def _settling(self) -> str:
-        assert self._at is not None
         at = self._at
         targets = {f.axis: v for f, v in zip(self._run_list.factors, at.point.setpoints, strict=True)}
         at.settling = self._do.settle(targets, self._procedure.settle)
         return "measure"
 
     def _measuring(self) -> str:
-        assert self._at is not None
         at, settings = self._at, self._procedure.measure
-        began = self._elapsed()
+        began = self._journal.elapsed()
         observation = self._do.measure(settings.readings)
-        at.measured_s = (began, self._elapsed())
+        at.measured_s = (began, self._journal.elapsed())
         at.observation = observation
         overloaded = observation.overloaded()
         if overloaded:
-            self._write(self._record("observation", observation.as_json(), status="rejected", at_point=True))
+            self._journal.write("observation", observation.as_json(), status="rejected")
             raise OverloadedError(f"{', '.join(overloaded)} out of range at point {at.point.index}")
         name, sd = observation.noisiest()
         if settings.max_sd_V is not None and sd > settings.max_sd_V:
@@ -395,7 +293,6 @@ class Sequencer:
         return "record"
 
     def _recording(self) -> str:
-        assert self._at is not None
         at = self._at
         assert at.observation is not None
         after = {axis: state.position_deg for axis, state in self._do.axes().items()}
@@ -410,16 +307,16 @@ class Sequencer:
         }
         if at.rejected:
             body["rejected"] = at.rejected
-        self._write(self._record("observation", body, status="accepted", at_point=True))
-        self._pace.append(self._elapsed() - self._started_s)
-        self._point_s = sum(self._pace) / len(self._pace)
-        if not self._choose():
+        self._journal.write("observation", body, status="accepted")
+        self._journal.point_observed()
+        following = self._choose()
+        if following is None:
             return "park"
         band = self._procedure.settle.band_deg
-        self._at.legs = plan_legs(self._run_list.factors, self._at.point, after, self._do.arrivals, band)
+        following.legs = plan_legs(self._run_list.factors, following.point, after, self._do.arrivals, band)
         return "move"
 
-    def _assert_undisturbed(self, at: _AtPoint, after: Mapping[str, float]) -> None:
+    def _assert_undisturbed(self, at: PointInHand, after: Mapping[str, float]) -> None:
         """An observation counts only where it was planned, reached as planned, and not left meanwhile."""
         band = self._procedure.settle.band_deg
         for factor, target, side in zip(self._run_list.factors, at.point.setpoints, at.point.sides, strict=True):
@@ -430,16 +327,17 @@ class Sequencer:
                 raise NotSettled(f"{factor.axis} left its band while it was measured", at.settling)
 
     def _holding(self) -> str:
-        self._message = "held; release it with `rig release`"
+        self._journal.message = "held; release it with `rig release`"
+        self._released = False
         limit = self._clock.now() + self._procedure.recovery.hold_max_s
-        while self._message != "released":
-            self._look_up()
+        while not self._released:
             self._do.look_around()
             self._clock.idle(1.0)
+            self._look_up()
             if self._clock.now() > limit:
                 raise BenchFault(f"held for {self._procedure.recovery.hold_max_s / 3600:g} h and nobody released it")
-        self._message = ""
-        self._note("release")
+        self._journal.message = ""
+        self._journal.write("release")
         return "recover"
 
     def _parking(self) -> str:
@@ -450,70 +348,57 @@ class Sequencer:
             raise BenchFault("parked, but not everything could be brought to its safe state: " + "; ".join(unsafe))
         if self._outcome is None:
             self._outcome = Outcome.COMPLETE
-            fold = self._fold
-            body = {"accepted": len(fold.accepted), "skipped": {str(i): why for i, why in fold.skipped.items()}}
-            end = self._record("end", body, status="complete")
-            self._run.finish(end)
-            self._fold.add(end)
+            fold = self._journal.fold
+            skipped = {str(index): why for index, why in fold.skipped.items()}
+            self._journal.finish({"accepted": len(fold.accepted), "skipped": skipped})
         else:
-            self._note("event", status="parked")
+            self._journal.write("event", status="parked")
         return "finish"
 
     # --- what may go wrong ----------------------------------------------------------------------------------
 
     def _decide(self, error: Exception) -> str:
         """Policy for an error at a point; anywhere else, and for errors no policy covers, it is a fault."""
-        at = self._at
-        policy = self._policy(error)
+        at = self._journal.at
+        policy = policy_for(error, self._procedure.faults)
         if at is None or policy is None or self.state not in AT_POINT:
             raise error
         self._needs_set_up = isinstance(error, DriverError)
         at.failures += 1
         decision = "retry" if at.failures <= self._procedure.faults.retries else policy
         body = {"message": str(error), "evidence": getattr(error, "evidence", {}), "error": type(error).__name__}
-        self._write(self._record("fault", body, status=decision, at_point=True))
+        self._journal.write("fault", body, status=decision)
         if decision == "abort":
             return self._give_up(str(error), recorded=False)
         self._do.stop_motion()
         at.attempt += 1
-        self._message = f"point {at.point.index}, {decision}: {error}"
+        self._journal.message = f"point {at.point.index}, {decision}: {error}"
         if decision == "hold":
             return self._begin_hold(str(error))
         if decision == "skip":
             self._skip(at, str(error))
         return decision
 
-    def _policy(self, error: Exception) -> str | None:
-        """What the procedure says about errors of this kind; None if it has no say."""
-        faults = self._procedure.faults
-        policies: tuple[tuple[tuple[type[Exception], ...], str], ...] = (
-            ((NotSettled,), faults.not_settled),
-            ((OverloadedError,), faults.overload),
-            ((NoReply, BadReply, Unreachable), faults.no_reply),
-            ((InstrumentError, NotReady), faults.instrument_error),
-        )
-        return next((policy for kinds, policy in policies if isinstance(error, kinds)), None)
-
-    def _skip(self, at: _AtPoint, reason: str) -> None:
+    def _skip(self, at: PointInHand, reason: str) -> None:
         again = at.point.index not in self._put_off
         status = "later" if again else "final"
-        self._write(self._record("skip", {"reason": reason}, status=status, at_point=True))
+        self._journal.write("skip", {"reason": reason}, status=status)
         if again:
             self._put_off.add(at.point.index)
             self._deferred.append(at.point)
-        self._at = None
+        self._journal.take_up(None)
 
     def _begin_hold(self, why: str) -> str:
         if self.state == State.HOLDING:
             return "recover"
         self._do.stop_motion()
-        self._note("hold", {"why": why})
+        self._journal.write("hold", {"why": why})
         return "hold"
 
     def _interrupted(self) -> str | None:
         """A signal: stop motion, record it, and leave the run for `rig resume`."""
         self._do.stop_motion()
-        self._note("event", {"signal": self._signals.interrupt}, status="interrupted")
+        self._journal.write("event", {"signal": self._signals.interrupt}, status="interrupted")
         self._outcome = Outcome.INTERRUPTED
         return None
 
@@ -521,15 +406,14 @@ class Sequencer:
         """Safe state first, then say why."""
         unsafe = self._bench.make_safe()
         self._outcome = Outcome.FAULT
-        self._message = message
         if unsafe:
-            self._message += "\nNOT everything could be brought to its safe state: " + "; ".join(unsafe)
+            message += "\nNOT everything could be brought to its safe state: " + "; ".join(unsafe)
         if recorded:
-            body = {"message": self._message, "state": str(self.state)}
             try:
-                self._note("fault", body, status="abort")
+                self._journal.write("fault", {"message": message, "state": str(self.state)}, status="abort")
             except StorageError as error:
-                self._message += f"\n{error}"
+                message += f"\n{error}"
+        self._journal.message = message
         return "fault"
 
 

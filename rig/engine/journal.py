@@ -1,0 +1,177 @@
+"""The journal of a session: what is written down, and what is told to whoever watches."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from drivers.clock import Clock
+from procedures import Point
+from rig.engine.chain import Record, encode
+from rig.engine.live import LiveState
+from rig.engine.measuring import Observation
+from rig.engine.motion import Leg
+from rig.engine.run_file import RunWriter
+from rig.engine.session import Progress, Session
+from rig.engine.state import RunState
+from rig.engine.states import State
+
+
+@dataclass
+class PointInHand:
+    """What is known of the point being worked on.
+
+    Attributes:
+        point: from the run list.
+        attempt: counted over all sessions, from 1.
+        legs: the way there.
+        settling: evidence that the axes settled.
+        observation: what was read.
+        measured_s: elapsed time when the readings began and ended.
+        failures: attempts that failed in this session.
+        repeats: how often it was read again for being noisy.
+        rejected: readings that were too noisy.
+
+    """
+
+    point: Point
+    attempt: int
+    legs: list[Leg] = field(default_factory=list)
+    settling: dict[str, Any] = field(default_factory=dict)
+    observation: Observation | None = None
+    measured_s: tuple[float, float] = (0.0, 0.0)
+    failures: int = 0
+    repeats: int = 0
+    rejected: list[dict[str, Any]] = field(default_factory=list)
+
+
+class Journal:
+    """Writes records, keeps the fold of them up to date, and spreads the news.
+
+    Args:
+        run: the run file, locked for writing.
+        fold: what it says so far; brought up to date with every record.
+        clock: bench time.
+        session: this start of the controller.
+        on_progress: called with news, often.
+
+    Attributes:
+        state: where the sequencer is.
+        at: the point in hand, if any; records about it name it.
+        message: what is going on, "" if the state says it.
+
+    """
+
+    def __init__(
+        self, run: RunWriter, fold: RunState, clock: Clock, session: Session, on_progress: Callable[[Progress], None]
+    ) -> None:
+        self.fold = fold
+        self.state = State.READY
+        self.at: PointInHand | None = None
+        self.message = ""
+        self._run = run
+        self._clock = clock
+        self._session = session
+        self._on_progress = on_progress
+        self._live = LiveState(run.path, clock.stopwatch)
+        self._acknowledged = ""
+        self._taken_up_s = 0.0
+        self._pace: deque[float] = deque(maxlen=200)
+        self._point_s: float | None = None
+
+    def elapsed(self) -> float:
+        """Bench seconds since the run was created."""
+        return self._clock.now() - self._session.elapsed_origin
+
+    def open(self) -> None:
+        """Write the session's own record: who, when, after which gap, and what the log had lost."""
+        session, dropped = self._session, self._run.dropped
+        self.write(
+            "session",
+            {
+                **session.about,
+                "clock_s": self._clock.now(),
+                "elapsed_s": self.elapsed(),
+                "gap_s": session.gap_s,
+                "gap_certain": session.gap_certain,
+                "wal_frames_dropped": dropped.dropped,
+                "wal_commits_lost": dropped.lost_commits,
+                "wal_damage": dropped.damage,
+            },
+        )
+
+    def write(self, kind: str, body: Mapping[str, Any] | None = None, *, status: str | None = None) -> None:
+        """Make a record durable; it names the point in hand. Raises `StorageError`."""
+        record = self._record(kind, body or {}, status)
+        self._run.append(record)
+        self.fold.add(record)
+
+    def finish(self, body: Mapping[str, Any]) -> None:
+        """Write the end record and close the run file for good. Raises `StorageError`."""
+        record = self._record("end", body, "complete")
+        self._run.finish(record)
+        self.fold.add(record)
+
+    def _record(self, kind: str, body: Mapping[str, Any], status: str | None) -> Record:
+        at = self.at
+        return Record(
+            self._session.number,
+            kind,
+            self.elapsed(),
+            self._clock.utc(),
+            at.point.index if at else None,
+            at.point.whole_plot if at else None,
+            at.attempt if at else None,
+            status,
+            encode(body),
+        )
+
+    def take_up(self, point: Point | None) -> None:
+        """Have a point in hand from now on, or none."""
+        self._taken_up_s = self.elapsed()
+        self.at = None if point is None else PointInHand(point, self.fold.attempts.get(point.index, 0) + 1)
+
+    def point_observed(self) -> None:
+        """The point in hand is done: what it took tells how long the rest will take."""
+        self._pace.append(self.elapsed() - self._taken_up_s)
+        self._point_s = sum(self._pace) / len(self._pace)
+
+    def acknowledge(self, request_id: str) -> None:
+        """Tell at once that a person's request has been seen."""
+        self._acknowledged = request_id
+        self.tell(now=True)
+
+    def tell(self, *, now: bool = False) -> None:
+        """Spread the news."""
+        self._live.publish(self._live_content, now=now)
+        self._on_progress(self._progress())
+
+    def close(self) -> None:
+        """Take the live state away at the end of the session."""
+        self._live.remove()
+
+    def _progress(self) -> Progress:
+        fold = self.fold
+        remaining = None if self._point_s is None else fold.remaining * self._point_s
+        done = len(fold.accepted) + len(fold.skipped)
+        return Progress(self.state, done, fold.points, self.elapsed(), remaining, self.message)
+
+    def _live_content(self) -> dict[str, Any]:
+        p = self._progress()
+        return {
+            "run_id": self.fold.run_id,
+            "simulated": self.fold.simulated,
+            "session": self._session.number,
+            "pid": self._session.about["pid"],
+            "acknowledged": self._acknowledged,
+            "state": p.state,
+            "message": p.message,
+            "done": p.done,
+            "points": p.total,
+            "elapsed_s": round(p.elapsed_s, 3),
+            "remaining_s": None if p.remaining_s is None else round(p.remaining_s, 1),
+            "utc_s": round(self._clock.utc(), 3),
+            "point": None if self.at is None else self.at.point.index,
+        }
