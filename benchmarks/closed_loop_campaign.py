@@ -45,9 +45,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("what", choices=("hidden", "clean"))
     parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--first", type=int, default=1, help="first seed")
     asked = parser.parse_args()
     named = extra = 0
-    for seed in range(1, asked.seeds + 1):
+    for seed in range(asked.first, asked.first + asked.seeds):
         effects = found(seed, hidden=asked.what == "hidden")
         every = set().union(*effects.values())
         named += every >= HIDDEN
