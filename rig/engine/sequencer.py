@@ -163,7 +163,6 @@ class Sequencer:
 
     def _wait(self, seconds: float) -> None:
         """Let bench time pass in slices, looking up between them."""
-        self._look_up()
         end = self._clock.now() + seconds
         while (left := end - self._clock.now()) > 1e-9:
             self._clock.sleep(min(left, 5.0))
