@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
-from rich.console import Console
-from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn
+from rich.console import Console, RenderableType
+from rich.progress import BarColumn, Progress, TextColumn
 from rich.text import Text
 
 from rig.engine.session import Progress as News
@@ -49,43 +49,55 @@ def mark(simulated: bool) -> str:
     return "[bold magenta]SIMULATED[/] " if simulated else ""
 
 
-class _BenchTime(ProgressColumn):
-    def render(self, task: Task) -> Text:
-        """Elapsed and remaining bench time."""
-        left = task.fields.get("left")
-        text = f"{duration(task.fields.get('spent', 0.0))} of bench time"
-        return Text(text + (f", {duration(left)} left" if left is not None else ""))
+class _Bar(Progress):
+    """Two lines that never wrap: state, bar, points and time left; below them bench time and what is going on."""
+
+    def get_renderables(self) -> Iterable[RenderableType]:
+        for task in self.tasks:
+            yield self.make_tasks_table([task])
+            words = Text(f"  {duration(task.fields['spent'])} of bench time", no_wrap=True, overflow="ellipsis")
+            if task.fields["message"]:
+                words.append(f"  {task.fields['message']}", "yellow")
+            yield words
 
 
 @contextmanager
-def run_progress(*, simulated: bool) -> Iterator[Any]:
-    """A progress bar on stderr fed by the sequencer's news; plain lines where stderr is no terminal."""
+def run_progress(*, simulated: bool) -> Iterator[Callable[[News], None]]:
+    """What to call with the sequencer's news: a progress bar on stderr, plain lines where that is no terminal.
+
+    The bar appears with the first news and not before. By then the run file's path stands on stdout, on a line of
+    its own, although the bar is drawn on the same terminal.
+    """
     if not err.is_terminal:
         yield _PlainProgress(simulated).show
         return
     columns = (
         TextColumn(f"{mark(simulated)}{{task.fields[state]:<10}}"),
-        BarColumn(),
+        BarColumn(bar_width=None),
         TextColumn("{task.completed}/{task.total} points"),
-        _BenchTime(),
-        TextColumn("[yellow]{task.fields[message]}"),
+        TextColumn("{task.fields[left]}"),
     )
     # Redirecting would send the run file's path, our one line on stdout, to stderr with the bar.
-    with Progress(*columns, console=err, refresh_per_second=5, redirect_stdout=False, redirect_stderr=False) as bar:
-        task = bar.add_task("run", total=1, state="starting", message="", spent=0.0, left=None)
+    bar = _Bar(*columns, console=err, refresh_per_second=5, redirect_stdout=False, redirect_stderr=False, expand=True)
 
-        def show(news: News) -> None:
-            bar.update(
-                task,
-                completed=news.done,
-                total=news.total,
-                state=news.state,
-                message=news.message,
-                spent=news.elapsed_s,
-                left=news.remaining_s,
-            )
+    def show(news: News) -> None:
+        fields: dict[str, Any] = {
+            "completed": news.done,
+            "total": news.total,
+            "state": news.state,
+            "message": news.message,
+            "spent": news.elapsed_s,
+            "left": "" if news.remaining_s is None else f"{duration(news.remaining_s)} left",
+        }
+        if not bar.tasks:
+            bar.add_task("run", **fields)
+            bar.start()
+        bar.update(bar.tasks[0].id, **fields)
 
+    try:
         yield show
+    finally:
+        bar.stop()
 
 
 class _PlainProgress:
