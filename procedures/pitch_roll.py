@@ -1,6 +1,6 @@
 """The pitch-roll procedure: `procedure.toml` with `kind = "pitch-roll"`, checked and expanded to a run list.
 
-Field by field this is also the reference of the file format: `docs/procedures.md` is made from it.
+Field by field this is also the reference of the file format: `docs/files.md` is made from it.
 """
 
 from __future__ import annotations

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import difflib
 import fcntl
 import hashlib
 import os
@@ -12,7 +13,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar, cast
 
 from pydantic import BaseModel
 
@@ -59,7 +60,24 @@ def check_options(config: BenchConfig, where: str) -> dict[str, BaseModel]:
             raise ConfigurationError(f"{where}: instruments.{name}: {error}") from None
         options = with_contracts(instrument.driver, instrument.options)
         checked[name] = validated(cls.Options, options, f"{where}: instruments.{name}")
+    _check_limit_names(config, where)
     return checked
+
+
+def playing(config: BenchConfig, role: type[Any]) -> list[str]:
+    """Names of the instruments whose drivers play a role."""
+    return [n for n, i in config.instruments.items() if issubclass(cast(type, driver_class(i.driver)), role)]
+
+
+def _check_limit_names(config: BenchConfig, where: str) -> None:
+    """A limit nobody knows would protect nothing."""
+    axes = ["pitch_deg", "roll_deg"] if playing(config, Head) else []
+    known = [*axes, *(f"{name}_degC" for name in playing(config, Chamber))]
+    for name in config.limits:
+        if name not in known:
+            near = difflib.get_close_matches(name, known, n=1)
+            hint = f"did you mean {near[0]}?" if near else f"on this bench there are {', '.join(known)}"
+            raise ConfigurationError(f"{where}: limits.{name} limits nothing: {hint}")
 
 
 @dataclass

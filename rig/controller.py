@@ -19,9 +19,10 @@ from typing import Any
 
 from drivers.clock import Clock, RealClock, ScaledClock, boot_id
 from drivers.errors import DriverError
+from drivers.roles import Chamber
 from procedures import PitchRollProcedure, RunList
 from rig import __version__
-from rig.bench import Bench, check_options, identities, locked_addresses, open_bench
+from rig.bench import Bench, check_options, identities, locked_addresses, open_bench, playing
 from rig.config import BenchConfig, parse_bench, parse_procedure, parse_toml, read_text
 from rig.engine.guard import Guard
 from rig.engine.run_file import Genesis, RunReader, RunWriter, create
@@ -94,7 +95,11 @@ def _plan(documents: Mapping[str, str], dry: bool, where: Mapping[str, str]) -> 
     check_options(config, where["bench.toml"])
     procedure = parse_procedure(documents["procedure.toml"], where["procedure.toml"])
     run_list = procedure.expand()
-    Guard(config.limits).check_run_list(run_list, {})
+    guard = Guard(config.limits)
+    guard.check_run_list(run_list, {})
+    if procedure.environment is not None:
+        anywhere = (float("-inf"), float("inf"))
+        guard.check_environment(procedure.environment.setpoint_degC, dict.fromkeys(playing(config, Chamber), anywhere))
     truth = parse_toml(documents["world.toml"], where["world.toml"]) if "world.toml" in documents else {}
     return Plan(documents, config, procedure, run_list, dry, truth)
 
@@ -147,7 +152,11 @@ def start_run(
     """
     _check_space(folder, len(plan.run_list))
     with opened(plan) as (bench, clock, boot):
-        Guard(plan.bench.limits).check_run_list(plan.run_list, bench.head.axes())
+        guard = Guard(plan.bench.limits)
+        guard.check_run_list(plan.run_list, bench.head.axes())
+        if plan.procedure.environment is not None:
+            own = {name: chamber.limits() for name, chamber in bench.chambers.items()}
+            guard.check_environment(plan.procedure.environment.setpoint_degC, own)
         try:
             identities(bench)
         except DriverError as error:

@@ -1,7 +1,7 @@
 """Errors a person can act on, each with the exit code the command line ends with.
 
-Exit codes: 0 done; 1 fault, bench safe; 2 usage; 3 done but outside acceptance; 4 stopped by `rig stop`;
-75 interrupted, resumable; 78 bad configuration.
+Exit codes: 0 done; 1 fault, bench safe; 2 usage; 3 done but outside acceptance; 4 stopped by `rig stop`; 5 fault, and
+the bench could not be brought to its safe state; 75 interrupted, resumable; 78 bad configuration.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ class ExitCode(IntEnum):
     USAGE = 2
     OUTSIDE_ACCEPTANCE = 3
     STOPPED = 4
+    UNSAFE = 5
     INTERRUPTED = 75
     CONFIGURATION = 78
 
@@ -43,8 +44,8 @@ class BenchFault(RigError):
     """The bench cannot do what the procedure needs; it has been brought to its safe state."""
 
 
-class BusyError(RigError):
-    """Another controller is using this bench or run file."""
+class BusyError(UsageError):
+    """Another controller is using this bench or run file; nothing was touched."""
 
 
 class RunFileError(RigError):

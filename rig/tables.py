@@ -9,7 +9,7 @@ import csv
 import io
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
 
@@ -17,6 +17,7 @@ import numpy as np
 
 from fitter import AttitudeData
 from rig.atomic import write_whole
+from rig.config import parse_toml
 from rig.engine.chain import Record
 from rig.engine.run_file import RunReader
 from rig.errors import RunFileError, UsageError
@@ -37,6 +38,7 @@ class Table:
         columns: name to values, all of one length.
         simulated: no real instrument involved, as far as is known.
         provenance: what is known of where the numbers come from, for reports and calibration files.
+        axes: nominal axis of each output, where the source says so; elsewhere a name's first letter does.
 
     """
 
@@ -44,6 +46,7 @@ class Table:
     columns: Mapping[str, np.ndarray[Any, np.dtype[np.float64]]]
     simulated: bool
     provenance: Mapping[str, Any]
+    axes: Mapping[str, str] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(next(iter(self.columns.values())))
@@ -163,22 +166,30 @@ def _check_units(table: Table) -> None:
             raise UsageError(f"{table.source}: column {name} is in {unit!r}; convert it and name it {stem}_{wanted}")
 
 
-def run_table(path: Path, *, everything: bool = False) -> Table:
+def run_table(path: Path, *, everything: bool = False, salvage: bool = False) -> Table:
     """Observations of a run file, in the order they were made.
 
     Args:
         path: the run file.
         everything: rejected observations too (their missing values are NaN), with a column `accepted`.
+        salvage: take what can still be read of a file that does not verify.
+
+    Raises:
+        RunFileError: the file was damaged or edited (unless salvaged), or holds no observations.
 
     """
     with RunReader.open(path) as reader:
+        if not salvage:
+            reader.verify()
         run_list = reader.run_list()
         genesis = reader.genesis()
+        bench = parse_toml(reader.documents().get("bench.toml", ""), str(path))
         names = [f.name for f in run_list.factors]
         axes = [f.axis for f in run_list.factors]
         rows: list[dict[str, float]] = []
-        for record in reader.records("observation"):
-            if record.status != "accepted" and not everything:
+        records = reader.salvage() if salvage else reader.records("observation")
+        for record in records:
+            if record.kind != "observation" or (record.status != "accepted" and not everything):
                 continue
             assert record.run_index is not None
             point = run_list.points[record.run_index]
@@ -208,7 +219,8 @@ def run_table(path: Path, *, everything: bool = False) -> Table:
         "points_planned": len(run_list),
         "points_observed": len(rows),
     }
-    return Table(str(path), columns, bool(genesis.data["simulated"]), provenance)
+    axes_of = {f"{name}_V": sensor["axis"] for name, sensor in bench.get("sensors", {}).items()}
+    return Table(str(path), columns, bool(genesis.data["simulated"]), provenance, axes_of)
 
 
 def _moment(record: Record) -> float:

@@ -51,6 +51,10 @@ def serve(
         OSError: `live` cannot be written, or a port cannot be opened.
 
     """
+    if live.exists():
+        raise FileExistsError(
+            f"{live} exists: another simulated bench may be serving it; name another file, or remove it if it is stale"
+        )
     with selectors.DefaultSelector() as selector, _told_to_stop(selector) as stopped:
         world = world_for(bench, truth)
         sim = SimBench(world, bench, truth, f"served{os.getpid()}", twin_classes)

@@ -34,6 +34,8 @@ def files(folder: Path) -> set[str]:
         (BENCH.replace("nplc = 10", "nplc = 11"), SHORT, 78, "instruments.scanner: nplc"),
         (BENCH.replace("nplc = 10", "nlpc = 10"), SHORT, 78, "did you mean nplc?"),
         (BENCH.replace("[-185, 185]", "[-60, 60]"), SHORT, 78, "pitch_deg = -90, outside -60 to 60 (bench limits)"),
+        (BENCH.replace("pitch_deg = [-185", "pich_deg = [-185"), SHORT, 78, "pich_deg limits nothing: did you mean pitch"),
+        (BENCH, SHORT.replace("setpoint_degC = 23", "setpoint_degC = 50"), 78, "outside 10 to 40 (bench limits of enclosure)"),
         (BENCH + "\n[[[", SHORT, 78, "not valid TOML"),
         (BENCH, SHORT.replace("replications = 2", "replications = 0"), 78, "replications"),
         (BENCH, "kind = 'tea'", 78, "is not a kind of procedure"),
@@ -77,10 +79,10 @@ def test_an_unreachable_instrument_is_named_with_its_address_and_nothing_is_left
         (("run", "none.toml", "--bench", "none.toml"), 78, "there is no bench file none.toml"),
         (("fit", "none.csv"), 2, "there is no file none.csv"),
         (("trace", "."), 2, "is a folder"),
-        (("resume", "none.sqlite"), 1, "does not exist"),
-        (("status", "short.toml"), 1, "is not a run file"),
-        (("verify", "short.toml"), 1, "is not a run file"),
-        (("export", "short.toml", "--out", "x.csv"), 1, "is not a run file"),
+        (("resume", "none.sqlite"), 2, "there is no run file none.sqlite"),
+        (("status", "short.toml"), 2, "is not a run file"),
+        (("verify", "short.toml"), 2, "is not a run file"),
+        (("export", "short.toml", "--out", "x.csv"), 2, "is not a run file"),
         (("hold", "none.sqlite"), 2, "there is no run file"),
         (("run", "short.toml", "--bench", "short.toml", "--world", "w.toml"), 2, "--world"),
         (("nonsense",), 2, "No such command"),
@@ -108,7 +110,7 @@ def test_what_a_finished_run_answers(finished, tmp_path):
     resumed = rig("resume", finished, cwd=tmp_path)
     assert resumed.returncode == 0
     assert "nothing to resume" in resumed.stderr
-    assert rig("hold", finished, cwd=tmp_path).returncode == 1
+    assert rig("hold", finished, cwd=tmp_path).returncode == 2
     exported = rig("export", finished, "--out", "data.csv", cwd=tmp_path)
     assert exported.returncode == 0
     assert "SIMULATED" in exported.stderr
@@ -136,7 +138,7 @@ def test_an_edited_run_file_is_refused_by_resume_and_named_by_verify(tmp_path):
     digit = next(i for i in range(at + 7, at + 30) if changed[i : i + 1].isdigit())
     changed[digit] = ord("1") if changed[digit] != ord("1") else ord("2")
     path.write_bytes(bytes(changed))
-    for command in ("verify", "resume"):
+    for command in ("verify", "resume", "fit", "trace"):
         done = rig(command, path, cwd=tmp_path)
         assert done.returncode == 1
         assert "was changed after it was written" in done.stderr

@@ -113,7 +113,8 @@ def test_hold_release_and_stop_reach_a_running_controller(tmp_path, live):
     assert command("stop", path).returncode == 0
     assert process.wait(20) == 4
     process.communicate()
-    assert command("hold", path).returncode == 1
+    assert json.loads(command("status", path, "--json").stdout)["state"] == "stopped"
+    assert command("hold", path).returncode == 2
     assert command("resume", path).returncode == 0
     assert judge(path).lost == 0
 
@@ -122,10 +123,10 @@ def test_a_second_controller_is_refused_and_a_signal_leaves_the_run_resumable(tm
     process, path = started(tmp_path, live)
     wait_for(lambda: news(path)["done"] >= 1, process)
     second = command("resume", path)
-    assert second.returncode == 1
+    assert second.returncode == 2
     assert "in use by another controller" in second.stderr
     other = command("run", tmp_path / "live-procedure.toml", "--bench", live, "--out", tmp_path / "other")
-    assert other.returncode == 1
+    assert other.returncode == 2
     assert "in use by another controller" in other.stderr
     assert not list(tmp_path.glob("other/*.sqlite"))
     process.send_signal(signal.SIGTERM)

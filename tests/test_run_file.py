@@ -15,7 +15,7 @@ from rig.engine import wal
 from rig.engine.chain import Record, encode
 from rig.engine.run_file import Genesis, RunReader, RunWriter, create
 from rig.engine.state import fold
-from rig.errors import BusyError, RunFileError, StorageError
+from rig.errors import BusyError, RunFileError, StorageError, UsageError
 
 RUN_LIST = RunList(
     (Factor("pitch_deg", "pitch", 2.0), Factor("roll_deg", "roll", 2.0)),
@@ -149,13 +149,13 @@ def test_what_is_no_run_file_is_refused(tmp_path, content, says):
     path = tmp_path / "x.sqlite"
     path.write_bytes(content)
     for cls in (RunReader, RunWriter):
-        with pytest.raises(RunFileError, match=says):
+        with pytest.raises(UsageError, match=says):
             cls.open(path)
     assert path.read_bytes() == content
 
 
 def test_a_missing_file_is_named(tmp_path):
-    with pytest.raises(RunFileError, match="does not exist"):
+    with pytest.raises(UsageError, match="there is no run file"):
         RunReader.open(tmp_path / "none.sqlite")
 
 
@@ -186,6 +186,21 @@ def test_creating_on_a_full_disk_leaves_nothing(tmp_path, monkeypatch):
 
 def _refuse(*_: object) -> None:
     raise OSError(28, "No space left on device")
+
+
+def test_a_damaged_file_gives_what_can_still_be_read(path):
+    with RunWriter.open(path) as run:
+        for i in range(10):
+            run.append(observation(i))
+        run.finish(Record(1, "end", 100.0, 1e9, status="complete"))
+    with sqlite3.connect(path) as db:
+        for (name,) in db.execute("SELECT name FROM sqlite_master WHERE type = 'trigger'").fetchall():
+            db.execute(f"DROP TRIGGER {name}")
+        db.execute("UPDATE record SET body = '{}' WHERE seq = 3")
+    db.close()
+    with RunReader.open(path) as reader:
+        kept = [r.run_index for r in reader.salvage() if r.kind == "observation" and r.body != "{}"]
+    assert kept == [0, 2, 3, 4, 5, 6, 7, 8, 9]
 
 
 _KILLED = """

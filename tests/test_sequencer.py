@@ -86,6 +86,63 @@ def test_after_an_interruption_the_previous_point_is_passed_again(tmp_path):
     }
 
 
+def preparations(path):
+    return [r.status for r in records(path, "event") if r.status in ("preparing", "prepared")]
+
+
+def test_a_kill_while_preparing_does_not_count_as_prepared(tmp_path):
+    path = new_run(tmp_path)
+
+    def die_while_preparing(news):
+        if news.state == "preparing":
+            raise Killed
+
+    with pytest.raises(Killed):
+        run_session(path, on_progress=die_while_preparing)
+    assert run_session(path, gap_s=1.0)[0] is Outcome.COMPLETE
+    assert preparations(path)[-2:] == ["preparing", "prepared"]
+
+
+def test_gaps_of_sessions_that_did_nothing_add_up(tmp_path):
+    path = new_run(tmp_path)
+    with pytest.raises(Killed):
+        run_session(path, on_progress=kill_after(150))
+    assert preparations(path) == ["preparing", "prepared"]
+
+    def die_at_once(_news):
+        raise Killed
+
+    for _ in range(3):
+        with pytest.raises(Killed):
+            run_session(path, gap_s=700.0, on_progress=die_at_once)
+    assert run_session(path, gap_s=10.0)[0] is Outcome.COMPLETE
+    assert preparations(path) == ["preparing", "prepared"] * 2
+
+
+def test_a_short_gap_needs_no_new_preparation(tmp_path):
+    path = new_run(tmp_path)
+    with pytest.raises(Killed):
+        run_session(path, on_progress=kill_after(150))
+    run_session(path, gap_s=700.0)
+    assert preparations(path) == ["preparing", "prepared"]
+
+
+def test_what_cannot_be_made_safe_is_said_and_has_an_outcome_of_its_own(tmp_path):
+    path = new_run(tmp_path)
+
+    def stuck(_bench, head, _reader):
+        failing(10_000, NoReply("head is silent"))(_bench, head, _reader)
+
+        def refuse():
+            raise NoReply("head does not stop")
+
+        head.make_safe = refuse
+
+    outcome, _, _, message = run_session(path, spoil=stuck)
+    assert outcome is Outcome.UNSAFE
+    assert "NOT everything could be brought to its safe state: head: head does not stop" in message
+
+
 def test_a_signal_stops_motion_and_leaves_the_run_resumable(tmp_path):
     path = new_run(tmp_path)
     signals = Signals()

@@ -41,6 +41,7 @@ _EXIT = {
     Outcome.STOPPED: ExitCode.STOPPED,
     Outcome.INTERRUPTED: ExitCode.INTERRUPTED,
     Outcome.FAULT: ExitCode.FAULT,
+    Outcome.UNSAFE: ExitCode.UNSAFE,
 }
 
 
@@ -177,7 +178,7 @@ def status(run_file: RunArgument, as_json: JsonOption = False) -> int:
         "simulated": state.simulated,
         "procedure": genesis.data["procedure"],
         "bench": genesis.data["bench"],
-        "state": live["state"] if running else _resting(state.ended, state.sessions),
+        "state": live["state"] if running else state.ended or state.rested,
         "running": running,
         "points": state.points,
         "accepted": len(state.accepted),
@@ -209,18 +210,12 @@ def status(run_file: RunArgument, as_json: JsonOption = False) -> int:
     return ExitCode.DONE
 
 
-def _resting(ended: str | None, sessions: int) -> str:
-    if ended is not None:
-        return ended
-    return "interrupted" if sessions else "created"
-
-
 def _ask(run_file: Path, verb: str) -> int:
     if not run_file.exists():
         raise UsageError(f"there is no run file {run_file}")
     request_id = send_request(run_file, verb)
     if request_id is None:
-        raise RigError(f"no controller is running on {run_file}; `rig status {run_file}` shows what it has come to")
+        raise UsageError(f"no controller is running on {run_file}; `rig status {run_file}` shows what it has come to")
     from drivers.clock import RealClock  # noqa: PLC0415
 
     clock = RealClock()

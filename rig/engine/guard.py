@@ -49,6 +49,26 @@ class Guard:
                 "the design leaves the limits; nothing was moved:\n" + "\n".join(f"  {p}" for p in problems)
             )
 
+    def check_environment(self, setpoint_degC: float, chambers: Mapping[str, tuple[float, float]]) -> None:
+        """Refuse an environment outside the bench's limits or a chamber's own range.
+
+        Args:
+            setpoint_degC: what the procedure asks of every chamber.
+            chambers: each chamber's own (low, high) by name.
+
+        Raises:
+            ConfigurationError: naming the chamber.
+
+        """
+        for name, span in chambers.items():
+            limits = self._limits.get(f"{name}_degC", span)
+            for (low, high), whose in ((limits, "bench limits"), (span, "the chamber's own range")):
+                if not low <= setpoint_degC <= high:
+                    raise ConfigurationError(
+                        f"environment.setpoint_degC = {setpoint_degC:g} is outside {low:g} to {high:g} "
+                        f"({whose} of {name}); nothing was commanded"
+                    )
+
     def check_command(self, quantity: str, value: float) -> None:
         """Refuse one command outside the limits. Raises `BenchFault`."""
         low, high = self._limits.get(quantity, (float("-inf"), float("inf")))

@@ -130,8 +130,12 @@ class Journal:
 
     def take_up(self, point: Point | None) -> None:
         """Have a point in hand from now on, or none."""
-        self._taken_up_s = self.elapsed()
+        self.start_timing()
         self.at = None if point is None else PointInHand(point, self.fold.attempts.get(point.index, 0) + 1)
+
+    def start_timing(self) -> None:
+        """The point in hand takes its time from now on: holds, retries and preparation before it do not count."""
+        self._taken_up_s = self.elapsed()
 
     def point_observed(self) -> None:
         """The point in hand is done: what it took tells how long the rest will take."""

@@ -21,7 +21,7 @@ import apsw
 from procedures import Factor, Point, RunList
 from rig.engine import wal
 from rig.engine.chain import GENESIS, Record, encode, first_break, link
-from rig.errors import BusyError, RunFileError, StorageError
+from rig.errors import BusyError, RunFileError, StorageError, UsageError
 
 APPLICATION_ID = 0x52494721
 SCHEMA_VERSION = 1
@@ -124,6 +124,14 @@ class RunReader:
         where, values = ("kind = ?", (kind,)) if kind else ("1", ())
         return (record for _, record, _, _ in self.chained(where, values))
 
+    def salvage(self) -> Iterator[Record]:
+        """Every record that can still be read one by one, whatever the state of the others."""
+        with contextlib.suppress(RunFileError):
+            last, _ = self.head()
+            for seq in range(1, last + 1):
+                with contextlib.suppress(RunFileError):
+                    yield from (record for _, record, _, _ in self.chained("seq = ?", (seq,)))
+
     def chained(self, where: str = "1", values: tuple[object, ...] = ()) -> Iterator[tuple[int, Record, bytes, bytes]]:
         """Rows as (seq, record, previous, hash), in order."""
         statement = f"SELECT seq, {_COLUMNS}, previous, hash FROM record WHERE {where} ORDER BY seq"
@@ -168,7 +176,10 @@ class RunReader:
         return None
 
     def _all(self, statement: str, values: tuple[object, ...] = ()) -> list[Any]:
-        return self._db.execute(statement, values).fetchall()
+        try:
+            return self._db.execute(statement, values).fetchall()
+        except apsw.Error as error:
+            raise _unreadable(self.path, error) from error
 
 
 class RunWriter(RunReader):
@@ -274,9 +285,9 @@ def create(path: Path, genesis: Genesis, *, elapsed_s: float, utc_s: float) -> N
     if path.exists():
         raise RunFileError(f"{path} exists already; a run is never overwritten")
     part = path.with_name(path.name + ".part")
-    part.unlink(missing_ok=True)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+        part.unlink(missing_ok=True)
         db = apsw.Connection(str(part))
         try:
             _fill(db, genesis, elapsed_s, utc_s)
@@ -285,7 +296,8 @@ def create(path: Path, genesis: Genesis, *, elapsed_s: float, utc_s: float) -> N
         os.replace(part, path)
         _sync_folder(path.parent)
     except (apsw.Error, OSError) as error:
-        part.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            part.unlink(missing_ok=True)
         raise StorageError(f"cannot create {path}: {error}. Nothing was moved and nothing is left behind.") from error
 
 
@@ -345,13 +357,13 @@ def _check_header(path: Path) -> None:
         with path.open("rb") as file:
             start = file.read(100)
     except FileNotFoundError:
-        raise RunFileError(f"{path} does not exist") from None
+        raise UsageError(f"there is no run file {path}") from None
     except OSError as error:
-        raise RunFileError(f"{path} cannot be read: {error.strerror}") from error
+        raise UsageError(f"{path} cannot be read: {error.strerror}") from error
     if not start.startswith(b"SQLite format 3\0") or len(start) < 100:
-        raise RunFileError(f"{path} is not a run file (not an SQLite database)")
+        raise UsageError(f"{path} is not a run file (not an SQLite database)")
     if int.from_bytes(start[68:72], "big") != APPLICATION_ID:
-        raise RunFileError(f"{path} is not a run file (an SQLite database of another program)")
+        raise UsageError(f"{path} is not a run file (an SQLite database of another program)")
 
 
 def _checked(path: Path, db: apsw.Connection) -> apsw.Connection:

@@ -193,11 +193,14 @@ class Sequencer:
         self._guard.check_run_list(self._run_list, self._bench.head.axes())
         if not self._queue:
             return "park"
-        long_gap = self._session.gap_s > self._procedure.recovery.max_gap_s
+        fold = self._journal.fold
+        # Counted from the last work done, so that sessions which were killed while preparing do not hide a gap.
+        idle_s = self._journal.elapsed() - (fold.worked_s or 0.0)
         homed = all(axis["homed"] for axis in as_found["axes"].values())
-        if self._session.number == 1 or long_gap or not homed or not self._environment_stands(as_found):
-            return "prepare"
-        return "recover"
+        stands = homed and self._environment_stands(as_found)
+        if fold.prepared and stands and idle_s <= self._procedure.recovery.max_gap_s:
+            return "recover"
+        return "prepare"
 
     def _compare_identities(self, found: Mapping[str, dict[str, Any]]) -> None:
         for name, now in found.items():
@@ -223,6 +226,7 @@ class Sequencer:
         )
 
     def _preparing(self) -> str:
+        self._journal.write("event", status="preparing")
         self._set_up()
         if self._do.home(self._procedure.settle.poll_s):
             self._journal.write("event", status="homed")
@@ -231,6 +235,7 @@ class Sequencer:
             evidence = self._do.prepare_environment(self._procedure.environment)
             self._journal.write("event", evidence, status="environment-settled")
             self._journal.message = ""
+        self._journal.write("event", status="prepared")
         return "recover"
 
     def _set_up(self) -> None:
@@ -245,6 +250,7 @@ class Sequencer:
             return "park"
         index = at.point.index
         before = self._run_list.points[index - 1] if index else None
+        self._journal.start_timing()
         at.legs = recovery_legs(self._run_list.factors, at.point, before)
         at.repeats = 0
         return "move"
@@ -404,7 +410,7 @@ class Sequencer:
     def _give_up(self, message: str, *, recorded: bool = True) -> str:
         """Safe state first, then say why."""
         unsafe = self._bench.make_safe()
-        self._outcome = Outcome.FAULT
+        self._outcome = Outcome.UNSAFE if unsafe else Outcome.FAULT
         if unsafe:
             message += "\nNOT everything could be brought to its safe state: " + "; ".join(unsafe)
         if recorded:

@@ -15,6 +15,7 @@ class Outcome(Enum):
     STOPPED = "stopped"
     INTERRUPTED = "interrupted"
     FAULT = "fault"
+    UNSAFE = "fault, and not everything is in its safe state"
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,9 @@ class RunState:
         points: length of the run list.
         sessions: how often a controller has been started on it.
         accepted: indexes of points with an accepted observation.
+        prepared: whether set-up, homing and environment have been completed since they were last found wanting.
+        worked_s: elapsed time of the last observation or completed preparation; None before the first.
+        rested: how the last session ended: "interrupted" (nothing was said), "stopped" or "faulted".
         skipped: index to reason, for points given up for good.
         put_off: indexes of points that were skipped once, to be tried again at the end.
         attempts: index to number of attempts so far.
@@ -33,6 +36,9 @@ class RunState:
     points: int = 0
     sessions: int = 0
     accepted: set[int] = field(default_factory=set)
+    prepared: bool = False
+    worked_s: float | None = None
+    rested: str = "created"
     skipped: dict[int, str] = field(default_factory=dict)
     put_off: set[int] = field(default_factory=set)
     attempts: dict[int, int] = field(default_factory=dict)
@@ -63,11 +69,18 @@ class RunState:
                 self.sessions = record.session
                 self.session = record.data
                 self.last_fault = None
+                self.rested = "interrupted"
+            case "event" if record.status in ("preparing", "prepared"):
+                self.prepared = record.status == "prepared"
+                self.worked_s = record.elapsed_s if self.prepared else self.worked_s
+            case "stop":
+                self.rested = "stopped"
             case "identity":
                 self.identities[str(record.status)] = record.data
             case "observation":
                 assert record.run_index is not None
                 self.attempts[record.run_index] = record.attempt or 1
+                self.worked_s = record.elapsed_s
                 if record.status == "accepted":
                     self.accepted.add(record.run_index)
                     self.last_index = record.run_index
@@ -81,6 +94,8 @@ class RunState:
                 if record.run_index is not None:
                     self.attempts[record.run_index] = record.attempt or 1
                 self.last_fault = str(record.data["message"])
+                if record.status == "abort":
+                    self.rested = "faulted"
             case "end":
                 self.ended = record.status
             case _:

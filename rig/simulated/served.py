@@ -39,6 +39,7 @@ def serve_bench(
     config = parse_bench(read_text(bench, "bench"), str(bench))
     check_options(config, str(bench))
     truth = {} if world is None else parse_toml(read_text(world, "world"), str(world))
+    announce("SIMULATED bench; nothing here is a real instrument")
     try:
         serve(plain(config), truth, twin_classes(config), live, speed=speed, seconds=seconds, announce=announce)
     except WorldError as error:
