@@ -15,12 +15,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fitter.angles import sin_cos
 from fitter.arrays import FloatArray
 from fitter.linear import LinearFit, least_squares
 
 COLUMNS = ("1", "sin(pitch)", "cos(pitch)*sin(roll)", "cos(pitch)*cos(roll)")
 COLUMNS_NO_ROLL = ("1", "sin(pitch)", "cos(pitch)")
 AXES = {"x": 0, "y": 1, "z": 2}
+LEAST = 3e-4
+"""Root mean square below which one of the columns above is not there: 0.02 deg, closer than two settings of a head."""
 _GRAVITY_SIGN = np.array([1.0, -1.0, -1.0])
 
 
@@ -33,11 +36,12 @@ def attitude_columns(pitch_deg: FloatArray, roll_deg: FloatArray, *, roll: bool 
         roll: whether the sensor is calibrated with roll (eqs. 2, 4, 5) or without (eq. 1).
 
     """
-    a, r = np.radians(np.asarray(pitch_deg, float)), np.radians(np.asarray(roll_deg, float))
-    ones = np.ones_like(a)
+    sin_a, cos_a = sin_cos(pitch_deg)
+    ones = np.ones_like(sin_a)
     if not roll:
-        return np.column_stack([ones, np.sin(a), np.cos(a)])
-    return np.column_stack([ones, np.sin(a), np.cos(a) * np.sin(r), np.cos(a) * np.cos(r)])
+        return np.column_stack([ones, sin_a, cos_a])
+    sin_r, cos_r = sin_cos(roll_deg)
+    return np.column_stack([ones, sin_a, cos_a * sin_r, cos_a * cos_r])
 
 
 def variance_function(design: FloatArray, at: FloatArray) -> FloatArray:
@@ -49,9 +53,11 @@ def variance_function(design: FloatArray, at: FloatArray) -> FloatArray:
         design: (n, k) rows h of every observation that will be made, replications included.
         at: (m, k) rows h where outputs are predicted.
 
+    Raises:
+        fitter.linear.RankError: the design does not determine the model; the message names what it leaves open.
+
     """
-    names = COLUMNS if design.shape[1] == len(COLUMNS) else COLUMNS_NO_ROLL
-    return least_squares(design, np.zeros(len(design)), names).variance_function(at)
+    return fit_columns(design, np.zeros(len(design))).variance_function(at)
 
 
 @dataclass(frozen=True)
@@ -179,8 +185,14 @@ def sigma_deg(sigma_V: float, S_V: float) -> float:
 
 
 def fit_columns(columns: FloatArray, output_V: FloatArray) -> LinearFit:
-    """Least squares of one output on `attitude_columns`, with or without roll."""
-    return least_squares(columns, output_V, COLUMNS if columns.shape[1] == len(COLUMNS) else COLUMNS_NO_ROLL)
+    """Least squares of one output on `attitude_columns`, with or without roll.
+
+    Raises:
+        fitter.linear.RankError: the points do not determine every coefficient.
+
+    """
+    names = COLUMNS if columns.shape[1] == len(COLUMNS) else COLUMNS_NO_ROLL
+    return least_squares(columns, output_V, names, LEAST)
 
 
 def _cyclic(axis: int) -> tuple[int, int, int]:

@@ -10,6 +10,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fitter.angles import sin_cos
 from fitter.arrays import FloatArray, IntArray
 
 SAME_ANGLE_DEG = 0.02
@@ -98,8 +99,8 @@ class AttitudeData:
     @cached_property
     def g_M(self) -> FloatArray:  # noqa: N802 - the paper's symbol
         """(n, 3) gravity in package axes, in g: [sin a, -sin R cos a, -cos R cos a] (eq. 113)."""
-        a, r = np.radians(self.pitch_deg), np.radians(self.roll_deg)
-        return np.column_stack([np.sin(a), -np.sin(r) * np.cos(a), -np.cos(r) * np.cos(a)])
+        (sin_a, cos_a), (sin_r, cos_r) = sin_cos(self.pitch_deg), sin_cos(self.roll_deg)
+        return np.column_stack([sin_a, -sin_r * cos_a, -cos_r * cos_a])
 
     @cached_property
     def point(self) -> IntArray:

@@ -17,6 +17,9 @@ from scipy.linalg.lapack import dtrtri
 from fitter.arrays import FloatArray
 from fitter.quantiles import t_limit
 
+FEWEST = 32
+"""Rows that rounding errors are reckoned from at least: columns come with some of their own."""
+
 
 class RankError(ValueError):
     """The observations do not determine all coefficients; the message names those that cannot be told apart."""
@@ -109,8 +112,12 @@ class Triangle:
         stacked = block if self.r is None else np.vstack([self.r, block])
         return Triangle(self.names, np.asarray(np.linalg.qr(stacked, mode="r")), self.n + block.shape[0])
 
-    def solve(self) -> LinearFit:
+    def solve(self, least: float = 0.0) -> LinearFit:
         """Least-squares coefficients of all rows so far.
+
+        Args:
+            least: root mean square up to which a column counts as zero, in its own unit. Scaling would otherwise
+                make a column of rounding errors as good as any other.
 
         Raises:
             RankError: the rows do not determine every coefficient.
@@ -121,32 +128,38 @@ class Triangle:
             raise RankError(f"{self.n} observations cannot determine {k} coefficients ({', '.join(self.names)})")
         r, qty, rest = self.r[:k, :k], self.r[:k, k], self.r[k:, k]
         length = np.linalg.norm(r, axis=0)
-        scaled = r / np.where(length > 0, length, 1.0)
+        empty = [name for name, own in zip(self.names, length, strict=True) if own <= least * np.sqrt(self.n)]
+        if empty:
+            raise RankError(f"these observations do not determine {', '.join(empty)}: zero at every point")
+        scaled = r / length
         self._check_rank(scaled)
         inverse = np.triu(dtrtri(scaled)[0])
         return LinearFit(self.names, inverse @ qty / length, inverse / length[:, None], float(np.sum(rest**2)), self.n)
 
     def _check_rank(self, scaled: FloatArray) -> None:
         _, values, right = np.linalg.svd(scaled)
-        if values[-1] > self.n * np.finfo(float).eps * values[0]:
+        undetermined = right[values <= max(self.n, FEWEST) * np.finfo(float).eps * values[0]]
+        if not len(undetermined):
             return
-        alike = [name for name, weight in zip(self.names, np.abs(right[-1]), strict=True) if weight > 1e-3]
+        weights = np.linalg.norm(undetermined, axis=0)
+        alike = [name for name, weight in zip(self.names, weights, strict=True) if weight > 1e-3]
         raise RankError(f"these observations cannot tell apart: {', '.join(alike)}")
 
 
-def least_squares(columns: FloatArray, y: FloatArray, names: Sequence[str]) -> LinearFit:
+def least_squares(columns: FloatArray, y: FloatArray, names: Sequence[str], least: float = 0.0) -> LinearFit:
     """Fit y = columns @ coefficients.
 
     Args:
         columns: (n, k).
         y: (n,).
         names: k names, used in results and messages.
+        least: root mean square up to which a column counts as zero.
 
     Raises:
         RankError: the observations do not determine every coefficient.
 
     """
-    return Triangle(tuple(names)).add(columns, y).solve()
+    return Triangle(tuple(names)).add(columns, y).solve(least)
 
 
 def orthonormal(columns: FloatArray, length: FloatArray | None = None, tolerance: float = 1e-7) -> FloatArray:

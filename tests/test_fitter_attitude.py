@@ -238,3 +238,45 @@ def test_json_has_no_nan():
     assert all(value == value for value in found.values())  # noqa: PLR0124 - NaN is what differs from itself
     assert set(found["coefficients"]) == set(COLUMNS_NO_ROLL)
     assert len(COLUMNS) == 4
+
+
+@pytest.mark.parametrize("angle", [-540, -270, -180, -90, 0, 90, 180, 360, 450])
+def test_columns_are_exact_at_quarter_turns(angle):
+    quarter = angle // 90 % 4
+    assert attitude_columns(np.array([angle]), np.zeros(1))[0, 1] == (0, 1, 0, -1)[quarter]
+    assert attitude_columns(np.array([angle]), np.zeros(1), roll=False)[0, 2] == (1, 0, -1, 0)[quarter]
+
+
+@given(pitch=st.floats(-720, 720), roll=st.floats(-720, 720))
+def test_columns_are_those_of_radians_elsewhere(pitch, roll):
+    a, r = np.radians(pitch), np.radians(roll)
+    expected = [1.0, np.sin(a), np.cos(a) * np.sin(r), np.cos(a) * np.cos(r)]
+    np.testing.assert_allclose(attitude_columns(np.array([pitch]), np.array([roll]))[0], expected, atol=1e-14)
+
+
+@pytest.mark.parametrize("readback_deg", [0.0, 1e-3])
+def test_a_design_without_pitch_is_refused(readback_deg):
+    """Pitch of -180, 0 and 180 deg never tilts the package; neither rounding nor readback noise is a measurement."""
+    pitch, roll = (a.ravel() for a in np.meshgrid([-180.0, 0.0, 180.0], [-180.0, -60.0, 60.0, 180.0]))
+    rng = np.random.default_rng(0)
+    pitch = pitch + rng.normal(0, readback_deg, pitch.size) if readback_deg else pitch
+    h = attitude_columns(pitch, roll)
+    data = AttitudeData(
+        replicate=np.ones(12),
+        order=np.arange(12),
+        elapsed_s=np.arange(12.0),
+        pitch_deg=pitch,
+        roll_deg=roll,
+        sensor_temperature_degC=np.full(12, 23.0),
+        outputs={"x_V": h @ [0.002, 5.0, 0.01, 0.03] + rng.normal(0, 1e-5, 12)},
+    )
+    with pytest.raises(RankError, match=r"do not determine sin\(pitch\): zero"):
+        fit_attitude(data, "x_V")
+    with pytest.raises(RankError, match=r"do not determine sin\(pitch\): zero"):
+        variance_function(h, h)
+
+
+def test_a_variance_function_of_too_few_angles_is_refused():
+    h = attitude_columns(np.array([-60.0, 60.0, -60.0, 60.0]), np.zeros(4), roll=False)
+    with pytest.raises(RankError, match=r"cannot tell apart: 1, cos\(pitch\)"):
+        variance_function(h, h)
