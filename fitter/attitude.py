@@ -11,6 +11,7 @@ At Omega = 0 azimuth has no meaning while the linear form stays regular.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -174,8 +175,18 @@ def no_roll_parameters(coefficients: FloatArray, covariance: FloatArray) -> NoRo
     return NoRollParameters(b, S, float(np.degrees(np.arctan2(-c, s))), jacobian @ covariance @ jacobian.T)
 
 
-def nominal_axis(sensor: str, coefficients: FloatArray) -> int:
-    """Axis 0, 1, 2 a sensor is mounted along: by its name's first letter, else the one it is most sensitive to."""
+def nominal_axis(sensor: str, coefficients: FloatArray, axes: Mapping[str, str] | None = None) -> int:
+    """Axis 0, 1, 2 a sensor is mounted along.
+
+    Args:
+        sensor: column name of its output.
+        coefficients: of the declared model.
+        axes: "x", "y" or "z" by column name, where it is known. Else the first letter of the name tells, and if that
+            is none of these the axis the sensor is most sensitive to.
+
+    """
+    if axes is not None and sensor in axes:
+        return AXES[axes[sensor]]
     return AXES.get(sensor[:1].lower(), int(np.argmax(np.abs(sensitive_axis(coefficients)))))
 
 

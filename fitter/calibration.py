@@ -88,7 +88,7 @@ class AttitudeFit:
 
 
 def fit_attitude(data: AttitudeData, sensor: str) -> AttitudeFit:
-    """Calibrate one sensor: eq. (2), (4) or (5) by its axis, eq. (1) where there was no roll.
+    """Calibrate one sensor: eq. (2), (4) or (5) by its nominal axis (`data.axes`), eq. (1) where there was no roll.
 
     Raises:
         KeyError: `data` has no such output.
@@ -103,7 +103,7 @@ def fit_attitude(data: AttitudeData, sensor: str) -> AttitudeFit:
     linear = fit_columns(columns, output)
     parameters: AttitudeParameters | NoRollParameters
     if data.has_roll:
-        axis = nominal_axis(sensor, linear.coefficients)
+        axis = nominal_axis(sensor, linear.coefficients, data.axes)
         model = f"attitude-{'xyz'[axis]}"
         parameters = attitude_parameters(axis, linear.coefficients, linear.covariance)
     else:

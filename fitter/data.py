@@ -28,13 +28,16 @@ class AttitudeData:
         pitch_deg: (n,) angles of the head.
         roll_deg: (n,) zero throughout for a calibration without roll.
         sensor_temperature_degC: (n,).
-        outputs: volts by column name; the first letter of a name tells the sensor's nominal axis ("x_V").
+        outputs: volts by column name.
         pitch_side: (n,) +1 arrived moving up, -1 moving down, 0 unknown. Left out: from the executed order.
         roll_side: (n,) the same for roll.
         block: (n,) counts up where an interruption or a replaced instrument may have left a step. Left out: one block.
+        axes: "x", "y" or "z" by column name, the nominal axis a sensor is mounted along. For outputs not in it: the
+            first letter of the name ("x_V"), else the axis it is most sensitive to.
 
     Raises:
-        ValueError: lengths differ, a value is not finite, an order is used twice, or there is nothing to fit.
+        ValueError: lengths differ, a value is not finite, an order is used twice, there is nothing to fit, or an axis
+            is none of x, y, z or is that of an output there is not.
 
     """
 
@@ -48,6 +51,7 @@ class AttitudeData:
     pitch_side: IntArray = field(default=None)  # type: ignore[arg-type]  # None only until __post_init__
     roll_side: IntArray = field(default=None)  # type: ignore[arg-type]  # None only until __post_init__
     block: IntArray = field(default=None)  # type: ignore[arg-type]  # None only until __post_init__
+    axes: Mapping[str, str] | None = None
 
     def __post_init__(self) -> None:
         count = np.size(self.order)
@@ -67,6 +71,8 @@ class AttitudeData:
             given = getattr(self, name)
             put(self, name, self._side_from_order(angle) if given is None else np.sign(_whole(name, given, count)))
         put(self, "block", np.zeros(count, np.int64) if self.block is None else _whole("block", self.block, count))
+        if self.axes is not None:
+            put(self, "axes", MappingProxyType(_axes(self.axes, self.outputs)))
 
     def __len__(self) -> int:
         return int(self.order.size)
@@ -134,8 +140,8 @@ class AttitudeData:
 
     def take(self, rows: IntArray) -> AttitudeData:
         """The observations at `rows` (indices or a mask), sides and blocks as they are in the whole."""
-        picked = {f.name: getattr(self, f.name)[rows] for f in fields(self) if f.name != "outputs"}
-        return AttitudeData(**picked, outputs={name: v[rows] for name, v in self.outputs.items()})
+        picked = {f.name: getattr(self, f.name)[rows] for f in fields(self) if f.name not in ("outputs", "axes")}
+        return AttitudeData(**picked, outputs={name: v[rows] for name, v in self.outputs.items()}, axes=self.axes)
 
     def _side_from_order(self, angle: FloatArray) -> IntArray:
         executed = np.argsort(self.order)
@@ -166,6 +172,15 @@ def _whole(name: str, values: ArrayLike, count: int) -> IntArray:
     whole = array.astype(np.int64)
     whole.flags.writeable = False
     return whole
+
+
+def _axes(axes: Mapping[str, str], outputs: Mapping[str, FloatArray]) -> dict[str, str]:
+    for name, axis in axes.items():
+        if axis not in ("x", "y", "z"):
+            raise ValueError(f"axes: {name} is along {axis!r}, not x, y or z")
+        if name not in outputs:
+            raise ValueError(f"axes: there is no output {name}, only {', '.join(outputs)}")
+    return dict(axes)
 
 
 def _number(code: IntArray) -> IntArray:

@@ -1,5 +1,7 @@
 """The attitude models against rotations (appendix A) and against the figures of NASA/TP-1999-209835."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from attitude_truth import D1, Bench, Sensor, simulate
@@ -280,3 +282,20 @@ def test_a_variance_function_of_too_few_angles_is_refused():
     h = attitude_columns(np.array([-60.0, 60.0, -60.0, 60.0]), np.zeros(4), roll=False)
     with pytest.raises(RankError, match=r"cannot tell apart: 1, cos\(pitch\)"):
         variance_function(h, h)
+
+
+def test_axes_may_be_told_and_go_where_the_data_go():
+    """A y sensor on a channel whose name begins with z: the paper's Omega is small only about its own axis."""
+    data, _ = simulate(Bench(sensors=(Sensor("y"),)), D1(90, 7, 5, replications=2), seed=0)
+    renamed = replace(data, outputs={"zulu": data.outputs["y_V"]})
+    assert fit_attitude(renamed, "zulu").model == "attitude-z"
+    told = replace(renamed, axes={"zulu": "y"}).take(np.arange(len(data))[5:])
+    fit = fit_attitude(told, "zulu")
+    assert fit.model == "attitude-y"
+    assert fit.parameters.Omega_deg == pytest.approx(0.6, abs=0.01)
+    unnamed = replace(data, outputs={"out1": data.outputs["y_V"]}, axes={})
+    assert fit_attitude(unnamed, "out1").model == "attitude-y"
+    with pytest.raises(ValueError, match="out1 is along 'w', not x, y or z"):
+        replace(unnamed, axes={"out1": "w"})
+    with pytest.raises(ValueError, match="there is no output out2, only out1"):
+        replace(unnamed, axes={"out2": "x"})

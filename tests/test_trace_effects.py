@@ -3,7 +3,7 @@
 One scenario an effect at least; a catalogue entry without a scenario fails `test_every_effect_has_a_scenario`.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
@@ -110,3 +110,18 @@ def test_entries_are_complete(effect):
     names = [term.name for term in effect.terms(data)]
     assert names
     assert len(set(names)) == len(names)
+
+
+def test_effects_are_found_by_the_axis_told_not_by_the_name():
+    """A cross-axis term is that of the sensor's own axis, whatever its channel is called."""
+    data, _ = simulate(Bench(sensors=on_x(cross=1e-5)), NIGHT, seed=1)
+    swapped = {"y_1": data.outputs[X], "z_1": data.outputs[Y], "x_1": data.outputs[Z]}
+    found = trace(replace(data, outputs=swapped, axes={"y_1": "x", "z_1": "y", "x_1": "z"}))
+    assert {s: t.declared for s, t in found.sensors.items()} == {
+        "y_1": "attitude-x",
+        "z_1": "attitude-y",
+        "x_1": "attitude-z",
+    }
+    (effect,) = found.sensors["y_1"].effects
+    assert effect.effect == "cross-axis"
+    assert effect.terms == trace(data).sensors[X].effects[0].terms
