@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.markup import escape
 
 from rig.cli import app
 from rig.cli.run import JsonOption, conclude
@@ -32,14 +34,13 @@ def demo(
     """
     from rig.closed_loop import trace_table  # noqa: PLC0415
     from rig.examples import example  # noqa: PLC0415
-    from rig.report import write_report  # noqa: PLC0415
+    from rig.report.html import write_report  # noqa: PLC0415
     from rig.tables import run_table  # noqa: PLC0415
 
     lab = example("attitude-lab")
-    procedure = lab / "night.toml"
-    if short:
-        procedure = _shortened(procedure, out_dir)
-    path = _run_until_killed(lab, procedure, out_dir, kill_at_point=390 if short else 1180)
+    with tempfile.TemporaryDirectory(prefix="rig-demo-") as folder:
+        procedure = _shortened(lab / "night.toml", Path(folder)) if short else lab / "night.toml"
+        path = _run_until_killed(lab, procedure, out_dir, kill_at_point=390 if short else 1180)
     print(path, flush=True)
     err.print("[bold]The controller was killed with SIGKILL.[/] Resuming from the run file:")
     with run_progress(simulated=True) as show:
@@ -57,12 +58,11 @@ def demo(
         from rig.cli.data import show_trace  # noqa: PLC0415
 
         show_trace(traced)
-        out.print(f"Report: {report}")
+        out.print(f"Report: {escape(str(report))}", soft_wrap=True)
     return ExitCode.DONE
 
 
 def _shortened(procedure: Path, folder: Path) -> Path:
-    folder.mkdir(parents=True, exist_ok=True)
     shorter = folder / "short-night.toml"
     text = procedure.read_text(encoding="utf-8")
     shorter.write_text(text.replace("replications = 6 ", "replications = 2 ", 1), encoding="utf-8")
