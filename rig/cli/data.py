@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.console import Console
+from rich.markup import escape
 from rich.table import Table as RichTable
 
 from rig.atomic import write_whole
@@ -15,9 +18,11 @@ from rig.cli import app
 from rig.cli.run import JsonOption
 from rig.cli.show import err, mark, out, print_json
 from rig.errors import ExitCode
+from rig.report.words import TESTS, chance, incomplete, little_help, significant, size, unnamed
 
 if TYPE_CHECKING:
     from rig.closed_loop import Traced
+    from rig.tables import Table
 
 DataArgument = Annotated[Path, typer.Argument(help="a run file, or a CSV table", show_default=False)]
 
@@ -44,9 +49,11 @@ def fit(
     if as_json:
         print_json(result)
         return ExitCode.DONE
-    out.print(f"{mark(table.simulated)}[bold]{data.name}[/]: {len(table)} observations")
+    _headline(data.name, table)
     for name, sensor in result["sensors"].items():
         _show_fit(name, sensor)
+    if any(significant(sensor, test) for sensor in result["sensors"].values() for test in TESTS):
+        out.print("some tests are significant: these standard errors are too small; see rig trace", soft_wrap=True)
     return ExitCode.DONE
 
 
@@ -61,17 +68,17 @@ def _show_fit(name: str, sensor: Mapping[str, Any]) -> None:
         f"  sigma_E {degrees(sensor['sigma_E_deg'])} = bias {degrees(sensor['sigma_bias_deg'])} and "
         f"precision {degrees(sensor['sigma_prec_deg'])}"
     )
-    for test, limit, what in (
-        ("T_bias", "F_bias_95", "lack of fit"),
-        ("T_b", "F_bS_95", "offset between replications"),
-        ("T_S", "F_bS_95", "sensitivity between replications"),
-        ("T_drift", "F_drift_95", "all parameters between replications"),
+    for test, what in (
+        ("T_bias", "lack of fit"),
+        ("T_b", "offset drift"),
+        ("T_S", "sensitivity drift"),
+        ("T_drift", "drift of any kind"),
     ):
-        value, bound = sensor[test], sensor[limit]
+        value, bound = sensor[test], sensor[TESTS[test]]
         if value is None:
             out.print(f"  {test:<8} cannot be tested with these data: {what}")
             continue
-        verdict = "[yellow]significant[/]" if value > bound else "not significant"
+        verdict = "[yellow]significant[/]" if significant(sensor, test) else "not significant"
         out.print(f"  {test:<8} {value:9.3g}  (95 % limit {bound:.3g})  {what}: {verdict}")
     out.print()
 
@@ -91,10 +98,10 @@ def trace(
 
     traced = trace_table(read_table(data))
     if report is not None:
-        from rig.report import write_report  # noqa: PLC0415
+        from rig.report.html import write_report  # noqa: PLC0415
 
         write_report(report, traced)
-        err.print(f"report: {report}")
+        err.print(f"report: {escape(str(report))}", soft_wrap=True)
     if as_json:
         print_json(traced.to_json())
     else:
@@ -116,27 +123,55 @@ _BEFORE_AFTER = (
 def show_trace(traced: Traced) -> None:
     """A short table a sensor: error before and after, and the effects found."""
     result = traced.to_json()
-    out.print(
-        f"{mark(traced.table.simulated)}[bold]{result['data']['file']}[/]: {result['data']['points']} observations"
-    )
+    _headline(result["data"]["file"], traced.table)
     for name, sensor in result["sensors"].items():
         out.print(f"\n[bold]{name}[/] ({sensor['declared']}): [bold]{sensor['verdict']}[/]")
         table = RichTable("", "before", "after")
         for key, label, scale in _BEFORE_AFTER:
-            cells = (number(None if v is None else v * scale, 3) for v in (sensor["before"][key], sensor["after"][key]))
-            table.add_row(label, *cells)
+            table.add_row(label, *(_cell(sensor[side], key, scale) for side in ("before", "after")))
         out.print(table)
+        if any(significant(sensor[side], test) for side in ("before", "after") for test in _MARKED):
+            out.print("  * above its 95 % limit")
+        _show_parameters(traced, name)
         for effect in sensor["effects"]:
             out.print(
-                f"  [green]{effect['effect']}[/] ({effect['stratum']}): {effect['share']:.0%} of the excess error"
+                f"  [green]{effect['effect']}[/] ({effect['stratum']}): {effect['share']:.0%} of the excess, "
+                f"p {chance(effect)}"
             )
+            if size(effect):
+                out.print(f"    size: {escape(size(effect))}", soft_wrap=True)
             for term, value, error in zip(effect["terms"], effect["coefficients"], effect["stderr"], strict=True):
                 out.print(f"    {value:.4g} +- {error:.2g} {effect['unit']}  {term}")
             if effect["aliases"]:
                 out.print(f"    these data cannot tell it from: {', '.join(effect['aliases'])}")
                 out.print(f"    would separate them: {effect['separate_by']}")
-        for rest in sensor["unnamed"]:
-            out.print(f"  [yellow]unexplained:[/] {rest['share']:.0%} of the excess error, {rest['where']}")
+        for line in (*unnamed(sensor), little_help(sensor)):
+            if line:
+                out.print(f"  [yellow]{line}[/]", soft_wrap=True)
+
+
+_MARKED = ("T_bias", "T_b", "T_S")
+
+
+def _cell(side: Mapping[str, Any], key: str, scale: float) -> str:
+    text = number(None if side[key] is None else side[key] * scale, 3)
+    return f"[yellow]{text} *[/]" if key in _MARKED and significant(side, key) else text
+
+
+def _show_parameters(traced: Traced, sensor: str) -> None:
+    from rig.report.parameters import parameters  # noqa: PLC0415
+
+    table = RichTable("parameter", "before", "standard error", "after", "standard error")
+    for parameter in parameters(traced, sensor):
+        table.add_row(parameter.name, *parameter.before, *parameter.after)
+    out.print(table)
+
+
+def _headline(file: str, table: Table, console: Console = out) -> None:
+    """Whose observations, how many, and whether more are to come."""
+    missing = incomplete(table.provenance)
+    more = f" ([yellow]{missing}[/])" if missing else ""
+    console.print(f"{mark(table.simulated)}[bold]{escape(file)}[/]: {len(table)} observations{more}", soft_wrap=True)
 
 
 def degrees(value: float | None) -> str:
@@ -163,5 +198,8 @@ def export(
 
     table = run_table(run_file, everything=everything)
     write_csv(table.columns, out_file)
-    err.print(f"{mark(table.simulated)}{out_file}: {len(table)} observations")
+    if everything:
+        seen = int(table.columns["accepted"].sum())
+        table = replace(table, provenance={**table.provenance, "points_observed": seen})
+    _headline(str(out_file), table, err)
     return ExitCode.DONE

@@ -11,8 +11,10 @@ import jinja2
 import numpy as np
 
 from rig.atomic import write_whole
+from rig.report.parameters import parameters
 from rig.report.plots import Picture, residual_map, residuals_against
 from rig.report.story import story
+from rig.report.words import TESTS, capitalised, chance, incomplete, little_help, significant, size, unnamed
 
 if TYPE_CHECKING:
     from rig.closed_loop import Traced
@@ -54,6 +56,7 @@ def render(traced: Traced) -> str:
         title=provenance.get("procedure", Path(table.source).name),
         simulated=table.simulated,
         points=len(table),
+        incomplete=incomplete(table.provenance),
         span=f"{hours:.1f} h",
         sensors=[_sensor(name, result["sensors"][name], traced) for name in traced.trace.sensors],
         provenance=list(provenance.items()),
@@ -72,10 +75,15 @@ def _sensor(name: str, result: dict[str, Any], traced: Traced) -> dict[str, Any]
                 "before": _number(before[key], scale),
                 "after": _number(after[key], scale),
                 "meaning": what,
+                "above": [key in TESTS and significant(side, key) for side in (before, after)],
             }
             for key, label, scale, what in _ROWS
         ],
+        "parameters": parameters(traced, name),
         "effects": [_effect(effect) for effect in result["effects"]],
+        "unnamed": unnamed(result),
+        "little_help": little_help(result),
+        "notes": result.get("notes", []),
         "plots": _plots(name, _picture(traced, name)),
     }
 
@@ -85,7 +93,9 @@ def _effect(effect: dict[str, Any]) -> dict[str, Any]:
     return {
         **effect,
         "share": f"{effect['share']:.0%}",
-        "p": f"{effect['p_adjusted']:.2g}",
+        "p": chance(effect),
+        "size": size(effect),
+        "cause": capitalised(effect["cause"]),
         "aliases": ", ".join(effect["aliases"]),
         "terms": [
             {"term": term, "value": f"{value:.4g}", "stderr": f"{error:.2g}", "unit": effect["unit"]}
@@ -117,9 +127,11 @@ def _plots(name: str, picture: Picture) -> list[dict[str, str]]:
         (picture.temperature_degC, "sensor temperature / degC"),
     ]
     plots = [
-        {"alt": f"{name}: residuals over {label}, before and after", "png": residuals_against(picture, x, label)}
-        for x, label in over
-        if np.ptp(x) > 0
+        {
+            "alt": f"{name}: residuals over {label}, before and after",
+            "png": residuals_against(picture, x, label, legend=i == 0),
+        }
+        for i, (x, label) in enumerate((x, label) for x, label in over if np.ptp(x) > 0)
     ]
     if np.ptp(picture.roll_deg) > 0:
         plots.append({"alt": f"{name}: mean residual over pitch and roll", "png": residual_map(picture)})

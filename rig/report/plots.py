@@ -45,8 +45,8 @@ class Picture:
     interval_deg: tuple[float, float]
 
 
-def residuals_against(picture: Picture, x: Array, label: str) -> str:
-    """Residuals before and after over one variable, a colour for each replication; base64 PNG."""
+def residuals_against(picture: Picture, x: Array, label: str, *, legend: bool) -> str:
+    """Residuals before and after over one variable, a colour for each replication, a legend if asked; base64 PNG."""
     figure = Figure(figsize=(9.6, 3.2), dpi=110, layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots(1, 2, sharex=True, sharey=True)
@@ -60,6 +60,9 @@ def residuals_against(picture: Picture, x: Array, label: str) -> str:
         axis.set_title(title, fontsize=9)
         axis.set_xlabel(label, fontsize=9)
     axes[0].set_ylabel(f"residual / {_UNIT}", fontsize=9)
+    if legend:
+        handles, labels = axes[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=10, fontsize=7, frameon=False, markerscale=2)
     bound = 1.15 * _SCALE * float(np.percentile(np.abs(picture.before_deg), 99.8))
     axes[0].set_ylim(-bound, bound)
     return _png(figure)

@@ -1,0 +1,63 @@
+"""What the report and the terminal say alike about a trace: its JSON in a person's words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+TESTS = {"T_bias": "F_bias_95", "T_b": "F_bS_95", "T_S": "F_bS_95", "T_drift": "F_drift_95"}
+"""Every test of Table 2 with the 95 % limit it is held against."""
+
+_CARRIES_OVER = 0.8
+"""Left-out error after over before; above this the effects found are of little use to data not seen."""
+
+
+def incomplete(provenance: Mapping[str, Any]) -> str:
+    """Says that a run is not complete, "" where it is or nobody knows."""
+    planned, observed = provenance.get("points_planned"), provenance.get("points_observed")
+    if planned is None or observed is None or planned <= observed:
+        return ""
+    return f"{observed} of {planned} points; the run is not complete"
+
+
+def significant(table: Mapping[str, Any], test: str) -> bool:
+    """Whether a test of Table 2 is beyond its 95 % limit."""
+    value, limit = table.get(test), table.get(TESTS[test])
+    return value is not None and limit is not None and value > limit
+
+
+def chance(effect: Mapping[str, Any]) -> str:
+    """Family-wise p of an effect: "= 0.003", or "< 5.8e-05" where the simulation that gave it goes no lower."""
+    sign = "<" if effect.get("p_adjusted_is_bound") else "="
+    return f"{sign} {effect['p_adjusted']:.2g}"
+
+
+def size(effect: Mapping[str, Any]) -> str:
+    """How large an effect is in the units of its cause, "" where its coefficients already say so."""
+    found = effect.get("size")
+    if isinstance(found, Mapping):
+        error = found.get("stderr")
+        between = "" if error is None else f" +- {error:.2g}"
+        return f"{found['value']:.4g}{between} {found.get('unit', '')}".strip()
+    return str(found or "")
+
+
+def unnamed(sensor: Mapping[str, Any]) -> list[str]:
+    """What no effect of the catalogue explains, a sentence each."""
+    return [f"Unexplained: {rest['share']:.0%} of the excess error, {rest['where']}." for rest in sensor["unnamed"]]
+
+
+def little_help(sensor: Mapping[str, Any]) -> str:
+    """Warns where effects were found that hardly help at replications the fit has not seen."""
+    before, after = sensor["before"]["cv_rms_deg"], sensor["after"]["cv_rms_deg"]
+    if not sensor["effects"] or not before or after is None or after <= _CARRIES_OVER * before:
+        return ""
+    return (
+        f"The effects found hardly help at replications the fit has not seen: the left-out error goes from "
+        f"{before:.3g} to {after:.3g} deg. Measure again before relying on them."
+    )
+
+
+def capitalised(text: str) -> str:
+    """A sentence's first letter as a capital; the rest as it is."""
+    return text[:1].upper() + text[1:]

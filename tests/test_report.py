@@ -1,0 +1,152 @@
+"""The report as a person reads it: nothing from a file is taken for markup, every number stands beside its error."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from dry import SHORT, dry
+
+from rig.closed_loop import Traced, fit_table, trace_table
+from rig.report.html import render
+from rig.report.parameters import parameters, with_error
+from rig.report.words import chance, incomplete, little_help, size, unnamed
+from rig.tables import Table, run_table
+
+SCRIPT = "<script>alert(1)</script>"
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory):
+    return dry(tmp_path_factory.mktemp("report"), text=SHORT.replace('"short"', f'"{SCRIPT}"'))
+
+
+@pytest.fixture(scope="module")
+def traced(path) -> Traced:
+    return trace_table(run_table(path))
+
+
+@pytest.fixture(scope="module")
+def html(traced) -> str:
+    return render(traced)
+
+
+def test_names_are_not_taken_for_markup(html):
+    assert "<script" not in html
+    assert f"<title>{SCRIPT.replace('<', '&lt;').replace('>', '&gt;')}</title>" in html
+
+
+def test_every_number_before_and_after_is_there(traced, html):
+    for name, sensor in traced.to_json()["sensors"].items():
+        for side in ("before", "after"):
+            for key in ("sigma_E_deg", "sigma_bias_deg", "sigma_prec_deg", "cv_rms_deg"):
+                assert f">{sensor[side][key] * 1e4:.3g}</td>" in html, (name, side, key)
+        for parameter in parameters(traced, name):
+            for text in (*parameter.before, *parameter.after):
+                assert f">{text}</td>" in html
+
+
+def test_notes_are_shown_and_no_command_that_does_not_exist(traced, html):
+    for sensor in traced.to_json()["sensors"].values():
+        assert sensor["notes"]
+        for note in sensor["notes"]:
+            assert note in html
+    assert "rig confirm" not in html
+
+
+def test_the_report_needs_no_other_file(html):
+    assert re.findall(r'(?:src|href)="(?!data:)', html) == []
+
+
+def test_a_run_that_is_not_complete_says_so_at_the_top(traced, html):
+    table = traced.table
+    assert "not complete" not in html
+    part = replace(table, provenance={**table.provenance, "points_planned": 1950})
+    shown = render(replace(traced, table=part))
+    headline = shown[shown.index("<h1>") : shown.index("What was found")]
+    assert f"{len(table)} of 1950 points; the run is not complete" in headline
+    assert incomplete({}) == ""
+
+
+def test_parameters_before_are_those_of_the_fit(traced):
+    fitted = fit_table(traced.table)["sensors"]["x_V"]["parameters"]
+    for parameter, value in zip(parameters(traced, "x_V"), fitted.values(), strict=True):
+        estimate, error = parameter.before
+        assert float(error) == pytest.approx(value["stderr"], rel=0.06)
+        assert float(estimate) == pytest.approx(value["estimate"], abs=value["stderr"])
+
+
+def test_standard_errors_after_include_the_effects_own_uncertainty():
+    """Against the normal equations of model and effect together, written out here.
+
+    The temperature follows pitch in part, so that effect and sensitivity are not independent.
+    """
+    rng = np.random.default_rng(3)
+    pitch, roll = (g.ravel() for g in np.meshgrid(np.arange(-90.0, 91, 30), np.arange(-150.0, 181, 60)))
+    a, r = np.radians(np.tile(pitch, 4)), np.radians(np.tile(roll, 4))
+    n = len(a)
+    warmth = rng.normal(0.0, 1.0, n) + np.sin(a)
+    columns = {
+        "replicate": np.repeat(np.arange(1.0, 5), len(pitch)),
+        "order": np.arange(1.0, n + 1),
+        "elapsed_s": 60.0 * np.arange(n),
+        "pitch_deg": np.degrees(a),
+        "roll_deg": np.degrees(r),
+        "sensor_temperature_degC": 22.0 + warmth,
+        "x_V": 5 * np.sin(a) + 0.02 * np.cos(a) * np.sin(r) + 0.01 + 1e-3 * warmth + rng.normal(0, 2e-5, n),
+    }
+    traced = trace_table(Table("one", columns, True, {}))
+    found = traced.trace.sensors["x_V"]
+    assert [effect.effect for effect in found.effects] == ["offset-temperature"]
+    effect = 22.0 + warmth - traced.trace.scene.temperature_degC
+    both = np.column_stack([np.ones(n), np.sin(a), np.cos(a) * np.sin(r), np.cos(a) * np.cos(r), effect])
+    expected = found.after.sigma_E * np.sqrt(np.diag(np.linalg.inv(both.T @ both)))
+    b, S, *_ = parameters(traced, "x_V")
+    assert float(b.after[1]) == pytest.approx(expected[0], rel=0.06)
+    assert float(S.after[1]) == pytest.approx(expected[1], rel=0.06)
+    assert float(S.after[1]) > 1.1 * found.fit.stderr[1]
+
+
+@pytest.mark.parametrize(
+    ("estimate", "error", "shown"),
+    [
+        (5.0199769, 2.8e-6, ("5.0199769", "0.0000028")),
+        (-118.00012, 0.0996, ("-118.00", "0.10")),
+        (31.4159, 12.0, ("31", "12")),
+        (float("nan"), float("nan"), ("-", "-")),
+        (1.5, float("nan"), ("1.5", "-")),
+    ],
+)
+def test_an_estimate_has_as_many_digits_as_its_error(estimate, error, shown):
+    assert with_error(estimate, error) == shown
+
+
+def test_words_for_what_was_found():
+    assert chance({"p_adjusted": 5.8e-5, "p_adjusted_is_bound": True}) == "< 5.8e-05"
+    assert chance({"p_adjusted": 0.003}) == "= 0.003"
+    assert size({}) == ""
+    assert size({"size": "26 arcsec/g"}) == "26 arcsec/g"
+    sensor = {
+        "before": {"cv_rms_deg": 1e-3},
+        "after": {"cv_rms_deg": 9e-4},
+        "effects": [{}],
+        "unnamed": [{"share": 0.4, "where": "between replications"}],
+    }
+    assert "0.001 to 0.0009 deg" in little_help(sensor)
+    assert little_help({**sensor, "after": {"cv_rms_deg": 5e-4}}) == ""
+    assert little_help({**sensor, "effects": []}) == ""
+    assert unnamed(sensor) == ["Unexplained: 40% of the excess error, between replications."]
+
+
+def test_a_path_is_not_broken_at_80_columns(path, tmp_path):
+    folder = tmp_path / ("a-folder-with-a-long-name-" * 3)
+    folder.mkdir()
+    out = folder / "data.csv"
+    command = [sys.executable, "-m", "rig", "export", str(path), "--out", str(out)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env={"COLUMNS": "80"})
+    assert done.returncode == 0, done.stderr
+    assert str(out) in done.stderr
