@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,7 +28,7 @@ class AttitudeData:
         elapsed_s: (n,) seconds since the start of the run.
         pitch_deg: (n,) angles of the head.
         roll_deg: (n,) zero throughout for a calibration without roll.
-        sensor_temperature_degC: (n,).
+        sensor_temperature_degC: (n,), or None where it was not recorded; temperature effects then cannot be tested.
         outputs: volts by column name.
         pitch_side: (n,) +1 arrived moving up, -1 moving down, 0 unknown. Left out: from the executed order.
         roll_side: (n,) the same for roll.
@@ -46,7 +47,7 @@ class AttitudeData:
     elapsed_s: FloatArray
     pitch_deg: FloatArray
     roll_deg: FloatArray
-    sensor_temperature_degC: FloatArray
+    sensor_temperature_degC: FloatArray | None
     outputs: Mapping[str, FloatArray]
     pitch_side: IntArray = field(default=None)  # type: ignore[arg-type]  # None only until __post_init__
     roll_side: IntArray = field(default=None)  # type: ignore[arg-type]  # None only until __post_init__
@@ -60,8 +61,11 @@ class AttitudeData:
         put = object.__setattr__
         for name in ("replicate", "order"):
             put(self, name, _whole(name, getattr(self, name), count))
-        for name in ("elapsed_s", "pitch_deg", "roll_deg", "sensor_temperature_degC"):
+        for name in ("elapsed_s", "pitch_deg", "roll_deg"):
             put(self, name, _finite(name, getattr(self, name), count))
+        if self.sensor_temperature_degC is not None:
+            temperature = _finite("sensor_temperature_degC", self.sensor_temperature_degC, count)
+            put(self, "sensor_temperature_degC", temperature)
         if not self.outputs:
             raise ValueError("there is no sensor output to fit")
         put(self, "outputs", MappingProxyType({name: _finite(name, v, count) for name, v in self.outputs.items()}))
@@ -140,8 +144,10 @@ class AttitudeData:
 
     def take(self, rows: IntArray) -> AttitudeData:
         """The observations at `rows` (indices or a mask), sides and blocks as they are in the whole."""
-        picked = {f.name: getattr(self, f.name)[rows] for f in fields(self) if f.name not in ("outputs", "axes")}
-        return AttitudeData(**picked, outputs={name: v[rows] for name, v in self.outputs.items()}, axes=self.axes)
+        given = {f.name: getattr(self, f.name) for f in fields(self)}
+        picked: dict[str, Any] = {name: v[rows] if isinstance(v, np.ndarray) else v for name, v in given.items()}
+        picked["outputs"] = {name: v[rows] for name, v in self.outputs.items()}
+        return AttitudeData(**picked)
 
     def _side_from_order(self, angle: FloatArray) -> IntArray:
         executed = np.argsort(self.order)

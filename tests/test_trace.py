@@ -226,3 +226,23 @@ def test_little_data_is_no_reason_to_fail(bench, plan):
     found = trace(simulate(bench, plan, seed=0)[0])
     assert all(t.verdict == "nothing to add" for t in found.sensors.values())
     json.dumps(found.to_json(), allow_nan=False)
+
+
+def test_without_a_recorded_temperature_all_else_works():
+    data, _ = simulate(Bench(compliance={("y", "x"): 8e-4}), D1(180, 19, 13), seed=0)
+    cold = replace(data, sensor_temperature_degC=None)
+    assert cold.take(np.arange(100)).sensor_temperature_degC is None
+    found = trace(cold)
+    assert names(found) == {(X, "isolation-pad-deflection"), (Z, "isolation-pad-deflection")}
+    report = json.loads(json.dumps(found.to_json(), allow_nan=False))
+    assert report["reference"]["temperature_degC"] is None
+    untested = "no sensor temperature was recorded: temperature effects could not be tested"
+    assert all(untested in sensor["notes"] for sensor in report["sensors"].values())
+    assert untested not in trace(data).sensors[X].notes
+    # what is predicted does not need a temperature either, unless an effect of it was found
+    np.testing.assert_array_equal(found.predict(data)[X], found.predict(cold)[X])
+    hot = trace(simulate(Bench(sensors=HOT), D1(180, 13, 13), seed=0)[0])
+    with pytest.raises(ValueError, match="no sensor temperature was recorded"):
+        hot.predict(cold)
+    hidden = trace(replace(simulate(DEMO, D1(180, 13, 13), seed=0)[0], sensor_temperature_degC=None))
+    assert not any("temperature" in effect for _, effect in names(hidden))

@@ -24,7 +24,7 @@ class Scene:
         axes: (3,) sensitive axis times sensitivity of each sensor, V/g, from the declared model.
         nominal: nominal axis of each sensor, 0, 1, 2.
         roll: whether the declared model has roll; without it the package's axes are those at zero roll.
-        temperature_degC: reference temperature; temperature effects are zero there.
+        temperature_degC: reference temperature; temperature effects are zero there. None where none was recorded.
         elapsed_s: reference time; drifts are zero there.
 
     """
@@ -33,7 +33,7 @@ class Scene:
     axes: Mapping[str, FloatArray]
     nominal: Mapping[str, int]
     roll: bool
-    temperature_degC: float
+    temperature_degC: float | None
     elapsed_s: float
 
     def on(self, data: AttitudeData) -> Scene:
@@ -74,7 +74,14 @@ class Scene:
         return np.asarray(self.g @ (m / np.linalg.norm(m)))
 
     def warmth(self) -> FloatArray:
-        """(n,) sensor temperature above the reference, degC."""
+        """(n,) sensor temperature above the reference, degC.
+
+        Raises:
+            ValueError: the sensor's temperature was not recorded, here or in the run of the reference.
+
+        """
+        if self.data.sensor_temperature_degC is None or self.temperature_degC is None:
+            raise ValueError("an effect of temperature cannot be reckoned: no sensor temperature was recorded")
         return self.data.sensor_temperature_degC - self.temperature_degC
 
     def hours(self) -> FloatArray:
@@ -160,7 +167,9 @@ class Effect:
 
 PREREQUISITES: Mapping[str, Callable[[AttitudeData], bool]] = {
     "roll": lambda data: data.has_roll,
-    "temperature": lambda data: bool(np.ptp(data.sensor_temperature_degC) > 1e-3),
+    "temperature": lambda data: (
+        data.sensor_temperature_degC is not None and bool(np.ptp(data.sensor_temperature_degC) > 1e-3)
+    ),
     "time": lambda data: bool(np.ptp(data.elapsed_s) > 0),
     "pitch sides": lambda data: bool(np.ptp(data.pitch_side) > 0),
     "roll sides": lambda data: bool(np.ptp(data.roll_side) > 0) and data.has_roll,

@@ -119,13 +119,13 @@ def pose(data: AttitudeData, catalogue: Sequence[Effect]) -> Problem:
 
 def scene_of(data: AttitudeData, fits: Mapping[str, AttitudeFit]) -> Scene:
     """References of a run: mean temperature, middle of the time, each sensor's axis as the declared model has it."""
-    axes = {s: fit.sensitive_axis for s, fit in fits.items()}
+    axes, temperature = {s: fit.sensitive_axis for s, fit in fits.items()}, data.sensor_temperature_degC
     return Scene(
         data=data,
         axes=axes,
         nominal={s: "xyz".index(fit.model[-1]) if fit.has_roll else 0 for s, fit in fits.items()},
         roll=data.has_roll,
-        temperature_degC=float(np.mean(data.sensor_temperature_degC)),
+        temperature_degC=None if temperature is None else float(np.mean(temperature)),
         elapsed_s=float(np.mean(data.elapsed_s)),
     )
 

@@ -106,6 +106,7 @@ class SensorTrace:
         S_V: sensitivity, to express volts in degrees.
         residual_before_V: (n,) residual of the declared model, in the data's order of rows.
         residual_after_V: (n,) residual with the effects.
+        temperature_recorded: whether effects of temperature could be tested at all.
 
     """
 
@@ -124,6 +125,7 @@ class SensorTrace:
     S_V: float
     residual_before_V: FloatArray
     residual_after_V: FloatArray
+    temperature_recorded: bool
 
     def to_json(self) -> dict[str, JsonValue]:
         """As `rig trace --json` prints it."""
@@ -142,6 +144,8 @@ class SensorTrace:
     def notes(self) -> tuple[str, ...]:
         """Sentences that stand beside the numbers before and after."""
         notes = []
+        if not self.temperature_recorded:
+            notes.append("no sensor temperature was recorded: temperature effects could not be tested")
         if self.effects and self.after.drift_b.value > self.before.drift_b.value:
             notes.append(
                 "T_b rose because the lack of fit that was removed stood in its denominator; p_drift is free of that"

@@ -157,6 +157,7 @@ def _sensor(
         S_V=declared.parameters.S_V,
         residual_before_V=before.corrected[i] - before.fits[i].predict(h),
         residual_after_V=after.corrected[i] - after.fits[i].predict(h),
+        temperature_recorded=problem.scene.temperature_degC is not None,
     )
 
 
