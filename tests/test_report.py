@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from dry import SHORT, dry
+from dry import LAB, SHORT, dry, write_short
 
 from rig.closed_loop import Traced, fit_table, trace_table
 from rig.report.html import render
@@ -150,3 +150,27 @@ def test_a_path_is_not_broken_at_80_columns(path, tmp_path):
     done = subprocess.run(command, capture_output=True, text=True, check=False, env={"COLUMNS": "80"})
     assert done.returncode == 0, done.stderr
     assert str(out) in done.stderr
+
+
+def rig_plan(folder, text: str, bench: str) -> subprocess.CompletedProcess[str]:
+    (folder / "bench.toml").write_text(bench)
+    command = [sys.executable, "-m", "rig", "plan", str(write_short(folder, text)), "--bench", "bench.toml"]
+    environment = {"COLUMNS": "80", "TZ": "UTC"}
+    return subprocess.run(command, capture_output=True, text=True, check=False, cwd=folder, env=environment)
+
+
+def test_a_design_that_does_not_determine_the_sensor_is_explained(tmp_path):
+    text = SHORT.replace("pitch_deg = [-90, -45, 0, 45, 90]", "pitch_deg = [0]")
+    done = rig_plan(tmp_path, text, (LAB / "bench.toml").read_text())
+    assert done.returncode == 78
+    assert "design D does not determine a sensor" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_the_evening_answer_names_day_and_zone_and_a_chamber_that_is_missing(tmp_path):
+    bench = (LAB / "bench.toml").read_text()
+    bench = re.sub(r"\[instruments\.enclosure\].*?\n\n|enclosure_degC = .*?\n", "", bench, flags=re.DOTALL)
+    done = rig_plan(tmp_path, SHORT, bench)
+    assert done.returncode == 0, done.stderr
+    assert "there is nothing on this bench to control it" in done.stdout
+    assert re.search(r"done [A-Z][a-z]+day \d{4}-\d\d-\d\d \d\d:\d\d UTC", done.stdout)

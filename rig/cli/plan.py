@@ -8,13 +8,16 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from rich.markup import escape
 from rich.table import Table
 
+from drivers.roles import Chamber
+from rig.bench import driver_class
 from rig.cli import app
 from rig.cli.run import BenchOption, JsonOption, ProcedureArgument
 from rig.cli.show import duration, out, print_json, run_progress
-from rig.controller import BYTES_PER_POINT, load_plan
-from rig.errors import ExitCode
+from rig.controller import BYTES_PER_POINT, Plan, load_plan
+from rig.errors import ConfigurationError, ExitCode
 
 
 @app.command(rich_help_panel="Running")
@@ -31,9 +34,10 @@ def plan(
     Example: `rig plan night.toml --bench bench.toml`
     """
     from drivers.clock import RealClock  # noqa: PLC0415
-    from rig.forecast import ALLOWANCE, precision, rehearse  # noqa: PLC0415
+    from rig.forecast import ALLOWANCE, rehearse  # noqa: PLC0415
 
     planned = load_plan(procedure, bench)
+    angles = _precision(procedure, planned)
     with run_progress(simulated=True) as show:
         forecast = rehearse(planned, show)
     now = datetime.fromtimestamp(RealClock().utc(), UTC).astimezone()
@@ -41,7 +45,6 @@ def plan(
     overdue = _due(planned.bench.instruments, end.date())
     existing = next(p for p in (out_dir, *out_dir.absolute().parents) if p.exists())
     free, needed = shutil.disk_usage(existing).free, len(planned.run_list) * BYTES_PER_POINT
-    angles = precision(planned.run_list, planned.procedure.expect.sigma_deg)
     reach = planned.run_list.extremes()
     result: dict[str, Any] = {
         "procedure": planned.procedure.name,
@@ -64,19 +67,21 @@ def plan(
         "overdue": overdue,
         "disk_free_bytes": free,
         "disk_needed_bytes": needed,
+        "environment": _environment(planned),
     }
     if as_json:
         print_json(result)
         return ExitCode.DONE
-    out.print(f"[bold]{planned.procedure.name}[/] on {planned.bench.name}")
+    out.print(f"[bold]{escape(planned.procedure.name)}[/] on {escape(planned.bench.name)}", soft_wrap=True)
     out.print(f"  {len(planned.run_list)} points, {planned.procedure.replications} replications")
     out.print(
-        f"  started now, done {_when(now, forecast.total_s)} ({duration(forecast.total_s)}), "
-        f"at the latest {_when(now, forecast.latest_s)}"
+        f"  started now, done {_when(now, forecast.total_s)} ({duration(forecast.total_s)}),\n"
+        f"  at the latest {_when(now, forecast.latest_s)}"
     )
     out.print(
-        f"  {forecast.point_s:.1f} s a point (sd {forecast.point_sd_s:.1f} s, {forecast.rehearsed} points rehearsed), "
-        f"{duration(forecast.preparation_s)} of preparation; the latest allows {ALLOWANCE:.0%} for repeats and retries"
+        f"  {forecast.point_s:.1f} s a point (sd {forecast.point_sd_s:.1f} s, {forecast.rehearsed} points rehearsed),\n"
+        f"  {duration(forecast.preparation_s)} of preparation;\n"
+        f"  the latest allows {ALLOWANCE:.0%} for repeats and retries"
     )
     table = Table(
         "pitch / deg",
@@ -94,9 +99,11 @@ def plan(
     for name, (low, high) in reach.items():
         allowed = planned.bench.limits.get(name)
         shown = f"limits {allowed[0]:g} to {allowed[1]:g}: ok" if allowed else "[yellow]no limit in the bench file[/]"
-        out.print(f"  {name} goes from {low:g} to {high:g}, overtravel included; {shown}")
+        out.print(f"  {name} goes from {low:g} to {high:g}, overtravel included; {shown}", soft_wrap=True)
+    if result["environment"]:
+        out.print(f"  environment: {escape(result['environment'])}", soft_wrap=True)
     for line in overdue:
-        out.print(f"  [yellow]{line}[/]")
+        out.print(f"  [yellow]{escape(line)}[/]", soft_wrap=True)
     if not overdue:
         out.print("  every instrument's own calibration is in date until then")
     verdict = "ok" if free > needed else "[red]not enough[/]"
@@ -106,7 +113,40 @@ def plan(
 
 def _when(now: datetime, seconds: float) -> str:
     moment = now + timedelta(seconds=seconds)
-    return f"{moment:%H:%M}" if moment.date() == now.date() else f"{moment:%A %H:%M}"
+    return f"{moment:%A %Y-%m-%d %H:%M} {_zone(moment)}"
+
+
+def _zone(moment: datetime) -> str:
+    """The zone's name beside its offset, since names are not unique; the offset alone where it has no other name."""
+    offset, name = f"{moment:%z}", moment.tzname() or ""
+    offset = f"UTC{offset[:3]}:{offset[3:5]}"
+    return name if name == "UTC" else f"{name} ({offset})" if name.isalpha() else offset
+
+
+def _precision(procedure: Path, planned: Plan) -> list[dict[str, float]]:
+    """Predicted precision; raises `ConfigurationError` for a design that does not determine the sensors."""
+    from rig.forecast import precision  # noqa: PLC0415
+
+    try:
+        return precision(planned.run_list, planned.procedure.expect.sigma_deg)
+    except ValueError as error:
+        design = planned.procedure.design
+        raise ConfigurationError(
+            f"{procedure}: design {design.type} does not determine a sensor: {error}; visit more pitch or roll angles"
+        ) from error
+
+
+def _environment(planned: Plan) -> str | None:
+    """What the procedure asks of the environment, or that nothing on the bench can give it; None if not asked."""
+    wanted = planned.procedure.environment
+    if wanted is None:
+        return None
+    asked = f"{wanted.setpoint_degC:g} degC for {duration(wanted.dwell_s)}"
+    drivers: dict[str, Any] = {n: driver_class(i.driver) for n, i in planned.bench.instruments.items()}
+    names = [name for name, driver in drivers.items() if issubclass(driver, Chamber)]
+    if not names:
+        return f"the procedure wants {asked}; there is nothing on this bench to control it"
+    return f"{', '.join(names)}: {asked}"
 
 
 def _due(instruments: Any, on: date) -> list[str]:
