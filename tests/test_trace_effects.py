@@ -3,6 +3,7 @@
 One scenario an effect at least; a catalogue entry without a scenario fails `test_every_effect_has_a_scenario`.
 """
 
+import re
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -32,44 +33,68 @@ class Scenario:
     """Of the first term on the first sensor."""
     options: dict = field(default_factory=dict)
     plan: Plan = NIGHT
+    size: str = ""
+    """Of the cause, exactly; the tests allow what noise does to it."""
 
 
 PAD = "isolation-pad-deflection"
 # deg per g about y by weight along x, on an x sensor of 5 V/g: S c/2 times sin 2a cos R, in volts
 SAG = 8e-4
+NUMBER = re.compile(r"(?<![\^\w])-?\d[\d.]*(?:e-?\d+)?")
 SAG_V = 5.0 * np.radians(SAG) / 2
 
 SCENARIOS = {
-    "pads, in the pitch plane": Scenario(PAD, Bench(compliance={("y", "x"): SAG}), (X, Z), SAG_V),
-    "pads, in two planes": Scenario(PAD, Bench(compliance={("y", "x"): SAG, ("z", "x"): 5e-4}), (X, Y, Z)),
-    "pads, by weight across": Scenario(PAD, Bench(compliance={("y", "z"): SAG}), (X, Z)),
-    "offset and temperature": Scenario("offset-temperature", Bench(sensors=on_x(b_per_degC=5e-5)), (X,), 5e-5),
+    "pads, in the pitch plane": Scenario(PAD, Bench(compliance={("y", "x"): SAG}), (X, Z), SAG_V, size="8.00e-4 deg/g"),
+    "pads, in two planes": Scenario(
+        PAD,
+        Bench(compliance={("y", "x"): SAG, ("z", "x"): 5e-4}),
+        (X, Y, Z),
+        size="8.00e-4 deg/g (about y by weight along x), 5.00e-4 deg/g (about z by weight along x)",
+    ),
+    "pads, by weight across": Scenario(PAD, Bench(compliance={("y", "z"): SAG}), (X, Z), size="8.00e-4 deg/g"),
+    "offset and temperature": Scenario(
+        "offset-temperature", Bench(sensors=on_x(b_per_degC=5e-5)), (X,), 5e-5, size="50 uV/degC"
+    ),
     "sensitivity and temperature": Scenario(
-        "sensitivity-temperature", Bench(sensors=on_x(S_per_degC=2e-5)), (X,), 1e-4
+        "sensitivity-temperature", Bench(sensors=on_x(S_per_degC=2e-5)), (X,), 1e-4, size="20 ppm/degC"
     ),
-    "offset and time": Scenario("offset-drift", Bench(sensors=on_x(b_per_h=2e-6)), (X,), 2e-6),
-    "sensitivity and time": Scenario("sensitivity-drift", Bench(sensors=on_x(S_per_h=8e-7)), (X,), 4e-6),
-    "an interruption": Scenario("offset-step", Bench(sensors=on_x(b_step=3e-5)), (X,), 3e-5, options={"break_at": 0.4}),
-    "backlash of pitch": Scenario("backlash-pitch", Bench(pitch_backlash_deg=3e-4), (X, Y, Z), 3e-4),
-    "backlash of roll": Scenario("backlash-roll", Bench(roll_backlash_deg=3e-4), (Y, Z), 3e-4),
-    "square": Scenario("sensor-second-order", Bench(sensors=on_x(quadratic=4e-6)), (X,), 2e-5),
-    "cube": Scenario("sensor-third-order", Bench(sensors=on_x(cubic=6e-6)), (X,), 3e-5),
-    "product": Scenario("cross-axis", Bench(sensors=on_x(cross=1e-5)), (X,), 2.5e-5),
-    "pitch scale, once": Scenario("head-once-per-turn", Bench(pitch_error_deg=(3e-4, 0, 0, 0)), (X, Y, Z), 3e-4),
+    "offset and time": Scenario("offset-drift", Bench(sensors=on_x(b_per_h=2e-6)), (X,), 2e-6, size="2 uV/h"),
+    "sensitivity and time": Scenario(
+        "sensitivity-drift", Bench(sensors=on_x(S_per_h=8e-7)), (X,), 4e-6, size="0.8 ppm/h"
+    ),
+    "an interruption": Scenario(
+        "offset-step", Bench(sensors=on_x(b_step=3e-5)), (X,), 3e-5, options={"break_at": 0.4}, size="30 uV"
+    ),
+    "backlash of pitch": Scenario(
+        "backlash-pitch", Bench(pitch_backlash_deg=3e-4), (X, Y, Z), 3e-4, size="1.08 arcsec"
+    ),
+    "backlash of roll": Scenario("backlash-roll", Bench(roll_backlash_deg=3e-4), (Y, Z), 3e-4, size="1.08 arcsec"),
+    "square": Scenario("sensor-second-order", Bench(sensors=on_x(quadratic=4e-6)), (X,), 2e-5, size="4 ug/g^2"),
+    "cube": Scenario("sensor-third-order", Bench(sensors=on_x(cubic=6e-6)), (X,), 3e-5, size="6 ug/g^3"),
+    "product": Scenario("cross-axis", Bench(sensors=on_x(cross=1e-5)), (X,), 2.5e-5, size="10 ug/g^2"),
+    "pitch scale, once": Scenario(
+        "head-once-per-turn", Bench(pitch_error_deg=(3e-4, 0, 0, 0)), (X, Y, Z), 3e-4, size="1.08 arcsec"
+    ),
     "pitch scale, once, both phases": Scenario(
-        "head-once-per-turn", Bench(pitch_error_deg=(2e-4, 2e-4, 0, 0)), (X, Y, Z), 2e-4
+        "head-once-per-turn", Bench(pitch_error_deg=(2e-4, 2e-4, 0, 0)), (X, Y, Z), 2e-4, size="1.018 arcsec"
     ),
-    "pitch scale, twice": Scenario("head-twice-per-turn", Bench(pitch_error_deg=(0, 0, 3e-4, 0)), (X, Y, Z), 3e-4),
+    "pitch scale, twice": Scenario(
+        "head-twice-per-turn", Bench(pitch_error_deg=(0, 0, 3e-4, 0)), (X, Y, Z), 3e-4, size="1.08 arcsec"
+    ),
     "pitch scale, twice, cosine": Scenario(
-        "head-twice-per-turn", Bench(pitch_error_deg=(0, 0, 0, 3e-4)), (X, Y, Z), 3e-4
+        "head-twice-per-turn", Bench(pitch_error_deg=(0, 0, 0, 3e-4)), (X, Y, Z), 3e-4, size="1.08 arcsec"
     ),
-    "roll scale, once": Scenario("roll-head-once-per-turn", Bench(roll_error_deg=(3e-4, 0, 0, 0)), (Y, Z), 3e-4),
+    "roll scale, once": Scenario(
+        "roll-head-once-per-turn", Bench(roll_error_deg=(3e-4, 0, 0, 0)), (Y, Z), 3e-4, size="1.08 arcsec"
+    ),
     "roll scale, once, cosine": Scenario(
-        "roll-head-once-per-turn", Bench(roll_error_deg=(0, 3e-4, 0, 0)), (Y, Z), 3e-4
+        "roll-head-once-per-turn", Bench(roll_error_deg=(0, 3e-4, 0, 0)), (Y, Z), 3e-4, size="1.08 arcsec"
     ),
-    "roll scale, twice": Scenario("roll-head-twice-per-turn", Bench(roll_error_deg=(0, 0, 3e-4, 0)), (Y, Z), 3e-4),
+    "roll scale, twice": Scenario(
+        "roll-head-twice-per-turn", Bench(roll_error_deg=(0, 0, 3e-4, 0)), (Y, Z), 3e-4, size="1.08 arcsec"
+    ),
     "roll scale, twice, cosine": Scenario(
-        "roll-head-twice-per-turn", Bench(roll_error_deg=(0, 0, 0, 3e-4)), (Y, Z), 3e-4
+        "roll-head-twice-per-turn", Bench(roll_error_deg=(0, 0, 0, 3e-4)), (Y, Z), 3e-4, size="1.08 arcsec"
     ),
 }
 
@@ -93,6 +118,10 @@ def test_effect_is_named(name):
     assert effect.share > 0.85
     assert first.cv_rms_after < first.cv_rms_before
     assert np.std(first.residual_after_V) < np.std(first.residual_before_V)
+    assert NUMBER.sub("#", effect.size) == NUMBER.sub("#", scenario.size)
+    sizes = [[float(n) for n in NUMBER.findall(text)] for text in (effect.size, scenario.size)]
+    np.testing.assert_allclose(*sizes, rtol=0.15)
+    assert effect.to_json()["size"] == effect.size
     if scenario.coefficient is not None:
         assert abs(effect.coefficients[0] - scenario.coefficient) < 5 * effect.stderr[0] + 0.01 * scenario.coefficient
 

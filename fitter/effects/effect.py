@@ -11,6 +11,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.data import AttitudeData
+from fitter.effects.sizes import Size
 
 Stratum = Literal["between-point", "point-by-replication", "replication"]
 
@@ -139,6 +140,7 @@ class Effect:
         stratum: where it varies when the order of the run is balanced: between the points of the design, or point
             by replication, that is with time, temperature or direction.
         unit: of the reported coefficients.
+        size: the same in the terms of who works on the bench.
         against: the field of `AttitudeData` its residual is best looked at against.
         terms: its columns, given the observations (an effect may have as many as there were interruptions).
         separate_by: the measurement that would confirm it, or tell it from what is not among the known aliases.
@@ -153,6 +155,7 @@ class Effect:
     scope: Literal["package", "sensor"]
     stratum: Stratum
     unit: str
+    size: Size
     against: str
     terms: Callable[[AttitudeData], tuple[Term, ...]]
     separate_by: str

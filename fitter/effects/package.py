@@ -13,6 +13,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.effects.effect import Alias, Effect, Scene, Term, fixed
+from fitter.effects.sizes import amplitude, arcsec, each
 
 _DEGREE = np.radians(1.0)
 
@@ -84,6 +85,7 @@ ISOLATION_PADS = Effect(
     scope="package",
     stratum="between-point",
     unit="V",
+    size=each("deg/g"),
     against="pitch_deg",
     # about y first: the sag in the pitch plane that the paper shows, sin 2a cos R on an x sensor
     terms=fixed(*(_sag(about, along) for about in (1, 2, 0) for along in range(3))),
@@ -108,6 +110,7 @@ BACKLASH_PITCH = Effect(
     scope="package",
     stratum="point-by-replication",
     unit="deg",
+    size=arcsec,
     against="pitch_deg",
     terms=fixed(_pitch_error("side/2", lambda scene: scene.data.pitch_side.astype(np.float64) / 2)),
     separate_by=_BOTH_SIDES,
@@ -124,6 +127,7 @@ BACKLASH_ROLL = Effect(
     scope="package",
     stratum="point-by-replication",
     unit="deg",
+    size=arcsec,
     against="roll_deg",
     terms=fixed(_roll_error("side/2", lambda scene: scene.data.roll_side.astype(np.float64) / 2)),
     separate_by=_BOTH_SIDES,
@@ -138,6 +142,7 @@ HEAD_ONCE = Effect(
     scope="package",
     stratum="between-point",
     unit="deg",
+    size=amplitude,
     against="pitch_deg",
     terms=fixed(
         _pitch_error("sin(pitch)", lambda scene: np.sin(scene.pitch)),
@@ -164,6 +169,7 @@ HEAD_TWICE = Effect(
     scope="package",
     stratum="between-point",
     unit="deg",
+    size=amplitude,
     against="pitch_deg",
     terms=fixed(
         _pitch_error("sin(2*pitch)", lambda scene: np.sin(2 * scene.pitch)),
@@ -180,6 +186,7 @@ ROLL_HEAD_ONCE = Effect(
     scope="package",
     stratum="between-point",
     unit="deg",
+    size=amplitude,
     against="roll_deg",
     terms=fixed(
         _roll_error("sin(roll)", lambda scene: np.sin(scene.rolled)),
@@ -197,6 +204,7 @@ ROLL_HEAD_TWICE = Effect(
     scope="package",
     stratum="between-point",
     unit="deg",
+    size=amplitude,
     against="roll_deg",
     terms=fixed(
         _roll_error("sin(2*roll)", lambda scene: np.sin(2 * scene.rolled)),

@@ -29,6 +29,7 @@ class FoundEffect:
         coefficients: of the formulas, in `unit`.
         stderr: of the coefficients; conditional on the effect having been selected on the same data.
         unit: of the coefficients.
+        size: of the cause, in physical terms: "1.50e-3 deg/g", "45 ppm/degC", "1.2 arcsec".
         p_adjusted: probability of finding the like by chance, over all candidates, sensors and steps of the run.
         share: of the sensor's residual beyond pure error, how much it explains.
         aliases: other effects the data cannot tell from it.
@@ -46,6 +47,7 @@ class FoundEffect:
     coefficients: tuple[float, ...]
     stderr: tuple[float, ...]
     unit: str
+    size: str
     p_adjusted: float
     share: float
     aliases: tuple[str, ...]
@@ -65,6 +67,7 @@ class FoundEffect:
             "coefficients": list(self.coefficients),
             "stderr": list(self.stderr),
             "unit": self.unit,
+            "size": self.size,
             "p_adjusted": self.p_adjusted,
             "share": self.share,
             "aliases": list(self.aliases),

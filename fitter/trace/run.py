@@ -179,6 +179,8 @@ def _found(
     effect = problem.candidates[picked[shown[0]]].effect
     contribution = problem.raw[i][:, [picked[k] for k in mine]] @ after.gamma[mine]
     formulas = [problem.candidates[picked[k]].term.as_formula(problem.scene, sensor) for k in shown]
+    parts = {k: problem.candidates[picked[k]] for k in mine}
+    own = {part.term.name: float(after.gamma[k]) for k, part in parts.items() if part.sensor in (None, sensor)}
     stderr = np.sqrt(np.diag(after.covariance))
     h = problem.fits[sensor].columns(problem.scene.data.pitch_deg, problem.scene.data.roll_deg)
     without = after.corrected[i] + contribution
@@ -195,6 +197,7 @@ def _found(
         coefficients=tuple(float(after.gamma[k] * f) for k, (_, f) in zip(shown, formulas, strict=True)),
         stderr=tuple(float(stderr[k] * abs(f)) for k, (_, f) in zip(shown, formulas, strict=True)),
         unit=effect.unit,
+        size=effect.size(own, problem.fits[sensor].parameters.S_V),
         p_adjusted=min(p_adjusted(problem, family, after.chosen, picked[k]) for k in shown),
         share=float(np.clip((rss_without - after.fits[i].rss) / excess, 0.0, 1.0)) if excess > 0 else 0.0,
         aliases=aliases,
