@@ -14,12 +14,12 @@ from procedures.designs import Design, fraction, grid, roll_circle, tumble, unif
 from procedures.orders import Visit, random_order, reversed_pass, serpentine
 from procedures.run_list import Factor, Point, RunList
 
-Positive = Annotated[float, Field(gt=0)]
+Positive = Annotated[float, Field(gt=0, le=1e6)]
 Side = Annotated[list[float], Field(min_length=1)]
 
 
 class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class FractionSettings(_Strict):
@@ -109,10 +109,10 @@ class ApproachSettings(_Strict):
 class SettleSettings(_Strict):
     """When an angle counts as reached."""
 
-    band_deg: Positive = Field(0.0005, description="readback within this of the setpoint")
-    dwell_s: float = Field(3.0, ge=0, description="for this long")
+    band_deg: Positive = Field(0.0005, le=1, description="readback within this of the setpoint")
+    dwell_s: float = Field(3.0, ge=0, le=1e6, description="for this long")
     drift_deg_per_s: Positive = Field(0.001, description="and drifting slower than this")
-    poll_s: Positive = Field(0.5, description="time between readbacks")
+    poll_s: Positive = Field(0.5, le=60, description="time between readbacks")
     timeout_s: Positive = Field(120.0, description="then the settling has failed")
 
 
@@ -128,10 +128,10 @@ class EnvironmentSettings(_Strict):
     """The enclosure's temperature before the first point and after a long gap."""
 
     setpoint_degC: float = Field(23.0, ge=-80, le=200)
-    tolerance_degC: Positive = Field(0.5, description="enclosure within this of the setpoint")
-    dwell_s: float = Field(900.0, ge=0, description="for this long")
+    tolerance_degC: Positive = Field(0.5, le=20, description="enclosure within this of the setpoint")
+    dwell_s: float = Field(900.0, ge=0, le=1e6, description="for this long")
     drift_degC_per_h: Positive = Field(1.0, description="and drifting slower than this")
-    poll_s: Positive = Field(10.0)
+    poll_s: Positive = Field(10.0, le=600, description="time between readbacks")
     timeout_s: Positive = Field(4 * 3600.0)
 
 

@@ -21,6 +21,8 @@ def write_whole(path: Path, write: Callable[[IO[str]], object]) -> None:
         UsageError: the disk or the folder refuses; nothing is left behind and an older file stays as it was.
 
     """
+    if _is_run_file(path):
+        raise UsageError(f"{path} is a run file and is not overwritten; choose another name")
     temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")
     try:
         with temporary.open("w", encoding="utf-8", newline="") as file:
@@ -29,3 +31,11 @@ def write_whole(path: Path, write: Callable[[IO[str]], object]) -> None:
     except OSError as error:
         temporary.unlink(missing_ok=True)
         raise UsageError(f"{path} cannot be written: {error.strerror}; nothing is left behind") from error
+
+
+def _is_run_file(path: Path) -> bool:
+    try:
+        with path.open("rb") as file:
+            return file.read(15) == b"SQLite format 3"
+    except OSError:
+        return False

@@ -104,12 +104,14 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ConfigurationError(f"{where} is not valid TOML: {error}") from error
+    except RecursionError:
+        raise ConfigurationError(f"{where} is nested too deeply to be a file of ours") from None
 
 
 def read_text(path: Path, what: str) -> str:
     """A configuration file's text; raises `ConfigurationError` if it cannot be read."""
     try:
-        return path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         raise ConfigurationError(f"there is no {what} file {path}") from None
     except IsADirectoryError:

@@ -25,6 +25,7 @@ from rig import __version__
 from rig.bench import Bench, check_options, identities, locked_addresses, open_bench, playing
 from rig.config import BenchConfig, parse_bench, parse_procedure, parse_toml, read_text
 from rig.engine.guard import Guard
+from rig.engine.live import live_path, read_json
 from rig.engine.run_file import Genesis, RunReader, RunWriter, create
 from rig.engine.sequencer import Sequencer
 from rig.engine.session import Outcome, Progress, Session, Signals
@@ -163,7 +164,7 @@ def start_run(
             raise BenchFault(str(error)) from error
         run_id = _new_id(plan.procedure.name)
         path = folder / f"{run_id}.sqlite"
-        about = {"software": versions(), "procedure": plan.procedure.name, "bench": plan.bench.name}
+        about = {"dry": plan.dry, "software": versions(), "procedure": plan.procedure.name, "bench": plan.bench.name}
         genesis = Genesis(run_id, plan.documents, plan.run_list, plan.dry or plan.bench.simulated, about)
         create(path, genesis, elapsed_s=0.0, utc_s=clock.utc())
         announce(path)
@@ -179,6 +180,7 @@ def resume_run(
     bench: Path | None = None,
     accept: frozenset[str] = frozenset(),
     dry_gap_s: float = 120.0,
+    warn: Callable[[str], None] = lambda _: None,
 ) -> Result:
     """Carry on with a run wherever it stopped.
 
@@ -189,12 +191,20 @@ def resume_run(
         bench: another bench file, for instruments that have moved to other addresses.
         accept: names of instruments that may be other ones than before.
         dry_gap_s: for a dry run, how long its simulated bench was left alone.
+        warn: called with a sentence for everything that was once durable and is not there any more.
 
     """
+    with RunReader.open(path) as reader:  # a finished run is not opened for writing, and not changed
+        reader.verify()
+        state = fold(reader.records())
+        if state.ended is not None:
+            plan = _stored_plan(reader, path, None)
+            return Result(path, Outcome.COMPLETE, f"{path} is complete: nothing to resume", state, plan.procedure)
+    told = int((read_json(live_path(path)) or {}).get("done", 0))
     with RunWriter.open(path) as run:
         state = fold(run.records())
-        if state.ended is not None:
-            return Result(path, Outcome.COMPLETE, f"{path} is complete: nothing to resume", state, None)
+        for warning in _losses(run, state, told):
+            warn(warning)
         plan = _stored_plan(run, path, bench)
         unknown = sorted(accept - set(plan.bench.instruments))
         if unknown:
@@ -205,10 +215,25 @@ def resume_run(
             return _session(run, plan, opened_bench, clock, boot, accept, signals, on_progress)
 
 
+def _losses(run: RunWriter, state: RunState, told: int) -> Iterator[str]:
+    """What the run file has lost since the last session: by its log's checksums, and by what was last told."""
+    log = run.dropped
+    if log.damage:
+        yield (
+            f"the log of {run.path} is damaged ({log.damage}): {log.lost_commits} record(s) that had been written "
+            f"are lost; points without an observation are measured again"
+        )
+    missing = told - len(state.accepted) - len(state.skipped)
+    if missing > 0:
+        yield (
+            f"the last session had {told} points done, {run.path} holds {told - missing}: {missing} are lost "
+            f"(was its -wal file removed?) and are measured again"
+        )
+
+
 def _stored_plan(run: RunReader, path: Path, bench: Path | None) -> Plan:
     documents = run.documents()
-    dry = bool(run.genesis().data["simulated"]) and parse_bench(documents["bench.toml"], str(path)).live is None
-    plan = _plan(documents, dry, {name: f"{path} ({name})" for name in documents})
+    plan = _plan(documents, bool(run.genesis().data["dry"]), {name: f"{path} ({name})" for name in documents})
     if plan.run_list.sha256() != run.genesis().data["run_list"]:
         raise ConfigurationError(
             f"{path}: this version of rig expands the stored procedure to another run list; "

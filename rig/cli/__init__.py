@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import sys
+import tempfile
+import traceback
 
 # Before anything imports numpy: our matrices are narrow, and a second thread costs twice the time (measured).
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -30,9 +32,9 @@ app = typer.Typer(
 
 def main() -> None:
     """Entry point: run the command, turn errors meant for people into one message and an exit code."""
-    from rig.cli import commands  # noqa: F401, PLC0415 - importing it registers the commands
-
     try:
+        from rig.cli import commands  # noqa: F401, PLC0415 - importing it registers the commands
+
         code = app(standalone_mode=False)
     except RigError as error:
         print(f"rig: {error}", file=sys.stderr)
@@ -42,8 +44,30 @@ def main() -> None:
         code = ExitCode.USAGE
     except (typer.Abort, KeyboardInterrupt):
         code = ExitCode.INTERRUPTED
+    except SystemExit as ended:
+        code = ExitCode.INTERRUPTED if ended.code == _BY_SIGINT else ended.code
     except BrokenPipeError:
         # Whoever read our output has gone; there is nobody to tell.
         sys.stderr.close()
         code = ExitCode.DONE
+    except OSError as error:
+        print(f"rig: {error}", file=sys.stderr)
+        code = ExitCode.FAULT
+    except Exception as error:
+        print(f"rig: {_unforeseen(error)}", file=sys.stderr)
+        code = ExitCode.FAULT
     sys.exit(int(code) if isinstance(code, int) else 0)
+
+
+_BY_SIGINT = 130
+"""What the command-line library ends with after Ctrl-C."""
+
+
+def _unforeseen(error: Exception) -> str:
+    """Keep the traceback of an error nobody foresaw, and say where."""
+    with tempfile.NamedTemporaryFile("w", prefix="rig-", suffix=".txt", delete=False) as file:
+        traceback.print_exception(error, file=file)
+    return (
+        f"unforeseen: {type(error).__name__}: {error}. This is a mistake in rig; please report it with {file.name}. "
+        f"A run file is whole whatever happens: `rig status RUN` shows it, `rig resume RUN` carries on"
+    )

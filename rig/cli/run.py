@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import sys
@@ -12,6 +13,7 @@ from types import FrameType
 from typing import Annotated, Any
 
 import typer
+from rich.markup import escape
 
 from rig.cli import app
 from rig.cli.show import duration, err, mark, out, print_json, run_progress
@@ -67,7 +69,8 @@ def run(
     plan = load_plan(procedure, bench, dry=dry, world=world)
 
     def announce(path: Path) -> None:
-        print(path, flush=True)
+        with contextlib.suppress(OSError):  # nobody reads it; the run matters more
+            print(path, flush=True)
 
     with run_progress(simulated=dry or plan.bench.simulated) as show:
         result = start_run(
@@ -86,7 +89,7 @@ def resume(
         list[str] | None,
         typer.Option(help="accept another instrument than before in this place; repeatable", show_default=False),
     ] = None,
-    gap: Annotated[float, typer.Option(help="dry runs: seconds the simulated bench was left alone")] = 120.0,
+    gap: Annotated[float, typer.Option(min=0, max=1e7, help="dry runs: seconds the bench was left alone")] = 120.0,
     kill_at_point: KillOption = None,
 ) -> int:
     """Carry on with an interrupted run.
@@ -103,6 +106,7 @@ def resume(
             bench=bench,
             accept=frozenset(accept or ()),
             dry_gap_s=gap,
+            warn=lambda text: err.print(f"[bold yellow]{escape(text)}[/]", soft_wrap=True),
         )
     return conclude(result)
 
@@ -110,14 +114,15 @@ def resume(
 def conclude(result: Result) -> int:
     """Say how a session ended; the exit code."""
     state = result.state
-    if result.message:
-        print(f"rig: {result.message}", file=sys.stderr)
-    for index, reason in sorted(state.skipped.items()):
-        err.print(f"[yellow]point {index} was skipped:[/] {reason}")
-    words = f"{result.outcome.value}: {len(state.accepted)} of {state.points} points observed"
-    err.print(f"{mark(state.simulated)}{words} in {duration(state.elapsed_s)}")
-    if result.outcome is Outcome.COMPLETE and _outside_acceptance(result):
-        return ExitCode.OUTSIDE_ACCEPTANCE
+    with contextlib.suppress(OSError):  # a full or closed log does not change how the run ended
+        if result.message and result.outcome is not Outcome.INTERRUPTED:
+            print(f"rig: {result.message}", file=sys.stderr)
+        for index, reason in sorted(state.skipped.items()):
+            err.print(f"[yellow]point {index} was skipped:[/] {escape(reason)}")
+        words = f"{result.outcome.value}: {len(state.accepted)} of {state.points} points observed"
+        err.print(f"{mark(state.simulated)}{words} in {duration(state.elapsed_s)}")
+        if result.outcome is Outcome.COMPLETE and (not state.accepted or _outside_acceptance(result)):
+            return ExitCode.OUTSIDE_ACCEPTANCE
     return _EXIT[result.outcome]
 
 
@@ -129,26 +134,32 @@ def _outside_acceptance(result: Result) -> bool:
     from rig.closed_loop import fit_table  # noqa: PLC0415
     from rig.tables import run_table  # noqa: PLC0415
 
+    try:
+        sensors = fit_table(run_table(result.path))["sensors"]
+    except RigError as error:
+        err.print(f"[red]acceptance cannot be judged:[/] {escape(str(error))}")
+        return True
     outside = False
-    for name, sensor in fit_table(run_table(result.path))["sensors"].items():
+    for name, sensor in sensors.items():
         sigma = sensor["sigma_E_deg"]
         if sigma is None or sigma > limit:
             outside = True
-            err.print(f"[red]{name} is outside acceptance:[/] sigma_E {sigma} deg, limit {limit:g} deg")
+            shown = "unknown" if sigma is None else f"{sigma:.3g} deg"
+            err.print(f"[red]{escape(name)} is outside acceptance:[/] sigma_E {shown}, limit {limit:g} deg")
     if not outside:
         err.print(f"every sensor is inside acceptance (sigma_E up to {limit:g} deg)")
     return outside
 
 
 def _signals() -> Signals:
-    """SIGINT and SIGTERM stop motion and leave the run resumable."""
+    """SIGINT, SIGTERM and SIGHUP (a lost terminal) stop motion and leave the run resumable."""
     signals = Signals()
 
     def note(number: int, _frame: FrameType | None) -> None:
         signals.interrupt = signal.Signals(number).name
 
-    signal.signal(signal.SIGINT, note)
-    signal.signal(signal.SIGTERM, note)
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, note)
     return signals
 
 
@@ -172,7 +183,7 @@ def status(run_file: RunArgument, as_json: JsonOption = False) -> int:
         genesis = reader.genesis()
         count, head = reader.head()
     live = read_json(live_path(run_file)) or {}
-    running = bool(live) and controller_alive(live)
+    running = bool(live) and controller_alive(run_file)
     summary: dict[str, Any] = {
         "run_id": state.run_id,
         "simulated": state.simulated,
@@ -196,17 +207,18 @@ def status(run_file: RunArgument, as_json: JsonOption = False) -> int:
         print_json(summary)
         return ExitCode.DONE
     left = "" if summary["remaining_s"] is None else f", {duration(summary['remaining_s'])} left"
-    out.print(f"{mark(state.simulated)}[bold]{summary['procedure']}[/] on {summary['bench']}: {summary['state']}")
+    what, where = escape(summary["procedure"]), escape(summary["bench"])
+    out.print(f"{mark(state.simulated)}[bold]{what}[/] on {where}: {summary['state']}")
     out.print(f"  {summary['accepted']} of {summary['points']} points in {duration(summary['elapsed_s'])}{left}")
     out.print(f"  {summary['sessions']} session(s), last record {summary['last_record_utc']}")
     for index, why in summary["skipped"].items():
-        out.print(f"  [yellow]point {index} skipped:[/] {why}")
+        out.print(f"  [yellow]point {index} skipped:[/] {escape(why)}")
     if state.last_fault and not running:
-        out.print(f"  [red]last fault:[/] {state.last_fault}")
+        out.print(f"  [red]last fault:[/] {escape(state.last_fault)}", soft_wrap=True)
     if summary["message"]:
-        out.print(f"  {summary['message']}")
+        out.print(f"  {escape(summary['message'])}")
     if not running and state.ended is None:
-        out.print(f"  carry on with: rig resume {run_file}")
+        out.print(f"  carry on with: rig resume {escape(str(run_file))}", soft_wrap=True)
     return ExitCode.DONE
 
 
@@ -222,15 +234,26 @@ def _ask(run_file: Path, verb: str) -> int:
     give_up = clock.now() + 30.0
     while clock.now() < give_up:
         live = read_json(live_path(run_file))
-        if live is None:
-            break  # the controller has ended, which is what it was asked for or better
-        if live.get("acknowledged") == request_id:
+        if live is not None and live.get("acknowledged") == request_id:
             break
+        if not controller_alive(run_file):
+            return _ended(run_file, verb)
         clock.sleep(0.05)
     else:
         raise RigError(f"the controller of {run_file} did not acknowledge within 30 s; look at the process itself")
     err.print(f"{verb}: acknowledged")
     return ExitCode.DONE
+
+
+def _ended(run_file: Path, verb: str) -> int:
+    """The controller ended before it acknowledged: was that what was asked for?"""
+    with RunReader.open(run_file) as reader:
+        state = fold(reader.records())
+    how = state.ended or state.rested
+    if verb == "stop" and how in ("stopped", "complete"):
+        err.print(f"{verb}: the run is {how}")
+        return ExitCode.DONE
+    raise RigError(f"the controller ended before it could {verb}: the run is {how}; `rig status {run_file}` says more")
 
 
 @app.command(rich_help_panel="Running")
@@ -258,5 +281,6 @@ def verify(run_file: RunArgument) -> int:
         reader.verify()
         count, head = reader.head()
         simulated = bool(reader.genesis().data["simulated"])
-    out.print(f"{mark(simulated)}{run_file}: {count} records, chain unbroken, head {head.hex()}")
+    text = f"{escape(str(run_file))}: {count} records, chain unbroken, head {head.hex()}"
+    out.print(mark(simulated) + text, soft_wrap=True)
     return ExitCode.DONE

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -101,6 +102,7 @@ class Journal:
                 "wal_damage": dropped.damage,
             },
         )
+        self.tell(now=True)  # before anybody takes the last session's news for this one's
 
     def write(self, kind: str, body: Mapping[str, Any] | None = None, *, status: str | None = None) -> None:
         """Make a record durable; it names the point in hand. Raises `StorageError`."""
@@ -150,7 +152,8 @@ class Journal:
     def tell(self, *, now: bool = False) -> None:
         """Spread the news."""
         self._live.publish(self._live_content, now=now)
-        self._on_progress(self._progress())
+        with contextlib.suppress(OSError):  # a log that cannot be written must not decide whether a night lives
+            self._on_progress(self._progress())
 
     def close(self) -> None:
         """Take the live state away at the end of the session."""

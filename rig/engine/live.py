@@ -8,6 +8,7 @@ ignored, so that last night's stop cannot stop tonight's run.
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import json
 import os
 import secrets
@@ -95,9 +96,12 @@ class Requests:
         if not self._path.exists():
             return None
         content = read_json(self._path)
-        if content is None or content.get("session") != self._session or content.get("id") == self._seen:
+        request_id = (content or {}).get("id")
+        if content is None or not isinstance(request_id, str) or request_id == self._seen:
             return None
-        self._seen = str(content["id"])
+        if content.get("session") != self._session:
+            return None
+        self._seen = request_id
         verb = str(content.get("verb"))
         with contextlib.suppress(OSError):
             self._path.unlink(missing_ok=True)
@@ -107,17 +111,23 @@ class Requests:
 def send_request(run: Path, verb: str) -> str | None:
     """Ask the controller of a run for something; returns the request's id, None if no controller is running."""
     live = read_json(live_path(run))
-    if live is None or not controller_alive(live):
+    if live is None or "session" not in live or not controller_alive(run):
         return None
     request_id = secrets.token_hex(8)
     replace_json(request_path(run), {"id": request_id, "session": live["session"], "verb": verb})
     return request_id
 
 
-def controller_alive(live: Mapping[str, Any]) -> bool:
-    """Whether the process that wrote a live state still exists on this machine."""
+def controller_alive(run: Path) -> bool:
+    """Whether a controller holds the lock of a run file, which ends with its process however that ends."""
     try:
-        os.kill(int(live["pid"]), 0)
-    except (OSError, KeyError, ValueError, TypeError):
+        descriptor = os.open(run, os.O_RDONLY | os.O_CLOEXEC)
+    except OSError:
         return False
-    return True
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except OSError:
+        return True
+    finally:
+        os.close(descriptor)
+    return False

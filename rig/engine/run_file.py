@@ -18,6 +18,7 @@ from typing import Any, Self
 
 import apsw
 
+from drivers.clock import RealClock
 from procedures import Factor, Point, RunList
 from rig.engine import wal
 from rig.engine.chain import GENESIS, Record, encode, first_break, link
@@ -78,10 +79,19 @@ class RunReader:
     def open(cls, path: Path) -> Self:
         """Open for reading. Raises `RunFileError` if this is not a run file."""
         _check_header(path)
+        uri = path.absolute().as_uri()
         try:
-            db = apsw.Connection(path.absolute().as_uri() + "?mode=ro", flags=_READ)
-            db.set_busy_timeout(2000)
-            return cls(path, _checked(path, db))
+            return cls(path, _opened(path, f"{uri}?mode=ro"))
+        except apsw.Error as error:
+            if os.access(path.parent, os.W_OK):
+                raise _unreadable(path, error) from error
+        # On a read-only medium SQLite cannot make its index of the log; without a log it needs none.
+        if path.with_name(path.name + "-wal").exists():
+            raise UsageError(
+                f"{path} was not closed and lies in a read-only folder: copy it with its -wal file elsewhere"
+            )
+        try:
+            return cls(path, _opened(path, f"{uri}?mode=ro&immutable=1"))
         except apsw.Error as error:
             raise _unreadable(path, error) from error
 
@@ -194,10 +204,8 @@ class RunWriter(RunReader):
         _check_header(path)
         lock = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
         try:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError as error:
-                raise BusyError(f"{path} is in use by another controller; `rig status {path}` shows it") from error
+            if not _locked(lock):
+                raise BusyError(f"{path} is in use by another controller; `rig status {path}` shows it")
             dropped = wal.inspect(path)
             try:
                 db = apsw.Connection(str(path), flags=apsw.SQLITE_OPEN_READWRITE, vfs=vfs or None)
@@ -214,6 +222,7 @@ class RunWriter(RunReader):
         return run
 
     def _start(self) -> None:
+        self._db.set_busy_timeout(10_000)
         self._db.pragma("journal_mode", "wal")
         self._db.pragma("synchronous", "full")
         self._seq, self._hash = self.head()
@@ -260,11 +269,9 @@ class RunWriter(RunReader):
         self.append(
             Record(record.session, "end", record.elapsed_s, record.utc_s, status=record.status, body=encode(body))
         )
-        try:
+        with contextlib.suppress(apsw.Error):  # a reader is looking: every record is safe, only the log file stays
             self._db.pragma("wal_checkpoint(TRUNCATE)")
             self._db.pragma("journal_mode", "delete")
-        except apsw.Error as error:
-            raise StorageError(f"cannot close {self.path}: {error}; every record is safe in it") from error
 
     def close(self) -> None:
         """Close; records not committed are lost, as they would be in a crash."""
@@ -364,6 +371,26 @@ def _check_header(path: Path) -> None:
         raise UsageError(f"{path} is not a run file (not an SQLite database)")
     if int.from_bytes(start[68:72], "big") != APPLICATION_ID:
         raise UsageError(f"{path} is not a run file (an SQLite database of another program)")
+
+
+def _locked(descriptor: int) -> bool:
+    """Take the lock; somebody who only looks whether it is taken holds it for an instant, so try for half a second."""
+    clock = RealClock()
+    for _ in range(10):
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            clock.sleep(0.05)
+        else:
+            return True
+    return False
+
+
+def _opened(path: Path, uri: str) -> apsw.Connection:
+    db = apsw.Connection(uri, flags=_READ)
+    db.set_busy_timeout(2000)
+    db.execute("SELECT count(*) FROM sqlite_master").fetchall()  # SQLite opens lazily
+    return _checked(path, db)
 
 
 def _checked(path: Path, db: apsw.Connection) -> apsw.Connection:

@@ -7,6 +7,7 @@ of which nothing has been observed yet.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -193,6 +194,10 @@ class Sequencer:
         self._guard.check_run_list(self._run_list, self._bench.head.axes())
         if not self._queue:
             return "park"
+        return self._go_on(as_found)
+
+    def _go_on(self, as_found: Mapping[str, Any]) -> str:
+        """Whether what was prepared still stands, by what was just read."""
         fold = self._journal.fold
         # Counted from the last work done, so that sessions which were killed while preparing do not hide a gap.
         idle_s = self._journal.elapsed() - (fold.worked_s or 0.0)
@@ -343,7 +348,7 @@ class Sequencer:
                 raise BenchFault(f"held for {self._procedure.recovery.hold_max_s / 3600:g} h and nobody released it")
         self._journal.message = ""
         self._journal.write("release")
-        return "recover"
+        return self._go_on(self._do.readback())
 
     def _parking(self) -> str:
         self._set_up()
@@ -375,7 +380,7 @@ class Sequencer:
         self._journal.write("fault", body, status=decision)
         if decision == "abort":
             return self._give_up(str(error), recorded=False)
-        self._do.stop_motion()
+        self._stop_patiently(error)
         at.attempt += 1
         self._journal.message = f"point {at.point.index}, {decision}: {error}"
         if decision == "hold":
@@ -383,6 +388,16 @@ class Sequencer:
         if decision == "skip":
             self._skip(at, str(error))
         return decision
+
+    def _stop_patiently(self, error: Exception) -> None:
+        """Stop motion; an instrument that has just failed to answer gets time to come back before it is asked again."""
+        pauses = _PAUSES_S if isinstance(error, DriverError) else ()
+        for pause in pauses:
+            self._wait(pause)
+            with contextlib.suppress(DriverError):
+                self._do.stop_motion()
+                return
+        self._do.stop_motion()
 
     def _skip(self, at: PointInHand, reason: str) -> None:
         again = at.point.index not in self._put_off
@@ -420,6 +435,9 @@ class Sequencer:
                 message += f"\n{error}"
         self._journal.message = message
         return "fault"
+
+
+_PAUSES_S = (1.0, 5.0, 15.0, 60.0)
 
 
 def _who(identity: Mapping[str, Any]) -> str:

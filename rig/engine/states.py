@@ -42,8 +42,8 @@ MEANING = {
 }
 
 FINAL = frozenset({State.DONE, State.FAULTED})
-AT_POINT = (State.MOVING, State.SETTLING, State.MEASURING, State.RECORDING)
-WORKING = (State.PREPARING, State.RECOVERING, *AT_POINT)
+AT_POINT = (State.RECOVERING, State.MOVING, State.SETTLING, State.MEASURING, State.RECORDING)
+WORKING = (State.PREPARING, *AT_POINT)
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,12 @@ class Transition:
 
 TRANSITIONS = (
     Transition("check", (State.READY,), State.CHECKING, "at every start"),
-    Transition("prepare", (State.CHECKING,), State.PREPARING, "a new run, or the gap was longer than max_gap"),
+    Transition(
+        "prepare",
+        (State.CHECKING, State.HOLDING),
+        State.PREPARING,
+        "never completed, an axis not homed, the environment not as asked, or idle for longer than max_gap",
+    ),
     Transition(
         "recover", (State.CHECKING, State.PREPARING, State.HOLDING), State.RECOVERING, "the last move is unknown"
     ),

@@ -69,11 +69,11 @@ def inspect(database: Path) -> WalState:
         return WalState(0, 0, 0, f"the log's header is cut short ({len(data)} of {_HEADER.size} bytes)")
     magic, _, page, _, salt0, salt1, sum0, sum1 = _HEADER.unpack_from(data)
     if magic not in (_MAGIC_LITTLE, _MAGIC_BIG):
-        return WalState(0, 0, 0, "the log's header is not one")
+        return _unusable(data, page, "the log's header is not one")
     order = ">" if magic == _MAGIC_BIG else "<"
     running = _checksum(data[:24], order, 0, 0)
     if running != (sum0, sum1):
-        return WalState(0, 0, 0, "the log's header fails its checksum")
+        return _unusable(data, page, "the log's header fails its checksum")
     return _frames(data, page, order, (salt0, salt1), running)
 
 
@@ -87,7 +87,9 @@ def _frames(data: bytes, page: int, order: str, salts: tuple[int, int], running:
             break
         _, commit, salt0, salt1, sum0, sum1 = _FRAME.unpack_from(data, at)
         if (salt0, salt1) != salts and not damage:
-            break  # left over from an earlier generation of the log: not part of it
+            if not _present_again(data, at + size, size, salts):
+                break  # left over from an earlier generation of the log: not part of it
+            damage = f"frame {frames + 1} does not belong to its log"
         body = data[at + _FRAME.size : at + size]
         frames += 1
         if len(body) < page:
@@ -104,3 +106,17 @@ def _frames(data: bytes, page: int, order: str, salts: tuple[int, int], running:
             else:
                 replayed = frames
     return WalState(frames, replayed, lost, damage)
+
+
+def _present_again(data: bytes, start: int, size: int, salts: tuple[int, int]) -> bool:
+    """Whether a frame of the present generation follows."""
+    return any(_FRAME.unpack_from(data, at)[2:4] == salts for at in range(start, len(data) - _FRAME.size + 1, size))
+
+
+def _unusable(data: bytes, page: int, damage: str) -> WalState:
+    """A log whose header cannot be trusted: none of its frames is replayed, every commit mark counts as lost."""
+    if not (512 <= page <= 65536 and page & (page - 1) == 0):
+        page = 4096
+    places = range(_HEADER.size, len(data) - _FRAME.size + 1, _FRAME.size + page)
+    commits = sum(bool(_FRAME.unpack_from(data, at)[1]) for at in places)
+    return WalState(len(places), 0, commits, damage)
