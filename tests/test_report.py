@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from dry import LAB, SHORT, dry, write_short
 
+from fitter.trace import trace
 from rig.closed_loop import Traced, fit_table, trace_table
 from rig.report.html import render
 from rig.report.parameters import parameters, with_error
@@ -70,6 +71,13 @@ def test_a_run_that_is_not_complete_says_so_at_the_top(traced, html):
     headline = shown[shown.index("<h1>") : shown.index("What was found")]
     assert f"{len(table)} of 1950 points; the run is not complete" in headline
     assert incomplete({}) == ""
+
+
+def test_a_table_without_temperatures_makes_a_report_too(traced):
+    data = replace(traced.data, sensor_temperature_degC=None)
+    shown = render(Traced(traced.table, data, trace(data)))
+    assert "residuals over sensor temperature" not in shown
+    assert "residuals over pitch" in shown
 
 
 def test_parameters_before_are_those_of_the_fit(traced):

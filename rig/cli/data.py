@@ -147,7 +147,7 @@ def show_trace(traced: Traced) -> None:
                 out.print(f"    would separate them: {effect['separate_by']}")
         for line in (*unnamed(sensor), little_help(sensor)):
             if line:
-                out.print(f"  [yellow]{line}[/]", soft_wrap=True)
+                out.print(f"  [yellow]{line}[/]")
 
 
 _MARKED = ("T_bias", "T_b", "T_S")

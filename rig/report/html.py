@@ -124,8 +124,9 @@ def _plots(name: str, picture: Picture) -> list[dict[str, str]]:
         (picture.pitch_deg, "pitch / deg"),
         (picture.roll_deg, "roll / deg"),
         (picture.elapsed_h, "bench time / h"),
-        (picture.temperature_degC, "sensor temperature / degC"),
     ]
+    if picture.temperature_degC is not None:
+        over.append((picture.temperature_degC, "sensor temperature / degC"))
     plots = [
         {
             "alt": f"{name}: residuals over {label}, before and after",

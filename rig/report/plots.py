@@ -27,7 +27,7 @@ class Picture:
         pitch_deg: (n,) setpoints.
         roll_deg: (n,) setpoints.
         elapsed_h: (n,) hours since the start of the run.
-        temperature_degC: (n,) at the sensor.
+        temperature_degC: (n,) at the sensor, None where it was not recorded.
         replicate: (n,) which pass over the design.
         before_deg: (n,) residual of the declared model.
         after_deg: (n,) residual with the effects that were found.
@@ -38,7 +38,7 @@ class Picture:
     pitch_deg: Array
     roll_deg: Array
     elapsed_h: Array
-    temperature_degC: Array
+    temperature_degC: Array | None
     replicate: np.ndarray[Any, np.dtype[np.int64]]
     before_deg: Array
     after_deg: Array
