@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from attitude_truth import D1, Bench, Plan, Sensor, simulate
 
-from fitter.effects import CATALOGUE
+from fitter.effects import CATALOGUE, separate
 from fitter.effects.effect import PREREQUISITES
 from fitter.trace import trace
 
@@ -154,3 +154,49 @@ def test_effects_are_found_by_the_axis_told_not_by_the_name():
     (effect,) = found.sensors["y_1"].effects
     assert effect.effect == "cross-axis"
     assert effect.terms == trace(data).sensors[X].effects[0].terms
+
+
+@pytest.mark.parametrize("effect", CATALOGUE, ids=lambda effect: effect.name)
+def test_every_pair_can_be_told_apart_by_something_about_that_pair(effect):
+    for other in CATALOGUE:
+        if other is effect:
+            continue
+        told, back = separate(effect, other), separate(other, effect)
+        # no rule is missing: what is left would be the alias' experiment, which differs from one way to the other
+        assert told == back or {effect.name, other.name} & {*effect.known_aliases, *other.known_aliases}
+        kinds = {effect.source, other.source}
+        assert "pads" not in told or "package" in kinds
+        assert "sag" not in told or "package" in kinds
+        assert "temperature" not in told or kinds & {"temperature", "time", "interruption"}
+        assert "backlash" not in told or kinds & {"pitch axis", "roll axis"}
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "says"),
+    [
+        ("head-once-per-turn", "head-twice-per-turn", r"beyond \+-30 deg of pitch"),
+        ("roll-head-twice-per-turn", "roll-head-once-per-turn", r"beyond \+-30 deg of roll"),
+        ("sensor-second-order", "sensor-third-order", "cube changes sign"),
+        ("offset-temperature", "sensitivity-drift", "another enclosure temperature"),
+        ("isolation-pad-deflection", "offset-drift", "stays with the point"),
+        ("backlash-roll", "sensitivity-temperature", "once from each side"),
+        ("head-twice-per-turn", "isolation-pad-deflection", "stays with the head"),
+        ("offset-step", "sensitivity-temperature", "without an interruption"),
+        ("cross-axis", "sensor-third-order", "across"),
+        ("offset-temperature", "offset-drift", "another enclosure temperature"),
+    ],
+)
+def test_what_tells_two_apart(first, second, says):
+    by_name = {effect.name: effect for effect in CATALOGUE}
+    assert re.search(says, separate(by_name[first], by_name[second]))
+    assert re.search(says, separate(by_name[second], by_name[first]))
+
+
+def test_periods_of_the_head_over_a_small_range_are_told_apart_by_a_larger_one():
+    plan = Plan(np.linspace(-30, 30, 25), np.array([0.0]))
+    data, _ = simulate(Bench(sensors=(Sensor("x"),), pitch_error_deg=(0, 0, 2e-3, 0)), plan, seed=1)
+    (effect,) = trace(data).sensors[X].effects
+    assert {"head-once-per-turn", "head-twice-per-turn"} <= {effect.effect, *effect.aliases}
+    for alias in effect.aliases:
+        by_name = {entry.name: entry for entry in CATALOGUE}
+        assert separate(by_name[effect.effect], by_name[alias]) in effect.separate_by

@@ -23,6 +23,7 @@ from fitter.effects.sensor import (
     SENSITIVITY_TEMPERATURE,
     THIRD_ORDER,
 )
+from fitter.effects.separation import separate
 
 CATALOGUE: tuple[Effect, ...] = (
     ISOLATION_PADS,
@@ -42,4 +43,4 @@ CATALOGUE: tuple[Effect, ...] = (
     CROSS_AXIS,
 )
 
-__all__ = ["CATALOGUE", "Alias", "Effect", "Scene", "Stratum", "Term"]
+__all__ = ["CATALOGUE", "Alias", "Effect", "Scene", "Stratum", "Term", "separate"]

@@ -15,6 +15,8 @@ from fitter.effects.sizes import Size
 
 Stratum = Literal["between-point", "point-by-replication", "replication"]
 
+Source = Literal["package", "pitch axis", "roll axis", "temperature", "time", "interruption", "sensor"]
+
 
 @dataclass(frozen=True, eq=False)
 class Scene:
@@ -135,6 +137,7 @@ class Effect:
     Attributes:
         name: as reported.
         cause: what happens physically.
+        source: what it comes from; effects of different sources are told apart by changing one of them.
         scope: "package" if one cause moves all sensors together (one coefficient for all), "sensor" if each
             sensor has its own coefficient.
         stratum: where it varies when the order of the run is balanced: between the points of the design, or point
@@ -152,6 +155,7 @@ class Effect:
 
     name: str
     cause: str
+    source: Source
     scope: Literal["package", "sensor"]
     stratum: Stratum
     unit: str

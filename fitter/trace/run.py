@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from fitter.arrays import FloatArray
 from fitter.attitude import attitude_columns
 from fitter.calibration import AttitudeFit
 from fitter.data import AttitudeData
-from fitter.effects import CATALOGUE, Effect
+from fitter.effects import CATALOGUE, Effect, separate
 from fitter.linear import RankError
 from fitter.replication import Replication
 from fitter.trace.aliases import Rival, rivals, simplest
@@ -187,7 +187,7 @@ def _found(
     rss_without = float(np.sum((without - h @ np.linalg.lstsq(h, without, rcond=None)[0]) ** 2))
     excess = before.fits[i].rss - after.fits[i].df * _pure_variance(after.tables[i])
     best = next(rival for rival in explanations if rival.effect == name)
-    aliases = tuple(r.effect for r in explanations if r.alias and r.effect != name)
+    alike = [problem.candidates[r.terms[0]].effect for r in explanations if r.alias and r.effect != name]
     peak = float(np.max(np.abs(contribution)))
     return FoundEffect(
         effect=name,
@@ -200,19 +200,18 @@ def _found(
         size=effect.size(own, problem.fits[sensor].parameters.S_V),
         p_adjusted=min(p_adjusted(problem, family, after.chosen, picked[k]) for k in shown),
         share=float(np.clip((rss_without - after.fits[i].rss) / excess, 0.0, 1.0)) if excess > 0 else 0.0,
-        aliases=aliases,
+        aliases=tuple(other.name for other in alike),
         separation={r.effect: round(max(r.sigmas - best.sigmas, 0.0), 2) for r in explanations if r.effect != name},
-        separate_by=f"{_experiments(effect, aliases)}; it reaches {peak:.2g} V "
+        separate_by=f"{_experiments(effect, alike)}; it reaches {peak:.2g} V "
         f"({np.degrees(peak / problem.fits[sensor].parameters.S_V):.2g} deg) here",
         contribution_V=contribution,
         against=effect.against,
     )
 
 
-def _experiments(effect: Effect, aliases: tuple[str, ...]) -> str:
+def _experiments(effect: Effect, aliases: Iterable[Effect]) -> str:
     """What to measure: against each alias if there are any, else to confirm the effect."""
-    known = [effect.known_aliases[alias].separate_by for alias in aliases if alias in effect.known_aliases]
-    return "; ".join(dict.fromkeys(known)) if known else effect.separate_by
+    return "; ".join(dict.fromkeys(separate(effect, alias) for alias in aliases)) or effect.separate_by
 
 
 def _size(problem: Problem, after: Estimate, k: int, i: int) -> float:

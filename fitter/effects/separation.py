@@ -1,0 +1,72 @@
+"""The measurement that would tell two effects apart: what the catalogue knows of the pair, else what parts their kinds.
+
+Every pair has an answer that is true of that pair, because on unusual designs effects look alike that no entry lists.
+"""
+
+from __future__ import annotations
+
+from fitter.effects.effect import Effect
+
+_SIDES = "visit some points twice in one replication, once from each side: backlash changes with the side, nothing else"
+_ORDER = (
+    "repeat some points much later in the run: an effect of attitude stays with the point, one of time, temperature or "
+    "an interruption does not"
+)
+_SAME_CAUSE = (
+    "visit points with no gravity along the sensor and with 1 g: the offset shows at both alike, the sensitivity only "
+    "with gravity"
+)
+_TIME = "repeat a few points at another enclosure temperature, at the same time of day"
+_STEP = "go on for some hours without an interruption: a step stays as it is, a drift or the temperature goes on"
+_AXES = (
+    "hold one axis of the head and move the other alone: an error of a scale or a backlash is of the axis that moves"
+)
+_HEAD = "remount the package turned by a known angle: an error of the head stays with the head, others turn along"
+_PADS = "lock the pads and repeat a few points: a sag goes, what is the sensor's own stays"
+_POWERS = "compare points with +1 g and -1 g along the sensor: a square is the same at both, a cube changes sign"
+_PRODUCT = (
+    "hold gravity along the sensor and change it across: a product of the components changes, a power of the one "
+    "along the sensor does not"
+)
+_BETWEEN_POINTS = {
+    frozenset(
+        {"pitch axis"}
+    ): "go beyond +-30 deg of pitch: an error with one period a turn and one with two part there",
+    frozenset({"roll axis"}): "go beyond +-30 deg of roll: an error with one period a turn and one with two part there",
+    frozenset({"pitch axis", "roll axis"}): _AXES,
+    frozenset({"pitch axis", "package"}): _HEAD,
+    frozenset({"pitch axis", "sensor"}): _HEAD,
+    frozenset({"roll axis", "package"}): _HEAD,
+    frozenset({"roll axis", "sensor"}): _HEAD,
+    frozenset({"package", "sensor"}): _PADS,
+    frozenset({"sensor"}): _POWERS,
+}
+_WITH_TIME = {
+    frozenset({"temperature"}): _SAME_CAUSE,
+    frozenset({"time"}): _SAME_CAUSE,
+    frozenset({"temperature", "time"}): _TIME,
+    frozenset({"pitch axis", "roll axis"}): _AXES,
+}
+
+
+def separate(effect: Effect, alias: Effect) -> str:
+    """The measurement that would tell `effect` from `alias`, in a few words.
+
+    Where no entry of the catalogue and no rule knows the pair, the alias' own experiment.
+    """
+    if alias.name in effect.known_aliases:
+        return effect.known_aliases[alias.name].separate_by
+    if effect.name in alias.known_aliases:
+        return alias.known_aliases[effect.name].separate_by
+    sources, strata = frozenset({effect.source, alias.source}), {effect.stratum, alias.stratum}
+    backlash = [e for e in (effect, alias) if e.stratum != "between-point" and e.source in ("pitch axis", "roll axis")]
+    if len(backlash) == 1:
+        return _SIDES
+    if len(strata) == 2:
+        return _ORDER
+    if strata == {"between-point"}:
+        across = "cross-axis" in (effect.name, alias.name) and sources == {"sensor"}
+        return _PRODUCT if across else _BETWEEN_POINTS.get(sources, alias.separate_by)
+    if "interruption" in sources:
+        return _STEP
+    return _WITH_TIME.get(sources, alias.separate_by)
