@@ -15,7 +15,7 @@ from fitter.trace import trace
 from rig.closed_loop import Traced, fit_table, trace_table
 from rig.report.html import render
 from rig.report.parameters import parameters, with_error
-from rig.report.words import chance, incomplete, little_help, size, unnamed
+from rig.report.words import chance, incomplete, little_help, unnamed
 from rig.tables import Table, run_table
 
 SCRIPT = "<script>alert(1)</script>"
@@ -136,8 +136,6 @@ def test_an_estimate_has_as_many_digits_as_its_error(estimate, error, shown):
 def test_words_for_what_was_found():
     assert chance({"p_adjusted": 5.8e-5, "p_adjusted_is_bound": True}) == "< 5.8e-05"
     assert chance({"p_adjusted": 0.003}) == "= 0.003"
-    assert size({}) == ""
-    assert size({"size": "26 arcsec/g"}) == "26 arcsec/g"
     sensor = {
         "before": {"cv_rms_deg": 1e-3},
         "after": {"cv_rms_deg": 9e-4},

@@ -18,7 +18,7 @@ from rig.cli import app
 from rig.cli.run import JsonOption
 from rig.cli.show import err, mark, out, print_json
 from rig.errors import ExitCode
-from rig.report.words import TESTS, chance, incomplete, little_help, significant, size, unnamed
+from rig.report.words import TESTS, chance, incomplete, little_help, significant, unnamed
 
 if TYPE_CHECKING:
     from rig.closed_loop import Traced
@@ -135,11 +135,9 @@ def show_trace(traced: Traced) -> None:
         _show_parameters(traced, name)
         for effect in sensor["effects"]:
             out.print(
-                f"  [green]{effect['effect']}[/] ({effect['stratum']}): {effect['share']:.0%} of the excess, "
-                f"p {chance(effect)}"
+                f"  [green]{effect['effect']}[/] ({effect['stratum']}): {effect['share']:.0%} of the excess error"
             )
-            if size(effect):
-                out.print(f"    size: {escape(size(effect))}", soft_wrap=True)
+            out.print(f"    {effect['size']}, p {chance(effect)}")
             for term, value, error in zip(effect["terms"], effect["coefficients"], effect["stderr"], strict=True):
                 out.print(f"    {value:.4g} +- {error:.2g} {effect['unit']}  {term}")
             if effect["aliases"]:

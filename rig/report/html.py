@@ -14,7 +14,7 @@ from rig.atomic import write_whole
 from rig.report.parameters import parameters
 from rig.report.plots import Picture, residual_map, residuals_against
 from rig.report.story import story
-from rig.report.words import TESTS, capitalised, chance, incomplete, little_help, significant, size, unnamed
+from rig.report.words import TESTS, capitalised, chance, incomplete, little_help, significant, unnamed
 
 if TYPE_CHECKING:
     from rig.closed_loop import Traced
@@ -94,7 +94,6 @@ def _effect(effect: dict[str, Any]) -> dict[str, Any]:
         **effect,
         "share": f"{effect['share']:.0%}",
         "p": chance(effect),
-        "size": size(effect),
         "cause": capitalised(effect["cause"]),
         "aliases": ", ".join(effect["aliases"]),
         "terms": [

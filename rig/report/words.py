@@ -32,16 +32,6 @@ def chance(effect: Mapping[str, Any]) -> str:
     return f"{sign} {effect['p_adjusted']:.2g}"
 
 
-def size(effect: Mapping[str, Any]) -> str:
-    """How large an effect is in the units of its cause, "" where its coefficients already say so."""
-    found = effect.get("size")
-    if isinstance(found, Mapping):
-        error = found.get("stderr")
-        between = "" if error is None else f" +- {error:.2g}"
-        return f"{found['value']:.4g}{between} {found.get('unit', '')}".strip()
-    return str(found or "")
-
-
 def unnamed(sensor: Mapping[str, Any]) -> list[str]:
     """What no effect of the catalogue explains, a sentence each."""
     return [f"Unexplained: {rest['share']:.0%} of the excess error, {rest['where']}." for rest in sensor["unnamed"]]
