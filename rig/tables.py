@@ -113,7 +113,8 @@ def _number(path: Path, row: int, column: str, cell: str) -> float:
 def attitude_data(table: Table) -> AttitudeData:
     """A table as pitch-roll data. Raises `UsageError` naming what is missing or of another unit."""
     _check_units(table)
-    missing = [name for name in PITCH_ROLL if name not in table.columns]
+    optional = {"sensor_temperature_degC"} if "run_id" in table.provenance else set()
+    missing = [name for name in PITCH_ROLL if name not in table.columns and name not in optional]
     if missing:
         raise UsageError(
             f"{table.source}: column {missing[0]} is missing; a pitch-roll table has {','.join(PITCH_ROLL)} and one "
@@ -132,6 +133,8 @@ def attitude_data(table: Table) -> AttitudeData:
         raise UsageError(
             f"{table.source}, rows {rows[0]} and {rows[1]}: order {twice} stands there twice; a point copied?"
         )
+    known: dict[str, Any] = {name: integers[name] for name in _OPTIONAL if name in integers}
+    known["axes"] = {name: axis for name, axis in table.axes.items() if name in outputs} or None
     try:
         return AttitudeData(
             replicate=integers["replicate"],
@@ -139,9 +142,9 @@ def attitude_data(table: Table) -> AttitudeData:
             elapsed_s=table.columns["elapsed_s"],
             pitch_deg=table.columns["pitch_deg"],
             roll_deg=table.columns["roll_deg"],
-            sensor_temperature_degC=table.columns["sensor_temperature_degC"],
+            sensor_temperature_degC=table.columns.get("sensor_temperature_degC"),
             outputs=outputs,
-            **{name: integers[name] for name in _OPTIONAL if name in integers},
+            **known,
         )
     except ValueError as error:
         raise UsageError(f"{table.source}: {error}") from error
@@ -219,6 +222,11 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
         "points_planned": len(run_list),
         "points_observed": len(rows),
     }
+    if "sensor_temperature_degC" not in columns:  # a bench may call the package's temperature by another name
+        for name, entry in bench.get("temperatures", {}).items():
+            if entry.get("place", "package") == "package" and name in columns:
+                columns = {"sensor_temperature_degC": columns[name], **columns}
+                break
     axes_of = {f"{name}_V": sensor["axis"] for name, sensor in bench.get("sensors", {}).items()}
     return Table(str(path), columns, bool(genesis.data["simulated"]), provenance, axes_of)
 

@@ -34,8 +34,8 @@ def files(folder: Path) -> set[str]:
         (BENCH.replace("nplc = 10", "nplc = 11"), SHORT, 78, "instruments.scanner: nplc"),
         (BENCH.replace("nplc = 10", "nlpc = 10"), SHORT, 78, "did you mean nplc?"),
         (BENCH.replace("[-185, 185]", "[-60, 60]"), SHORT, 78, "pitch_deg = -90, outside -60 to 60 (bench limits)"),
-        (BENCH.replace("pitch_deg = [-185", "pich_deg = [-185"), SHORT, 78, "pich_deg limits nothing: did you mean pitch"),
-        (BENCH, SHORT.replace("setpoint_degC = 23", "setpoint_degC = 50"), 78, "outside 10 to 40 (bench limits of enclosure)"),
+        (BENCH.replace("pitch_deg = [", "pich_deg = ["), SHORT, 78, "limits nothing: did you mean pitch_deg"),
+        (BENCH, SHORT.replace("setpoint_degC = 23", "setpoint_degC = 50"), 78, "(bench limits of enclosure)"),
         (BENCH + "\n[[[", SHORT, 78, "not valid TOML"),
         (BENCH, SHORT.replace("replications = 2", "replications = 0"), 78, "replications"),
         (BENCH, "kind = 'tea'", 78, "is not a kind of procedure"),
@@ -142,6 +142,71 @@ def test_an_edited_run_file_is_refused_by_resume_and_named_by_verify(tmp_path):
         done = rig(command, path, cwd=tmp_path)
         assert done.returncode == 1
         assert "was changed after it was written" in done.stderr
+
+
+def test_a_finished_run_is_not_changed_by_resume_and_no_run_file_is_overwritten(finished, tmp_path):
+    before = finished.read_bytes()
+    assert rig("resume", finished, cwd=tmp_path).returncode == 0
+    for arguments in (
+        ("export", finished, "--out", finished),
+        ("fit", finished, "--out", finished),
+        ("trace", finished, "--report", finished),
+    ):
+        done = rig(*arguments, cwd=tmp_path)
+        assert done.returncode == 2
+        assert "is a run file and is not overwritten" in done.stderr
+    assert finished.read_bytes() == before
+    assert {p.name for p in finished.parent.iterdir()} == {finished.name, "short.toml"}
+
+
+def test_what_a_lost_log_took_is_said(tmp_path):
+    write_short(tmp_path)
+    arguments = ("run", "short.toml", "--bench", LAB / "bench.toml", "--dry", "--kill-at-point", 12)
+    done = rig(*arguments, cwd=tmp_path)
+    assert done.returncode == -9
+    path = tmp_path / done.stdout.strip()
+    path.with_name(path.name + "-wal").unlink()
+    live = json.loads(path.with_suffix(".live").read_text())
+    path.with_suffix(".live").write_text(json.dumps({**live, "done": 12}))
+    resumed = rig("resume", path, cwd=tmp_path)
+    assert resumed.returncode == 0
+    assert "12 are lost (was its -wal file removed?)" in resumed.stderr
+
+
+def test_a_dry_run_stays_dry_whatever_bench_it_was_given(tmp_path):
+    write_short(tmp_path)
+    (tmp_path / "bench.toml").write_text(
+        BENCH.replace('name = "attitude-lab"', 'name = "attitude-lab"\nsimulated = true')
+        + "\n[live]\nspeed = 10\nepoch_utc = 0\nstarted_utc = 0\n"
+    )
+    done = rig("run", "short.toml", "--bench", "bench.toml", "--dry", "--kill-at-point", 12, cwd=tmp_path)
+    assert done.returncode == -9
+    resumed = rig("resume", done.stdout.strip(), cwd=tmp_path)
+    assert resumed.returncode == 0, resumed.stderr
+
+
+def test_names_are_text_and_not_markup(tmp_path):
+    (tmp_path / "bench.toml").write_text(BENCH.replace('name = "attitude-lab"', 'name = "lab [/x]"'))
+    write_short(tmp_path, SHORT.replace('name = "short"', 'name = "short [/y] [bold"'))
+    done = rig("run", "short.toml", "--bench", "bench.toml", "--dry", cwd=tmp_path)
+    assert done.returncode == 0
+    for arguments in (("status", done.stdout.strip()), ("fit", done.stdout.strip()), ("trace", done.stdout.strip())):
+        shown = rig(*arguments, cwd=tmp_path)
+        assert shown.returncode == 0, shown.stderr
+    assert "short [/y] [bold on lab [/x]" in rig("status", done.stdout.strip(), cwd=tmp_path).stdout
+
+
+def test_a_sensors_axis_is_the_benchs_and_temperature_is_not_required(tmp_path):
+    """A sensor named zed along y, and a bench that records no temperature."""
+    text = BENCH.replace("[sensors.y]", "[sensors.zed]")
+    start, end = text.index("[temperatures"), text.index("# Checked on the whole run list")
+    (tmp_path / "bench.toml").write_text(text[:start] + text[end:])
+    write_short(tmp_path)
+    done = rig("run", "short.toml", "--bench", "bench.toml", "--dry", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    fitted = json.loads(rig("fit", done.stdout.strip(), "--json", cwd=tmp_path).stdout)
+    assert fitted["sensors"]["zed_V"]["model"] == "attitude-y"
+    assert fitted["sensors"]["zed_V"]["parameters"]["Omega_deg"]["estimate"] < 5
 
 
 def test_outside_acceptance_ends_with_3_and_a_complete_run(tmp_path):

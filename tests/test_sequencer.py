@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 
 import pytest
 from ideal_bench import PROCEDURE, new_run, run_session
@@ -117,6 +118,65 @@ def test_gaps_of_sessions_that_did_nothing_add_up(tmp_path):
             run_session(path, gap_s=700.0, on_progress=die_at_once)
     assert run_session(path, gap_s=10.0)[0] is Outcome.COMPLETE
     assert preparations(path) == ["preparing", "prepared"] * 2
+
+
+def test_a_hold_while_preparing_prepares_again(tmp_path):
+    path = new_run(tmp_path)
+    requests = iter(["hold", "release"])
+
+    def ask(news):
+        if news.state == "preparing" or (news.state == "holding" and "held" in news.message):
+            verb = next(requests, None)
+            if verb:
+                content = {"id": verb, "session": 1, "verb": verb}
+                path.with_suffix(".request").write_text(json.dumps(content))
+
+    def not_homed(_bench, head, _reader):
+        head.homed = False
+
+    outcome, *_ = run_session(path, on_progress=ask, spoil=not_homed)
+    assert outcome is Outcome.COMPLETE
+    assert preparations(path) == ["preparing", "preparing", "prepared"]
+
+
+def test_a_malformed_request_is_ignored(tmp_path):
+    path = new_run(tmp_path)
+    path.with_suffix(".request").write_text('{"session": 1, "verb": "stop"}')
+    assert run_session(path)[0] is Outcome.COMPLETE
+
+
+def test_a_log_that_cannot_be_written_does_not_end_the_night(tmp_path):
+    path = new_run(tmp_path)
+
+    def full(_news):
+        raise OSError(28, "No space left on device")
+
+    assert run_session(path, on_progress=full)[0] is Outcome.COMPLETE
+
+
+def test_an_instrument_that_is_silent_for_a_while_costs_a_retry_not_the_night(tmp_path):
+    path = new_run(tmp_path)
+
+    def silent_for_ten_seconds(_bench, head, _reader):
+        asleep = []
+
+        def unless_asleep(method):
+            def call(*arguments):
+                if head.world.now() > 40 and not asleep:
+                    asleep.append(head.world.now() + 10)
+                if asleep and head.world.now() < asleep[0]:
+                    raise NoReply("head at nowhere does not answer")
+                return method(*arguments)
+
+            return call
+
+        for name in ("read", "stop", "move"):
+            setattr(head, name, unless_asleep(getattr(head, name)))
+
+    outcome, *_ = run_session(path, spoil=silent_for_ten_seconds)
+    assert outcome is Outcome.COMPLETE
+    assert [r.status for r in records(path, "fault")] == ["retry"]
+    assert len(observations(path)) == POINTS
 
 
 def test_a_short_gap_needs_no_new_preparation(tmp_path):
