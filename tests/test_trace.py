@@ -85,6 +85,9 @@ def test_json_is_the_object_the_design_promises(demo):
         "separate_by",
     }
     assert effect <= set(x["effects"][0])
+    # nothing like it in 20 000 simulated runs, and 1/7 of the family kept for replications
+    assert all(e["p_adjusted_is_bound"] and e["p_adjusted"] == pytest.approx(7 / 6 / 20_001) for e in x["effects"])
+    assert not any("not confirmed" in note for note in x["notes"])
     assert set(x["fitted"]["coefficients"]) >= {"1", "sin(pitch)"}
 
 
@@ -246,3 +249,19 @@ def test_without_a_recorded_temperature_all_else_works():
         hot.predict(cold)
     hidden = trace(replace(simulate(DEMO, D1(180, 13, 13), seed=0)[0], sensor_temperature_degC=None))
     assert not any("temperature" in effect for _, effect in names(hidden))
+
+
+def test_effects_that_replications_left_out_do_not_bear_out_are_noted():
+    """Weak but significant pads: real, and yet of little use for what was not fitted."""
+    data, _ = simulate(Bench(compliance={("y", "x"): 1e-4}), D1(180, 19, 13), seed=0)
+    x = trace(data).sensors[X]
+    assert x.effects
+    assert x.cv_rms_after > 0.8 * x.cv_rms_before
+    assert any(note.startswith("not confirmed by left-out replications: ") for note in x.notes)
+
+
+def test_a_p_value_the_simulation_resolves_is_no_bound():
+    found = [trace(simulate(Bench(compliance={("y", "x"): 4.5e-5}), D1(180, 13, 13), s)[0]) for s in range(4)]
+    effects = [e for one in found for t in one.sensors.values() for e in t.effects]
+    assert any(not e.p_adjusted_is_bound for e in effects)
+    assert all(e.p_adjusted_is_bound == (e.p_adjusted < 6e-5) for e in effects)

@@ -28,6 +28,11 @@ class Family:
 
     smallest_p: FloatArray
 
+    @property
+    def least(self) -> float:
+        """What `adjust` gives for p smaller than all simulated: a bound, the value is at most that."""
+        return float(self.adjust(0.0))
+
     def adjust(self, p: FloatArray | float) -> FloatArray:
         """Probability that the best of the family looks at least as good by chance; significant below `ALPHA`."""
         rank = np.searchsorted(self.smallest_p, p, side="right")

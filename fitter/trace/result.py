@@ -16,6 +16,9 @@ from fitter.linear import LinearFit
 from fitter.replication import FTest, Replication
 from fitter.trace.problem import Candidate, raw_columns
 
+CONFIRMED = 0.8
+"""Left-out error after over before, above which the effects found do not carry over to what was not fitted."""
+
 
 @dataclass(frozen=True, eq=False)
 class FoundEffect:
@@ -31,6 +34,7 @@ class FoundEffect:
         unit: of the coefficients.
         size: of the cause, in physical terms: "1.50e-3 deg/g", "45 ppm/degC", "1.2 arcsec".
         p_adjusted: probability of finding the like by chance, over all candidates, sensors and steps of the run.
+        p_adjusted_is_bound: the null was not simulated often enough to say how much smaller than `p_adjusted` it is.
         share: of the sensor's residual beyond pure error, how much it explains.
         aliases: other effects the data cannot tell from it.
         separation: standard errors by which every other explanation falls behind, by effect.
@@ -49,6 +53,7 @@ class FoundEffect:
     unit: str
     size: str
     p_adjusted: float
+    p_adjusted_is_bound: bool
     share: float
     aliases: tuple[str, ...]
     separation: Mapping[str, float]
@@ -69,6 +74,7 @@ class FoundEffect:
             "unit": self.unit,
             "size": self.size,
             "p_adjusted": self.p_adjusted,
+            "p_adjusted_is_bound": self.p_adjusted_is_bound,
             "share": self.share,
             "aliases": list(self.aliases),
             "separation_sigmas": dict(self.separation),
@@ -155,7 +161,12 @@ class SensorTrace:
             )
         if self.effects:
             notes.append("standard errors of the effects are conditional on their having been selected on these data")
-        if self.cv_rms_after is not None:
+        if self.cv_rms_before is not None and self.cv_rms_after is not None:
+            if self.effects and self.cv_rms_after > CONFIRMED * self.cv_rms_before:
+                notes.append(
+                    "not confirmed by left-out replications: with the effects found the error on those left out "
+                    f"is {self.cv_rms_after / self.cv_rms_before:.0%} of what it is without them"
+                )
             notes.append(
                 "cv_rms: each replication in turn left out of selection and fit, its own offset predicted as zero"
             )

@@ -186,6 +186,7 @@ def _found(
     without = after.corrected[i] + contribution
     rss_without = float(np.sum((without - h @ np.linalg.lstsq(h, without, rcond=None)[0]) ** 2))
     excess = before.fits[i].rss - after.fits[i].df * _pure_variance(after.tables[i])
+    p = min(p_adjusted(problem, family, after.chosen, picked[k]) for k in shown)
     best = next(rival for rival in explanations if rival.effect == name)
     alike = [problem.candidates[r.terms[0]].effect for r in explanations if r.alias and r.effect != name]
     peak = float(np.max(np.abs(contribution)))
@@ -198,7 +199,8 @@ def _found(
         stderr=tuple(float(stderr[k] * abs(f)) for k, (_, f) in zip(shown, formulas, strict=True)),
         unit=effect.unit,
         size=effect.size(own, problem.fits[sensor].parameters.S_V),
-        p_adjusted=min(p_adjusted(problem, family, after.chosen, picked[k]) for k in shown),
+        p_adjusted=p,
+        p_adjusted_is_bound=p == family.least,
         share=float(np.clip((rss_without - after.fits[i].rss) / excess, 0.0, 1.0)) if excess > 0 else 0.0,
         aliases=tuple(other.name for other in alike),
         separation={r.effect: round(max(r.sigmas - best.sigmas, 0.0), 2) for r in explanations if r.effect != name},
