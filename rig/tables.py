@@ -16,6 +16,7 @@ from typing import IO, Any
 import numpy as np
 
 from fitter import AttitudeData
+from procedures import RunList
 from rig.atomic import write_whole
 from rig.config import parse_toml
 from rig.engine.chain import Record
@@ -184,24 +185,20 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
     with RunReader.open(path) as reader:
         if not salvage:
             reader.verify()
-        run_list = reader.run_list()
         genesis = reader.genesis()
+        run_list = reader.run_list()
         bench = parse_toml(reader.documents().get("bench.toml", ""), str(path))
-        names = [f.name for f in run_list.factors]
-        axes = [f.axis for f in run_list.factors]
         rows: list[dict[str, float]] = []
         records = reader.salvage() if salvage else reader.records("observation")
         for record in records:
             if record.kind != "observation" or (record.status != "accepted" and not everything):
                 continue
-            assert record.run_index is not None
-            point = run_list.points[record.run_index]
-            row: dict[str, float] = {"replicate": point.replication, "order": len(rows) + 1}
-            row |= {"elapsed_s": _moment(record), **dict(zip(names, point.setpoints, strict=True))}
-            row |= _measured(record)
-            row |= {f"{axis}_side": side for axis, side in zip(axes, point.sides, strict=True)}
-            row |= {f"{axis}_readback_deg": v for axis, v in record.data.get("position_deg", {}).items()}
-            row |= {"block": record.session, "run_index": record.run_index}
+            try:
+                row = _row(record, run_list, len(rows) + 1)
+            except (ValueError, LookupError, TypeError, AttributeError):
+                if not salvage:
+                    raise
+                continue  # this record's contents are not what a controller writes
             if everything:
                 row["accepted"] = float(record.status == "accepted")
             if genesis.data["simulated"]:
@@ -231,6 +228,17 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
     return Table(str(path), columns, bool(genesis.data["simulated"]), provenance, axes_of)
 
 
+def _row(record: Record, run_list: RunList, order: int) -> dict[str, float]:
+    """One observation as a row: where, when, how approached, what was read."""
+    point = run_list.points[int(record.run_index or 0)]
+    row: dict[str, float] = {"replicate": point.replication, "order": order, "elapsed_s": _moment(record)}
+    row |= {f.name: value for f, value in zip(run_list.factors, point.setpoints, strict=True)}
+    row |= _measured(record)
+    row |= {f"{f.axis}_side": side for f, side in zip(run_list.factors, point.sides, strict=True)}
+    row |= {f"{axis}_readback_deg": float(v) for axis, v in record.data.get("position_deg", {}).items()}
+    return row | {"block": record.session, "run_index": point.index}
+
+
 def _moment(record: Record) -> float:
     began, ended = record.data.get("measured_s", (record.elapsed_s, record.elapsed_s))
     return float(round((began + ended) / 2, 3))
@@ -240,7 +248,7 @@ def _measured(record: Record) -> dict[str, float]:
     found = {}
     for group in ("temperatures", "outputs"):
         for name, channel in record.data.get(group, {}).items():
-            found[name] = channel["mean"]
+            found[name] = float(channel["mean"])
     return found
 
 

@@ -142,6 +142,13 @@ def test_an_edited_run_file_is_refused_by_resume_and_named_by_verify(tmp_path):
         done = rig(command, path, cwd=tmp_path)
         assert done.returncode == 1
         assert "was changed after it was written" in done.stderr
+    refused = rig("export", path, "--out", "data.csv", cwd=tmp_path)
+    assert refused.returncode == 1
+    assert "--salvage" in refused.stderr
+    saved = rig("export", path, "--salvage", "--out", "data.csv", cwd=tmp_path)
+    assert saved.returncode == 0
+    assert "NOT VERIFIED" in saved.stderr
+    assert len((tmp_path / "data.csv").read_text().splitlines()) == 31
 
 
 def test_a_finished_run_is_not_changed_by_resume_and_no_run_file_is_overwritten(finished, tmp_path):

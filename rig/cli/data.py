@@ -187,6 +187,9 @@ def export(
     run_file: Annotated[Path, typer.Argument(help="the run file", show_default=False)],
     out_file: Annotated[Path, typer.Option("--out", "-o", help="the CSV file to write", show_default=False)],
     everything: Annotated[bool, typer.Option("--all", help="rejected observations too, with their status")] = False,
+    salvage: Annotated[
+        bool, typer.Option("--salvage", help="take what can still be read of a damaged or edited file, unverified")
+    ] = False,
 ) -> int:
     """Write a run's observations as CSV, units in the column names.
 
@@ -194,7 +197,9 @@ def export(
     """
     from rig.tables import run_table, write_csv  # noqa: PLC0415
 
-    table = run_table(run_file, everything=everything)
+    table = run_table(run_file, everything=everything, salvage=salvage)
+    if salvage:
+        err.print("[bold yellow]NOT VERIFIED:[/] nobody vouches for these values; see `rig verify`")
     write_csv(table.columns, out_file)
     if everything:
         seen = int(table.columns["accepted"].sum())

@@ -349,7 +349,7 @@ def _fill(db: apsw.Connection, genesis: Genesis, elapsed_s: float, utc_s: float)
 
 _READ = apsw.SQLITE_OPEN_READONLY | apsw.SQLITE_OPEN_URI
 _WAY_FORWARD = (
-    "Nothing was changed now. Keep the file; `rig export FILE --out DATA.csv` saves the observations that can still "
+    "Nothing was changed now. Keep the file; `rig export FILE --salvage --out DATA.csv` saves what can still "
     "be read, and a copy from before the damage can be resumed as it is."
 )
 
