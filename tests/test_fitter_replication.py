@@ -100,7 +100,7 @@ def test_clean_data_keep_their_level():
     sigma = np.radians(1.5e-4) * 5.0
     assert np.sqrt(np.mean([r.sigma_E**2 for r in runs])) == pytest.approx(sigma, rel=0.02)
     assert np.sqrt(np.mean([r.sigma_pr**2 for r in runs])) == pytest.approx(sigma, rel=0.02)
-    # READING.md's figure for clean 6 x 481 data, the paper's way of splitting sigma_E
+    # expected shares on clean data: sqrt((K-L)/(nK-L)) = 0.41 and sqrt(K(n-1)/(nK-L)) = 0.91 of sigma
     r = analyse_run(X_ONLY, D1(180, 37), 1)
     assert r.sigma_bias / sigma == pytest.approx(0.41, abs=0.03)
     assert r.sigma_prec / sigma == pytest.approx(0.91, abs=0.03)
