@@ -6,6 +6,7 @@ import contextlib
 import json
 import os
 import pty
+import sqlite3
 import subprocess
 import sys
 from pathlib import Path
@@ -214,6 +215,21 @@ def test_a_sensors_axis_is_the_benchs_and_temperature_is_not_required(tmp_path):
     fitted = json.loads(rig("fit", done.stdout.strip(), "--json", cwd=tmp_path).stdout)
     assert fitted["sensors"]["zed_V"]["model"] == "attitude-y"
     assert fitted["sensors"]["zed_V"]["parameters"]["Omega_deg"]["estimate"] < 5
+
+
+@pytest.mark.parametrize("body", ["garbage", "{}", "[]"])
+def test_nonsense_in_a_run_file_is_called_an_edit_by_every_command(tmp_path, body):
+    path = dry(tmp_path)
+    with sqlite3.connect(path) as db:
+        for (name,) in db.execute("SELECT name FROM sqlite_master WHERE type = 'trigger'").fetchall():
+            db.execute(f"DROP TRIGGER {name}")
+        db.execute("UPDATE record SET body = ? WHERE kind IN ('run', 'observation')", (body,))
+    db.close()
+    for arguments in (("status", path), ("verify", path), ("resume", path), ("fit", path)):
+        done = rig(*arguments, cwd=tmp_path)
+        assert done.returncode == 1
+        assert "was edited or damaged: record 1 (run) was changed" in done.stderr
+        assert "unforeseen" not in done.stderr
 
 
 def test_outside_acceptance_ends_with_3_and_a_complete_run(tmp_path):

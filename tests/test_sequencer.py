@@ -179,6 +179,25 @@ def test_an_instrument_that_is_silent_for_a_while_costs_a_retry_not_the_night(tm
     assert len(observations(path)) == POINTS
 
 
+def test_an_instrument_that_is_silent_while_it_is_set_up_again_is_retried_too(tmp_path):
+    path = new_run(tmp_path)
+    with pytest.raises(Killed):
+        run_session(path, on_progress=kill_after(150))
+
+    def refuses_twice(_bench, _head, reader):
+        left = itertools.count()
+
+        def prepare():
+            if next(left) < 2:
+                raise NoReply("dvm at nowhere does not answer")
+
+        reader.prepare = prepare
+
+    outcome, *_ = run_session(path, spoil=refuses_twice)
+    assert outcome is Outcome.COMPLETE
+    assert [r.status for r in records(path, "fault")] == ["retry", "retry"]
+
+
 def test_a_short_gap_needs_no_new_preparation(tmp_path):
     path = new_run(tmp_path)
     with pytest.raises(Killed):

@@ -21,7 +21,7 @@ from rig.controller import Result, load_plan, resume_run, start_run
 from rig.engine.live import controller_alive, live_path, read_json, send_request
 from rig.engine.run_file import RunReader
 from rig.engine.session import Outcome, Progress, Signals
-from rig.engine.state import fold
+from rig.engine.state import read_state
 from rig.errors import ExitCode, RigError, UsageError
 
 RunArgument = Annotated[Path, typer.Argument(help="the run file, DIR/ID.sqlite", show_default=False)]
@@ -97,7 +97,7 @@ def resume(
     Example: `rig resume runs/20260115T180000-night-1a2b.sqlite`
     """
     with RunReader.open(run_file) as reader:
-        simulated = bool(reader.genesis().data["simulated"])
+        simulated = read_state(reader).simulated
     with run_progress(simulated=simulated) as show:
         result = resume_run(
             run_file,
@@ -179,8 +179,7 @@ def _killing(show: Callable[[Progress], None], at_point: int | None) -> Callable
 def status(run_file: RunArgument, as_json: JsonOption = False) -> int:
     """Show what a run has come to, running or not."""
     with RunReader.open(run_file) as reader:
-        state = fold(reader.records())
-        genesis = reader.genesis()
+        state, genesis = read_state(reader), reader.genesis()
         count, head = reader.head()
     live = read_json(live_path(run_file)) or {}
     running = bool(live) and controller_alive(run_file)
@@ -248,7 +247,7 @@ def _ask(run_file: Path, verb: str) -> int:
 def _ended(run_file: Path, verb: str) -> int:
     """The controller ended before it acknowledged: was that what was asked for?"""
     with RunReader.open(run_file) as reader:
-        state = fold(reader.records())
+        state = read_state(reader)
     how = state.ended or state.rested
     if verb == "stop" and how in ("stopped", "complete"):
         err.print(f"{verb}: the run is {how}")

@@ -249,10 +249,10 @@ class Sequencer:
             self._needs_set_up = False
 
     def _recovering(self) -> str:
-        self._set_up()
         at = self._journal.at or self._choose()
         if at is None:
             return "park"
+        self._set_up()
         index = at.point.index
         before = self._run_list.points[index - 1] if index else None
         self._journal.start_timing()

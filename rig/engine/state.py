@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from rig.engine.chain import Record
+from rig.engine.run_file import RunReader
 
 
 @dataclass
@@ -108,3 +109,17 @@ def fold(records: Iterable[Record]) -> RunState:
     for record in records:
         state.add(record)
     return state
+
+
+def read_state(reader: RunReader) -> RunState:
+    """State of a run file; one whose contents make no sense is said to be damaged or edited, and where.
+
+    Raises:
+        RunFileError: the file does not verify.
+
+    """
+    try:
+        return fold(reader.records())
+    except (ValueError, LookupError, TypeError, AssertionError, AttributeError):
+        reader.verify()
+        raise
