@@ -224,14 +224,19 @@ def status(run_file: RunArgument, as_json: JsonOption = False) -> int:
 def _ask(run_file: Path, verb: str) -> int:
     if not run_file.exists():
         raise UsageError(f"there is no run file {run_file}")
-    request_id = send_request(run_file, verb)
-    if request_id is None:
-        raise UsageError(f"no controller is running on {run_file}; `rig status {run_file}` shows what it has come to")
     from drivers.clock import RealClock  # noqa: PLC0415
 
     clock = RealClock()
     give_up = clock.now() + 30.0
+    request_id = ""
     while clock.now() < give_up:
+        if not request_id:
+            with contextlib.suppress(FileExistsError):
+                posted = send_request(run_file, verb)
+                if posted is None:
+                    status = f"`rig status {run_file}` shows what it has come to"
+                    raise UsageError(f"no controller is running on {run_file}; {status}")
+                request_id = posted
         live = read_json(live_path(run_file))
         if live is not None and live.get("acknowledged") == request_id:
             break

@@ -86,6 +86,8 @@ class Requests:
         self._stopwatch = stopwatch
         self._looked = -1e9
         self._seen = ""
+        with contextlib.suppress(OSError):
+            self._path.unlink(missing_ok=True)  # meant for an earlier session
 
     def poll(self) -> Request | None:
         """A new request, once; None if there is none."""
@@ -97,24 +99,36 @@ class Requests:
             return None
         content = read_json(self._path)
         request_id = (content or {}).get("id")
+        with contextlib.suppress(OSError):
+            self._path.unlink(missing_ok=True)
         if content is None or not isinstance(request_id, str) or request_id == self._seen:
             return None
         if content.get("session") != self._session:
             return None
         self._seen = request_id
         verb = str(content.get("verb"))
-        with contextlib.suppress(OSError):
-            self._path.unlink(missing_ok=True)
         return Request(self._seen, verb) if verb in VERBS else None
 
 
 def send_request(run: Path, verb: str) -> str | None:
-    """Ask the controller of a run for something; returns the request's id, None if no controller is running."""
+    """Ask the controller of a run for something; returns the request's id, None if no controller is running.
+
+    Raises:
+        FileExistsError: another request is waiting to be seen; try again in a moment.
+
+    """
     live = read_json(live_path(run))
     if live is None or "session" not in live or not controller_alive(run):
         return None
     request_id = secrets.token_hex(8)
-    replace_json(request_path(run), {"id": request_id, "session": live["session"], "verb": verb})
+    request = request_path(run)
+    temporary = request.with_name(f"{request.name}.{request_id}.tmp")
+    content = {"id": request_id, "session": live["session"], "verb": verb}
+    try:
+        temporary.write_text(json.dumps(content) + "\n", encoding="utf-8")
+        os.link(temporary, request)  # unlike a rename, this cannot push somebody else's request aside
+    finally:
+        temporary.unlink(missing_ok=True)
     return request_id
 
 
