@@ -205,6 +205,7 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
                 row["simulated"] = 1.0
             rows.append(row)
         _, head = reader.head()
+        ended = not salvage and any(True for _ in reader.records("end"))
     if not rows:
         raise RunFileError(f"{path} holds no observations yet; `rig resume {path}` makes some")
     columns = {name: np.array([row.get(name, math.nan) for row in rows], float) for name in _all_names(rows)}
@@ -216,6 +217,7 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
         "bench": genesis.data["bench"],
         "procedure": genesis.data["procedure"],
         "software": genesis.data["software"],
+        "complete": ended,
         "points_planned": len(run_list),
         "points_observed": len(rows),
     }

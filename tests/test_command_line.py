@@ -167,6 +167,14 @@ def test_a_finished_run_is_not_changed_by_resume_and_no_run_file_is_overwritten(
     assert {p.name for p in finished.parent.iterdir()} == {finished.name, "short.toml"}
 
 
+def test_rig_sim_writes_over_no_file_of_yours(tmp_path):
+    (tmp_path / "bench.toml").write_text(BENCH)
+    done = rig("sim", "bench.toml", "--live", "bench.toml", "--for", 1, cwd=tmp_path)
+    assert done.returncode == 1
+    assert "bench.toml exists" in done.stderr
+    assert (tmp_path / "bench.toml").read_text() == BENCH
+
+
 def test_what_a_lost_log_took_is_said(tmp_path):
     write_short(tmp_path)
     arguments = ("run", "short.toml", "--bench", LAB / "bench.toml", "--dry", "--kill-at-point", 12)

@@ -66,11 +66,13 @@ def test_the_report_needs_no_other_file(html):
 def test_a_run_that_is_not_complete_says_so_at_the_top(traced, html):
     table = traced.table
     assert "not complete" not in html
-    part = replace(table, provenance={**table.provenance, "points_planned": 1950})
+    part = replace(table, provenance={**table.provenance, "points_planned": 1950, "complete": False})
     shown = render(replace(traced, table=part))
     headline = shown[shown.index("<h1>") : shown.index("What was found")]
     assert f"{len(table)} of 1950 points; the run is not complete" in headline
     assert incomplete({}) == ""
+    ended = {**part.provenance, "complete": True}
+    assert incomplete(ended) == f"{len(table)} of 1950 points; the others were skipped"
 
 
 def test_a_table_without_temperatures_makes_a_report_too(traced):

@@ -119,6 +119,19 @@ def test_only_one_controller_at_a_time(path):
     RunWriter.open(path).close()
 
 
+def test_a_reader_that_is_still_looking_does_not_turn_the_end_into_a_fault(path):
+    with RunWriter.open(path) as run:
+        run.append(observation(0))
+        with sqlite3.connect(path) as looking:
+            looking.execute("BEGIN")
+            looking.execute("SELECT count(*) FROM record").fetchall()
+            run.finish(Record(1, "end", 20.0, 1e9, status="complete"))
+        looking.close()
+    with RunReader.open(path) as reader:
+        reader.verify()
+        assert fold(reader.records()).ended == "complete"
+
+
 def test_readers_do_not_disturb_the_writer(path):
     with RunWriter.open(path) as run, RunReader.open(path) as reader:
         for i in range(5):

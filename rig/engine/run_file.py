@@ -269,6 +269,7 @@ class RunWriter(RunReader):
         self.append(
             Record(record.session, "end", record.elapsed_s, record.utc_s, status=record.status, body=encode(body))
         )
+        self._db.set_busy_timeout(200)
         with contextlib.suppress(apsw.Error):  # a reader is looking: every record is safe, only the log file stays
             self._db.pragma("wal_checkpoint(TRUNCATE)")
             self._db.pragma("journal_mode", "delete")

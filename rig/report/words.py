@@ -13,11 +13,12 @@ _CARRIES_OVER = 0.8
 
 
 def incomplete(provenance: Mapping[str, Any]) -> str:
-    """Says that a run is not complete, "" where it is or nobody knows."""
+    """Says that a run has fewer observations than points and why, "" where it has all or nobody knows."""
     planned, observed = provenance.get("points_planned"), provenance.get("points_observed")
     if planned is None or observed is None or planned <= observed:
         return ""
-    return f"{observed} of {planned} points; the run is not complete"
+    why = "the others were skipped" if provenance.get("complete") else "the run is not complete"
+    return f"{observed} of {planned} points; {why}"
 
 
 def significant(table: Mapping[str, Any], test: str) -> bool:
