@@ -198,6 +198,23 @@ def test_an_instrument_that_is_silent_while_it_is_set_up_again_is_retried_too(tm
     assert [r.status for r in records(path, "fault")] == ["retry", "retry"]
 
 
+@pytest.mark.parametrize(("asked", "expected"), [("SIGTERM", Outcome.INTERRUPTED), ("stop", Outcome.STOPPED)])
+def test_a_person_is_heard_while_a_silent_instrument_is_waited_for(tmp_path, asked, expected):
+    path = new_run(tmp_path)
+    signals = Signals()
+
+    def ask(_news):
+        if any(r.status == "retry" for r in records(path, "fault")):
+            if asked == "stop":
+                path.with_suffix(".request").write_text(json.dumps({"id": "1", "session": 1, "verb": "stop"}))
+            else:
+                signals.interrupt = asked
+
+    outcome, *_ = run_session(path, signals=signals, on_progress=ask, spoil=failing(1, NoReply("head is silent")))
+    assert outcome is expected
+    assert run_session(path)[0] is Outcome.COMPLETE
+
+
 def test_a_short_gap_needs_no_new_preparation(tmp_path):
     path = new_run(tmp_path)
     with pytest.raises(Killed):

@@ -122,7 +122,7 @@ class Sequencer:
     # --- the loop -------------------------------------------------------------------------------------------
 
     def run(self) -> Outcome:
-        """Work until done, stopped, interrupted or faulted. The bench is safe whatever the answer is."""
+        """Work until done, stopped, interrupted or faulted; the bench is then safe, unless the answer is `UNSAFE`."""
         try:
             self._journal.open()
             while self.state not in FINAL:
@@ -143,7 +143,7 @@ class Sequencer:
         """The trigger that follows; None to leave the loop where it is, for a later resume."""
         try:
             try:
-                return self._handlers[self.state]()
+                return self._handled()
             except _Interrupted:
                 return self._interrupted()
             except _HoldRequested:
@@ -153,12 +153,17 @@ class Sequencer:
                 self._do.stop_motion()
                 self._journal.write("stop")
                 return "park"
-            except (NotSettled, OverloadedError, DriverError) as error:
-                return self._decide(error)
         except StorageError as error:
             return self._give_up(str(error), recorded=False)
         except (NotSettled, OverloadedError, DriverError, RigError) as error:
             return self._give_up(str(error))
+
+    def _handled(self) -> str:
+        """What the state's handler answers, or the procedure's policy for what went wrong in it."""
+        try:
+            return self._handlers[self.state]()
+        except (NotSettled, OverloadedError, DriverError) as error:
+            return self._decide(error)  # may wait, and so be interrupted like everything else
 
     # --- waiting, signals, requests -------------------------------------------------------------------------------
 
@@ -409,8 +414,6 @@ class Sequencer:
         self._journal.take_up(None)
 
     def _begin_hold(self, why: str) -> str:
-        if self.state == State.HOLDING:
-            return "recover"
         self._do.stop_motion()
         self._journal.write("hold", {"why": why})
         return "hold"
