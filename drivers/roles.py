@@ -2,7 +2,7 @@
 
 A role is a small protocol. A driver is a plain synchronous class that satisfies one or more of them. Commands
 return at once (command, then poll); only `identify`, `prepare`, `fetch` and `make_safe` may take time, and they
-take it from the clock that was handed in. All angles are degrees, temperatures degrees Celsius, voltages volts.
+take it from the clock that was handed in. All angles are degrees, temperatures degrees Celsius, pressures psi absolute, voltages volts.
 """
 
 from __future__ import annotations
@@ -81,6 +81,30 @@ class ChamberState:
     power_pct: float
     running: bool
     alarms: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class PressureState:
+    """A pressure controller at one moment. Pressures are absolute, psi.
+
+    Attributes:
+        setpoint_psia: the setpoint in force.
+        pressure_psia: reading of its own reference sensor.
+        in_limits: the instrument itself calls the pressure settled within its in-limits band.
+        controlling: its output is on; off, the line is only measured.
+        venting: a vent is under way.
+        effort_pct: how hard its valves work, percent; 0 when not controlling.
+        faults: what it complains of (supply pressure lost, vacuum lost), empty if nothing.
+
+    """
+
+    setpoint_psia: float
+    pressure_psia: float
+    in_limits: bool
+    controlling: bool
+    venting: bool
+    effort_pct: float
+    faults: tuple[str, ...] = ()
 
 
 class Instrument(Protocol):
@@ -166,4 +190,38 @@ class Chamber(Instrument, Protocol):
 
     def stop(self) -> None:
         """Hold where it is: the setpoint becomes the present temperature."""
+        ...
+
+
+@runtime_checkable
+class PressureController(Instrument, Protocol):
+    """A pressure controller: drives one line to an absolute pressure and measures it."""
+
+    def limits(self) -> tuple[float, float]:
+        """Lowest and highest setpoint it accepts, psi absolute."""
+        ...
+
+    def set_pressure(self, psia: float) -> None:
+        """Command a setpoint with control on. Raises `LimitError` before sending."""
+        ...
+
+    def read(self) -> PressureState:
+        """Read its state."""
+        ...
+
+    def stop(self) -> None:
+        """Hold where it is: the setpoint becomes the present pressure."""
+        ...
+
+    def vent(self) -> None:
+        """Start venting at a limited rate; poll `read` until it no longer vents."""
+        ...
+
+
+@runtime_checkable
+class Restartable(Protocol):
+    """An instrument that can tell whether its power has been off."""
+
+    def restarted(self) -> bool:
+        """Whether it has been powered up since `prepare` last ran. Changes nothing in the instrument but that flag."""
         ...

@@ -42,9 +42,12 @@ class InstrumentConfig(BaseModel):
 
 
 class SensorConfig(_Strict):
-    """One `[sensors.NAME]` table: a sensor under calibration, its output recorded as `NAME_V`."""
+    """One `[sensors.NAME]` table: a sensor under calibration, its output recorded as `NAME_V` or `NAME_mV`."""
 
-    axis: Literal["x", "y", "z"]
+    axis: Literal["x", "y", "z"] | None = Field(
+        None, description="an attitude sensor's axis of the package; a pressure transducer has none"
+    )
+    unit: Literal["V", "mV"] = Field("V", description="in which its output is recorded; the reader measures volts")
     reader: str = Field(description="which instrument reads it")
     channel: str = Field("input", description="on which channel")
     asset: str = ""
@@ -55,7 +58,9 @@ class TemperatureConfig(_Strict):
 
     reader: str
     channel: str
-    place: Literal["package", "enclosure", "lab"] = "package"
+    place: Literal["package", "enclosure", "sensors", "sse", "lab"] = Field(
+        "package", description="where the thermometer sits; the simulation reads it"
+    )
 
 
 class LiveConfig(_Strict):
@@ -74,6 +79,9 @@ class BenchConfig(_Strict):
     instruments: dict[str, InstrumentConfig] = Field(min_length=1)
     sensors: dict[str, SensorConfig] = Field(min_length=1)
     temperatures: dict[str, TemperatureConfig] = Field(default_factory=dict)
+    factors: dict[str, str] = Field(
+        default_factory=dict, description="which instrument sets which factor of a whole-plot procedure"
+    )
     limits: dict[str, tuple[float, float]] = Field(default_factory=dict)
     live: LiveConfig | None = None
 
@@ -89,6 +97,10 @@ class BenchConfig(_Strict):
             other = taken.setdefault((reader, channel), name)
             if other != name:
                 raise ValueError(f"{other} and {name} are both on channel {channel} of {reader}")
+        for name, instrument in self.factors.items():
+            if instrument not in self.instruments:
+                known = ", ".join(sorted(self.instruments))
+                raise ValueError(f"factors.{name} = {instrument!r} is no instrument here (there are {known})")
         for name in self.temperatures:
             if not name.endswith("_degC"):
                 raise ValueError(f"temperatures.{name}: the name is a column and must end in its unit, _degC")

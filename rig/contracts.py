@@ -14,6 +14,7 @@ from typing import Any
 _CONTRACTS = {
     "watlow-f4t": ("register_map", "watlow_f4t.toml"),
     "cia402-pair": ("eds", "cia402_drive.eds"),
+    "can-daq": ("dbc", "can_daq.dbc"),
 }
 """Driver name to (option that takes the text, file in `contracts/`)."""
 

@@ -45,7 +45,7 @@ def twin_classes(config: BenchConfig) -> dict[str, Any]:
 
 def plain(config: BenchConfig) -> dict[str, Any]:
     """A bench file as the plain values the simulation takes, contracts filled in."""
-    values = config.model_dump(mode="json")
+    values = config.model_dump(mode="json", exclude_none=True)
     for name, instrument in config.instruments.items():
         values["instruments"][name] |= with_contracts(instrument.driver, instrument.options)
     return values
