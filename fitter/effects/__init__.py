@@ -3,7 +3,7 @@
 The order is the order in which equally good explanations are named: simplest and most usual cause first.
 """
 
-from fitter.effects.effect import Alias, Effect, Scene, Stratum, Term
+from fitter.effects.effect import Alias, Effect, Entry, Scene, Stratum, Term
 from fitter.effects.package import (
     BACKLASH_PITCH,
     BACKLASH_ROLL,
@@ -43,4 +43,4 @@ CATALOGUE: tuple[Effect, ...] = (
     CROSS_AXIS,
 )
 
-__all__ = ["CATALOGUE", "Alias", "Effect", "Scene", "Stratum", "Term", "separate"]
+__all__ = ["CATALOGUE", "Alias", "Effect", "Entry", "Scene", "Stratum", "Term", "separate"]

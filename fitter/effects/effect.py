@@ -13,9 +13,13 @@ from fitter.arrays import FloatArray
 from fitter.data import AttitudeData
 from fitter.effects.sizes import Size
 
-Stratum = Literal["between-point", "point-by-replication", "replication"]
+Stratum = Literal["between-point", "point-by-replication", "replication", "whole-plot", "subplot", "noise"]
 
-Source = Literal["package", "pitch axis", "roll axis", "temperature", "time", "interruption", "sensor"]
+Source = Literal[
+    "package", "pitch axis", "roll axis", "line", "chamber", "temperature", "time", "interruption", "sensor"
+]
+
+Scope = Literal["package", "line", "sensor"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,40 +135,51 @@ class Alias:
 
 
 @dataclass(frozen=True)
-class Effect:
-    """A catalogue entry. Adding an effect to the tracer is adding one of these.
+class Entry:
+    """What every catalogue says of an effect, whatever kind of run it is looked for in.
 
     Attributes:
         name: as reported.
         cause: what happens physically.
         source: what it comes from; effects of different sources are told apart by changing one of them.
-        scope: "package" if one cause moves all sensors together (one coefficient for all), "sensor" if each
+        scope: "package" or "line" if one cause moves all sensors together (one coefficient for all), "sensor" if each
             sensor has its own coefficient.
-        stratum: where it varies when the order of the run is balanced: between the points of the design, or point
-            by replication, that is with time, temperature or direction.
+        stratum: where it varies when the order of the run is balanced. Pitch-roll: between the points of the design,
+            or point by replication, that is with time, temperature or direction. Whole plots: from one whole plot to
+            the next, or within them.
         unit: of the reported coefficients.
         size: the same in the terms of who works on the bench.
-        against: the field of `AttitudeData` its residual is best looked at against.
-        terms: its columns, given the observations (an effect may have as many as there were interruptions).
+        against: the field of the data its residual is best looked at against.
         separate_by: the measurement that would confirm it, or tell it from what is not among the known aliases.
         usual_size: what instruments of this kind show.
         known_aliases: effects that look alike on common designs.
-        needs: what the observations must have: a key of `PREREQUISITES` each.
 
     """
 
     name: str
     cause: str
     source: Source
-    scope: Literal["package", "sensor"]
+    scope: Scope
     stratum: Stratum
     unit: str
     size: Size
     against: str
-    terms: Callable[[AttitudeData], tuple[Term, ...]]
     separate_by: str
     usual_size: str
     known_aliases: Mapping[str, Alias]
+
+
+@dataclass(frozen=True)
+class Effect(Entry):
+    """An entry of the attitude catalogue. Adding an effect to the tracer is adding one of these.
+
+    Attributes:
+        terms: its columns, given the observations (an effect may have as many as there were interruptions).
+        needs: what the observations must have: a key of `PREREQUISITES` each.
+
+    """
+
+    terms: Callable[[AttitudeData], tuple[Term, ...]]
     needs: tuple[str, ...] = ()
 
     def applies_to(self, data: AttitudeData) -> bool:

@@ -7,22 +7,33 @@ sensor or another order of running separate what a correlation only compares.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from fitter.arrays import FloatArray
-from fitter.trace.estimate import concerns
-from fitter.trace.levels import Level
-from fitter.trace.problem import Problem
-from fitter.trace.score import Whitened, errors, whiten
+from fitter.effects import Entry
+from fitter.trace.whitened import Whitened
 
 DELTA = 9.0
 """Units of the error's variance; three standard errors. Calibrated: in 120 runs of 13 x 13 points the true cause lost
 its place to a luckier one with more columns 4 times at 6 and once at 9 (python -m benchmarks.bench_fit delta)."""
 PER_COLUMN = 2.0
 """Price of a column in the same units, so that a cause with more columns is not better for having them."""
+
+
+class Named(Protocol):
+    """A candidate: one term of an effect, on one sensor or (None) on all."""
+
+    @property
+    def effect(self) -> Entry:
+        """The catalogue's entry it is a term of."""
+
+    @property
+    def sensor(self) -> str | None:
+        """The sensor it concerns."""
 
 
 @dataclass(frozen=True)
@@ -46,31 +57,31 @@ class Rival:
         return self.sigmas**2 <= DELTA
 
 
-def rivals(problem: Problem, chosen: tuple[int, ...], effect: str, level: Level) -> tuple[Rival, ...]:
-    """All explanations of what the terms of `effect` among `chosen` explain, itself included, best first.
+def rivals(
+    candidates: Sequence[Named], white: Whitened, group: tuple[int, ...], rest: tuple[int, ...], sensors: Iterable[str]
+) -> tuple[Rival, ...]:
+    """All explanations of what the candidates `group`, the terms of one effect, explain, itself included, best first.
 
     Args:
-        problem: the run.
-        chosen: candidates in the model.
-        effect: name of the effect to be replaced.
-        level: where residual sums of squares are compared.
+        candidates: of the run.
+        white: outputs and columns beside `rest`, where residual sums of squares are to be compared.
+        group: indices of the terms to be replaced.
+        rest: indices of the other candidates in the model.
+        sensors: those that `group` concerns; candidates of others cannot explain it.
 
     """
-    group = tuple(j for j in chosen if problem.candidates[j].effect.name == effect)
-    rest = tuple(j for j in chosen if j not in group)
-    white = whiten(problem, level, rest, errors(problem, chosen))
-    sensors = {problem.sensors[i] for j in group for i in np.flatnonzero(concerns(problem, j) > 0.01)}
+    effect, where = candidates[group[0]].effect.name, {None, *sensors}
     paths = [{group: _price(white, group)}]
-    for name in dict.fromkeys(c.effect.name for c in problem.candidates):
-        if name == effect or any(problem.candidates[j].effect.name == name for j in rest):
+    for name in dict.fromkeys(c.effect.name for c in candidates):
+        if name == effect or any(candidates[j].effect.name == name for j in rest):
             continue
-        terms = [j for j, c in enumerate(problem.candidates) if c.effect.name == name and c.sensor in (None, *sensors)]
+        terms = [j for j, c in enumerate(candidates) if c.effect.name == name and c.sensor in where]
         if terms:
             paths.append(_path(white, terms))
     best = min(min(path.values()) for path in paths)
     explanations = [_smallest(path, best) for path in paths]
     return tuple(
-        Rival(problem.candidates[terms[0]].effect.name, terms, float(np.sqrt(price - best)))
+        Rival(candidates[terms[0]].effect.name, terms, float(np.sqrt(price - best)))
         for terms, price in sorted(explanations, key=lambda explanation: explanation[1])
     )
 

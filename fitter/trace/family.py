@@ -17,8 +17,8 @@ from fitter.trace.problem import Problem
 from fitter.trace.score import NOTHING_LEFT, Scores, errors, whiten
 
 ALPHA = 0.035
-FOR_REPLICATIONS = 1 / 7
-"""Share of ALPHA kept for the tests between replications."""
+COUNTED = 1 / 7
+"""Share of ALPHA kept for tests that are counted one by one: those between replications."""
 DRAWS = 20_000
 
 
@@ -36,7 +36,7 @@ class Family:
     def adjust(self, p: FloatArray | float) -> FloatArray:
         """Probability that the best of the family looks at least as good by chance; significant below `ALPHA`."""
         rank = np.searchsorted(self.smallest_p, p, side="right")
-        return np.asarray(np.minimum((1.0 + rank) / (1.0 + self.smallest_p.size) / (1.0 - FOR_REPLICATIONS), 1.0))
+        return np.asarray(np.minimum((1.0 + rank) / (1.0 + self.smallest_p.size) / (1.0 - COUNTED), 1.0))
 
 
 def family_of(problem: Problem, scores: Scores, seed: int) -> Family:

@@ -13,14 +13,15 @@ from fitter.data import AttitudeData
 from fitter.effects import CATALOGUE, Effect, separate
 from fitter.linear import RankError
 from fitter.replication import Replication
-from fitter.trace.aliases import Rival, rivals, simplest
+from fitter.trace.aliases import Rival
 from fitter.trace.estimate import Estimate, concerns, estimate
 from fitter.trace.family import Family, family_of
+from fitter.trace.judge import AttitudeJudge
 from fitter.trace.problem import Problem, pose, raw_columns
 from fitter.trace.remainder import shared_attitude, strongest_wave
 from fitter.trace.result import FoundEffect, SensorTrace, Trace, Unnamed
 from fitter.trace.score import RESOLVED, score
-from fitter.trace.search import p_adjusted, prune, search, stratum_of
+from fitter.trace.search import ROUNDS, names_of, prune, search_and_name
 from fitter.trace.wander import expected, with_wander
 
 SEED = 20260115
@@ -28,7 +29,6 @@ UNEXPLAINED = 1e-3
 """Lack of fit or drift below this probability is something that remains."""
 SHOWS = 3.0
 """An effect on the package is reported for the sensors in which it amounts to this many standard errors."""
-ROUNDS = 3
 
 
 def trace(data: AttitudeData, catalogue: Sequence[Effect] = CATALOGUE, seed: int = SEED) -> Trace:
@@ -47,10 +47,11 @@ def trace(data: AttitudeData, catalogue: Sequence[Effect] = CATALOGUE, seed: int
     family = family_of(problem, score(problem, ()), seed)
     problem, found = _settle(problem, family)
     before, after = estimate(problem, ()), estimate(problem, found)
-    classes = {name: rivals(problem, found, name, after.level) for name in _names(problem, found)}
+    judge = AttitudeJudge(problem, family)
+    classes = {name: judge.rivals(found, name) for name in names_of(problem.candidates, found)}
     cv = left_out(data, catalogue, family)
     sensors = {
-        sensor: _sensor(problem, family, before, after, classes, i, None if cv is None else cv[:, i])
+        sensor: _sensor(judge, before, after, classes, i, None if cv is None else cv[:, i])
         for i, sensor in enumerate(problem.sensors)
     }
     chosen = tuple(problem.candidates[j] for j in after.chosen)
@@ -90,7 +91,7 @@ def _settle(problem: Problem, family: Family) -> tuple[Problem, tuple[int, ...]]
     A walk is looked for beside the effects and not before them: an effect of temperature not yet in the model looks
     like one, and would be judged against itself.
     """
-    chosen = _search_and_name(problem, family)
+    chosen = search_and_name(AttitudeJudge(problem, family))
     by = expected(problem)
     if by is None:
         return problem, chosen
@@ -99,44 +100,24 @@ def _settle(problem: Problem, family: Family) -> tuple[Problem, tuple[int, ...]]
         if np.all((walking.wander > 0) == (problem.wander > 0)):
             break
         problem = walking
-        chosen = _search_and_name(problem, family, prune(problem, family, chosen))
+        judge = AttitudeJudge(problem, family)
+        chosen = search_and_name(judge, prune(judge, chosen))
     return problem, chosen
 
 
-def _search_and_name(problem: Problem, family: Family, chosen: tuple[int, ...] = ()) -> tuple[int, ...]:
-    """Search, then put the simplest of each alias class in the place of what was found first, until nothing moves."""
-    for _ in range(ROUNDS):
-        chosen = search(problem, family, chosen)
-        settled = chosen
-        level = estimate(problem, chosen).level
-        for name in _names(problem, chosen):
-            if any(problem.candidates[j].effect.name == name for j in settled):
-                lead = simplest(rivals(problem, settled, name, level))
-                others = tuple(j for j in settled if problem.candidates[j].effect.name != name)
-                settled = (*others, *lead.terms)
-        if frozenset(settled) == frozenset(chosen):
-            break
-        chosen = settled
-    return chosen
-
-
-def _names(problem: Problem, chosen: tuple[int, ...]) -> list[str]:
-    return list(dict.fromkeys(problem.candidates[j].effect.name for j in chosen))
-
-
 def _sensor(
-    problem: Problem,
-    family: Family,
+    judge: AttitudeJudge,
     before: Estimate,
     after: Estimate,
     classes: dict[str, tuple[Rival, ...]],
     i: int,
     cv: FloatArray | None,
 ) -> SensorTrace:
+    problem = judge.problem
     sensor = problem.sensors[i]
     declared: AttitudeFit = problem.fits[sensor]
     effects = sorted(
-        (e for name in classes if (e := _found(problem, family, before, after, classes[name], name, i)) is not None),
+        (e for name in classes if (e := _found(judge, before, after, classes[name], name, i)) is not None),
         key=lambda effect: -effect.share,
     )
     h = declared.columns(problem.scene.data.pitch_deg, problem.scene.data.roll_deg)
@@ -162,8 +143,7 @@ def _sensor(
 
 
 def _found(
-    problem: Problem,
-    family: Family,
+    judge: AttitudeJudge,
     before: Estimate,
     after: Estimate,
     explanations: tuple[Rival, ...],
@@ -171,6 +151,7 @@ def _found(
     i: int,
 ) -> FoundEffect | None:
     """The effect as sensor `i` shows it; None where it does not."""
+    problem = judge.problem
     sensor, picked = problem.sensors[i], list(after.chosen)
     mine = [k for k, j in enumerate(picked) if problem.candidates[j].effect.name == name]
     shown = [k for k in mine if _size(problem, after, k, i) > SHOWS]
@@ -186,21 +167,21 @@ def _found(
     without = after.corrected[i] + contribution
     rss_without = float(np.sum((without - h @ np.linalg.lstsq(h, without, rcond=None)[0]) ** 2))
     excess = before.fits[i].rss - after.fits[i].df * _pure_variance(after.tables[i])
-    p = min(p_adjusted(problem, family, after.chosen, picked[k]) for k in shown)
+    p = min(judge.p_adjusted(after.chosen, picked[k]) for k in shown)
     best = next(rival for rival in explanations if rival.effect == name)
     alike = [problem.candidates[r.terms[0]].effect for r in explanations if r.alias and r.effect != name]
     peak = float(np.max(np.abs(contribution)))
     return FoundEffect(
         effect=name,
         cause=effect.cause,
-        stratum=stratum_of(problem, family, after.chosen, picked[shown[0]]),
+        stratum=judge.stratum_of(after.chosen, picked[shown[0]]),
         terms=tuple(text for text, _ in formulas),
         coefficients=tuple(float(after.gamma[k] * f) for k, (_, f) in zip(shown, formulas, strict=True)),
         stderr=tuple(float(stderr[k] * abs(f)) for k, (_, f) in zip(shown, formulas, strict=True)),
         unit=effect.unit,
         size=effect.size(own, problem.fits[sensor].parameters.S_V),
         p_adjusted=p,
-        p_adjusted_is_bound=p == family.least,
+        p_adjusted_is_bound=p == judge.family.least,
         share=float(np.clip((rss_without - after.fits[i].rss) / excess, 0.0, 1.0)) if excess > 0 else 0.0,
         aliases=tuple(other.name for other in alike),
         separation={r.effect: round(max(r.sigmas - best.sigmas, 0.0), 2) for r in explanations if r.effect != name},

@@ -24,6 +24,7 @@ from fitter.linear import orthonormal
 from fitter.quantiles import f_limit
 from fitter.trace.levels import Level
 from fitter.trace.problem import Problem
+from fitter.trace.whitened import Whitened
 
 NOTHING_LEFT = 1e-3
 """A candidate of which less than this share is left beside the others at its level cannot be judged there."""
@@ -49,20 +50,6 @@ class Scores:
     df: FloatArray
     p: FloatArray
     gain: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
-class Whitened:
-    """What the chosen candidates leave at one level, over each sensor's own error.
-
-    Attributes:
-        outputs: (S, n).
-        columns: (S, n, J).
-
-    """
-
-    outputs: FloatArray
-    columns: FloatArray
 
 
 def errors(problem: Problem, chosen: Sequence[int]) -> FloatArray:
@@ -95,16 +82,12 @@ def whiten(
         of: the candidates whose columns are wanted; all of them if left out.
 
     """
-    block, (count, n, _) = problem.columns[level], problem.raw.shape
+    block = problem.columns[level]
     picked, wanted = list(chosen), slice(None) if of is None else np.asarray(of, np.int64)
-    taken = (block[:, :, picked] / sigma[:, None, None]).reshape(count * n, len(picked))
-    basis = orthonormal(taken, np.linalg.norm(problem.length[:, picked] / sigma[:, None], axis=0), 1e-6)
-    columns, outputs = block[:, :, wanted] / sigma[:, None, None], problem.outputs[level] / sigma[:, None]
-    if basis.shape[1]:
-        flat = columns.reshape(count * n, columns.shape[2])
-        columns = (flat - basis @ (basis.T @ flat)).reshape(columns.shape)
-        outputs = (outputs.reshape(-1) - basis @ (basis.T @ outputs.reshape(-1))).reshape(outputs.shape)
-    return Whitened(outputs, columns)
+    scale = sigma[:, None]
+    length = np.linalg.norm(problem.length[:, picked] / scale, axis=0)
+    taken, columns = block[:, :, picked] / scale[:, :, None], block[:, :, wanted] / scale[:, :, None]
+    return Whitened(problem.outputs[level] / scale, columns).beside(taken, length)
 
 
 def score(problem: Problem, chosen: Sequence[int], of: Sequence[int] | None = None) -> Scores:

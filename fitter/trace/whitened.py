@@ -1,0 +1,38 @@
+"""Outputs and candidate columns at one level of a run, in units of each sensor's error there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fitter.arrays import FloatArray
+from fitter.linear import orthonormal
+
+
+@dataclass(frozen=True, eq=False)
+class Whitened:
+    """What the model leaves of outputs and columns, over each sensor's own error.
+
+    Attributes:
+        outputs: (S, n).
+        columns: (S, n, J).
+
+    """
+
+    outputs: FloatArray
+    columns: FloatArray
+
+    def beside(self, taken: FloatArray, length: FloatArray) -> Whitened:
+        """What is left of both beside other columns, fitted to all sensors together.
+
+        Args:
+            taken: (S, n, q) columns in the model.
+            length: (q,) what each of them is measured by, over all sensors.
+
+        """
+        count, n, j = self.columns.shape
+        basis = orthonormal(taken.reshape(count * n, -1), length, 1e-6)
+        if not basis.shape[1]:
+            return self
+        columns, outputs = self.columns.reshape(count * n, j), self.outputs.reshape(-1)
+        columns, outputs = columns - basis @ (basis.T @ columns), outputs - basis @ (basis.T @ outputs)
+        return Whitened(outputs.reshape(count, n), columns.reshape(count, n, j))
