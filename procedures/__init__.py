@@ -7,15 +7,22 @@ point of the run, in order. The run list is hashed and stored; the run is the ru
 from procedures.designs import Design, fraction, grid, tumble
 from procedures.orders import Visit, random_order, serpentine
 from procedures.pitch_roll import PitchRollProcedure
-from procedures.run_list import Factor, Point, RunList
+from procedures.run_list import Factor, Point, RunList, Settle
+from procedures.whole_plot import WholePlotProcedure
+
+Procedure = PitchRollProcedure | WholePlotProcedure
+"""A checked `procedure.toml` of any kind."""
 
 __all__ = [
     "Design",
     "Factor",
     "PitchRollProcedure",
     "Point",
+    "Procedure",
     "RunList",
+    "Settle",
     "Visit",
+    "WholePlotProcedure",
     "fraction",
     "grid",
     "random_order",

@@ -8,28 +8,24 @@ from __future__ import annotations
 import random
 from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from procedures.designs import Design, fraction, grid, roll_circle, tumble, uniform
 from procedures.orders import Visit, random_order, reversed_pass, serpentine
-from procedures.run_list import Factor, Point, RunList
+from procedures.run_list import Factor, Point, RunList, Settle
+from procedures.settings import FaultSettings, Positive, Strict
 
-Positive = Annotated[float, Field(gt=0, le=1e6)]
 Side = Annotated[list[float], Field(min_length=1)]
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class FractionSettings(_Strict):
+class FractionSettings(Strict):
     """Decimation of the grid's interior, eq. (109)."""
 
     pitch_every: int = Field(ge=1, description="keep every K_alpha-th pitch row whole")
     roll_every: int = Field(ge=1, description="keep every K_R-th roll column whole")
 
 
-class DesignSettings(_Strict):
+class DesignSettings(Strict):
     """Which angles to visit.
 
     D1: `pitch_max_deg` and `pitch_count`, uniform and symmetric; roll uniform over the circle.
@@ -87,7 +83,7 @@ class DesignSettings(_Strict):
         return fraction(full, pitch_every=self.fraction.pitch_every, roll_every=self.fraction.roll_every)
 
 
-class OrderSettings(_Strict):
+class OrderSettings(Strict):
     """In which order the points are visited."""
 
     type: Literal["serpentine", "up-and-down", "random"] = Field(
@@ -100,13 +96,13 @@ class OrderSettings(_Strict):
     )
 
 
-class ApproachSettings(_Strict):
+class ApproachSettings(Strict):
     """How an axis is brought to the side it is to arrive from."""
 
     overtravel_deg: Positive = Field(2.0, le=45, description="beyond backlash and hysteresis together")
 
 
-class SettleSettings(_Strict):
+class SettleSettings(Strict):
     """When an angle counts as reached."""
 
     band_deg: Positive = Field(0.0005, le=1, description="readback within this of the setpoint")
@@ -115,8 +111,12 @@ class SettleSettings(_Strict):
     poll_s: Positive = Field(0.5, le=60, description="time between readbacks")
     timeout_s: Positive = Field(120.0, description="then the settling has failed")
 
+    def judged(self) -> Settle:
+        """What the sequencer needs of these settings."""
+        return Settle(self.band_deg, self.dwell_s, self.drift_deg_per_s, self.timeout_s)
 
-class MeasureSettings(_Strict):
+
+class MeasureSettings(Strict):
     """What is read at a point."""
 
     readings: int = Field(10, ge=1, le=50_000, description="sweeps over all channels; their mean is the observation")
@@ -124,7 +124,7 @@ class MeasureSettings(_Strict):
     repeats: int = Field(2, ge=0, le=10, description="how often to read again before accepting it, flagged")
 
 
-class EnvironmentSettings(_Strict):
+class EnvironmentSettings(Strict):
     """The enclosure's temperature before the first point and after a long gap."""
 
     setpoint_degC: float = Field(23.0, ge=-80, le=200)
@@ -135,36 +135,26 @@ class EnvironmentSettings(_Strict):
     timeout_s: Positive = Field(4 * 3600.0)
 
 
-class RecoverySettings(_Strict):
+class RecoverySettings(Strict):
     """What an interruption costs."""
 
     max_gap_s: Positive = Field(1800.0, description="after a longer gap the environment is settled again")
     hold_max_s: Positive = Field(12 * 3600.0, description="a hold nobody releases ends the session after this")
 
 
-class FaultSettings(_Strict):
-    """What to do when something goes wrong at a point."""
-
-    retries: int = Field(2, ge=0, le=20, description="attempts after the first before the policy below applies")
-    not_settled: Literal["skip", "hold", "abort"] = "skip"
-    overload: Literal["skip", "hold", "abort"] = "skip"
-    no_reply: Literal["skip", "hold", "abort"] = "abort"
-    instrument_error: Literal["skip", "hold", "abort"] = "abort"
-
-
-class ExpectSettings(_Strict):
+class ExpectSettings(Strict):
     """What is expected of the sensors; used by `rig plan` and never by a fit."""
 
     sigma_deg: Positive = Field(2e-4, description="standard error of one observation")
 
 
-class AcceptanceSettings(_Strict):
+class AcceptanceSettings(Strict):
     """When a finished calibration is fit for use; outside it `rig run` ends with exit code 3."""
 
     sigma_E_deg: Positive | None = Field(None, description="largest standard error of the fit")
 
 
-class PitchRollProcedure(_Strict):
+class PitchRollProcedure(Strict):
     """A whole `procedure.toml` of kind pitch-roll."""
 
     kind: Literal["pitch-roll"]
@@ -181,6 +171,11 @@ class PitchRollProcedure(_Strict):
     faults: FaultSettings = FaultSettings()
     expect: ExpectSettings = ExpectSettings()
     acceptance: AcceptanceSettings = AcceptanceSettings()
+
+    @property
+    def max_sd_V(self) -> float | None:  # noqa: N802 - volts
+        """Noise of one reading above which a point is read again."""
+        return self.measure.max_sd_V
 
     def expand(self) -> RunList:
         """Every point of the run, in order."""

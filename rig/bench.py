@@ -19,7 +19,7 @@ from pydantic import BaseModel
 
 from drivers.clock import Clock
 from drivers.errors import DriverError
-from drivers.roles import Chamber, Head, Instrument, Reader
+from drivers.roles import Chamber, Head, Instrument, PressureController, Reader
 from rig.config import BenchConfig, InstrumentConfig, validated
 from rig.contracts import with_contracts
 from rig.errors import BenchFault, BusyError, ConfigurationError
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from drivers.wires import Wires
 
 Role = TypeVar("Role")
+
+_PER_VOLT = {"V": 1.0, "mV": 1e3}
 
 
 class DriverClass(Protocol):
@@ -72,7 +74,8 @@ def playing(config: BenchConfig, role: type[Any]) -> list[str]:
 def _check_limit_names(config: BenchConfig, where: str) -> None:
     """A limit nobody knows would protect nothing."""
     axes = ["pitch_deg", "roll_deg"] if playing(config, Head) else []
-    known = [*axes, *(f"{name}_degC" for name in playing(config, Chamber))]
+    pressures = ["pressure_psia"] if playing(config, PressureController) else []
+    known = [*axes, *pressures, *(f"{name}_degC" for name in playing(config, Chamber))]
     for name in config.limits:
         if name not in known:
             near = difflib.get_close_matches(name, known, n=1)
@@ -88,6 +91,7 @@ class Bench:
         config: the bench file.
         instruments: drivers by the bench's names for them.
         sensors: output column to (instrument, channel).
+        scales: output column to its unit per volt.
         temperatures: temperature column to (instrument, channel).
 
     """
@@ -97,10 +101,13 @@ class Bench:
     clock: Clock
     wires: Wires
     sensors: Mapping[str, tuple[str, str]] = field(init=False)
+    scales: Mapping[str, float] = field(init=False)
     temperatures: Mapping[str, tuple[str, str]] = field(init=False)
 
     def __post_init__(self) -> None:
-        self.sensors = {f"{name}_V": (s.reader, s.channel) for name, s in self.config.sensors.items()}
+        sensors = {f"{name}_{s.unit}": s for name, s in self.config.sensors.items()}
+        self.sensors = {column: (s.reader, s.channel) for column, s in sensors.items()}
+        self.scales = {column: _PER_VOLT[s.unit] for column, s in sensors.items()}
         self.temperatures = {name: (t.reader, t.channel) for name, t in self.config.temperatures.items()}
         self._check_channels()
 
@@ -126,6 +133,19 @@ class Bench:
                 f"bench {self.config.name} needs exactly one dividing head for this procedure; it has {len(heads)}"
             )
         return next(iter(heads.values()))
+
+    def setting(self, factor: str, role: type[Role]) -> tuple[str, Role]:
+        """The instrument that sets a factor, and its name; raises `ConfigurationError` if it cannot."""
+        name = self.config.factors.get(factor)
+        if name is None:
+            raise ConfigurationError(
+                f"bench {self.config.name} does not say what sets {factor}: add it under [factors], "
+                f'{factor} = "INSTRUMENT"'
+            )
+        instrument = self.instruments[name]
+        if not isinstance(instrument, role):
+            raise ConfigurationError(f"bench {self.config.name}: {name} cannot set {factor}: it is no {role.__name__}")
+        return name, instrument
 
     @property
     def chambers(self) -> dict[str, Chamber]:

@@ -14,7 +14,7 @@ from typing import Any, Literal, Self, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from procedures import PitchRollProcedure
+from procedures import PitchRollProcedure, Procedure, WholePlotProcedure
 from rig.errors import ConfigurationError
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -139,13 +139,20 @@ def parse_bench(text: str, where: str) -> BenchConfig:
     return validated(BenchConfig, parse_toml(text, where), where)
 
 
-def parse_procedure(text: str, where: str) -> PitchRollProcedure:
+_KINDS: dict[str, type[PitchRollProcedure] | type[WholePlotProcedure]] = {
+    "pitch-roll": PitchRollProcedure,
+    "whole-plot": WholePlotProcedure,
+}
+
+
+def parse_procedure(text: str, where: str) -> Procedure:
     """Check the text of a procedure file."""
     values = parse_toml(text, where)
     kind = values.get("kind")
-    if kind != "pitch-roll":
-        raise ConfigurationError(f'{where}: kind = {kind!r} is not a kind of procedure; known: "pitch-roll"')
-    return validated(PitchRollProcedure, values, where)
+    if kind not in _KINDS:
+        known = ", ".join(f'"{k}"' for k in _KINDS)
+        raise ConfigurationError(f"{where}: kind = {kind!r} is not a kind of procedure; known: {known}")
+    return validated(_KINDS[kind], values, where)
 
 
 def explain(error: ValidationError, where: str, model: type[BaseModel]) -> str:

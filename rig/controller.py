@@ -20,10 +20,11 @@ from typing import Any
 from drivers.clock import Clock, RealClock, ScaledClock, boot_id
 from drivers.errors import DriverError
 from drivers.roles import Chamber
-from procedures import PitchRollProcedure, RunList
+from procedures import PitchRollProcedure, Procedure, RunList
 from rig import __version__
 from rig.bench import Bench, check_options, identities, locked_addresses, open_bench, playing
 from rig.config import BenchConfig, parse_bench, parse_procedure, parse_toml, read_text
+from rig.engine.axes import own_limits
 from rig.engine.guard import Guard
 from rig.engine.live import live_path, read_json
 from rig.engine.run_file import Genesis, RunReader, RunWriter, create
@@ -55,7 +56,7 @@ class Plan:
 
     documents: Mapping[str, str]
     bench: BenchConfig
-    procedure: PitchRollProcedure
+    procedure: Procedure
     run_list: RunList
     dry: bool
     truth: Mapping[str, Any]
@@ -78,7 +79,7 @@ class Result:
     outcome: Outcome
     message: str
     state: RunState
-    procedure: PitchRollProcedure | None
+    procedure: Procedure | None
 
 
 def load_plan(procedure: Path, bench: Path, *, dry: bool = False, world: Path | None = None) -> Plan:
@@ -96,9 +97,9 @@ def _plan(documents: Mapping[str, str], dry: bool, where: Mapping[str, str]) -> 
     check_options(config, where["bench.toml"])
     procedure = parse_procedure(documents["procedure.toml"], where["procedure.toml"])
     run_list = procedure.expand()
-    guard = Guard(config.limits)
+    guard = Guard(config.limits, config.factors)
     guard.check_run_list(run_list, {})
-    if procedure.environment is not None:
+    if isinstance(procedure, PitchRollProcedure) and procedure.environment is not None:
         anywhere = (float("-inf"), float("inf"))
         guard.check_environment(procedure.environment.setpoint_degC, dict.fromkeys(playing(config, Chamber), anywhere))
     truth = parse_toml(documents["world.toml"], where["world.toml"]) if "world.toml" in documents else {}
@@ -153,9 +154,9 @@ def start_run(
     """
     _check_space(folder, len(plan.run_list))
     with opened(plan) as (bench, clock, boot):
-        guard = Guard(plan.bench.limits)
-        guard.check_run_list(plan.run_list, bench.head.axes())
-        if plan.procedure.environment is not None:
+        guard = Guard(plan.bench.limits, plan.bench.factors)
+        guard.check_run_list(plan.run_list, own_limits(bench, plan.run_list))
+        if isinstance(plan.procedure, PitchRollProcedure) and plan.procedure.environment is not None:
             own = {name: chamber.limits() for name, chamber in bench.chambers.items()}
             guard.check_environment(plan.procedure.environment.setpoint_degC, own)
         try:
@@ -243,7 +244,7 @@ def _stored_plan(run: RunReader, path: Path, bench: Path | None) -> Plan:
         return plan
     other = parse_bench(read_text(bench, "bench"), str(bench))
     check_options(other, str(bench))
-    for what in ("name", "sensors", "temperatures", "limits", "simulated"):
+    for what in ("name", "sensors", "temperatures", "factors", "limits", "simulated"):
         if getattr(other, what) != getattr(plan.bench, what):
             raise ConfigurationError(f"{bench}: {what} differ from the bench the run began on; only instruments may")
     if {n: i.driver for n, i in other.instruments.items()} != {n: i.driver for n, i in plan.bench.instruments.items()}:

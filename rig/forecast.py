@@ -13,9 +13,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
-from fitter import attitude_columns, variance_function
 from procedures import RunList
 from rig.controller import Plan, start_run
 from rig.engine.run_file import RunReader
@@ -46,32 +43,6 @@ class Forecast:
     total_s: float
     latest_s: float
     rehearsed: int
-
-
-PRECISION_AT_DEG = (0.0, 10.0, 30.0, 60.0, 90.0)
-"""Pitch angles at which `rig plan` says how precise the calibration will be; those inside the design are shown."""
-
-
-def precision(run_list: RunList, sigma_deg: float) -> list[dict[str, float]]:
-    """Predicted precision of a sensor's calibrated output at a few pitch angles (eqs. 52 and 72), roll 0.
-
-    Args:
-        run_list: every observation that will be made.
-        sigma_deg: expected standard error of one observation.
-
-    Returns:
-        One row an angle: pitch_deg, sd_deg (of the calibrated output), interval95_deg (half-width).
-
-    """
-    setpoints = np.array([p.setpoints for p in run_list.points])
-    roll = bool(np.ptp(setpoints[:, 1]))
-    angles = [a for a in PRECISION_AT_DEG if a <= np.abs(setpoints[:, 0]).max()]
-    design = attitude_columns(setpoints[:, 0], setpoints[:, 1], roll=roll)
-    at = attitude_columns(np.array(angles), np.zeros(len(angles)), roll=roll)
-    sd = sigma_deg * np.sqrt(variance_function(design, at))
-    return [
-        {"pitch_deg": a, "sd_deg": float(s), "interval95_deg": 1.96 * float(s)} for a, s in zip(angles, sd, strict=True)
-    ]
 
 
 def rehearse(plan: Plan, on_progress: Callable[[Progress], None], *, points: int = 400) -> Forecast:

@@ -188,13 +188,14 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
         genesis = reader.genesis()
         run_list = reader.run_list()
         bench = parse_toml(reader.documents().get("bench.toml", ""), str(path))
+        factors: Mapping[str, str] = bench.get("factors", {})
         rows: list[dict[str, float]] = []
         records = reader.salvage() if salvage else reader.records("observation")
         for record in records:
             if record.kind != "observation" or (record.status != "accepted" and not everything):
                 continue
             try:
-                row = _row(record, run_list, len(rows) + 1)
+                row = _row(record, run_list, len(rows) + 1, factors)
             except (ValueError, LookupError, TypeError, AttributeError):
                 if not salvage:
                     raise
@@ -226,19 +227,45 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
             if entry.get("place", "package") == "package" and name in columns:
                 columns = {"sensor_temperature_degC": columns[name], **columns}
                 break
-    axes_of = {f"{name}_V": sensor["axis"] for name, sensor in bench.get("sensors", {}).items()}
+    sensors = bench.get("sensors", {})
+    axes_of = {f"{name}_{s.get('unit', 'V')}": s["axis"] for name, s in sensors.items() if "axis" in s}
     return Table(str(path), columns, bool(genesis.data["simulated"]), provenance, axes_of)
 
 
-def _row(record: Record, run_list: RunList, order: int) -> dict[str, float]:
-    """One observation as a row: where, when, how approached, what was read."""
-    point = run_list.points[int(record.run_index or 0)]
-    row: dict[str, float] = {"replicate": point.replication, "order": order, "elapsed_s": _moment(record)}
-    row |= {f.name: value for f, value in zip(run_list.factors, point.setpoints, strict=True)}
-    row |= _measured(record)
-    row |= {f"{f.axis}_side": side for f, side in zip(run_list.factors, point.sides, strict=True)}
-    row |= {f"{axis}_readback_deg": float(v) for axis, v in record.data.get("position_deg", {}).items()}
+def _row(record: Record, run_list: RunList, order: int, factors: Mapping[str, str]) -> dict[str, float]:
+    """One observation as a row: where, when, how approached, what was read.
+
+    A factor whose value was measured is a column with that value, and one with its setpoint ("pressure_set_psia").
+
+    Args:
+        record: the observation.
+        run_list: what its point means.
+        order: executed position, from 1.
+        factors: which instrument sets which factor.
+
+    """
+    point, data = run_list.points[int(record.run_index or 0)], record.data
+    row: dict[str, float] = {} if record.whole_plot is None else {"whole_plot": record.whole_plot}
+    row |= {"replicate": point.replication, "order": order, "elapsed_s": _moment(record)}
+    measured = _means(data, "references") | _means(data, "temperatures")
+    setpoints: dict[str, float] = {}
+    for factor, value in run_list.setting(point).items():
+        chamber = data.get("environment", {}).get(factors.get(factor, ""))
+        if factor not in measured and chamber is not None:
+            measured[factor] = chamber["temperature_degC"]
+        row[factor] = measured.get(factor, value)
+        if factor in measured:
+            setpoints[run_list.factor(factor).set_name] = value
+    row |= measured | _means(data, "outputs") | setpoints
+    row |= {f"{f.axis}_side": side for f, side in zip(run_list.factors, point.sides, strict=True) if not f.hard}
+    readback = {name: value for name, value in data.get("readback", {}).items() if name not in measured}
+    row |= {_readback_name(name): float(value) for name, value in readback.items()}
     return row | {"block": record.session, "run_index": point.index}
+
+
+def _readback_name(quantity: str) -> str:
+    stem, _, unit = quantity.rpartition("_")
+    return f"{stem}_readback_{unit}"
 
 
 def _moment(record: Record) -> float:
@@ -246,12 +273,8 @@ def _moment(record: Record) -> float:
     return float(round((began + ended) / 2, 3))
 
 
-def _measured(record: Record) -> dict[str, float]:
-    found = {}
-    for group in ("temperatures", "outputs"):
-        for name, channel in record.data.get(group, {}).items():
-            found[name] = float(channel["mean"])
-    return found
+def _means(data: Mapping[str, Any], group: str) -> dict[str, float]:
+    return {name: float(channel["mean"]) for name, channel in data.get(group, {}).items()}
 
 
 def _all_names(rows: Iterable[Mapping[str, float]]) -> list[str]:

@@ -39,7 +39,7 @@ def test_a_run_observes_every_point_once_in_order_from_the_planned_sides(tmp_pat
         assert sides == point.sides
         for axis, setpoint, side in zip(("pitch", "roll"), point.setpoints, point.sides, strict=True):
             assert (setpoint - record.data["approach"][axis][1]) * side >= 2.0 - 1e-9
-            assert record.data["position_deg"][axis] == setpoint
+            assert record.data["readback"][f"{axis}_deg"] == setpoint
     assert head.sent[-1] == {"pitch": 0.0, "roll": 0.0}
     assert head.safe >= 1
     assert state.ended == "complete"

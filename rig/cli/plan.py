@@ -12,12 +12,13 @@ from rich.markup import escape
 from rich.table import Table
 
 from drivers.roles import Chamber
+from procedures import PitchRollProcedure
 from rig.bench import driver_class
 from rig.cli import app
 from rig.cli.run import BenchOption, JsonOption, ProcedureArgument
 from rig.cli.show import duration, out, print_json, run_progress
 from rig.controller import BYTES_PER_POINT, Plan, load_plan
-from rig.errors import ConfigurationError, ExitCode
+from rig.errors import ExitCode
 
 
 @app.command(rich_help_panel="Running")
@@ -35,9 +36,10 @@ def plan(
     """
     from drivers.clock import RealClock  # noqa: PLC0415
     from rig.forecast import ALLOWANCE, rehearse  # noqa: PLC0415
+    from rig.precision import precision  # noqa: PLC0415
 
     planned = load_plan(procedure, bench)
-    angles = _precision(procedure, planned)
+    precise = precision(planned.procedure, planned.run_list)
     with run_progress(simulated=True) as show:
         forecast = rehearse(planned, show)
     now = datetime.fromtimestamp(RealClock().utc(), UTC).astimezone()
@@ -51,6 +53,7 @@ def plan(
         "bench": planned.bench.name,
         "points": len(planned.run_list),
         "replications": planned.procedure.replications,
+        "whole_plots": planned.run_list.whole_plots,
         "run_list": planned.run_list.sha256(),
         "seconds": {
             "preparation": forecast.preparation_s,
@@ -61,7 +64,7 @@ def plan(
         "rehearsed_points": forecast.rehearsed,
         "finish": (now + timedelta(seconds=forecast.total_s)).isoformat(timespec="minutes"),
         "finish_latest": end.isoformat(timespec="minutes"),
-        "precision_deg": angles,
+        "precision": precise.rows,
         "reach": reach,
         "limits": planned.bench.limits,
         "overdue": overdue,
@@ -73,7 +76,8 @@ def plan(
         print_json(result)
         return ExitCode.DONE
     out.print(f"[bold]{escape(planned.procedure.name)}[/] on {escape(planned.bench.name)}", soft_wrap=True)
-    out.print(f"  {len(planned.run_list)} points, {planned.procedure.replications} replications")
+    plots = f"{planned.run_list.whole_plots} whole plots, " if planned.run_list.whole_plots else ""
+    out.print(f"  {len(planned.run_list)} points, {plots}{planned.procedure.replications} replication(s)")
     out.print(
         f"  started now, done {_when(now, forecast.total_s)} ({duration(forecast.total_s)}),\n"
         f"  at the latest {_when(now, forecast.latest_s)}"
@@ -83,19 +87,11 @@ def plan(
         f"  {duration(forecast.preparation_s)} of preparation;\n"
         f"  the latest allows {ALLOWANCE:.0%} for repeats and retries"
     )
-    table = Table(
-        "pitch / deg",
-        "sd of the calibrated output / deg",
-        "95 % interval / deg",
-        title="Predicted precision",
-        title_justify="left",
-    )
-    for row in angles:
-        table.add_row(f"{row['pitch_deg']:g}", f"{row['sd_deg']:.2e}", f"+-{row['interval95_deg']:.2e}")
+    table = Table(*precise.columns, title="Predicted precision", title_justify="left")
+    for row in precise.cells:
+        table.add_row(*row)
     out.print(table)
-    out.print(
-        f"  (if one observation has a standard error of {planned.procedure.expect.sigma_deg:.1e} deg, expect.sigma_deg)"
-    )
+    out.print(f"  ({precise.assuming})", soft_wrap=True)
     for name, (low, high) in reach.items():
         allowed = planned.bench.limits.get(name)
         shown = f"limits {allowed[0]:g} to {allowed[1]:g}: ok" if allowed else "[yellow]no limit in the bench file[/]"
@@ -123,22 +119,9 @@ def _zone(moment: datetime) -> str:
     return name if name == "UTC" else f"{name} ({offset})" if name.isalpha() else offset
 
 
-def _precision(procedure: Path, planned: Plan) -> list[dict[str, float]]:
-    """Predicted precision; raises `ConfigurationError` for a design that does not determine the sensors."""
-    from rig.forecast import precision  # noqa: PLC0415
-
-    try:
-        return precision(planned.run_list, planned.procedure.expect.sigma_deg)
-    except ValueError as error:
-        design = planned.procedure.design
-        raise ConfigurationError(
-            f"{procedure}: design {design.type} does not determine a sensor: {error}; visit more pitch or roll angles"
-        ) from error
-
-
 def _environment(planned: Plan) -> str | None:
     """What the procedure asks of the environment, or that nothing on the bench can give it; None if not asked."""
-    wanted = planned.procedure.environment
+    wanted = planned.procedure.environment if isinstance(planned.procedure, PitchRollProcedure) else None
     if wanted is None:
         return None
     asked = f"{wanted.setpoint_degC:g} degC for {duration(wanted.dwell_s)}"

@@ -15,6 +15,7 @@ from typing import Annotated, Any
 import typer
 from rich.markup import escape
 
+from procedures import PitchRollProcedure
 from rig.cli import app
 from rig.cli.show import duration, err, mark, out, print_json, run_progress
 from rig.controller import Result, load_plan, resume_run, start_run
@@ -128,7 +129,7 @@ def conclude(result: Result) -> int:
 
 def _outside_acceptance(result: Result) -> bool:
     """Fit a complete run and hold it against the procedure's acceptance limits; says what it found."""
-    limit = result.procedure.acceptance.sigma_E_deg if result.procedure else None
+    limit = result.procedure.acceptance.sigma_E_deg if isinstance(result.procedure, PitchRollProcedure) else None
     if limit is None:
         return False
     from rig.closed_loop import fit_table  # noqa: PLC0415

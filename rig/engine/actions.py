@@ -1,4 +1,4 @@
-"""What the sequencer does with a bench: home, go, settle, measure, prepare the environment, park.
+"""What the sequencer does with a bench: home, go, settle, measure, soak, prepare the environment, park.
 
 Each action commands, then polls; every wait goes through `wait`, which lets the sequencer look for signals and
 requests. All may raise `drivers.errors.DriverError`; what this module adds is named below.
@@ -11,9 +11,11 @@ from typing import Any
 
 from drivers.clock import Clock
 from drivers.errors import InstrumentError
-from drivers.roles import AxisState
-from procedures.pitch_roll import EnvironmentSettings, SettleSettings
+from drivers.roles import Restartable
+from procedures import Factor, Settle
+from procedures.pitch_roll import EnvironmentSettings
 from rig.bench import Bench
+from rig.engine.axes import Axes, AxisReading
 from rig.engine.guard import Guard
 from rig.engine.measuring import Observation, assemble
 from rig.engine.motion import Arrival, Leg, arrived
@@ -21,8 +23,10 @@ from rig.engine.settling import Criteria, Settling
 from rig.errors import BenchFault
 
 _HOMING_TIMEOUT_S = 900.0
-_MOVE_TIMEOUT_S = 600.0
 _INTERLOCK_S = 60.0
+
+Watch = Callable[[Mapping[str, float]], None]
+"""Called with what was read at every poll."""
 
 
 class NotSettled(Exception):
@@ -38,18 +42,19 @@ class BenchActions:
 
     Args:
         bench: opened instruments.
+        axes: what moves from point to point.
         guard: limits and interlocks.
         clock: bench time.
         wait: lets that many bench seconds pass; may raise to interrupt the action.
 
     """
 
-    def __init__(self, bench: Bench, guard: Guard, clock: Clock, wait: Callable[[float], None]) -> None:
+    def __init__(self, bench: Bench, axes: Axes, guard: Guard, clock: Clock, wait: Callable[[float], None]) -> None:
         self._bench = bench
+        self._axes = axes
         self._guard = guard
         self._clock = clock
         self._wait = wait
-        self._head = bench.head
         self._chambers = bench.chambers
         self._readers = bench.readers
         self._chambers_seen = -1e18
@@ -57,7 +62,7 @@ class BenchActions:
 
     def stop_motion(self) -> None:
         """Stop all axes; how they came to rest is unknown from now on."""
-        self._head.stop()
+        self._axes.stop()
         self.arrivals.clear()
 
     def set_up(self) -> None:
@@ -65,14 +70,23 @@ class BenchActions:
         for instrument in self._bench.instruments.values():
             instrument.prepare()
 
-    def axes(self) -> Mapping[str, AxisState]:
-        """Read all axes; raises on a drive fault or a violated limit."""
-        states = self._head.read()
-        self._guard.check_axes(states)
-        for axis, state in states.items():
-            if state.fault:
-                raise InstrumentError(f"{axis} drive", 0, state.fault)
-        return states
+    def restarted(self) -> list[str]:
+        """Instruments that say their power has been off since they were last set up."""
+        instruments = self._bench.instruments.items()
+        return [name for name, i in instruments if isinstance(i, Restartable) and i.restarted()]
+
+    def axes(self) -> Mapping[str, AxisReading]:
+        """Read all axes; raises on an instrument's fault or a violated limit."""
+        readings = self._axes.read()
+        self._guard.check_axes(readings)
+        for axis, reading in readings.items():
+            if reading.fault:
+                raise InstrumentError(axis, 0, reading.fault)
+        return readings
+
+    def positions(self) -> dict[str, float]:
+        """Readback of every axis."""
+        return {axis: reading.value for axis, reading in self.axes().items()}
 
     def environment(self) -> dict[str, dict[str, Any]]:
         """Read all chambers, check their interlocks; what the run file keeps."""
@@ -90,15 +104,15 @@ class BenchActions:
         return found
 
     def look_around(self) -> None:
-        """Check the chambers' interlocks if that was last done a while ago."""
-        if self._clock.now() - self._chambers_seen >= _INTERLOCK_S:
+        """Between polls: have the chambers' interlocks been looked at lately?"""
+        if self._chambers and self._clock.now() - self._chambers_seen > _INTERLOCK_S:
             self.environment()
 
     def readback(self) -> dict[str, Any]:
-        """Positions, homed flags and chamber states as found, nothing commanded and nothing judged."""
+        """Axes and chambers as found, nothing commanded and nothing judged."""
         axes = {
-            axis: {"position_deg": s.position_deg, "homed": s.homed, "enabled": s.enabled, "fault": s.fault}
-            for axis, s in self._head.read().items()
+            axis: {r.quantity: r.value, "homed": r.homed, "enabled": r.enabled, "fault": r.fault}
+            for axis, r in self._axes.read().items()
         }
         chambers = {name: c.read() for name, c in self._chambers.items()}
         return {
@@ -111,60 +125,64 @@ class BenchActions:
 
     def home(self, poll_s: float) -> bool:
         """Find the encoders' zeros where they are not known; returns whether anything was homed."""
-        if all(state.homed for state in self.axes().values()):
+        if all(reading.homed for reading in self.axes().values()):
             return False
-        self._head.home()
+        self._axes.home()
         self.arrivals.clear()
         self._until_still(poll_s, _HOMING_TIMEOUT_S, "homing")
-        lost = [axis for axis, state in self.axes().items() if not state.homed]
+        lost = [axis for axis, reading in self.axes().items() if not reading.homed]
         if lost:
             raise BenchFault(f"{' and '.join(lost)} did not find home; look at the head's limit and home switches")
         return True
 
-    def go(self, legs: Sequence[Leg], poll_s: float) -> None:
+    def go(self, legs: Sequence[Leg], poll_s: float, timeout_s: float) -> None:
         """Drive through legs, all axes of a leg together, noting from which side each axis arrives."""
         for leg in legs:
+            readings = self.axes()
             for axis, target in leg.items():
-                self._guard.check_command(f"{axis}_deg", target)
-            start = {axis: state.position_deg for axis, state in self.axes().items()}
+                self._guard.check_command(readings[axis].quantity, target)
+            start = {axis: reading.value for axis, reading in readings.items()}
             for axis in leg:
                 self.arrivals.pop(axis, None)
-            self._head.move(leg)
-            self._until_still(poll_s, _MOVE_TIMEOUT_S, "moving")
+            self._axes.go(leg)
+            self._until_still(poll_s, timeout_s, "moving")
             arrived(leg, start, self.arrivals)
 
     def _until_still(self, poll_s: float, timeout_s: float, what: str) -> None:
         began = self._clock.now()
         while True:
             self._wait(poll_s)
-            states = self.axes()
-            if not any(state.moving for state in states.values()):
+            readings = self.axes()
+            if not any(reading.moving for reading in readings.values()):
                 return
             if self._clock.now() - began > timeout_s:
-                late = ", ".join(f"{axis} at {s.position_deg:g} deg" for axis, s in states.items() if s.moving)
+                late = ", ".join(
+                    f"{axis} at {r.value:g} {r.quantity.rpartition('_')[2]}" for axis, r in readings.items() if r.moving
+                )
                 self.stop_motion()
                 raise NotSettled(f"{what} took longer than {timeout_s:g} s ({late})", {})
 
-    def settle(self, targets: Mapping[str, float], settings: SettleSettings) -> dict[str, Any]:
+    def settle(self, targets: Mapping[str, float], settings: Settle, poll_s: float) -> dict[str, Any]:
         """Wait until every axis has settled at its target; returns the evidence. Raises `NotSettled`."""
         criteria = {
-            axis: Criteria(target, settings.band_deg, settings.dwell_s, settings.drift_deg_per_s, settings.timeout_s)
+            axis: Criteria(target, settings.band, settings.dwell_s, settings.drift_per_s, settings.timeout_s)
             for axis, target in targets.items()
         }
-
-        def read() -> dict[str, float]:
-            return {axis: state.position_deg for axis, state in self.axes().items()}
-
-        return self._until_settled(criteria, read, settings.poll_s)
+        return self._until_settled(criteria, self.positions, poll_s)
 
     def _until_settled(
-        self, criteria: Mapping[str, Criteria], read: Callable[[], Mapping[str, float]], poll_s: float
+        self,
+        criteria: Mapping[str, Criteria],
+        read: Callable[[], Mapping[str, float]],
+        poll_s: float,
+        watch: Watch = lambda _: None,
     ) -> dict[str, Any]:
         began = self._clock.now()
         judges = {name: Settling(c, began) for name, c in criteria.items()}
         while True:
             values = read()
             now = self._clock.now()
+            watch(values)
             outcomes = {name: judge.add(now, values[name]) for name, judge in judges.items()}
             if "waiting" not in outcomes.values():
                 break
@@ -175,12 +193,68 @@ class BenchActions:
             raise NotSettled(f"{', '.join(failed)} after {now - began:.0f} s", evidence)
         return evidence
 
-    def measure(self, readings: int) -> Observation:
-        """Sweep all channels `readings` times on every instrument at once."""
+    def measure(self, readings: int, poll_s: float, references: Sequence[Factor] = ()) -> Observation:
+        """Sweep all channels `readings` times on every instrument at once.
+
+        Args:
+            readings: sweeps.
+            poll_s: time between readbacks of the references.
+            references: factors whose readback is what the sensors are calibrated against; read meanwhile.
+
+        """
         due = max(reader.start(readings) for reader in self._readers.values())
-        self._wait(due)
+        seen: dict[str, list[float]] = {f.name: [] for f in references}
+        end = self._clock.now() + due
+        while references and self._clock.now() < end:
+            self._note(seen, references)
+            self._wait(min(poll_s, max(end - self._clock.now(), 1e-3)))
+        self._wait(max(0.0, end - self._clock.now()))
         fetched = {name: reader.fetch() for name, reader in self._readers.items()}
-        return assemble(fetched, self._bench.sensors, self._bench.temperatures)
+        self._note(seen, references)
+        bench = self._bench
+        return assemble(fetched, bench.sensors, bench.scales, bench.temperatures, seen)
+
+    def _note(self, seen: Mapping[str, list[float]], references: Sequence[Factor]) -> None:
+        if references:
+            now = self.positions()
+            for factor in references:
+                seen[factor.name].append(now[factor.axis])
+
+    def temperatures(self, columns: Sequence[str]) -> dict[str, float]:
+        """One reading of each of these temperature columns, degrees Celsius; an overload stays one."""
+        source = {column: self._bench.temperatures[column] for column in columns}
+        readers = {name: self._readers[name] for name, _ in source.values()}
+        if readers:
+            self._wait(max(reader.start(1) for reader in readers.values()))
+        fetched = {name: reader.fetch() for name, reader in readers.items()}
+        return {column: float(fetched[name][channel][0]) for column, (name, channel) in source.items()}
+
+    def set_chamber(self, name: str, setpoint_degC: float) -> None:
+        """Command a chamber's setpoint, limits checked first."""
+        self._guard.check_command(f"{name}_degC", setpoint_degC)
+        self._chambers[name].set_temperature(setpoint_degC)
+
+    def until_soaked(
+        self, criteria: Mapping[str, Criteria], poll_s: float, thermometers: Sequence[str], watch: Watch
+    ) -> dict[str, Any]:
+        """Wait until chambers and thermometers have settled; returns the evidence.
+
+        Args:
+            criteria: by chamber name and by temperature column.
+            poll_s: time between readbacks.
+            thermometers: which of them are temperature columns.
+            watch: called with what was read at every poll.
+
+        Raises:
+            NotSettled: something did not settle in time.
+
+        """
+
+        def read() -> dict[str, float]:
+            chambers = {name: state["temperature_degC"] for name, state in self.environment().items()}
+            return chambers | self.temperatures(thermometers)
+
+        return self._until_settled(criteria, read, poll_s, watch)
 
     def prepare_environment(self, settings: EnvironmentSettings) -> dict[str, Any]:
         """Bring every chamber to the setpoint and wait until it has settled there; returns the evidence.
@@ -189,9 +263,8 @@ class BenchActions:
             NotSettled: a chamber did not settle in time.
 
         """
-        for name, chamber in self._chambers.items():
-            self._guard.check_command(f"{name}_degC", settings.setpoint_degC)
-            chamber.set_temperature(settings.setpoint_degC)
+        for name in self._chambers:
+            self.set_chamber(name, settings.setpoint_degC)
         criteria = Criteria(
             settings.setpoint_degC,
             settings.tolerance_degC,
@@ -199,13 +272,10 @@ class BenchActions:
             settings.drift_degC_per_h / 3600.0,
             settings.timeout_s,
         )
+        return self.until_soaked(dict.fromkeys(self._chambers, criteria), settings.poll_s, (), lambda _: None)
 
-        def read() -> dict[str, float]:
-            return {name: state["temperature_degC"] for name, state in self.environment().items()}
-
-        return self._until_settled(dict.fromkeys(self._chambers, criteria), read, settings.poll_s)
-
-    def park(self, poll_s: float) -> None:
-        """Drive every axis to 0 deg, or to the nearest angle the limits allow."""
-        span = self._head.axes()
-        self.go([{axis: min(max(0.0, low), high) for axis, (low, high) in span.items()}], poll_s)
+    def park(self, poll_s: float, timeout_s: float) -> None:
+        """Drive every axis to where it rests, as near as the limits allow."""
+        parking = self._axes.parking()
+        if parking:
+            self.go([parking], poll_s, timeout_s)

@@ -7,13 +7,15 @@ at every command, and against every readback.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import MappingProxyType
 
-from drivers.roles import AxisState, ChamberState
+from drivers.roles import ChamberState
 from procedures import RunList
+from rig.engine.axes import AxisReading
 from rig.errors import BenchFault, ConfigurationError
 
-_READBACK_MARGIN_DEG = 0.05
-"""A readback may pass a limit by this much while an axis rests against it."""
+_READBACK_MARGIN = 0.05
+"""A readback may pass a limit by this much, degrees or psi, while an axis rests against it."""
 
 
 class Guard:
@@ -21,27 +23,30 @@ class Guard:
 
     Args:
         limits: (low, high) by quantity, named with its unit: "pitch_deg", "enclosure_degC".
+        factors: which instrument sets a factor; a chamber's limits are those of the temperature it sets.
 
     """
 
-    def __init__(self, limits: Mapping[str, tuple[float, float]]) -> None:
-        self._limits = dict(limits)
+    def __init__(
+        self, limits: Mapping[str, tuple[float, float]], factors: Mapping[str, str] = MappingProxyType({})
+    ) -> None:
+        of_chambers = {f: limits[f"{name}_degC"] for f, name in factors.items() if f"{name}_degC" in limits}
+        self._limits = {**of_chambers, **limits}
 
     def check_run_list(self, run_list: RunList, instrument: Mapping[str, tuple[float, float]]) -> None:
         """Refuse a run list that would leave the bench's limits or the instrument's own travel.
 
         Args:
             run_list: every point of the run.
-            instrument: the head's own (low, high) by axis.
+            instrument: the instruments' own (low, high) by factor name.
 
         Raises:
             ConfigurationError: with one line for every factor that leaves them.
 
         """
-        travel = {f"{axis}_deg": span for axis, span in instrument.items()}
         problems = [
             f"{sentence} ({whose})"
-            for limits, whose in ((self._limits, "bench limits"), (travel, "the head's own limits"))
+            for limits, whose in ((self._limits, "bench limits"), (instrument, "the instrument's own limits"))
             for sentence in run_list.beyond(limits)
         ]
         if problems:
@@ -75,12 +80,13 @@ class Guard:
         if not low <= value <= high:
             raise BenchFault(f"{quantity} = {value:g} was about to be commanded, outside {low:g} to {high:g}")
 
-    def check_axes(self, axes: Mapping[str, AxisState]) -> None:
-        """Refuse readbacks outside the limits, and drives that report a fault. Raises `BenchFault`."""
-        for axis, state in axes.items():
-            low, high = self._limits.get(f"{axis}_deg", (float("-inf"), float("inf")))
-            if not low - _READBACK_MARGIN_DEG <= state.position_deg <= high + _READBACK_MARGIN_DEG:
-                raise BenchFault(f"{axis} is at {state.position_deg:g} deg, outside {low:g} to {high:g}")
+    def check_axes(self, axes: Mapping[str, AxisReading]) -> None:
+        """Refuse readbacks outside the limits. Raises `BenchFault`."""
+        for axis, reading in axes.items():
+            low, high = self._limits.get(reading.quantity, (float("-inf"), float("inf")))
+            if not low - _READBACK_MARGIN <= reading.value <= high + _READBACK_MARGIN:
+                unit = reading.quantity.rpartition("_")[2]
+                raise BenchFault(f"{axis} is at {reading.value:g} {unit}, outside {low:g} to {high:g}")
 
     def check_chamber(self, name: str, state: ChamberState) -> None:
         """Refuse alarms and temperatures outside the limits. Raises `BenchFault`."""

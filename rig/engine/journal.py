@@ -57,6 +57,7 @@ class Journal:
         clock: bench time.
         session: this start of the controller.
         on_progress: called with news, often.
+        whole_plots: how many are planned.
 
     Attributes:
         state: where the sequencer is.
@@ -66,9 +67,17 @@ class Journal:
     """
 
     def __init__(
-        self, run: RunWriter, fold: RunState, clock: Clock, session: Session, on_progress: Callable[[Progress], None]
+        self,
+        run: RunWriter,
+        fold: RunState,
+        clock: Clock,
+        session: Session,
+        on_progress: Callable[[Progress], None],
+        whole_plots: int,
     ) -> None:
         self.fold = fold
+        self._whole_plots = whole_plots
+        self._soaks: list[float] = []
         self.state = State.READY
         self.at: PointInHand | None = None
         self.message = ""
@@ -104,19 +113,26 @@ class Journal:
         )
         self.tell(now=True)  # before anybody takes the last session's news for this one's
 
-    def write(self, kind: str, body: Mapping[str, Any] | None = None, *, status: str | None = None) -> None:
-        """Make a record durable; it names the point in hand. Raises `StorageError`."""
-        record = self._record(kind, body or {}, status)
+    def write(
+        self,
+        kind: str,
+        body: Mapping[str, Any] | None = None,
+        *,
+        status: str | None = None,
+        whole_plot: int | None = None,
+    ) -> None:
+        """Make a record durable; it names the point in hand and the open whole plot. Raises `StorageError`."""
+        record = self._record(kind, body or {}, status, whole_plot)
         self._run.append(record)
         self.fold.add(record)
 
     def finish(self, body: Mapping[str, Any]) -> None:
         """Write the end record and close the run file for good. Raises `StorageError`."""
-        record = self._record("end", body, "complete")
+        record = self._record("end", body, "complete", None)
         self._run.finish(record)
         self.fold.add(record)
 
-    def _record(self, kind: str, body: Mapping[str, Any], status: str | None) -> Record:
+    def _record(self, kind: str, body: Mapping[str, Any], status: str | None, whole_plot: int | None) -> Record:
         at = self.at
         return Record(
             self._session.number,
@@ -124,7 +140,7 @@ class Journal:
             self.elapsed(),
             self._clock.utc(),
             at.point.index if at else None,
-            at.point.whole_plot if at else None,
+            self.fold.whole_plot if whole_plot is None else whole_plot,
             at.attempt if at else None,
             status,
             encode(body),
@@ -144,6 +160,11 @@ class Journal:
         self._pace.append(self.elapsed() - self._taken_up_s)
         self._point_s = sum(self._pace) / len(self._pace)
 
+    def begin_whole_plot(self, planned: int, body: Mapping[str, Any]) -> None:
+        """A soak is over: what follows belongs to a new whole plot. Raises `StorageError`."""
+        self._soaks.append(self.elapsed() - self._taken_up_s)
+        self.write("event", {"planned": planned, **body}, status="whole-plot", whole_plot=self.fold.whole_plots + 1)
+
     def acknowledge(self, request_id: str) -> None:
         """Tell at once that a person's request has been seen."""
         self._acknowledged = request_id
@@ -162,6 +183,9 @@ class Journal:
     def _progress(self) -> Progress:
         fold = self.fold
         remaining = None if self._point_s is None else fold.remaining * self._point_s
+        soaks = self._whole_plots - (fold.planned or 0)
+        if remaining is not None and soaks:
+            remaining = remaining + soaks * sum(self._soaks) / len(self._soaks) if self._soaks else None
         done = len(fold.accepted) + len(fold.skipped)
         return Progress(self.state, done, fold.points, self.elapsed(), remaining, self.message)
 
@@ -181,4 +205,6 @@ class Journal:
             "remaining_s": None if p.remaining_s is None else round(p.remaining_s, 1),
             "utc_s": round(self._clock.utc(), 3),
             "point": None if self.at is None else self.at.point.index,
+            "whole_plot": self.fold.planned,
+            "whole_plots": self._whole_plots,
         }

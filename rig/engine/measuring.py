@@ -50,14 +50,16 @@ class Observation:
     """What was captured at a point, on its way to the run file.
 
     Attributes:
-        outputs: by column name, `x_V`.
+        outputs: by column name, `x_V`, in the column's unit.
         temperatures: by column name, `sensor_temperature_degC`.
+        references: what the sensors were calibrated against, read meanwhile: by column name, `pressure_psia`.
         flags: what a reader of the data should know of it ("noisy").
 
     """
 
     outputs: dict[str, Channel]
     temperatures: dict[str, Channel]
+    references: dict[str, Channel] = field(default_factory=dict)
     flags: list[str] = field(default_factory=list)
 
     def overloaded(self) -> list[str]:
@@ -82,6 +84,7 @@ class Observation:
         return {
             "outputs": {name: c.as_json() for name, c in self.outputs.items()},
             "temperatures": {name: c.as_json() for name, c in self.temperatures.items()},
+            **({"references": {n: c.as_json() for n, c in self.references.items()}} if self.references else {}),
             "flags": self.flags,
         }
 
@@ -89,18 +92,28 @@ class Observation:
 def assemble(
     fetched: Mapping[str, Mapping[str, Sequence[float]]],
     sensors: Mapping[str, tuple[str, str]],
+    scales: Mapping[str, float],
     temperatures: Mapping[str, tuple[str, str]],
+    references: Mapping[str, Sequence[float]],
 ) -> Observation:
     """Readings of several instruments, by instrument and channel, sorted into quantities.
 
     Args:
-        fetched: readings by instrument and channel.
+        fetched: readings by instrument and channel, volts and degrees Celsius.
         sensors: output column to (instrument, channel).
+        scales: output column to its unit per volt.
         temperatures: temperature column to (instrument, channel).
+        references: readings by column.
 
     """
 
-    def pick(source: Mapping[str, tuple[str, str]]) -> dict[str, Channel]:
-        return {name: Channel(tuple(fetched[reader][channel])) for name, (reader, channel) in source.items()}
+    def pick(source: tuple[str, str], scale: float = 1.0) -> Channel:
+        reader, channel = source
+        # an overload stays what it is, whatever the unit
+        return Channel(tuple(r if is_overload(r) else r * scale for r in fetched[reader][channel]))
 
-    return Observation(pick(sensors), pick(temperatures))
+    return Observation(
+        outputs={name: pick(source, scales[name]) for name, source in sensors.items()},
+        temperatures={name: pick(source) for name, source in temperatures.items()},
+        references={name: Channel(tuple(values)) for name, values in references.items()},
+    )

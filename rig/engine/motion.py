@@ -8,7 +8,7 @@ gone too; then every axis goes beyond, through the previous point, to the point.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from procedures import Factor, Point
@@ -29,6 +29,13 @@ class Arrival:
 
     side: int
     start: float
+
+
+def _moved(factors: Sequence[Factor], point: Point) -> Iterator[tuple[Factor, float, int]]:
+    """(factor, target, side) of what moves from point to point."""
+    for factor, target, side in zip(factors, point.setpoints, point.sides, strict=True):
+        if not factor.hard:
+            yield factor, target, side
 
 
 def plan_legs(
@@ -53,13 +60,14 @@ def plan_legs(
     """
     beyond: Leg = {}
     final: Leg = {}
-    for factor, target, side in zip(factors, point.setpoints, point.sides, strict=True):
+    for factor, target, side in _moved(factors, point):
         axis = factor.axis
         here = now[axis]
         arrival = arrivals.get(axis)
-        if arrival is not None and arrival.side == side and abs(here - target) <= tolerance:
+        came_right = arrival is not None and side in (0, arrival.side)
+        if factor.stays and came_right and abs(here - target) <= tolerance:
             continue
-        if side * (target - here) < factor.overtravel:
+        if side and side * (target - here) < factor.overtravel:
             beyond[axis] = target - side * factor.overtravel
         final[axis] = target
     return [leg for leg in (beyond, final) if leg]
@@ -75,14 +83,12 @@ def recovery_legs(factors: Sequence[Factor], point: Point, previous: Point | Non
 
     """
     first = point if previous is None else previous
-    beyond = {
-        f.axis: target - side * f.overtravel
-        for f, target, side in zip(factors, first.setpoints, first.sides, strict=True)
-    }
-    to_first = {f.axis: target for f, target in zip(factors, first.setpoints, strict=True)}
-    legs = [beyond, to_first]
+    moved = list(_moved(factors, first))
+    beyond = {f.axis: target - side * f.overtravel for f, target, side in moved}
+    to_first = {f.axis: target for f, target, _ in moved}
+    legs = [to_first] if beyond == to_first else [beyond, to_first]
     if previous is not None:
-        arrivals = {f.axis: Arrival(side, beyond[f.axis]) for f, side in zip(factors, first.sides, strict=True)}
+        arrivals = {f.axis: Arrival(side, beyond[f.axis]) for f, _, side in moved}
         legs += plan_legs(factors, point, to_first, arrivals, tolerance=0.0)
     return legs
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from drivers.errors import BadReply, InstrumentError, NoReply, NotReady, Unreachable
-from procedures.pitch_roll import FaultSettings
+from procedures.settings import FaultSettings
 from rig.engine.actions import NotSettled
 
 

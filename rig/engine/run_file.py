@@ -2,7 +2,8 @@
 
 Write-ahead log with synchronous=FULL: a commit that returned survives a power cut. One connection writes, ever.
 Triggers refuse UPDATE and DELETE, records are chained by hash (`rig.engine.chain`), and a partial unique index
-makes a second accepted observation of a point impossible. A finished run leaves WAL mode: one ordinary file.
+makes a second accepted observation of a point in one whole plot impossible. A finished run leaves WAL mode: one
+ordinary file.
 """
 
 from __future__ import annotations
@@ -25,17 +26,18 @@ from rig.engine.chain import GENESIS, Record, encode, first_break, link
 from rig.errors import BusyError, RunFileError, StorageError, UsageError
 
 APPLICATION_ID = 0x52494721
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 
 _TABLES = """
 CREATE TABLE document (name TEXT PRIMARY KEY, body TEXT NOT NULL) STRICT;
-CREATE TABLE factor (position INTEGER PRIMARY KEY, name TEXT NOT NULL, axis TEXT NOT NULL, overtravel REAL NOT NULL)
-    STRICT;
+CREATE TABLE factor (position INTEGER PRIMARY KEY, name TEXT NOT NULL, axis TEXT NOT NULL, overtravel REAL NOT NULL,
+    hard INTEGER NOT NULL, stays INTEGER NOT NULL) STRICT;
 CREATE TABLE record (
     seq INTEGER PRIMARY KEY, session INTEGER NOT NULL, kind TEXT NOT NULL, elapsed_s REAL NOT NULL,
     utc_s REAL NOT NULL, run_index INTEGER, whole_plot INTEGER, attempt INTEGER, status TEXT, body TEXT NOT NULL,
     previous BLOB NOT NULL, hash BLOB NOT NULL) STRICT;
-CREATE UNIQUE INDEX one_accepted_observation ON record (run_index) WHERE kind = 'observation' AND status = 'accepted';
+CREATE UNIQUE INDEX one_accepted_observation ON record (run_index, ifnull(whole_plot, 0))
+    WHERE kind = 'observation' AND status = 'accepted';
 """
 _COLUMNS = "session, kind, elapsed_s, utc_s, run_index, whole_plot, attempt, status, body"
 
@@ -112,8 +114,10 @@ class RunReader:
     def run_list(self) -> RunList:
         """The run list as stored."""
         factors = tuple(
-            Factor(name, axis, overtravel)
-            for name, axis, overtravel in self._all("SELECT name, axis, overtravel FROM factor ORDER BY position")
+            Factor(name, axis, overtravel, bool(hard), bool(stays))
+            for name, axis, overtravel, hard, stays in self._all(
+                "SELECT name, axis, overtravel, hard, stays FROM factor ORDER BY position"
+            )
         )
         width = len(factors)
         names = ", ".join([f'"{f.name}"' for f in factors] + [f'"{f.name}_side"' for f in factors])
@@ -325,8 +329,8 @@ def _fill(db: apsw.Connection, genesis: Genesis, elapsed_s: float, utc_s: float)
     db.execute("".join(_append_only(table) for table in ("document", "factor", "point", "record")))
     db.executemany("INSERT INTO document VALUES (?, ?)", list(genesis.documents.items()))
     db.executemany(
-        "INSERT INTO factor VALUES (?, ?, ?, ?)",
-        [(i, f.name, f.axis, f.overtravel) for i, f in enumerate(runs.factors)],
+        "INSERT INTO factor VALUES (?, ?, ?, ?, ?, ?)",
+        [(i, f.name, f.axis, f.overtravel, int(f.hard), int(f.stays)) for i, f in enumerate(runs.factors)],
     )
     marks = ", ".join("?" * (3 + 2 * len(runs.factors)))
     db.executemany(

@@ -8,25 +8,29 @@ of which nothing has been observed yet.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from transitions import Machine
 
 from drivers.clock import Clock
 from drivers.errors import DriverError
-from procedures import PitchRollProcedure, Point, RunList
+from procedures import PitchRollProcedure, Point, Procedure, RunList, WholePlotProcedure
+from procedures.whole_plot import WholePlotFaults
 from rig.bench import Bench, identities
 from rig.engine.actions import BenchActions, NotSettled
+from rig.engine.axes import axes_of, own_limits
 from rig.engine.guard import Guard
 from rig.engine.journal import Journal, PointInHand
 from rig.engine.live import Requests
 from rig.engine.motion import plan_legs, recovery_legs
 from rig.engine.policies import OverloadedError, policy_for
+from rig.engine.queue import PointQueue
 from rig.engine.run_file import RunWriter
 from rig.engine.session import Outcome, Progress, Session, Signals
 from rig.engine.state import RunState
 from rig.engine.states import AT_POINT, FINAL, TRANSITIONS, State
+from rig.engine.whole_plots import WholePlots
 from rig.errors import BenchFault, RigError, StorageError
 
 
@@ -65,7 +69,7 @@ class Sequencer:
         run: RunWriter,
         state: RunState,
         run_list: RunList,
-        procedure: PitchRollProcedure,
+        procedure: Procedure,
         clock: Clock,
         session: Session,
         signals: Signals,
@@ -74,13 +78,20 @@ class Sequencer:
         self._bench, self._path = bench, run.path
         self._run_list, self._procedure = run_list, procedure
         self._clock, self._session, self._signals = clock, session, signals
-        self._journal = Journal(run, state, clock, session, on_progress)
-        self._guard = Guard(bench.config.limits)
-        self._do = BenchActions(bench, self._guard, clock, self._wait)
+        self._journal = Journal(run, state, clock, session, on_progress, run_list.whole_plots)
+        self._axes = axes_of(bench, run_list.easy)
+        self._guard = Guard(bench.config.limits, bench.config.factors)
+        self._do = BenchActions(bench, self._axes, self._guard, clock, self._wait)
         self._requests = Requests(run.path, session.number, clock.stopwatch)
-        self._queue = [p for p in run_list.points if p.index not in state.accepted and p.index not in state.skipped]
-        self._queue.reverse()  # the next point is popped from the end
-        self._deferred: list[Point] = []
+        self._queue = PointQueue(run_list, state)
+        self._whole_plots: WholePlots | None = None
+        if isinstance(procedure, WholePlotProcedure):
+            self._whole_plots = WholePlots(bench, run_list, procedure)
+        self._references = tuple(f for f in run_list.easy if not f.stays)
+        self._settle = procedure.settle.judged()
+        self._poll_s = procedure.settle.poll_s
+        self._move_timeout_s = max(_MOVE_TIMEOUT_S, self._settle.timeout_s)
+        self._lost = 0
         self._put_off = set(state.put_off)
         self._released = False
         self._outcome: Outcome | None = None
@@ -194,22 +205,52 @@ class Sequencer:
         found = identities(self._bench)
         self._compare_identities(found)
         self._do.stop_motion()
+        restarted = self._do.restarted()
         as_found = self._do.readback()
-        self._journal.write("event", as_found, status="as-found")
-        self._guard.check_run_list(self._run_list, self._bench.head.axes())
-        if not self._queue:
+        self._journal.write("event", {**as_found, "restarted": restarted}, status="as-found")
+        self._guard.check_run_list(self._run_list, own_limits(self._bench, self._run_list))
+        if self._queue.peek() is None:
             return "park"
-        return self._go_on(as_found)
+        return self._go_on(as_found, restarted, certain=self._session.gap_certain)
 
-    def _go_on(self, as_found: Mapping[str, Any]) -> str:
+    def _go_on(self, as_found: Mapping[str, Any], restarted: Sequence[str], *, certain: bool = True) -> str:
         """Whether what was prepared still stands, by what was just read."""
         fold = self._journal.fold
         # Counted from the last work done, so that sessions which were killed while preparing do not hide a gap.
         idle_s = self._journal.elapsed() - (fold.worked_s or 0.0)
+        point = self._queue.peek()
+        if self._whole_plots is not None and point is not None:
+            if fold.whole_plot is None or point.whole_plot != fold.planned:
+                return "prepare"
+            why = self._whole_plots.lost_meanwhile(
+                point, idle_s, certain=certain, restarted=restarted, as_found=as_found
+            )
+            return self._lose_whole_plot(why) if why else "recover"
         homed = all(axis["homed"] for axis in as_found["axes"].values())
         stands = homed and self._environment_stands(as_found)
+        assert isinstance(self._procedure, PitchRollProcedure)
         if fold.prepared and stands and idle_s <= self._procedure.recovery.max_gap_s:
             return "recover"
+        return "prepare"
+
+    def _lose_whole_plot(self, why: str) -> str:
+        """Give the open whole plot up: what was accepted in it stays, and it is measured again under a new identity."""
+        assert self._whole_plots is not None
+        assert isinstance(self._procedure, WholePlotProcedure)
+        planned = self._journal.fold.planned
+        assert planned is not None
+        first, count = self._whole_plots.span(planned)
+        kept = len(self._journal.fold.accepted.intersection(range(first, first + count)))
+        self._journal.take_up(None)
+        body = {"reason": why, "planned": planned, "first": first, "count": count, "kept": kept}
+        self._journal.write("event", body, status="whole-plot-lost")
+        self._queue.refill()
+        self._lost += 1
+        if self._lost > self._procedure.recovery.whole_plot_repeats:
+            raise BenchFault(
+                f"whole plot {planned} was lost {self._lost} times in this session, last because {why}; "
+                f"its {kept} readings are kept. Look at the chambers, then resume"
+            )
         return "prepare"
 
     def _compare_identities(self, found: Mapping[str, dict[str, Any]]) -> None:
@@ -227,7 +268,7 @@ class Sequencer:
             self._journal.write("identity", {**now, "replaces": before}, status=name)
 
     def _environment_stands(self, as_found: Mapping[str, Any]) -> bool:
-        wanted = self._procedure.environment
+        wanted = self._procedure.environment if isinstance(self._procedure, PitchRollProcedure) else None
         return wanted is None or all(
             c["running"]
             and abs(c["setpoint_degC"] - wanted.setpoint_degC) < 0.05
@@ -236,11 +277,14 @@ class Sequencer:
         )
 
     def _preparing(self) -> str:
+        self._journal.take_up(None)
         self._journal.write("event", status="preparing")
         self._set_up()
-        if self._do.home(self._procedure.settle.poll_s):
+        if self._do.home(self._poll_s):
             self._journal.write("event", status="homed")
-        if self._procedure.environment is not None:
+        if self._whole_plots is not None:
+            self._soak(self._whole_plots)
+        elif isinstance(self._procedure, PitchRollProcedure) and self._procedure.environment is not None:
             self._journal.message = "environment settling"
             evidence = self._do.prepare_environment(self._procedure.environment)
             self._journal.write("event", evidence, status="environment-settled")
@@ -248,29 +292,58 @@ class Sequencer:
         self._journal.write("event", status="prepared")
         return "recover"
 
+    def _soak(self, rules: WholePlots) -> None:
+        """Bring the next point's whole plot to temperature, and give it its identity."""
+        assert isinstance(self._procedure, WholePlotProcedure)
+        point = self._queue.peek()
+        assert point is not None
+        assert point.whole_plot is not None
+        targets = rules.targets(point)
+        for chamber, target in targets.items():
+            self._do.set_chamber(chamber, target)
+        where = f"whole plot {point.whole_plot} of {self._run_list.whole_plots}"
+
+        def watch(values: Mapping[str, float]) -> None:
+            shown = ", ".join(f"{chamber} {values[chamber]:.1f} of {target:g}" for chamber, target in targets.items())
+            self._journal.message = f"{where} soaking: {shown} degC"
+            rules.check_thermometers(values)
+
+        evidence = self._do.until_soaked(rules.criteria(point), self._procedure.soak.poll_s, rules.thermometers, watch)
+        self._journal.message = ""
+        body = {"setpoints_degC": targets, "settling": evidence}
+        self._journal.begin_whole_plot(point.whole_plot, body)
+
     def _set_up(self) -> None:
         if self._needs_set_up:
             self._do.set_up()
             self._needs_set_up = False
 
     def _recovering(self) -> str:
-        at = self._journal.at or self._choose()
-        if at is None:
-            return "park"
+        elsewhere = None if self._journal.at else self._advance()
+        if elsewhere is not None:
+            return elsewhere
+        at = self._at
         self._set_up()
-        index = at.point.index
-        before = self._run_list.points[index - 1] if index else None
         self._journal.start_timing()
-        at.legs = recovery_legs(self._run_list.factors, at.point, before)
+        at.legs = recovery_legs(self._run_list.factors, at.point, self._before(at.point))
         at.repeats = 0
         return "move"
 
-    def _choose(self) -> PointInHand | None:
-        """Take up the next point; None if there is none left."""
-        if not self._queue and self._deferred:
-            self._queue, self._deferred = self._deferred[::-1], []
-        self._journal.take_up(self._queue.pop() if self._queue else None)
-        return self._journal.at
+    def _before(self, point: Point) -> Point | None:
+        """The point before it in the run list, in the same whole plot."""
+        before = self._run_list.points[point.index - 1] if point.index else None
+        return before if before is not None and before.whole_plot == point.whole_plot else None
+
+    def _advance(self) -> str | None:
+        """Take up the next point; the trigger to go on with instead, where there is none or it must be soaked for."""
+        following = self._queue.peek()
+        if following is None:
+            self._journal.take_up(None)
+            return "park"
+        if self._whole_plots is not None and following.whole_plot != self._journal.fold.planned:
+            return "prepare"
+        self._journal.take_up(self._queue.pop())
+        return None
 
     @property
     def _at(self) -> PointInHand:
@@ -279,19 +352,23 @@ class Sequencer:
         return self._journal.at
 
     def _moving(self) -> str:
-        self._do.go(self._at.legs, self._procedure.settle.poll_s)
+        self._do.go(self._at.legs, self._poll_s, self._move_timeout_s)
         return "settle"
 
     def _settling(self) -> str:
         at = self._at
-        targets = {f.axis: v for f, v in zip(self._run_list.factors, at.point.setpoints, strict=True)}
-        at.settling = self._do.settle(targets, self._procedure.settle)
+        at.settling = self._do.settle(self._targets(at.point), self._settle, self._poll_s)
         return "measure"
+
+    def _targets(self, point: Point) -> dict[str, float]:
+        """Where a point wants the axes."""
+        factors = zip(self._run_list.factors, point.setpoints, strict=True)
+        return {f.axis: setpoint for f, setpoint in factors if not f.hard}
 
     def _measuring(self) -> str:
         at, settings = self._at, self._procedure.measure
         began = self._journal.elapsed()
-        observation = self._do.measure(settings.readings)
+        observation = self._do.measure(settings.readings, self._poll_s, self._references)
         at.measured_s = (began, self._journal.elapsed())
         at.observation = observation
         overloaded = observation.overloaded()
@@ -299,7 +376,8 @@ class Sequencer:
             self._journal.write("observation", observation.as_json(), status="rejected")
             raise OverloadedError(f"{', '.join(overloaded)} out of range at point {at.point.index}")
         name, sd = observation.noisiest()
-        if settings.max_sd_V is not None and sd > settings.max_sd_V:
+        most = self._procedure.max_sd_V
+        if most is not None and sd > most * self._bench.scales[name]:
             if at.repeats < settings.repeats:
                 at.repeats += 1
                 at.rejected.append({"noisy": name, **observation.as_json()})
@@ -310,35 +388,44 @@ class Sequencer:
     def _recording(self) -> str:
         at = self._at
         assert at.observation is not None
-        after = {axis: state.position_deg for axis, state in self._do.axes().items()}
-        self._assert_undisturbed(at, after)
+        after = self._do.axes()
+        positions = {axis: reading.value for axis, reading in after.items()}
+        self._assert_undisturbed(at, positions)
+        chambers = self._do.environment()
         body = {
             "approach": {axis: [a.side, a.start] for axis, a in self._do.arrivals.items()},
-            "position_deg": after,
+            "readback": {reading.quantity: reading.value for reading in after.values()},
             "settling": at.settling,
             "measured_s": at.measured_s,
-            "environment": self._do.environment(),
+            "environment": chambers,
             **at.observation.as_json(),
         }
         if at.rejected:
             body["rejected"] = at.rejected
+        if self._whole_plots is not None:
+            why = self._whole_plots.lost_now(at.point, chambers, at.observation.temperatures)
+            if why:
+                self._journal.write("observation", {**body, "lost": why}, status="rejected")
+                self._do.stop_motion()
+                return self._lose_whole_plot(why)
         self._journal.write("observation", body, status="accepted")
         self._journal.point_observed()
-        following = self._choose()
-        if following is None:
-            return "park"
-        band = self._procedure.settle.band_deg
-        following.legs = plan_legs(self._run_list.factors, following.point, after, self._do.arrivals, band)
+        elsewhere = self._advance()
+        if elsewhere is not None:
+            return elsewhere
+        band = self._settle.band
+        self._at.legs = plan_legs(self._run_list.factors, self._at.point, positions, self._do.arrivals, band)
         return "move"
 
     def _assert_undisturbed(self, at: PointInHand, after: Mapping[str, float]) -> None:
         """An observation counts only where it was planned, reached as planned, and not left meanwhile."""
-        band = self._procedure.settle.band_deg
         for factor, target, side in zip(self._run_list.factors, at.point.setpoints, at.point.sides, strict=True):
+            if factor.hard:
+                continue
             arrival = self._do.arrivals.get(factor.axis)
-            if arrival is None or arrival.side != side:
+            if side and (arrival is None or arrival.side != side):
                 raise NotSettled(f"{factor.axis} did not arrive from its planned side", at.settling)
-            if abs(after[factor.axis] - target) > band:
+            if abs(after[factor.axis] - target) > self._settle.band:
                 raise NotSettled(f"{factor.axis} left its band while it was measured", at.settling)
 
     def _holding(self) -> str:
@@ -353,11 +440,11 @@ class Sequencer:
                 raise BenchFault(f"held for {self._procedure.recovery.hold_max_s / 3600:g} h and nobody released it")
         self._journal.message = ""
         self._journal.write("release")
-        return self._go_on(self._do.readback())
+        return self._go_on(self._do.readback(), self._do.restarted())
 
     def _parking(self) -> str:
         self._set_up()
-        self._do.park(self._procedure.settle.poll_s)
+        self._do.park(self._poll_s, self._move_timeout_s)
         unsafe = self._bench.make_safe()
         if unsafe:
             raise BenchFault("parked, but not everything could be brought to its safe state: " + "; ".join(unsafe))
@@ -365,7 +452,9 @@ class Sequencer:
             self._outcome = Outcome.COMPLETE
             fold = self._journal.fold
             skipped = {str(index): why for index, why in fold.skipped.items()}
-            self._journal.finish({"accepted": len(fold.accepted), "skipped": skipped})
+            lost = {str(number): why for number, why in fold.lost.items()}
+            also = {"whole_plots": fold.whole_plots, "lost": lost} if self._whole_plots is not None else {}
+            self._journal.finish({"accepted": len(fold.accepted), "skipped": skipped, **also})
         else:
             self._journal.write("event", status="parked")
         return "finish"
@@ -375,7 +464,10 @@ class Sequencer:
     def _decide(self, error: Exception) -> str:
         """Policy for an error at a point; anywhere else, and for errors no policy covers, it is a fault."""
         at = self._journal.at
-        policy = policy_for(error, self._procedure.faults)
+        faults = self._procedure.faults
+        if self.state == State.PREPARING and isinstance(error, NotSettled) and isinstance(faults, WholePlotFaults):
+            return self._soak_failed(error, faults.soak)
+        policy = policy_for(error, faults)
         if at is None or policy is None or self.state not in AT_POINT:
             raise error
         self._needs_set_up = isinstance(error, DriverError)
@@ -394,6 +486,14 @@ class Sequencer:
             self._skip(at, str(error))
         return decision
 
+    def _soak_failed(self, error: NotSettled, policy: str) -> str:
+        self._journal.write("fault", {"message": str(error), "evidence": error.evidence}, status=policy)
+        message = f"the soak failed: {error}"
+        if policy == "abort":
+            return self._give_up(message, recorded=False)
+        self._journal.message = message
+        return self._begin_hold(message)
+
     def _stop_patiently(self, error: Exception) -> None:
         """Stop motion; an instrument that has just failed to answer gets time to come back before it is asked again."""
         pauses = _PAUSES_S if isinstance(error, DriverError) else ()
@@ -410,7 +510,7 @@ class Sequencer:
         self._journal.write("skip", {"reason": reason}, status=status)
         if again:
             self._put_off.add(at.point.index)
-            self._deferred.append(at.point)
+            self._queue.put_off(at.point)
         self._journal.take_up(None)
 
     def _begin_hold(self, why: str) -> str:
@@ -440,6 +540,7 @@ class Sequencer:
         return "fault"
 
 
+_MOVE_TIMEOUT_S = 600.0
 _PAUSES_S = (1.0, 5.0, 15.0, 60.0)
 
 

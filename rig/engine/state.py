@@ -29,6 +29,10 @@ class RunState:
         identities: who the instruments were, by name, as last accepted.
         session: body of the last session record: boot id, clock reading and the elapsed time that went with it.
         last_index: the point last observed.
+        whole_plot: identity of the whole plot that is open, or was last; None before the first and after one was lost.
+        planned: which planned whole plot it is a measurement of.
+        whole_plots: identities given so far.
+        lost: identity to reason, for whole plots that were given up and measured again.
         ended: status of the end record, None while the run can be resumed.
         simulated: no real instrument involved.
 
@@ -48,6 +52,10 @@ class RunState:
     identities: dict[str, dict[str, Any]] = field(default_factory=dict)
     session: dict[str, Any] = field(default_factory=dict)
     last_index: int | None = None
+    whole_plot: int | None = None
+    planned: int | None = None
+    whole_plots: int = 0
+    lost: dict[int, str] = field(default_factory=dict)
     ended: str | None = None
     simulated: bool = False
     run_id: str = ""
@@ -74,6 +82,12 @@ class RunState:
             case "event" if record.status in ("preparing", "prepared"):
                 self.prepared = record.status == "prepared"
                 self.worked_s = record.elapsed_s if self.prepared else self.worked_s
+            case "event" if record.status == "whole-plot":
+                self.whole_plot, self.planned = record.whole_plot, int(record.data["planned"])
+                self.whole_plots = record.whole_plot or 0
+                self.worked_s = record.elapsed_s
+            case "event" if record.status == "whole-plot-lost":
+                self._lose_whole_plot(record)
             case "stop":
                 self.rested = "stopped"
             case "identity":
@@ -101,6 +115,18 @@ class RunState:
                 self.ended = record.status
             case _:
                 pass
+
+    def _lose_whole_plot(self, record: Record) -> None:
+        """Its points are to be observed again; what was accepted stays data of the identity that was lost."""
+        first, count = int(record.data["first"]), int(record.data["count"])
+        again = range(first, first + count)
+        self.accepted.difference_update(again)
+        self.put_off.difference_update(again)
+        for index in again:
+            self.skipped.pop(index, None)
+        assert record.whole_plot is not None
+        self.lost[record.whole_plot] = str(record.data["reason"])
+        self.whole_plot = self.planned = None
 
 
 def fold(records: Iterable[Record]) -> RunState:

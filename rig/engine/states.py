@@ -29,7 +29,7 @@ class State(StrEnum):
 MEANING = {
     State.READY: "created or reopened; nothing has been sent to any instrument",
     State.CHECKING: "motion stopped, identities compared, states read; nothing commanded but stop",
-    State.PREPARING: "instruments set up, axes homed, the environment brought to temperature and settled",
+    State.PREPARING: "instruments set up, axes homed, the environment or the next whole plot settled at temperature",
     State.RECOVERING: "the way back to the next point is planned beyond and through the previous point",
     State.MOVING: "axes under way, all of a leg together",
     State.SETTLING: "every axis inside its band, for the dwell, without drift",
@@ -60,9 +60,10 @@ TRANSITIONS = (
     Transition("check", (State.READY,), State.CHECKING, "at every start"),
     Transition(
         "prepare",
-        (State.CHECKING, State.HOLDING),
+        (State.CHECKING, State.HOLDING, State.RECORDING, State.RECOVERING),
         State.PREPARING,
-        "never completed, an axis not homed, the environment not as asked, or idle for longer than max_gap",
+        "never completed, an axis not homed, the environment not as asked, idle for too long; or the next point "
+        "belongs to another whole plot, or the open one was lost",
     ),
     Transition(
         "recover", (State.CHECKING, State.PREPARING, State.HOLDING), State.RECOVERING, "the last move is unknown"

@@ -1,4 +1,4 @@
-"""From a table to what it says: fit, trace, error before and after, in JSON and in words."""
+"""Attitude sensors: fit, trace, error before and after, in JSON and in words."""
 
 from __future__ import annotations
 

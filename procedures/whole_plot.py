@@ -1,0 +1,210 @@
+"""The whole-plot procedure: `procedure.toml` with `kind = "whole-plot"`, checked and expanded to a run list.
+
+Temperatures are hard to change and stay while a whole plot lasts; pressures are randomised inside it. The default
+design is that of the MEADS pressure transducers (McCollum, Commo and Parker, section II.B): 20 whole plots of 11
+pressures. Field by field this is also the reference of the file format: `docs/files.md` is made from it.
+"""
+
+from __future__ import annotations
+
+import itertools
+import random
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from procedures.central_composite import spherical
+from procedures.run_list import Factor, Point, RunList, Settle
+from procedures.settings import FaultSettings, Positive, Strict
+
+PRESSURE, SENSOR, SSE = "pressure_psia", "sensor_temperature_degC", "sse_temperature_degC"
+
+Pressure = Annotated[float, Field(ge=0, le=1e4)]
+Temperature = Annotated[float, Field(ge=-273.15, le=1000)]
+Times = Annotated[int, Field(ge=0, le=100)]
+
+
+class RangeSettings(Strict):
+    """Range of one temperature."""
+
+    centre_degC: Temperature
+    half_range_degC: Positive = Field(description="from the centre to either extreme")
+
+    def at(self, coded: float) -> float:
+        """Temperature of a coded level between -1 and 1, degrees Celsius."""
+        return round(self.centre_degC + coded * self.half_range_degC, 6)
+
+
+class WholePlotDesign(Strict):
+    """Which temperatures to visit, and which pressures at each."""
+
+    type: Literal["central-composite", "list"] = Field(
+        "central-composite",
+        description="central-composite: spherical, in the two temperatures; list: the pairs in `temperatures_degC`",
+    )
+    sensor_temperature: RangeSettings = RangeSettings(centre_degC=-90.0, half_range_degC=40.0)
+    sse_temperature: RangeSettings = RangeSettings(centre_degC=0.0, half_range_degC=40.0)
+    factorial: Times = Field(2, description="central-composite: how often each of the four factorial points")
+    axial_sensor: Times = Field(2, description="... each extreme along the sensor temperature")
+    axial_sse: Times = Field(1, description="... each extreme along the SSE temperature")
+    centre: Times = Field(6, description="... the centre")
+    temperatures_degC: list[tuple[Temperature, Temperature]] | None = Field(
+        None, description="list: (sensor, SSE) of every whole plot, repeated ones as often as they are to be visited"
+    )
+    pressures_psia: list[Pressure] = Field([0.01, 0.12, 0.50, 0.79, 1.00, 2.50, 4.00, 5.00], min_length=1)
+    repeated_psia: list[Pressure] = Field(
+        [0.01, 2.50, 5.00], description="those of them that are set once more in every whole plot"
+    )
+
+    @model_validator(mode="after")
+    def _can_be_built(self) -> Self:
+        if (self.temperatures_degC is not None) != (self.type == "list"):
+            needs = "needs temperatures_degC" if self.type == "list" else "does not use temperatures_degC"
+            raise ValueError(f"design {self.type} {needs}")
+        if not self.pairs():
+            raise ValueError("the design has no whole plots")
+        if len(set(self.pressures_psia)) != len(self.pressures_psia):
+            raise ValueError("a pressure stands twice in pressures_psia; repeats go into repeated_psia")
+        strange = [p for p in self.repeated_psia if p not in self.pressures_psia]
+        if strange:
+            raise ValueError(f"repeated_psia names {strange[0]:g} psia, which is not in pressures_psia")
+        return self
+
+    def pairs(self) -> list[tuple[float, float]]:
+        """(sensor, SSE) temperature of every whole plot of one replication, degrees Celsius, in standard order."""
+        if self.temperatures_degC is not None:
+            return list(self.temperatures_degC)
+        coded = spherical(self.factorial, self.axial_sensor, self.axial_sse, self.centre)
+        return [(self.sensor_temperature.at(x), self.sse_temperature.at(y)) for x, y in coded]
+
+
+class SoakSettings(Strict):
+    """When a whole plot's temperatures have settled: chamber and sensor both, by what is read, not by the hour."""
+
+    tolerance_degC: Positive = Field(0.5, le=20, description="chamber within this of the setpoint")
+    sensor_tolerance_degC: Positive = Field(1.0, le=20, description="thermometer at the sensors within this of it")
+    dwell_s: float = Field(1200.0, ge=0, le=1e6, description="both for this long")
+    drift_degC_per_h: Positive = Field(0.5, description="and both drifting slower than this")
+    poll_s: Positive = Field(30.0, le=600, description="time between readbacks")
+    timeout_s: Positive = Field(8 * 3600.0, description="then the soak has failed")
+
+
+class PressureApproach(Strict):
+    """How a pressure is brought to the side it is to arrive from."""
+
+    overtravel_psia: float = Field(
+        0.05, ge=0, le=1e4, description="a pressure that follows itself is left by this much and set anew"
+    )
+
+
+class PressureSettle(Strict):
+    """When a pressure counts as reached."""
+
+    band_psia: Positive = Field(0.002, description="reading within this of the setpoint")
+    dwell_s: float = Field(15.0, ge=0, le=1e6, description="for this long")
+    drift_psia_per_s: Positive = Field(0.0002, description="and drifting slower than this")
+    poll_s: Positive = Field(1.0, le=60, description="time between readbacks")
+    timeout_s: Positive = Field(900.0, description="then the settling has failed")
+
+    def judged(self) -> Settle:
+        """What the sequencer needs of these settings."""
+        return Settle(self.band_psia, self.dwell_s, self.drift_psia_per_s, self.timeout_s)
+
+
+class WholePlotMeasure(Strict):
+    """What is read at a point."""
+
+    readings: int = Field(5, ge=1, le=50_000, description="sweeps over all channels; their mean is the observation")
+    max_sd_mV: Positive | None = Field(None, description="noisier than this: read again")
+    repeats: int = Field(2, ge=0, le=10, description="how often to read again before accepting it, flagged")
+
+
+class WholePlotRecovery(Strict):
+    """What an interruption costs. A whole plot that may not continue is measured again under a new identity."""
+
+    continue_gap_s: float = Field(
+        600.0, ge=0, le=1e6, description="a whole plot left alone for longer is not continued, whatever it reads"
+    )
+    hold_max_s: Positive = Field(12 * 3600.0, description="a hold nobody releases ends the session after this")
+    whole_plot_repeats: int = Field(
+        2, ge=0, le=20, description="how often a whole plot may be measured again in one session because it was lost"
+    )
+
+
+class WholePlotFaults(FaultSettings):
+    """What to do when something goes wrong at a point, or in a soak."""
+
+    soak: Literal["hold", "abort"] = Field("abort", description="a soak that does not settle")
+
+
+class WholePlotExpect(Strict):
+    """What is expected of the transducers; used by `rig plan` and never by a fit."""
+
+    sigma_wholeplot_mV: Positive = Field(0.0125, description="sd of the error that every temperature change draws anew")
+    sigma_subplot_mV: Positive = Field(0.004, description="sd of one observation inside a whole plot")
+    sensitivity_mV_per_psi: Positive = Field(2.0)
+    model: str = Field("full", description="model whose precision is forecast: full, II.C, eq10, or a formula")
+
+
+class WholePlotAcceptance(Strict):
+    """When a finished calibration is fit for use; outside it `rig run` ends with exit code 3."""
+
+    reading_error_pct: Positive | None = Field(
+        None, description="largest reading error with in-flight zero, weighted by 1/P"
+    )
+    at_psia: Pressure = Field(0.12, description="at this pressure")
+
+
+class WholePlotProcedure(Strict):
+    """A whole `procedure.toml` of kind whole-plot."""
+
+    kind: Literal["whole-plot"]
+    name: str = Field(min_length=1, max_length=80)
+    seed: int = Field(0, ge=0, le=2**63 - 1, description="of every random choice in the order")
+    replications: int = Field(1, ge=1, le=1000, description="blocks; each visits every whole plot, in its own order")
+    design: WholePlotDesign = WholePlotDesign()
+    soak: SoakSettings = SoakSettings()
+    approach: PressureApproach = PressureApproach()
+    settle: PressureSettle = PressureSettle()
+    measure: WholePlotMeasure = WholePlotMeasure()
+    recovery: WholePlotRecovery = WholePlotRecovery()
+    faults: WholePlotFaults = WholePlotFaults()
+    expect: WholePlotExpect = WholePlotExpect()
+    acceptance: WholePlotAcceptance = WholePlotAcceptance()
+
+    @property
+    def max_sd_V(self) -> float | None:  # noqa: N802 - volts
+        """Noise of one reading above which a point is read again."""
+        return None if self.measure.max_sd_mV is None else self.measure.max_sd_mV / 1e3
+
+    def expand(self) -> RunList:
+        """Every point of the run, in order: whole plots at random in each replication, pressures at random in each."""
+        factors = (
+            Factor(PRESSURE, "pressure", self.approach.overtravel_psia, stays=False),
+            Factor(SENSOR, "sensor_temperature", hard=True),
+            Factor(SSE, "sse_temperature", hard=True),
+        )
+        rng = random.Random(self.seed)
+        points: list[Point] = []
+        whole_plot = 0
+        for replication in range(1, self.replications + 1):
+            pairs = self.design.pairs()
+            rng.shuffle(pairs)
+            for pair in pairs:
+                whole_plot += 1
+                pressures = [*self.design.pressures_psia, *self.design.repeated_psia]
+                rng.shuffle(pressures)
+                for pressure, side in zip(pressures, _sides(pressures), strict=True):
+                    points.append(Point(len(points), replication, whole_plot, (pressure, *pair), (side, 0, 0)))
+        return RunList(factors, tuple(points), self.seed)
+
+
+def _sides(pressures: list[float]) -> list[int]:
+    """Side of approach of each pressure of a whole plot: from the one before; the first may come from anywhere.
+
+    A pressure that follows itself is left towards higher pressure and set anew, so that its two readings are two
+    settings and the line never has to go below its lowest level.
+    """
+    sides = [0]
+    sides += [1 if now > before else -1 for before, now in itertools.pairwise(pressures)]
+    return sides

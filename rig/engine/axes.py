@@ -1,0 +1,192 @@
+"""Everything that moves from point to point, whoever moves it, as axes: angles of a head, pressure of a controller.
+
+The sequencer commands axes and polls them; what a reading means in a role's own words is settled here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from drivers.roles import Chamber, Head, PressureController
+from procedures import Factor, RunList
+from rig.bench import Bench
+
+
+@dataclass(frozen=True)
+class AxisReading:
+    """One axis at one moment.
+
+    Attributes:
+        quantity: name with its unit, as in limits and tables ("pitch_deg").
+        value: readback, in that unit.
+        moving: still under way to its target.
+        homed: what it reads can be trusted since power-on.
+        enabled: it is being controlled.
+        fault: what its instrument complains of, "" if nothing.
+
+    """
+
+    quantity: str
+    value: float
+    moving: bool
+    homed: bool
+    enabled: bool
+    fault: str
+
+
+class Mover(Protocol):
+    """What moves one or more axes."""
+
+    def span(self) -> Mapping[str, tuple[float, float]]:
+        """The instrument's own (low, high) by axis."""
+        ...
+
+    def read(self) -> Mapping[str, AxisReading]:
+        """Read every axis."""
+        ...
+
+    def go(self, targets: Mapping[str, float]) -> None:
+        """Start moving the named axes, together."""
+        ...
+
+    def stop(self) -> None:
+        """Stop where it is."""
+        ...
+
+    def home(self) -> None:
+        """Start finding zeros that are not known."""
+        ...
+
+    def parking(self) -> Mapping[str, float]:
+        """Where its axes go when the run is over; {} if its safe state is all there is to it."""
+        ...
+
+
+class HeadMover:
+    """A dividing head's axes."""
+
+    def __init__(self, head: Head) -> None:
+        self._head = head
+
+    def span(self) -> Mapping[str, tuple[float, float]]:
+        """See `Mover`."""
+        return self._head.axes()
+
+    def read(self) -> Mapping[str, AxisReading]:
+        """See `Mover`."""
+        return {
+            axis: AxisReading(f"{axis}_deg", s.position_deg, s.moving, s.homed, s.enabled, s.fault)
+            for axis, s in self._head.read().items()
+        }
+
+    def go(self, targets: Mapping[str, float]) -> None:
+        """See `Mover`."""
+        self._head.move(targets)
+
+    def stop(self) -> None:
+        """See `Mover`."""
+        self._head.stop()
+
+    def home(self) -> None:
+        """See `Mover`."""
+        self._head.home()
+
+    def parking(self) -> Mapping[str, float]:
+        """0 deg, or the nearest angle the axis can reach."""
+        return {axis: min(max(0.0, low), high) for axis, (low, high) in self._head.axes().items()}
+
+
+class PressureMover:
+    """A pressure controller's one axis. Its readback is the reference the sensors are calibrated against."""
+
+    def __init__(self, controller: PressureController) -> None:
+        self._controller = controller
+
+    def span(self) -> Mapping[str, tuple[float, float]]:
+        """See `Mover`."""
+        return {"pressure": self._controller.limits()}
+
+    def read(self) -> Mapping[str, AxisReading]:
+        """See `Mover`."""
+        s = self._controller.read()
+        moving = s.venting or (s.controlling and not s.in_limits)
+        reading = AxisReading("pressure_psia", s.pressure_psia, moving, True, s.controlling, "; ".join(s.faults))
+        return {"pressure": reading}
+
+    def go(self, targets: Mapping[str, float]) -> None:
+        """See `Mover`."""
+        self._controller.set_pressure(targets["pressure"])
+
+    def stop(self) -> None:
+        """Hold the pressure of the moment if it is under way; one that has settled, or is not controlled, stays."""
+        state = self._controller.read()
+        if state.controlling and not state.in_limits:
+            self._controller.stop()
+
+    def home(self) -> None:
+        """A reference sensor has no zero to find."""
+
+    def parking(self) -> Mapping[str, float]:
+        """Venting is the safe state's business."""
+        return {}
+
+
+class Axes:
+    """All axes of a bench.
+
+    Args:
+        movers: what moves them; no two have an axis in common.
+
+    """
+
+    def __init__(self, movers: Sequence[Mover]) -> None:
+        self._movers = movers
+        self._mover = {axis: mover for mover in movers for axis in mover.span()}
+
+    def span(self) -> dict[str, tuple[float, float]]:
+        """The instruments' own (low, high) by axis."""
+        return {axis: limits for mover in self._movers for axis, limits in mover.span().items()}
+
+    def read(self) -> dict[str, AxisReading]:
+        """Read every axis."""
+        return {axis: reading for mover in self._movers for axis, reading in mover.read().items()}
+
+    def go(self, targets: Mapping[str, float]) -> None:
+        """Start moving the named axes, together."""
+        for mover in self._movers:
+            own = {axis: target for axis, target in targets.items() if self._mover[axis] is mover}
+            if own:
+                mover.go(own)
+
+    def stop(self) -> None:
+        """Stop every axis where it is."""
+        for mover in self._movers:
+            mover.stop()
+
+    def home(self) -> None:
+        """Start finding the zeros that are not known."""
+        for mover in self._movers:
+            mover.home()
+
+    def parking(self) -> dict[str, float]:
+        """Where the axes go when the run is over, by axis."""
+        return {axis: target for mover in self._movers for axis, target in mover.parking().items()}
+
+
+def axes_of(bench: Bench, factors: Sequence[Factor]) -> Axes:
+    """What moves these factors on a bench. Raises `ConfigurationError` where nothing does."""
+    movers: list[Mover] = []
+    if any(f.axis in ("pitch", "roll") for f in factors):
+        movers.append(HeadMover(bench.head))
+    if any(f.axis == "pressure" for f in factors):
+        movers.append(PressureMover(bench.setting("pressure_psia", PressureController)[1]))
+    return Axes(movers)
+
+
+def own_limits(bench: Bench, run_list: RunList) -> dict[str, tuple[float, float]]:
+    """The instruments' own (low, high) by factor name."""
+    span = axes_of(bench, run_list.easy).span()
+    found = {f.name: span[f.axis] for f in run_list.easy if f.axis in span}
+    return found | {f.name: bench.setting(f.name, Chamber)[1].limits() for f in run_list.hard}

@@ -1,0 +1,150 @@
+"""Whole plots: what is soaked, when a soak is over, and whether an interrupted whole plot may go on.
+
+A chamber that was left or drifted is a new draw of the whole-plot error. So a whole plot continues after an
+interruption only if nothing speaks against it having stood still meanwhile; otherwise it is measured again, in
+full, under a new identity, and what was read before stays data of the whole plot it was read in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from drivers.roles import Chamber, is_overload
+from procedures import Point, RunList
+from procedures.whole_plot import SoakSettings, WholePlotProcedure
+from rig.bench import Bench
+from rig.engine.measuring import Channel
+from rig.engine.settling import Criteria
+from rig.errors import BenchFault
+
+_SETPOINT_STANDS = 0.05
+"""A setpoint within this of what was commanded is that one; instruments keep tenths or hundredths of a degree."""
+
+_OPEN_POLLS = 3
+"""A thermometer out of range for so many polls in a row is broken or not connected; one may be a disturbance."""
+
+
+@dataclass(frozen=True)
+class Soaked:
+    """One hard-to-change factor.
+
+    Attributes:
+        factor: its name.
+        chamber: which instrument sets it.
+        thermometer: whether a temperature column of its name is recorded at the sensors.
+
+    """
+
+    factor: str
+    chamber: str
+    thermometer: bool
+
+
+class WholePlots:
+    """The rules of whole plots on one bench.
+
+    Args:
+        bench: opened instruments.
+        run_list: every point of the run.
+        procedure: soak and recovery settings.
+
+    Raises:
+        ConfigurationError: the bench does not say which chamber sets a factor.
+
+    """
+
+    def __init__(self, bench: Bench, run_list: RunList, procedure: WholePlotProcedure) -> None:
+        self._run_list = run_list
+        self._soak: SoakSettings = procedure.soak
+        self._continue_gap_s = procedure.recovery.continue_gap_s
+        self.soaked = [
+            Soaked(f.name, bench.setting(f.name, Chamber)[0], f.name in bench.temperatures) for f in run_list.hard
+        ]
+        self._open_for: dict[str, int] = {}
+
+    @property
+    def thermometers(self) -> list[str]:
+        """Temperature columns that say when a factor has settled at the sensors."""
+        return [s.factor for s in self.soaked if s.thermometer]
+
+    def targets(self, point: Point) -> dict[str, float]:
+        """Chamber name to its setpoint in a point's whole plot, degrees Celsius."""
+        setting = self._run_list.setting(point)
+        return {s.chamber: setting[s.factor] for s in self.soaked}
+
+    def span(self, whole_plot: int) -> tuple[int, int]:
+        """First index and number of the points of a planned whole plot."""
+        indexes = [p.index for p in self._run_list.points if p.whole_plot == whole_plot]
+        return indexes[0], len(indexes)
+
+    def criteria(self, point: Point) -> dict[str, Criteria]:
+        """When the soak of a point's whole plot is over, by chamber name and temperature column."""
+        s, setting = self._soak, self._run_list.setting(point)
+        drift = s.drift_degC_per_h / 3600.0
+        found = {}
+        for soaked in self.soaked:
+            target = setting[soaked.factor]
+            found[soaked.chamber] = Criteria(target, s.tolerance_degC, s.dwell_s, drift, s.timeout_s)
+            if soaked.thermometer:
+                found[soaked.factor] = Criteria(target, s.sensor_tolerance_degC, s.dwell_s, drift, s.timeout_s)
+        return found
+
+    def check_thermometers(self, values: Mapping[str, float]) -> None:
+        """Give up a soak that no reading can end. Raises `BenchFault` naming the thermometer."""
+        for name in self.thermometers:
+            self._open_for[name] = self._open_for.get(name, 0) + 1 if is_overload(values[name]) else 0
+            if self._open_for[name] >= _OPEN_POLLS:
+                raise BenchFault(
+                    f"{name} reads open or out of range, {_OPEN_POLLS} times in a row: look at that thermometer and "
+                    f"its wiring, then resume"
+                )
+
+    def lost_meanwhile(
+        self, point: Point, idle_s: float, *, certain: bool, restarted: Sequence[str], as_found: Mapping[str, Any]
+    ) -> str:
+        """Why the whole plot of `point` may not go on after an interruption; "" if it may.
+
+        Args:
+            point: the next one of that whole plot.
+            idle_s: since its last accepted reading, or since its soak ended.
+            certain: whether that time was measured by one clock, without a reboot between.
+            restarted: instruments whose power has been off.
+            as_found: chambers as read before anything was commanded.
+
+        """
+        if not certain:
+            return "the controller's machine was restarted, so nobody knows how long the chambers were left alone"
+        if idle_s > self._continue_gap_s:
+            return f"left alone for {idle_s / 60:.0f} min, longer than continue_gap_s = {self._continue_gap_s:g} s"
+        if restarted:
+            return f"{' and '.join(restarted)} had no power meanwhile"
+        return self._left(self.targets(point), as_found["chambers"], {})
+
+    def lost_now(self, point: Point, chambers: Mapping[str, Any], temperatures: Mapping[str, Channel]) -> str:
+        """Why what was just read does not belong to the whole plot any more; "" if it does.
+
+        Args:
+            point: where it was read.
+            chambers: their states right after it.
+            temperatures: what the thermometers read during it, by column.
+
+        """
+        return self._left(self.targets(point), chambers, temperatures)
+
+    def _left(
+        self, targets: Mapping[str, float], chambers: Mapping[str, Any], temperatures: Mapping[str, Channel]
+    ) -> str:
+        for soaked in self.soaked:
+            name, target, state = soaked.chamber, targets[soaked.chamber], chambers[soaked.chamber]
+            if not state["running"]:
+                return f"{name} is not controlling"
+            if abs(state["setpoint_degC"] - target) > _SETPOINT_STANDS:
+                return f"{name} is set to {state['setpoint_degC']:g} degC, not to {target:g} degC"
+            if abs(state["temperature_degC"] - target) > self._soak.tolerance_degC:
+                return f"{name} is at {state['temperature_degC']:.2f} degC, not at {target:g} degC"
+            seen = temperatures.get(soaked.factor) if soaked.thermometer else None
+            if seen is not None and abs(seen.mean - target) > self._soak.sensor_tolerance_degC:
+                return f"{soaked.factor} is {seen.mean:.2f} degC, not {target:g} degC"
+        return ""
