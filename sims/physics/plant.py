@@ -64,6 +64,10 @@ class Plant:
         temperatures = _tables(bench, "temperatures").values()
         self._places = {_wire(table): str(table.get("place", "package")) for table in temperatures}
 
+    def chamber(self, instrument: str) -> Enclosure:
+        """What a temperature controller of the bench controls: the enclosure around the package."""
+        return self.enclosure
+
     def gravity(self, t: float) -> Vector:
         """Gravity in the axes of the package's sensors, g: head angles, then the pads' deflection."""
         pitch, roll = radians(self._pitch.seen_deg(t)), radians(self._roll.seen_deg(t))

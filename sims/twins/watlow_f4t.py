@@ -1,4 +1,4 @@
-"""Simulated Watlow F4T temperature controller, one control loop on the plant's enclosure.
+"""Simulated Watlow F4T temperature controller, one control loop on one of the plant's chambers.
 
 The registers are those of the register map that the options carry; what each does is here. As shipped, the
 controller talks in degrees Fahrenheit. Settings survive a power cycle, as in the real one.
@@ -106,7 +106,7 @@ class WatlowF4TTwin:
         name: the bench's name for it.
         options: its options in the bench file; `register_map` (text) and `loop` matter here.
         world: virtual time.
-        plant: offers `enclosure`.
+        plant: its `chamber(name)` is what the loop controls.
         serial: serial number; its digits are what the controller answers.
 
     Attributes:
@@ -119,7 +119,7 @@ class WatlowF4TTwin:
     def __init__(self, name: str, options: Mapping[str, object], world: World, plant: Plant, serial: str) -> None:
         self.name = name
         self._world = world
-        self._enclosure = plant.enclosure
+        self._enclosure = plant.chamber(name)
         self._seed = plant.truth.seed
         contract = tomllib.loads(str(options["register_map"]))
         self._codes: Mapping[str, Mapping[str, int]] = contract["codes"]
