@@ -1,0 +1,28 @@
+"""Split plots: readings that share the error of their whole plot, fitted by restricted maximum likelihood.
+
+    fit = fit_split_plot(columns, y, whole_plot, names)
+    fit.coefficients, fit.kenward_roger().stderr, fit.df, fit.sigma_wholeplot
+
+Where many responses share one design, or one is fitted often, decompose it once: `SplitPlotDesign(...).fit(y)`,
+`.fit_many(ys)`.
+"""
+
+from fitter.split_plot.batch import SplitPlotBatch
+from fitter.split_plot.design import SplitPlotDesign, fit_many, fit_split_plot, plan_precision
+from fitter.split_plot.fit import SplitPlotFit
+from fitter.split_plot.kenward_roger import KenwardRoger, ScaledF
+from fitter.split_plot.plan import Precision
+from fitter.split_plot.structure import Variances
+
+__all__ = [
+    "KenwardRoger",
+    "Precision",
+    "ScaledF",
+    "SplitPlotBatch",
+    "SplitPlotDesign",
+    "SplitPlotFit",
+    "Variances",
+    "fit_many",
+    "fit_split_plot",
+    "plan_precision",
+]

@@ -1,0 +1,141 @@
+"""Two variance ratios: whole plots nested in replications.
+
+A response's coordinates u in the whole-plot spectrum have covariance diag(1 + w xi) + r F F' in units of the subplot
+variance, with w and r the ratios and F the replications seen in that spectrum. The restricted likelihood is searched
+on a grid of both ratios, climbed by Newton steps in their logarithms from every summit of the grid, and compared with
+the maxima on the edges where one ratio, or both, are zero; those are scalar searches.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.split_plot.profile import Profile
+from fitter.split_plot.spectrum import Spectrum
+
+GRID = np.geomspace(1e-3, 1e9, 49)
+"""Ratios times the largest eigenvalue of their own error; neighbours differ by a factor of 1.78."""
+
+NOTHING = 1e-9
+"""A ratio times its largest eigenvalue that counts as zero."""
+
+CLOSE = 1e-9
+"""After a Newton step this small, in the logarithms, the next would be rounding."""
+
+LONGEST_STEP = 2.0
+MOST_STEPS = 100
+
+
+@dataclass(frozen=True, eq=False)
+class NestedProfile:
+    """Restricted likelihood as a function of the two ratios.
+
+    Attributes:
+        wholeplot: spectrum of one effect a whole plot.
+        replicate: spectrum of one effect a replication.
+        seen: (r, R) F, the replications' indicators in the whole plots' spectrum.
+
+    """
+
+    wholeplot: Spectrum
+    replicate: Spectrum
+    seen: FloatArray
+
+    def maximise(self, y: FloatArray) -> tuple[float, float]:
+        """Ratios of whole-plot and replication variance of the highest restricted likelihood for (n,) `y`."""
+        _, u, rest = self.wholeplot.parts(y)
+        rest_ss = float(rest @ rest)
+        edges = [(self._edge(self.wholeplot, y), 0.0), (0.0, self._edge(self.replicate, y))]
+        inside = [self._climb(np.log(start), u, rest_ss) for start in [*self._summits(u, rest_ss), *self._off(edges)]]
+        found = edges + [ratios for ratios in inside if ratios is not None]
+        return min(found, key=lambda ratios: self._at(np.array(ratios), u, rest_ss).deviance)
+
+    @staticmethod
+    def _edge(spectrum: Spectrum, y: FloatArray) -> float:
+        _, u, rest = spectrum.parts(y)
+        return Profile(spectrum.xi, spectrum.fixed.df).maximise(u**2, float(rest @ rest))
+
+    def _off(self, edges: list[tuple[float, float]]) -> list[tuple[float, float]]:
+        """Starting points just off each edge, for maxima nearer to one than the grid."""
+        w, r = 0.1 * GRID[0] / self._scale
+        return [(max(wholeplot, w), max(replicate, r)) for wholeplot, replicate in edges]
+
+    @cached_property
+    def _scale(self) -> FloatArray:
+        return np.array([self.wholeplot.xi[0], self.replicate.xi[0]])
+
+    @cached_property
+    def _axes(self) -> tuple[FloatArray, FloatArray]:
+        return GRID / self._scale[0], GRID / self._scale[1]
+
+    @cached_property
+    def _rotations(self) -> tuple[FloatArray, FloatArray]:
+        """Eigenvalues (grid, R) and vectors (grid, R, R) of F' diag(1 + w xi)^-1 F along the grid of w."""
+        shrinkage = 1.0 / (1.0 + np.outer(self._axes[0], self.wholeplot.xi))
+        eta, vectors = np.linalg.eigh(np.einsum("ga,ai,aj->gij", shrinkage, self.seen, self.seen))
+        return np.maximum(eta, 0.0), vectors
+
+    def _summits(self, u: FloatArray, rest: float) -> list[tuple[float, float]]:
+        """Points of the grid that none of their eight neighbours exceeds."""
+        w, r = self._axes
+        eta, vectors = self._rotations
+        grown = 1.0 + np.outer(w, self.wholeplot.xi)
+        along = np.einsum("ga,ai,gij->gj", u / grown, self.seen, vectors)
+        lifted = 1.0 + r[:, None] * eta[:, None]  # (w, r, R)
+        q = rest + (u**2 / grown).sum(axis=1)[:, None] - (r[:, None] * along[:, None] ** 2 / lifted).sum(axis=2)
+        log_det = np.log(grown).sum(axis=1)[:, None] + np.log(lifted).sum(axis=2)
+        deviance = self.wholeplot.fixed.df * np.log(np.maximum(q, rest)) + log_det
+        padded = np.pad(deviance, 1, constant_values=np.inf)
+        around = np.lib.stride_tricks.sliding_window_view(padded, (3, 3)).min(axis=(2, 3))
+        return [(float(w[i]), float(r[j])) for i, j in np.argwhere(deviance <= around)]
+
+    def _climb(self, x: FloatArray, u: FloatArray, rest: float) -> tuple[float, float] | None:
+        """The maximum uphill of logarithms x, or None where the climb ends at an edge."""
+        here = self._at(np.exp(x), u, rest)
+        for _ in range(MOST_STEPS):
+            if np.any(np.exp(x) * self._scale < NOTHING):
+                return None
+            values, vectors = np.linalg.eigh(here.curvature)
+            step = vectors @ (vectors.T @ here.slope / np.maximum(np.abs(values), 1e-12))
+            step *= min(1.0, LONGEST_STEP / max(float(np.max(np.abs(step))), 1e-300))
+            if np.max(np.abs(step)) <= CLOSE:
+                x = x + step
+                break
+            there = self._at(np.exp(x + step), u, rest)
+            while there.deviance > here.deviance + 1e-12 * abs(here.deviance) and np.max(np.abs(step)) > CLOSE:
+                step *= 0.5
+                there = self._at(np.exp(x + step), u, rest)
+            x, here = x + step, there
+        return float(np.exp(x[0])), float(np.exp(x[1]))
+
+    def _at(self, ratios: FloatArray, u: FloatArray, rest: float) -> _Height:
+        nu, xi, f = self.wholeplot.fixed.df, self.wholeplot.xi, self.seen
+        w, r = ratios
+        root = 1.0 / np.sqrt(1.0 + w * xi)
+        b = root[:, None] * f
+        core = np.eye(len(xi)) + r * b @ b.T
+        inverse = root[:, None] * np.linalg.inv(core) * root
+        a = inverse @ u
+        q = rest + float(u @ a)
+        log_det = float(np.linalg.slogdet(core)[1] - 2.0 * np.sum(np.log(root)))
+        kernels = np.stack([w * np.diag(xi), r * f @ f.T])
+        pulled, scaled = kernels @ a, inverse @ kernels
+        drop = pulled @ a / q
+        slope = 0.5 * (nu * drop - np.trace(scaled, axis1=1, axis2=2))
+        second = np.einsum("iab,jba->ij", scaled, scaled) - nu * (
+            2.0 * pulled @ inverse @ pulled.T / q - np.outer(drop, drop)
+        )
+        return _Height(nu * float(np.log(q / nu)) + log_det, slope, 0.5 * second + np.diag(slope))
+
+
+@dataclass(frozen=True, eq=False)
+class _Height:
+    """-2 log L but for constants, and the first and second derivatives of log L by the logarithms of the ratios."""
+
+    deviance: float
+    slope: FloatArray
+    curvature: FloatArray

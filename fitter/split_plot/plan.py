@@ -1,0 +1,46 @@
+"""What a design will determine, before any data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.split_plot.precision import Moments
+from fitter.split_plot.structure import Nesting, Variances
+
+
+@dataclass(frozen=True, eq=False)
+class Precision:
+    """Precision that a design promises for each term, should the errors be what was expected.
+
+    Attributes:
+        names: of the k coefficients.
+        covariance: (k, k) of generalised least squares at the expected variances.
+        df: (k,) degrees of freedom each standard error will have once the variances are estimated; NaN where the
+            design leaves nothing to estimate one of them from.
+
+    """
+
+    names: tuple[str, ...]
+    covariance: FloatArray
+    df: FloatArray
+
+    @property
+    def stderr(self) -> FloatArray:
+        """(k,) standard errors, in units of y per unit of the column."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+
+def forecast(nesting: Nesting, variances: Variances) -> Precision:
+    """Precision of the coefficients at these variances."""
+    structure = nesting.structure(variances)
+    moments, k = Moments(structure), len(nesting.fixed.names)
+    spectrum = structure.spectrum
+    above = len(structure.variances) - 1
+    if spectrum.rest_df > 0 and len(spectrum.xi) >= above:
+        df = moments.df(np.eye(k), moments.inverse_information)
+    else:
+        df = np.full(k, np.nan)
+    return Precision(nesting.fixed.names, moments.covariance, df)
