@@ -14,6 +14,16 @@ OnFrame = Callable[[int, bytes, Callable[[int, bytes], None]], None]
 """A node: takes a frame's identifier and data, and where to send frames."""
 
 
+def on_one_bus(*nodes: OnFrame) -> OnFrame:
+    """Several instruments as one end of a bus: each hears every frame and answers for itself."""
+
+    def on_frame(can_id: int, data: bytes, tx: Callable[[int, bytes], None]) -> None:
+        for node in nodes:
+            node(can_id, data, tx)
+
+    return on_frame
+
+
 class CanCable:
     """A bus to a simulated instrument; what `drivers.wires.can_transport` calls a transport.
 

@@ -1,0 +1,343 @@
+"""A data-acquisition unit on CAN: readings in frames that a DBC file describes.
+
+Which frames there are and what is where in them is data: the DBC, which the controller program hands over as text.
+A unit either measures on command, as `contracts/can_daq.dbc` describes, or sends its readings by itself. Only frames
+that arrive after `start` count, and one that repeats the counter of the frame before it is no reading.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import TypeVar
+
+import can
+from cantools.database.can import Message
+from cantools.database.errors import DecodeError
+from pydantic import BaseModel, Field, field_validator, model_validator
+
+from drivers.clock import Clock
+from drivers.dbc import Series, Values, find_signal, frame_name, read_dbc
+from drivers.errors import BadReply, LimitError, NoReply, NotReady, Unreachable, WrongInstrument
+from drivers.roles import Identity
+from drivers.wires import CanLine, Wires
+
+_CHANNELS = {
+    "sensor_temperature": "Readings.SensorTemperature",
+    "sse_temperature": "Readings.SseTemperature",
+    "spare_temperature": "Readings.SpareTemperature",
+    "spare_voltage": "Readings.SpareVoltage",
+}
+_FAULTS = {label: f"{path.replace('Readings', 'Status')}Fault" for label, path in _CHANNELS.items()}
+
+_COMMANDED = {
+    "Command": {"Action", "Session", "Sweeps", "Period"},
+    "Identity": {"Product", "SerialNumber", "FirmwareMajor", "FirmwareMinor"},
+    "Status": {"Session", "Sweep"},
+}
+"""Messages and signals of a unit that measures on command."""
+
+_SESSIONS, _MOST_SWEEPS = 15, 65_535
+_MOST_BUFFERED = 100_000  # frames an adapter may still hold; a bus that brings more at once never falls quiet
+
+Done = TypeVar("Done")
+
+
+class CanDaq:
+    """The unit; satisfies `drivers.roles.Reader`.
+
+    Args:
+        name: the bench's name for it.
+        address: CAN address.
+        options: see `Options`.
+        wires: where to open it.
+        clock: bench time.
+
+    Attributes:
+        retries: series of which something was lost and measured again.
+
+    Raises:
+        Unreachable: the bus cannot be opened, or another unit on it has the same identifiers.
+
+    """
+
+    class Options(BaseModel, extra="forbid"):
+        """What the bench file may say about this instrument."""
+
+        channels: dict[str, str] = Field(_CHANNELS, min_length=1, description="channel to its signal, MESSAGE.SIGNAL")
+        faults: dict[str, str] = Field(
+            _FAULTS, description="channel to the signal that says what is wrong with its sensor, 0 for nothing"
+        )
+        on_command: bool = Field(
+            True, description="it measures when told to, as contracts/can_daq.dbc has it; false: it sends by itself"
+        )
+        counter: str = Field("Sweep", description="signal by which a message is counted, where it has one")
+        period_s: float = Field(
+            0.1, ge=0.01, le=60.0, description="from one sweep to the next; its slowest message, if it sends by itself"
+        )
+        timeout_s: float = Field(0.5, gt=0, description="wait for a frame beyond its time")
+        dbc: str = Field(description="text of the unit's DBC; supplied unless the bench has its own")
+
+        @field_validator("dbc")
+        @classmethod
+        def _readable(cls, text: str) -> str:
+            read_dbc(text)
+            return text
+
+        @model_validator(mode="after")
+        def _consistent(self) -> CanDaq.Options:
+            database = read_dbc(self.dbc)
+            for label, path in (*self.channels.items(), *self.watched.items()):
+                message, _ = find_signal(database, label, path)
+                if message.is_extended_frame or message.length > 8:
+                    raise ValueError(f"{path}: only classic frames with 11-bit identifiers are understood")
+            for name, signals in _COMMANDED.items() if self.on_command else ():
+                found = {m.name: {s.name for s in m.signals} for m in database.messages}.get(name)
+                if found is None or not signals <= found:
+                    raise ValueError(
+                        f"a unit that measures on command has a message {name} with {', '.join(sorted(signals))}; "
+                        f"the DBC has not: say on_command = false if this one sends by itself"
+                    )
+            return self
+
+        @property
+        def watched(self) -> dict[str, str]:
+            """Fault signals of the channels that are used."""
+            return {label: path for label, path in self.faults.items() if label in self.channels}
+
+    def __init__(self, name: str, address: str, options: Options, wires: Wires, clock: Clock) -> None:
+        self.name = name
+        self.retries = 0
+        self._options = options
+        self._clock = clock
+        self._database = read_dbc(options.dbc)
+        self._frames = _Frames(wires.can(address, name))
+        self._where = self._frames.where
+        self._channels = {label: find_signal(self._database, label, path) for label, path in options.channels.items()}
+        self._faults = {label: find_signal(self._database, label, path) for label, path in options.watched.items()}
+        self._session = 0
+        self._series: Series | None = None
+        self._latest: dict[str, Values] = {}
+        self._misfit = ""
+        self._measuring = {m.name: m for m, _ in (*self._channels.values(), *self._faults.values())}
+        answers = [self._database.get_message_by_name(n) for n in ("Identity", "Status")] if options.on_command else []
+        for message in (self._measuring | {m.name: m for m in answers}).values():
+            self._frames.listen(message.frame_id, partial(self._hear, message))
+
+    def identify(self) -> Identity:
+        """See `Instrument.identify`. A unit that sends by itself does not tell: it is known by its frames."""
+        if not self._options.on_command:
+            self._listen_for_all()
+            message, _ = next(iter(self._channels.values()))
+            sender = (message.senders or [""])[0]
+            return Identity(self._maker(sender), sender, "", "")
+        message = self._database.get_message_by_name("Identity")
+        answer = self._asked("Identify", message)
+        products = {n: str(text) for n, text in (message.get_signal_by_name("Product").choices or {}).items()}
+        product = int(answer["Product"])
+        if product not in products:
+            known = ", ".join(f"{number} ({text})" for number, text in products.items())
+            raise WrongInstrument(f"{self._where} is product {product}; the DBC describes {known or 'none'}")
+        return Identity(
+            self._maker((message.senders or [""])[0]),
+            products[product],
+            f"{answer['SerialNumber']:.0f}",
+            f"{answer['FirmwareMajor']:.0f}.{answer['FirmwareMinor']:.0f}",
+        )
+
+    def prepare(self) -> None:
+        """End what is under way and see that the unit answers; one that sends by itself must be heard sending.
+
+        Raises:
+            NoReply: nothing came; the message names the identifiers that were expected.
+
+        """
+        self._series = None
+        if self._options.on_command:
+            self._asked("Stop", self._database.get_message_by_name("Status"))
+        else:
+            self._listen_for_all()
+
+    def channels(self) -> Sequence[str]:
+        """See `Reader.channels`."""
+        return tuple(self._channels)
+
+    def start(self, count: int) -> float:
+        """See `Reader.start`. Whatever has come before is forgotten.
+
+        Raises:
+            LimitError: fewer than one sweep, or more than the unit can count.
+
+        """
+        if not 1 <= count <= _MOST_SWEEPS:
+            raise LimitError(f"{self._where} can take 1 to {_MOST_SWEEPS} sweeps at once, not {count}")
+        self._frames.flush()
+        self._series = Series(count, self._channels, self._faults)
+        return self._begin(self._series, count)
+
+    def fetch(self) -> Mapping[str, Sequence[float]]:
+        """See `Reader.fetch`. Sweeps of which something was lost are measured again, once.
+
+        Raises:
+            NotReady: nothing was started.
+            NoReply: no frame came, of a message that is named.
+            BadReply: frames came, and some were lost, repeated their counter or did not fit the DBC.
+
+        """
+        series = self._series
+        if series is None:
+            raise NotReady(f"{self._where}: there is nothing to fetch; start a measurement first")
+        try:
+            self._until(lambda: not series.missing, series.due)
+            if series.missing and self._options.on_command:
+                self.retries += 1
+                self._begin(series, series.missing)
+                self._until(lambda: not series.missing, series.due)
+        finally:
+            self._series = None
+        if series.missing:
+            self._raise_incomplete(series)
+        return series.readings
+
+    def make_safe(self) -> None:
+        """See `Instrument.make_safe`: a measurement under way is given up; nothing else can do harm."""
+        self._series = None
+        if self._options.on_command:
+            self._command("Stop")
+
+    def close(self) -> None:
+        """See `Instrument.close`."""
+        self._frames.close()
+
+    def _maker(self, sender: str) -> str:
+        node = next((n for n in self._database.nodes if n.name == sender), None)
+        attribute = node.dbc.attributes.get("Manufacturer") if node and node.dbc else None
+        return str(attribute.value) if attribute else ""
+
+    def _begin(self, series: Series, count: int) -> float:
+        """Have `count` sweeps measured; returns the seconds it takes."""
+        seconds = count * self._options.period_s
+        series.due = self._clock.now() + seconds
+        series.forget_counters()
+        if self._options.on_command:
+            self._command("Acquire", count)
+        else:
+            series.due += self._options.period_s  # the first frame may have just gone
+        return seconds
+
+    def _command(self, action: str, sweeps: int = 0) -> None:
+        self._session = self._session % _SESSIONS + 1
+        message = self._database.get_message_by_name("Command")
+        period_ms = round(1000.0 * self._options.period_s)
+        values: dict[str, int | str] = {
+            "Action": action,
+            "Session": self._session,
+            "Sweeps": sweeps,
+            "Period": period_ms,
+        }
+        self._frames.send(message.frame_id, message.encode(values))
+
+    def _asked(self, action: str, answer: Message) -> Values:
+        """Send a command that is answered by one frame; asked once more if none comes."""
+        for repeated in (0, 1):
+            self.retries += repeated
+            self._frames.flush()
+            self._latest.clear()
+            self._command(action)
+            self._until(lambda: answer.name in self._latest, self._clock.now())
+            if answer.name in self._latest:
+                return self._latest[answer.name]
+        raise self._silent([answer])
+
+    def _listen_for_all(self) -> None:
+        """Wait until every message has been heard anew; raises `NoReply` naming those that were not."""
+        self._frames.flush()
+        self._latest.clear()
+        due = self._clock.now() + 2.0 * self._options.period_s
+        self._until(lambda: self._measuring.keys() <= self._latest.keys(), due)
+        if unheard := [m for name, m in self._measuring.items() if name not in self._latest]:
+            raise self._silent(unheard)
+
+    def _until(self, done: Callable[[], bool], due: float) -> None:
+        """Take frames until something is done or the timeout has passed since it was due."""
+        end = due + self._options.timeout_s
+        while not done() and (left := end - self._clock.now()) > 0:
+            self._frames.pump(left)
+
+    def _hear(self, message: Message, data: bytes) -> None:
+        try:
+            values = {k: float(v) for k, v in message.decode(data, decode_choices=False).items()}  # type: ignore[union-attr, arg-type]  # numbers, since no container and no choices
+        except DecodeError as error:
+            self._misfit = f"{frame_name(message)} {data.hex()} does not fit the DBC ({error})"
+            return
+        if self._options.on_command and values.get("Session", self._session) != self._session:
+            return
+        self._latest[message.name] = values
+        if self._series:
+            self._series.take(message, values, self._options.counter, in_step=self._options.on_command)
+
+    def _silent(self, messages: Sequence[Message]) -> NoReply:
+        expected = ", ".join(frame_name(m) for m in messages)
+        return NoReply(
+            f"{self._where}: no frame {expected} came within {self._options.timeout_s:g} s; "
+            f"is the unit powered, terminated, and set to these identifiers and bit rate?"
+            + (f" ({self._misfit})" if self._misfit else "")
+        )
+
+    def _raise_incomplete(self, series: Series) -> None:
+        if unheard := [m for name, m in self._measuring.items() if name not in series.heard]:
+            raise self._silent(unheard)
+        label, readings = min(series.readings.items(), key=lambda item: len(item[1]))
+        message, _ = self._channels[label]
+        if series.repeated:
+            why = f"{series.repeated} frames repeat their counter: it has stopped measuring; switch it off and on"
+        else:
+            why = self._misfit or "frames were lost: check bus load, termination and screen"
+        raise BadReply(
+            f"{self._where}: {len(readings)} of {series.count} readings of {label} came in {frame_name(message)}; {why}"
+        )
+
+
+class _Frames:
+    """A bus for an instrument that is spoken to by frames of its own, not by SDO."""
+
+    def __init__(self, line: CanLine) -> None:
+        self.where = line.where
+        self._line = line
+        self._bus = line._bus
+
+    def listen(self, can_id: int, heard: Callable[[bytes], None]) -> None:
+        """Have `heard` called with the data of every frame with this identifier, whoever is taking frames."""
+        if can_id in self._bus.network.subscribers:
+            raise Unreachable(f"{self.where}: identifier {can_id:03X}h is already declared on this bus")
+        self._bus.network.subscribe(can_id, lambda can_id, data, timestamp: heard(bytes(data)))
+
+    def send(self, can_id: int, data: bytes) -> None:
+        """Send a frame; raises `Unreachable`."""
+        self._on_bus(lambda: self._bus.network.send_message(can_id, data))
+
+    def pump(self, seconds: float) -> bool:
+        """Take one frame, whomever it concerns, waiting at most so many bench seconds; whether one came."""
+        return self._on_bus(lambda: self._bus.pump(seconds))
+
+    def flush(self) -> None:
+        """Take what has already come, so that what comes now is new."""
+        for _ in range(_MOST_BUFFERED):
+            if not self.pump(0.0):
+                return
+        raise BadReply(f"{self.where}: the bus never falls quiet; is it overloaded?")
+
+    def close(self) -> None:
+        """Release the bus; idempotent."""
+        self._line.close()
+
+    def _on_bus(self, action: Callable[[], Done]) -> Done:
+        try:
+            self._bus.begin(self.where, self._log)
+            return action()
+        except (OSError, can.CanError) as error:
+            self._bus.lost(self.where, error)
+
+    def _log(self, direction: str, data: bytes) -> None:
+        if self._line._tap:
+            self._line._tap(self._line._label, direction, data)

@@ -1,0 +1,187 @@
+"""Simulated data-acquisition unit on CAN: four inputs, measured when a command says so.
+
+Where the numbers are in the frames is what the DBC in the options says; what the unit does with them is here. It
+sends nothing by itself, so that a simulated week without readings costs nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Protocol
+
+from sims.noise import event_at, normal
+from sims.physics.truth import WorldError
+from sims.wires.dbc import DbcMessage, read_dbc
+from sims.world import Timer, World
+
+REPLY_S = 0.001
+"""Seconds from a command to its answer."""
+
+NONE, OPEN, SHORT, RANGE = range(4)
+"""What may be wrong with an input."""
+
+_INPUTS = {
+    "sensor_temperature": "Readings.SensorTemperature",
+    "sse_temperature": "Readings.SseTemperature",
+    "spare_temperature": "Readings.SpareTemperature",
+    "spare_voltage": "Readings.SpareVoltage",
+}
+_NOISE = {"degC": 0.002, "V": 5e-6}  # of a reading that integrates for 0.1 s
+_PRODUCT, _FIRMWARE = 4, (1, 2)
+_STOP, _ACQUIRE, _IDENTIFY = range(3)
+
+Transmit = Callable[[int, bytes], None]
+
+
+class Seeded(Protocol):
+    """A world's truth, as far as noise goes."""
+
+    @property
+    def seed(self) -> int:
+        """Key of all noise."""
+        ...
+
+
+class Plant(Protocol):
+    """What is at the inputs."""
+
+    @property
+    def truth(self) -> Seeded:
+        """The world file's values."""
+        ...
+
+    def channel_V(self, instrument: str, channel: str, t0: float, t1: float) -> float:  # noqa: N802
+        """Mean voltage at an input over a window, V."""
+        ...
+
+    def channel_degC(self, instrument: str, channel: str, t: float) -> float:  # noqa: N802
+        """Temperature of the sensor at an input, degrees Celsius; infinite where there is none."""
+        ...
+
+
+class CanDaqTwin:
+    """The unit.
+
+    Args:
+        name: the bench's name for it.
+        options: its options in the bench file; `dbc` (text) and `channels` matter here.
+        world: virtual time.
+        plant: what is at its inputs.
+        serial: serial number; its digits are what the unit answers.
+
+    Attributes:
+        faults: what is wrong with inputs, by signal, over what the plant says.
+
+    Raises:
+        WorldError: the DBC is another unit's, which does not measure on command.
+
+    """
+
+    kind = "can"
+
+    def __init__(self, name: str, options: Mapping[str, object], world: World, plant: Plant, serial: str) -> None:
+        self.name = name
+        self._world = world
+        self._plant = plant
+        try:
+            messages = read_dbc(str(options["dbc"]))
+            self._command, self._identity = messages["Command"], messages["Identity"]
+            self._status, self._readings = messages["Status"], messages["Readings"]
+        except ValueError as error:
+            raise WorldError(f"{name}: {error}") from None
+        except KeyError as error:
+            raise WorldError(
+                f"{name}: only a unit that measures on command can be simulated; its DBC has no message {error}"
+            ) from None
+        given = options.get("channels")
+        inputs = given if isinstance(given, Mapping) else _INPUTS
+        self._labels = {str(path).partition(".")[2]: str(label) for label, path in inputs.items()}
+        self._serial = int("".join(c for c in serial if c.isdigit()) or 0) % 2**32
+        self.faults: dict[str, int] = {}
+        self._session = 0
+        self._under_way: Timer | None = None
+
+    def on_frame(self, can_id: int, data: bytes, tx: Transmit) -> None:
+        """Take a frame from the bus; answers and readings go to `tx` later."""
+        if can_id != self._command.can_id or len(data) < self._command.length:
+            return
+        command = self._command.unpack(data)
+        action = command["Action"]
+        if action == _IDENTIFY:
+            self._world.call_in(REPLY_S, partial(tx, self._identity.can_id, self._who()))
+        elif action in (_STOP, _ACQUIRE):
+            self._stop()
+            self._session = int(command["Session"])
+            if action == _STOP:
+                self._world.call_in(REPLY_S, partial(self._tell_status, self._world.now(), 0, tx))
+            elif command["Sweeps"]:
+                self._next(self._world.now(), 1, int(command["Sweeps"]), command["Period"] / 1000.0, tx)
+
+    def power_cycle(self) -> None:
+        """Off and on again: nothing is under way, no session is known."""
+        self._stop()
+        self._session = 0
+
+    def _stop(self) -> None:
+        if self._under_way:
+            self._under_way.cancel()
+            self._under_way = None
+
+    def _who(self) -> bytes:
+        major, minor = _FIRMWARE
+        return self._identity.pack(
+            {"Product": _PRODUCT, "SerialNumber": self._serial, "FirmwareMajor": major, "FirmwareMinor": minor}
+        )
+
+    def _next(self, begin: float, sweep: int, sweeps: int, period_s: float, tx: Transmit) -> None:
+        """Have a sweep measured from `begin` to one period later, and then those after it."""
+
+        def measured() -> None:
+            self._under_way = None
+            if sweep < sweeps:
+                self._next(begin + period_s, sweep + 1, sweeps, period_s, tx)
+            self._send(begin, period_s, sweep % 256, tx)
+
+        self._under_way = self._world.call_in(begin + period_s - self._world.now(), measured)
+
+    def _send(self, begin: float, seconds: float, sweep: int, tx: Transmit) -> None:
+        """Send a sweep: what is wrong, then every group of readings."""
+        values, wrong = self._measure(begin, seconds)
+        self._tell_status(begin, sweep, tx, wrong)
+        groups: dict[int | None, dict[str, float]] = {}
+        for signal, value in values.items():
+            group = groups.setdefault(self._readings.signals[signal].group, self._readings.group_of(signal))
+            group[signal] = value
+        head = {"Session": self._session, "Sweep": sweep}
+        for group in groups.values():
+            tx(self._readings.can_id, self._readings.pack(head | group))
+
+    def _tell_status(self, begin: float, sweep: int, tx: Transmit, wrong: Mapping[str, int] | None = None) -> None:
+        if wrong is None:
+            wrong = self._measure(begin, REPLY_S)[1]
+        flags = {f"{signal}Fault": fault for signal, fault in wrong.items()}
+        tx(self._status.can_id, self._status.pack({"Session": self._session, "Sweep": sweep} | flags))
+
+    def _measure(self, begin: float, seconds: float) -> tuple[dict[str, float], dict[str, int]]:
+        """Values of all inputs over a window, and what is wrong with them."""
+        values, wrong = {}, {}
+        for signal, entry in _inputs(self._readings).items():
+            label = self._labels.get(signal, signal)
+            if entry == "V":
+                value = self._plant.channel_V(self.name, label, begin, begin + seconds)
+            else:
+                value = self._plant.channel_degC(self.name, label, begin + seconds / 2.0)
+            layout = self._readings.signals[signal]
+            fault = NONE if layout.low <= value <= layout.high else OPEN if abs(value) > 1e30 else RANGE
+            if fault == NONE:
+                sd = _NOISE[entry] * (0.1 / seconds) ** 0.5
+                value += sd * normal(self._plant.truth.seed, f"{self.name} {label}", event_at(begin))
+            wrong[signal] = self.faults.get(signal, fault)
+            values[signal] = value if wrong[signal] == NONE else layout.high
+        return values, wrong
+
+
+def _inputs(readings: DbcMessage) -> dict[str, str]:
+    """Signals of the inputs and their units."""
+    return {name: signal.unit for name, signal in readings.signals.items() if signal.unit in _NOISE}
