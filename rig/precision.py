@@ -46,7 +46,7 @@ def precision(procedure: Procedure, run_list: RunList) -> Precision:
             return _of_terms(procedure, run_list)
         return _of_angles(procedure, run_list)
     except ValueError as error:
-        raise ConfigurationError(f"the design of {procedure.name!r} does not determine the sensors: {error}") from error
+        raise ConfigurationError(f"the design does not determine a sensor: {error}; visit more settings") from error
 
 
 def _of_angles(procedure: PitchRollProcedure, run_list: RunList) -> Precision:

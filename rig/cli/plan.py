@@ -18,7 +18,7 @@ from rig.cli import app
 from rig.cli.run import BenchOption, JsonOption, ProcedureArgument
 from rig.cli.show import duration, out, print_json, run_progress
 from rig.controller import BYTES_PER_POINT, Plan, load_plan
-from rig.errors import ExitCode
+from rig.errors import ConfigurationError, ExitCode
 
 
 @app.command(rich_help_panel="Running")
@@ -39,7 +39,10 @@ def plan(
     from rig.precision import precision  # noqa: PLC0415
 
     planned = load_plan(procedure, bench)
-    precise = precision(planned.procedure, planned.run_list)
+    try:
+        precise = precision(planned.procedure, planned.run_list)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{procedure}: {error}") from error
     with run_progress(simulated=True) as show:
         forecast = rehearse(planned, show)
     now = datetime.fromtimestamp(RealClock().utc(), UTC).astimezone()

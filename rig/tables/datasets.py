@@ -1,0 +1,125 @@
+"""Tables as the arrays the fitter takes, checked for what only a table can have wrong."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from fitter import AttitudeData
+from fitter.whole_plot_data import WholePlotData
+from rig.errors import UsageError
+from rig.tables.table import PITCH_ROLL, WHOLE_PLOT, Table
+
+_STEMS = {
+    "elapsed": "s",
+    "pitch": "deg",
+    "roll": "deg",
+    "sensor_temperature": "degC",
+    "sse_temperature": "degC",
+    "pressure": "psia",
+}
+_OPTIONAL = ("pitch_side", "roll_side", "block")
+_OPTIONAL_WHOLE_PLOT = ("replicate", "block")
+_SETTINGS = {
+    "pressure_set_psia": "pressure_set_psia",
+    "sensor_temperature_set_degC": "sensor_set_degC",
+    "sse_temperature_set_degC": "sse_set_degC",
+}
+"""Columns of setpoints to the fitter's names for them."""
+
+
+def attitude_data(table: Table) -> AttitudeData:
+    """A table as pitch-roll data. Raises `UsageError` naming what is missing or of another unit."""
+    _check_units(table)
+    optional = {"sensor_temperature_degC"} if "run_id" in table.provenance else set()
+    missing = [name for name in PITCH_ROLL if name not in table.columns and name not in optional]
+    if missing:
+        raise UsageError(
+            f"{table.source}: column {missing[0]} is missing; a pitch-roll table has {','.join(PITCH_ROLL)} and one "
+            f"NAME_V for each sensor"
+        )
+    outputs = {name: values for name, values in table.columns.items() if name.endswith("_V")}
+    if not outputs:
+        raise UsageError(f"{table.source}: there is no sensor output; name the columns x_V, y_V, z_V")
+    integers = {name: _integers(table, name) for name in ("replicate", "order")}
+    integers |= {name: _integers(table, name) for name in _OPTIONAL if name in table.columns}
+    order = integers["order"]
+    _check_order(table, order)
+    known: dict[str, Any] = {name: integers[name] for name in _OPTIONAL if name in integers}
+    known["axes"] = {name: axis for name, axis in table.axes.items() if name in outputs} or None
+    try:
+        return AttitudeData(
+            replicate=integers["replicate"],
+            order=order,
+            elapsed_s=table.columns["elapsed_s"],
+            pitch_deg=table.columns["pitch_deg"],
+            roll_deg=table.columns["roll_deg"],
+            sensor_temperature_degC=table.columns.get("sensor_temperature_degC"),
+            outputs=outputs,
+            **known,
+        )
+    except ValueError as error:
+        raise UsageError(f"{table.source}: {error}") from error
+
+
+def whole_plot_data(table: Table) -> WholePlotData:
+    """A table as whole-plot data. Raises `UsageError` naming what is missing or of another unit."""
+    _check_units(table)
+    missing = [name for name in WHOLE_PLOT if name not in table.columns]
+    if missing:
+        raise UsageError(
+            f"{table.source}: column {missing[0]} is missing; a whole-plot table has {','.join(WHOLE_PLOT)} and one "
+            f"NAME_mV for each transducer"
+        )
+    outputs = {name: values for name, values in table.columns.items() if name.endswith("_mV")}
+    if not outputs:
+        volts = [name for name in table.columns if name.endswith("_V")]
+        hint = f"; {volts[0]} is in volts: convert it and name it {volts[0][:-1]}mV" if volts else ""
+        raise UsageError(f"{table.source}: there is no transducer output; name the columns NAME_mV{hint}")
+    whole_plot, order = (_integers(table, name) for name in ("whole_plot", "order"))
+    _check_order(table, order)
+    given: dict[str, Any] = {n: _integers(table, n) for n in _OPTIONAL_WHOLE_PLOT if n in table.columns}
+    given |= {ours: table.columns[name] for name, ours in _SETTINGS.items() if name in table.columns}
+    try:
+        return WholePlotData(
+            whole_plot=whole_plot,
+            order=order,
+            elapsed_s=table.columns["elapsed_s"],
+            pressure_psia=table.columns["pressure_psia"],
+            sensor_temperature_degC=table.columns["sensor_temperature_degC"],
+            sse_temperature_degC=table.columns["sse_temperature_degC"],
+            outputs=outputs,
+            **given,
+        )
+    except ValueError as error:
+        raise UsageError(f"{table.source}: {error}") from error
+
+
+def _check_order(table: Table, order: np.ndarray[Any, np.dtype[np.int64]]) -> None:
+    seen, counts = np.unique(order, return_counts=True)
+    if (counts > 1).any():
+        twice = int(seen[counts > 1][0])
+        rows = [int(r) + 2 for r in np.flatnonzero(order == twice)[:2]]
+        raise UsageError(
+            f"{table.source}, rows {rows[0]} and {rows[1]}: order {twice} stands there twice; a point copied?"
+        )
+
+
+def _integers(table: Table, name: str) -> np.ndarray[Any, np.dtype[np.int64]]:
+    values = table.columns[name]
+    whole = values.astype(np.int64)
+    if (whole != values).any():
+        row = int(np.flatnonzero(whole != values)[0])
+        raise UsageError(f"{table.source}, row {row + 2}, column {name}: {values[row]:g} is not a whole number")
+    return whole
+
+
+def _check_units(table: Table) -> None:
+    for name in table.columns:
+        stem, _, unit = name.rpartition("_")
+        wanted = _STEMS.get(stem)
+        if stem in ("x", "y", "z"):
+            wanted = "V"
+        if wanted is not None and unit != wanted and not name.endswith("_side"):
+            raise UsageError(f"{table.source}: column {name} is in {unit!r}; convert it and name it {stem}_{wanted}")

@@ -1,0 +1,132 @@
+"""The observations of a run file as a table."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from procedures import RunList
+from rig.config import parse_toml
+from rig.engine.chain import Record
+from rig.engine.run_file import RunReader
+from rig.errors import RunFileError
+from rig.tables.table import Table
+
+
+def run_table(path: Path, *, everything: bool = False, salvage: bool = False) -> Table:
+    """Observations of a run file, in the order they were made.
+
+    Args:
+        path: the run file.
+        everything: rejected observations too (their missing values are NaN), with a column `accepted`.
+        salvage: take what can still be read of a file that does not verify.
+
+    Raises:
+        RunFileError: the file was damaged or edited (unless salvaged), or holds no observations.
+
+    """
+    with RunReader.open(path) as reader:
+        if not salvage:
+            reader.verify()
+        genesis = reader.genesis()
+        run_list = reader.run_list()
+        bench = parse_toml(reader.documents().get("bench.toml", ""), str(path))
+        factors: Mapping[str, str] = bench.get("factors", {})
+        rows: list[dict[str, float]] = []
+        records = reader.salvage() if salvage else reader.records("observation")
+        for record in records:
+            if record.kind != "observation" or (record.status != "accepted" and not everything):
+                continue
+            try:
+                row = _row(record, run_list, len(rows) + 1, factors)
+            except (ValueError, LookupError, TypeError, AttributeError):
+                if not salvage:
+                    raise
+                continue  # this record's contents are not what a controller writes
+            if everything:
+                row["accepted"] = float(record.status == "accepted")
+            if genesis.data["simulated"]:
+                row["simulated"] = 1.0
+            rows.append(row)
+        _, head = reader.head()
+        ended = not salvage and any(True for _ in reader.records("end"))
+    if not rows:
+        raise RunFileError(f"{path} holds no observations yet; `rig resume {path}` makes some")
+    columns = {name: np.array([row.get(name, math.nan) for row in rows], float) for name in _all_names(rows)}
+    provenance = {
+        "file": path.name,
+        "run_id": genesis.data["run_id"],
+        "simulated": genesis.data["simulated"],
+        "head": head.hex(),
+        "bench": genesis.data["bench"],
+        "procedure": genesis.data["procedure"],
+        "software": genesis.data["software"],
+        "complete": ended,
+        "points_planned": len(run_list),
+        "points_observed": len(rows),
+    }
+    if "sensor_temperature_degC" not in columns:  # a bench may call the package's temperature by another name
+        for name, entry in bench.get("temperatures", {}).items():
+            if entry.get("place", "package") == "package" and name in columns:
+                columns = {"sensor_temperature_degC": columns[name], **columns}
+                break
+    sensors = bench.get("sensors", {})
+    axes_of = {f"{name}_{s.get('unit', 'V')}": s["axis"] for name, s in sensors.items() if "axis" in s}
+    return Table(str(path), columns, bool(genesis.data["simulated"]), provenance, axes_of)
+
+
+def _row(record: Record, run_list: RunList, order: int, factors: Mapping[str, str]) -> dict[str, float]:
+    """One observation as a row: where, when, how approached, what was read.
+
+    A factor whose value was measured is a column with that value, and one with its setpoint ("pressure_set_psia").
+
+    Args:
+        record: the observation.
+        run_list: what its point means.
+        order: executed position, from 1.
+        factors: which instrument sets which factor.
+
+    """
+    point, data = run_list.points[int(record.run_index or 0)], record.data
+    row: dict[str, float] = {} if record.whole_plot is None else {"whole_plot": record.whole_plot}
+    row |= {"replicate": point.replication, "order": order, "elapsed_s": _moment(record)}
+    measured = _means(data, "references") | _means(data, "temperatures")
+    setpoints: dict[str, float] = {}
+    for factor, value in run_list.setting(point).items():
+        chamber = data.get("environment", {}).get(factors.get(factor, ""))
+        if factor not in measured and chamber is not None:
+            measured[factor] = chamber["temperature_degC"]
+        row[factor] = measured.get(factor, value)
+        if factor in measured:
+            setpoints[run_list.factor(factor).set_name] = value
+    row |= measured | _means(data, "outputs") | setpoints
+    row |= {f"{f.axis}_side": side for f, side in zip(run_list.factors, point.sides, strict=True) if not f.hard}
+    readback = {name: value for name, value in data.get("readback", {}).items() if name not in measured}
+    row |= {_readback_name(name): float(value) for name, value in readback.items()}
+    return row | {"block": record.session, "run_index": point.index}
+
+
+def _readback_name(quantity: str) -> str:
+    stem, _, unit = quantity.rpartition("_")
+    return f"{stem}_readback_{unit}"
+
+
+def _moment(record: Record) -> float:
+    began, ended = record.data.get("measured_s", (record.elapsed_s, record.elapsed_s))
+    return float(round((began + ended) / 2, 3))
+
+
+def _means(data: Mapping[str, Any], group: str) -> dict[str, float]:
+    return {name: float(channel["mean"]) for name, channel in data.get(group, {}).items()}
+
+
+def _all_names(rows: Iterable[Mapping[str, float]]) -> list[str]:
+    """Column names in order of first appearance."""
+    names: dict[str, None] = {}
+    for row in rows:
+        names |= dict.fromkeys(row)
+    return list(names)

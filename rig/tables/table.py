@@ -1,0 +1,52 @@
+"""A table: columns of numbers with units in their names, and where they came from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+PITCH_ROLL = ("replicate", "order", "elapsed_s", "pitch_deg", "roll_deg", "sensor_temperature_degC")
+"""Columns every pitch-roll table has, besides one `NAME_V` for each sensor."""
+
+WHOLE_PLOT = (
+    "whole_plot",
+    "order",
+    "elapsed_s",
+    "pressure_psia",
+    "sensor_temperature_degC",
+    "sse_temperature_degC",
+)
+"""Columns every whole-plot table has, besides one `NAME_mV` for each transducer."""
+
+Kind = Literal["pitch-roll", "whole-plot"]
+
+
+@dataclass(frozen=True)
+class Table:
+    """Columns of numbers.
+
+    Attributes:
+        source: where it came from, for messages and reports.
+        columns: name to values, all of one length.
+        simulated: no real instrument involved, as far as is known.
+        provenance: what is known of where the numbers come from, for reports and calibration files.
+        axes: nominal axis of each output, where the source says so; elsewhere a name's first letter does.
+
+    """
+
+    source: str
+    columns: Mapping[str, np.ndarray[Any, np.dtype[np.float64]]]
+    simulated: bool
+    provenance: Mapping[str, Any]
+    axes: Mapping[str, str] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(next(iter(self.columns.values())))
+
+    @property
+    def kind(self) -> Kind:
+        """What kind of run the columns are of, by those that only one kind has."""
+        return "whole-plot" if {"whole_plot", "pressure_psia"} & set(self.columns) else "pitch-roll"
