@@ -15,7 +15,7 @@ from annotated_types import Ge, Gt, Le, Lt
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from procedures import PitchRollProcedure
+from procedures import PitchRollProcedure, WholePlotProcedure
 from rig.bench import driver_class
 from rig.config import BenchConfig
 
@@ -35,6 +35,7 @@ def document() -> str:
         parts += [f'### `[instruments.NAME]` with `driver = "{name}"`, besides the above']
         parts += [_table(driver_class(name).Options)]
     parts += ['## procedure.toml, `kind = "pitch-roll"`', *_tables(PitchRollProcedure, "")]
+    parts += ['## procedure.toml, `kind = "whole-plot"`', *_tables(WholePlotProcedure, "")]
     return "\n\n".join(parts) + "\n"
 
 

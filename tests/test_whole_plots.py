@@ -150,13 +150,13 @@ def test_a_kill_while_soaking_costs_nothing_but_the_soak(tmp_path):
 
     def on_progress(news):
         if news.state == "preparing" and news.done == EACH:
-            soaking.append(news.message)
+            soaking.append(f"{news.message}: {news.detail}")
             if len(soaking) == 5:
                 raise _Kill
 
     with pytest.raises(_Kill):
         run_session(path, bench, on_progress=on_progress)
-    assert soaking[-1].startswith("whole plot 2 of 3 soaking: cold_box")
+    assert soaking[-1].startswith("soaking for whole plot 2 of 3: cold_box")
     outcome, state, _ = run_session(path, bench)
     assert outcome is Outcome.COMPLETE
     assert not state.lost

@@ -18,6 +18,7 @@ from rig.cli import app
 from rig.cli.run import BenchOption, JsonOption, ProcedureArgument
 from rig.cli.show import duration, out, print_json, run_progress
 from rig.controller import BYTES_PER_POINT, Plan, load_plan
+from rig.engine.guard import Guard
 from rig.errors import ConfigurationError, ExitCode
 
 
@@ -50,7 +51,7 @@ def plan(
     overdue = _due(planned.bench.instruments, end.date())
     existing = next(p for p in (out_dir, *out_dir.absolute().parents) if p.exists())
     free, needed = shutil.disk_usage(existing).free, len(planned.run_list) * BYTES_PER_POINT
-    reach = planned.run_list.extremes()
+    reach, limits = planned.run_list.extremes(), Guard(planned.bench.limits, planned.bench.factors).limits
     result: dict[str, Any] = {
         "procedure": planned.procedure.name,
         "bench": planned.bench.name,
@@ -69,7 +70,7 @@ def plan(
         "finish_latest": end.isoformat(timespec="minutes"),
         "precision": precise.rows,
         "reach": reach,
-        "limits": planned.bench.limits,
+        "limits": limits,
         "overdue": overdue,
         "disk_free_bytes": free,
         "disk_needed_bytes": needed,
@@ -96,7 +97,7 @@ def plan(
     out.print(table)
     out.print(f"  ({precise.assuming})", soft_wrap=True)
     for name, (low, high) in reach.items():
-        allowed = planned.bench.limits.get(name)
+        allowed = limits.get(name)
         shown = f"limits {allowed[0]:g} to {allowed[1]:g}: ok" if allowed else "[yellow]no limit in the bench file[/]"
         out.print(f"  {name} goes from {low:g} to {high:g}, overtravel included; {shown}", soft_wrap=True)
     if result["environment"]:

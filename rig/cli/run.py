@@ -120,6 +120,11 @@ def conclude(result: Result) -> int:
             print(f"rig: {result.message}", file=sys.stderr)
         for index, reason in sorted(state.skipped.items()):
             err.print(f"[yellow]point {index} was skipped:[/] {escape(reason)}")
+        for number, reason in state.lost.items():
+            err.print(
+                f"[yellow]whole plot {number} was lost and measured again under a new identity:[/] {escape(reason)}",
+                soft_wrap=True,
+            )
         words = f"{result.outcome.value}: {len(state.accepted)} of {state.points} points observed"
         err.print(f"{mark(state.simulated)}{words} in {duration(state.elapsed_s)}")
         if result.outcome is Outcome.COMPLETE and (not state.accepted or _outside_acceptance(result)):
@@ -199,7 +204,8 @@ def status(run_file: RunArgument, as_json: JsonOption = False) -> int:
         "remaining_s": live.get("remaining_s") if running else None,
         "last_record_utc": datetime.fromtimestamp(state.utc_s, UTC).isoformat(timespec="seconds"),
         "last_fault": state.last_fault,
-        "message": live.get("message", "") if running else "",
+        "message": f"{live.get('message', '')} {live.get('detail', '')}".strip() if running else "",
+        "whole_plots_lost": {str(k): v for k, v in state.lost.items()},
         "records": count,
         "head": head.hex(),
     }
@@ -213,6 +219,8 @@ def status(run_file: RunArgument, as_json: JsonOption = False) -> int:
     out.print(f"  {summary['sessions']} session(s), last record {summary['last_record_utc']}")
     for index, why in summary["skipped"].items():
         out.print(f"  [yellow]point {index} skipped:[/] {escape(why)}")
+    for number, why in summary["whole_plots_lost"].items():
+        out.print(f"  [yellow]whole plot {number} was lost and measured again:[/] {escape(why)}", soft_wrap=True)
     if state.last_fault and not running:
         out.print(f"  [red]last fault:[/] {escape(state.last_fault)}", soft_wrap=True)
     if summary["message"]:

@@ -85,7 +85,7 @@ def run_progress(*, simulated: bool) -> Iterator[Callable[[News], None]]:
             "completed": news.done,
             "total": news.total,
             "state": news.state,
-            "message": news.message,
+            "message": f"{news.message}  {news.detail}".rstrip(),
             "spent": news.elapsed_s,
             "left": "" if news.remaining_s is None else f"{duration(news.remaining_s)} left",
         }

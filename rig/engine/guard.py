@@ -33,6 +33,11 @@ class Guard:
         of_chambers = {f: limits[f"{name}_degC"] for f, name in factors.items() if f"{name}_degC" in limits}
         self._limits = {**of_chambers, **limits}
 
+    @property
+    def limits(self) -> Mapping[str, tuple[float, float]]:
+        """(low, high) by quantity, factors included."""
+        return self._limits
+
     def check_run_list(self, run_list: RunList, instrument: Mapping[str, tuple[float, float]]) -> None:
         """Refuse a run list that would leave the bench's limits or the instrument's own travel.
 

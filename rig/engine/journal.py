@@ -63,6 +63,7 @@ class Journal:
         state: where the sequencer is.
         at: the point in hand, if any; records about it name it.
         message: what is going on, "" if the state says it.
+        detail: readings of the moment that go with it.
 
     """
 
@@ -81,6 +82,7 @@ class Journal:
         self.state = State.READY
         self.at: PointInHand | None = None
         self.message = ""
+        self.detail = ""
         self._run = run
         self._clock = clock
         self._session = session
@@ -187,7 +189,7 @@ class Journal:
         if remaining is not None and soaks:
             remaining = remaining + soaks * sum(self._soaks) / len(self._soaks) if self._soaks else None
         done = len(fold.accepted) + len(fold.skipped)
-        return Progress(self.state, done, fold.points, self.elapsed(), remaining, self.message)
+        return Progress(self.state, done, fold.points, self.elapsed(), remaining, self.message, self.detail)
 
     def _live_content(self) -> dict[str, Any]:
         p = self._progress()
@@ -199,6 +201,7 @@ class Journal:
             "acknowledged": self._acknowledged,
             "state": p.state,
             "message": p.message,
+            "detail": p.detail,
             "done": p.done,
             "points": p.total,
             "elapsed_s": round(p.elapsed_s, 3),

@@ -301,15 +301,15 @@ class Sequencer:
         targets = rules.targets(point)
         for chamber, target in targets.items():
             self._do.set_chamber(chamber, target)
-        where = f"whole plot {point.whole_plot} of {self._run_list.whole_plots}"
+        self._journal.message = f"soaking for whole plot {point.whole_plot} of {self._run_list.whole_plots}"
 
         def watch(values: Mapping[str, float]) -> None:
             shown = ", ".join(f"{chamber} {values[chamber]:.1f} of {target:g}" for chamber, target in targets.items())
-            self._journal.message = f"{where} soaking: {shown} degC"
+            self._journal.detail = f"{shown} degC"
             rules.check_thermometers(values)
 
         evidence = self._do.until_soaked(rules.criteria(point), self._procedure.soak.poll_s, rules.thermometers, watch)
-        self._journal.message = ""
+        self._journal.message = self._journal.detail = ""
         body = {"setpoints_degC": targets, "settling": evidence}
         self._journal.begin_whole_plot(point.whole_plot, body)
 

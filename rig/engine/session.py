@@ -29,6 +29,7 @@ class Progress:
         elapsed_s: bench seconds since the run was created.
         remaining_s: bench seconds the rest is expected to take, None while that cannot be said.
         message: what is going on, "" if the state says it.
+        detail: readings of the moment that go with it, "" if there are none.
 
     """
 
@@ -38,6 +39,7 @@ class Progress:
     elapsed_s: float
     remaining_s: float | None
     message: str
+    detail: str = ""
 
 
 @dataclass

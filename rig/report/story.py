@@ -60,6 +60,14 @@ def _words(record: Record) -> str:
             return "stopped on request"
         case "event" if record.status in ("homed", "interrupted", "parked", "environment-settled"):
             return record.status.replace("-", " ")
+        case "event" if record.status == "whole-plot":
+            where = ", ".join(f"{name} {degC:g} degC" for name, degC in data["setpoints_degC"].items())
+            return f"whole plot {record.whole_plot} soaked (number {data['planned']} of the design): {where}"
+        case "event" if record.status == "whole-plot-lost":
+            return (
+                f"whole plot {record.whole_plot} lost: {data['reason']}; its {data['kept']} readings stay, "
+                f"it is measured again under a new identity"
+            )
         case "end":
             return f"{record.status}: {data['accepted']} points observed, {data['records']} records before this one"
         case _:
