@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import struct
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Literal
 
 from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
@@ -22,6 +22,7 @@ from drivers.wires.modbus import float_of_words, words_of_float
 
 _READBACK = 1e-5  # relative; a setpoint passes through single precision
 _ILLEGAL_ADDRESS = 2
+_ALARMING = ("high", "low", "error")
 _WORDS = {"uint16": 1, "int32": 2, "float32": 2}
 
 
@@ -32,7 +33,7 @@ class RegisterEntry(BaseModel, extra="forbid", frozen=True):
         address: relative address.
         type: "uint16", "int32", "float32" or "text:N".
         access: "r" or "rw".
-        stride: distance to the next loop's or alarm's.
+        stride: distance to the next loop's, alarm's or module's.
         codes: name of the table of its codes.
 
     """
@@ -45,17 +46,20 @@ class RegisterEntry(BaseModel, extra="forbid", frozen=True):
 
 
 class RegisterMap(BaseModel, extra="forbid", frozen=True):
-    """A device's registers and codes."""
+    """A device's registers and codes; those of `cascade` take the place of others where a cascade is controlled."""
 
     maker: str
     model: str
     word_order: Literal["low-first", "high-first"]
     registers: Mapping[str, RegisterEntry]
+    cascade: Mapping[str, RegisterEntry] = Field(default_factory=dict)
     codes: Mapping[str, Mapping[str, int]]
 
 
 class WatlowF4T:
-    """One control loop of the controller; satisfies `drivers.roles.Chamber`.
+    """One control loop of the controller, or one cascade of two; satisfies `drivers.roles.Chamber`.
+
+    Nothing it is known to tell shows that its power has been off: settings and setpoint survive that.
 
     Args:
         name: the bench's name for it.
@@ -72,12 +76,14 @@ class WatlowF4T:
     class Options(BaseModel, extra="forbid"):
         """What the bench file may say about this instrument."""
 
-        loop: int = Field(1, ge=1, le=4, description="control loop")
+        loop: int = Field(1, ge=1, le=4, description="control loop, or cascade if it is one")
+        cascade: bool = Field(False, description="a cascade: the temperature is a part's, controlled through the air's")
         low_degC: float = Field(-40.0, description="lowest setpoint that may be commanded")
         high_degC: float = Field(100.0, description="highest setpoint that may be commanded")
         ramp_degC_per_min: float | None = Field(None, gt=0, description="ramp to new setpoints; none if not given")
         safe_degC: float = Field(23.0, description="setpoint of the safe state: about ambient")
         alarms: int = Field(4, ge=0, le=14, description="how many of the controller's alarms are watched")
+        limit_modules: list[int] = Field([], max_length=6, description="slots (1 to 6) of limit controllers to watch")
         units: Literal["display", "C", "F"] = Field(
             "display", description="what temperatures on the wire are in; display: whatever its display shows"
         )
@@ -99,6 +105,15 @@ class WatlowF4T:
                 raise ValueError(f"low_degC {self.low_degC:g} is not below high_degC {self.high_degC:g}")
             if not self.low_degC <= self.safe_degC <= self.high_degC:
                 raise ValueError(f"safe_degC {self.safe_degC:g} is outside low_degC to high_degC")
+            if not all(1 <= slot <= 6 for slot in self.limit_modules):
+                raise ValueError(f"limit_modules {self.limit_modules}: a controller has slots 1 to 6")
+            if self.cascade and self.ramp_degC_per_min is not None:
+                raise ValueError("a cascade's ramp cannot be set from here; leave ramp_degC_per_min out")
+            registers = RegisterMap.model_validate(tomllib.loads(self.register_map))
+            if self.cascade and not registers.cascade:
+                raise ValueError("the register map knows no cascade")
+            if self.limit_modules and "limit_state" not in registers.registers:
+                raise ValueError("the register map knows no limit_modules")
             return self
 
     def __init__(self, name: str, address: str, options: Options, wires: Wires, clock: Clock) -> None:
@@ -138,6 +153,8 @@ class WatlowF4T:
                 f"{self._line.where}: the bench allows {self._options.low_degC:g} to {self._options.high_degC:g} degC, "
                 f"the controller's own setpoint range is {low:g} to {high:g} degC; narrow one or widen the other"
             )
+        if self._options.cascade:
+            return
         ramp = self._options.ramp_degC_per_min
         if ramp is None:
             self._set_code("ramp_action", "off")
@@ -173,7 +190,7 @@ class WatlowF4T:
             temperature_degC=self._temperature("process_value", fahrenheit),
             power_pct=self._number("power"),
             running=self._code("active_mode") == "auto",
-            alarms=self._alarms(),
+            alarms=(*self._alarms(fahrenheit), *self._limits_tripped()),
         )
 
     def stop(self) -> None:
@@ -191,17 +208,46 @@ class WatlowF4T:
         """See `Instrument.close`."""
         self._line.close()
 
-    def _alarms(self) -> tuple[str, ...]:
-        states = ((n, self._code("alarm_state", n)) for n in range(1, self._options.alarms + 1))
-        return tuple(f"alarm {n}: {state}" for n, state in states if state in ("high", "low", "error"))
+    def _alarms(self, fahrenheit: bool) -> tuple[str, ...]:
+        states = {n: self._code("alarm_state", n) for n in range(1, self._options.alarms + 1)}
+        return tuple(self._alarm(n, state, fahrenheit) for n, state in states.items() if state in _ALARMING)
+
+    def _alarm(self, number: int, state: str, fahrenheit: bool) -> str:
+        """An alarm in words, with the limit that was passed as far as the register map knows it."""
+        if state == "error":
+            return f"alarm {number}: its sensor cannot be read"
+        if "alarm_type" not in self._map.registers:
+            return f"alarm {number}: {state}"
+        kind = self._code("alarm_type", number)
+        limit = self._number(f"alarm_{state}", number)
+        if fahrenheit:
+            limit = (limit - (32.0 if kind == "process" else 0.0)) / 1.8
+        of = "" if kind == "process" else " from the setpoint"
+        return f"alarm {number}: {'above' if state == 'high' else 'below'} {limit:.4g} degC{of}"
+
+    def _limits_tripped(self) -> Iterator[str]:
+        """Limit controllers that have switched the chamber off, or cannot be relied on to do so."""
+        for slot in self._options.limit_modules:
+            state, status, error = (self._code(f"limit_{what}", slot) for what in ("state", "status", "error"))
+            if error != "none":
+                yield f"limit controller in slot {slot}: its sensor: {error}"
+            elif status == "fail":
+                yield f"limit controller in slot {slot}: failed"
+            elif state == "error":
+                yield f"limit controller in slot {slot}: tripped; reset it at the chamber"
+
+    def _entry(self, name: str) -> RegisterEntry:
+        if self._options.cascade and name in self._map.cascade:
+            return self._map.cascade[name]
+        return self._map.registers[name]
 
     def _address(self, name: str, number: int = 0) -> int:
-        """Where a register is; `number` chooses the alarm, the loop is this driver's own."""
-        entry = self._map.registers[name]
+        """Where a register is; `number` chooses the alarm or module, the loop is this driver's own."""
+        entry = self._entry(name)
         return entry.address + ((number or self._options.loop) - 1) * entry.stride
 
     def _words(self, name: str, number: int = 0) -> list[int]:
-        kind = self._map.registers[name].type
+        kind = self._entry(name).type
         count = int(kind.partition(":")[2]) if kind.startswith("text:") else _WORDS[kind]
         return self._line.read(self._address(name, number), count)
 
@@ -216,19 +262,19 @@ class WatlowF4T:
 
     def _code(self, name: str, number: int = 0) -> str:
         """A code's name; a code that the map does not know is kept as its number."""
-        codes = self._map.codes[self._map.registers[name].codes]
+        codes = self._map.codes[self._entry(name).codes]
         (word,) = self._words(name, number)
         return next((known for known, code in codes.items() if code == word), f"code {word}")
 
     def _set_code(self, name: str, value: str) -> None:
-        code = self._map.codes[self._map.registers[name].codes][value]
+        code = self._map.codes[self._entry(name).codes][value]
         self._line.write(self._address(name), [code])
         found = self._code(name)
         if found != value:
             raise BadReply(f"{self._line.where}: {name} was set to {value} and reads back {found}")
 
-    def _number(self, name: str) -> float:
-        value = float_of_words(self._words(name), low_first=self._low_first)
+    def _number(self, name: str, number: int = 0) -> float:
+        value = float_of_words(self._words(name, number), low_first=self._low_first)
         if not math.isfinite(value):
             raise BadReply(f"{self._line.where}: {name} reads {value}; look at the controller's sensor")
         return value

@@ -1,5 +1,6 @@
 """Watlow F4T: the registers on the wire, and driver and twin as a chamber."""
 
+import re
 import struct
 
 import pytest
@@ -10,8 +11,12 @@ from pymodbus.client import ModbusTcpClient
 from drivers.errors import BadReply, InstrumentError, LimitError, WrongInstrument
 from drivers.roles import Chamber, Identity
 from drivers.watlow_f4t import WatlowF4T
+from drivers.wires import Wires
 from sims.wires.modbus_line import ModbusCable
 from sims.wires.modbus_slave import Refused
+
+WITHOUT_MORE = re.sub(r"(?ms)^(limit_\w+ = .*?$|\[cascade\].*?(?=^\[))", "", REGISTER_MAP)
+"""The map of a controller without cascades and limit controllers."""
 
 
 class Independent(ModbusTcpClient):
@@ -155,15 +160,130 @@ def test_nothing_is_sent_outside_the_limits(degC: float) -> None:
 
 
 def test_a_controller_that_allows_less_than_the_bench_is_told() -> None:
-    with pytest.raises(LimitError, match="the controller's own setpoint range is -40 to 150 degC"):
-        oven(low_degC=-50.0).driver.prepare()
+    bench = oven(low_degC=-140.0)
+    bench.driver.prepare()
+    client = Independent(ModbusCable(bench.world, bench.twin.on_rx))
+    client.set(2774, -58.0)  # degrees Fahrenheit
+    with pytest.raises(LimitError, match="the controller's own setpoint range is -50 to 150 degC"):
+        bench.driver.prepare()
 
 
-def test_alarms_are_named() -> None:
+@pytest.mark.parametrize("units", ["C", "F"])
+def test_alarms_are_named_with_the_limit_that_was_passed(units: str) -> None:
+    bench = oven()
+    Independent(ModbusCable(bench.world, bench.twin.on_rx)).write_register(1328, {"C": 15, "F": 30}[units])
+    bench.twin.set_alarm(1, "low", "process", -10.0)
+    bench.twin.set_alarm(2, "high", "deviation", 5.0)
+    bench.twin.set_alarm(3, "blocked")
+    bench.twin.set_alarm(4, "error")
+    assert bench.driver.read().alarms == (
+        "alarm 1: below -10 degC",
+        "alarm 2: above 5 degC from the setpoint",
+        "alarm 4: its sensor cannot be read",
+    )
+
+
+def test_alarms_have_the_manuals_registers() -> None:
+    bench = oven()
+    client = Independent(ModbusCable(bench.world, bench.twin.on_rx))
+    bench.twin.set_alarm(3, "high", "process", 60.0)
+    assert [client.read_holding_registers(a).registers for a in (1330 + 200, 1356 + 200, 1356)] == [[76], [37], [61]]
+    assert client.number(1334 + 200) == pytest.approx(140.0)
+
+
+def test_an_alarm_of_a_map_that_knows_no_more_is_its_state() -> None:
+    lines = [line for line in REGISTER_MAP.splitlines() if not line.startswith(("alarm_type", "alarm_high"))]
     bench = oven()
     bench.twin.set_alarm(2, "high")
-    bench.twin.set_alarm(3, "blocked")
-    assert bench.driver.read().alarms == ("alarm 2: high",)
+    known = WatlowF4T.Options(register_map="\n".join(lines))
+    wires = Wires(bench.world, simulated={"modbus": lambda address: ModbusCable(bench.world, bench.twin.on_rx)})
+    assert WatlowF4T("oven", "sim://w/oven", known, wires, bench.world).read().alarms == ("alarm 2: high",)
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ({}, ()),
+        ({"state": "error"}, ("limit controller in slot 5: tripped; reset it at the chamber",)),
+        ({"state": "error", "error": "open"}, ("limit controller in slot 5: its sensor: open",)),
+        ({"status": "fail"}, ("limit controller in slot 5: failed",)),
+    ],
+)
+def test_a_limit_controller_is_an_alarm_if_it_is_watched(fault: dict[str, str], words: tuple[str, ...]) -> None:
+    bench = oven(limit_modules=[5])
+    bench.twin.set_limit(5, **fault)
+    assert bench.driver.read().alarms == words
+    other = oven()
+    other.twin.set_limit(5, **fault)
+    assert other.driver.read().alarms == ()
+
+
+def test_a_broken_sensor_gives_no_temperature() -> None:
+    bench = oven()
+    bench.twin.sensor_broken = True
+    with pytest.raises(BadReply, match="process_value reads nan; look at the controller's sensor"):
+        bench.driver.read()
+    with pytest.raises(BadReply):
+        bench.driver.stop()
+    bench.driver.make_safe()
+
+
+# --- the second loop, and cascades
+
+
+def test_the_second_loop_is_160_registers_on_and_its_alarms_are_the_controllers() -> None:
+    bench = oven(units="C", loop=2, alarms=1)
+    client = Independent(ModbusCable(bench.world, bench.twin.on_rx))
+    client.write_register(1328, 15)
+    bench.driver.prepare()
+    bench.driver.set_temperature(-20.0)
+    assert client.number(2782 + 160) == -20.0
+    assert client.read_holding_registers(2730 + 160).registers == [10]
+    assert client.read_holding_registers(2782).isError(), "the first loop is not this twin's"
+    sent = [line for line in bench.bytes_of(bench.driver.read) if line.startswith("tx")]
+    assert [int(line[-8:-4], 16) for line in sent] == [2942, 2980, 2968, 2974, 1356]
+
+
+def test_a_cascade_is_set_and_read_at_its_own_registers() -> None:
+    bench = oven(units="C", cascade=True, alarms=1)
+    sent = [line for line in bench.bytes_of(lambda: bench.driver.set_temperature(30.0)) if line.startswith("tx")]
+    assert sent[0] == f"tx {adu(1, bytes.fromhex('10 0FCA 0002 04 0000 41F0'))}", "4042: the part's set point"
+    assert [int(line[-8:-4], 16) for line in sent[1:]] == [4042, 4010]
+    sent = [line for line in bench.bytes_of(bench.driver.read) if line.startswith("tx")]
+    assert [int(line[-8:-4], 16) for line in sent] == [4042, 4180, 4178, 4012, 1356]
+    second = oven(units="C", cascade=True, alarms=0, loop=2)
+    sent = [line for line in second.bytes_of(second.driver.read) if line.startswith("tx")]
+    assert [int(line[-8:-4], 16) for line in sent] == [4242, 4380, 4378, 4212]
+
+
+def test_in_a_cascade_the_temperature_is_the_parts_which_follows_the_air() -> None:
+    bench = oven(cascade=True)
+    client = Independent(ModbusCable(bench.world, bench.twin.on_rx))
+    client.write_register(1328, 15)
+    bench.driver.prepare()
+    bench.driver.set_temperature(40.0)
+    bench.world.sleep(900.0)
+    state, now = bench.driver.read(), bench.world.now()
+    part, air = (bench.plant.temperature_degC(place, now) for place in ("package", "enclosure"))
+    assert state.temperature_degC == pytest.approx(part, abs=0.02)
+    assert client.number(4182) == pytest.approx(air, abs=0.02)
+    leading = bench.plant.chamber("oven").active_setpoint_degC(now)
+    assert client.number(4188) == pytest.approx(leading, abs=0.02), "the inner loop's set point"
+    assert air - part > 1.0
+    assert (state.setpoint_degC, state.running) == (pytest.approx(40.0, abs=1e-4), True)
+    bench.driver.stop()
+    assert bench.driver.read().setpoint_degC == pytest.approx(part, abs=0.1)
+    bench.driver.make_safe()
+    assert bench.driver.read().setpoint_degC == pytest.approx(23.0, abs=1e-4)
+
+
+def test_the_range_of_a_cascade_is_checked() -> None:
+    bench = oven(cascade=True, high_degC=120.0)
+    client = Independent(ModbusCable(bench.world, bench.twin.on_rx))
+    client.write_register(1328, 15)
+    client.set(4036, 110.0)
+    with pytest.raises(LimitError, match="the controller's own setpoint range is -40 to 110 degC"):
+        bench.driver.prepare()
 
 
 def test_a_setpoint_that_reads_back_differently_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -204,6 +324,7 @@ def test_what_the_twin_refuses(pdu: str, answer: str) -> None:
 
 def test_a_refusal_reaches_the_operator_with_its_meaning() -> None:
     bench = oven(high_degC=400.0)
+    Independent(ModbusCable(bench.world, bench.twin.on_rx)).set(2776, 300.0)
     with pytest.raises(InstrumentError, match=r"oven at sim://w/oven reports error 3: writing 2 word.s. at 2782"):
         bench.driver.set_temperature(399.0)
 
@@ -223,6 +344,10 @@ def test_settings_survive_a_power_cycle() -> None:
         ({"register_map": REGISTER_MAP, "low_degC": 50.0, "high_degC": 40.0}, "low_degC 50 is not below high_degC 40"),
         ({"register_map": REGISTER_MAP, "safe_degC": 400.0}, "safe_degC 400 is outside"),
         ({"register_map": REGISTER_MAP, "setpoint": 1}, "Extra inputs"),
+        ({"register_map": REGISTER_MAP, "limit_modules": [7]}, "a controller has slots 1 to 6"),
+        ({"register_map": REGISTER_MAP, "cascade": True, "ramp_degC_per_min": 2.0}, "a cascade's ramp cannot be set"),
+        ({"register_map": WITHOUT_MORE, "cascade": True}, "the register map knows no cascade"),
+        ({"register_map": WITHOUT_MORE, "limit_modules": [5]}, "the register map knows no limit_modules"),
     ],
 )
 def test_options_are_strict(options: dict[str, object], message: str) -> None:

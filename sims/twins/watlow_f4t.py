@@ -1,4 +1,4 @@
-"""Simulated Watlow F4T temperature controller, one control loop on one of the plant's chambers.
+"""Simulated Watlow F4T temperature controller, one control loop or cascade on one of the plant's chambers.
 
 The registers are those of the register map that the options carry; what each does is here. As shipped, the
 controller talks in degrees Fahrenheit. Settings survive a power cycle, as in the real one.
@@ -9,8 +9,9 @@ from __future__ import annotations
 import struct
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
-from math import inf
+from math import inf, nan
 from typing import Any
 
 from sims.noise import event_at, normal
@@ -22,9 +23,21 @@ from sims.world import World
 _PV_NOISE_DEGC = 0.003
 _PART_NUMBER = "F4T1A2CAA1A1AAA"
 _STRUCT = {"uint16": ">H", "int32": ">i", "float32": ">f"}
-_ALARMS = 14
+_ALARMS, _MODULES = 14, 6
 
 Value = float | int | str
+Access = tuple[Callable[[], Value], Callable[[Any], None] | None]
+"""How a register is read and written."""
+
+
+@dataclass
+class _Alarm:
+    """One of the controller's alarms; limits as shipped, of a deviation alarm differences."""
+
+    state: int
+    kind: int
+    high_degC: float = 148.9
+    low_degC: float = 0.0
 
 
 class _Register:
@@ -104,13 +117,15 @@ class WatlowF4TTwin:
 
     Args:
         name: the bench's name for it.
-        options: its options in the bench file; `register_map` (text) and `loop` matter here.
+        options: its options in the bench file; `register_map` (text), `loop` and `cascade` matter here, and the range
+            of setpoints, for which whoever built the chamber has set the controller up.
         world: virtual time.
         plant: its `chamber(name)` is what the loop controls.
         serial: serial number; its digits are what the controller answers.
 
     Attributes:
         registers: what is on the wire, for any framing.
+        sensor_broken: the process value is no number [?].
 
     """
 
@@ -128,8 +143,13 @@ class WatlowF4TTwin:
             "ramp_action": self._codes["ramp_action"]["off"],
             "ramp_scale": self._codes["ramp_scale"]["minutes"],
         }
-        self._minimum, self._maximum, self._ramp_per_scale = -40.0, 150.0, 1.0
-        self._alarms = [self._codes["alarm"]["none"]] * _ALARMS
+        self._minimum = min(-40.0, float(str(options.get("low_degC", -40.0))))
+        self._maximum = max(150.0, float(str(options.get("high_degC", 150.0))))
+        self._ramp_per_scale = 1.0
+        none, off = self._codes["alarm"]["none"], self._codes["alarm_type"]["off"]
+        self._alarms = [_Alarm(none, off) for _ in range(_ALARMS)]
+        self._limits = [self._limit() for _ in range(_MODULES)]
+        self.sensor_broken = False
         number = int("".join(c for c in serial if c.isdigit()) or 0) % 2**31
         self._fixed: Mapping[str, Value] = {
             "software_release": 5,
@@ -138,7 +158,10 @@ class WatlowF4TTwin:
             "part_number": _PART_NUMBER,
         }
         self.registers = _Bank()
-        self._fill(contract, int(str(options.get("loop", 1))))
+        self._low_first = contract["word_order"] == "low-first"
+        self._fill(contract["registers"], int(str(options.get("loop", 1))), self._loop())
+        if options.get("cascade"):
+            self._fill(contract["cascade"], int(str(options.get("loop", 1))), self._loop() | self._cascade())
         self._endpoint = ModbusEndpoint(world, {1: self.registers})
 
     def on_rx(self, data: bytes, tx: Callable[[bytes], None]) -> None:
@@ -148,29 +171,60 @@ class WatlowF4TTwin:
     def power_cycle(self) -> None:
         """Off and on again; setpoint, mode and settings are kept in the controller's memory."""
 
-    def set_alarm(self, number: int, state: str) -> None:
-        """Put alarm 1, 2, ... into a state that the register map names."""
-        self._alarms[number - 1] = self._codes["alarm"][state]
+    def set_alarm(self, number: int, state: str, kind: str = "process", limit_degC: float | None = None) -> None:
+        """Put alarm 1, 2, ... into a state and give it a type, both as the register map names them."""
+        alarm = self._alarms[number - 1]
+        alarm.state, alarm.kind = self._codes["alarm"][state], self._codes["alarm_type"][kind]
+        if limit_degC is not None:
+            alarm.high_degC = alarm.low_degC = limit_degC
 
-    def _fill(self, contract: Mapping[str, Any], loop: int) -> None:
-        low_first = contract["word_order"] == "low-first"
-        access: dict[str, tuple[Callable[[], Value], Callable[[Any], None] | None]] = {
+    def set_limit(self, slot: int, *, state: str = "none", status: str = "ok", error: str = "none") -> None:
+        """Let the limit controller in slot 1 to 6 trip, fail, or lose its sensor; without words it is well."""
+        self._limits[slot - 1] = self._limit(state, status, error)
+
+    def _limit(self, state: str = "none", status: str = "ok", error: str = "none") -> dict[str, int]:
+        codes = self._codes
+        return {
+            "limit_state": codes["limit_state"][state],
+            "limit_status": codes["limit_status"][status],
+            "limit_error": codes["input_error"][error],
+        }
+
+    def _loop(self) -> dict[str, Access]:
+        """How the registers of the control loop are read and written, by name."""
+        chamber, now = self._enclosure, self._world.now
+        return {
             "mode": (self._mode, self._set_mode),
             "active_mode": (self._mode, None),
-            "setpoint": (lambda: self._shown(self._enclosure.setpoint_degC), self._set_setpoint),
-            "active_setpoint": (lambda: self._shown(self._enclosure.active_setpoint_degC(self._world.now())), None),
+            "setpoint": (lambda: self._shown(chamber.setpoint_degC), self._set_setpoint),
+            "active_setpoint": (lambda: self._shown(chamber.active_setpoint_degC(now())), None),
             "process_value": (self._process_value, None),
-            "power": (lambda: self._enclosure.power_pct(self._world.now()), None),
+            "power": (lambda: chamber.power_pct(now()), None),
             "setpoint_minimum": (lambda: self._shown(self._minimum), self._set_minimum),
             "setpoint_maximum": (lambda: self._shown(self._maximum), self._set_maximum),
             "ramp_rate": (lambda: self._shown_difference(self._ramp_per_scale), self._set_ramp_rate),
         }
-        for name, entry in contract["registers"].items():
-            address, kind = entry["address"], entry["type"]
-            if name == "alarm_state":
-                for n in range(_ALARMS):
-                    state = _Register(kind, low_first, partial(self._alarms.__getitem__, n), None)
-                    self.registers.add(address + n * entry["stride"], state)
+
+    def _cascade(self) -> dict[str, Access]:
+        """Where a cascade differs from a loop: the part follows the air, which is led to the part's own setpoint."""
+        chamber, now = self._enclosure, self._world.now
+        return {
+            "process_value": (self._part_value, None),
+            "air_value": (self._process_value, None),
+            "air_setpoint": (lambda: self._shown(chamber.active_setpoint_degC(now())), None),
+        }
+
+    def _fill(self, entries: Mapping[str, Any], loop: int, access: Mapping[str, Access]) -> None:
+        for name, entry in entries.items():
+            address, kind, stride = entry["address"], entry["type"], entry.get("stride", 0)
+            several: list[Access] | None = None
+            if name.startswith("alarm_"):
+                several = [self._alarm_access(name, alarm) for alarm in self._alarms]
+            elif name.startswith("limit_"):
+                several = [(partial(self._limit_code, slot, name), None) for slot in range(_MODULES)]
+            if several is not None:
+                for n, (get, put) in enumerate(several):
+                    self.registers.add(address + n * stride, _Register(kind, self._low_first, get, put))
                 continue
             if name in access:
                 get, put = access[name]
@@ -179,8 +233,24 @@ class WatlowF4TTwin:
             else:
                 get = partial(self._settings.__getitem__, name)
                 put = partial(self._choose, name, self._codes[entry["codes"]])
-            address += (loop - 1) * entry.get("stride", 0)
-            self.registers.add(address, _Register(kind, low_first, get, put))
+            self.registers.add(address + (loop - 1) * stride, _Register(kind, self._low_first, get, put))
+
+    def _limit_code(self, slot: int, name: str) -> int:
+        return self._limits[slot][name]
+
+    def _alarm_access(self, name: str, alarm: _Alarm) -> Access:
+        if name == "alarm_state":
+            return lambda: alarm.state, None
+        if name == "alarm_type":
+            return lambda: alarm.kind, None
+        attribute = f"{name.removeprefix('alarm_')}_degC"
+
+        def get() -> float:
+            absolute = alarm.kind != self._codes["alarm_type"]["deviation"]
+            degC: float = getattr(alarm, attribute)
+            return self._shown(degC) if absolute else self._shown_difference(degC)
+
+        return get, None
 
     def _choose(self, name: str, codes: Mapping[str, int], value: int) -> None:
         if value not in codes.values():
@@ -221,9 +291,18 @@ class WatlowF4TTwin:
         self._ramp_per_scale = shown / self._per_kelvin()
 
     def _process_value(self) -> float:
+        if self.sensor_broken:
+            return nan
         now = self._world.now()
         noise = _PV_NOISE_DEGC * normal(self._seed, f"{self.name} process value", event_at(now))
         return self._shown(self._enclosure.air_degC(now) + noise)
+
+    def _part_value(self) -> float:
+        if self.sensor_broken:
+            return nan
+        now = self._world.now()
+        noise = _PV_NOISE_DEGC * normal(self._seed, f"{self.name} part value", event_at(now))
+        return self._shown(self._enclosure.package_degC(now) + noise)
 
     def _per_kelvin(self) -> float:
         return 1.0 if self._settings["display_units"] == self._codes["units"]["C"] else 1.8
