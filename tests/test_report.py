@@ -13,7 +13,7 @@ from dry import LAB, SHORT, dry, write_short
 
 from fitter.trace import trace
 from rig.closed_loop import Traced, fit_table, trace_table
-from rig.report.html import render
+from rig.report import report as render
 from rig.report.parameters import parameters, with_error
 from rig.report.words import chance, incomplete, little_help, unnamed
 from rig.tables import Table, run_table

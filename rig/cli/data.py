@@ -98,7 +98,7 @@ def trace(
 
     traced = trace_table(read_table(data))
     if report is not None:
-        from rig.report.html import write_report  # noqa: PLC0415
+        from rig.report import write_report  # noqa: PLC0415
 
         write_report(report, traced)
         err.print(f"report: {escape(str(report))}", soft_wrap=True)

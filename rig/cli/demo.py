@@ -34,7 +34,7 @@ def demo(
     """
     from rig.closed_loop import trace_table  # noqa: PLC0415
     from rig.examples import example  # noqa: PLC0415
-    from rig.report.html import write_report  # noqa: PLC0415
+    from rig.report import write_report  # noqa: PLC0415
     from rig.tables import run_table  # noqa: PLC0415
 
     lab = example("attitude-lab")

@@ -1,1 +1,24 @@
 """The report: one HTML file that needs nothing else, with the evidence a person signs on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rig.atomic import write_whole
+
+if TYPE_CHECKING:
+    from rig.closed_loop import Traced
+
+
+def report(traced: Traced) -> str:
+    """The report of a traced run as HTML; everything that came from a file is escaped."""
+    from rig.report.attitude import attitude_report  # noqa: PLC0415 - plots take a second to import
+
+    return attitude_report(traced)
+
+
+def write_report(path: Path, traced: Traced) -> None:
+    """Write a self-contained HTML report, whole or not at all. Raises `UsageError` if the disk refuses."""
+    text = report(traced)
+    write_whole(path, lambda file: file.write(text))

@@ -1,20 +1,15 @@
-"""Fill the report's template."""
+"""The report of an attitude calibration: what was found, error before and after, residuals, provenance."""
 
 from __future__ import annotations
 
-from functools import cache
-from importlib.resources import files
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import jinja2
 import numpy as np
 
-from rig.atomic import write_whole
+from rig.report.attitude_plots import Picture, residual_map, residuals_against
+from rig.report.frame import render
 from rig.report.parameters import parameters
-from rig.report.plots import Picture, residual_map, residuals_against
-from rig.report.story import story
-from rig.report.words import TESTS, capitalised, chance, incomplete, little_help, significant, unnamed
+from rig.report.words import TESTS, capitalised, chance, little_help, significant, unnamed
 
 if TYPE_CHECKING:
     from rig.closed_loop import Traced
@@ -32,35 +27,14 @@ _ROWS = (
 )
 
 
-@cache
-def _template() -> jinja2.Template:
-    text = files("rig.report").joinpath("report.html.j2").read_text(encoding="utf-8")
-    return jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined).from_string(text)
-
-
-def write_report(path: Path, traced: Traced) -> None:
-    """Write a self-contained HTML report, whole or not at all. Raises `UsageError` if the disk refuses."""
-    text = render(traced)
-    write_whole(path, lambda file: file.write(text))
-
-
-def render(traced: Traced) -> str:
-    """The report as HTML; everything that came from a file is escaped."""
-    table = traced.table
-    provenance = dict(table.provenance)
-    software = provenance.pop("software", {})
-    provenance |= {f"software: {name}": version for name, version in software.items()}
-    hours = float(np.ptp(traced.data.elapsed_s)) / 3600.0
+def attitude_report(traced: Traced) -> str:
+    """The report as HTML."""
     result = traced.to_json()
-    return _template().render(
-        title=provenance.get("procedure", Path(table.source).name),
-        simulated=table.simulated,
-        points=len(table),
-        incomplete=incomplete(table.provenance),
-        span=f"{hours:.1f} h",
+    return render(
+        "attitude.html.j2",
+        traced.table,
+        span_s=float(np.ptp(traced.data.elapsed_s)),
         sensors=[_sensor(name, result["sensors"][name], traced) for name in traced.trace.sensors],
-        provenance=list(provenance.items()),
-        story=story(Path(table.source)) if "run_id" in provenance else [],
     )
 
 

@@ -1,0 +1,48 @@
+"""What every report has around its contents: title, SIMULATED, provenance, and the run hour by hour."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import jinja2
+
+from rig.report.story import story
+from rig.report.words import incomplete
+from rig.tables import Table
+
+
+@cache
+def _templates() -> jinja2.Environment:
+    return jinja2.Environment(
+        loader=jinja2.PackageLoader("rig.report"), autoescape=True, undefined=jinja2.StrictUndefined
+    )
+
+
+def render(template: str, table: Table, *, span_s: float, **contents: object) -> str:
+    """Fill a template; everything that came from a file is escaped.
+
+    Args:
+        template: its name.
+        table: where the data come from.
+        span_s: from the first observation to the last.
+        contents: what the template itself wants.
+
+    """
+    provenance = dict(table.provenance)
+    software = provenance.pop("software", {})
+    provenance |= {f"software: {name}": version for name, version in software.items()}
+    return (
+        _templates()
+        .get_template(template)
+        .render(
+            title=provenance.get("procedure", Path(table.source).name),
+            simulated=table.simulated,
+            points=len(table),
+            incomplete=incomplete(table.provenance),
+            span=f"{span_s / 3600.0:.1f} h",
+            provenance=list(provenance.items()),
+            story=story(Path(table.source)) if "run_id" in provenance else [],
+            **contents,
+        )
+    )
