@@ -1,0 +1,41 @@
+"""Arrays that were given to us, checked: one dimension, the right length, every value a finite number."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fitter.arrays import FloatArray, IntArray
+
+
+def finite(name: str, values: ArrayLike, count: int) -> FloatArray:
+    """(count,) `values`, read-only.
+
+    Raises:
+        ValueError: another shape, or a value that is not finite; says which.
+
+    """
+    array = np.array(values, dtype=np.float64)
+    if array.shape != (count,):
+        raise ValueError(f"{name}: expected {count} values in one dimension, found shape {array.shape}")
+    bad = np.flatnonzero(~np.isfinite(array))
+    if bad.size:
+        raise ValueError(f"{name}: row {bad[0]} holds {array[bad[0]]}, not a finite number")
+    array.flags.writeable = False
+    return array
+
+
+def whole(name: str, values: ArrayLike, count: int) -> IntArray:
+    """(count,) `values` as integers, read-only.
+
+    Raises:
+        ValueError: another shape, or a value that is not a whole number; says which.
+
+    """
+    array = finite(name, values, count)
+    bad = np.flatnonzero(array != np.round(array))
+    if bad.size:
+        raise ValueError(f"{name}: row {bad[0]} holds {array[bad[0]]:g}, not a whole number")
+    integers = array.astype(np.int64)
+    integers.flags.writeable = False
+    return integers
