@@ -1,0 +1,380 @@
+"""A pressure controller and the line behind it, in closed form: slew, settling, overshoot, leak, vent, lost sources.
+
+The state is the gas pressure at the transducers. Between one command and the next it is a chain of stretches, each
+a first-order system that follows a straight line, so that pressures and their means over a window are closed forms
+of time, and nothing depends on how often anybody looks. Pressures are absolute, psi; a rate is psi per second.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass, field
+from math import e, exp, expm1, inf, log, pi, sin, sqrt
+
+from sims.noise import event_at, normal, uniform
+from sims.physics.fields import Number, accepts, quantity
+
+ATMOSPHERE_PSIA = 14.695949
+"""Standard atmosphere."""
+
+_HEAD_PER_M = 0.0280134 * 9.80665 / (8.314463 * 296.15)  # barometric formula, nitrogen at 23 degrees Celsius
+_AT_AMBIENT_PSI = 0.01  # a vent is over when it is this near
+_REMEMBERED_S = 3600.0
+_DAY_S = 86400.0
+_PERIODS_S = (40.0, 21.4, 11.4, 6.11, 3.27, 1.75, 0.935, 0.5)  # of the control noise
+
+
+@dataclass(frozen=True)
+class LineTruth:
+    """A pressure controller and its line: `[pressure_line]`.
+
+    Attributes:
+        supply_psia: pressure of the source that it raises pressure from.
+        vacuum_psia: pressure of the pump that it lowers pressure with.
+        supply_lost_h: hours after the world's start at which the supply is lost; never if not given.
+        supply_back_h: and when it is back; never if not given.
+        vacuum_lost_h: the same of the vacuum pump.
+        vacuum_back_h: and when it is back.
+        ambient_psia: the atmosphere that it vents to.
+        start_psia: pressure in the line when the world starts, control being off.
+        surroundings_psia: what is around the line, and leaks into it: the atmosphere, or a chamber's vacuum.
+        leak_time_constant_s: how fast a line left alone follows its surroundings (volume over conductance).
+        restriction_s: pressure lost between controller and transducers for each psi per second of leak.
+        control_time_constant_s: how fast control brings the line to its setpoint when the slew is over.
+        valve_psi_per_s: how fast the line changes with a valve fully open.
+        overshoot_fraction: of a step, by which the pressure goes too far when overshoot is allowed.
+        control_noise_psi: standard deviation of the pressure under control, with periods of 0.5 s to 40 s.
+        height_m: how much higher the transducers are than the controller's reference.
+        reference_gain_ppm: error of the controller's own sensor, of reading.
+        reference_offset_psi: its error at zero.
+        reference_drift_psi_per_day: growth of that error.
+        reference_noise_psi: standard deviation of one reading of it.
+
+    """
+
+    supply_psia: float = quantity(45.0, 0.0, 10_000.0)
+    vacuum_psia: float = quantity(0.002, 0.0, 14.0)
+    supply_lost_h: float | None = field(default=None, metadata=accepts(Number(0.0)))
+    supply_back_h: float | None = field(default=None, metadata=accepts(Number(0.0)))
+    vacuum_lost_h: float | None = field(default=None, metadata=accepts(Number(0.0)))
+    vacuum_back_h: float | None = field(default=None, metadata=accepts(Number(0.0)))
+    ambient_psia: float = quantity(ATMOSPHERE_PSIA, 0.0, 20.0)
+    start_psia: float = quantity(ATMOSPHERE_PSIA, 0.0, 10_000.0)
+    surroundings_psia: float = quantity(ATMOSPHERE_PSIA, 0.0, 20.0)
+    leak_time_constant_s: float = quantity(2e6, 10.0, 1e12)
+    restriction_s: float = quantity(0.0, 0.0, 1e4)
+    control_time_constant_s: float = quantity(1.5, 1e-2, 1e3)
+    valve_psi_per_s: float = quantity(5.0, 1e-3, 1e4)
+    overshoot_fraction: float = quantity(0.01, 0.0, 0.5)
+    control_noise_psi: float = quantity(2e-6, 0.0, 10.0)
+    height_m: float = quantity(0.0, -100.0, 100.0)
+    reference_gain_ppm: float = quantity(0.0, -1e5, 1e5)
+    reference_offset_psi: float = quantity(0.0, -10.0, 10.0)
+    reference_drift_psi_per_day: float = quantity(0.0, -10.0, 10.0)
+    reference_noise_psi: float = quantity(2e-6, 0.0, 10.0)
+
+
+@dataclass(frozen=True, slots=True)
+class _Stretch:
+    """constant + slope * (t - start), followed with a lag, from the pressure `begin` on; maybe past it and back.
+
+    `bump` is an overshoot's height; `saturated` says that a valve is fully open in vain.
+    """
+
+    start: float
+    constant: float
+    slope: float
+    tau: float
+    begin: float
+    bump: float = 0.0
+    saturated: bool = False
+
+    @property
+    def _fading(self) -> float:
+        return self.begin - self.constant + self.slope * self.tau
+
+    def at(self, t: float) -> float:
+        dt = t - self.start
+        u = dt / self.tau
+        gone = exp(-u)
+        return self.constant + self.slope * (dt - self.tau) + (self._fading + self.bump * e * u) * gone
+
+    def rate(self, t: float) -> float:
+        u = (t - self.start) / self.tau
+        return self.slope + (self.bump * e * (1.0 - u) - self._fading) * exp(-u) / self.tau
+
+    def integral(self, t0: float, t1: float) -> float:
+        """Of the pressure over time, psi s; differences of exponentials are taken without cancellation."""
+        d0, length, tau = t0 - self.start, t1 - t0, self.tau
+        u0, u1 = d0 / tau, (t1 - self.start) / tau
+        straight = self.constant + self.slope * (d0 + length / 2.0 - tau)
+        gone = -tau * exp(-u0) * expm1(-length / tau)
+        bump = self.bump * e * (gone + tau * (u0 * exp(-u0) - u1 * exp(-u1))) if self.bump else 0.0
+        return straight * length + self._fading * gone + bump
+
+
+class PressureLine:
+    """The line under a controller's commands. Starts uncontrolled.
+
+    Args:
+        truth: what it is like.
+        name: the controller's name on the bench, the key of its noise.
+        seed: the world's.
+        start: virtual time from which on it is known, seconds.
+
+    Attributes:
+        setpoint_psia: as last commanded.
+        controlling: whether the control loop is closed.
+
+    """
+
+    def __init__(self, truth: LineTruth, name: str, seed: int, start: float = 0.0) -> None:
+        self.truth = truth
+        self.setpoint_psia = truth.start_psia
+        self.controlling = False
+        self._seed = seed
+        self._channel = f"{name}/reference"
+        # What the controller's port has more than the transducers: the gas column's weight, and the leak's flow.
+        self._column = exp(_HEAD_PER_M * truth.height_m)
+        self._flow = truth.restriction_s / truth.leak_time_constant_s
+        self._gain = 1.0 + truth.reference_gain_ppm * 1e-6
+        self._drift = truth.reference_drift_psi_per_day / _DAY_S
+        self._vent_over: float | None = None
+        self._ripple_size = truth.control_noise_psi * sqrt(2.0 / len(_PERIODS_S))
+        phases = (2.0 * pi * uniform(seed, f"{name}/control", k) for k in itertools.count())
+        self._tones = tuple((2.0 * pi / period, phase) for period, phase in zip(_PERIODS_S, phases, strict=False))
+        self._outages = {
+            "supply": _outage(truth.supply_lost_h, truth.supply_back_h),
+            "vacuum": _outage(truth.vacuum_lost_h, truth.vacuum_back_h),
+        }
+        self._controlled_from: list[tuple[float, bool]] = [(start, False)]
+        self._stretches = [self._leaking(start, truth.start_psia)]
+
+    # Commands
+
+    def command(self, now: float, setpoint_psia: float, slew_psi_per_s: float, *, overshoot: bool = False) -> None:
+        """Control to a setpoint, which is what the controller's own reading shall become.
+
+        Args:
+            now: virtual time.
+            setpoint_psia: where to.
+            slew_psi_per_s: no faster than this; `inf` leaves it to the valves.
+            overshoot: whether it may go past the setpoint on its way.
+
+        """
+        self._begin(now, controlling=True)
+        self.setpoint_psia = setpoint_psia
+        slew = min(slew_psi_per_s, self.truth.valve_psi_per_s)
+        changes = sorted(at for outage in self._outages.values() for at in outage if now < at < inf)
+        for at in (now, *changes):
+            self._plan(at, slew, overshoot=overshoot)
+
+    def control_off(self, now: float) -> None:
+        """Close all valves; the line is left to its leak. Also ends a vent."""
+        here = self.pressure_psia(now)
+        self._begin(now, controlling=False)
+        self._stretches.append(self._leaking(now, here))
+
+    def vent(self, now: float, rate_psi_per_s: float) -> None:
+        """Let the line go to the atmosphere, no faster than this; the vent stays open until the next command."""
+        truth, here = self.truth, self.pressure_psia(now)
+        self._begin(now, controlling=False)
+        away = truth.ambient_psia - here
+        rate = min(rate_psi_per_s, truth.valve_psi_per_s)
+        ends = now + abs(away) / rate
+        tau = truth.control_time_constant_s
+        self._stretches.append(_Stretch(now, here, rate if away > 0 else -rate, tau, here))
+        left = self._stretches[-1].at(ends) - truth.ambient_psia
+        self._stretches.append(_Stretch(ends, truth.ambient_psia, 0.0, tau, truth.ambient_psia + left))
+        self._vent_over = ends + tau * log(max(1.0, abs(left) / _AT_AMBIENT_PSI))
+
+    # What is there
+
+    def pressure_psia(self, t: float) -> float:
+        """The true pressure at the transducers."""
+        return self._smooth(t) + (self._ripple(t) if self._under_control(t) else 0.0)
+
+    def mean_psia(self, t0: float, t1: float) -> float:
+        """The mean of the true pressure over a window of more than no length."""
+        starts = [s.start for s in self._stretches]
+        edges = [t0, *(s for s in starts if t0 < s < t1), t1]
+        pieces = list(itertools.pairwise(edges))
+        total = sum(self._stretch(a).integral(a, b) for a, b in pieces)
+        total += sum(self._ripple_integral(a, b) for a, b in pieces if self._under_control(a))
+        return total / (t1 - t0)
+
+    def reading_psia(self, t: float) -> float:
+        """What the controller's own sensor reads; the same for everybody who looks at that moment."""
+        noise = self.truth.reference_noise_psi * normal(self._seed, self._channel, event_at(t))
+        ripple = self._ripple(t) if self._under_control(t) else 0.0
+        return self._read(self._smooth(t), t) + ripple + noise
+
+    def supply_psia(self, t: float) -> float:
+        """Pressure of the positive source."""
+        return self.truth.supply_psia if self._available("supply", t) else self.truth.ambient_psia
+
+    def vacuum_psia(self, t: float) -> float:
+        """Pressure of the negative source."""
+        return self.truth.vacuum_psia if self._available("vacuum", t) else self.truth.ambient_psia
+
+    def venting(self, t: float) -> bool:
+        """Whether a vent is under way."""
+        return self._vent_over is not None and t < self._vent_over
+
+    def vented(self, t: float) -> bool:
+        """Whether a vent has been completed and nothing has been commanded since."""
+        return self._vent_over is not None and t >= self._vent_over
+
+    def effort_pct(self, t: float) -> float:
+        """How far the valves are open: positive lets gas in, negative out, 100 is all they can; 0 uncontrolled."""
+        if not self._under_control(t):
+            return 0.0
+        stretch = self._stretch(t)
+        here = stretch.at(t)
+        if stretch.saturated:
+            return 100.0 if self.setpoint_psia > self._read(here, t) else -100.0
+        flow = stretch.rate(t) - (self.truth.surroundings_psia - here) / self.truth.leak_time_constant_s
+        return 100.0 * max(-1.0, min(1.0, flow / self.truth.valve_psi_per_s))
+
+    def settled_since(self, t: float, band_psi: float) -> float | None:
+        """From when on the controller's reading, noise apart, has been within a band about the setpoint.
+
+        Args:
+            t: virtual time, not before the last command.
+            band_psi: half its width.
+
+        Returns:
+            Virtual seconds, not before the last command; None if it is outside at `t` or uncontrolled.
+
+        """
+        if not self._under_control(t) or abs(self._error(t)) > band_psi:
+            return None
+        commanded = self._controlled_from[-1][0]
+        end = t
+        for stretch in reversed([s for s in self._stretches if commanded <= s.start <= t]):
+            for outside in self._farthest(stretch, end):
+                if abs(self._error(outside)) > band_psi:
+                    return self._entered(outside, end, band_psi)
+            end = stretch.start
+        return commanded
+
+    # How it works
+
+    def _begin(self, now: float, *, controlling: bool) -> None:
+        """Drop what would have come after `now`, and what is so old that nobody can ask for it."""
+        kept = [s for s in self._stretches if s.start <= now]
+        old = max((i for i, s in enumerate(kept) if s.start < now - _REMEMBERED_S), default=0)
+        self._stretches = kept[old:]
+        since = [c for c in self._controlled_from if c[0] <= now]
+        old = max((i for i, c in enumerate(since) if c[0] < now - _REMEMBERED_S), default=0)
+        self._controlled_from = [*since[old:], (now, controlling)]
+        self.controlling = controlling
+        self._vent_over = None
+
+    def _plan(self, at: float, slew: float, *, overshoot: bool) -> None:
+        """Append what control does from `at` on, as far as the sources of that moment allow."""
+        self._stretches = [s for s in self._stretches if s.start <= at]
+        truth, here = self.truth, self._smooth(at)
+        up, down = self._available("supply", at), self._available("vacuum", at)
+        reachable = min(self.setpoint_psia, truth.supply_psia if up else inf)
+        reachable = max(reachable, truth.vacuum_psia if down else -inf)
+        goal = self._line_for(reachable, at)
+        surroundings = truth.surroundings_psia
+        away = goal - here
+        arrival = at
+        if away and (up if away > 0 else down):
+            arrival = at + abs(away) / slew
+            slope = (slew if away > 0 else -slew) + self._goal_slope
+            self._stretches.append(_Stretch(at, here, slope, truth.control_time_constant_s, here))
+        elif away:
+            self._stretches.append(self._leaking(at, here, saturated=True))
+            ratio = (goal - surroundings) / (here - surroundings) if here != surroundings else inf
+            if not 0.0 < ratio < 1.0:
+                return  # the leak does not lead there
+            arrival = at - truth.leak_time_constant_s * log(ratio)
+        begin, tau = self._smooth(arrival), truth.control_time_constant_s
+        settled = self._line_for(reachable, arrival)
+        self._stretches.append(
+            _Stretch(
+                arrival,
+                settled + self._goal_slope * tau,  # it keeps up with the reference's drift
+                self._goal_slope,
+                tau,
+                begin,
+                truth.overshoot_fraction * away if overshoot else 0.0,
+                saturated=reachable != self.setpoint_psia,
+            )
+        )
+        leak = (surroundings - goal) / truth.leak_time_constant_s
+        if not (down if leak > 0 else up) and leak:
+            # Nothing holds against the leak: it takes over when the approach has become slower than it is.
+            alone = arrival + tau * log(max(1.0, (begin - settled) / tau / -leak))
+            self._stretches.append(self._leaking(alone, self._smooth(alone), saturated=True))
+
+    def _leaking(self, at: float, here: float, *, saturated: bool = False) -> _Stretch:
+        truth = self.truth
+        return _Stretch(at, truth.surroundings_psia, 0.0, truth.leak_time_constant_s, here, saturated=saturated)
+
+    def _available(self, source: str, t: float) -> bool:
+        lost, back = self._outages[source]
+        return not lost <= t < back
+
+    def _read(self, line: float, t: float) -> float:
+        """The controller's reading, without noise, at a line pressure."""
+        flow = self._flow * (self.truth.surroundings_psia - line) if self._under_control(t) else 0.0
+        return self._gain * (self._column * line - flow) + self.truth.reference_offset_psi + self._drift * t
+
+    def _line_for(self, reading: float, t: float) -> float:
+        """The line pressure at which the controller, controlling, reads this."""
+        port = (reading - self.truth.reference_offset_psi - self._drift * t) / self._gain
+        return (port + self._flow * self.truth.surroundings_psia) / (self._column + self._flow)
+
+    @property
+    def _goal_slope(self) -> float:
+        """How the line pressure moves while the reading stays."""
+        return -self._drift / self._gain / (self._column + self._flow)
+
+    def _stretch(self, t: float) -> _Stretch:
+        for stretch in reversed(self._stretches):
+            if stretch.start <= t:
+                return stretch
+        return self._stretches[0]
+
+    def _smooth(self, t: float) -> float:
+        return self._stretch(t).at(t)
+
+    def _under_control(self, t: float) -> bool:
+        return next((on for since, on in reversed(self._controlled_from) if since <= t), False)
+
+    def _ripple(self, t: float) -> float:
+        return self._ripple_size * sum(sin(omega * t + phase) for omega, phase in self._tones)
+
+    def _ripple_integral(self, t0: float, t1: float) -> float:
+        half, middle = (t1 - t0) / 2.0, (t0 + t1) / 2.0
+        waves = (2.0 / omega * sin(omega * half) * sin(omega * middle + phase) for omega, phase in self._tones)
+        return self._ripple_size * sum(waves)
+
+    def _error(self, t: float) -> float:
+        return self._read(self._smooth(t), t) - self.setpoint_psia
+
+    def _farthest(self, stretch: _Stretch, end: float) -> list[float]:
+        """Where within a stretch the reading may be farthest from the setpoint, latest first."""
+        if not stretch.bump:
+            return [stretch.start]
+        top = stretch.start + stretch.tau * (1.0 - stretch._fading / (stretch.bump * e))
+        return [top, stretch.start] if stretch.start < top < end else [stretch.start]
+
+    def _entered(self, outside: float, inside: float, band_psi: float) -> float:
+        """When the reading entered the band, to a microsecond."""
+        while inside - outside > 1e-6:
+            middle = (outside + inside) / 2.0
+            if abs(self._error(middle)) > band_psi:
+                outside = middle
+            else:
+                inside = middle
+        return inside
+
+
+def _outage(lost_h: float | None, back_h: float | None) -> tuple[float, float]:
+    """(from, until), virtual seconds."""
+    return (inf if lost_h is None else lost_h * 3600.0), (inf if back_h is None else back_h * 3600.0)
