@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 from zlib import crc32
 
-from sims.physics import Plant, read_truth
+from sims.physics import Plant, read_truth, sensor_axes
 from sims.wires.can_line import CanCable
 from sims.wires.modbus_line import ModbusCable
 from sims.wires.serial_line import SerialCable, register, unregister
@@ -33,8 +33,7 @@ def world_for(bench: Mapping[str, Any], truth: Mapping[str, Any], start: float =
         sims.physics.WorldError: the world file is wrong.
 
     """
-    axes = {name: sensor["axis"] for name, sensor in bench.get("sensors", {}).items()}
-    epoch = read_truth(truth, axes).epoch
+    epoch = read_truth(truth, sensor_axes(bench)).epoch
     return World(start, EPOCH_UTC if epoch is None else epoch)
 
 

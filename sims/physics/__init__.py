@@ -6,6 +6,6 @@ can change an answer.
 """
 
 from sims.physics.plant import Plant
-from sims.physics.truth import Truth, WorldError, read_truth
+from sims.physics.truth import Truth, WorldError, read_truth, sensor_axes
 
-__all__ = ["Plant", "Truth", "WorldError", "read_truth"]
+__all__ = ["Plant", "Truth", "WorldError", "read_truth", "sensor_axes"]

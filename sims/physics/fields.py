@@ -28,7 +28,9 @@ class Kind(Protocol):
     """What one key accepts."""
 
     def read(self, value: object, where: str, axes: Mapping[str, str]) -> Any:
-        """The checked value. `where` is the key's place in the file, `axes` the bench's sensors, axis by name."""
+        """The checked value. `where` is the key's place in the file, `axes` the bench's sensors, axis by name,
+        "" for a pressure transducer.
+        """
         ...
 
 
@@ -61,14 +63,18 @@ class Whole:
 
 @dataclass(frozen=True)
 class NumberBySensor:
-    """A number, or a table of numbers by the bench's sensor names."""
+    """A number, or a table of numbers by the names of the bench's transducers, or else of its attitude sensors."""
+
+    transducers: bool
 
     def read(self, value: object, where: str, axes: Mapping[str, str]) -> BySensor:
         """See `Kind.read`."""
         number = Number()
         if not isinstance(value, Mapping):
             return number.read(value, where, axes)
-        known_keys(value, axes, where, "sensors on this bench")
+        concerned = [name for name, axis in axes.items() if (not axis) == self.transducers]
+        what = "pressure transducers" if self.transducers else "attitude sensors"
+        known_keys(value, concerned, where, f"{what} on this bench")
         return {name: number.read(item, f"{where}.{name}", axes) for name, item in value.items()}
 
 

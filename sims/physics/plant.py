@@ -6,14 +6,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from math import inf, radians, sqrt
-from typing import Protocol
+from typing import Any, Protocol
 
 from sims.noise import event_at, normal
 from sims.physics.attitude import Accelerometer
+from sims.physics.chamber import Chamber
 from sims.physics.head import HeadMechanics
+from sims.physics.pressure_line import PressureLine
+from sims.physics.pressure_stand import PressureStand
 from sims.physics.rotations import GRAVITY, Vector, apply, pitch_matrix, roll_matrix
 from sims.physics.thermal import Enclosure, Lab
-from sims.physics.truth import Truth, read_truth
+from sims.physics.truth import SensorTruth, Truth, read_truth, sensor_axes
 
 _GAUSS_3 = ((-sqrt(0.6), 5.0 / 18.0), (0.0, 8.0 / 18.0), (sqrt(0.6), 5.0 / 18.0))
 """Nodes on -1..1 and weights (summing to 1) of three-point Gauss-Legendre quadrature."""
@@ -35,12 +38,19 @@ class Time(Protocol):
 
 
 class Plant:
-    """All that is physically there: head angles, package, temperatures. Pure functions of virtual time.
+    """All that is physically there: head, package, pressure, temperatures. Pure functions of virtual time.
 
     Args:
         world: virtual time.
         truth: values of the world file; {} for a world without surprises.
-        bench: values of the bench file; its [sensors] and [temperatures] say what is wired to which channel.
+        bench: values of the bench file; its [sensors] and [temperatures] say what is wired to which channel, its
+            [factors] which instrument drives the transducers' line and which chambers they and their electronics
+            are in.
+
+    Attributes:
+        enclosure: around the package of an attitude bench.
+        head: that the package is on.
+        stand: pressure line, chambers and transducers of a pressure bench.
 
     Raises:
         WorldError: the world file says something that is not known or cannot be.
@@ -48,8 +58,8 @@ class Plant:
     """
 
     def __init__(self, world: Time, truth: Mapping[str, object], bench: Mapping[str, object]) -> None:
-        sensors = _tables(bench, "sensors")
-        axes = {name: str(table["axis"]) for name, table in sensors.items()}
+        sensors: Mapping[str, Mapping[str, object]] = _tables(bench, "sensors")
+        axes = sensor_axes(bench)
         self.truth: Truth = read_truth(truth, axes)
         t = self.truth
         self._seed = t.seed
@@ -59,14 +69,24 @@ class Plant:
         self.enclosure = Enclosure(t.enclosure, t.package.thermal_time_constant_s, self._lab, world.now())
         self.head = HeadMechanics(world, t.head, t.effects.backlash, t.effects.head_error, self._pendulum_s)
         self._pitch, self._roll = self.head.axes["pitch"], self.head.axes["roll"]
-        self._sensors = {name: Accelerometer(name, axes[name], t.sensors[name], t.effects) for name in sensors}
+        self._sensors = {
+            name: Accelerometer(name, axes[name], sensor, t.effects)
+            for name, sensor in t.sensors.items()
+            if isinstance(sensor, SensorTruth)
+        }
+        factors = {factor: str(instrument) for factor, instrument in _tables(bench, "factors").items()}
+        self.stand = PressureStand(t, factors, self._lab, world.now())
         self._volts = {_wire(table): name for name, table in sensors.items()}
         temperatures = _tables(bench, "temperatures").values()
         self._places = {_wire(table): str(table.get("place", "package")) for table in temperatures}
 
-    def chamber(self, instrument: str) -> Enclosure:
-        """What a temperature controller of the bench controls: the enclosure around the package."""
-        return self.enclosure
+    def chamber(self, instrument: str) -> Chamber | Enclosure:
+        """What a temperature controller of the bench controls: a chamber, or else the enclosure around the package."""
+        return self.stand.chamber(instrument) or self.enclosure
+
+    def pressure_line(self, instrument: str) -> PressureLine:
+        """The line behind a pressure controller of the bench."""
+        return self.stand.line(instrument)
 
     def gravity(self, t: float) -> Vector:
         """Gravity in the axes of the package's sensors, g: head angles, then the pads' deflection."""
@@ -88,6 +108,8 @@ class Plant:
             Volts.
 
         """
+        if sensor in self.stand.transducers:
+            return self.stand.output_V(sensor, t0, t1)
         accelerometer = self._sensors[sensor]
         middle, half = (t0 + t1) / 2.0, (t1 - t0) / 2.0
         still = max(self._pitch.leg(t1).end, self._roll.leg(t1).end)
@@ -103,10 +125,23 @@ class Plant:
         return output + noise * normal(self._seed, accelerometer.channel, event_at(t0))
 
     def temperature_degC(self, place: str, t: float) -> float:
-        """Temperature of the "package", the "enclosure" (its air) or the "lab" at virtual time `t`."""
-        if place == "package":
-            return self.enclosure.package_degC(t)
-        return self.enclosure.air_degC(t) if place == "enclosure" else self._lab.degC(t)
+        """Temperature at virtual time `t` of a place.
+
+        Args:
+            place: "package", "enclosure" (its air), "sensors" (the transducers), "sse" (their electronics) or "lab".
+            t: virtual time.
+
+        """
+        match place:
+            case "package":
+                return self.enclosure.package_degC(t)
+            case "enclosure":
+                return self.enclosure.air_degC(t)
+            case "sensors":
+                return self.stand.sensors_degC(t)
+            case "sse":
+                return self.stand.sse_degC(t)
+        return self._lab.degC(t)
 
     def channel_V(self, instrument: str, channel: str, t0: float, t1: float) -> float:
         """What is at an instrument's voltage input, a mean over the window; an input left open reads 0 V."""
@@ -114,12 +149,12 @@ class Plant:
         return 0.0 if sensor is None else self.sensor_V(sensor, t0, t1)
 
     def channel_degC(self, instrument: str, channel: str, t: float) -> float:
-        """Temperature of the thermistor at an instrument's input; infinite where none is connected."""
+        """Temperature of the thermometer at an instrument's input; infinite where none is connected."""
         place = self._places.get((instrument, channel))
         return inf if place is None else self.temperature_degC(place, t)
 
 
-def _tables(bench: Mapping[str, object], name: str) -> Mapping[str, Mapping[str, object]]:
+def _tables(bench: Mapping[str, object], name: str) -> Mapping[str, Any]:
     found = bench.get(name, {})
     if not isinstance(found, Mapping):
         raise TypeError(f"bench: {name} must be tables")

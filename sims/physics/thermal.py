@@ -15,7 +15,7 @@ from math import atan, cos, exp, hypot, inf, pi, sin
 from sims.physics.truth import EnclosureTruth, LabTruth
 
 DAY_S = 86400.0
-_OMEGA = 2.0 * pi / DAY_S
+OMEGA = 2.0 * pi / DAY_S
 
 
 class Lab:
@@ -32,11 +32,11 @@ class Lab:
         self.slope = truth.drift_degC_per_day / DAY_S
         self.amplitude = truth.daily_amplitude_degC
         warmest = truth.warmest_hour_utc * 3600.0
-        self.phase = _OMEGA * ((epoch_utc - warmest) % DAY_S) + pi / 2.0
+        self.phase = OMEGA * ((epoch_utc - warmest) % DAY_S) + pi / 2.0
 
     def degC(self, t: float) -> float:
         """Temperature at virtual time `t`."""
-        return self.mean + self.slope * t + self.amplitude * sin(_OMEGA * t + self.phase)
+        return self.mean + self.slope * t + self.amplitude * sin(OMEGA * t + self.phase)
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,16 +50,16 @@ class _Drive:
 
     def lagged(self, tau_s: float) -> _Drive:
         """The steady response of a first-order system with time constant `tau_s`."""
-        x = _OMEGA * tau_s
+        x = OMEGA * tau_s
         return _Drive(
             self.constant - self.slope * tau_s, self.slope, self.amplitude / hypot(1.0, x), self.phase - atan(x)
         )
 
     def at(self, t: float, start: float) -> float:
-        return self.constant + self.slope * (t - start) + self.amplitude * sin(_OMEGA * t + self.phase)
+        return self.constant + self.slope * (t - start) + self.amplitude * sin(OMEGA * t + self.phase)
 
     def rate(self, t: float) -> float:
-        return self.slope + self.amplitude * _OMEGA * cos(_OMEGA * t + self.phase)
+        return self.slope + self.amplitude * OMEGA * cos(OMEGA * t + self.phase)
 
 
 class _Stretch:
@@ -107,7 +107,7 @@ class _Stretch:
 
 
 @dataclass(frozen=True, slots=True)
-class _Command:
+class Ramp:
     """Setpoint against time from `start` on: a ramp of `slope` until `end`, then the setpoint."""
 
     start: float
@@ -117,6 +117,7 @@ class _Command:
     setpoint_degC: float
 
     def at(self, t: float) -> float:
+        """Setpoint in force at `t`."""
         return self.setpoint_degC if t >= self.end else self.begin_degC + self.slope * (t - self.start)
 
 
@@ -140,7 +141,7 @@ class Enclosure:
     def assume_steady(self, setpoint_degC: float, now: float, *, controlled: bool = True) -> None:
         """Forget the past: at `now` this setpoint has stood long enough for every transient to be over."""
         self.controlled = controlled
-        self._command = _Command(now, setpoint_degC, 0.0, now, setpoint_degC)
+        self._command = Ramp(now, setpoint_degC, 0.0, now, setpoint_degC)
         drive, tau = self._drive(setpoint_degC, 0.0, now)
         air = drive.lagged(tau)
         begin = (air.at(now, now), air.lagged(self._package_tau).at(now, now))
@@ -173,7 +174,7 @@ class Enclosure:
         slope = slew if away > 0 else -slew
         end = now + abs(away) / slew if controlled else now
         self.controlled = controlled
-        self._command = _Command(now, begin, slope, end, setpoint_degC)
+        self._command = Ramp(now, begin, slope, end, setpoint_degC)
         self._cut(now)
         if end > now:
             self._append(now, begin, slope)

@@ -7,10 +7,14 @@ world is a plain one: ideal effects, ordinary sensors, an ordinary day.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from typing import Any
 
 from sims.physics.fields import Moment, Switch, Whole, WorldError, accepts, known_keys, quantity, read_table
+from sims.physics.pressure_line import LineTruth
+from sims.physics.pressure_truth import ChamberTruth, TransducerTruth, ordinary
 from sims.physics.undeclared import Effects
+from sims.physics.undeclared_pressure import PressureEffects
 
 __all__ = ["SENSORS", "EnclosureTruth", "HeadTruth", "LabTruth", "PackageTruth", "SensorTruth", "Truth", "WorldError"]
 
@@ -128,16 +132,16 @@ class HeadTruth:
 
 @dataclass(frozen=True)
 class _SensorTables:
-    """`[sensors.NAME]` tables; every sensor on the bench gets one, its axis's ordinary sensor where none is given."""
+    """`[sensors.NAME]` tables; every sensor on the bench gets one, an ordinary sensor's where none is given."""
 
-    def read(self, value: object, where: str, axes: Mapping[str, str]) -> Mapping[str, SensorTruth]:
+    def read(self, value: object, where: str, axes: Mapping[str, str]) -> Mapping[str, SensorTruth | TransducerTruth]:
         """See `fields.Kind.read`."""
         if not isinstance(value, Mapping):
             raise WorldError(f"{where} must be tables, [{where}.NAME]")
         known_keys(value, axes, where, "on this bench")
-        return {
-            name: read_table(SENSORS[axis], value.get(name, {}), f"{where}.{name}", axes) for name, axis in axes.items()
-        }
+        numbers = {name: n for n, name in enumerate((name for name, axis in axes.items() if not axis), start=1)}
+        usual = {name: SENSORS[axis] if axis else ordinary(numbers[name]) for name, axis in axes.items()}
+        return {name: read_table(usual[name], value.get(name, {}), f"{where}.{name}", axes) for name in axes}
 
 
 @dataclass(frozen=True)
@@ -153,12 +157,22 @@ class Truth:
 
     seed: int = field(default=1, metadata=accepts(Whole()))
     epoch: float | None = field(default=None, metadata=accepts(Moment()))
-    sensors: Mapping[str, SensorTruth] = field(default_factory=dict, metadata=accepts(_SensorTables()))
+    sensors: Mapping[str, SensorTruth | TransducerTruth] = field(
+        default_factory=dict, metadata=accepts(_SensorTables())
+    )
     package: PackageTruth = field(default_factory=PackageTruth)
     lab: LabTruth = field(default_factory=LabTruth)
     enclosure: EnclosureTruth = field(default_factory=EnclosureTruth)
     head: HeadTruth = field(default_factory=HeadTruth)
+    sensor_chamber: ChamberTruth = field(default_factory=ChamberTruth)
+    sse_chamber: ChamberTruth = field(default_factory=ChamberTruth)
+    pressure_line: LineTruth = field(default_factory=LineTruth)
     effects: Effects = field(default_factory=Effects)
+
+
+def sensor_axes(bench: Mapping[str, Any]) -> Mapping[str, str]:
+    """Package axis ("x", "y", "z") by sensor name, as on the bench; "" for a pressure transducer."""
+    return {name: str(table.get("axis", "")) for name, table in bench.get("sensors", {}).items()}
 
 
 def read_truth(values: Mapping[str, object], axes: Mapping[str, str]) -> Truth:
@@ -166,10 +180,17 @@ def read_truth(values: Mapping[str, object], axes: Mapping[str, str]) -> Truth:
 
     Args:
         values: the file's plain values, {} for a world without surprises.
-        axes: package axis ("x", "y", "z") by sensor name, as on the bench.
+        axes: see `sensor_axes`.
 
     Raises:
         WorldError: naming the key, what is wrong with it and what would be right.
 
     """
-    return read_table(Truth(), {"sensors": {}, **values}, "", axes)
+    truth = read_table(Truth(), {"sensors": {}, **values}, "", axes)
+    effects = values.get("effects")
+    for name in effects if isinstance(effects, Mapping) else ():
+        of_transducers = name in {f.name for f in fields(PressureEffects)}
+        if axes and not any((not axis) == of_transducers for axis in axes.values()):
+            kind = "pressure transducers" if of_transducers else "attitude sensors"
+            raise WorldError(f"effects.{name} is of {kind}, and this bench has none")
+    return truth

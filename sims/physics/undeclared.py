@@ -13,11 +13,12 @@ from math import pi, radians, sin
 
 from sims.physics.fields import BySensor, NumberBySensor, Several, Word, accepts, quantity
 from sims.physics.rotations import Vector, apply, pitch_matrix, roll_matrix
+from sims.physics.undeclared_pressure import PressureEffects
 
 ARCSEC = 1.0 / 3600.0
 """One arc second in degrees."""
 
-_BY_SENSOR = accepts(NumberBySensor())
+_BY_SENSOR = accepts(NumberBySensor(transducers=False))
 
 
 @dataclass(frozen=True)
@@ -106,8 +107,8 @@ class HeadError:
 
 
 @dataclass(frozen=True)
-class Effects:
-    """The `[effects]` of a world. Absent ones are their own neutral selves."""
+class AttitudeEffects:
+    """The `[effects]` of a world that an attitude bench can have."""
 
     isolation_pad: IsolationPad = field(default_factory=IsolationPad)
     offset_temperature: OffsetTemperature = field(default_factory=OffsetTemperature)
@@ -117,6 +118,11 @@ class Effects:
     second_order: SecondOrder = field(default_factory=SecondOrder)
     backlash: Backlash = field(default_factory=Backlash)
     head_error: tuple[HeadError, ...] = field(default=(), metadata=accepts(Several(HeadError)))
+
+
+@dataclass(frozen=True)
+class Effects(PressureEffects, AttitudeEffects):
+    """The `[effects]` of a world. Absent ones are their own neutral selves."""
 
 
 def of_sensor(values: float | Mapping[str, float], sensor: str) -> float:

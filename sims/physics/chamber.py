@@ -1,0 +1,173 @@
+"""A temperature chamber: air under a control loop, walls that follow slowly, and a body that follows both.
+
+Between one command and the next all of it is linear, so that there is a closed form (`sims.physics.modes`):
+
+    air'  = (lab - air) / free + (wall - air) / exchange + heat
+    wall' = (air - wall) / wall_time_constant
+    body' = ((1 - w - l) air + w wall + l lab - body) / body_time_constant
+    heat  = (2 damping / tau) (setpoint in force - air) + integral of the same / tau^2
+
+The controller is proportional and integral; its setpoint in force moves no faster than the power allows.
+"""
+
+# ruff: noqa: N802  (a quantity's name ends in its unit, and units keep their own case)
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+
+from sims.physics.modes import Array, Response
+from sims.physics.pressure_truth import ChamberTruth
+from sims.physics.steps import Steps
+from sims.physics.thermal import Lab, Ramp
+
+_AIR, _WALL, _BODY, _INTEGRAL = range(4)
+
+
+@dataclass(frozen=True, slots=True)
+class _Stretch:
+    """From one command, or the end of its ramp, to the next."""
+
+    controlled: bool
+    ramp: Ramp
+    response: Response
+
+
+class Chamber:
+    """A chamber with a body in it; the same commands and questions as `sims.physics.thermal.Enclosure`.
+
+    Args:
+        truth: what it is.
+        lab: what is around it.
+        start: virtual time from which on it is known; it is in its steady state there.
+
+    Attributes:
+        controlled: whether the control loop is closed.
+        temperatures: what it was sent to, a step for every change of temperature that makes a new whole plot.
+
+    """
+
+    def __init__(self, truth: ChamberTruth, lab: Lab, start: float) -> None:
+        self._truth = truth
+        self._lab = lab
+        t = truth
+        free, exchange, wall, body = (
+            1.0 / tau
+            for tau in (t.free_time_constant_s, t.wall_exchange_s, t.wall_time_constant_s, t.body_time_constant_s)
+        )
+        alone = np.array(
+            [
+                [-free - exchange, exchange, 0.0],
+                [wall, -wall, 0.0],
+                [body * (1.0 - t.body_sees_wall - t.body_sees_lab), body * t.body_sees_wall, -body],
+            ]
+        )
+        self._proportional = 2.0 * t.damping / t.time_constant_s
+        self._integral = 1.0 / t.time_constant_s**2
+        closed = np.zeros((4, 4))
+        closed[:3, :3] = alone
+        closed[_AIR, _AIR] -= self._proportional
+        closed[_AIR, _INTEGRAL] = self._integral
+        closed[_INTEGRAL, _AIR] = -1.0
+        self._matrices = {False: alone, True: closed}
+        self._command = np.array([self._proportional, 0.0, 0.0, 1.0])
+        self._surroundings = np.array([free, 0.0, body * t.body_sees_lab, 0.0])
+        self.assume_steady(t.start_setpoint_degC, start, controlled=t.start_controlled)
+
+    def assume_steady(self, setpoint_degC: float, now: float, *, controlled: bool = True) -> None:
+        """Forget the past: at `now` this setpoint has stood long enough for every transient to be over."""
+        self.controlled = controlled
+        self._stretches: list[_Stretch] = []
+        self._append(Ramp(now, setpoint_degC, 0.0, now, setpoint_degC), now, None)
+        self.temperatures = Steps(now, setpoint_degC if controlled else self.air_degC(now))
+
+    @property
+    def setpoint_degC(self) -> float:
+        """The setpoint as commanded, whether or not a ramp has reached it."""
+        return self._stretches[-1].ramp.setpoint_degC
+
+    def active_setpoint_degC(self, t: float) -> float:
+        """The setpoint in force at `t`, part of the way there during a ramp."""
+        return self._stretch(t).ramp.at(t)
+
+    def command(
+        self, now: float, setpoint_degC: float, *, controlled: bool = True, ramp_degC_per_min: float = inf
+    ) -> None:
+        """Set the setpoint and switch control on or off, from `now` on.
+
+        Args:
+            now: virtual time.
+            setpoint_degC: where to go.
+            controlled: whether the control loop is closed; open, the air follows the laboratory.
+            ramp_degC_per_min: no faster than this; the chamber's own slew is the limit otherwise.
+
+        """
+        air = self.air_degC(now)
+        if controlled and max(abs(setpoint_degC - air), abs(setpoint_degC - self.temperatures.value(now))) > (
+            self._truth.new_draw_degC
+        ):
+            self.temperatures.set(now, setpoint_degC)
+        begin = self.active_setpoint_degC(now) if self.controlled else air
+        slew = min(ramp_degC_per_min, self._truth.slew_degC_per_min) / 60.0
+        away = setpoint_degC - begin
+        end = now + abs(away) / slew if controlled else now
+        ramp = Ramp(now, begin, slew if away > 0 else -slew, end, setpoint_degC)
+        state = self._stretch(now).response.state(now)[:_INTEGRAL]
+        if controlled:
+            total = self._stretch(now).response.at(_INTEGRAL, now) if self.controlled else 0.0
+            state = np.append(state, total)
+        self.controlled = controlled
+        self._stretches = [s for s in self._stretches if s.response.start <= now]
+        self._append(ramp, now, state)
+        if end > now:
+            self._append(ramp, end, self._stretches[-1].response.state(end))
+
+    def air_degC(self, t: float) -> float:
+        """Temperature of the air, which the controller's own sensor sees."""
+        return self._stretch(t).response.at(_AIR, t)
+
+    def wall_degC(self, t: float) -> float:
+        """Temperature of the walls."""
+        return self._stretch(t).response.at(_WALL, t)
+
+    def package_degC(self, t: float) -> float:
+        """Temperature of the transducers or electronics in it."""
+        return self._stretch(t).response.at(_BODY, t)
+
+    def power_pct(self, t: float) -> float:
+        """Control output: full heating 100, full cooling -100, 0 when control is off."""
+        stretch = self._stretch(t)
+        if not stretch.controlled:
+            return 0.0
+        error = stretch.ramp.at(t) - stretch.response.at(_AIR, t)
+        heat = self._proportional * error + self._integral * stretch.response.at(_INTEGRAL, t)
+        full = self._truth.authority_degC / self._truth.free_time_constant_s
+        return min(100.0, max(-100.0, 100.0 * heat / full))
+
+    def drifted(self, t: float) -> bool:
+        """Whether it has been left alone and is no longer where it was sent."""
+        away = self.air_degC(t) - self.temperatures.value(t)
+        return not self._stretch(t).controlled and abs(away) > self._truth.new_draw_degC
+
+    def _append(self, ramp: Ramp, at: float, begin: Array | None) -> None:
+        n = 4 if self.controlled else 3
+        slope = ramp.slope if at < ramp.end else 0.0
+        response = Response(
+            at,
+            self._matrices[self.controlled],
+            self._command[:n] if self.controlled else np.zeros(n),
+            self._surroundings[:n],
+            (ramp.at(at), slope),
+            self._lab,
+            begin,
+        )
+        self._stretches.append(_Stretch(self.controlled, ramp, response))
+
+    def _stretch(self, t: float) -> _Stretch:
+        for stretch in reversed(self._stretches):
+            if stretch.response.start <= t:
+                return stretch
+        return self._stretches[0]

@@ -1,0 +1,139 @@
+"""A pressure bench: one line, two chambers, and the transducers that hang on all three."""
+
+# ruff: noqa: N802  (a quantity's name ends in its unit, and units keep their own case)
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import sqrt
+
+from sims.noise import event_at, normal
+from sims.physics.chamber import Chamber
+from sims.physics.pressure_line import PressureLine
+from sims.physics.pressure_truth import TransducerTruth
+from sims.physics.steps import Steps
+from sims.physics.thermal import Lab
+from sims.physics.transducer import Conditions, Transducer
+from sims.physics.transpiration import at_the_sensor_psia
+from sims.physics.truth import Truth
+
+PRESSURE, SENSORS, SSE = "pressure_psia", "sensor_temperature_degC", "sse_temperature_degC"
+"""Factors, as a bench file's `[factors]` names them."""
+
+
+class Line(PressureLine):
+    """A pressure line that remembers what it was set to.
+
+    Attributes:
+        settings: pressures it was set to; a setting is a command to another pressure, or one after control was off.
+
+    """
+
+    def __init__(self, truth: Truth, name: str, start: float) -> None:
+        super().__init__(truth.pressure_line, name, truth.seed, start)
+        self.settings = Steps(start, truth.pressure_line.start_psia)
+
+    def command(self, now: float, setpoint_psia: float, slew_psi_per_s: float, *, overshoot: bool = False) -> None:
+        """See `PressureLine.command`."""
+        if not self.controlling or setpoint_psia != self.setpoint_psia:
+            self.settings.set(now, setpoint_psia)
+        super().command(now, setpoint_psia, slew_psi_per_s, overshoot=overshoot)
+
+    def vent(self, now: float, rate_psi_per_s: float) -> None:
+        """See `PressureLine.vent`."""
+        super().vent(now, rate_psi_per_s)
+        self.settings.set(now, self.truth.ambient_psia)
+
+
+class PressureStand:
+    """The transducers and all that acts on them. Pure functions of virtual time between commands.
+
+    Args:
+        truth: the world.
+        factors: the bench's `[factors]`: instrument by factor. What no instrument sets stays as the laboratory is.
+        lab: what is around it.
+        start: virtual time from which on it is known.
+
+    Attributes:
+        transducers: by name on the bench.
+
+    """
+
+    def __init__(self, truth: Truth, factors: Mapping[str, str], lab: Lab, start: float) -> None:
+        self._truth = truth
+        self._lab = lab
+        self._start = start
+        self._lines: dict[str, Line] = {}
+        self._line = self.line(factors.get(PRESSURE, ""))
+        self._chambers: dict[str, Chamber] = {}
+        for factor, chamber in ((SSE, truth.sse_chamber), (SENSORS, truth.sensor_chamber)):
+            if factor in factors:
+                self._chambers[factors[factor]] = Chamber(chamber, lab, start)
+        self._sensors, self._sse = (self._chambers.get(factors.get(factor, "")) for factor in (SENSORS, SSE))
+        self.transducers = {
+            name: Transducer(name, sensor, truth.effects, truth.seed)
+            for name, sensor in truth.sensors.items()
+            if isinstance(sensor, TransducerTruth)
+        }
+
+    def line(self, instrument: str) -> Line:
+        """The line behind a pressure controller; the transducers are on that of the factor."""
+        if instrument not in self._lines:
+            self._lines[instrument] = Line(self._truth, instrument, self._start)
+        return self._lines[instrument]
+
+    def chamber(self, instrument: str) -> Chamber | None:
+        """The chamber behind a temperature controller, if it sets one of the factors."""
+        return self._chambers.get(instrument)
+
+    def sensors_degC(self, t: float) -> float:
+        """Temperature of the transducers."""
+        return self._sensors.package_degC(t) if self._sensors else self._lab.degC(t)
+
+    def sse_degC(self, t: float) -> float:
+        """Temperature of their support electronics."""
+        return self._sse.package_degC(t) if self._sse else self._lab.degC(t)
+
+    def output_V(self, sensor: str, t0: float, t1: float) -> float:
+        """Mean output of a transducer over an integration window, noise included.
+
+        Within a window the temperatures are those of its middle; the noise belongs to the window.
+
+        Args:
+            sensor: its name on the bench.
+            t0: begin of the window, virtual seconds.
+            t1: its end, later than `t0`.
+
+        """
+        transducer = self.transducers[sensor]
+        noise = transducer.noise_mV / sqrt(t1 - t0) * normal(self._truth.seed, transducer.channel, event_at(t0))
+        return (transducer.output_mV(self.conditions(t0, t1)) + noise) * 1e-3
+
+    def conditions(self, t0: float, t1: float) -> Conditions:
+        """What the transducers see over a window."""
+        t = (t0 + t1) / 2.0
+        effects, settings = self._truth.effects, self._line.settings
+        pressure, sensor = self._line.mean_psia(t0, t1), self.sensors_degC(t)
+        bore = effects.thermal_transpiration.bore_mm
+        if bore:
+            pressure = at_the_sensor_psia(pressure, bore, sensor, self._lab.degC(t))
+        lag = self._sensors.temperatures.behind(t, effects.thermal_lag.time_constant_s) if self._sensors else 0.0
+        return Conditions(
+            t=t,
+            pressure_psia=pressure,
+            sensor_degC=sensor,
+            sse_degC=self.sse_degC(t),
+            loop=-settings.direction(t) * effects.hysteresis.shape(pressure),
+            creep_psi=settings.behind(t, effects.carry_over.time_constant_s),
+            lag_degC=lag,
+            setting=event_at(settings.since(t)),
+            set_psia=settings.value(t),
+            whole_plot=self._whole_plot(t),
+        )
+
+    def _whole_plot(self, t: float) -> int:
+        """A number for the stay at a pair of temperatures: when the last one changed, and which have drifted off."""
+        chambers = [c for c in (self._sensors, self._sse) if c]
+        latest = max((c.temperatures.since(t) for c in chambers), default=self._start)
+        drifted = sum(c.drifted(t) << bit for bit, c in enumerate(chambers))
+        return 4 * event_at(latest) + drifted

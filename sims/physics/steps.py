@@ -1,0 +1,57 @@
+"""A quantity that is set anew from time to time: what it was before, which way it went, what still lags behind it."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from math import exp
+
+_OVER = 40.0
+"""Time constants after which nothing of a step is left in a double."""
+
+
+class Steps:
+    """Values and the moments from which on they hold.
+
+    Args:
+        start: virtual time from which on the first value holds; it is the answer for all earlier times too.
+        value: the first value.
+
+    """
+
+    def __init__(self, start: float, value: float) -> None:
+        self._times = [start]
+        self._values = [value]
+
+    def set(self, now: float, value: float) -> None:
+        """From `now` on, which is never earlier than the last call's, it is this."""
+        self._times.append(now)
+        self._values.append(value)
+
+    def since(self, t: float) -> float:
+        """When the value in force at `t` was set."""
+        return self._times[self._at(t)]
+
+    def value(self, t: float) -> float:
+        """The value in force at `t`."""
+        return self._values[self._at(t)]
+
+    def direction(self, t: float) -> int:
+        """Which way the last change before `t` went: 1 up, -1 down, 0 if there was none."""
+        values = self._values
+        for i in range(self._at(t), 0, -1):
+            if values[i] != values[i - 1]:
+                return 1 if values[i] > values[i - 1] else -1
+        return 0
+
+    def behind(self, t: float, time_constant_s: float) -> float:
+        """How far a first-order lag is still above the value at `t`; before the first change it was at rest."""
+        left = 0.0
+        for i in range(self._at(t), 0, -1):
+            gone = (t - self._times[i]) / time_constant_s
+            if gone > _OVER:
+                break
+            left += (self._values[i - 1] - self._values[i]) * exp(-gone)
+        return left
+
+    def _at(self, t: float) -> int:
+        return max(0, bisect_right(self._times, t) - 1)

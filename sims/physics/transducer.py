@@ -1,0 +1,109 @@
+"""What a pressure transducer with its electronics puts out, in millivolts."""
+
+# ruff: noqa: N802  (a quantity's name ends in its unit, and units keep their own case)
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from sims.noise import normal
+from sims.physics.pressure_truth import TransducerTruth
+from sims.physics.undeclared import Effects, of_sensor
+
+
+@dataclass(frozen=True, slots=True)
+class Conditions:
+    """All that the transducers' output depends on, at one moment.
+
+    Attributes:
+        t: virtual time.
+        pressure_psia: at the transducers.
+        sensor_degC: temperature of the transducers.
+        sse_degC: temperature of their electronics.
+        loop: hysteresis: width of the loop as a fraction of the widest, negative where the pressure went up.
+        creep_psi: what a first-order lag has still to come down after the pressures set before.
+        lag_degC: the same after the temperatures set before.
+        setting: number of the setting of the pressure, which keys the subplot error.
+        set_psia: pressure that was set.
+        whole_plot: number of the temperatures' last change, which keys the whole-plot error.
+
+    """
+
+    t: float
+    pressure_psia: float
+    sensor_degC: float
+    sse_degC: float
+    loop: float
+    creep_psi: float
+    lag_degC: float
+    setting: int
+    set_psia: float
+    whole_plot: int
+
+
+class Transducer:
+    """One transducer of the bench.
+
+    Args:
+        name: its name on the bench, which keys its errors and its noise.
+        truth: what it is.
+        effects: what nobody declared.
+        seed: key of all noise.
+
+    """
+
+    def __init__(self, name: str, truth: TransducerTruth, effects: Effects, seed: int) -> None:
+        self.channel = f"sensor {name}"
+        self.noise_mV = truth.noise_mV
+        self._truth = truth
+        self._seed = seed
+        e = effects
+        self._p3 = of_sensor(e.third_order_pressure.uV_per_psi3, name) * 1e-3
+        self._p2_sensor = of_sensor(e.pressure_squared_temperature.sensor_nV_per_psi2_degC, name) * 1e-6
+        self._p2_sse = of_sensor(e.pressure_squared_temperature.sse_nV_per_psi2_degC, name) * 1e-6
+        self._p_sensor2 = of_sensor(e.pressure_temperature_squared.sensor_nV_per_psi_degC2, name) * 1e-6
+        self._p_sse2 = of_sensor(e.pressure_temperature_squared.sse_nV_per_psi_degC2, name) * 1e-6
+        self._sensor3 = of_sensor(e.third_order_temperature.sensor_nV_per_degC3, name) * 1e-6
+        self._sse3 = of_sensor(e.third_order_temperature.sse_nV_per_degC3, name) * 1e-6
+        self._hysteresis = of_sensor(e.hysteresis.uV, name) * 1e-3
+        self._creep = of_sensor(e.carry_over.pct, name) * 1e-2
+        self._lag = of_sensor(e.thermal_lag.uV_per_degC, name) * 1e-3
+        self._offset_t = of_sensor(e.wholeplot_drift.uV_per_h, name) * 1e-3 / 3600.0
+        self._excitation_t = of_sensor(e.excitation_drift.ppm_per_h, name) * 1e-6 / 3600.0
+
+    def output_mV(self, c: Conditions) -> float:
+        """Output without the noise of a reading."""
+        return self._offset(c) + self._response(c) + self.wholeplot_error_mV(c) + self.subplot_error_mV(c)
+
+    def wholeplot_error_mV(self, c: Conditions) -> float:
+        """The error that stays while the temperatures stay."""
+        return self._truth.wholeplot_mV * normal(self._seed, f"{self.channel} whole plot", c.whole_plot)
+
+    def subplot_error_mV(self, c: Conditions) -> float:
+        """The error that stays while the pressure stays set."""
+        sd = self._truth.subplot_mV + self._truth.subplot_mV_per_psi * max(0.0, c.set_psia)
+        return sd * normal(self._seed, f"{self.channel} setting", c.setting)
+
+    def _offset(self, c: Conditions) -> float:
+        """Output at zero pressure: bridge, electronics, and what both temperatures have left behind."""
+        t = self._truth
+        sensor, sse = c.sensor_degC - t.sensor_reference_degC, c.sse_degC - t.sse_reference_degC
+        bridge = t.offset_uV_per_degC * 1e-3 * sensor + (t.offset_nV_per_degC2 * 1e-6 + self._sensor3 * sensor) * (
+            sensor * sensor
+        )
+        electronics = t.sse_offset_uV_per_degC * 1e-3 * sse + (t.sse_offset_nV_per_degC2 * 1e-6 + self._sse3 * sse) * (
+            sse * sse
+        )
+        cross = t.cross_offset_nV_per_degC2 * 1e-6 * sensor * sse
+        return t.offset_mV + bridge + electronics + cross + self._lag * c.lag_degC + self._offset_t * c.t
+
+    def _response(self, c: Conditions) -> float:
+        """What the pressure adds."""
+        t = self._truth
+        sensor, sse = c.sensor_degC - t.sensor_reference_degC, c.sse_degC - t.sse_reference_degC
+        p = c.pressure_psia + self._creep * c.creep_psi
+        scale = 1.0 + (t.sensitivity_ppm_per_degC * sensor + t.sse_gain_ppm_per_degC * sse) * 1e-6
+        sensitivity = t.sensitivity_mV_per_psi * scale + self._p_sensor2 * sensor * sensor + self._p_sse2 * sse * sse
+        square = t.nonlinearity_uV_per_psi2 * 1e-3 + self._p2_sensor * sensor + self._p2_sse * sse
+        bent = p * (sensitivity + p * (square + p * self._p3))
+        return bent * (1.0 + self._excitation_t * c.t) + self._hysteresis * c.loop
