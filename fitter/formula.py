@@ -1,0 +1,211 @@
+"""Model terms written as a formula, in a small grammar of our own: nothing in it can run code.
+
+    1 + P + T_sensor + P:T_sensor + P^2        the intercept is implied; 0 or -1 takes it away
+    (P + T_sensor + T_SSE)^2                   all of them and their products up to two at a time
+    a * b                                      a + b + a:b
+    C(block)                                   categories, each against the first (treatment coding)
+    I(P / (P + 0.1)), log(P)                   arithmetic: + - * / ^ numbers, names, log
+
+From loosest to tightest: `+ -`, `*`, `:`, `^`. As in R and its relatives a product of a variable with itself is that
+variable, and a sum to a power gives products, not squares. Unlike there, *one* variable to a power is its square, cube
+and so on: `P^2` means `I(P^2)`, which is what everybody who writes it intends. Terms are ordered by how many factors
+they have, then as written. A category loses its first level wherever the model already holds what that column says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations, permutations, product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitter.arrays import FloatArray
+from fitter.formula_text import Category, FormulaError, Numeric, Term, parse_terms
+
+__all__ = ["Formula", "FormulaError", "Term"]
+
+Table = Mapping[str, NDArray[Any]]
+Levels = Mapping[str, Sequence[Any]]
+
+_STEP = 1e-30
+"""Imaginary step of a derivative, in the unit of the variable; the derivative's relative error is its square."""
+
+
+@dataclass(frozen=True)
+class Formula:
+    """Terms of a linear model.
+
+    Attributes:
+        terms: in the order of their columns; the one without factors is the intercept.
+
+    """
+
+    terms: tuple[Term, ...]
+
+    @staticmethod
+    def parse(text: str) -> Formula:
+        """Read a formula.
+
+        Raises:
+            FormulaError: it does not follow the grammar; the message points at the place.
+
+        """
+        return Formula(tuple(sorted(parse_terms(text), key=len)))
+
+    def __str__(self) -> str:
+        written = [str(term) for term in self.terms]
+        return " + ".join(written if self.has_intercept else ["0", *written])
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of the variables needed, in the order they are used."""
+        return tuple(dict.fromkeys(name for term in self.terms for name in term.names))
+
+    @property
+    def has_intercept(self) -> bool:
+        """Whether the constant is one of the terms."""
+        return Term() in self.terms
+
+    @property
+    def has_categories(self) -> bool:
+        """Whether a term has a category in it."""
+        return any(term.categories for term in self.terms)
+
+    def plus(self, *terms: Term) -> Formula:
+        """These terms too."""
+        return Formula(tuple(sorted(dict.fromkeys(self.terms + terms), key=len)))
+
+    def without(self, *terms: Term) -> Formula:
+        """All terms but these."""
+        return Formula(tuple(term for term in self.terms if term not in terms))
+
+    def levels(self, table: Table) -> dict[str, tuple[Any, ...]]:
+        """Levels of every category in `table`, ascending: what `columns` of another table needs to match these."""
+        names = dict.fromkeys(category.name for term in self.terms for category in term.categories)
+        return {name: tuple(np.unique(_given(name, table)).tolist()) for name in names}
+
+    def columns(self, table: Table, levels: Levels | None = None) -> tuple[tuple[str, ...], FloatArray]:
+        """Names and (n, k) values of the columns.
+
+        Args:
+            table: (n,) arrays by name.
+            levels: of the categories, where `table` may not hold them all; without it those found there.
+
+        Raises:
+            KeyError: the table lacks a variable.
+            ValueError: a value is not finite (the logarithm of a negative number, say), is text where a number is
+                needed, or is none of the `levels`.
+
+        """
+        levels = self.levels(table) if levels is None else levels
+        factors = dict.fromkeys(f for term in self.terms for f in term.factors)
+        values = {f: _numbers(f, table) for f in factors if isinstance(f, Numeric)}
+        members = {f: _members(f, table, levels[f.name]) for f in factors if isinstance(f, Category)}
+        count = _count(self.names, table)
+        names, columns = [], []
+        for term, coded in self._coded():
+            number = np.ones(count)
+            for f in term.numeric:
+                number = number * values[f]
+            shown = [range(0 if full else 1, len(levels[f.name])) for f, full in coded]
+            for chosen in product(*shown):
+                at = {f: i for (f, _), i in zip(coded, chosen, strict=True)}
+                names.append(_name(term, {f: levels[f.name][i] for f, i in at.items()}))
+                columns.append(np.prod([number, *(members[f][:, i] for f, i in at.items())], axis=0))
+        return tuple(names), np.column_stack(columns) if columns else np.empty((count, 0))
+
+    def derivative(self, table: Table, name: str) -> FloatArray:
+        """(n, k) derivatives of the columns with respect to the variable `name`; of a model without categories.
+
+        Exact to rounding: by a step into the complex plane, which subtracts nothing.
+        """
+        count = _count(self.names, table)
+        stepped = {**table, name: np.asarray(table[name], np.float64) + 1j * _STEP}
+        columns = []
+        for term in self.terms:
+            value = np.ones(count, np.complex128)
+            for f in term.numeric:
+                value = value * f.expression.value(stepped)
+            columns.append(value.imag / _STEP)
+        return np.column_stack(columns) if columns else np.empty((count, 0))
+
+    def _coded(self) -> Iterator[tuple[Term, tuple[tuple[Category, bool], ...]]]:
+        """Terms in parts, each with its categories and whether all their levels get a column, or all but the first.
+
+        A term's span is that of the products of its categories' contrasts, subset by subset. Those that an earlier term
+        with the same numeric factors has are left out; of the others, two that differ by one category are one part in
+        which that category has all its levels.
+        """
+        held: dict[frozenset[Numeric], set[frozenset[Category]]] = {}
+        for term in self.terms:
+            known = held.setdefault(frozenset(term.numeric), set())
+            sizes = range(len(term.categories) + 1)
+            subsets = [frozenset(c) for size in sizes for c in combinations(term.categories, size)]
+            parts: list[tuple[frozenset[Category], frozenset[Category]]] = []
+            for contrasts in [s for s in subsets if s not in known]:
+                parts.append((contrasts, frozenset()))
+                parts = _joined(parts)
+            known.update(subsets)
+            for contrasts, full in parts:
+                yield term, tuple((f, f in full) for f in term.categories if f in contrasts | full)
+
+
+def _joined(
+    parts: list[tuple[frozenset[Category], frozenset[Category]]],
+) -> list[tuple[frozenset[Category], frozenset[Category]]]:
+    """`parts` with pairs joined as long as one is another times the contrasts of one more category."""
+    for (contrasts, full), (more, same) in permutations(parts, 2):
+        extra = more - contrasts
+        if full == same and contrasts < more and len(extra) == 1:
+            rest = [part for part in parts if part not in ((contrasts, full), (more, same))]
+            return _joined([*rest, (contrasts, full | extra)])
+    return parts
+
+
+def _name(term: Term, levels: Mapping[Category, Any]) -> str:
+    shown = []
+    for f in term.factors:
+        if isinstance(f, Numeric):
+            shown.append(f.text)
+        elif f in levels:
+            shown.append(f"{f.text}[{levels[f]}]")
+    return ":".join(shown) or "1"
+
+
+def _given(name: str, table: Table) -> NDArray[Any]:
+    if name not in table:
+        raise KeyError(f"there is no variable {name}, only {', '.join(table)}")
+    return np.asarray(table[name])
+
+
+def _count(names: Sequence[str], table: Table) -> int:
+    return len(_given(names[0] if names else next(iter(table)), table))
+
+
+def _numbers(factor: Numeric, table: Table) -> FloatArray:
+    given = {}
+    for name in factor.names:
+        column = _given(name, table)
+        if column.dtype.kind not in "fiub":
+            raise ValueError(f"{name} is text; as a category it is C({name})")
+        given[name] = column.astype(np.float64)
+    value = np.asarray(factor.expression.value(given), np.float64)
+    bad = np.flatnonzero(~np.isfinite(value))
+    if bad.size:
+        where = ", ".join(f"{name} = {column[bad[0]]:g}" for name, column in given.items())
+        raise ValueError(f"{factor.text} is not a finite number in row {bad[0]}, where {where}")
+    return value
+
+
+def _members(category: Category, table: Table, levels: Sequence[Any]) -> FloatArray:
+    """(n, levels) one where a row is at that level."""
+    column = _given(category.name, table)
+    member = column[:, None] == np.asarray(levels)[None, :]
+    strange = np.flatnonzero(~member.any(axis=1))
+    if strange.size:
+        raise ValueError(f"{category.text} is {column[strange[0]]} in row {strange[0]}, a level the model has not")
+    return np.asarray(member, np.float64)
