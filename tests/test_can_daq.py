@@ -6,6 +6,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import pairwise
 from math import inf
 from typing import Any
 
@@ -250,6 +251,34 @@ def test_what_is_lost_is_measured_again(lost: tuple[int, ...]) -> None:
     again = [line for line in bench.log if line.startswith("tx")][1]
     missing = len({(number - 1) // 3 for number in lost if (number - 1) % 3 in (0, 1)}) or 1
     assert again == f"tx 6A0 0102{missing:02x}006400"
+
+
+@given(st.lists(st.sampled_from(["", "", "", "lose", "twice", "cut"]), min_size=60, max_size=60))
+def test_whatever_the_bus_does_readings_are_new_and_each_is_one_sweeps(fates: list[str]) -> None:
+    left = list(fates)
+
+    class Bus(Bench):
+        def _on_frame(self, can_id: int, data: bytes, tx: Transmit) -> None:
+            def through(can_id: int, data: bytes) -> None:
+                fate = left.pop() if left and can_id != 0x6A1 else ""
+                for _ in range({"lose": 0, "twice": 2}.get(fate, 1)):
+                    tx(can_id, data[:2] if fate == "cut" else data)
+
+            self.twin.on_frame(can_id, data, through)
+
+    bench = Bus()
+    bench.world.sleep(50.0)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("sims.twins.can_daq._NOISE", {"degC": 0.0, "V": 0.0})
+        try:
+            readings = bench.measured(8)
+        except (NoReply, BadReply):
+            return
+    for label, offset in (("sensor_temperature", 20.0), ("sse_temperature", -60.0)):
+        times = [(value - offset) * 10.0 - 50.0 for value in readings[label]]
+        assert len(times) == 8
+        assert min(times) > 0.0
+        assert all(later - sooner > 0.099 for sooner, later in pairwise(times)), "none is taken twice"
 
 
 def test_a_unit_that_keeps_losing_frames_is_reported() -> None:
