@@ -1,4 +1,4 @@
-"""The catalogue of effects a calibration may lack, each a declarative entry.
+"""The catalogues of effects a calibration may lack, each a declarative entry: of attitude, and of pressure.
 
 The order is the order in which equally good explanations are named: simplest and most usual cause first.
 """
@@ -13,6 +13,8 @@ from fitter.effects.package import (
     ROLL_HEAD_ONCE,
     ROLL_HEAD_TWICE,
 )
+from fitter.effects.pressure import GROWING_NOISE, PRESSURE_CATALOGUE, separate_pressure
+from fitter.effects.pressure_scene import PressureEffect, PressureScene, PressureTerm
 from fitter.effects.sensor import (
     CROSS_AXIS,
     OFFSET_DRIFT,
@@ -43,4 +45,19 @@ CATALOGUE: tuple[Effect, ...] = (
     CROSS_AXIS,
 )
 
-__all__ = ["CATALOGUE", "Alias", "Effect", "Entry", "Scene", "Stratum", "Term", "separate"]
+__all__ = [
+    "CATALOGUE",
+    "GROWING_NOISE",
+    "PRESSURE_CATALOGUE",
+    "Alias",
+    "Effect",
+    "Entry",
+    "PressureEffect",
+    "PressureScene",
+    "PressureTerm",
+    "Scene",
+    "Stratum",
+    "Term",
+    "separate",
+    "separate_pressure",
+]

@@ -71,13 +71,14 @@ def rivals(
 
     """
     effect, where = candidates[group[0]].effect.name, {None, *sensors}
-    paths = [{group: _price(white, group)}]
+    products = _Products.of(white)
+    paths = [{group: products.price(group)}]
     for name in dict.fromkeys(c.effect.name for c in candidates):
         if name == effect or any(candidates[j].effect.name == name for j in rest):
             continue
         terms = [j for j, c in enumerate(candidates) if c.effect.name == name and c.sensor in where]
         if terms:
-            paths.append(_path(white, terms))
+            paths.append(_path(products, terms))
     best = min(min(path.values()) for path in paths)
     explanations = [_smallest(path, best) for path in paths]
     return tuple(
@@ -91,13 +92,34 @@ def simplest(candidates: Iterable[Rival]) -> Rival:
     return min((r for r in candidates if r.alias), key=lambda r: (len(r.terms), min(r.terms)))
 
 
-def _path(white: Whitened, terms: list[int]) -> dict[tuple[int, ...], float]:
+@dataclass(frozen=True, eq=False)
+class _Products:
+    """All that refits need: products of the candidates' columns (J, J), and with the outputs (J,)."""
+
+    columns: FloatArray
+    outputs: FloatArray
+
+    @classmethod
+    def of(cls, white: Whitened) -> _Products:
+        flat = white.columns.reshape(-1, white.columns.shape[2])
+        return cls(flat.T @ flat, flat.T @ white.outputs.reshape(-1))
+
+    def price(self, terms: tuple[int, ...]) -> float:
+        """Residual sum of squares with `terms` fitted, less that without them, plus the price of the columns."""
+        picked = list(terms)
+        gram, dot = self.columns[np.ix_(picked, picked)], self.outputs[picked]
+        length = np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
+        weights = np.linalg.lstsq(gram / np.outer(length, length), dot / length, rcond=1e-10)[0]
+        return float(-weights @ (dot / length)) + PER_COLUMN * len(terms)
+
+
+def _path(products: _Products, terms: list[int]) -> dict[tuple[int, ...], float]:
     """Price of the best term, of the best two, and so on, taken one after the other while the price falls."""
     path: dict[tuple[int, ...], float] = {}
     taken: tuple[int, ...] = ()
     price = np.inf
     while len(taken) < len(terms):
-        tries = {j: _price(white, (*taken, j)) for j in terms if j not in taken}
+        tries = {j: products.price((*taken, j)) for j in terms if j not in taken}
         best = min(tries, key=lambda j: tries[j])
         if tries[best] >= price:
             break
@@ -112,13 +134,3 @@ def _smallest(path: dict[tuple[int, ...], float], best: float) -> tuple[tuple[in
         if price - best <= DELTA:
             return terms, price
     return min(path.items(), key=lambda item: item[1])
-
-
-def _price(white: Whitened, terms: tuple[int, ...]) -> float:
-    """Residual sum of squares with `terms` fitted, less the constant without them, plus the price of the columns."""
-    count, n, _ = white.columns.shape
-    columns: FloatArray = white.columns[:, :, list(terms)].reshape(count * n, len(terms))
-    gram, dot = columns.T @ columns, columns.T @ white.outputs.reshape(-1)
-    length = np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
-    weights = np.linalg.lstsq(gram / np.outer(length, length), dot / length, rcond=1e-10)[0]
-    return float(-weights @ (dot / length)) + PER_COLUMN * len(terms)

@@ -21,8 +21,8 @@ CONFIRMED = 0.8
 
 
 @dataclass(frozen=True, eq=False)
-class FoundEffect:
-    """An effect as it shows in one sensor.
+class Found:
+    """An effect as it shows in one sensor, whatever kind of run it was found in.
 
     Attributes:
         effect: name in the catalogue.
@@ -39,8 +39,7 @@ class FoundEffect:
         aliases: other effects the data cannot tell from it.
         separation: standard errors by which every other explanation falls behind, by effect.
         separate_by: the measurement that would tell it from its aliases, with the size it would show.
-        contribution_V: (n,) what it adds to the output of each observation.
-        against: field of `AttitudeData` to plot it against.
+        against: field of the data to plot it against.
 
     """
 
@@ -58,7 +57,6 @@ class FoundEffect:
     aliases: tuple[str, ...]
     separation: Mapping[str, float]
     separate_by: str
-    contribution_V: FloatArray
     against: str
 
     def to_json(self) -> dict[str, JsonValue]:
@@ -79,8 +77,23 @@ class FoundEffect:
             "aliases": list(self.aliases),
             "separation_sigmas": dict(self.separation),
             "separate_by": self.separate_by,
-            "rms_V": float(np.sqrt(np.mean(self.contribution_V**2))),
         }
+
+
+@dataclass(frozen=True, eq=False)
+class FoundEffect(Found):
+    """An effect as it shows in one attitude sensor.
+
+    Attributes:
+        contribution_V: (n,) what it adds to the output of each observation.
+
+    """
+
+    contribution_V: FloatArray
+
+    def to_json(self) -> dict[str, JsonValue]:
+        """As `rig trace --json` prints it."""
+        return {**super().to_json(), "rms_V": float(np.sqrt(np.mean(self.contribution_V**2)))}
 
 
 @dataclass(frozen=True)
@@ -93,6 +106,13 @@ class Unnamed:
     def to_json(self) -> dict[str, JsonValue]:
         """As `rig trace --json` prints it."""
         return {"where": self.where, "share": self.share}
+
+
+def verdict(found: bool, remains: bool) -> str:
+    """One word or two for a sensor: were effects found, and is something left?"""
+    if found:
+        return "partly explained" if remains else "explained"
+    return "unexplained" if remains else "nothing to add"
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ from fitter.trace.family import Family, family_of
 from fitter.trace.judge import AttitudeJudge
 from fitter.trace.problem import Problem, pose, raw_columns
 from fitter.trace.remainder import shared_attitude, strongest_wave
-from fitter.trace.result import FoundEffect, SensorTrace, Trace, Unnamed
+from fitter.trace.result import FoundEffect, SensorTrace, Trace, Unnamed, verdict
 from fitter.trace.score import RESOLVED, score
 from fitter.trace.search import ROUNDS, names_of, prune, search_and_name
 from fitter.trace.wander import expected, with_wander
@@ -125,7 +125,7 @@ def _sensor(
     return SensorTrace(
         sensor=sensor,
         declared=declared.model,
-        verdict=_verdict(bool(effects), bool(unnamed)),
+        verdict=verdict(bool(effects), bool(unnamed)),
         before=before.tables[i],
         after=after.tables[i],
         cv_rms_before=None if cv is None else float(cv[0]),
@@ -227,9 +227,3 @@ def _walk_share(problem: Problem, i: int) -> float:
     data = problem.scene.data
     spread = problem.wander[i] * len(data) / data.replicates.size / 6
     return float(spread / (1.0 + spread))
-
-
-def _verdict(found: bool, remains: bool) -> str:
-    if found:
-        return "partly explained" if remains else "explained"
-    return "unexplained" if remains else "nothing to add"

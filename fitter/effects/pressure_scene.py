@@ -1,0 +1,150 @@
+"""What the columns of a whole-plot run's effects are reckoned from, and the physics that several of them share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.effects.effect import Entry
+from fitter.whole_plot_data import WholePlotData
+
+AMBIENT_PSIA = 14.7
+ROOM_K = 295.0
+"""Temperature of the pressure controller's end of the line."""
+_ZERO_DEGC_K = 273.15
+
+
+@dataclass(frozen=True, eq=False)
+class PressureScene:
+    """Observations of a whole-plot run and their references.
+
+    Attributes:
+        data: the observations.
+        sensor_degC: reference temperature of the transducers.
+        sse_degC: the same of the electronics.
+        elapsed_s: reference time; drifts are zero there.
+        sensitivity: of each transducer, mV/psi.
+
+    """
+
+    data: WholePlotData
+    sensor_degC: float
+    sse_degC: float
+    elapsed_s: float
+    sensitivity: Mapping[str, float]
+
+    @property
+    def p(self) -> FloatArray:
+        """(n,) pressure, psia."""
+        return self.data.pressure_psia
+
+    @property
+    def sensor(self) -> FloatArray:
+        """(n,) sensor temperature above the reference, degC."""
+        return self.data.sensor_temperature_degC - self.sensor_degC
+
+    @property
+    def sse(self) -> FloatArray:
+        """(n,) temperature of the electronics above the reference, degC."""
+        return self.data.sse_temperature_degC - self.sse_degC
+
+    @cached_property
+    def hours(self) -> FloatArray:
+        """(n,) time since the reference, h."""
+        return (self.data.elapsed_s - self.elapsed_s) / 3600.0
+
+    @cached_property
+    def since_h(self) -> FloatArray:
+        """(n,) time since the first reading of the whole plot, h."""
+        return self.data.since_s / 3600.0
+
+    @cached_property
+    def whole_plot_hours(self) -> FloatArray:
+        """(n,) time of the middle of the whole plot since the reference, h."""
+        return self._mean(self.hours)
+
+    @cached_property
+    def change_psia(self) -> FloatArray:
+        """(n,) pressure less the one set before it; zero at the first of a whole plot, which nothing is known of."""
+        before = self.data.previous_pressure_psia
+        return np.where(np.isnan(before), 0.0, self.p - before)
+
+    @cached_property
+    def loop(self) -> FloatArray:
+        """(n,) width of a hysteresis loop over the pressures of the run: one in the middle, closed at both ends."""
+        low, high = float(self.p.min()), float(self.p.max())
+        return 4.0 * (self.p - low) * (high - self.p) / (high - low) ** 2 if high > low else np.zeros_like(self.p)
+
+    @cached_property
+    def waited_h(self) -> FloatArray:
+        """(n,) time between the reading before and this one, h; the usual one at the first of a whole plot."""
+        data = self.data
+        executed = np.lexsort((data.order, data.whole_plot_index))
+        wait = np.empty(len(data))
+        wait[executed] = np.diff(self.hours[executed], prepend=self.hours[executed][0])
+        first = np.isnan(data.previous_pressure_psia)
+        return np.where(first, np.median(wait[~first]) if np.any(~first) else 0.0, wait)
+
+    @property
+    def pull(self) -> FloatArray:
+        """(n,) what drives air into the line, psi."""
+        return AMBIENT_PSIA - self.p
+
+    def step(self, temperature: FloatArray) -> FloatArray:
+        """(n,) change of a temperature from the whole plot before to this one, degC; zero in the first."""
+        mean = self._mean(temperature)
+        _, first, in_time = np.unique(
+            self._mean(self.data.order.astype(np.float64)), return_index=True, return_inverse=True
+        )
+        return np.diff(mean[first], prepend=mean[first[0]])[in_time]
+
+    def transpiration(self, p0_psia: float) -> FloatArray:
+        """(n,) error of the pressure at a cold transducer, read at the warm end of its line, psi.
+
+        In the molecular regime pressures are as the square roots of the temperatures; with rising pressure the
+        difference dies out: P1/P2 - 1 = (sqrt(T1/T2) - 1) / (1 + X + X^2) with X = P / p0, the form of Liang,
+        J. Appl. Phys. 22 (1951) 148, and of Takaishi and Sensui, Trans. Faraday Soc. 59 (1963) 2503. The scale p0
+        goes inversely with the bore: with the latter's constants of nitrogen some 0.003 psia for 1 mm.
+        """
+        cold = self.data.sensor_temperature_degC + _ZERO_DEGC_K
+        x = self.p / p0_psia
+        return self.p * (np.sqrt(np.maximum(cold, 0.0) / ROOM_K) - 1.0) / (1.0 + x + x**2)
+
+    def _mean(self, values: FloatArray) -> FloatArray:
+        """(n,) mean over the whole plot of each row."""
+        index = self.data.whole_plot_index
+        return (np.bincount(index, values) / np.bincount(index))[index]
+
+
+@dataclass(frozen=True)
+class PressureTerm:
+    """One column of an effect.
+
+    Attributes:
+        name: unique within its effect; as a formula.
+        column: (n,) in the unit that makes the coefficient the effect's; of pressure, for what happens in the line.
+
+    """
+
+    name: str
+    column: Callable[[PressureScene], FloatArray]
+
+
+@dataclass(frozen=True)
+class PressureEffect(Entry):
+    """An entry of the catalogue of whole-plot runs.
+
+    An effect of scope "line" is an error of the pressure: a coefficient of one makes an error of its column, in psi,
+    in all transducers, which each shows by its own sensitivity. One of scope "sensor" is of one transducer, in mV.
+    Columns that are zero, or that the declared model holds already, are left out by the search.
+
+    Attributes:
+        terms: its columns, given the observations.
+
+    """
+
+    terms: Callable[[WholePlotData], tuple[PressureTerm, ...]]

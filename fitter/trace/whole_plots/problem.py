@@ -1,0 +1,187 @@
+"""A whole-plot run made ready for the search: every candidate's column for every transducer, in both strata."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from fitter.arrays import FloatArray, IntArray
+from fitter.effects import PressureEffect, PressureScene, PressureTerm
+from fitter.linear import orthonormal
+from fitter.split_plot import SplitPlotDesign
+from fitter.trace.whole_plots.strata import LEVELS, Level, Strata
+from fitter.whole_plot_data import WholePlotData
+
+IS_THE_MODEL = 1e-3
+"""A column of which no larger share than this is left beside the declared model adds nothing to it."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One term of one effect, on one transducer or (None) on the line and with it on all."""
+
+    effect: PressureEffect
+    term: PressureTerm
+    sensor: str | None
+
+
+@dataclass(frozen=True, eq=False)
+class Stratum:
+    """What the declared model leaves at one level.
+
+    Attributes:
+        outputs: (S, m), m readings or whole plots.
+        columns: (S, m, J).
+        df: (S,) degrees of freedom.
+
+    """
+
+    outputs: FloatArray
+    columns: FloatArray
+    df: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Arrays over S transducers, n observations and J candidates.
+
+    Attributes:
+        sensors: names of the transducers.
+        names: of the declared model's columns.
+        declared: (n, k) declared model.
+        outputs: (S, n) mV.
+        raw: (S, n, J) columns as they are, mV per unit coefficient.
+        candidates: J of them, in catalogue order.
+        whole_plot: (n,) which whole plot, from 0.
+        replicate: (n,) which replication, from 0.
+        weight: (S, n) of each reading, mean one: the inverse of its variance where that grows with pressure.
+        ratio: (S,) variance of the whole-plot error over that of a reading.
+
+    """
+
+    sensors: tuple[str, ...]
+    names: tuple[str, ...]
+    declared: FloatArray
+    outputs: FloatArray
+    raw: FloatArray
+    candidates: tuple[Candidate, ...]
+    whole_plot: IntArray
+    replicate: IntArray
+    weight: FloatArray
+    ratio: FloatArray
+
+    @cached_property
+    def strata(self) -> tuple[Strata, ...]:
+        """Projections of each transducer; shared where weights are alike."""
+        made: list[Strata] = []
+        for weight, ratio in zip(self.weight, self.ratio, strict=True):
+            same = next((s for s in made if np.array_equal(s.weight, weight) and s.ratio == ratio), None)
+            made.append(same or Strata(self.declared, self.whole_plot, self.replicate, weight, float(ratio)))
+        return tuple(made)
+
+    @cached_property
+    def at(self) -> Mapping[Level, Stratum]:
+        """Both strata of all transducers."""
+        return {level: self._at(level) for level in LEVELS}
+
+    @cached_property
+    def length_at(self) -> Mapping[Level, FloatArray]:
+        """(S, J) length of each raw column at each level: of readings by weight, or of whole plots' means."""
+        readings = np.linalg.norm(self.raw * np.sqrt(self.weight)[:, :, None], axis=1)
+        means = [
+            np.linalg.norm(strata.means(raw) * strata.precision[:, None], axis=0)
+            for strata, raw in zip(self.strata, self.raw, strict=True)
+        ]
+        return {"subplot": np.asarray(readings), "whole-plot": np.stack(means)}
+
+    @cached_property
+    def judged_at(self) -> tuple[Level, ...]:
+        """For each candidate the level it is tested at: its own stratum's, if it varies there."""
+        varies = np.any([s.varies_within(raw) for s, raw in zip(self.strata, self.raw, strict=True)], axis=0)
+        return tuple(
+            "subplot" if varies[j] and c.effect.stratum == "subplot" else "whole-plot"
+            for j, c in enumerate(self.candidates)
+        )
+
+    def within(self, level: Level, of: Sequence[int] | None = None) -> IntArray:
+        """Indices of the candidates (of those given) that are judged at a level."""
+        every = range(len(self.candidates)) if of is None else of
+        return np.array([j for j in every if self.judged_at[j] == level], np.int64)
+
+    def take(self, rows: IntArray) -> Problem:
+        """The problem of some of the rows, its columns as they are in the whole."""
+        return replace(
+            self,
+            declared=self.declared[rows],
+            outputs=self.outputs[:, rows],
+            raw=self.raw[:, rows],
+            whole_plot=np.unique(self.whole_plot[rows], return_inverse=True)[1],
+            replicate=np.unique(self.replicate[rows], return_inverse=True)[1],
+            weight=self.weight[:, rows],
+        )
+
+    def _at(self, level: Level) -> Stratum:
+        left = [
+            strata.leave(np.column_stack([y, raw]), level)
+            for strata, y, raw in zip(self.strata, self.outputs, self.raw, strict=True)
+        ]
+        df = np.array([float(strata.df(level)) for strata in self.strata])
+        return Stratum(np.stack([block[:, 0] for block in left]), np.stack([block[:, 1:] for block in left]), df)
+
+
+def pose(
+    data: WholePlotData,
+    names: tuple[str, ...],
+    declared: FloatArray,
+    scene: PressureScene,
+    catalogue: Sequence[PressureEffect],
+) -> Problem:
+    """Prepare a run for the search.
+
+    Raises:
+        fitter.linear.RankError: the observations do not determine the declared model.
+        ValueError: they do not determine its errors.
+
+    """
+    candidates = tuple(
+        Candidate(effect, term, sensor)
+        for effect in catalogue
+        for sensor in ((None,) if effect.scope == "line" else data.transducers)
+        for term in effect.terms(data)
+    )
+    raw = raw_columns(scene, data.transducers, candidates)
+    basis = orthonormal(declared)
+    left = np.linalg.norm(raw - np.einsum("nk,mk,smj->snj", basis, basis, raw, optimize=True), axis=(0, 1))
+    useful = np.flatnonzero(left > IS_THE_MODEL * np.linalg.norm(raw, axis=(0, 1)))
+    outputs = np.stack([data.outputs[s] for s in data.transducers])
+    return Problem(
+        sensors=data.transducers,
+        names=names,
+        declared=declared,
+        outputs=outputs,
+        raw=raw[:, :, useful],
+        candidates=tuple(candidates[j] for j in useful),
+        whole_plot=data.whole_plot_index,
+        replicate=np.unique(data.replicate, return_inverse=True)[1].astype(np.int64),
+        weight=np.ones_like(outputs),
+        ratio=SplitPlotDesign(declared, data.whole_plot, names).fit_many(outputs.T).ratio,
+    )
+
+
+def raw_columns(scene: PressureScene, sensors: Sequence[str], candidates: Sequence[Candidate]) -> FloatArray:
+    """(S, n, J) columns of `candidates`, mV: zero for the transducers a candidate does not concern."""
+    out = np.zeros((len(sensors), len(scene.data), len(candidates)))
+    made: dict[tuple[str, str], FloatArray] = {}
+    for j, candidate in enumerate(candidates):
+        key = candidate.effect.name, candidate.term.name
+        if key not in made:
+            made[key] = candidate.term.column(scene)
+        for i, sensor in enumerate(sensors):
+            if candidate.sensor is None:
+                out[i, :, j] = made[key] * scene.sensitivity[sensor]
+            elif candidate.sensor == sensor:
+                out[i, :, j] = made[key]
+    return out

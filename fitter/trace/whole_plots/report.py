@@ -1,0 +1,203 @@
+"""What was found, put together transducer by transducer."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.effects import GROWING_NOISE, Entry, PressureScene, separate_pressure
+from fitter.quantiles import t_limit
+from fitter.trace.aliases import Rival
+from fitter.trace.family import ALPHA, COUNTED
+from fitter.trace.result import Unnamed, verdict
+from fitter.trace.search import names_of
+from fitter.trace.whole_plots.estimate import Estimate
+from fitter.trace.whole_plots.judge import WholePlotJudge
+from fitter.trace.whole_plots.noise import Noise
+from fitter.trace.whole_plots.remainder import (
+    lack_of_fit,
+    reading_error_pct,
+    repeated_readings,
+    repeated_whole_plots,
+    strongest_pressure,
+    strongest_whole_plot,
+)
+from fitter.trace.whole_plots.result import FoundPressureEffect, Side, TransducerTrace
+from fitter.trace.whole_plots.score import beside
+from fitter.trace.whole_plots.strata import Level
+from fitter.whole_plot_data import WholePlotData
+
+UNEXPLAINED = 1e-3
+"""Lack of fit below this probability is something that remains."""
+
+
+@dataclass(frozen=True, eq=False)
+class Finding:
+    """All that a trace knows of a run.
+
+    Attributes:
+        data: the observations.
+        model: the declared one.
+        scene: references.
+        judge: of the search, with the weights it ended with.
+        before: the declared model.
+        after: the same beside the effects.
+        noise: of each transducer.
+        cv: (2, S) error on whole plots left out, before and after.
+
+    """
+
+    data: WholePlotData
+    model: str
+    scene: PressureScene
+    judge: WholePlotJudge
+    before: Estimate
+    after: Estimate
+    noise: tuple[Noise, ...]
+    cv: FloatArray | None
+
+    @cached_property
+    def classes(self) -> dict[str, tuple[Rival, ...]]:
+        """Every explanation of each effect found."""
+        chosen = self.after.chosen
+        return {name: self.judge.rivals(chosen, name) for name in names_of(self.judge.candidates, chosen)}
+
+    @cached_property
+    def weighted(self) -> tuple[bool, ...]:
+        """Of each transducer, whether its readings were weighted."""
+        return tuple(bool(np.ptp(weight) > 0) for weight in self.judge.problem.weight)
+
+
+def transducer(finding: Finding, i: int) -> TransducerTrace:
+    """What was found in transducer `i`."""
+    sensor = finding.judge.problem.sensors[i]
+    effects = [e for name in finding.classes if (e := _found(finding, name, i)) is not None]
+    effects.sort(key=lambda effect: -effect.share)
+    if finding.weighted[i]:
+        effects.append(_noise(finding, i))
+    rest = _unnamed(finding, i)
+    return TransducerTrace(
+        sensor=sensor,
+        declared=finding.model,
+        verdict=verdict(bool(effects), bool(rest)),
+        before=_side(finding, finding.before, i, 0),
+        after=_side(finding, finding.after, i, 1),
+        effects=tuple(effects),
+        unnamed=rest,
+        noise=finding.noise[i],
+        sensitivity=finding.scene.sensitivity[sensor],
+    )
+
+
+def _side(finding: Finding, fitted: Estimate, i: int, when: int) -> Side:
+    sensitivity = finding.scene.sensitivity[finding.judge.problem.sensors[i]]
+    return Side(
+        fit=fitted.fits[i],
+        reading_error_pct=reading_error_pct(finding.data, fitted.residual[i], sensitivity),
+        cv_rms=None if finding.cv is None else float(finding.cv[when, i]),
+        residual_mV=fitted.residual[i],
+    )
+
+
+def _found(finding: Finding, name: str, i: int) -> FoundPressureEffect | None:
+    """The effect as transducer `i` shows it; None where it does not concern it."""
+    problem, after, explanations = finding.judge.problem, finding.after, finding.classes[name]
+    sensor = problem.sensors[i]
+    mine = [
+        j
+        for j in after.chosen
+        if problem.candidates[j].effect.name == name and problem.candidates[j].sensor in (None, sensor)
+    ]
+    if not mine:
+        return None
+    effect, level = problem.candidates[mine[0]].effect, problem.judged_at[mine[0]]
+    coefficients = {problem.candidates[j].term.name: after.coefficients[j] for j in mine}
+    contribution = problem.raw[i][:, mine] @ np.array([c.value for c in coefficients.values()])
+    p = min(finding.judge.p_adjusted(after.chosen, j) for j in mine)
+    best = next(rival for rival in explanations if rival.effect == name)
+    alike = [problem.candidates[r.terms[0]].effect for r in explanations if r.alias and r.effect != name]
+    peak = float(np.max(np.abs(contribution)))
+    psi = peak / abs(finding.scene.sensitivity[sensor])
+    return FoundPressureEffect(
+        effect=name,
+        cause=effect.cause,
+        stratum=level,
+        terms=tuple(coefficients),
+        coefficients=tuple(c.value for c in coefficients.values()),
+        stderr=tuple(c.stderr for c in coefficients.values()),
+        unit=effect.unit,
+        size=effect.size({term: c.value for term, c in coefficients.items()}, finding.scene.sensitivity[sensor]),
+        p_adjusted=p,
+        p_adjusted_is_bound=p == finding.judge.family.least,
+        share=_share(finding, level, mine, i),
+        aliases=tuple(other.name for other in alike),
+        separation={r.effect: round(max(r.sigmas - best.sigmas, 0.0), 2) for r in explanations if r.effect != name},
+        separate_by=f"{_experiments(effect, alike)}; it reaches {peak:.2g} mV ({psi:.2g} psi) here",
+        against=effect.against,
+        df=tuple(c.df for c in coefficients.values()),
+        half_width_95=tuple(c.half_width_95 for c in coefficients.values()),
+        contribution_mV=contribution,
+        peak_mV=peak,
+        peak_psi=psi,
+    )
+
+
+def _noise(finding: Finding, i: int) -> FoundPressureEffect:
+    """Noise that grows with pressure, as a finding: coefficients of sd = a + b P."""
+    noise, problem = finding.noise[i], finding.judge.problem
+    sensitivity = finding.scene.sensitivity[problem.sensors[i]]
+    p = finding.data.pressure_psia
+    low, high = noise.sd(np.array([p.min(), p.max()])).tolist()
+    df = float(problem.at["subplot"].df[i])
+    return FoundPressureEffect(
+        effect=GROWING_NOISE.name,
+        cause=GROWING_NOISE.cause,
+        stratum="noise",
+        terms=("1", "P"),
+        coefficients=(noise.at_zero_mV, noise.per_psi_mV),
+        stderr=noise.stderr,
+        unit=GROWING_NOISE.unit,
+        size=f"sd {low:.2g} mV at the lowest pressure, {high:.2g} mV at the highest",
+        p_adjusted=min(noise.p * len(problem.sensors) / COUNTED, ALPHA),
+        p_adjusted_is_bound=False,
+        share=0.0,
+        aliases=(),
+        separation={},
+        separate_by=GROWING_NOISE.separate_by,
+        against=GROWING_NOISE.against,
+        df=(df, df),
+        half_width_95=tuple(t_limit(0.95, df) * error for error in noise.stderr),
+        contribution_mV=np.zeros(len(finding.data)),
+        peak_mV=high,
+        peak_psi=high / abs(sensitivity),
+    )
+
+
+def _share(finding: Finding, level: Level, mine: list[int], i: int) -> float:
+    """Of what stands in the stratum beyond its error, the part that goes with the effect's terms `mine`."""
+    problem, chosen = finding.judge.problem, finding.after.chosen
+    rss = []
+    for taken in ((), tuple(j for j in chosen if j not in mine), chosen):
+        stratum = beside(problem, level, taken, ())
+        rss.append(float(stratum.sigma[i] ** 2 * stratum.df[i]))
+    excess = rss[0] - problem.at[level].df[i] * stratum.sigma[i] ** 2
+    return float(np.clip((rss[1] - rss[2]) / excess, 0.0, 1.0)) if excess > 0 else 0.0
+
+
+def _experiments(effect: Entry, aliases: Iterable[Entry]) -> str:
+    """What to measure: against each alias if there are any, else to confirm the effect."""
+    return "; ".join(dict.fromkeys(separate_pressure(effect, alias) for alias in aliases)) or effect.separate_by
+
+
+def _unnamed(finding: Finding, i: int) -> tuple[Unnamed, ...]:
+    problem, chosen, data = finding.judge.problem, finding.after.chosen, finding.data
+    rest = []
+    if lack_of_fit(problem, "subplot", chosen, repeated_readings(data), i).p < UNEXPLAINED:
+        rest.append(strongest_pressure(problem, chosen, data, i))
+    if lack_of_fit(problem, "whole-plot", chosen, repeated_whole_plots(data), i).p < UNEXPLAINED:
+        rest.append(strongest_whole_plot(problem, chosen, data, i))
+    return tuple(rest)

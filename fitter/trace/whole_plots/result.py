@@ -1,0 +1,193 @@
+"""What a trace of a whole-plot run found, ready to print or to plot."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.calibration import JsonValue
+from fitter.effects import PressureScene
+from fitter.split_plot import SplitPlotFit
+from fitter.trace.result import CONFIRMED, Found, Unnamed
+from fitter.trace.whole_plots.noise import Noise
+from fitter.trace.whole_plots.problem import Candidate
+
+OF_ATTITUDE = ("sigma_E", "sigma_bias", "sigma_prec", "T_bias", "F_bias_95", "T_b", "T_S", "F_bS_95")
+"""Keys that the same object has for a pitch-roll run."""
+
+
+@dataclass(frozen=True, eq=False)
+class FoundPressureEffect(Found):
+    """An effect as it shows in one transducer.
+
+    Attributes:
+        df: degrees of freedom of the coefficients' standard errors, those of the stratum.
+        half_width_95: of the coefficients' 95 % intervals.
+        contribution_mV: (n,) what it adds to the output of each reading; zero for a finding about the noise.
+        peak_mV: its largest size.
+        peak_psi: the same as pressure.
+
+    """
+
+    df: tuple[float, ...]
+    half_width_95: tuple[float, ...]
+    contribution_mV: FloatArray
+    peak_mV: float
+    peak_psi: float
+
+    def to_json(self) -> dict[str, JsonValue]:
+        """As `rig trace --json` prints it."""
+        pairs = list(zip(self.coefficients, self.half_width_95, strict=True))
+        return {
+            **super().to_json(),
+            "df": list(self.df),
+            "lo95": [value - half for value, half in pairs],
+            "hi95": [value + half for value, half in pairs],
+            "rms_mV": float(np.sqrt(np.mean(self.contribution_mV**2))),
+            "peak_mV": self.peak_mV,
+            "peak_psi": self.peak_psi,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Side:
+    """One transducer before the effects, or after.
+
+    Attributes:
+        fit: of the declared model.
+        reading_error_pct: by pressure in psia, largest residual with whole-plot errors left in over pressure.
+        cv_rms: rms error on whole plots left out of selection and fit, mV, their own error predicted as zero; None
+            where they cannot be left out.
+        residual_mV: (n,) whole-plot errors left in, in the data's order of rows.
+
+    """
+
+    fit: SplitPlotFit
+    reading_error_pct: Mapping[str, float | None]
+    cv_rms: float | None
+    residual_mV: FloatArray
+
+    def to_json(self) -> dict[str, JsonValue]:
+        """As `rig trace --json` prints it, with the keys of pitch-roll runs as null."""
+        return {
+            **dict.fromkeys(OF_ATTITUDE),
+            "sigma_subplot": self.fit.sigma_subplot,
+            "sigma_wholeplot": self.fit.sigma_wholeplot,
+            "sigma_replicate": self.fit.sigma_replicate,
+            "reading_error_pct": dict(self.reading_error_pct),
+            "cv_rms": self.cv_rms,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class TransducerTrace:
+    """What was found in one transducer.
+
+    Attributes:
+        sensor: column name of its output.
+        declared: the declared model.
+        verdict: "explained", "nothing to add", "partly explained" or "unexplained".
+        before: with the declared model.
+        after: with the effects taken out.
+        effects: found, largest share first, findings about the noise last.
+        unnamed: what remains, if it is more than error.
+        noise: how the scatter within whole plots depends on pressure.
+        sensitivity: mV/psi.
+
+    """
+
+    sensor: str
+    declared: str
+    verdict: str
+    before: Side
+    after: Side
+    effects: tuple[FoundPressureEffect, ...]
+    unnamed: tuple[Unnamed, ...]
+    noise: Noise
+    sensitivity: float
+
+    def to_json(self) -> dict[str, JsonValue]:
+        """As `rig trace --json` prints it."""
+        return {
+            "declared": self.declared,
+            "verdict": self.verdict,
+            "before": self.before.to_json(),
+            "effects": [effect.to_json() for effect in self.effects],
+            "after": self.after.to_json(),
+            "unnamed": [rest.to_json() for rest in self.unnamed],
+            "notes": list(self.notes),
+            "fitted": {"coefficients": self._fitted()},
+        }
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences that stand beside the numbers before and after."""
+        notes = list(self.after.fit.notes)
+        means = [effect for effect in self.effects if effect.stratum != "noise"]
+        if len(means) < len(self.effects):
+            notes.append(
+                "noise grows with pressure: intervals that take one sd for all pressures are too wide at low pressure "
+                "and too narrow at high; readings were weighted by it here"
+            )
+        if any(effect.stratum == "whole-plot" for effect in means):
+            count = len(self.after.fit.whole_plots)
+            notes.append(f"effects between whole plots were judged on {count} numbers, one a whole plot")
+        if means:
+            notes.append("standard errors of the effects are conditional on their having been selected on these data")
+        before, after = self.before.cv_rms, self.after.cv_rms
+        if before is not None and after is not None:
+            if any(effect.stratum == "whole-plot" for effect in means) and after > CONFIRMED * before:
+                notes.append(
+                    "not confirmed by left-out whole plots: with the effects found the error on those left out is "
+                    f"{after / before:.0%} of what it is without them"
+                )
+            notes.append("cv_rms: each whole plot in turn left out of selection and fit, its error predicted as zero")
+        return tuple(notes)
+
+    def _fitted(self) -> dict[str, JsonValue]:
+        fit = self.after.fit
+        adjusted = fit.kenward_roger()
+        table: dict[str, JsonValue] = {}
+        for name, value, error, df in zip(fit.names, fit.coefficients, adjusted.stderr, fit.df, strict=True):
+            if ": " not in name:
+                table[name] = {"estimate": float(value), "stderr": float(error), "df": float(df)}
+        for effect in self.effects:
+            for term, value, error, df in zip(effect.terms, effect.coefficients, effect.stderr, effect.df, strict=True):
+                entry: dict[str, JsonValue] = {"estimate": value, "stderr": error, "df": df, "unit": effect.unit}
+                table[f"{effect.effect}: {term}"] = entry
+        return table
+
+
+@dataclass(frozen=True, eq=False)
+class WholePlotTrace:
+    """What was found in a run.
+
+    Attributes:
+        sensors: by column name.
+        scene: references of the effects' columns.
+        chosen: the terms in the model.
+        gamma: (q,) their coefficients, in the terms' own units.
+        points: number of readings.
+
+    """
+
+    sensors: Mapping[str, TransducerTrace]
+    scene: PressureScene
+    chosen: tuple[Candidate, ...]
+    gamma: FloatArray
+    points: int
+
+    def to_json(self, file: str | None = None) -> dict[str, JsonValue]:
+        """The object `rig trace --json` prints; numbers that do not exist are None, never NaN."""
+        return {
+            "data": {"file": file, "points": self.points, "kind": "whole-plot"},
+            "reference": {
+                "sensor_temperature_degC": self.scene.sensor_degC,
+                "sse_temperature_degC": self.scene.sse_degC,
+                "elapsed_s": self.scene.elapsed_s,
+            },
+            "sensors": {name: found.to_json() for name, found in self.sensors.items()},
+        }

@@ -1,0 +1,156 @@
+"""From the residual to the effect, for whole plots: the whole of a trace."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.effects import PRESSURE_CATALOGUE, PressureEffect, PressureScene
+from fitter.linear import RankError
+from fitter.split_plot import SplitPlotDesign
+from fitter.trace.family import ALPHA, COUNTED, Family
+from fitter.trace.search import prune, search_and_name
+from fitter.trace.whole_plots.declared import declared_model
+from fitter.trace.whole_plots.estimate import coefficients_of, contributed, estimate
+from fitter.trace.whole_plots.judge import WholePlotJudge
+from fitter.trace.whole_plots.noise import Noise, noise_of
+from fitter.trace.whole_plots.null import family_of
+from fitter.trace.whole_plots.problem import Problem, pose
+from fitter.trace.whole_plots.report import Finding, transducer
+from fitter.trace.whole_plots.result import WholePlotTrace
+from fitter.trace.whole_plots.score import beside
+from fitter.whole_plot_data import WholePlotData
+
+SEED = 20260115
+ROUNDS = 3
+
+
+def trace_whole_plots(
+    data: WholePlotData,
+    model: str = "full",
+    catalogue: Sequence[PressureEffect] = PRESSURE_CATALOGUE,
+    seed: int = SEED,
+) -> WholePlotTrace:
+    """Find what the declared model of pressure transducers lacks.
+
+    Args:
+        data: a whole-plot run; any number of transducers on one line, judged together.
+        model: "full" or another name of a set of terms, or a formula in P, T_sensor and T_SSE.
+        catalogue: effects to look for.
+        seed: of the simulated null; the same data and seed give the same answer.
+
+    Raises:
+        fitter.linear.RankError: the observations do not determine the declared model.
+        ValueError: they do not determine its errors; the message says why.
+
+    """
+    names, declared = declared_model(data, model)
+    scene = scene_of(data)
+    problem, family, found, noise = _settle(data, pose(data, names, declared, scene, catalogue), seed)
+    before, after = estimate(replace(problem, weight=np.ones_like(problem.weight)), ()), estimate(problem, found)
+    finding = Finding(
+        data=data,
+        model=model,
+        scene=scene,
+        judge=WholePlotJudge(problem, family),
+        before=before,
+        after=after,
+        noise=noise,
+        cv=left_out(problem, family, found),
+    )
+    sensors = {sensor: transducer(finding, i) for i, sensor in enumerate(problem.sensors)}
+    chosen = tuple(problem.candidates[j] for j in found)
+    return WholePlotTrace(sensors, scene, chosen, np.array([after.coefficients[j].value for j in found]), len(data))
+
+
+def scene_of(data: WholePlotData) -> PressureScene:
+    """References of a run: mean temperatures, middle of the time, and each transducer's slope with pressure."""
+    index = data.whole_plot_index
+    p = data.pressure_psia - (np.bincount(index, data.pressure_psia) / np.bincount(index))[index]
+    square = max(float(p @ p), np.finfo(float).tiny)
+    return PressureScene(
+        data=data,
+        sensor_degC=float(np.mean(data.sensor_temperature_degC)),
+        sse_degC=float(np.mean(data.sse_temperature_degC)),
+        elapsed_s=float(np.mean(data.elapsed_s)),
+        sensitivity={s: float(p @ y) / square for s, y in data.outputs.items()},
+    )
+
+
+def left_out(problem: Problem, family: Family, found: tuple[int, ...]) -> FloatArray | None:
+    """(2, S) rms error on whole plots left out, mV, before and after; None where too few are left without one.
+
+    The search is repeated without the whole plot that is left out, whose own error is predicted as zero. Where nothing
+    was found there is nothing to repeat.
+    """
+    squares = np.zeros((2, len(problem.sensors)))
+    for plot in range(int(problem.whole_plot.max()) + 1):
+        inside, aside = np.flatnonzero(problem.whole_plot != plot), np.flatnonzero(problem.whole_plot == plot)
+        rest = problem.take(inside)
+        try:
+            design = SplitPlotDesign(rest.declared, rest.whole_plot, rest.names)
+            chosen = search_and_name(WholePlotJudge(rest, family)) if found else ()
+            coefficients = coefficients_of(rest, chosen)
+            plain = design.fit_many(rest.outputs.T).coefficients
+            beside_effects = design.fit_many((rest.outputs - contributed(rest, coefficients)).T).coefficients
+        except (RankError, ValueError):
+            return None
+        columns, outputs = problem.declared[aside], problem.outputs[:, aside]
+        squares[0] += np.sum((outputs - plain @ columns.T) ** 2, axis=1)
+        corrected = outputs - contributed(problem, coefficients, aside)
+        squares[1] += np.sum((corrected - beside_effects @ columns.T) ** 2, axis=1)
+    return np.asarray(np.sqrt(squares / problem.outputs.shape[1]))
+
+
+def _settle(
+    data: WholePlotData, problem: Problem, seed: int
+) -> tuple[Problem, Family, tuple[int, ...], tuple[Noise, ...]]:
+    """Search; then weight readings by the noise found beside the effects, and search again until both stand still.
+
+    Noise is looked for beside the effects and not before them: an effect of pressure not yet in the model is largest
+    at the highest pressures, and would pass for noise that grows.
+    """
+    plain, family = problem, family_of(problem, seed)
+    chosen = search_and_name(WholePlotJudge(problem, family))
+    grows = [False] * len(problem.sensors)
+    for _ in range(ROUNDS):
+        noise = noises(plain, chosen, data.pressure_psia)
+        known, grows = grows, [stands_out(one, len(noise)) for one in noise]
+        if grows == known:
+            break
+        weight = np.stack(
+            [
+                one.sd(data.pressure_psia) ** -2.0 if grown else np.ones(len(data))
+                for one, grown in zip(noise, grows, strict=True)
+            ]
+        )
+        problem = replace(plain, weight=weight / weight.mean(axis=1, keepdims=True))
+        family = family_of(problem, seed)
+        judge = WholePlotJudge(problem, family)
+        chosen = search_and_name(judge, prune(judge, chosen))
+    return problem, family, chosen, noise
+
+
+def stands_out(noise: Noise, tests: int) -> bool:
+    """Whether noise grows with pressure, as one of so many transducers tested."""
+    return noise.per_psi_mV > 0.0 and noise.p * tests / COUNTED <= ALPHA
+
+
+def noises(problem: Problem, chosen: tuple[int, ...], pressure_psia: FloatArray) -> tuple[Noise, ...]:
+    """How each transducer's scatter within whole plots depends on pressure, beside the `chosen` candidates.
+
+    Args:
+        problem: the run, all readings of one weight.
+        chosen: candidates in the model.
+        pressure_psia: (n,).
+
+    """
+    stratum = beside(problem, "subplot", chosen, ())
+    residual = stratum.white.outputs * stratum.sigma[:, None]
+    return tuple(
+        noise_of(e, strata.kept, pressure_psia, df)
+        for e, strata, df in zip(residual, problem.strata, stratum.df, strict=True)
+    )
