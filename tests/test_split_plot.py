@@ -39,7 +39,7 @@ def balanced(rng, whole_plots, size, wholeplot_sd, subplot_sd=1.0):
 )
 def test_balanced_is_analysis_of_variance(seed, whole_plots, size, wholeplot_sd):
     columns, y, whole_plot = balanced(np.random.default_rng(seed), whole_plots, size, wholeplot_sd)
-    fit = fit_split_plot(columns, y, whole_plot, "1 h hh e he".split())
+    fit = fit_split_plot(columns, y, whole_plot, ["1", "h", "hh", "e", "he"])
     means = y.reshape(whole_plots, size).mean(axis=1)
     df_wholeplot, df_subplot = whole_plots - 3, whole_plots * (size - 1) - 2
     ms_wholeplot = size * mean_square(columns[::size, :3], means, df_wholeplot)

@@ -39,7 +39,7 @@ def balanced(rng, replications, whole_plots, size, replicate_sd, wholeplot_sd):
 )
 def test_balanced_is_analysis_of_variance(seed, replications, whole_plots, size, sds):
     columns, y, whole_plot, replicate = balanced(np.random.default_rng(seed), replications, whole_plots, size, *sds)
-    fit = fit_split_plot(columns, y, whole_plot, "1 h e".split(), replicate=replicate)
+    fit = fit_split_plot(columns, y, whole_plot, ["1", "h", "e"], replicate=replicate)
     of_plots = y.reshape(replications, whole_plots, size).mean(axis=2)
     of_replicates = of_plots.mean(axis=1)
     hard = columns[: whole_plots * size : size, 1] - columns[: whole_plots * size : size, 1].mean()

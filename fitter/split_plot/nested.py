@@ -26,6 +26,9 @@ NOTHING = 1e-9
 CLOSE = 1e-9
 """After a Newton step this small, in the logarithms, the next would be rounding."""
 
+FLAT = 1e-9
+"""A gain in -2 log L that says nothing."""
+
 LONGEST_STEP = 2.0
 MOST_STEPS = 100
 
@@ -50,19 +53,18 @@ class NestedProfile:
         _, u, rest = self.wholeplot.parts(y)
         rest_ss = float(rest @ rest)
         edges = [(self._edge(self.wholeplot, y), 0.0), (0.0, self._edge(self.replicate, y))]
-        inside = [self._climb(np.log(start), u, rest_ss) for start in [*self._summits(u, rest_ss), *self._off(edges)]]
-        found = edges + [ratios for ratios in inside if ratios is not None]
-        return min(found, key=lambda ratios: self._at(np.array(ratios), u, rest_ss).deviance)
+        inside = [self._climb(np.log(start), u, rest_ss) for start in self._summits(u, rest_ss)]
+
+        def deviance(ratios: tuple[float, float]) -> float:
+            # a climb towards an edge ends on flat ground before it; the edge itself is meant then
+            return self._at(np.array(ratios), u, rest_ss).deviance + (FLAT if min(ratios) > 0.0 else 0.0)
+
+        return min([*edges, *(ratios for ratios in inside if ratios is not None)], key=deviance)
 
     @staticmethod
     def _edge(spectrum: Spectrum, y: FloatArray) -> float:
         _, u, rest = spectrum.parts(y)
         return Profile(spectrum.xi, spectrum.fixed.df).maximise(u**2, float(rest @ rest))
-
-    def _off(self, edges: list[tuple[float, float]]) -> list[tuple[float, float]]:
-        """Starting points just off each edge, for maxima nearer to one than the grid."""
-        w, r = 0.1 * GRID[0] / self._scale
-        return [(max(wholeplot, w), max(replicate, r)) for wholeplot, replicate in edges]
 
     @cached_property
     def _scale(self) -> FloatArray:
