@@ -6,13 +6,18 @@ import json
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console, RenderableType
+from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn
 from rich.text import Text
 
 from rig.engine.session import Progress as News
+from rig.report.words import incomplete
+
+if TYPE_CHECKING:
+    from rig.tables import Table
 
 out = Console(highlight=False)
 err = Console(stderr=True, highlight=False)
@@ -47,6 +52,18 @@ def _finite(value: object) -> object:
 def mark(simulated: bool) -> str:
     """What is put beside everything that comes from a simulated run."""
     return "[bold magenta]SIMULATED[/] " if simulated else ""
+
+
+def headline(file: str, table: Table, console: Console = out) -> None:
+    """Whose observations, how many, and whether more are to come."""
+    missing = incomplete(table.provenance)
+    more = f" ([yellow]{missing}[/])" if missing else ""
+    console.print(f"{mark(table.simulated)}[bold]{escape(file)}[/]: {len(table)} observations{more}", soft_wrap=True)
+
+
+def number(value: float | None, digits: int) -> str:
+    """A number, or a dash where there is none."""
+    return "-" if value is None else f"{value:.{digits}g}"
 
 
 class _Bar(Progress):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any
 
@@ -17,7 +17,47 @@ from rig.tables.table import PITCH_ROLL, WHOLE_PLOT, Table
 
 
 def read_csv(path: Path) -> Table:
-    """A CSV table. Raises `UsageError`."""
+    """A CSV table of numbers. Raises `UsageError`."""
+    names, body = _cells_of(path)
+    columns = {
+        name: np.array([_number(path, number, name, row[i]) for number, row in body]) for i, name in enumerate(names)
+    }
+    simulated = bool(columns.get("simulated", np.zeros(1)).any())
+    return Table(str(path), columns, simulated, {"file": path.name, "simulated": simulated})
+
+
+def read_any_csv(path: Path, needed: Collection[str]) -> Table:
+    """A CSV table of any kind: columns that are not numbers are text.
+
+    Args:
+        path: the file.
+        needed: columns that must be there, complete; others may have gaps, and are then left out.
+
+    Raises:
+        UsageError: a needed column is missing, or a value in it is.
+
+    """
+    names, body = _cells_of(path)
+    for name in needed:
+        if name not in names:
+            raise UsageError(f"{path}: there is no column {name!r}; it has {', '.join(names)}")
+    columns, text = {}, {}
+    for i, name in enumerate(names):
+        cells = [row[i].strip() for _, row in body]
+        if name not in needed and "" in cells:
+            continue
+        if all(_is_number(cell) for cell in cells if cell):
+            columns[name] = np.array([_number(path, number, name, row[i]) for number, row in body])
+        else:
+            gaps = [number for number, row in body if not row[i].strip()]
+            if gaps:
+                raise UsageError(f"{path}, row {gaps[0]}, column {name}: the value is missing; fill it in")
+            text[name] = np.array(cells)
+    return Table(str(path), columns, False, {"file": path.name, "simulated": False}, text=text)
+
+
+def _cells_of(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
+    """Column names, and (row number, cells) of every row."""
     try:
         text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
@@ -38,15 +78,18 @@ def read_csv(path: Path) -> Table:
     body = [(number, row) for number, row in enumerate(rows[1:], start=2) if any(cell.strip() for cell in row)]
     if not body:
         raise UsageError(f"{path} has column names and no rows")
-    values = np.empty((len(body), len(names)))
-    for at, (number, row) in enumerate(body):
+    for number, row in body:
         if len(row) != len(names):
             raise UsageError(f"{path}, row {number}: {len(row)} values for {len(names)} columns; mend the row")
-        for column, cell in enumerate(row):
-            values[at, column] = _number(path, number, names[column], cell)
-    columns = {name: values[:, i].copy() for i, name in enumerate(names)}
-    simulated = bool(columns.get("simulated", np.zeros(1)).any())
-    return Table(str(path), columns, simulated, {"file": path.name, "simulated": simulated})
+    return names, body
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
 
 
 def _number(path: Path, row: int, column: str, cell: str) -> float:

@@ -1,0 +1,107 @@
+"""How the command line shows attitude calibrations and their traces."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from rich.table import Table as RichTable
+
+from rig.cli.show import headline, number, out
+from rig.closed_loop import Traced
+from rig.report.words import TESTS, chance, little_help, significant, unnamed
+
+
+def show_attitude_fit(result: Mapping[str, Any]) -> None:
+    """A table of parameters a sensor, and its analysis of variance."""
+    for name, sensor in result["sensors"].items():
+        _show_sensor(name, sensor)
+    if any(significant(sensor, test) for sensor in result["sensors"].values() for test in TESTS):
+        out.print("some tests are significant: these standard errors are too small; see rig trace", soft_wrap=True)
+
+
+def _show_sensor(name: str, sensor: Mapping[str, Any]) -> None:
+    table = RichTable(
+        "parameter", "estimate", "standard error", title=f"{name}, {sensor['model']}", title_justify="left"
+    )
+    for parameter, value in sensor["parameters"].items():
+        table.add_row(parameter, number(value["estimate"], 8), number(value["stderr"], 3))
+    out.print(table)
+    out.print(
+        f"  sigma_E {degrees(sensor['sigma_E_deg'])} = bias {degrees(sensor['sigma_bias_deg'])} and "
+        f"precision {degrees(sensor['sigma_prec_deg'])}"
+    )
+    for test, what in (
+        ("T_bias", "lack of fit"),
+        ("T_b", "offset drift"),
+        ("T_S", "sensitivity drift"),
+        ("T_drift", "drift of any kind"),
+    ):
+        value, bound = sensor[test], sensor[TESTS[test]]
+        if value is None:
+            out.print(f"  {test:<8} cannot be tested with these data: {what}")
+            continue
+        verdict = "[yellow]significant[/]" if significant(sensor, test) else "not significant"
+        out.print(f"  {test:<8} {value:9.3g}  (95 % limit {bound:.3g})  {what}: {verdict}")
+    out.print()
+
+
+_BEFORE_AFTER = (
+    ("sigma_E_deg", "sigma_E / 1e-4 deg", 1e4),
+    ("sigma_bias_deg", "sigma_bias / 1e-4 deg", 1e4),
+    ("sigma_prec_deg", "sigma_prec / 1e-4 deg", 1e4),
+    ("T_bias", "T_bias", 1.0),
+    ("T_b", "T_b", 1.0),
+    ("T_S", "T_S", 1.0),
+    ("cv_rms_deg", "left-out error / 1e-4 deg", 1e4),
+)
+
+
+def show_attitude_trace(traced: Traced) -> None:
+    """A short table a sensor: error before and after, and the effects found."""
+    result = traced.to_json()
+    headline(result["data"]["file"], traced.table)
+    for name, sensor in result["sensors"].items():
+        out.print(f"\n[bold]{name}[/] ({sensor['declared']}): [bold]{sensor['verdict']}[/]")
+        table = RichTable("", "before", "after")
+        for key, label, scale in _BEFORE_AFTER:
+            table.add_row(label, *(_cell(sensor[side], key, scale) for side in ("before", "after")))
+        out.print(table)
+        if any(significant(sensor[side], test) for side in ("before", "after") for test in _MARKED):
+            out.print("  * above its 95 % limit")
+        _show_parameters(traced, name)
+        for effect in sensor["effects"]:
+            out.print(
+                f"  [green]{effect['effect']}[/] ({effect['stratum']}): {effect['share']:.0%} of the excess error"
+            )
+            out.print(f"    {effect['size']}, p {chance(effect)}")
+            for term, value, error in zip(effect["terms"], effect["coefficients"], effect["stderr"], strict=True):
+                out.print(f"    {value:.4g} +- {error:.2g} {effect['unit']}  {term}")
+            if effect["aliases"]:
+                out.print(f"    these data cannot tell it from: {', '.join(effect['aliases'])}")
+                out.print(f"    would separate them: {effect['separate_by']}")
+        for line in (*unnamed(sensor), little_help(sensor)):
+            if line:
+                out.print(f"  [yellow]{line}[/]")
+
+
+_MARKED = ("T_bias", "T_b", "T_S")
+
+
+def _cell(side: Mapping[str, Any], key: str, scale: float) -> str:
+    text = number(None if side[key] is None else side[key] * scale, 3)
+    return f"[yellow]{text} *[/]" if key in _MARKED and significant(side, key) else text
+
+
+def _show_parameters(traced: Traced, sensor: str) -> None:
+    from rig.report.parameters import parameters  # noqa: PLC0415
+
+    table = RichTable("parameter", "before", "standard error", "after", "standard error")
+    for parameter in parameters(traced, sensor):
+        table.add_row(parameter.name, *parameter.before, *parameter.after)
+    out.print(table)
+
+
+def degrees(value: float | None) -> str:
+    """A standard error in degrees, as the paper prints it."""
+    return "unknown" if value is None else f"{value * 1e4:.3g}e-4 deg"
