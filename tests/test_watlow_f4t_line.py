@@ -152,6 +152,24 @@ def test_two_chambers_of_a_dry_bench_go_their_own_ways() -> None:
     dry.close()
 
 
+def test_in_a_cascade_the_chambers_temperature_is_the_one_that_the_unit_reads() -> None:
+    text = TWO_CHAMBERS.format(sensor_chamber="modbus-tcp://192.0.2.10:502/1")
+    text = text.replace("low_degC = -140", "low_degC = -140\ncascade = true")
+    dry = DryBench(parse_bench(text, "bench.toml"), {})
+    bench = opened(dry.config, dry.world, dry.wires)
+    chamber = bench.chambers["sensor_chamber"]
+    chamber.set_temperature(-40.0)
+    dry.world.sleep(1800.0)
+    daq = cast(Reader, bench.instruments["daq"])
+    daq.start(1)
+    (part_degC,) = daq.fetch()["sensor_temperature"]
+    air_degC = dry.sim.plant.chamber("sensor_chamber").air_degC(dry.world.now())
+    assert chamber.read().temperature_degC == pytest.approx(part_degC, abs=0.05)
+    assert part_degC - air_degC > 1.0
+    bench.close()
+    dry.close()
+
+
 def test_two_chambers_and_the_unit_live_in_another_process(tmp_path: Path) -> None:
     bench_file, live = tmp_path / "bench.toml", tmp_path / "LIVE.toml"
     bench_file.write_text(TWO_CHAMBERS.format(sensor_chamber="modbus-rtu:///dev/rig/chambers/1"))
