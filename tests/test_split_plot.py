@@ -172,6 +172,15 @@ def test_several_maxima():
     np.testing.assert_allclose(both, [profile.maximise(low, 28.0), profile.maximise(high, 28.0)], rtol=1e-12)
 
 
+@pytest.mark.parametrize("ratio", [1e-7, 1e-3, 1.0, 1e4, 1e11, 1e15])
+def test_ratios_of_any_size(ratio):
+    """With equal eigenvalues the ratio is a ratio of mean squares; also far beyond the grid of starting points."""
+    squares, xi = np.array([0.5, 1.0, 0.1, 3.0, 0.4]) * (1.0 + 7.0 * ratio), np.full(5, 7.0)
+    found = Profile(xi, 105).maximise(squares, 100.0)
+    assert found == pytest.approx((squares.mean() - 1.0) / 7.0, rel=1e-8)
+    assert Profile(xi, 105).maximise_many(squares[:, None], np.array([100.0]))[0] == pytest.approx(found, rel=1e-12)
+
+
 @pytest.mark.parametrize("sd", [0.0, 0.03, 0.3, 30.0])
 def test_many_at_once_are_the_same_one_by_one(sd):
     rng = np.random.default_rng(2)

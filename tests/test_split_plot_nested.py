@@ -137,3 +137,13 @@ def test_a_forecast_wants_sensible_sizes():
         plan.precision(float("nan"), 0.1)
     with pytest.raises(ValueError, match="has none"):
         SplitPlotDesign(columns, whole_plot, NAMES).precision(0.3, 0.1, 0.2)
+
+
+def test_degrees_of_freedom_are_not_forecast_where_replications_cannot_be_estimated():
+    columns, whole_plot, replicate = design(2)
+    indicated = SplitPlotDesign(
+        np.column_stack([columns, replicate == 2]), whole_plot, [*NAMES, "second"], replicate=replicate
+    )
+    assert np.isnan(indicated.precision(0.3, 0.1, 0.2).df).all()
+    assert indicated.precision(0.3, 0.1, 0.2).stderr[-1] > indicated.precision(0.3, 0.1).stderr[-1] > 0
+    assert np.isfinite(indicated.precision(0.3, 0.1).df).all()

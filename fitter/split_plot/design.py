@@ -148,17 +148,19 @@ class SplitPlotDesign:
         if sigma_replicate and self.replicates is None:
             raise ValueError("a standard deviation is given for replications, but the design has none")
         variances = Variances(sigma_subplot**2, sigma_wholeplot**2, (sigma_replicate or 0.0) ** 2)
-        return forecast(self.nesting, variances)
+        missing = self._not_estimable or (self._replicates_not_estimable if sigma_replicate else None)
+        return forecast(self.nesting, variances, estimable=missing is None)
 
     def _parts(self, responses: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """`Spectrum.parts` of (n,) or (n, m) responses, checked to be usable."""
         if len(responses) != self.n:
             raise ValueError(f"y has {len(responses)} readings, the design {self.n}")
-        if self._not_estimable is not None:
-            raise ValueError(self._not_estimable)
+        missing = self._not_estimable or self._replicates_not_estimable
+        if missing is not None:
+            raise ValueError(missing)
         parts = self.nesting.wholeplot_spectrum.parts(responses)
         size, scatter = (np.einsum("n...,n...->...", each, each) for each in (responses, parts[2]))
-        if np.any(scatter <= (10.0 * EPS) ** 2 * size):
+        if np.any(scatter <= (30.0 * EPS) ** 2 * size):
             raise ValueError("readings within whole plots show no error beyond rounding: there is nothing to estimate")
         return parts
 
@@ -192,12 +194,17 @@ class SplitPlotDesign:
             return f"the columns use up all {count} whole plots: the error between whole plots cannot be estimated"
         if spectrum.rest_df == 0:
             return "the columns leave no degrees of freedom within whole plots: the subplot error cannot be estimated"
+        return None
+
+    @cached_property
+    def _replicates_not_estimable(self) -> str | None:
+        """The same of the error between replications."""
         if self.replicates is None:
             return None
         between = len(self.nesting.replicate_spectrum.xi)
         if between == 0:
             return "the columns leave no degrees of freedom between replications: their error cannot be estimated"
-        if between == len(spectrum.xi):
+        if between == len(self.nesting.wholeplot_spectrum.xi):
             return "no degrees of freedom are left between whole plots of one replication: leave replications out"
         return None
 

@@ -33,14 +33,8 @@ class Precision:
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
 
-def forecast(nesting: Nesting, variances: Variances) -> Precision:
-    """Precision of the coefficients at these variances."""
-    structure = nesting.structure(variances)
-    moments, k = Moments(structure), len(nesting.fixed.names)
-    spectrum = structure.spectrum
-    above = len(structure.variances) - 1
-    if spectrum.rest_df > 0 and len(spectrum.xi) >= above:
-        df = moments.df(np.eye(k), moments.inverse_information)
-    else:
-        df = np.full(k, np.nan)
+def forecast(nesting: Nesting, variances: Variances, *, estimable: bool) -> Precision:
+    """Precision of the coefficients at these variances; `estimable`: whether data could tell the errors apart."""
+    moments, k = Moments(nesting.structure(variances)), len(nesting.fixed.names)
+    df = moments.df(np.eye(k), moments.inverse_information) if estimable else np.full(k, np.nan)
     return Precision(nesting.fixed.names, moments.covariance, df)
