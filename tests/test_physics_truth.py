@@ -1,13 +1,14 @@
 """World files: what they may say, and how a mistake in one is reported."""
 
 import tomllib
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from sims.physics import WorldError, read_truth
+from sims.physics import WorldError, read_truth, sensor_axes
+from sims.physics.pressure_truth import TransducerTruth, ordinary
 from sims.physics.truth import SENSORS, SensorTruth, Truth
 from sims.physics.undeclared import Effects, HeadError
 
@@ -63,6 +64,7 @@ def test_what_is_said_replaces_what_is_usual() -> None:
         ("[sensors.x]\ngain = 0", r"sensors.x.gain is not known .*sensitivity_V_per_g"),
         ("[effects.pad]", r"effects.pad is not known.*isolation_pad"),
         ("[effects.offset_drift]\nuV_per_h = {q = 1}", r"effects.offset_drift.uV_per_h.q is not known .*x, y, aoa2"),
+        ("[effects.hysteresis]\nuV = 1", "effects.hysteresis is of pressure transducers, and this bench has none"),
         ("[effects.head_error]\naxis = 'pitch'", r"effects.head_error must be given as tables, each under \[\[eff"),
         ("[[effects.head_error]]\naxis = 'yaw'", r"effects.head_error\[1\].axis must be one of pitch, roll"),
     ],
@@ -70,6 +72,63 @@ def test_what_is_said_replaces_what_is_usual() -> None:
 def test_a_mistake_is_named_with_its_place_and_what_would_be_right(text: str, message: str) -> None:
     with pytest.raises(WorldError, match=message):
         read_truth(tomllib.loads(text), AXES)
+
+
+PRESSURE_AXES = {"bridge_1": "", "bridge_2": ""}
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[sensors.bridge_1]\noffset = 1", r"bridge_1.offset is not known; did you mean offset_mV\?"),
+        ("[sensors.bridge_1]\noffset_V = 1", "bridge_1.offset_V is not known; did you mean offset_mV"),
+        ("[sensors.bridge_3]\noffset_mV = 1", "sensors.bridge_3 is not known; did you mean bridge_"),
+        ("[sensors.bridge_1]\nsubplot_mV = -1", "bridge_1.subplot_mV = -1 is outside"),
+        ("[sensors_chamber]\ndamping = 1", r"sensors_chamber is not known; did you mean sensor_chamber\?"),
+        ("[sensor_chamber]\ndampling = 1", r"dampling is not known; did you mean damping\?"),
+        ("[pressure_line]\nleak_s = 1", "pressure_line.leak_s is not known"),
+        ("[effects.hysterisis]\nuV = 1", r"effects.hysterisis is not known; did you mean hysteresis\?"),
+        ("[effects.carry_over]\npct = {bridge_9 = 1}", "carry_over.pct.bridge_9 is not known; .*bridge_1, bridge_2"),
+        ("[effects.isolation_pad]", "effects.isolation_pad is of attitude sensors, and this bench has none"),
+    ],
+)
+def test_a_mistake_about_a_pressure_bench_is_named_too(text: str, message: str) -> None:
+    with pytest.raises(WorldError, match=message):
+        read_truth(tomllib.loads(text), PRESSURE_AXES)
+
+
+def test_transducers_that_are_not_described_are_ordinary_and_all_different() -> None:
+    truth = read_truth(tomllib.loads("sensors.bridge_2.offset_mV = 0.5"), PRESSURE_AXES)
+    assert truth.sensors["bridge_1"] == ordinary(1)
+    assert truth.sensors["bridge_2"] == replace(ordinary(2), offset_mV=0.5)
+    several = [ordinary(n) for n in range(1, 8)]
+    for key in ("offset_mV", "sensitivity_mV_per_psi", "sensitivity_ppm_per_degC", "sse_gain_ppm_per_degC"):
+        assert len({getattr(t, key) for t in several}) == 7
+    assert all(1.9 <= t.sensitivity_mV_per_psi <= 2.1 for t in several)
+
+
+def test_a_bench_may_have_sensors_of_both_kinds() -> None:
+    values = tomllib.loads("effects.hysteresis.uV = 3\neffects.offset_drift.uV_per_h = { x = 1 }")
+    truth = read_truth(values, {"x": "x", "bridge_1": ""})
+    assert [type(sensor) for sensor in truth.sensors.values()] == [SensorTruth, TransducerTruth]
+    with pytest.raises(WorldError, match=r"attitude sensors on this bench: x\)"):
+        read_truth(tomllib.loads("effects.offset_drift.uV_per_h = { bridge_1 = 1 }"), {"x": "x", "bridge_1": ""})
+
+
+def test_the_example_of_the_pressure_bench_is_a_valid_world_of_it() -> None:
+    example = DOCS.parents[1] / "examples" / "pressure-lab"
+    bench, world = (tomllib.loads((example / name).read_text("utf-8")) for name in ("bench.toml", "world.toml"))
+    truth = read_truth(world, sensor_axes(bench))
+    assert set(truth.sensors) == set(bench["sensors"])
+    assert truth.effects.third_order_pressure.uV_per_psi3 == 2.6
+    assert all(sensor.subplot_mV_per_psi == 0.00135 for sensor in truth.sensors.values())
+
+
+def test_what_the_example_offers_to_try_is_valid() -> None:
+    example = DOCS.parents[1] / "examples" / "pressure-lab"
+    bench, world = ((example / name).read_text("utf-8") for name in ("bench.toml", "world.toml"))
+    offered = world.split("# More to try")[1].splitlines()[1:]
+    read_truth(tomllib.loads("\n".join(line.removeprefix("# ") for line in offered)), sensor_axes(tomllib.loads(bench)))
 
 
 def keys(table: Any) -> set[str]:
@@ -82,7 +141,7 @@ def keys(table: Any) -> set[str]:
 
 def test_the_reference_explains_every_key() -> None:
     text = DOCS.read_text(encoding="utf-8")
-    known = keys(Truth()) | keys(SensorTruth()) | keys(HeadError())
+    known = keys(Truth()) | keys(SensorTruth()) | keys(TransducerTruth()) | keys(HeadError())
     assert (
         sorted(name for name in known if not any(form in text for form in (f"`{name}`", f"{name}]", f"[{name}."))) == []
     )
@@ -90,6 +149,6 @@ def test_the_reference_explains_every_key() -> None:
 
 def test_the_worlds_in_the_reference_are_valid() -> None:
     blocks = DOCS.read_text(encoding="utf-8").split("```toml\n")[1:]
-    assert blocks
-    for block in blocks:
-        read_truth(tomllib.loads(block.split("```")[0]), {"x": "x", "y": "y", "z": "z"})
+    benches = ({"x": "x", "y": "y", "z": "z"}, {"bridge_1": ""})
+    for block, axes in zip(blocks, benches, strict=True):
+        read_truth(tomllib.loads(block.split("```")[0]), axes)

@@ -106,14 +106,13 @@ class Chamber:
 
         """
         air = self.air_degC(now)
-        if controlled and max(abs(setpoint_degC - air), abs(setpoint_degC - self.temperatures.value(now))) > (
-            self._truth.new_draw_degC
-        ):
-            self.temperatures.set(now, setpoint_degC)
         begin = self.active_setpoint_degC(now) if self.controlled else air
         slew = min(ramp_degC_per_min, self._truth.slew_degC_per_min) / 60.0
         away = setpoint_degC - begin
         end = now + abs(away) / slew if controlled else now
+        changed = max(abs(setpoint_degC - air), abs(setpoint_degC - self.temperatures.value(now)))
+        if controlled and changed > self._truth.new_draw_degC:
+            self.temperatures.set(now, setpoint_degC, end - now)
         ramp = Ramp(now, begin, slew if away > 0 else -slew, end, setpoint_degC)
         state = self._stretch(now).response.state(now)[:_INTEGRAL]
         if controlled:
@@ -149,8 +148,9 @@ class Chamber:
 
     def drifted(self, t: float) -> bool:
         """Whether it has been left alone and is no longer where it was sent."""
-        away = self.air_degC(t) - self.temperatures.value(t)
-        return not self._stretch(t).controlled and abs(away) > self._truth.new_draw_degC
+        if self._stretch(t).controlled:
+            return False
+        return abs(self.air_degC(t) - self.temperatures.value(t)) > self._truth.new_draw_degC
 
     def _append(self, ramp: Ramp, at: float, begin: Array | None) -> None:
         n = 4 if self.controlled else 3

@@ -36,13 +36,17 @@ class Line(PressureLine):
     def command(self, now: float, setpoint_psia: float, slew_psi_per_s: float, *, overshoot: bool = False) -> None:
         """See `PressureLine.command`."""
         if not self.controlling or setpoint_psia != self.setpoint_psia:
-            self.settings.set(now, setpoint_psia)
+            self._set(now, setpoint_psia, slew_psi_per_s)
         super().command(now, setpoint_psia, slew_psi_per_s, overshoot=overshoot)
 
     def vent(self, now: float, rate_psi_per_s: float) -> None:
         """See `PressureLine.vent`."""
+        self._set(now, self.truth.ambient_psia, rate_psi_per_s)
         super().vent(now, rate_psi_per_s)
-        self.settings.set(now, self.truth.ambient_psia)
+
+    def _set(self, now: float, psia: float, rate_psi_per_s: float) -> None:
+        rate = min(rate_psi_per_s, self.truth.valve_psi_per_s)
+        self.settings.set(now, psia, abs(psia - self.settings.value(now)) / rate)
 
 
 class PressureStand:

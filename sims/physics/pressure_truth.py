@@ -31,7 +31,7 @@ class ChamberTruth:
 
     start_setpoint_degC: float = quantity(23.0, -200.0, 200.0)
     start_controlled: bool = field(default=False, metadata=accepts(Switch()))
-    time_constant_s: float = quantity(180.0, 1.0, 1e5)
+    time_constant_s: float = quantity(120.0, 1.0, 1e5)
     damping: float = quantity(0.8, 0.1, 10.0)
     slew_degC_per_min: float = quantity(5.0, 1e-3, 100.0)
     free_time_constant_s: float = quantity(7200.0, 1.0, 1e6)
@@ -83,8 +83,8 @@ class TransducerTruth:
     sse_offset_nV_per_degC2: float = quantity(0.0)
     sse_gain_ppm_per_degC: float = quantity(0.0)
     cross_offset_nV_per_degC2: float = quantity(0.0)
-    wholeplot_mV: float = quantity(0.0129, 0.0, inf)
-    subplot_mV: float = quantity(0.0041, 0.0, inf)
+    wholeplot_mV: float = quantity(0.0155, 0.0, inf)
+    subplot_mV: float = quantity(0.0049, 0.0, inf)
     subplot_mV_per_psi: float = quantity(0.0, 0.0, inf)
     noise_mV: float = quantity(0.0005, 0.0, inf)
 

@@ -1,9 +1,9 @@
-"""A quantity that is set anew from time to time: what it was before, which way it went, what still lags behind it."""
+"""A quantity that is set anew from time to time: since when, which way it went, what still lags behind it."""
 
 from __future__ import annotations
 
 from bisect import bisect_right
-from math import exp
+from math import exp, expm1
 
 _OVER = 40.0
 """Time constants after which nothing of a step is left in a double."""
@@ -21,11 +21,13 @@ class Steps:
     def __init__(self, start: float, value: float) -> None:
         self._times = [start]
         self._values = [value]
+        self._takes = [0.0]
 
-    def set(self, now: float, value: float) -> None:
-        """From `now` on, which is never earlier than the last call's, it is this."""
+    def set(self, now: float, value: float, takes_s: float = 0.0) -> None:
+        """From `now` on, which is never earlier than the last call's, it goes to this, a ramp of so many seconds."""
         self._times.append(now)
         self._values.append(value)
+        self._takes.append(takes_s)
 
     def since(self, t: float) -> float:
         """When the value in force at `t` was set."""
@@ -44,14 +46,15 @@ class Steps:
         return 0
 
     def behind(self, t: float, time_constant_s: float) -> float:
-        """How far a first-order lag is still above the value at `t`; before the first change it was at rest."""
-        left = 0.0
+        """How far a first-order lag is above what it follows at `t`; it was at rest before the first change."""
+        above = 0.0
         for i in range(self._at(t), 0, -1):
-            gone = (t - self._times[i]) / time_constant_s
-            if gone > _OVER:
+            gone, ramp = (t - self._times[i]) / time_constant_s, self._takes[i] / time_constant_s
+            if gone - ramp > _OVER:
                 break
-            left += (self._values[i - 1] - self._values[i]) * exp(-gone)
-        return left
+            built_up = -expm1(-min(gone, ramp)) / ramp if ramp > 0.0 else 1.0
+            above += (self._values[i - 1] - self._values[i]) * built_up * exp(-max(0.0, gone - ramp))
+        return above
 
     def _at(self, t: float) -> int:
         return max(0, bisect_right(self._times, t) - 1)
