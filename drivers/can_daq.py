@@ -12,8 +12,8 @@ from functools import partial
 from typing import TypeVar
 
 import can
-from cantools.database.can import Message
-from cantools.database.errors import DecodeError
+from cantools.database.can import Database, Message
+from cantools.database.errors import DecodeError, Error
 from pydantic import BaseModel, Field, field_validator, model_validator
 
 from drivers.clock import Clock
@@ -98,6 +98,12 @@ class CanDaq:
                         f"a unit that measures on command has a message {name} with {', '.join(sorted(signals))}; "
                         f"the DBC has not: say on_command = false if this one sends by itself"
                     )
+            if self.on_command:
+                try:
+                    for action in ("Stop", "Acquire", "Identify"):
+                        _command(database, action, _SESSIONS, 1, self.period_s)
+                except (Error, KeyError, ValueError) as error:
+                    raise ValueError(f"the unit's Command cannot be sent: {error}") from error
             return self
 
         @property
@@ -115,6 +121,10 @@ class CanDaq:
         self._where = self._frames.where
         self._channels = {label: find_signal(self._database, label, path) for label, path in options.channels.items()}
         self._faults = {label: find_signal(self._database, label, path) for label, path in options.watched.items()}
+        self._most = _MOST_SWEEPS
+        if options.on_command:
+            sweeps = self._database.get_message_by_name("Command").get_signal_by_name("Sweeps")
+            self._most = int(sweeps.maximum or 2**sweeps.length - 1)
         self._session = 0
         self._series: Series | None = None
         self._latest: dict[str, Values] = {}
@@ -169,9 +179,9 @@ class CanDaq:
             LimitError: fewer than one sweep, or more than the unit can count.
 
         """
-        if not 1 <= count <= _MOST_SWEEPS:
-            raise LimitError(f"{self._where} can take 1 to {_MOST_SWEEPS} sweeps at once, not {count}")
-        self._frames.flush()
+        if not 1 <= count <= self._most:
+            raise LimitError(f"{self._where} can take 1 to {self._most} sweeps at once, not {count}")
+        self._begin_anew()
         self._series = Series(count, self._channels, self._faults)
         return self._begin(self._series, count)
 
@@ -227,22 +237,13 @@ class CanDaq:
 
     def _command(self, action: str, sweeps: int = 0) -> None:
         self._session = self._session % _SESSIONS + 1
-        message = self._database.get_message_by_name("Command")
-        period_ms = round(1000.0 * self._options.period_s)
-        values: dict[str, int | str] = {
-            "Action": action,
-            "Session": self._session,
-            "Sweeps": sweeps,
-            "Period": period_ms,
-        }
-        self._frames.send(message.frame_id, message.encode(values))
+        self._frames.send(*_command(self._database, action, self._session, sweeps, self._options.period_s))
 
     def _asked(self, action: str, answer: Message) -> Values:
         """Send a command that is answered by one frame; asked once more if none comes."""
         for repeated in (0, 1):
             self.retries += repeated
-            self._frames.flush()
-            self._latest.clear()
+            self._begin_anew()
             self._command(action)
             self._until(lambda: answer.name in self._latest, self._clock.now())
             if answer.name in self._latest:
@@ -251,12 +252,17 @@ class CanDaq:
 
     def _listen_for_all(self) -> None:
         """Wait until every message has been heard anew; raises `NoReply` naming those that were not."""
-        self._frames.flush()
-        self._latest.clear()
+        self._begin_anew()
         due = self._clock.now() + 2.0 * self._options.period_s
         self._until(lambda: self._measuring.keys() <= self._latest.keys(), due)
         if unheard := [m for name, m in self._measuring.items() if name not in self._latest]:
             raise self._silent(unheard)
+
+    def _begin_anew(self) -> None:
+        """Forget what has come, here and in the adapter."""
+        self._frames.flush()
+        self._latest.clear()
+        self._misfit = ""
 
     def _until(self, done: Callable[[], bool], due: float) -> None:
         """Take frames until something is done or the timeout has passed since it was due."""
@@ -341,3 +347,11 @@ class _Frames:
     def _log(self, direction: str, data: bytes) -> None:
         if self._line._tap:
             self._line._tap(self._line._label, direction, data)
+
+
+def _command(database: Database, action: str, session: int, sweeps: int, period_s: float) -> tuple[int, bytes]:
+    """Identifier and data of a command."""
+    message = database.get_message_by_name("Command")
+    period_ms = round(1000.0 * period_s)
+    values: dict[str, int | str] = {"Action": action, "Session": session, "Sweeps": sweeps, "Period": period_ms}
+    return message.frame_id, message.encode(values)

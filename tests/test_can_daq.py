@@ -203,6 +203,14 @@ def test_nothing_is_sent_for_a_count_it_cannot_take(count: int) -> None:
     assert bench.log == []
 
 
+def test_a_unit_that_counts_to_less_is_asked_for_less() -> None:
+    eight_bits = DBC.replace('16|16@1+ (1,0) [0|65535] "" Daq', '16|8@1+ (1,0) [0|255] "" Daq')
+    bench = Bench({"dbc": eight_bits}, twin_dbc=eight_bits)
+    assert len(bench.measured(255)["spare_voltage"]) == 255
+    with pytest.raises(LimitError, match="can take 1 to 255 sweeps at once, not 256"):
+        bench.driver.start(256)
+
+
 def test_nothing_started_is_nothing_to_fetch() -> None:
     with pytest.raises(NotReady, match="daq at sim://w/daq: there is nothing to fetch"):
         Bench().driver.fetch()
@@ -564,6 +572,8 @@ def test_head_and_unit_share_a_bus() -> None:
         ({"dbc": FOREIGN, "channels": {"t": "Fast.T1"}}, "has a message Command with Action, Period, Session, Sweeps"),
         ({"dbc": FOREIGN.replace("BO_ 512", "BO_ 2147484160"), "channels": {"t": "Fast.T1"}, "on_command": False},
          "Fast.T1: only classic frames with 11-bit identifiers"),
+        ({"dbc": DBC.replace('1 "Acquire"', '1 "Go"')}, "the unit's Command cannot be sent: "),
+        ({"dbc": DBC.replace("[10|60000]", "[200|60000]")}, "the unit's Command cannot be sent: .*Period"),
         ({"dbc": DBC, "period_s": 0.001}, "greater than or equal to 0.01"),
         ({"dbc": DBC, "nplc": 1}, "Extra inputs"),
     ],
