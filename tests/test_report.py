@@ -12,7 +12,7 @@ import pytest
 from dry import LAB, SHORT, dry, write_short
 
 from fitter.trace import trace
-from rig.closed_loop import Traced, fit_table, trace_table
+from rig.closed_loop import AttitudeTraced, fit_table, trace_table
 from rig.report import report as render
 from rig.report.parameters import parameters, with_error
 from rig.report.words import chance, incomplete, little_help, unnamed
@@ -27,7 +27,7 @@ def path(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def traced(path) -> Traced:
+def traced(path) -> AttitudeTraced:
     return trace_table(run_table(path))
 
 
@@ -77,7 +77,7 @@ def test_a_run_that_is_not_complete_says_so_at_the_top(traced, html):
 
 def test_a_table_without_temperatures_makes_a_report_too(traced):
     data = replace(traced.data, sensor_temperature_degC=None)
-    shown = render(Traced(traced.table, data, trace(data)))
+    shown = render(AttitudeTraced(traced.table, data, trace(data)))
     assert "residuals over sensor temperature" not in shown
     assert "residuals over pitch" in shown
 

@@ -8,7 +8,7 @@ from typing import Any
 from rich.table import Table as RichTable
 
 from rig.cli.show import headline, number, out
-from rig.closed_loop import Traced
+from rig.closed_loop import AttitudeTraced
 from rig.report.words import TESTS, chance, little_help, significant, unnamed
 
 
@@ -57,7 +57,7 @@ _BEFORE_AFTER = (
 )
 
 
-def show_attitude_trace(traced: Traced) -> None:
+def show_attitude_trace(traced: AttitudeTraced) -> None:
     """A short table a sensor: error before and after, and the effects found."""
     result = traced.to_json()
     headline(result["data"]["file"], traced.table)
@@ -93,7 +93,7 @@ def _cell(side: Mapping[str, Any], key: str, scale: float) -> str:
     return f"[yellow]{text} *[/]" if key in _MARKED and significant(side, key) else text
 
 
-def _show_parameters(traced: Traced, sensor: str) -> None:
+def _show_parameters(traced: AttitudeTraced, sensor: str) -> None:
     from rig.report.parameters import parameters  # noqa: PLC0415
 
     table = RichTable("parameter", "before", "standard error", "after", "standard error")

@@ -116,6 +116,7 @@ def trace(
     data: DataArgument,
     as_json: JsonOption = False,
     report: Annotated[Path | None, typer.Option(help="write a self-contained HTML report", show_default=False)] = None,
+    formula: FormulaOption = None,
 ) -> int:
     """Find what the declared model lacks: residual, effect, error before and after.
 
@@ -124,7 +125,7 @@ def trace(
     from rig.closed_loop import trace_table  # noqa: PLC0415
     from rig.tables import read_table  # noqa: PLC0415
 
-    traced = trace_table(read_table(data))
+    traced = trace_table(read_table(data), formula)
     if report is not None:
         from rig.report import write_report  # noqa: PLC0415
 
@@ -140,8 +141,13 @@ def trace(
 def show_trace(traced: Traced) -> None:
     """Show what `trace_table` found."""
     from rig.cli.attitude import show_attitude_trace  # noqa: PLC0415
+    from rig.cli.whole_plot import show_whole_plot_trace  # noqa: PLC0415
+    from rig.closed_loop import WholePlotTraced  # noqa: PLC0415
 
-    show_attitude_trace(traced)
+    if isinstance(traced, WholePlotTraced):
+        show_whole_plot_trace(traced)
+    else:
+        show_attitude_trace(traced)
 
 
 @app.command(rich_help_panel="Data")

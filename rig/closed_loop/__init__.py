@@ -1,5 +1,47 @@
-"""From a table to what it says: fit, trace, error before and after, in JSON and in words."""
+"""From a table to what it says: fit, trace, error before and after, in JSON and in words.
 
-from rig.closed_loop.attitude import Traced, fit_table, sentence, trace_table
+What is fitted and traced depends on the kind of run a table holds.
+"""
 
-__all__ = ["Traced", "fit_table", "sentence", "trace_table"]
+from __future__ import annotations
+
+from typing import Any
+
+from rig.closed_loop.attitude import AttitudeTraced, fit_attitude_table, trace_attitude_table
+from rig.closed_loop.whole_plot import WholePlotTraced, trace_whole_plot_table
+from rig.errors import UsageError
+from rig.tables import Table
+
+__all__ = ["AttitudeTraced", "Traced", "WholePlotTraced", "fit_table", "trace_table"]
+
+Traced = AttitudeTraced | WholePlotTraced
+"""A table of either kind and what was traced in it."""
+
+
+def fit_table(table: Table, model: str | None = None) -> dict[str, Any]:
+    """Fit the declared model to every sensor of a table; JSON-ready.
+
+    Args:
+        table: of either kind.
+        model: of a whole-plot calibration, a named set of terms or a formula; the full second order if None.
+
+    Raises:
+        UsageError: the table lacks something, or its rows do not determine the model.
+
+    """
+    _check(table, model)
+    return fit_attitude_table(table)
+
+
+def trace_table(table: Table, model: str | None = None) -> Traced:
+    """Trace what the declared model lacks in every sensor of a table; arguments and errors as for `fit_table`."""
+    _check(table, model)
+    return trace_whole_plot_table(table, model or "full") if table.kind == "whole-plot" else trace_attitude_table(table)
+
+
+def _check(table: Table, model: str | None) -> None:
+    if model is not None and table.kind == "pitch-roll":
+        raise UsageError(
+            f"{table.source} holds a pitch-roll calibration, whose model is its geometry; --formula is for whole "
+            f"plots, or with --response for tables of any kind"
+        )

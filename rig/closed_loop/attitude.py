@@ -11,7 +11,7 @@ from rig.errors import UsageError
 from rig.tables import Table, attitude_data
 
 
-def fit_table(table: Table) -> dict[str, Any]:
+def fit_attitude_table(table: Table) -> dict[str, Any]:
     """Fit the declared model to every sensor of a pitch-roll table; JSON-ready. Raises `UsageError`."""
     data = attitude_data(table)
     try:
@@ -25,7 +25,7 @@ def fit_table(table: Table) -> dict[str, Any]:
 
 
 @dataclass(frozen=True, eq=False)
-class Traced:
+class AttitudeTraced:
     """A table and what was traced in it.
 
     Attributes:
@@ -44,20 +44,20 @@ class Traced:
         result: dict[str, Any] = self.trace.to_json(self.table.source)
         result["data"] |= {"simulated": self.table.simulated, **self.table.provenance, "file": self.table.source}
         for name, sensor in self.trace.sensors.items():
-            result["sensors"][name]["sentence"] = sentence(name, sensor)
+            result["sensors"][name]["sentence"] = attitude_sentence(name, sensor)
         return result
 
 
-def trace_table(table: Table) -> Traced:
+def trace_attitude_table(table: Table) -> AttitudeTraced:
     """Trace what the declared model lacks in a pitch-roll table. Raises `UsageError`."""
     data = attitude_data(table)
     try:
-        return Traced(table, data, trace(data))
+        return AttitudeTraced(table, data, trace(data))
     except ValueError as error:
         raise UsageError(f"{table.source}: {error}") from error
 
 
-def sentence(name: str, found: SensorTrace) -> str:
+def attitude_sentence(name: str, found: SensorTrace) -> str:
     """What was found in one sensor, in words that can go into a certificate."""
     before, after = (_degrees(side.sigma_E, found.S_V) for side in (found.before, found.after))
     if not found.effects:

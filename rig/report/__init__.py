@@ -13,9 +13,11 @@ if TYPE_CHECKING:
 
 def report(traced: Traced) -> str:
     """The report of a traced run as HTML; everything that came from a file is escaped."""
-    from rig.report.attitude import attitude_report  # noqa: PLC0415 - plots take a second to import
+    from rig.closed_loop import WholePlotTraced  # noqa: PLC0415 - plots take a second to import
+    from rig.report.attitude import attitude_report  # noqa: PLC0415
+    from rig.report.whole_plot import whole_plot_report  # noqa: PLC0415
 
-    return attitude_report(traced)
+    return whole_plot_report(traced) if isinstance(traced, WholePlotTraced) else attitude_report(traced)
 
 
 def write_report(path: Path, traced: Traced) -> None:

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rig.report.attitude_plots import Picture, residual_map, residuals_against
+from rig.report.effects import effect_rows
 from rig.report.frame import render
 from rig.report.parameters import parameters
-from rig.report.words import TESTS, capitalised, chance, little_help, significant, unnamed
+from rig.report.words import TESTS, little_help, significant, unnamed
 
 if TYPE_CHECKING:
-    from rig.closed_loop import Traced
+    from rig.closed_loop import AttitudeTraced
 
 _ROWS = (
     ("sigma_E_deg", "sigma_E / 1e-4 deg", 1e4, "standard error of one observation"),
@@ -27,7 +28,7 @@ _ROWS = (
 )
 
 
-def attitude_report(traced: Traced) -> str:
+def attitude_report(traced: AttitudeTraced) -> str:
     """The report as HTML."""
     result = traced.to_json()
     return render(
@@ -38,7 +39,7 @@ def attitude_report(traced: Traced) -> str:
     )
 
 
-def _sensor(name: str, result: dict[str, Any], traced: Traced) -> dict[str, Any]:
+def _sensor(name: str, result: dict[str, Any], traced: AttitudeTraced) -> dict[str, Any]:
     before, after = result["before"], result["after"]
     return {
         **result,
@@ -54,7 +55,7 @@ def _sensor(name: str, result: dict[str, Any], traced: Traced) -> dict[str, Any]
             for key, label, scale, what in _ROWS
         ],
         "parameters": parameters(traced, name),
-        "effects": [_effect(effect) for effect in result["effects"]],
+        "effects": [effect_rows(effect) for effect in result["effects"]],
         "unnamed": unnamed(result),
         "little_help": little_help(result),
         "notes": result.get("notes", []),
@@ -62,22 +63,7 @@ def _sensor(name: str, result: dict[str, Any], traced: Traced) -> dict[str, Any]
     }
 
 
-def _effect(effect: dict[str, Any]) -> dict[str, Any]:
-    rows = zip(effect["terms"], effect["coefficients"], effect["stderr"], strict=True)
-    return {
-        **effect,
-        "share": f"{effect['share']:.0%}",
-        "p": chance(effect),
-        "cause": capitalised(effect["cause"]),
-        "aliases": ", ".join(effect["aliases"]),
-        "terms": [
-            {"term": term, "value": f"{value:.4g}", "stderr": f"{error:.2g}", "unit": effect["unit"]}
-            for term, value, error in rows
-        ],
-    }
-
-
-def _picture(traced: Traced, name: str) -> Picture:
+def _picture(traced: AttitudeTraced, name: str) -> Picture:
     data, found = traced.data, traced.trace.sensors[name]
     to_deg = np.degrees(1.0 / found.S_V)
     return Picture(

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import base64
-import io
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
+
+from rig.report.pictures import png, side_by_side
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -47,9 +45,7 @@ class Picture:
 
 def residuals_against(picture: Picture, x: Array, label: str, *, legend: bool) -> str:
     """Residuals before and after over one variable, a colour for each replication, a legend if asked; base64 PNG."""
-    figure = Figure(figsize=(9.6, 3.2), dpi=110, layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.subplots(1, 2, sharex=True, sharey=True)
+    figure, axes = side_by_side(3.2)
     for axis, residual, half, title in (
         (axes[0], picture.before_deg, picture.interval_deg[0], "before: declared model"),
         (axes[1], picture.after_deg, picture.interval_deg[1], "after: with the effects found"),
@@ -65,7 +61,7 @@ def residuals_against(picture: Picture, x: Array, label: str, *, legend: bool) -
         figure.legend(handles, labels, loc="outside lower center", ncols=10, fontsize=7, frameon=False, markerscale=2)
     bound = 1.15 * _SCALE * float(np.percentile(np.abs(picture.before_deg), 99.8))
     axes[0].set_ylim(-bound, bound)
-    return _png(figure)
+    return png(figure)
 
 
 def _by_replication(axis: Axes, x: Array, residual: Array, replicate: np.ndarray[Any, np.dtype[np.int64]]) -> None:
@@ -86,9 +82,7 @@ def _by_replication(axis: Axes, x: Array, residual: Array, replicate: np.ndarray
 
 def residual_map(picture: Picture) -> str:
     """Mean residual over pitch and roll, before and after, on one colour scale; base64 PNG."""
-    figure = Figure(figsize=(9.6, 2.9), dpi=110, layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.subplots(1, 2, sharex=True, sharey=True)
+    figure, axes = side_by_side(2.9)
     pitch, i = np.unique(np.round(picture.pitch_deg, 3), return_inverse=True)
     roll, j = np.unique(np.round(picture.roll_deg, 3), return_inverse=True)
     shape = (len(roll), len(pitch))
@@ -107,10 +101,4 @@ def residual_map(picture: Picture) -> str:
         axis.tick_params(labelsize=8)
     axes[0].set_ylabel("roll / deg", fontsize=9)
     figure.colorbar(mesh, ax=axes, label=_UNIT)
-    return _png(figure)
-
-
-def _png(figure: Figure) -> str:
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", metadata={"Software": None})
-    return base64.b64encode(buffer.getvalue()).decode("ascii")
+    return png(figure)

@@ -12,7 +12,7 @@ from fitter.trace.problem import raw_columns
 
 if TYPE_CHECKING:
     from fitter.arrays import FloatArray
-    from rig.closed_loop import Traced
+    from rig.closed_loop import AttitudeTraced
 
 
 class Parameter(NamedTuple):
@@ -23,7 +23,7 @@ class Parameter(NamedTuple):
     after: tuple[str, str]
 
 
-def parameters(traced: Traced, sensor: str) -> list[Parameter]:
+def parameters(traced: AttitudeTraced, sensor: str) -> list[Parameter]:
     """Every parameter of one sensor, of the declared model alone and beside the effects found.
 
     The fit beside the effects takes their coefficients as known. Its standard errors here do not: the effects'

@@ -1,0 +1,64 @@
+"""Pressure transducers in whole plots: fit by every method, trace, error before and after, in JSON and in words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from fitter import RankError
+from fitter.trace import TransducerTrace, WholePlotTrace, trace_whole_plots
+from fitter.whole_plot_data import WholePlotData
+from rig.errors import UsageError
+from rig.tables import Table, whole_plot_data
+
+
+@dataclass(frozen=True, eq=False)
+class WholePlotTraced:
+    """A table and what was traced in it.
+
+    Attributes:
+        table: where the data come from.
+        data: the same as arrays.
+        trace: what was found, by transducer.
+
+    """
+
+    table: Table
+    data: WholePlotData
+    trace: WholePlotTrace
+
+    def to_json(self) -> dict[str, Any]:
+        """What `rig trace --json` prints."""
+        result: dict[str, Any] = self.trace.to_json(self.table.source)
+        result["data"] |= {"simulated": self.table.simulated, **self.table.provenance, "file": self.table.source}
+        for name, found in self.trace.sensors.items():
+            result["sensors"][name]["sentence"] = whole_plot_sentence(name, found)
+        return result
+
+
+def trace_whole_plot_table(table: Table, model: str = "full") -> WholePlotTraced:
+    """Trace what the declared model lacks in a whole-plot table. Raises `UsageError`."""
+    data = whole_plot_data(table)
+    try:
+        return WholePlotTraced(table, data, trace_whole_plots(data, model))
+    except (RankError, ValueError, KeyError) as error:
+        raise UsageError(f"{table.source}: {error.args[0] if error.args else error}") from error
+
+
+def whole_plot_sentence(name: str, found: TransducerTrace) -> str:
+    """What was found in one transducer, in words that can go into a certificate."""
+    before, after = (
+        f"{side.fit.sigma_subplot:.3g} mV within whole plots and {side.fit.sigma_wholeplot:.3g} mV between them"
+        for side in (found.before, found.after)
+    )
+    if not found.effects:
+        return f"{name}: the declared model ({found.declared}) leaves errors of {before}; {found.verdict}."
+    causes = [e.effect if e.stratum == "noise" else f"{e.effect} ({e.peak_psi:.2g} psi at most)" for e in found.effects]
+    text = (
+        f"{name}: the declared model ({found.declared}) leaves errors of {before}; it lacks {' and '.join(causes)}. "
+        f"With that the errors are {after}"
+    )
+    rms = found.before.cv_rms, found.after.cv_rms
+    if rms[0] is not None and rms[1] is not None:
+        text += f", and the error at whole plots that were left out goes from {rms[0]:.3g} to {rms[1]:.3g} mV"
+    return text + "."

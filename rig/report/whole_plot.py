@@ -1,0 +1,70 @@
+"""The report of a pressure calibration in whole plots: what was found, error before and after, residuals."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rig.report.effects import effect_rows
+from rig.report.frame import render
+from rig.report.whole_plot_plots import Residuals, between_whole_plots, reading_errors, within_whole_plots
+from rig.report.words import unnamed
+
+if TYPE_CHECKING:
+    from rig.closed_loop import WholePlotTraced
+
+_ROWS = (
+    ("sigma_subplot", "within whole plots / mV", "standard deviation of one reading at constant temperature"),
+    ("sigma_wholeplot", "between whole plots / mV", "of the error that every temperature change draws anew"),
+    ("cv_rms", "left-out error / mV", "rms error at whole plots the fit has not seen, their own error included"),
+)
+
+
+def whole_plot_report(traced: WholePlotTraced) -> str:
+    """The report as HTML."""
+    result = traced.to_json()
+    return render(
+        "whole_plot.html.j2",
+        traced.table,
+        span_s=float(np.ptp(traced.data.elapsed_s)),
+        whole_plots=len(traced.data.whole_plots),
+        sensors=[_transducer(name, result["sensors"][name], traced) for name in traced.trace.sensors],
+    )
+
+
+def _transducer(name: str, result: dict[str, Any], traced: WholePlotTraced) -> dict[str, Any]:
+    found = traced.trace.sensors[name]
+    before, after = result["before"], result["after"]
+    residuals = Residuals(traced.data, found.before.residual_mV, found.after.residual_mV, found.sensitivity)
+    return {
+        **result,
+        "name": name,
+        "rows": [
+            {"label": label, "before": _number(before[key]), "after": _number(after[key]), "meaning": meaning}
+            for key, label, meaning in _ROWS
+        ],
+        "reading_errors": [
+            {"pressure": pressure, "before": _number(value), "after": _number(after["reading_error_pct"].get(pressure))}
+            for pressure, value in before["reading_error_pct"].items()
+        ],
+        "coefficients": [
+            {
+                "name": term,
+                **{key: _number(value[key], 6 if key == "estimate" else 3) for key in ("estimate", "stderr")},
+            }
+            | {"df": _number(value["df"], 3)}
+            for term, value in result["fitted"]["coefficients"].items()
+        ],
+        "effects": [effect_rows(effect) for effect in result["effects"]],
+        "unnamed": unnamed(result),
+        "plots": [
+            {"alt": f"{name}: reading error over pressure, before and after", "png": reading_errors(residuals)},
+            {"alt": f"{name}: residuals within whole plots over pressure", "png": within_whole_plots(residuals)},
+            {"alt": f"{name}: mean residual of each whole plot", "png": between_whole_plots(residuals)},
+        ],
+    }
+
+
+def _number(value: float | None, digits: int = 3) -> str:
+    return "-" if value is None else f"{value:.{digits}g}"
