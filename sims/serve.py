@@ -22,6 +22,7 @@ from sims.wires.ports import Port, PseudoTerminal, TcpPort
 from sims.wires.slcan import SlcanAdapter
 from sims.world import Pace
 
+_STOP = frozenset({signal.SIGINT, signal.SIGTERM})
 _LOOK_UP_S = 0.5  # how often to see whether it is time to stop when nothing happens
 
 
@@ -35,7 +36,7 @@ def serve(
     seconds: float | None = None,
     announce: Callable[[str], None] = lambda line: None,
 ) -> None:
-    """Serve a bench until SIGINT, SIGTERM, or its time is up.
+    """Serve a bench until SIGINT, SIGTERM, or its time is up. SIGUSR1 is a power cut: every instrument restarts.
 
     Args:
         bench: the bench file as plain values.
@@ -55,7 +56,7 @@ def serve(
         raise FileExistsError(
             f"{live} exists: another simulated bench may be serving it; name another file, or remove it if it is stale"
         )
-    with selectors.DefaultSelector() as selector, _told_to_stop(selector) as stopped:
+    with selectors.DefaultSelector() as selector, _told(selector) as told:
         world = world_for(bench, truth)
         sim = SimBench(world, bench, truth, f"served{os.getpid()}", twin_classes)
         ports: list[Port] = []
@@ -70,8 +71,12 @@ def serve(
             _write(live, toml({**bench, "simulated": True, "instruments": instruments, "live": times}))
             announce(f"serving until Ctrl-C; use --bench {live}")
             try:
-                while not stopped() and (seconds is None or pace.real_s() < seconds):
+                while not told & _STOP and (seconds is None or pace.real_s() < seconds):
                     pace.catch_up()
+                    if signal.SIGUSR1 in told:
+                        told.discard(signal.SIGUSR1)
+                        sim.power_cycle()
+                        announce("power cut: every instrument has restarted")
                     for key, _ in selector.select(pace.until_next(_LOOK_UP_S)):
                         pace.catch_up()
                         key.data()
@@ -87,6 +92,10 @@ def _open(sim: SimBench, name: str, address: str, selector: selectors.BaseSelect
     """Open a door to one instrument; returns the address to use instead of the bench file's own."""
     twin = sim.twin(name)
     match twin.kind:
+        case "serial" if address.startswith("socket:"):
+            door = TcpPort(selector, lambda: twin.on_rx)
+            ports.append(door)
+            return f"socket://{door.address}"
         case "serial":
             cable = sim.cables[name]
             terminal = PseudoTerminal(selector, lambda data, tx: cable.send(data))
@@ -112,17 +121,18 @@ def _open(sim: SimBench, name: str, address: str, selector: selectors.BaseSelect
 
 
 @contextlib.contextmanager
-def _told_to_stop(selector: selectors.BaseSelector) -> Iterator[Callable[[], bool]]:
-    """Whether SIGINT or SIGTERM has come; either also ends a wait of the selector."""
-    told: list[int] = []
+def _told(selector: selectors.BaseSelector) -> Iterator[set[int]]:
+    """Signals that have come; any of them also ends a wait of the selector."""
+    told: set[int] = set()
     reading, writing = os.pipe()
     os.set_blocking(reading, False)
     os.set_blocking(writing, False)
     selector.register(reading, selectors.EVENT_READ, lambda: os.read(reading, 100))
     woken_before = signal.set_wakeup_fd(writing)
-    before = {s: signal.signal(s, lambda number, frame: told.append(number)) for s in (signal.SIGINT, signal.SIGTERM)}
+    heard = (*_STOP, signal.SIGUSR1)
+    before = {s: signal.signal(s, lambda number, frame: told.add(number)) for s in heard}
     try:
-        yield lambda: bool(told)
+        yield told
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

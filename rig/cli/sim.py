@@ -28,7 +28,8 @@ def sim(
     """Serve a simulated bench to other programs: pseudo-terminals, a local TCP port, slcan.
 
     The same instruments as in `rig run --dry`, but behind the operating system's own serial ports and sockets.
-    Use the bench file it writes with `rig run procedure.toml --bench LIVE.toml`. Ends with Ctrl-C.
+    Use the bench file it writes with `rig run procedure.toml --bench LIVE.toml`. Ends with Ctrl-C;
+    SIGUSR1 is a power cut: every instrument restarts, with what it forgets when it does.
 
     Example: `rig sim bench.toml --world world.toml --speed 100`
     """
