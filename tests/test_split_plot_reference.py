@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from split_plot_cases import cases
+from split_plot_cases import OATS, cases
 
 from fitter.split_plot import fit_split_plot
 
@@ -70,17 +70,24 @@ def test_kenward_roger_of_several_terms(pair):
         f = fit.f_test(test["terms"])
         assert f.ndf == test["ndf"]
         assert f.value == pytest.approx(test["F"], rel=1e-8)
-        assert f.ddf == pytest.approx(test["ddf"], rel=1e-6)  # pbkrtest's own differences of nearly equal numbers
+        assert f.ddf == pytest.approx(test["ddf"], rel=1e-8)
         assert f.scale == pytest.approx(test["scale"], rel=1e-8)
 
 
-def test_oats_as_published():
-    """-2 log L, sds and standard errors of Pinheiro and Bates, "Mixed-Effects Models in S and S-PLUS", section 1.6.
-
-    They code nitrogen and variety as here, and print six digits.
-    """
+def test_oats_by_hand():
+    """The analysis of variance of Yates's experiment: 5, 10 and 53 degrees of freedom, nitrogen as a slope."""
     columns, y, whole_plot, block = CASES["oats"]
     fit = fit_split_plot(columns, y, whole_plot, REFERENCE["oats"]["names"], replicate=block)
-    assert (fit.sigma_replicate, fit.sigma_wholeplot, fit.sigma_subplot) == pytest.approx(
-        (14.64504, 10.43758, 12.86695), abs=6e-6
-    )
+    table, nitro = OATS.reshape(6, 3, 4), np.array([-0.3, -0.1, 0.1, 0.3])
+    plots = table.mean(axis=2)
+    blocks, varieties = plots.mean(axis=1, keepdims=True), plots.mean(axis=0)
+    slope = np.mean(table @ nitro) / np.sum(nitro**2)
+    ms_block = 12 * np.sum((blocks - plots.mean()) ** 2) / 5
+    ms_plot = 4 * np.sum((plots - blocks - varieties + plots.mean()) ** 2) / 10
+    ms_reading = np.sum((table - plots[..., None] - slope * nitro) ** 2) / 53
+    assert fit.coefficients[1] == pytest.approx(slope, rel=1e-12)
+    assert fit.variances.subplot == pytest.approx(ms_reading, rel=1e-10)
+    assert fit.variances.wholeplot == pytest.approx((ms_plot - ms_reading) / 4, rel=1e-10)
+    assert fit.variances.replicate == pytest.approx((ms_block - ms_plot) / 12, rel=1e-10)
+    assert fit.stderr[2] ** 2 == pytest.approx(2 * ms_plot / 24, rel=1e-10)
+    assert fit.stderr[1] ** 2 == pytest.approx(ms_reading / (18 * np.sum(nitro**2)), rel=1e-10)

@@ -25,7 +25,14 @@ BATCH = 2048
 
 
 class SplitPlotDesign:
-    """Columns of a model, and the whole plots its readings belong to."""
+    """Columns of a model, and the whole plots its readings belong to.
+
+    Attributes:
+        whole_plots: (W,) identities, ascending.
+        replicates: (R,) identities, ascending; None where there are no replications.
+        nesting: the columns, and who shares what.
+
+    """
 
     def __init__(
         self,

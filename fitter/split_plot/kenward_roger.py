@@ -17,6 +17,9 @@ from fitter.arrays import FloatArray
 from fitter.quantiles import f_tail
 from fitter.split_plot.precision import Moments
 
+NO_MEAN = 0.01
+"""So close to two degrees of freedom, where F has no mean to be scaled to, pbkrtest leaves it unscaled."""
+
 
 @dataclass(frozen=True)
 class ScaledF:
@@ -90,8 +93,10 @@ class KenwardRoger:
         c = np.array([g, q - g, q + 2 - g]) / (3 * q + 2 * (1 - g))
         variance = 1.0 + c[0] * b, 1.0 - c[1] * b, 1.0 - c[2] * b
         rho = ((1.0 - a2 / q) / variance[1]) ** 2 * variance[0] / variance[2] / q
-        ddf = 4.0 + (q + 2) / (q * rho - 1.0)
-        return ddf, ddf * (1.0 - a2 / q) / (ddf - 2.0)
+        ddf = float(4.0 + (q + 2) / (q * rho - 1.0))
+        if abs(ddf - 2.0) < NO_MEAN:
+            return ddf, 1.0
+        return ddf, float(ddf * (1.0 - a2 / q) / (ddf - 2.0))
 
 
 def selection(names: Sequence[str], terms: Sequence[str]) -> FloatArray:
