@@ -238,6 +238,19 @@ def test_a_measurement_of_a_controller_that_is_gone_does_not_count() -> None:
     assert successor.fetch()["sensor_temperature"] == pytest.approx([20.41, 20.42], abs=0.01)
 
 
+def test_frames_that_a_gateway_holds_back_belong_to_their_own_start() -> None:
+    class Gateway(Bench):
+        def _on_frame(self, can_id: int, data: bytes, tx: Transmit) -> None:
+            self.twin.on_frame(can_id, data, lambda *frame: self.world.call_in(0.35, lambda: tx(*frame)))
+
+    bench = Gateway()
+    bench.driver.start(100)
+    bench.world.sleep(3.0)
+    bench.driver.start(4)
+    assert bench.driver.fetch()["sensor_temperature"] == pytest.approx([20.305, 20.315, 20.325, 20.335], abs=0.008)
+    assert bench.driver.retries == 0
+
+
 def losing(*numbers: int) -> Callable[[int, bytes], tuple[int, bytes] | None]:
     """Drops the first, second, ... frame of all that the unit sends."""
     count = 0
@@ -444,6 +457,7 @@ class Logger:
         self.alive, self.state, self.quiet = 0, 0, False
         self._fast()
         self._slow()
+        world.call_in(0.15, self._late)
 
     def _fast(self) -> None:
         values = {"T1": round(self._world.now(), 2), "Alive": self.alive % 16}
@@ -454,6 +468,10 @@ class Logger:
     def _slow(self) -> None:
         self._queue("Slow", {"T2": round(self._world.now(), 1), "T2State": self.state})
         self._world.call_in(0.2, self._slow)
+
+    def _late(self) -> None:
+        self._queue("Late", {"T3": 0.0})
+        self._world.call_in(0.2, self._late)
 
     def _queue(self, name: str, values: dict[str, float]) -> None:
         if not self.quiet:
@@ -503,6 +521,19 @@ def test_only_its_frames_after_start_count() -> None:
     assert readings["sse"] == pytest.approx([100.2, 100.4, 100.6], abs=0.06)
     assert world.now() < 101.0
     driver.make_safe()
+
+
+def test_nothing_counts_before_it_is_known_whether_the_sensor_is_well() -> None:
+    world, unit, driver = logger(channels={"sensor": "Fast.T1"}, faults={"sensor": "Slow.T2State"})
+    unit.state = 3
+    world.sleep(100.01)
+    driver.start(4)
+    world.sleep(0.3)
+    assert driver.fetch()["sensor"] == [OVERLOAD] * 4
+    world, _, driver = logger(channels={"sse": "Slow.T2"}, faults={"sse": "Late.T3"}, timeout_s=0.02)
+    world.sleep(100.17)
+    driver.start(2)
+    assert driver.fetch()["sse"] == pytest.approx([100.4, 100.6], abs=0.06), "that of 100.2 came before the first word"
 
 
 def test_its_counter_and_its_faults_are_seen() -> None:
