@@ -159,7 +159,7 @@ def coverage(m: int = 20_000) -> None:
         batch = design.fit_many(rng.normal(size=(220, m)) + between * rng.normal(size=(20, m))[WHOLE_PLOT])
         off = batch.coefficients @ at.T - between * rng.normal(size=(m, 1)) - rng.normal(size=(m, 1))
         terms = np.mean(np.abs(batch.coefficients) < batch.interval(unit), axis=0)
-        readings = np.mean(np.abs(off) < batch.interval(at, new_whole_plot=True, new_reading=True), axis=0)
+        readings = np.mean(np.abs(off) < batch.interval(at, new_whole_plot=True, new_readings=1), axis=0)
         shares = "".join(f"{each:7.1%}" for each in [*terms, *readings])
         print(f"{ratio:5g}{batch.boundary.mean():7.0%}  {shares}")
 

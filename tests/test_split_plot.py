@@ -151,7 +151,7 @@ def test_zero_variance_is_least_squares_and_said():
     assert fit.df_method == "residual"
     assert fit.f_test(["t1", "t2"]).ddf == pytest.approx(210.0)
     assert not fit.blup.any()
-    np.testing.assert_allclose(fit.interval(columns, new_reading=True), plain.prediction(columns), rtol=1e-10)
+    np.testing.assert_allclose(fit.interval(columns, new_readings=1), plain.prediction(columns), rtol=1e-10)
 
 
 def test_several_maxima():
@@ -201,12 +201,12 @@ def test_many_at_once_are_the_same_one_by_one(sd):
         np.testing.assert_allclose(batch.stderr[i], fit.stderr, rtol=1e-9)
         np.testing.assert_allclose(batch.df(np.eye(10))[i], fit.df, rtol=1e-8)
         np.testing.assert_allclose(batch.variance(np.eye(10))[i], fit.kenward_roger().stderr ** 2, rtol=1e-9)
-        for new in ({}, {"new_whole_plot": True}, {"new_whole_plot": True, "new_reading": True}):
+        for new in ({}, {"new_whole_plot": True}, {"new_whole_plot": True, "new_readings": 1}):
             np.testing.assert_allclose(batch.interval(at, **new)[i], fit.interval(at, **new), rtol=1e-8)
 
 
 def test_intervals_hold_what_they_promise():
-    """Of the mean, of a new whole plot and of a new reading in it, at a corner of the design; 20,000 calibrations."""
+    """Of the mean, a new whole plot, a new reading in it, and its difference from four others there."""
     rng = np.random.default_rng(4)
     columns, whole_plot, _ = design()
     m, at = 20_000, columns[[2, 80]]
@@ -215,12 +215,15 @@ def test_intervals_hold_what_they_promise():
         batch = fit_many(columns, ys, whole_plot, NAMES)
         off = batch.coefficients @ at.T
         plots, readings = sd * rng.normal(size=(m, 1)), rng.normal(size=(m, 1))
+        zeroed = rng.normal(size=m) - rng.normal(size=(m, 4)).mean(axis=1)
         inside = [
             np.abs(off) < batch.interval(at),
             np.abs(off - plots) < batch.interval(at, new_whole_plot=True),
-            np.abs(off - plots - readings) < batch.interval(at, new_whole_plot=True, new_reading=True),
+            np.abs(off - plots - readings) < batch.interval(at, new_whole_plot=True, new_readings=1),
+            np.abs(off @ [-1, 1] - zeroed) < batch.interval(at[1] - at[0], new_readings=1.25)[:, 0],
         ]
-        np.testing.assert_allclose(np.mean(inside, axis=1), 0.95, atol=0.01)
+        for each in inside:
+            np.testing.assert_allclose(np.mean(each, axis=0), 0.95, atol=0.01)
 
 
 def test_precision_before_the_data_is_that_of_the_fit():

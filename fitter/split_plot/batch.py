@@ -52,17 +52,17 @@ class SplitPlotBatch:
         unit, *_ = self._units(np.eye(self.coefficients.shape[1]))
         return np.asarray(np.sqrt(unit * self.variance_subplot[:, None]))
 
-    def variance(self, columns: FloatArray, *, new_whole_plot: bool = False, new_reading: bool = False) -> FloatArray:
+    def variance(self, columns: FloatArray, *, new_whole_plot: bool = False, new_readings: float = 0.0) -> FloatArray:
         """(m, c) Kenward-Roger variances of the fixed part at (c, k) `columns`; see `SplitPlotFit.variance`."""
         columns = np.atleast_2d(columns)
-        extra = float(new_reading) + float(new_whole_plot) * self.ratio
+        extra = new_readings + float(new_whole_plot) * self.ratio
         total = self._units(columns)[0] + self._bias(columns) + extra[:, None]
         return np.asarray(total * self.variance_subplot[:, None])
 
-    def df(self, columns: FloatArray, *, new_whole_plot: bool = False, new_reading: bool = False) -> FloatArray:
+    def df(self, columns: FloatArray, *, new_whole_plot: bool = False, new_readings: float = 0.0) -> FloatArray:
         """(m, c) their degrees of freedom."""
         _, by_subplot, by_wholeplot = self._units(np.atleast_2d(columns))
-        by_subplot = by_subplot + float(new_reading)
+        by_subplot = by_subplot + new_readings
         by_wholeplot = by_wholeplot + float(new_whole_plot)
         total = by_subplot + self.ratio[:, None] * by_wholeplot
         ee, ew, ww = (each[:, None] for each in self._spread)
@@ -70,11 +70,11 @@ class SplitPlotBatch:
         return np.asarray(2.0 * total**2 / variance)
 
     def interval(
-        self, columns: FloatArray, level: float = 0.95, *, new_whole_plot: bool = False, new_reading: bool = False
+        self, columns: FloatArray, level: float = 0.95, *, new_whole_plot: bool = False, new_readings: float = 0.0
     ) -> FloatArray:
         """(m, c) half-widths of the intervals around coefficients @ columns.T; see `SplitPlotFit.interval`."""
-        df = self.df(columns, new_whole_plot=new_whole_plot, new_reading=new_reading)
-        variance = self.variance(columns, new_whole_plot=new_whole_plot, new_reading=new_reading)
+        df = self.df(columns, new_whole_plot=new_whole_plot, new_readings=new_readings)
+        variance = self.variance(columns, new_whole_plot=new_whole_plot, new_readings=new_readings)
         return np.asarray(special.stdtrit(df, 0.5 * (1.0 + level)) * np.sqrt(variance))
 
     @cached_property

@@ -256,7 +256,7 @@ def _log_likelihood(spectrum: Spectrum, ratio: FloatArray, subplot: FloatArray) 
 
 
 def _finite(name: str, values: ArrayLike, dimensions: int) -> FloatArray:
-    array = np.asarray(values, np.float64)
+    array = np.array(values, np.float64)  # a copy: results refer to it
     if array.ndim != dimensions:
         raise ValueError(f"{name}: {dimensions} dimensions are needed, not {array.ndim}")
     if not np.isfinite(array).all():

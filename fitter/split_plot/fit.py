@@ -143,32 +143,33 @@ class SplitPlotFit:
         """(m,) fixed part at (m, k) `columns`."""
         return np.asarray(columns @ self.coefficients)
 
-    def variance(self, columns: FloatArray, *, new_whole_plot: bool = False, new_reading: bool = False) -> FloatArray:
+    def variance(self, columns: FloatArray, *, new_whole_plot: bool = False, new_readings: float = 0.0) -> FloatArray:
         """(m,) Kenward-Roger variance of the fixed part at (m, k) `columns`, in squared units of y.
 
         Args:
             columns: (m, k).
             new_whole_plot: add the error of a whole plot (and of a replication) not seen yet.
-            new_reading: add the subplot error of one reading.
+            new_readings: add so many times the variance of one reading: 1 for a reading to come, 1 + 1/r for its
+                difference from the mean of r others in its whole plot (then `columns` are differences too).
 
         """
-        extra = self._extra(new_whole_plot, new_reading)
+        columns, extra = np.atleast_2d(columns), self._extra(new_whole_plot, new_readings)
         fixed = np.einsum("mk,kl,ml->m", columns, self.kenward_roger().covariance, columns)
         return np.asarray(fixed + extra @ self.structure.variances)
 
     def interval(
-        self, columns: FloatArray, level: float = 0.95, *, new_whole_plot: bool = False, new_reading: bool = False
+        self, columns: FloatArray, level: float = 0.95, *, new_whole_plot: bool = False, new_readings: float = 0.0
     ) -> FloatArray:
         """(m,) half-width of the interval around `predict`, in units of y; arguments as for `variance`.
 
         Its t limit has the degrees of freedom of that variance as a whole, by Satterthwaite's formula.
         """
-        extra = self._extra(new_whole_plot, new_reading)
-        df = self.moments.df(columns, self.moments.inverse_information, extra)
+        extra = self._extra(new_whole_plot, new_readings)
+        df = self.moments.df(np.atleast_2d(columns), self.moments.inverse_information, extra)
         limit = np.array([t_limit(level, each) for each in df])
-        variance = self.variance(columns, new_whole_plot=new_whole_plot, new_reading=new_reading)
+        variance = self.variance(columns, new_whole_plot=new_whole_plot, new_readings=new_readings)
         return np.asarray(limit * np.sqrt(variance))
 
-    def _extra(self, new_whole_plot: bool, new_reading: bool) -> FloatArray:
+    def _extra(self, new_whole_plot: bool, new_readings: float) -> FloatArray:
         above = len(self.structure.variances) - 1
-        return np.array([float(new_reading)] + [float(new_whole_plot)] * above)
+        return np.array([new_readings, *[float(new_whole_plot)] * above])
