@@ -1,0 +1,208 @@
+"""Pressure from a transducer's output in flight, by inverting its calibration, with an interval.
+
+Without a zero the whole-plot error of the calibration's kind is in every reading, and in the interval. In vacuum the
+output at P = 0 can be read: then V - V_0 = [x(P, T) - x(0, T_0)] b, in which that error cancels, at the price of the
+zero's own subplot error. Standard deviations follow from dV/dP (first order: the curvature over one of them is
+negligible for a transducer with a usable sensitivity), intervals from Student's t with Satterthwaite's degrees of
+freedom for the sum of all that is uncertain.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import special
+
+from fitter.arrays import FloatArray
+from fitter.pressure.calibration import PressureCalibration
+
+BEYOND = 0.02
+"""How far outside the calibrated range a value may be, as a part of its width: readbacks are not exact, and the lowest
+pressure calibrated is not quite vacuum."""
+
+_ITERATIONS, _TOLERANCE = 40, 1e-12
+_CHUNK = 65536
+
+NO_ROOT = "no pressure gives this output"
+BAD_READING = "not a finite number"
+
+
+@dataclass(frozen=True)
+class Zero:
+    """The output read at P = 0.
+
+    Attributes:
+        bridge_mV: the reading, or the mean of several.
+        sensor_temperature_degC: then.
+        sse_temperature_degC: then.
+        readings: how many settings of zero pressure with an error of their own the mean is of. Readings of one and the
+            same stay in vacuum share that error: they are one.
+
+    """
+
+    bridge_mV: float
+    sensor_temperature_degC: float
+    sse_temperature_degC: float
+    readings: int = 1
+
+    def __post_init__(self) -> None:
+        if not np.all(np.isfinite([self.bridge_mV, self.sensor_temperature_degC, self.sse_temperature_degC])):
+            raise ValueError("the zero reading is not a finite number")
+        if self.readings < 1:
+            raise ValueError(f"a zero cannot be the mean of {self.readings} readings")
+
+
+@dataclass(frozen=True, eq=False)
+class Inferred:
+    """Pressures, one for each reading; NaN with a reason in `flag` where there is none to be had.
+
+    Attributes:
+        pressure_psia: (n,).
+        sd_psia: (n,) standard deviation.
+        lo95_psia: (n,) 95 % interval.
+        hi95_psia: (n,).
+        df: (n,) degrees of freedom of `sd_psia`.
+        flag: (n,) empty where all is well.
+
+    """
+
+    pressure_psia: FloatArray
+    sd_psia: FloatArray
+    lo95_psia: FloatArray
+    hi95_psia: FloatArray
+    df: FloatArray
+    flag: NDArray[Any]
+
+
+def infer_pressure(
+    calibration: PressureCalibration,
+    bridge_mV: ArrayLike,
+    sensor_temperature_degC: ArrayLike,
+    sse_temperature_degC: ArrayLike,
+    zero: Zero | None = None,
+) -> Inferred:
+    """Pressure of (n,) readings; temperatures are (n,) or one for all.
+
+    Args:
+        calibration: of the transducer.
+        bridge_mV: its output.
+        sensor_temperature_degC: temperature of the transducer.
+        sse_temperature_degC: temperature of its electronics.
+        zero: the output in vacuum, read since the temperatures were last changed; None to do without.
+
+    Raises:
+        ValueError: the arrays do not fit together, or the zero was read outside the calibrated temperatures.
+
+    """
+    given = [np.asarray(a, np.float64) for a in (bridge_mV, sensor_temperature_degC, sse_temperature_degC)]
+    output, sensor, sse = (np.atleast_1d(a) for a in np.broadcast_arrays(*given))
+    if output.ndim != 1:
+        raise ValueError(f"readings are expected in one dimension, found shape {output.shape}")
+    if zero is not None:
+        at_zero = np.array([zero.sensor_temperature_degC]), np.array([zero.sse_temperature_degC])
+        outside = _temperature_flags(calibration, *at_zero)[0]
+        if outside:
+            raise ValueError(f"the zero was read where the {outside}")
+    parts = [
+        _infer(calibration, output[i : i + _CHUNK], sensor[i : i + _CHUNK], sse[i : i + _CHUNK], zero)
+        for i in range(0, max(len(output), 1), _CHUNK)
+    ]
+    names = ("pressure_psia", "sd_psia", "lo95_psia", "hi95_psia", "df", "flag")
+    return Inferred(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
+
+
+def _infer(
+    calibration: PressureCalibration, output: FloatArray, sensor: FloatArray, sse: FloatArray, zero: Zero | None
+) -> Inferred:
+    flag = _temperature_flags(calibration, sensor, sse)
+    flag[~np.isfinite(output)] = BAD_READING
+    usable = flag == ""
+    columns_0 = 0.0 if zero is None else _columns(calibration, np.zeros(1), *_temperatures(zero))
+    target = output if zero is None else output - zero.bridge_mV + columns_0 @ calibration.coefficients
+    pressure = np.full(len(output), np.nan)
+    pressure[usable] = _root(calibration, target[usable], sensor[usable], sse[usable])
+    flag[usable & np.isnan(pressure)] = NO_ROOT
+    low, high = calibration.ranges["P"]
+    room = BEYOND * (high - low)
+    outside = (pressure < low - room) | (pressure > high + room)
+    flag[outside] = f"pressure is outside the calibrated {low:g} to {high:g} psia"
+    usable &= ~outside & np.isfinite(pressure)
+    pressure[~usable] = np.nan
+    sd, df = np.full(len(output), np.nan), np.full(len(output), np.nan)
+    if np.any(usable):
+        at = pressure[usable], sensor[usable], sse[usable]
+        variance, df[usable] = _variance(calibration, *at, columns_0, zero)
+        sd[usable] = np.sqrt(variance) / np.abs(_slope(calibration, *at))
+    half = special.stdtrit(df, 0.975) * sd
+    return Inferred(pressure, sd, pressure - half, pressure + half, df, flag)
+
+
+def _variance(
+    calibration: PressureCalibration,
+    pressure: FloatArray,
+    sensor: FloatArray,
+    sse: FloatArray,
+    columns_0: FloatArray | float,
+    zero: Zero | None,
+) -> tuple[FloatArray, FloatArray]:
+    """Of V less the model at the pressure sought, mV^2 (n,), and its degrees of freedom (n,)."""
+    errors = calibration.errors
+    variance, gradient = errors.of_reading(pressure, new_whole_plot=zero is None)
+    if zero is not None:
+        of_zero, by_zero = errors.of_reading(np.zeros(1), new_whole_plot=False)
+        variance, gradient = variance + of_zero / zero.readings, gradient + by_zero / zero.readings
+    h = _columns(calibration, pressure, sensor, sse) - columns_0
+    variance = variance + np.einsum("nk,kl,nl->n", h, calibration.covariance, h)
+    gradient = gradient + np.einsum("nk,pkl,nl->np", h, calibration.derivatives, h, optimize=True)
+    return variance, errors.df(variance, gradient)
+
+
+def _root(calibration: PressureCalibration, target: FloatArray, sensor: FloatArray, sse: FloatArray) -> FloatArray:
+    """(n,) pressure at which the model gives `target`, on the branch that the calibrated range is on; NaN for none.
+
+    Newton's method from the middle of the range, a step being at most half of it.
+    """
+    low, high = calibration.ranges["P"]
+    middle, span = 0.5 * (low + high), high - low
+    pressure = np.full(len(target), middle)
+    branch = np.sign(_slope(calibration, pressure, sensor, sse))
+    for _ in range(_ITERATIONS):
+        model = _columns(calibration, pressure, sensor, sse) @ calibration.coefficients
+        slope = _slope(calibration, pressure, sensor, sse)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            step = np.nan_to_num(np.clip((target - model) / slope, -0.5 * span, 0.5 * span))
+        pressure = pressure + step
+        if np.all(np.abs(step) <= _TOLERANCE * span):
+            break
+    found = (np.abs(step) <= 1e-9 * span) & (np.sign(_slope(calibration, pressure, sensor, sse)) == branch)
+    return np.where(found, pressure, np.nan)
+
+
+def _temperature_flags(calibration: PressureCalibration, sensor: FloatArray, sse: FloatArray) -> NDArray[Any]:
+    """(n,) what is wrong with the temperatures, empty where nothing is."""
+    flag = np.full(len(sensor), "", dtype=object)
+    for name, label, values in (("T_SSE", "SSE", sse), ("T_sensor", "sensor", sensor)):
+        if name not in calibration.formula.names:
+            continue
+        low, high = calibration.ranges[name]
+        room = BEYOND * (high - low)
+        outside = ~((values >= low - room) & (values <= high + room))
+        flag[outside] = f"{label} temperature is outside the calibrated {low:g} to {high:g} degC"
+    return flag
+
+
+def _temperatures(zero: Zero) -> tuple[FloatArray, FloatArray]:
+    return np.array([zero.sensor_temperature_degC]), np.array([zero.sse_temperature_degC])
+
+
+def _columns(calibration: PressureCalibration, pressure: FloatArray, sensor: FloatArray, sse: FloatArray) -> FloatArray:
+    return calibration.formula.columns({"P": pressure, "T_sensor": sensor, "T_SSE": sse})[1]
+
+
+def _slope(calibration: PressureCalibration, pressure: FloatArray, sensor: FloatArray, sse: FloatArray) -> FloatArray:
+    """(n,) dV/dP, mV/psi."""
+    table = {"P": pressure, "T_sensor": sensor, "T_SSE": sse}
+    return np.asarray(calibration.formula.derivative(table, "P") @ calibration.coefficients)
