@@ -13,8 +13,9 @@ from fitter.effects.package import (
     ROLL_HEAD_ONCE,
     ROLL_HEAD_TWICE,
 )
-from fitter.effects.pressure import GROWING_NOISE, PRESSURE_CATALOGUE, separate_pressure
+from fitter.effects.pressure import GROWING_NOISE, PRESSURE_CATALOGUE
 from fitter.effects.pressure_scene import PressureEffect, PressureScene, PressureTerm
+from fitter.effects.pressure_separation import separate_pressure
 from fitter.effects.sensor import (
     CROSS_AXIS,
     OFFSET_DRIFT,

@@ -82,7 +82,7 @@ def _smooth(
         separate_by=_MORE_TEMPERATURES if whole_plot else _MORE_PRESSURES,
         usual_size=usual_size,
         known_aliases={},
-        terms=_fixed(*terms),
+        terms=lambda _data: tuple(PressureTerm(name, column, name.replace("*", ":")) for name, column in terms),
     )
 
 
@@ -388,28 +388,3 @@ PRESSURE_CATALOGUE: tuple[PressureEffect, ...] = (
     LINE_LEAK,
 )
 """Simplest and most usual cause first, as for the attitude sensors."""
-
-_BY_SOURCE = {
-    frozenset({"line", "sensor"}): _SECOND_GAUGE,
-    frozenset({"line", "time"}): _SECOND_GAUGE,
-    frozenset({"line"}): "close the controller off and watch the line with a second gauge, at several pressures",
-    frozenset({"chamber", "time"}): _SOAK,
-    frozenset({"chamber"}): "change one of the two temperatures by itself",
-    frozenset({"temperature"}): _MORE_TEMPERATURES,
-    frozenset({"temperature", "time"}): "repeat temperatures of the beginning at the end: a drift differs, they do not",
-    frozenset({"interruption", "time"}): "go on for some hours without an interruption: a step stays, a drift goes on",
-    frozenset({"sensor", "time"}): "repeat a pressure at the beginning and at the end of a whole plot, and of the run",
-    frozenset({"sensor"}): _MORE_PRESSURES,
-    frozenset({"time"}): _REPEAT_FIRST,
-}
-
-
-def separate_pressure(effect: Entry, alias: Entry) -> str:
-    """The measurement that would tell `effect` from `alias`, in a few words."""
-    for one, other in ((effect, alias), (alias, effect)):
-        if other.name in one.known_aliases:
-            return one.known_aliases[other.name].separate_by
-    memory = {"creep", "hysteresis", "carry-over"}
-    if len(memory & {effect.name, alias.name}) == 1:
-        return "repeat a pressure after steps of different height and side: what remembers the step differs"
-    return _BY_SOURCE.get(frozenset({effect.source, alias.source}), alias.separate_by)

@@ -125,13 +125,15 @@ class PressureTerm:
     """One column of an effect.
 
     Attributes:
-        name: unique within its effect; as a formula.
+        name: unique within its effect.
         column: (n,) in the unit that makes the coefficient the effect's; of pressure, for what happens in the line.
+        formula: the same as a term of `fitter.formula`, up to terms of lower order; empty where there is none.
 
     """
 
     name: str
     column: Callable[[PressureScene], FloatArray]
+    formula: str = ""
 
 
 @dataclass(frozen=True)

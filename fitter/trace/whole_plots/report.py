@@ -7,12 +7,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.special import chdtrc
 
 from fitter.arrays import FloatArray
 from fitter.effects import GROWING_NOISE, Entry, PressureScene, separate_pressure
 from fitter.quantiles import t_limit
 from fitter.trace.aliases import Rival
-from fitter.trace.family import ALPHA, COUNTED
+from fitter.trace.family import COUNTED
 from fitter.trace.result import Unnamed, verdict
 from fitter.trace.search import names_of
 from fitter.trace.whole_plots.estimate import Estimate
@@ -33,6 +34,8 @@ from fitter.whole_plot_data import WholePlotData
 
 UNEXPLAINED = 1e-3
 """Lack of fit below this probability is something that remains."""
+DIFFERENT = 0.01
+"""Coefficients of all transducers that agree with more than this probability are called the same."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +91,7 @@ def transducer(finding: Finding, i: int) -> TransducerTrace:
         after=_side(finding, finding.after, i, 1),
         effects=tuple(effects),
         unnamed=rest,
+        alike=tuple(text for name in finding.classes if (text := _alike(finding, name))),
         noise=finding.noise[i],
         sensitivity=finding.scene.sensitivity[sensor],
     )
@@ -138,6 +142,7 @@ def _found(finding: Finding, name: str, i: int) -> FoundPressureEffect | None:
         separation={r.effect: round(max(r.sigmas - best.sigmas, 0.0), 2) for r in explanations if r.effect != name},
         separate_by=f"{_experiments(effect, alike)}; it reaches {peak:.2g} mV ({psi:.2g} psi) here",
         against=effect.against,
+        formulas=tuple(filter(None, (problem.candidates[j].term.formula for j in mine))),
         df=tuple(c.df for c in coefficients.values()),
         half_width_95=tuple(c.half_width_95 for c in coefficients.values()),
         contribution_mV=contribution,
@@ -162,13 +167,14 @@ def _noise(finding: Finding, i: int) -> FoundPressureEffect:
         stderr=noise.stderr,
         unit=GROWING_NOISE.unit,
         size=f"sd {low:.2g} mV at the lowest pressure, {high:.2g} mV at the highest",
-        p_adjusted=min(noise.p * len(problem.sensors) / COUNTED, ALPHA),
+        p_adjusted=min(noise.p * len(problem.sensors) / COUNTED, 1.0),
         p_adjusted_is_bound=False,
         share=0.0,
         aliases=(),
         separation={},
         separate_by=GROWING_NOISE.separate_by,
         against=GROWING_NOISE.against,
+        formulas=(),
         df=(df, df),
         half_width_95=tuple(t_limit(0.95, df) * error for error in noise.stderr),
         contribution_mV=np.zeros(len(finding.data)),
@@ -186,6 +192,26 @@ def _share(finding: Finding, level: Level, mine: list[int], i: int) -> float:
         rss.append(float(stratum.sigma[i] ** 2 * stratum.df[i]))
     excess = rss[0] - problem.at[level].df[i] * stratum.sigma[i] ** 2
     return float(np.clip((rss[1] - rss[2]) / excess, 0.0, 1.0)) if excess > 0 else 0.0
+
+
+def _alike(finding: Finding, name: str) -> str:
+    """What to think of an effect that is each transducer's own and yet the same in all of them."""
+    problem, after = finding.judge.problem, finding.after
+    mine = [j for j in after.chosen if problem.candidates[j].effect.name == name]
+    owners = [problem.candidates[j].sensor for j in mine]
+    terms = {problem.candidates[j].term.name for j in mine}
+    if len(problem.sensors) < 2 or len(terms) > 1 or set(owners) != set(problem.sensors):
+        return ""
+    per_psi = np.array([finding.scene.sensitivity[str(owner)] for owner in owners])
+    value = np.array([after.coefficients[j].value for j in mine]) / per_psi
+    weight = (per_psi / np.array([after.coefficients[j].stderr for j in mine])) ** 2
+    mean = float(value @ weight / weight.sum())
+    if chdtrc(len(mine) - 1, float(weight @ (value - mean) ** 2)) < DIFFERENT:
+        return ""
+    return (
+        f"{name} is the same in all {len(mine)} transducers, {mean:.3g} psi for one of {terms.pop()}: an error of the "
+        "pressure reference would look like that; have the controller checked, or read a second gauge on the line"
+    )
 
 
 def _experiments(effect: Entry, aliases: Iterable[Entry]) -> str:

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.calibration import JsonValue
 from fitter.effects import PressureScene
+from fitter.formula import Formula
 from fitter.split_plot import SplitPlotFit
 from fitter.trace.result import CONFIRMED, Found, Unnamed
 from fitter.trace.whole_plots.noise import Noise
-from fitter.trace.whole_plots.problem import Candidate
+from fitter.trace.whole_plots.problem import Candidate, raw_columns
+from fitter.whole_plot_data import WholePlotData
 
 OF_ATTITUDE = ("sigma_E", "sigma_bias", "sigma_prec", "T_bias", "F_bias_95", "T_b", "T_S", "F_bS_95")
 """Keys that the same object has for a pitch-roll run."""
@@ -24,6 +26,8 @@ class FoundPressureEffect(Found):
     """An effect as it shows in one transducer.
 
     Attributes:
+        formulas: its terms as `fitter.formula` writes them, to be declared from now on; empty where it has no words for
+            them.
         df: degrees of freedom of the coefficients' standard errors, those of the stratum.
         half_width_95: of the coefficients' 95 % intervals.
         contribution_mV: (n,) what it adds to the output of each reading; zero for a finding about the noise.
@@ -32,6 +36,7 @@ class FoundPressureEffect(Found):
 
     """
 
+    formulas: tuple[str, ...]
     df: tuple[float, ...]
     half_width_95: tuple[float, ...]
     contribution_mV: FloatArray
@@ -43,6 +48,7 @@ class FoundPressureEffect(Found):
         pairs = list(zip(self.coefficients, self.half_width_95, strict=True))
         return {
             **super().to_json(),
+            "formulas": list(self.formulas),
             "df": list(self.df),
             "lo95": [value - half for value, half in pairs],
             "hi95": [value + half for value, half in pairs],
@@ -94,6 +100,7 @@ class TransducerTrace:
         after: with the effects taken out.
         effects: found, largest share first, findings about the noise last.
         unnamed: what remains, if it is more than error.
+        alike: sentences about effects that all transducers show alike.
         noise: how the scatter within whole plots depends on pressure.
         sensitivity: mV/psi.
 
@@ -106,6 +113,7 @@ class TransducerTrace:
     after: Side
     effects: tuple[FoundPressureEffect, ...]
     unnamed: tuple[Unnamed, ...]
+    alike: tuple[str, ...]
     noise: Noise
     sensitivity: float
 
@@ -125,7 +133,7 @@ class TransducerTrace:
     @property
     def notes(self) -> tuple[str, ...]:
         """Sentences that stand beside the numbers before and after."""
-        notes = list(self.after.fit.notes)
+        notes = [*self.after.fit.notes, *self.alike]
         means = [effect for effect in self.effects if effect.stratum != "noise"]
         if len(means) < len(self.effects):
             notes.append(
@@ -167,6 +175,7 @@ class WholePlotTrace:
 
     Attributes:
         sensors: by column name.
+        formula: of the declared model.
         scene: references of the effects' columns.
         chosen: the terms in the model.
         gamma: (q,) their coefficients, in the terms' own units.
@@ -175,10 +184,19 @@ class WholePlotTrace:
     """
 
     sensors: Mapping[str, TransducerTrace]
+    formula: Formula
     scene: PressureScene
     chosen: tuple[Candidate, ...]
     gamma: FloatArray
     points: int
+
+    def predict(self, data: WholePlotData) -> dict[str, FloatArray]:
+        """(n,) outputs of each transducer for other readings, effects included, whole-plot errors zero, mV."""
+        _, columns = self.formula.columns(data.table, self.formula.levels(self.scene.data.table))
+        scene = replace(self.scene, data=data)
+        extra = raw_columns(scene, tuple(self.sensors), self.chosen) @ self.gamma
+        k = columns.shape[1]
+        return {s: columns @ t.after.fit.coefficients[:k] + extra[i] for i, (s, t) in enumerate(self.sensors.items())}
 
     def to_json(self, file: str | None = None) -> dict[str, JsonValue]:
         """The object `rig trace --json` prints; numbers that do not exist are None, never NaN."""

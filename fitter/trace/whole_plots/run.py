@@ -10,10 +10,10 @@ import numpy as np
 from fitter.arrays import FloatArray
 from fitter.effects import PRESSURE_CATALOGUE, PressureEffect, PressureScene
 from fitter.linear import RankError
+from fitter.pressure.models import named_formula
 from fitter.split_plot import SplitPlotDesign
 from fitter.trace.family import ALPHA, COUNTED, Family
 from fitter.trace.search import prune, search_and_name
-from fitter.trace.whole_plots.declared import declared_model
 from fitter.trace.whole_plots.estimate import coefficients_of, contributed, estimate
 from fitter.trace.whole_plots.judge import WholePlotJudge
 from fitter.trace.whole_plots.noise import Noise, noise_of
@@ -38,16 +38,19 @@ def trace_whole_plots(
 
     Args:
         data: a whole-plot run; any number of transducers on one line, judged together.
-        model: "full" or another name of a set of terms, or a formula in P, T_sensor and T_SSE.
+        model: a name of `fitter.pressure.models`, or a formula; "hierarchical" is the full model, whose terms a
+            search could only put back.
         catalogue: effects to look for.
         seed: of the simulated null; the same data and seed give the same answer.
 
     Raises:
         fitter.linear.RankError: the observations do not determine the declared model.
-        ValueError: they do not determine its errors; the message says why.
+        fitter.formula.FormulaError: the model is neither a name nor a formula.
+        ValueError: the observations do not determine the model's errors; the message says why.
 
     """
-    names, declared = declared_model(data, model)
+    formula = named_formula(model)
+    names, declared = formula.columns(data.table)
     scene = scene_of(data)
     problem, family, found, noise = _settle(data, pose(data, names, declared, scene, catalogue), seed)
     before, after = estimate(replace(problem, weight=np.ones_like(problem.weight)), ()), estimate(problem, found)
@@ -63,7 +66,9 @@ def trace_whole_plots(
     )
     sensors = {sensor: transducer(finding, i) for i, sensor in enumerate(problem.sensors)}
     chosen = tuple(problem.candidates[j] for j in found)
-    return WholePlotTrace(sensors, scene, chosen, np.array([after.coefficients[j].value for j in found]), len(data))
+    return WholePlotTrace(
+        sensors, formula, scene, chosen, np.array([after.coefficients[j].value for j in found]), len(data)
+    )
 
 
 def scene_of(data: WholePlotData) -> PressureScene:
