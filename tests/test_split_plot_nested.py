@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from split_plot_cases import NAMES, chamber, dense_log_likelihood, dense_score, design
 
@@ -37,6 +37,8 @@ def balanced(rng, replications, whole_plots, size, replicate_sd, wholeplot_sd):
     size=st.integers(2, 6),
     sds=st.tuples(st.sampled_from([0.0, 1.0, 30.0]), st.sampled_from([0.0, 1.0, 1e3])),
 )
+@example(780549414, 3, 5, 5, (1.0, 1e3))  # a climb that ends on flat ground short of the edge
+@example(857172224, 3, 5, 2, (30.0, 1e3))
 def test_balanced_is_analysis_of_variance(seed, replications, whole_plots, size, sds):
     columns, y, whole_plot, replicate = balanced(np.random.default_rng(seed), replications, whole_plots, size, *sds)
     fit = fit_split_plot(columns, y, whole_plot, ["1", "h", "e"], replicate=replicate)
