@@ -9,18 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import TypeVar
 
-import can
 from cantools.database.can import Database, Message
 from cantools.database.errors import DecodeError, Error
 from pydantic import BaseModel, Field, field_validator, model_validator
 
 from drivers.clock import Clock
 from drivers.dbc import Series, Values, find_signal, frame_name, read_dbc
-from drivers.errors import BadReply, LimitError, NoReply, NotReady, Unreachable, WrongInstrument
+from drivers.errors import BadReply, LimitError, NoReply, NotReady, WrongInstrument
 from drivers.roles import Identity
-from drivers.wires import CanLine, Wires
+from drivers.wires import Wires
 
 _CHANNELS = {
     "sensor_temperature": "Readings.SensorTemperature",
@@ -38,9 +36,6 @@ _COMMANDED = {
 """Messages and signals of a unit that measures on command."""
 
 _SESSIONS, _MOST_SWEEPS = 15, 65_535
-_MOST_BUFFERED = 100_000  # frames an adapter may still hold; a bus that brings more at once never falls quiet
-
-Done = TypeVar("Done")
 
 
 class CanDaq:
@@ -117,8 +112,8 @@ class CanDaq:
         self._options = options
         self._clock = clock
         self._database = read_dbc(options.dbc)
-        self._frames = _Frames(wires.can(address, name))
-        self._where = self._frames.where
+        self._line = wires.can(address, name)
+        self._where = self._line.where
         self._channels = {label: find_signal(self._database, label, path) for label, path in options.channels.items()}
         self._faults = {label: find_signal(self._database, label, path) for label, path in options.watched.items()}
         self._most = _MOST_SWEEPS
@@ -132,7 +127,7 @@ class CanDaq:
         self._measuring = {m.name: m for m, _ in (*self._channels.values(), *self._faults.values())}
         answers = [self._database.get_message_by_name(n) for n in ("Identity", "Status")] if options.on_command else []
         for message in (self._measuring | {m.name: m for m in answers}).values():
-            self._frames.listen(message.frame_id, partial(self._hear, message))
+            self._line.listen(message.frame_id, partial(self._hear, message))
 
     def identify(self) -> Identity:
         """See `Instrument.identify`. A unit that sends by itself does not tell: it is known by its frames."""
@@ -217,7 +212,7 @@ class CanDaq:
 
     def close(self) -> None:
         """See `Instrument.close`."""
-        self._frames.close()
+        self._line.close()
 
     def _maker(self, sender: str) -> str:
         node = next((n for n in self._database.nodes if n.name == sender), None)
@@ -237,7 +232,7 @@ class CanDaq:
 
     def _command(self, action: str, sweeps: int = 0) -> None:
         self._session = self._session % _SESSIONS + 1
-        self._frames.send(*_command(self._database, action, self._session, sweeps, self._options.period_s))
+        self._line.send(*_command(self._database, action, self._session, sweeps, self._options.period_s))
 
     def _asked(self, action: str, answer: Message) -> Values:
         """Send a command that is answered by one frame; asked once more if none comes."""
@@ -260,7 +255,7 @@ class CanDaq:
 
     def _begin_anew(self) -> None:
         """Forget what has come, here and in the adapter."""
-        self._frames.flush()
+        self._line.flush()
         self._latest.clear()
         self._misfit = ""
 
@@ -268,7 +263,7 @@ class CanDaq:
         """Take frames until something is done or the timeout has passed since it was due."""
         end = due + self._options.timeout_s
         while not done() and (left := end - self._clock.now()) > 0:
-            self._frames.pump(left)
+            self._line.pump(left)
 
     def _hear(self, message: Message, data: bytes) -> None:
         try:
@@ -302,51 +297,6 @@ class CanDaq:
         raise BadReply(
             f"{self._where}: {len(readings)} of {series.count} readings of {label} came in {frame_name(message)}; {why}"
         )
-
-
-class _Frames:
-    """A bus for an instrument that is spoken to by frames of its own, not by SDO."""
-
-    def __init__(self, line: CanLine) -> None:
-        self.where = line.where
-        self._line = line
-        self._bus = line._bus
-
-    def listen(self, can_id: int, heard: Callable[[bytes], None]) -> None:
-        """Have `heard` called with the data of every frame with this identifier, whoever is taking frames."""
-        if can_id in self._bus.network.subscribers:
-            raise Unreachable(f"{self.where}: identifier {can_id:03X}h is already declared on this bus")
-        self._bus.network.subscribe(can_id, lambda can_id, data, timestamp: heard(bytes(data)))
-
-    def send(self, can_id: int, data: bytes) -> None:
-        """Send a frame; raises `Unreachable`."""
-        self._on_bus(lambda: self._bus.network.send_message(can_id, data))
-
-    def pump(self, seconds: float) -> bool:
-        """Take one frame, whomever it concerns, waiting at most so many bench seconds; whether one came."""
-        return self._on_bus(lambda: self._bus.pump(seconds))
-
-    def flush(self) -> None:
-        """Take what has already come, so that what comes now is new."""
-        for _ in range(_MOST_BUFFERED):
-            if not self.pump(0.0):
-                return
-        raise BadReply(f"{self.where}: the bus never falls quiet; is it overloaded?")
-
-    def close(self) -> None:
-        """Release the bus; idempotent."""
-        self._line.close()
-
-    def _on_bus(self, action: Callable[[], Done]) -> Done:
-        try:
-            self._bus.begin(self.where, self._log)
-            return action()
-        except (OSError, can.CanError) as error:
-            self._bus.lost(self.where, error)
-
-    def _log(self, direction: str, data: bytes) -> None:
-        if self._line._tap:
-            self._line._tap(self._line._label, direction, data)
 
 
 def _command(database: Database, action: str, session: int, sweeps: int, period_s: float) -> tuple[int, bytes]:

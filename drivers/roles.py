@@ -2,7 +2,8 @@
 
 A role is a small protocol. A driver is a plain synchronous class that satisfies one or more of them. Commands
 return at once (command, then poll); only `identify`, `prepare`, `fetch` and `make_safe` may take time, and they
-take it from the clock that was handed in. All angles are degrees, temperatures degrees Celsius, pressures psi absolute, voltages volts.
+take it from the clock that was handed in. All angles are degrees, temperatures degrees Celsius, pressures psi
+absolute, voltages volts.
 """
 
 from __future__ import annotations

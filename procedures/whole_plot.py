@@ -19,6 +19,8 @@ from procedures.settings import FaultSettings, Positive, Strict
 
 PRESSURE, SENSOR, SSE = "pressure_psia", "sensor_temperature_degC", "sse_temperature_degC"
 
+_ORDERS_TRIED = 10_000
+
 Pressure = Annotated[float, Field(ge=0, le=1e4)]
 Temperature = Annotated[float, Field(ge=-273.15, le=1000)]
 Times = Annotated[int, Field(ge=0, le=100)]
@@ -85,6 +87,11 @@ class SoakSettings(Strict):
     sensor_tolerance_degC: Positive = Field(1.0, le=20, description="thermometer at the sensors within this of it")
     dwell_s: float = Field(1200.0, ge=0, le=1e6, description="both for this long")
     drift_degC_per_h: Positive = Field(0.5, description="and both drifting slower than this")
+    renew_degC: Positive = Field(
+        5.0,
+        le=100,
+        description="temperatures that already stand are left by this much first, and set anew",
+    )
     poll_s: Positive = Field(30.0, le=600, description="time between readbacks")
     timeout_s: Positive = Field(8 * 3600.0, description="then the soak has failed")
 
@@ -178,7 +185,11 @@ class WholePlotProcedure(Strict):
         return None if self.measure.max_sd_mV is None else self.measure.max_sd_mV / 1e3
 
     def expand(self) -> RunList:
-        """Every point of the run, in order: whole plots at random in each replication, pressures at random in each."""
+        """Every point of the run, in order.
+
+        Whole plots are in random order in each replication, no two with the same temperatures running; pressures are
+        in random order in each whole plot.
+        """
         factors = (
             Factor(PRESSURE, "pressure", self.approach.overtravel_psia, stays=False),
             Factor(SENSOR, "sensor_temperature", hard=True),
@@ -188,15 +199,35 @@ class WholePlotProcedure(Strict):
         points: list[Point] = []
         whole_plot = 0
         for replication in range(1, self.replications + 1):
-            pairs = self.design.pairs()
-            rng.shuffle(pairs)
-            for pair in pairs:
+            for pair in _apart(self.design.pairs(), rng, before=points[-1].setpoints[1:] if points else None):
                 whole_plot += 1
                 pressures = [*self.design.pressures_psia, *self.design.repeated_psia]
                 rng.shuffle(pressures)
                 for pressure, side in zip(pressures, _sides(pressures), strict=True):
                     points.append(Point(len(points), replication, whole_plot, (pressure, *pair), (side, 0, 0)))
         return RunList(factors, tuple(points), self.seed)
+
+
+def _apart(
+    pairs: list[tuple[float, float]], rng: random.Random, before: tuple[float, ...] | None
+) -> list[tuple[float, float]]:
+    """Pairs in random order, none twice running: temperatures that do not change are no new draw of their error.
+
+    Args:
+        pairs: temperatures of the whole plots.
+        rng: decides.
+        before: temperatures of the whole plot before the first.
+
+    Returns:
+        Every order without such a neighbour with the same probability. Where there is hardly one, or none, the last
+        order tried; the sequencer then leaves a temperature that stands and comes back to it.
+
+    """
+    for _ in range(_ORDERS_TRIED):
+        rng.shuffle(pairs)
+        if all(a != b for a, b in itertools.pairwise([before, *pairs])):
+            break
+    return pairs
 
 
 def _sides(pressures: list[float]) -> list[int]:

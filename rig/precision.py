@@ -71,19 +71,19 @@ def _of_angles(procedure: PitchRollProcedure, run_list: RunList) -> Precision:
 
 def _of_terms(procedure: WholePlotProcedure, run_list: RunList) -> Precision:
     """Of each coefficient of the pressure model, and of what it changes between the middle and the end of its range."""
-    from fitter.pressure import model_formula  # noqa: PLC0415 - not needed where nothing is in whole plots
+    from fitter.pressure import named_formula  # noqa: PLC0415 - not needed where nothing is in whole plots
     from fitter.split_plot import plan_precision  # noqa: PLC0415
 
     expect = procedure.expect
     set_to = np.array([p.setpoints for p in run_list.points])
     table = dict(zip(("P", "T_sensor", "T_SSE"), set_to.T, strict=True))
     whole_plot = np.array([p.whole_plot for p in run_list.points])
-    names, columns = model_formula(expect.model).columns(table)
+    names, columns = named_formula(expect.model).columns(table)
     found = plan_precision(columns, whole_plot, expect.sigma_wholeplot_mV, expect.sigma_subplot_mV, names)
     rows, cells = [], []
     for i, name in enumerate(names):
         sd, df = float(found.stderr[i]), float(found.df[i])
-        half = 1.0 if name in ("1", "Intercept") else float(np.ptp(columns[:, i])) / 2.0
+        half = 1.0 if name == "1" else float(np.ptp(columns[:, i])) / 2.0
         whole = _shared(columns[:, i], whole_plot)
         rows.append(
             {

@@ -12,11 +12,14 @@ import os
 import re
 import selectors
 import signal
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 from sims.bench import SimBench, world_for
+from sims.wires.can_line import on_one_bus
 from sims.wires.modbus_line import ModbusEndpoint
 from sims.wires.ports import Port, PseudoTerminal, TcpPort
 from sims.wires.slcan import SlcanAdapter
@@ -62,11 +65,13 @@ def serve(
         ports: list[Port] = []
         try:
             pace = Pace(world, speed)
-            instruments = {}
-            for name, instrument in bench["instruments"].items():
-                address = _open(sim, name, instrument["address"], selector, ports)
-                instruments[name] = {**instrument, "address": address}
-                announce(f"{name}: {address}")
+            given = bench["instruments"]
+            instruments = dict(given)
+            for names in _wires(sim, {name: instrument["address"] for name, instrument in given.items()}):
+                addresses = _open(sim, {name: given[name]["address"] for name in names}, selector, ports)
+                for name, address in addresses.items():
+                    instruments[name] = {**given[name], "address": address}
+                    announce(f"{name}: {address}")
             times = {"speed": speed, "epoch_utc": pace.epoch_utc, "started_utc": pace.started_utc}
             _write(live, toml({**bench, "simulated": True, "instruments": instruments, "live": times}))
             announce(f"serving until Ctrl-C; use --bench {live}")
@@ -88,36 +93,56 @@ def serve(
             sim.close()
 
 
-def _open(sim: SimBench, name: str, address: str, selector: selectors.BaseSelector, ports: list[Port]) -> str:
-    """Open a door to one instrument; returns the address to use instead of the bench file's own."""
-    twin = sim.twin(name)
-    match twin.kind:
-        case "serial" if address.startswith("socket:"):
-            door = TcpPort(selector, lambda: twin.on_rx)
+def _wires(sim: SimBench, addresses: Mapping[str, str]) -> list[list[str]]:
+    """Names of the instruments on each wire: those on one bus or line share it, as real ones do.
+
+    Loops of one controller have one address; each is a twin of its own and gets a door of its own.
+    """
+    wires: dict[tuple[str, str, int], list[str]] = {}
+    seen: Counter[str] = Counter()
+    for name, address in addresses.items():
+        kind = sim.twin(name).kind
+        place = {"modbus": address.rpartition("/")[0], "can": address}.get(kind, name)
+        wires.setdefault((kind, place, seen[address] if kind == "modbus" else 0), []).append(name)
+        seen[address] += 1
+    return list(wires.values())
+
+
+def _open(
+    sim: SimBench, addresses: Mapping[str, str], selector: selectors.BaseSelector, ports: list[Port]
+) -> dict[str, str]:
+    """Open a door to the instruments on one wire; returns the addresses to use instead of the bench file's own."""
+    twins = {name: sim.twin(name) for name in addresses}
+    name, first = next(iter(addresses.items()))
+    match twins[name].kind:
+        case "serial" if first.startswith("socket:"):
+            door = TcpPort(selector, lambda: twins[name].on_rx)
             ports.append(door)
-            return f"socket://{door.address}"
+            return {name: f"socket://{door.address}"}
         case "serial":
             cable = sim.cables[name]
             terminal = PseudoTerminal(selector, lambda data, tx: cable.send(data))
             cable.attach(terminal.send)
             ports.append(terminal)
-            return terminal.address
+            return {name: terminal.address}
         case "modbus":
-            unit = int(address.rpartition("/")[2])
-            rtu = address.startswith("modbus-rtu:")
+            units = {n: int(urlsplit(address).path.rpartition("/")[2]) for n, address in addresses.items()}
+            devices = {unit: twins[n].registers for n, unit in units.items()}
+            rtu = first.startswith("modbus-rtu:")
 
             def end() -> ModbusEndpoint:
-                return ModbusEndpoint(sim.world, {unit: twin.registers}, rtu=rtu)
+                return ModbusEndpoint(sim.world, devices, rtu=rtu)
 
             port: Port = PseudoTerminal(selector, end().on_rx) if rtu else TcpPort(selector, lambda: end().on_rx)
             ports.append(port)
-            return f"modbus-{'rtu' if rtu else 'tcp'}://{port.address}/{unit}"
+            return {n: f"modbus-{'rtu' if rtu else 'tcp'}://{port.address}/{unit}" for n, unit in units.items()}
         case "can":
-            adapter = PseudoTerminal(selector, SlcanAdapter(twin.on_frame).on_rx)
+            bus = on_one_bus(*(twin.on_frame for twin in twins.values()))
+            adapter = PseudoTerminal(selector, SlcanAdapter(bus).on_rx)
             ports.append(adapter)
-            return f"can:slcan/{adapter.address}"
+            return dict.fromkeys(addresses, f"can:slcan/{adapter.address}")
         case kind:
-            raise ValueError(f"{name}: a twin of kind {kind!r} cannot be served")
+            raise ValueError(f"{', '.join(addresses)}: a twin of kind {kind!r} cannot be served")
 
 
 @contextlib.contextmanager

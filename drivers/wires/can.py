@@ -1,4 +1,4 @@
-"""CAN: one bus shared by its nodes, spoken to by SDO.
+"""CAN: one bus shared by its nodes, spoken to by SDO or by frames of their own.
 
 Frames are python-can's, the SDO protocol and the object dictionary canopen's; the waiting is ours. canopen would
 wait on a queue that another thread fills, for 0.3 s of the machine's time; here whoever waits for a reply pumps the
@@ -31,7 +31,9 @@ from drivers.wires.serial_line import Tap
 logging.getLogger("canopen").addHandler(logging.NullHandler())  # it prints what we raise
 
 _QUIET_S = 0.05
+_SDO_REPLIES = range(0x581, 0x600)
 _TALKS_ON_S = 5.0
+_MOST_BUFFERED = 100_000  # frames an adapter may still hold; a bus that brings more at once never falls quiet
 _BUS_ERRORS = (OSError, can.CanError)
 
 Answer = TypeVar("Answer")
@@ -75,6 +77,7 @@ class CanBus:
         self.network = _Network(self._send)
         self._open = opener or partial(BusTransport, address)
         self._log: Callable[[str, bytes], None] = _unlogged
+        self._newest = 0
         self._transport: CanTransport | None = self._opened(f"{address.interface} {address.channel}")
 
     def begin(self, where: str, log: Callable[[str, bytes], None]) -> None:
@@ -90,16 +93,20 @@ class CanBus:
         if frame is None:
             return False
         can_id, data = frame
+        self._newest = can_id
         self._log("rx", _on_wire(can_id, data))
         self.network.notify(can_id, bytearray(data), 0.0)
         return True
 
     def drain(self, where: str) -> None:
-        """Listen until the bus has been quiet for a while; raises `BadReply` if it never is."""
+        """Listen until no SDO reply has come for a while, whatever else is sent; raises `BadReply` if they go on."""
         end = self.clock.now() + _TALKS_ON_S
-        while self.pump(_QUIET_S):
+        quiet_at = self.clock.now() + _QUIET_S
+        while (left := quiet_at - self.clock.now()) > 0:
+            if self.pump(left) and self._newest in _SDO_REPLIES:
+                quiet_at = self.clock.now() + _QUIET_S
             if self.clock.now() > end:
-                raise BadReply(f"{where}: the bus never falls quiet; is there a second master on it?")
+                raise BadReply(f"{where}: SDO replies never end; is there a second master on the bus?")
 
     def lost(self, where: str, error: Exception) -> NoReturn:
         """Give the bus up; it opens again if it is used again."""
@@ -320,6 +327,43 @@ class CanLine:
         if node in self._bus.network:
             raise Unreachable(f"{self.where}: node {node} is already declared on this bus; every node is one drive")
         return CanNode(self._bus, node, dictionary, self._address, self._label, self._tap, timeout_s)
+
+    def listen(self, can_id: int, heard: Callable[[bytes], None]) -> None:
+        """Have `heard` called with the data of every frame with this identifier, whoever is taking frames.
+
+        Raises:
+            Unreachable: another instrument on this bus has this identifier.
+
+        """
+        if can_id in self._bus.network.subscribers:
+            raise Unreachable(f"{self.where}: identifier {can_id:03X}h is already declared on this bus")
+        self._bus.network.subscribe(can_id, lambda can_id, data, timestamp: heard(bytes(data)))
+
+    def send(self, can_id: int, data: bytes) -> None:
+        """Send a frame; raises `Unreachable`."""
+        self._on_bus(lambda: self._bus.network.send_message(can_id, data))
+
+    def pump(self, seconds: float) -> bool:
+        """Take one frame, whomever it concerns, waiting at most so many bench seconds; whether one came."""
+        return self._on_bus(lambda: self._bus.pump(seconds))
+
+    def flush(self) -> None:
+        """Take what has already come, so that what comes now is new."""
+        for _ in range(_MOST_BUFFERED):
+            if not self.pump(0.0):
+                return
+        raise BadReply(f"{self.where}: the bus never falls quiet; is it overloaded?")
+
+    def _on_bus(self, action: Callable[[], Answer]) -> Answer:
+        try:
+            self._bus.begin(self.where, self._log)
+            return action()
+        except _BUS_ERRORS as error:
+            self._bus.lost(self.where, error)
+
+    def _log(self, direction: str, data: bytes) -> None:
+        if self._tap:
+            self._tap(self._label, direction, data)
 
     def close(self) -> None:
         """Release the bus; idempotent."""

@@ -21,6 +21,7 @@ from rig.bench import Bench, identities
 from rig.engine.actions import BenchActions, NotSettled
 from rig.engine.axes import axes_of, own_limits
 from rig.engine.guard import Guard
+from rig.engine.identities import compare_identities
 from rig.engine.journal import Journal, PointInHand
 from rig.engine.live import Requests
 from rig.engine.motion import plan_legs, recovery_legs
@@ -28,9 +29,9 @@ from rig.engine.policies import OverloadedError, policy_for
 from rig.engine.queue import PointQueue
 from rig.engine.run_file import RunWriter
 from rig.engine.session import Outcome, Progress, Session, Signals
+from rig.engine.soaking import Soaking
 from rig.engine.state import RunState
 from rig.engine.states import AT_POINT, FINAL, TRANSITIONS, State
-from rig.engine.whole_plots import WholePlots
 from rig.errors import BenchFault, RigError, StorageError
 
 
@@ -84,14 +85,22 @@ class Sequencer:
         self._do = BenchActions(bench, self._axes, self._guard, clock, self._wait)
         self._requests = Requests(run.path, session.number, clock.stopwatch)
         self._queue = PointQueue(run_list, state)
-        self._whole_plots: WholePlots | None = None
+        self._soaking: Soaking | None = None
         if isinstance(procedure, WholePlotProcedure):
-            self._whole_plots = WholePlots(bench, run_list, procedure)
+            self._soaking = Soaking(
+                bench=bench,
+                run_list=run_list,
+                procedure=procedure,
+                do=self._do,
+                journal=self._journal,
+                queue=self._queue,
+                clock=clock,
+                wait=self._wait,
+            )
         self._references = tuple(f for f in run_list.easy if not f.stays)
         self._settle = procedure.settle.judged()
         self._poll_s = procedure.settle.poll_s
         self._move_timeout_s = max(_MOVE_TIMEOUT_S, self._settle.timeout_s)
-        self._lost = 0
         self._put_off = set(state.put_off)
         self._released = False
         self._outcome: Outcome | None = None
@@ -203,7 +212,7 @@ class Sequencer:
 
     def _checking(self) -> str:
         found = identities(self._bench)
-        self._compare_identities(found)
+        compare_identities(self._journal, found, self._session.accept, self._path)
         self._do.stop_motion()
         restarted = self._do.restarted()
         as_found = self._do.readback()
@@ -219,53 +228,22 @@ class Sequencer:
         # Counted from the last work done, so that sessions which were killed while preparing do not hide a gap.
         idle_s = self._journal.elapsed() - (fold.worked_s or 0.0)
         point = self._queue.peek()
-        if self._whole_plots is not None and point is not None:
+        if self._soaking is not None and point is not None:
             if fold.whole_plot is None or point.whole_plot != fold.planned:
                 return "prepare"
-            why = self._whole_plots.lost_meanwhile(
+            why = self._soaking.rules.lost_meanwhile(
                 point, idle_s, certain=certain, restarted=restarted, as_found=as_found
             )
-            return self._lose_whole_plot(why) if why else "recover"
+            if not why:
+                return "recover"
+            self._soaking.lose(why)
+            return "prepare"
         homed = all(axis["homed"] for axis in as_found["axes"].values())
         stands = homed and self._environment_stands(as_found)
         assert isinstance(self._procedure, PitchRollProcedure)
         if fold.prepared and stands and idle_s <= self._procedure.recovery.max_gap_s:
             return "recover"
         return "prepare"
-
-    def _lose_whole_plot(self, why: str) -> str:
-        """Give the open whole plot up: what was accepted in it stays, and it is measured again under a new identity."""
-        assert self._whole_plots is not None
-        assert isinstance(self._procedure, WholePlotProcedure)
-        planned = self._journal.fold.planned
-        assert planned is not None
-        first, count = self._whole_plots.span(planned)
-        kept = len(self._journal.fold.accepted.intersection(range(first, first + count)))
-        self._journal.take_up(None)
-        body = {"reason": why, "planned": planned, "first": first, "count": count, "kept": kept}
-        self._journal.write("event", body, status="whole-plot-lost")
-        self._queue.refill()
-        self._lost += 1
-        if self._lost > self._procedure.recovery.whole_plot_repeats:
-            raise BenchFault(
-                f"whole plot {planned} was lost {self._lost} times in this session, last because {why}; "
-                f"its {kept} readings are kept. Look at the chambers, then resume"
-            )
-        return "prepare"
-
-    def _compare_identities(self, found: Mapping[str, dict[str, Any]]) -> None:
-        for name, now in found.items():
-            before = self._journal.fold.identities.get(name)
-            same = before is not None and all(before[key] == now[key] for key in ("maker", "model", "serial", "asset"))
-            if same:
-                continue
-            if before is not None and name not in self._session.accept:
-                raise BenchFault(
-                    f"{name} is another instrument than before (was {_who(before)}; is {_who(now)}). Connect the first "
-                    f"one, or accept the new one as a new block of the data: "
-                    f"rig resume {self._path} --accept {name}"
-                )
-            self._journal.write("identity", {**now, "replaces": before}, status=name)
 
     def _environment_stands(self, as_found: Mapping[str, Any]) -> bool:
         wanted = self._procedure.environment if isinstance(self._procedure, PitchRollProcedure) else None
@@ -282,8 +260,8 @@ class Sequencer:
         self._set_up()
         if self._do.home(self._poll_s):
             self._journal.write("event", status="homed")
-        if self._whole_plots is not None:
-            self._soak(self._whole_plots)
+        if self._soaking is not None:
+            self._soaking.soak()
         elif isinstance(self._procedure, PitchRollProcedure) and self._procedure.environment is not None:
             self._journal.message = "environment settling"
             evidence = self._do.prepare_environment(self._procedure.environment)
@@ -291,27 +269,6 @@ class Sequencer:
             self._journal.message = ""
         self._journal.write("event", status="prepared")
         return "recover"
-
-    def _soak(self, rules: WholePlots) -> None:
-        """Bring the next point's whole plot to temperature, and give it its identity."""
-        assert isinstance(self._procedure, WholePlotProcedure)
-        point = self._queue.peek()
-        assert point is not None
-        assert point.whole_plot is not None
-        targets = rules.targets(point)
-        for chamber, target in targets.items():
-            self._do.set_chamber(chamber, target)
-        self._journal.message = f"soaking for whole plot {point.whole_plot} of {self._run_list.whole_plots}"
-
-        def watch(values: Mapping[str, float]) -> None:
-            shown = ", ".join(f"{chamber} {values[chamber]:.1f} of {target:g}" for chamber, target in targets.items())
-            self._journal.detail = f"{shown} degC"
-            rules.check_thermometers(values)
-
-        evidence = self._do.until_soaked(rules.criteria(point), self._procedure.soak.poll_s, rules.thermometers, watch)
-        self._journal.message = self._journal.detail = ""
-        body = {"setpoints_degC": targets, "settling": evidence}
-        self._journal.begin_whole_plot(point.whole_plot, body)
 
     def _set_up(self) -> None:
         if self._needs_set_up:
@@ -340,7 +297,7 @@ class Sequencer:
         if following is None:
             self._journal.take_up(None)
             return "park"
-        if self._whole_plots is not None and following.whole_plot != self._journal.fold.planned:
+        if self._soaking is not None and following.whole_plot != self._journal.fold.planned:
             return "prepare"
         self._journal.take_up(self._queue.pop())
         return None
@@ -402,12 +359,13 @@ class Sequencer:
         }
         if at.rejected:
             body["rejected"] = at.rejected
-        if self._whole_plots is not None:
-            why = self._whole_plots.lost_now(at.point, chambers, at.observation.temperatures)
+        if self._soaking is not None:
+            why = self._soaking.rules.lost_now(at.point, chambers, at.observation.temperatures)
             if why:
                 self._journal.write("observation", {**body, "lost": why}, status="rejected")
                 self._do.stop_motion()
-                return self._lose_whole_plot(why)
+                self._soaking.lose(why)
+                return "prepare"
         self._journal.write("observation", body, status="accepted")
         self._journal.point_observed()
         elsewhere = self._advance()
@@ -453,7 +411,7 @@ class Sequencer:
             fold = self._journal.fold
             skipped = {str(index): why for index, why in fold.skipped.items()}
             lost = {str(number): why for number, why in fold.lost.items()}
-            also = {"whole_plots": fold.whole_plots, "lost": lost} if self._whole_plots is not None else {}
+            also = {"whole_plots": fold.whole_plots, "lost": lost} if self._soaking is not None else {}
             self._journal.finish({"accepted": len(fold.accepted), "skipped": skipped, **also})
         else:
             self._journal.write("event", status="parked")
@@ -542,9 +500,3 @@ class Sequencer:
 
 _MOVE_TIMEOUT_S = 600.0
 _PAUSES_S = (1.0, 5.0, 15.0, 60.0)
-
-
-def _who(identity: Mapping[str, Any]) -> str:
-    serial = identity["serial"] if identity["confirmed"] else "no serial number"
-    asset = f", asset {identity['asset']}" if identity["asset"] else ""
-    return f"{identity['maker']} {identity['model']}, {serial}{asset}"

@@ -22,6 +22,9 @@ from rig.errors import BenchFault
 _SETPOINT_STANDS = 0.05
 """A setpoint within this of what was commanded is that one; instruments keep tenths or hundredths of a degree."""
 
+_AMBIENT_DEGC = 23.0
+"""Towards which temperatures are left, since there chambers reach either side of it."""
+
 _OPEN_POLLS = 3
 """A thermometer out of range for so many polls in a row is broken or not connected; one may be a disturbance."""
 
@@ -90,6 +93,26 @@ class WholePlots:
             if soaked.thermometer:
                 found[soaked.factor] = Criteria(target, s.sensor_tolerance_degC, s.dwell_s, drift, s.timeout_s)
         return found
+
+    def renewal(self, point: Point, chambers: Mapping[str, Any]) -> dict[str, float]:
+        """Chamber setpoints to visit first, so that a soak is a new draw of the whole-plot error; {} if it is anyway.
+
+        Args:
+            point: of the whole plot to be soaked for.
+            chambers: their states as just read.
+
+        """
+        targets = self.targets(point)
+        if any(abs(chambers[c]["temperature_degC"] - t) > self._soak.tolerance_degC for c, t in targets.items()):
+            return {}
+        away = self._soak.renew_degC
+        return {chamber: t + (away if t < _AMBIENT_DEGC else -away) for chamber, t in targets.items()}
+
+    def renewed(self, point: Point, chambers: Mapping[str, Any]) -> bool:
+        """Whether every chamber has been left by half the way at least."""
+        half = self._soak.renew_degC / 2.0
+        targets = self.targets(point)
+        return all(abs(chambers[c]["temperature_degC"] - t) >= half for c, t in targets.items())
 
     def check_thermometers(self, values: Mapping[str, float]) -> None:
         """Give up a soak that no reading can end. Raises `BenchFault` naming the thermometer."""

@@ -1,0 +1,45 @@
+"""Whether the instruments are the ones a run began with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from rig.engine.journal import Journal
+from rig.errors import BenchFault
+
+_WHO = ("maker", "model", "serial", "asset")
+
+
+def compare_identities(
+    journal: Journal, found: Mapping[str, dict[str, Any]], accept: frozenset[str], path: Path
+) -> None:
+    """Write down who answers, and refuse another instrument than before.
+
+    Args:
+        journal: where new ones are written down.
+        found: who answered now, by name.
+        accept: names of instruments that may be other ones than before.
+        path: the run file, for the message.
+
+    Raises:
+        BenchFault: naming the instrument, and how to go on.
+
+    """
+    for name, now in found.items():
+        before = journal.fold.identities.get(name)
+        if before is not None and all(before[key] == now[key] for key in _WHO):
+            continue
+        if before is not None and name not in accept:
+            raise BenchFault(
+                f"{name} is another instrument than before (was {_who(before)}; is {_who(now)}). Connect the first "
+                f"one, or accept the new one as a new block of the data: rig resume {path} --accept {name}"
+            )
+        journal.write("identity", {**now, "replaces": before}, status=name)
+
+
+def _who(identity: Mapping[str, Any]) -> str:
+    serial = identity["serial"] if identity["confirmed"] else "no serial number"
+    asset = f", asset {identity['asset']}" if identity["asset"] else ""
+    return f"{identity['maker']} {identity['model']}, {serial}{asset}"

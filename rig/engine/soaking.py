@@ -1,0 +1,113 @@
+"""Bringing whole plots to temperature, and giving them up: what the rules of whole plots make the bench do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from drivers.clock import Clock
+from procedures import Point, RunList, WholePlotProcedure
+from rig.bench import Bench
+from rig.engine.actions import BenchActions, NotSettled
+from rig.engine.journal import Journal
+from rig.engine.queue import PointQueue
+from rig.engine.whole_plots import WholePlots
+from rig.errors import BenchFault
+
+
+class Soaking:
+    """Whole plots on one bench.
+
+    Args:
+        bench: opened instruments.
+        run_list: every point of the run.
+        procedure: soak and recovery settings.
+        do: actions on the bench.
+        journal: where it is written down.
+        queue: points still to be observed.
+        clock: bench time.
+        wait: lets that many bench seconds pass; may raise to interrupt.
+
+    Attributes:
+        rules: what decides.
+
+    Raises:
+        ConfigurationError: the bench does not say which chamber sets a factor.
+
+    """
+
+    def __init__(
+        self,
+        *,
+        bench: Bench,
+        run_list: RunList,
+        procedure: WholePlotProcedure,
+        do: BenchActions,
+        journal: Journal,
+        queue: PointQueue,
+        clock: Clock,
+        wait: Callable[[float], None],
+    ) -> None:
+        self.rules = WholePlots(bench, run_list, procedure)
+        self._run_list, self._procedure = run_list, procedure
+        self._do, self._journal, self._queue = do, journal, queue
+        self._clock, self._wait = clock, wait
+        self._lost = 0
+
+    def soak(self) -> None:
+        """Bring the next point's whole plot to temperature, and give it its identity. Raises `NotSettled`."""
+        point = self._queue.peek()
+        assert point is not None
+        assert point.whole_plot is not None
+        self._leave(point)
+        targets = self.rules.targets(point)
+        for chamber, target in targets.items():
+            self._do.set_chamber(chamber, target)
+        self._journal.message = f"soaking for whole plot {point.whole_plot} of {self._run_list.whole_plots}"
+
+        def watch(values: Mapping[str, float]) -> None:
+            shown = ", ".join(f"{chamber} {values[chamber]:.1f} of {target:g}" for chamber, target in targets.items())
+            self._journal.detail = f"{shown} degC"
+            self.rules.check_thermometers(values)
+
+        settings, thermometers = self._procedure.soak, self.rules.thermometers
+        evidence = self._do.until_soaked(self.rules.criteria(point), settings.poll_s, thermometers, watch)
+        self._journal.message = self._journal.detail = ""
+        self._journal.begin_whole_plot(point.whole_plot, {"setpoints_degC": targets, "settling": evidence})
+
+    def _leave(self, point: Point) -> None:
+        """Temperatures that stand already are left first: without a change there is no new whole plot."""
+        away = self.rules.renewal(point, self._do.environment())
+        if not away:
+            return
+        self._journal.write("event", {"setpoints_degC": away}, status="renewing")
+        self._journal.message = f"leaving temperatures that stand, for whole plot {point.whole_plot}"
+        for chamber, target in away.items():
+            self._do.set_chamber(chamber, target)
+        limit = self._clock.now() + self._procedure.soak.timeout_s
+        while not self.rules.renewed(point, self._do.environment()):
+            if self._clock.now() > limit:
+                raise NotSettled("a chamber did not leave the temperature it was at", {})
+            self._wait(self._procedure.soak.poll_s)
+
+    def lose(self, why: str) -> None:
+        """Give the open whole plot up: what was accepted in it stays, and it is measured again under a new identity.
+
+        Raises:
+            BenchFault: it was lost once too often in this session.
+
+        """
+        fold = self._journal.fold
+        planned = fold.planned
+        assert planned is not None
+        first, count = self.rules.span(planned)
+        kept = len(fold.accepted.intersection(range(first, first + count)))
+        self._journal.take_up(None)
+        body = {"reason": why, "planned": planned, "first": first, "count": count, "kept": kept}
+        self._journal.write("event", body, status="whole-plot-lost")
+        self._queue.refill()
+        self._lost += 1
+        if self._lost > self._procedure.recovery.whole_plot_repeats:
+            raise BenchFault(
+                f"whole plot {planned} was lost {self._lost} times in this session, last because {why}; "
+                f"its {kept} readings are kept. Look at the chambers, then resume"
+            )
