@@ -86,3 +86,4 @@ class Keysight34401A(ScpiMeter):
                 "SAMP:COUN?": 1.0,
             }
         )
+        self._mark_prepared()

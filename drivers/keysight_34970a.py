@@ -108,6 +108,7 @@ class Keysight34970A(ScpiMeter):
         self._configure([*commands, f"ROUT:SCAN {everything}", "TRIG:SOUR IMM"])
         self._verify(wanted | {"ROUT:SCAN?": block, "TRIG:SOUR?": "IMM"})
         self._line_hz = self._asked_frequency()
+        self._mark_prepared()
 
     def _asked_frequency(self) -> float:
         answer = self._line.query("SYST:LFR?")

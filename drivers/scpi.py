@@ -25,6 +25,13 @@ _BITS_PER_CHARACTER = 11
 _CHARACTERS_PER_READING = 16
 _READBACK = 1e-6
 
+PREPARED = 52
+"""An event enable mask (query, execution and command errors) that says: prepared, and not switched off since.
+
+Nothing is done with the mask otherwise, instruments clear it when they are switched on, and reading it changes nothing,
+so the evidence outlives a session that ends before it has acted on it (the power-on bit of *ESR? does not).
+"""
+
 
 def one_of(*allowed: float) -> Callable[[float], float]:
     """A check that a number is one of a few."""
@@ -97,6 +104,14 @@ class ScpiMeter(ABC):
             raise WrongInstrument(f"{self._line.where} should be a {self._model}; it answers {answer!r} to *IDN?")
         return Identity(*parts)
 
+    def restarted(self) -> bool:
+        """See `Restartable.restarted`."""
+        answer = self._line.query("*ESE?")
+        try:
+            return int(answer) != PREPARED
+        except ValueError:
+            raise self._line.bad_reply("*ESE?", answer, "a number") from None
+
     def start(self, count: int) -> float:
         """See `Reader.start`.
 
@@ -163,6 +178,11 @@ class ScpiMeter(ABC):
                 raise self._line.bad_reply("*OPC?", "", "1")
         self._raise_errors()
 
+    def _mark_prepared(self) -> None:
+        """The last of preparing: leave the mark by which `restarted` knows that it was."""
+        self._line.write(f"*PSC 1;*ESE {PREPARED}")
+        self._verify({"*ESE?": float(PREPARED)})
+
     def _verify(self, wanted: Mapping[str, float | str]) -> None:
         """Read settings back; raises `BadReply` naming the first that is not as wanted."""
         for question, value in wanted.items():
@@ -172,22 +192,37 @@ class ScpiMeter(ABC):
                 raise BadReply(f"{self._line.where}: {question} should answer {value} and answers {answer!r}")
 
     def _raise_errors(self) -> None:
-        """Empty the error queue; raises `InstrumentError` with the first of it, the others in its text."""
-        found: list[tuple[int, str]] = []
-        while len(found) <= _MOST_ERRORS:
-            answer = self._line.query("SYST:ERR?", repeat=False)
-            code, _, text = answer.partition(",")
-            try:
-                number = int(code)
-            except ValueError:
-                raise self._line.bad_reply("SYST:ERR?", answer, 'code,"text"') from None
-            if number == 0:
-                break
-            found.append((number, text.strip('"')))
-        if found:
-            (code_, text_), *others = found
-            more = "".join(f"; then {c} {t}" for c, t in others)
-            raise InstrumentError(self._line.where, code_, text_ + more)
+        """See `raise_errors`."""
+        raise_errors(self._line, lambda: self._line.query("SYST:ERR?", repeat=False), _MOST_ERRORS)
+
+
+def raise_errors(line: SerialLine, ask: Callable[[], str], most: int) -> None:
+    """Empty an instrument's error queue.
+
+    Args:
+        line: for messages.
+        ask: takes the oldest error from the queue: a number, a comma and a quoted text, number 0 for none.
+        most: errors the queue may hold.
+
+    Raises:
+        InstrumentError: the first error, the others in its text.
+        BadReply: an answer that is no error.
+
+    """
+    found: list[tuple[int, str]] = []
+    while len(found) <= most:
+        answer = ask()
+        code, _, text = answer.partition(",")
+        try:
+            number = int(code)
+        except ValueError:
+            raise line.bad_reply("SYST:ERR?", answer, 'code,"text"') from None
+        if number == 0:
+            break
+        found.append((number, text.strip().strip('"')))
+    if found:
+        (first, words), *others = found
+        raise InstrumentError(line.where, first, words + "".join(f"; then {c} {t}" for c, t in others))
 
 
 def _agrees(answer: str, wanted: float | str) -> bool:

@@ -90,6 +90,8 @@ def test_prepare_configures_command_by_command_checks_errors_and_reads_back():
         b"ZERO:AUTO?\n",
         b"TRIG:SOUR?\n",
         b"SAMP:COUN?\n",
+        b"*PSC 1;*ESE 52\n",
+        b"*ESE?\n",
     ]
 
 

@@ -70,6 +70,8 @@ def test_prepare_sets_channels_and_scan_list_and_reads_them_back():
         b"ROUT:SCAN?\n",
         b"TRIG:SOUR?\n",
         b"SYST:LFR?\n",
+        b"*PSC 1;*ESE 52\n",
+        b"*ESE?\n",
     ]
     assert ("rx", b"#222(@101,102,103,109,110)\r\n") in rig.wire.log
 

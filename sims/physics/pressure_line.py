@@ -217,6 +217,10 @@ class PressureLine:
         """Pressure of the negative source."""
         return self.truth.vacuum_psia if self._available("vacuum", t) else self.truth.ambient_psia
 
+    def ambient_psia(self, t: float) -> float:
+        """Pressure of the atmosphere."""
+        return self.truth.ambient_psia
+
     def venting(self, t: float) -> bool:
         """Whether a vent is under way."""
         return self._vent_over is not None and t < self._vent_over

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from functools import lru_cache, partial
 from typing import Any, ClassVar
 
-from sims.twins.scpi_syntax import Command, ScpiError, number, split_outside
+from sims.twins.scpi_syntax import Command, ScpiError, boolean, number, split_outside
 from sims.world import World
 
 DEVICE_CLEAR = 0x03
@@ -55,6 +55,7 @@ COMMON = (
     Command("*ESR", query="ask_events", local=True),
     Command("*SRE", set="set_service_enable", query="ask_service_enable", local=True),
     Command("*STB", query="ask_status_byte", local=True),
+    Command("*PSC", set="set_power_on_clear", query="ask_power_on_clear", local=True),
     Command("*OPC", set="note_completion", query="ask_completion", local=True),
     Command("*WAI", set="wait_for_completion", local=True),
     Command("SYSTem:ERRor", query="ask_error", local=True),
@@ -96,6 +97,8 @@ class ScpiTwin:
     identity: ClassVar[str]
     queued_errors: ClassVar[int] = 20
     overflow: ClassVar[str] = "Too many errors"
+    integers: ClassVar[str] = "+d"
+    """How numbers of the status system are printed."""
 
     def __init__(self, name: str, world: World, baud: int, frame: str) -> None:
         self.name = name
@@ -103,6 +106,8 @@ class ScpiTwin:
         self.baud = baud
         self.frame = frame
         self._session = 0
+        self._power_on_clear = True  # kept without power
+        self._event_enable = self._service_enable = 0
         self.switch_on()
 
     def switch_on(self) -> None:
@@ -114,8 +119,8 @@ class ScpiTwin:
         self._queue: deque[tuple[int, str]] = deque()
         self.events = POWER_ON
         self.questionable = 0
-        self._event_enable = 0
-        self._service_enable = 0
+        if self._power_on_clear:
+            self._event_enable = self._service_enable = 0
         self._questionable_enable = 0
         self.remote = False
         self.reset()
@@ -188,7 +193,7 @@ class ScpiTwin:
         query = header.endswith("?")
         name = header.removesuffix("?").upper()
         if not name.startswith("*"):
-            name = name[1:] if name.startswith(":") else path + name
+            name = self.addressed(name[1:] if name.startswith(":") else path + name)
         row = self.commands.get(name)
         method = row and (row.query if query else row.set)
         if row is None or not method:
@@ -202,7 +207,15 @@ class ScpiTwin:
         answer: str | None = getattr(self, method)(*arguments)
         if not name.startswith("*"):
             path = name[: name.rfind(":") + 1]
-        return path, answer
+        return path, answer if answer is None else self.reply(row, answer)
+
+    def addressed(self, name: str) -> str:
+        """The header to look up, upper case without its leading colon, for a header as it was sent."""
+        return name
+
+    def reply(self, row: Command, answer: str) -> str:
+        """An answer as it goes onto the wire."""
+        return answer
 
     def fail(self, code: int) -> None:
         """Put an error into the queue and its class into the event register."""
@@ -226,7 +239,7 @@ class ScpiTwin:
     def ask_error(self) -> str:
         """SYSTem:ERRor?."""
         code, text = self._queue.popleft() if self._queue else (0, "No error")
-        return f'{code:+d},"{text}"'
+        return f'{code:{self.integers}},"{text}"'
 
     def ask_version(self) -> str:
         """SYSTem:VERSion?."""
@@ -244,12 +257,12 @@ class ScpiTwin:
 
     def ask_event_enable(self) -> str:
         """*ESE?."""
-        return f"{self._event_enable:+d}"
+        return f"{self._event_enable:{self.integers}}"
 
     def ask_events(self) -> str:
         """*ESR?: reading clears it."""
         events, self.events = self.events, 0
-        return f"{events:+d}"
+        return f"{events:{self.integers}}"
 
     def set_service_enable(self, value: str) -> None:
         """*SRE."""
@@ -257,12 +270,20 @@ class ScpiTwin:
 
     def ask_service_enable(self) -> str:
         """*SRE?."""
-        return f"{self._service_enable:+d}"
+        return f"{self._service_enable:{self.integers}}"
+
+    def set_power_on_clear(self, state: str) -> None:
+        """*PSC: whether switching on clears the enable masks."""
+        self._power_on_clear = boolean(state)
+
+    def ask_power_on_clear(self) -> str:
+        """*PSC?."""
+        return "1" if self._power_on_clear else "0"
 
     def ask_status_byte(self) -> str:
         """*STB?."""
         summary = 8 * bool(self.questionable & self._questionable_enable) + 32 * bool(self.events & self._event_enable)
-        return f"{summary + 64 * bool(summary & self._service_enable):+d}"
+        return f"{summary + 64 * bool(summary & self._service_enable):{self.integers}}"
 
     def note_completion(self) -> None:
         """*OPC: sets the event bit when the measurement under way is complete."""

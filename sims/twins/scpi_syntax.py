@@ -41,11 +41,11 @@ def _forms(header: str) -> list[str]:
     """Every spelling of a header: optional nodes in and out, each node short and long, upper case."""
     if header.startswith("*"):
         return [header]
-    nodes = re.findall(r"\[:?([A-Za-z]+):?\]|:?([A-Za-z]+)", header)
+    nodes = re.findall(r"\[:?([A-Za-z]+\d?):?\]|:?([A-Za-z]+\d?)", header)
     choices = []
     for optional, required in nodes:
         name = optional or required
-        short = "".join(c for c in name if c.isupper())
+        short = "".join(c for c in name if not c.islower())
         spellings = list(dict.fromkeys((short, name.upper())))
         choices.append([*spellings, ""] if optional else spellings)
     return [":".join(filter(None, combination)) for combination in itertools.product(*choices)]

@@ -1,0 +1,97 @@
+"""How Druck PACE instruments talk SCPI: every answer repeats its header, and few errors fit their queue.
+
+The header tells a late answer from the one asked for. One question a line, and the error queue (five) is emptied after
+every command. Source: SCPI manual K0472, sections 2 and 3.
+"""
+
+from __future__ import annotations
+
+import math
+
+from drivers.errors import BadReply, DriverError, InstrumentError
+from drivers.scpi import raise_errors
+from drivers.wires import SerialLine
+
+_MOST_ERRORS = 5
+
+
+class PaceScpi:
+    """Questions and commands on an open line.
+
+    Args:
+        line: where the instrument is.
+
+    """
+
+    def __init__(self, line: SerialLine) -> None:
+        self.line = line
+
+    def flag(self, question: str) -> bool:
+        """Ask something that is 0 or 1."""
+        answer = self.ask(question)
+        if answer not in ("0", "1"):
+            raise self.line.bad_reply(question, answer, "0 or 1")
+        return answer == "1"
+
+    def number(self, question: str) -> float:
+        """Ask a number."""
+        return self.as_number(question, self.ask(question))
+
+    def as_number(self, question: str, answer: str) -> float:
+        """What was answered as a number. Raises `BadReply`."""
+        try:
+            value = float(answer)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            raise self.line.bad_reply(question, answer, "a number")
+        return value
+
+    def check(self, question: str, wanted: float, allowed: float) -> None:
+        """Read a setting back. Raises `BadReply` if it is farther off than allowed."""
+        answer = self.number(question)
+        if not abs(answer - wanted) <= allowed:
+            raise BadReply(f"{self.line.where}: {question} should answer {wanted:g} and answers {answer:g}")
+
+    def ask(self, question: str, *, repeat: bool = True) -> str:
+        """The value of an answer, its header taken off; asked a second time if it is garbled or another's.
+
+        Raises:
+            BadReply: so is the second.
+            NoReply: nothing in time.
+
+        """
+        asked = question.removesuffix("?")
+        for _ in range(2 if repeat else 1):
+            try:
+                answer = self.line.query(question, repeat=repeat)
+            except BadReply as garbled:
+                error = garbled
+                continue
+            header, _, value = answer.partition(" ")
+            if header[:1] not in (":", "*"):
+                return answer  # the echo of headers can be switched off in newer instruments
+            if _same_header(asked, header):
+                return value.strip()
+            error = self.line.bad_reply(question, answer, f"{asked} and a value")
+        raise error
+
+    def send(self, command: str) -> None:
+        """Send a command and see that it was not refused."""
+        self.line.write(command)
+        raise_errors(self.line, lambda: self.ask(":SYST:ERR?", repeat=False), _MOST_ERRORS)
+
+    def forget_errors(self) -> None:
+        """Empty the error queue of what is left from before, which is not this session's."""
+        try:
+            raise_errors(self.line, lambda: self.ask(":SYST:ERR?", repeat=False), _MOST_ERRORS)
+        except InstrumentError:
+            return
+        except DriverError:
+            self.line.drain()
+
+
+def _same_header(asked: str, echoed: str) -> bool:
+    """Whether an echoed header is the one asked for: optional nodes may be spelt out, module numbers left out."""
+    plain, told = ("".join(c for c in text.upper() if c not in "12") for text in (asked, echoed))
+    return told.removeprefix(plain) in ("", ":LEV:IMM:AMPL", ":STAT") and told.startswith(plain)

@@ -1,0 +1,365 @@
+"""Simulated Druck PACE5000 or PACE6000 pressure controller, on serial or TCP.
+
+Commands, defaults and the status system from the SCPI manual K0472 (issue 1 and revision A). Every answer repeats its
+header. The gas is the plant's; this module is the controller's front: units, settings, in-limits timer, vent, errors.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from math import inf
+from typing import ClassVar, Protocol
+
+from sims.physics.pressure_line import PressureLine
+from sims.twins.scpi import ScpiTwin
+from sims.twins.scpi_syntax import Command, ScpiError, boolean, compiled, number
+from sims.world import World
+
+PASCALS = {
+    "PSI": 6894.757293168,
+    "BAR": 1e5,
+    "MBAR": 100.0,
+    "HPA": 100.0,
+    "KPA": 1e3,
+    "MPA": 1e6,
+    "PA": 1.0,
+    "TORR": 101325.0 / 760.0,
+    "MMHG": 133.322387415,
+    "INHG": 3386.388640341,
+    "ATM": 101325.0,
+}
+"""Units it knows, in pascals."""
+
+FULL_SCALE_PSI = 15.0
+"""Of its control module."""
+
+_FASTEST_PSI_PER_S = 5.0
+_COMMON = (
+    Command("*IDN", query="ask_identity", local=True),
+    Command("*CLS", set="clear_status", local=True),
+    Command("*ESE", set="set_event_enable", query="ask_event_enable", local=True),
+    Command("*ESR", query="ask_events", local=True),
+    Command("*SRE", set="set_service_enable", query="ask_service_enable", local=True),
+    Command("*STB", query="ask_status_byte", local=True),
+)
+_PACE = (
+    ("INSTrument:SN", "", "ask_serial"),
+    ("OUTPut[:STATe]", "set_output", "ask_output"),
+    ("SENSe[:PRESsure]", "", "ask_pressure"),
+    ("SENSe[:PRESsure]:INLimits", "", "ask_in_limits"),
+    ("SENSe[:PRESsure]:BARometer", "", "ask_barometer"),
+    ("SOURce[:PRESsure][:LEVel][:IMMediate][:AMPLitude]", "set_setpoint", "ask_setpoint"),
+    ("SOURce[:PRESsure][:LEVel][:IMMediate][:AMPLitude]:VENT", "set_vent", "ask_vent"),
+    ("SOURce[:PRESsure]:COMPensate1", "", "ask_supply"),
+    ("SOURce[:PRESsure]:COMPensate2", "", "ask_vacuum"),
+    ("SOURce[:PRESsure]:EFFort", "", "ask_effort"),
+    ("SOURce[:PRESsure]:INLimits", "set_band", "ask_band"),
+    ("SOURce[:PRESsure]:INLimits:TIME", "set_band_time", "ask_band_time"),
+    ("SOURce[:PRESsure]:RANGe", "set_range", "ask_range"),
+    ("SOURce[:PRESsure]:SLEW", "set_slew", "ask_slew"),
+    ("SOURce[:PRESsure]:SLEW:MODE", "set_slew_mode", "ask_slew_mode"),
+    ("SOURce[:PRESsure]:SLEW:OVERshoot", "set_overshoot", "ask_overshoot"),
+    ("STATus:OPERation:PRESsure[:EVENt]", "", "ask_pressure_events"),
+    ("STATus:OPERation:PRESsure:CONDition", "", "ask_pressure_condition"),
+    ("SYSTem:ERRor", "", "ask_error"),
+    ("SYSTem:VERSion", "", "ask_version"),
+    ("UNIT[:PRESsure]", "set_unit", "ask_unit"),
+)
+_MODULE = re.compile(r"(SOURCE|SOUR|SENSE|SENS|OUTPUT|OUTP)(\d)(?=:|$)")
+_VENT_COMPLETE, _IN_LIMITS = 1, 4
+
+
+class Plant(Protocol):
+    """What this twin uses of the plant."""
+
+    def pressure_line(self, instrument: str) -> PressureLine:
+        """The gas that an instrument controls."""
+        ...
+
+
+class DruckPACETwin(ScpiTwin):
+    """The controller.
+
+    Args:
+        name: the bench's name for it.
+        options: its options in the bench file; `module` (2 makes it a PACE6000), `reference`, `baud` and `frame`
+            matter here, and `barometer`, false if that option is not fitted.
+        world: virtual time.
+        plant: offers `pressure_line`.
+        serial: serial number it answers with.
+
+    """
+
+    commands: ClassVar[Mapping[str, Command]] = {
+        **compiled(_COMMON),
+        **compiled([Command(header, set=s, query=q, local=True) for header, s, q in _PACE]),
+    }
+    errors: ClassVar[Mapping[int, str]] = {
+        **ScpiTwin.errors,
+        -102: "Syntax error",
+        -114: "Header suffix out of range",
+        201: "Query only",
+        202: "No query allowed",
+    }
+    queued_errors = 5
+    overflow = "Queue overflow"
+    integers = "d"
+
+    def __init__(self, name: str, options: Mapping[str, object], world: World, plant: Plant, serial: str) -> None:
+        self.line = plant.pressure_line(name)
+        self.module = int(str(options.get("module", 1)))
+        self._serial = serial
+        self._gauge = options.get("reference") == "gauge"
+        self._barometer = bool(options.get("barometer", True))
+        super().__init__(name, world, int(str(options.get("baud", 9600))), str(options.get("frame", "8N1")))
+
+    def switch_on(self) -> None:
+        """Measuring, default settings, and no bit that says that power was off: K0472 has it reserved."""
+        super().switch_on()
+        self.events = 0
+        self.remote = True
+
+    def power_cycle(self) -> None:
+        """Without power all valves close."""
+        self.line.control_off(self.world.now())
+        super().power_cycle()
+
+    def reset(self) -> None:
+        """Settings at power-on."""
+        self.unit = "BAR"
+        self.output = False
+        self.slew_psi_per_s = _FASTEST_PSI_PER_S
+        self.linear = False
+        self.overshoot = True
+        self.setpoint_psi = 0.0
+        self.band_pct = 0.01
+        self.band_s = 2
+        self._vent_latched = False
+        self._events_read = self.world.now()
+
+    # Syntax
+
+    def addressed(self, name: str) -> str:
+        """Take the module's number off: 1, or none, is the first."""
+        match = _MODULE.match(name)
+        if match is None and _MODULE.match(f"{name.partition(':')[0]}1") is None:
+            return name
+        if int(match[2] if match else 1) != self.module:
+            raise ScpiError(-114)
+        return match[1] + name[match.end() :] if match else name
+
+    def reply(self, row: Command, answer: str) -> str:
+        """The header in short form, every optional node spelt out, and the value."""
+        header = row.header.replace("[", "").replace("]", "")
+        short = "".join(c for c in header if not c.islower())
+        return f"{short if short.startswith('*') else ':' + short} {answer}"
+
+    # Units
+
+    def _pressure(self, psia: float) -> str:
+        gauge = self.line.ambient_psia(self.world.now()) if self._gauge else 0.0
+        return self._difference(psia - gauge)
+
+    def _difference(self, psi: float) -> str:
+        return f"{psi * PASCALS['PSI'] / PASCALS[self.unit]:.7f}"
+
+    def _psi(self, text: str) -> float:
+        return number(text) * PASCALS[self.unit] / PASCALS["PSI"]
+
+    def set_unit(self, name: str) -> None:
+        """:UNIT:PRES."""
+        if name.upper() not in PASCALS:
+            raise ScpiError(-224)
+        self.unit = name.upper()
+
+    def ask_unit(self) -> str:
+        """:UNIT:PRES?."""
+        return self.unit
+
+    # Identity and readings
+
+    def ask_identity(self) -> str:
+        """*IDN?, as the manual prints it."""
+        return f"GE Druck,Pace{6 if self.module == 2 else 5}000 User Interface,{self._serial},01.05.04"
+
+    def ask_serial(self) -> str:
+        """:INST:SN?."""
+        return self._serial
+
+    def ask_pressure(self) -> str:
+        """:SENS:PRES?."""
+        return self._pressure(self.line.reading_psia(self.world.now()))
+
+    def ask_in_limits(self) -> str:
+        """:SENS:PRES:INL?: pressure, and whether it has been in limits for the time set."""
+        return f"{self.ask_pressure()}, {int(self.in_limits)}"
+
+    def ask_barometer(self) -> str:
+        """:SENS:PRES:BAR?: zero if none is fitted."""
+        return self._difference(self.line.ambient_psia(self.world.now()) if self._barometer else 0.0)
+
+    def ask_supply(self) -> str:
+        """:SOUR:PRES:COMP1?."""
+        return self._pressure(self.line.supply_psia(self.world.now()))
+
+    def ask_vacuum(self) -> str:
+        """:SOUR:PRES:COMP2?."""
+        return self._pressure(self.line.vacuum_psia(self.world.now()))
+
+    def ask_effort(self) -> str:
+        """:SOUR:PRES:EFF?."""
+        return f"{self.line.effort_pct(self.world.now()):.7f}"
+
+    # Control
+
+    def _control(self, *, changed: bool = True) -> None:
+        """Bring the valves to what has been set."""
+        if self.output and changed:
+            now = self.world.now()
+            gauge = self.line.ambient_psia(now) if self._gauge else 0.0
+            slew = self.slew_psi_per_s if self.linear else inf
+            self.line.command(now, self.setpoint_psi + gauge, slew, overshoot=self.overshoot)
+
+    def set_setpoint(self, value: str) -> None:
+        """:SOUR:PRES."""
+        psi = self._psi(value)
+        low = -self.line.ambient_psia(self.world.now()) if self._gauge else 0.0
+        if not low - 1e-9 <= psi <= FULL_SCALE_PSI * (1.0 + 1e-9):
+            raise ScpiError(-222)
+        self.setpoint_psi = psi
+        self._control()
+
+    def ask_setpoint(self) -> str:
+        """:SOUR:PRES?."""
+        return self._difference(self.setpoint_psi)
+
+    def set_output(self, state: str) -> None:
+        """:OUTP:STAT."""
+        on = boolean(state)
+        if on and not self.output:
+            self.output, self._vent_latched = True, False
+            self._control()
+        elif self.output and not on:
+            self.output = False
+            self.line.control_off(self.world.now())
+
+    def ask_output(self) -> str:
+        """:OUTP:STAT?."""
+        return str(int(self.output))
+
+    def set_slew(self, value: str) -> None:
+        """:SOUR:PRES:SLEW, units per second."""
+        psi = _FASTEST_PSI_PER_S if value.upper() == "MAX" else self._psi(value)
+        if not 0.0 < psi <= 100.0 * FULL_SCALE_PSI:
+            raise ScpiError(-222)
+        before, self.slew_psi_per_s = self.slew_psi_per_s, psi
+        self._control(changed=self.linear and psi != before)
+
+    def ask_slew(self) -> str:
+        """:SOUR:PRES:SLEW?."""
+        return self._difference(self.slew_psi_per_s)
+
+    def set_slew_mode(self, mode: str) -> None:
+        """:SOUR:PRES:SLEW:MODE."""
+        if mode.upper() not in ("LIN", "LINEAR", "MAX", "MAXIMUM"):
+            raise ScpiError(-224)
+        before, self.linear = self.linear, mode.upper().startswith("LIN")
+        self._control(changed=self.linear != before)
+
+    def ask_slew_mode(self) -> str:
+        """:SOUR:PRES:SLEW:MODE?."""
+        return "LIN" if self.linear else "MAX"
+
+    def set_overshoot(self, state: str) -> None:
+        """:SOUR:PRES:SLEW:OVER."""
+        before, self.overshoot = self.overshoot, boolean(state)
+        self._control(changed=self.overshoot != before)
+
+    def ask_overshoot(self) -> str:
+        """:SOUR:PRES:SLEW:OVER?."""
+        return str(int(self.overshoot))
+
+    def set_range(self, name: str) -> None:
+        """:SOUR:PRES:RANG: it has one."""
+        if name != self.ask_range():
+            raise ScpiError(-224)
+
+    def ask_range(self) -> str:
+        """:SOUR:PRES:RANG?: its name, which ends in what pressures are counted from."""
+        return f'"{FULL_SCALE_PSI:.2f}psi{"g" if self._gauge else "a"}"'
+
+    # In limits
+
+    @property
+    def in_limits(self) -> bool:
+        """Whether the pressure is in limits and has been for long enough."""
+        reached = self._in_limits_from()
+        now = self.world.now()
+        near = abs(self.line.reading_psia(now) - self.line.setpoint_psia) <= self._band_psi
+        return reached is not None and now >= reached and near
+
+    @property
+    def _band_psi(self) -> float:
+        return self.band_pct / 100.0 * FULL_SCALE_PSI
+
+    def _in_limits_from(self) -> float | None:
+        since = self.line.settled_since(self.world.now(), self._band_psi)
+        return None if since is None else since + self.band_s
+
+    def set_band(self, value: str) -> None:
+        """:SOUR:PRES:INL, percent of full scale."""
+        pct = number(value)
+        if not 0.0 <= pct <= 100.0:
+            raise ScpiError(-222)
+        self.band_pct = pct
+
+    def ask_band(self) -> str:
+        """:SOUR:PRES:INL?."""
+        return f"{self.band_pct:.7f}"
+
+    def set_band_time(self, value: str) -> None:
+        """:SOUR:PRES:INL:TIME."""
+        seconds = round(number(value))
+        if not 2 <= seconds <= 999:
+            raise ScpiError(-222)
+        self.band_s = seconds
+
+    def ask_band_time(self) -> str:
+        """:SOUR:PRES:INL:TIME?."""
+        return str(self.band_s)
+
+    def ask_pressure_condition(self) -> str:
+        """:STAT:OPER:PRES:COND?: what is the case now."""
+        vented = self._vent_latched and self.line.vented(self.world.now())
+        return str(_VENT_COMPLETE * vented + _IN_LIMITS * self.in_limits)
+
+    def ask_pressure_events(self) -> str:
+        """:STAT:OPER:PRES?: what has come about since it was last asked."""
+        before, self._events_read = self._events_read, self.world.now()
+        reached = self._in_limits_from()
+        condition = int(self.ask_pressure_condition())
+        if reached is None or reached <= before:
+            condition &= ~_IN_LIMITS
+        return str(condition)
+
+    # Vent
+
+    def set_vent(self, value: str) -> None:
+        """:SOUR:PRES:LEV:IMM:AMPL:VENT: 1 starts, at full speed; 0 aborts. Control is off afterwards."""
+        start = round(number(value))
+        if start not in (0, 1):
+            raise ScpiError(-222)
+        now = self.world.now()
+        if start:
+            self.output, self._vent_latched = False, True
+            self.line.vent(now, inf)
+        elif self._vent_latched:
+            self._vent_latched = False
+            self.line.control_off(now)
+
+    def ask_vent(self) -> str:
+        """:SOUR:PRES:LEV:IMM:AMPL:VENT?: 0 idle, 1 in progress, 2 completed."""
+        if not self._vent_latched:
+            return "0"
+        return "1" if self.line.venting(self.world.now()) else "2"
