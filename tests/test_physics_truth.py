@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from sims.bench import world_for
 from sims.physics import WorldError, read_truth, sensor_axes
 from sims.physics.pressure_truth import TransducerTruth, ordinary
 from sims.physics.truth import SENSORS, SensorTruth, Truth
@@ -113,6 +114,12 @@ def test_a_bench_may_have_sensors_of_both_kinds() -> None:
     assert [type(sensor) for sensor in truth.sensors.values()] == [SensorTruth, TransducerTruth]
     with pytest.raises(WorldError, match=r"attitude sensors on this bench: x\)"):
         read_truth(tomllib.loads("effects.offset_drift.uV_per_h = { bridge_1 = 1 }"), {"x": "x", "bridge_1": ""})
+
+
+def test_the_world_of_a_bench_of_any_kind_begins_when_its_file_says() -> None:
+    bench = {"sensors": {"x": {"axis": "x"}, "bridge_1": {"axis": None}, "bridge_2": {}}}
+    assert sensor_axes(bench) == {"x": "x", "bridge_1": "", "bridge_2": ""}
+    assert world_for(bench, {"epoch": "2026-01-15T18:00:00Z"}).utc() == 1768500000.0
 
 
 def test_the_example_of_the_pressure_bench_is_a_valid_world_of_it() -> None:

@@ -66,14 +66,14 @@ class Chamber:
             ]
         )
         self._proportional = 2.0 * t.damping / t.time_constant_s
-        self._integral = 1.0 / t.time_constant_s**2
+        self._integral = 1.0 / t.time_constant_s  # of the error over tau, so that the state is all in degrees
         closed = np.zeros((4, 4))
         closed[:3, :3] = alone
         closed[_AIR, _AIR] -= self._proportional
         closed[_AIR, _INTEGRAL] = self._integral
-        closed[_INTEGRAL, _AIR] = -1.0
+        closed[_INTEGRAL, _AIR] = -self._integral
         self._matrices = {False: alone, True: closed}
-        self._command = np.array([self._proportional, 0.0, 0.0, 1.0])
+        self._command = np.array([self._proportional, 0.0, 0.0, self._integral])
         self._surroundings = np.array([free, 0.0, body * t.body_sees_lab, 0.0])
         self.assume_steady(t.start_setpoint_degC, start, controlled=t.start_controlled)
 

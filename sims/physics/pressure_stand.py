@@ -24,14 +24,19 @@ PRESSURE, SENSORS, SSE = "pressure_psia", "sensor_temperature_degC", "sse_temper
 class Line(PressureLine):
     """A pressure line that remembers what it was set to.
 
+    Args:
+        world: the whole of its truth.
+        name: of the controller on the bench.
+        start: virtual time from which on it is known.
+
     Attributes:
         settings: pressures it was set to; a setting is a command to another pressure, or one after control was off.
 
     """
 
-    def __init__(self, truth: Truth, name: str, start: float) -> None:
-        super().__init__(truth.pressure_line, name, truth.seed, start)
-        self.settings = Steps(start, truth.pressure_line.start_psia)
+    def __init__(self, world: Truth, name: str, start: float) -> None:
+        super().__init__(world.pressure_line, name, world.seed, start)
+        self.settings = Steps(start, self.truth.start_psia)
 
     def command(self, now: float, setpoint_psia: float, slew_psi_per_s: float, *, overshoot: bool = False) -> None:
         """See `PressureLine.command`."""

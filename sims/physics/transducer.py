@@ -88,11 +88,11 @@ class Transducer:
         """Output at zero pressure: bridge, electronics, and what both temperatures have left behind."""
         t = self._truth
         sensor, sse = c.sensor_degC - t.sensor_reference_degC, c.sse_degC - t.sse_reference_degC
-        bridge = t.offset_uV_per_degC * 1e-3 * sensor + (t.offset_nV_per_degC2 * 1e-6 + self._sensor3 * sensor) * (
-            sensor * sensor
+        bridge = sensor * (
+            t.offset_uV_per_degC * 1e-3 + sensor * (t.offset_nV_per_degC2 * 1e-6 + sensor * self._sensor3)
         )
-        electronics = t.sse_offset_uV_per_degC * 1e-3 * sse + (t.sse_offset_nV_per_degC2 * 1e-6 + self._sse3 * sse) * (
-            sse * sse
+        electronics = sse * (
+            t.sse_offset_uV_per_degC * 1e-3 + sse * (t.sse_offset_nV_per_degC2 * 1e-6 + sse * self._sse3)
         )
         cross = t.cross_offset_nV_per_degC2 * 1e-6 * sensor * sse
         return t.offset_mV + bridge + electronics + cross + self._lag * c.lag_degC + self._offset_t * c.t

@@ -172,7 +172,7 @@ class Truth:
 
 def sensor_axes(bench: Mapping[str, Any]) -> Mapping[str, str]:
     """Package axis ("x", "y", "z") by sensor name, as on the bench; "" for a pressure transducer."""
-    return {name: str(table.get("axis", "")) for name, table in bench.get("sensors", {}).items()}
+    return {name: str(table.get("axis") or "") for name, table in bench.get("sensors", {}).items()}
 
 
 def read_truth(values: Mapping[str, object], axes: Mapping[str, str]) -> Truth:
