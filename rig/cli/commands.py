@@ -2,6 +2,7 @@
 
 import rig.cli.data
 import rig.cli.demo
+import rig.cli.infer
 import rig.cli.plan
 import rig.cli.run
 import rig.cli.sim  # noqa: F401

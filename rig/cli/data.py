@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -41,9 +41,21 @@ def fit(
         Path | None, typer.Option("--out", "-o", help="write the calibration to this JSON file", show_default=False)
     ] = None,
     report: Annotated[
-        Path | None, typer.Option(help="whole plots: write the methods' table and plots as HTML", show_default=False)
+        Path | None, typer.Option(help="whole plots: write the methods' tables and plots as HTML", show_default=False)
     ] = None,
     formula: FormulaOption = None,
+    method: Annotated[
+        str | None,
+        typer.Option(
+            help="whole plots: by which method the calibration is kept: GLS, WLS, 'in-flight zero' or "
+            "'in-flight zero + WLS'",
+            show_default="GLS",
+        ),
+    ] = None,
+    add: Annotated[
+        list[str] | None,
+        typer.Option(help="whole plots: a further term, such as an effect that was traced: --add 'P^3'; repeatable"),
+    ] = None,
     response: Annotated[
         str | None, typer.Option(help="any table: the column to be explained", show_default=False)
     ] = None,
@@ -66,7 +78,7 @@ def fit(
             "--whole-plot and --replicate name columns of any table; they go with --response and --formula"
         )
     else:
-        result, show = _calibration(data, formula, report)
+        result, show = _calibration(data, formula, report, method, add or [])
     if out_file is not None:
         write_whole(out_file, lambda file: json.dump(result, file, indent=2, allow_nan=False))
     if as_json:
@@ -91,24 +103,39 @@ def _general(data: Path, response: str, formula: str | None, whole_plot: str | N
     return result, lambda: show_general_fit(data.name, result)
 
 
-def _calibration(data: Path, formula: str | None, report: Path | None) -> Shown:
-    from rig.closed_loop import fit_table  # noqa: PLC0415
+def _calibration(data: Path, formula: str | None, report: Path | None, method: str | None, add: Sequence[str]) -> Shown:
+    from rig.closed_loop import fit_table, fit_whole_plots  # noqa: PLC0415
+    from rig.closed_loop.whole_plot import METHOD  # noqa: PLC0415
     from rig.tables import read_table  # noqa: PLC0415
 
     table = read_table(data)
-    if table.kind == "pitch-roll" and (formula or report):
-        option = "--formula" if formula else "--report"
-        raise UsageError(f"{option} is for whole plots and tables of any kind; {data} holds a pitch-roll calibration")
-    result = fit_table(table)
+    if table.kind == "pitch-roll":
+        given = {"--formula": formula, "--report": report, "--method": method, "--add": add}
+        for option, value in given.items():
+            if value:
+                raise UsageError(f"{option} is for whole plots; {data} holds a pitch-roll calibration")
+        result = fit_table(table)
+        return result, lambda: show_fit(data.name, table, result)
+    fitted = fit_whole_plots(table, formula or "full", method=method or METHOD, add=add)
+    result = fitted.to_json()
+    if report is not None:
+        from rig.report import write_fit_report  # noqa: PLC0415
+
+        write_fit_report(report, fitted)
+        err.print(f"report: {escape(str(report))}", soft_wrap=True)
     return result, lambda: show_fit(data.name, table, result)
 
 
 def show_fit(name: str, table: Table, result: Mapping[str, Any]) -> None:
     """Show what `fit_table` found."""
     from rig.cli.attitude import show_attitude_fit  # noqa: PLC0415
+    from rig.cli.whole_plot import show_whole_plot_fit  # noqa: PLC0415
 
     headline(name, table)
-    show_attitude_fit(result)
+    if table.kind == "whole-plot":
+        show_whole_plot_fit(result)
+    else:
+        show_attitude_fit(result)
 
 
 @app.command(rich_help_panel="Data")

@@ -12,6 +12,48 @@ from rig.cli.show import headline, number, out
 from rig.closed_loop import WholePlotTraced
 from rig.report.words import chance, unnamed
 
+_MEASURES = (
+    ("max_pct", "largest reading error / %; in-flight zero: without the zero's own error"),
+    ("width_pct", "width of the 95 % prediction interval / %"),
+    ("bias_pct", "bias / %"),
+)
+
+
+def show_whole_plot_fit(result: Mapping[str, Any]) -> None:
+    """Methods side by side and the coefficients of GLS, a transducer after the other."""
+    for name, sensor in result["sensors"].items():
+        sigma = (number(sensor[key], 3) for key in ("sigma_subplot", "sigma_wholeplot"))
+        errors = "{} mV within whole plots, {} mV between them".format(*sigma)
+        out.print(f"\n[bold]{name}[/] ({escape(sensor['model'])}): {errors}", soft_wrap=True)
+        for key, title in _MEASURES:
+            out.print(f"  {title}", soft_wrap=True)
+            out.print(_methods(sensor["methods"], key))
+        for method, reason in sensor["not_possible"].items():
+            out.print(f"  [yellow]{method}: not possible:[/] {escape(reason)}", soft_wrap=True)
+        for method, fitted in sensor["methods"].items():
+            if fitted["note"]:
+                out.print(f"  [yellow]{method}:[/] {escape(fitted['note'])}", soft_wrap=True)
+        out.print(_coefficients(sensor))
+        for note in sensor["notes"]:
+            out.print(f"  [yellow]{escape(note)}[/]", soft_wrap=True)
+
+
+def _methods(methods: Mapping[str, Any], key: str) -> Table:
+    """One measure of every method at every pressure."""
+    pressures = next(iter(methods.values()))["reading_error"]["pressure_psia"]
+    table = Table("  psia", *(f"{p:.3g}" for p in pressures), padding=(0, 1, 0, 0), box=None)
+    for method, fitted in methods.items():
+        shown = (number(value, 3) for value in fitted["reading_error"][key])
+        table.add_row(f"  [yellow]{method}[/]" if fitted["biased"] else f"  {method}", *shown)
+    return table
+
+
+def _coefficients(sensor: Mapping[str, Any]) -> Table:
+    table = Table("term", "estimate / mV", "standard error", "df", title="GLS", title_justify="left")
+    for term, value in sensor["coefficients"].items():
+        table.add_row(escape(term), number(value["estimate"], 6), number(value["stderr"], 3), number(value["df"], 3))
+    return table
+
 
 def show_whole_plot_trace(traced: WholePlotTraced) -> None:
     """A short table a transducer: error before and after, and the effects found."""

@@ -8,11 +8,19 @@ from __future__ import annotations
 from typing import Any
 
 from rig.closed_loop.attitude import AttitudeTraced, fit_attitude_table, trace_attitude_table
-from rig.closed_loop.whole_plot import WholePlotTraced, trace_whole_plot_table
+from rig.closed_loop.whole_plot import WholePlotFitted, WholePlotTraced, fit_whole_plots, trace_whole_plot_table
 from rig.errors import UsageError
 from rig.tables import Table
 
-__all__ = ["AttitudeTraced", "Traced", "WholePlotTraced", "fit_table", "trace_table"]
+__all__ = [
+    "AttitudeTraced",
+    "Traced",
+    "WholePlotFitted",
+    "WholePlotTraced",
+    "fit_table",
+    "fit_whole_plots",
+    "trace_table",
+]
 
 Traced = AttitudeTraced | WholePlotTraced
 """A table of either kind and what was traced in it."""
@@ -30,6 +38,8 @@ def fit_table(table: Table, model: str | None = None) -> dict[str, Any]:
 
     """
     _check(table, model)
+    if table.kind == "whole-plot":
+        return fit_whole_plots(table, model or "full").to_json()
     return fit_attitude_table(table)
 
 

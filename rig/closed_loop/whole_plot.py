@@ -2,14 +2,77 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from fitter import RankError
+from fitter.pressure import PressureFit, fit_transducers
 from fitter.trace import TransducerTrace, WholePlotTrace, trace_whole_plots
 from fitter.whole_plot_data import WholePlotData
 from rig.errors import UsageError
 from rig.tables import Table, whole_plot_data
+
+METHOD = "GLS"
+"""By which a calibration is made unless another method is asked for: it takes no side between pressures."""
+
+
+@dataclass(frozen=True, eq=False)
+class WholePlotFitted:
+    """A table and the calibrations fitted to it.
+
+    Attributes:
+        table: where the data come from.
+        data: the same as arrays.
+        fits: by transducer.
+        method: by which each calibration is kept.
+
+    """
+
+    table: Table
+    data: WholePlotData
+    fits: Mapping[str, PressureFit]
+    method: str
+
+    def to_json(self) -> dict[str, Any]:
+        """What `rig fit --json` prints; with one transducer its keys stand at the top level too.
+
+        Raises:
+            UsageError: the method cannot be used, or makes no calibration to use.
+
+        """
+        sensors = {}
+        for name, fit in self.fits.items():
+            try:
+                calibration = fit.calibration(self.method).to_dict()
+            except ValueError as error:
+                raise UsageError(f"{self.table.source}: {name}: {error}") from error
+            sensors[name] = {**fit.to_dict(), "calibration": calibration}
+        table = self.table
+        data = {"points": len(table), "kind": "whole-plot", "simulated": table.simulated, **table.provenance}
+        alone = next(iter(sensors.values())) if len(sensors) == 1 else {}
+        return {**alone, "data": data, "sensors": sensors}
+
+
+def fit_whole_plots(
+    table: Table, model: str = "full", *, method: str = METHOD, add: Sequence[str] = ()
+) -> WholePlotFitted:
+    """Calibrate every transducer of a whole-plot table by every method.
+
+    Args:
+        table: of kind whole-plot.
+        model: "full", "II.C", "eq10", "hierarchical" or a formula.
+        method: by which each calibration is kept.
+        add: further terms, effects that were traced, say.
+
+    Raises:
+        UsageError: the table lacks something, or its rows do not determine the model or its errors.
+
+    """
+    data = whole_plot_data(table)
+    try:
+        return WholePlotFitted(table, data, fit_transducers(data, model, extra=tuple(add)), method)
+    except (ValueError, KeyError) as error:
+        raise UsageError(f"{table.source}: {error.args[0] if error.args else error}") from error
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +104,7 @@ def trace_whole_plot_table(table: Table, model: str = "full") -> WholePlotTraced
     data = whole_plot_data(table)
     try:
         return WholePlotTraced(table, data, trace_whole_plots(data, model))
-    except (RankError, ValueError, KeyError) as error:
+    except (ValueError, KeyError) as error:
         raise UsageError(f"{table.source}: {error.args[0] if error.args else error}") from error
 
 

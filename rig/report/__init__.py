@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from rig.atomic import write_whole
 
 if TYPE_CHECKING:
-    from rig.closed_loop import Traced
+    from rig.closed_loop import Traced, WholePlotFitted
 
 
 def report(traced: Traced) -> str:
@@ -23,4 +23,12 @@ def report(traced: Traced) -> str:
 def write_report(path: Path, traced: Traced) -> None:
     """Write a self-contained HTML report, whole or not at all. Raises `UsageError` if the disk refuses."""
     text = report(traced)
+    write_whole(path, lambda file: file.write(text))
+
+
+def write_fit_report(path: Path, fitted: WholePlotFitted) -> None:
+    """Write the methods side by side as HTML, whole or not at all. Raises `UsageError` if the disk refuses."""
+    from rig.report.methods import fit_report  # noqa: PLC0415
+
+    text = fit_report(fitted)
     write_whole(path, lambda file: file.write(text))

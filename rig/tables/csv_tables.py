@@ -106,7 +106,7 @@ def _number(path: Path, row: int, column: str, cell: str) -> float:
 
 
 def write_csv(columns: Mapping[str, Sequence[float] | np.ndarray[Any, Any]], path: Path) -> None:
-    """Write a table whole or not at all. Raises `UsageError` if the disk refuses."""
+    """Write a table of numbers and text whole or not at all. Raises `UsageError` if the disk refuses."""
 
     def rows(file: IO[str]) -> None:
         writer = csv.writer(file, lineterminator="\n")
@@ -118,7 +118,7 @@ def write_csv(columns: Mapping[str, Sequence[float] | np.ndarray[Any, Any]], pat
 
 def _cells(columns: Mapping[str, Sequence[float] | np.ndarray[Any, Any]]) -> Iterator[list[str]]:
     for row in zip(*columns.values(), strict=True):
-        yield [_cell(float(value)) for value in row]
+        yield [value if isinstance(value, str) else _cell(float(value)) for value in row]
 
 
 def _cell(value: float) -> str:

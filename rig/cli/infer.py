@@ -1,0 +1,51 @@
+"""`rig infer`: a calibration in use."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+
+from rig.cli import app
+from rig.cli.show import err
+from rig.errors import ExitCode
+
+
+@app.command(rich_help_panel="Data")
+def infer(
+    calibration: Annotated[Path, typer.Argument(help="what `rig fit --out` wrote", show_default=False)],
+    data: Annotated[
+        Path,
+        typer.Argument(
+            help="CSV with the outputs and sensor_temperature_degC, sse_temperature_degC; a column `vacuum` is 1 for "
+            "rows read at zero pressure",
+            show_default=False,
+        ),
+    ],
+    out_file: Annotated[Path, typer.Option("--out", "-o", help="the CSV file to write", show_default=False)],
+    zero: Annotated[
+        Path | None,
+        typer.Option(help="CSV of readings in vacuum since the temperatures last changed", show_default=False),
+    ] = None,
+) -> int:
+    """Infer pressure from a transducer's output and both temperatures, with a 95 % prediction interval.
+
+    Reading the zero in vacuum first (in flight, before entry) takes out the error that a change of temperature draws
+    anew; its own error is in the interval. Values outside the calibrated range are flagged, not extrapolated.
+
+    Example: `rig infer calibration.json flight.csv --zero vacuum.csv --out pressures.csv`
+    """
+    from rig.closed_loop import inference  # noqa: PLC0415
+    from rig.tables import write_csv  # noqa: PLC0415
+
+    found = inference.infer(inference.read_calibrations(calibration), data, zero)
+    write_csv(found.columns, out_file)
+    for note in found.notes:
+        err.print(f"[yellow]{escape(note)}[/]", soft_wrap=True)
+    rows = len(next(iter(found.columns.values())))
+    err.print(
+        f"{escape(str(out_file))}: {rows} rows, {found.flagged} flagged; added {', '.join(found.added)}", soft_wrap=True
+    )
+    return ExitCode.DONE

@@ -1,0 +1,91 @@
+"""The report of a whole-plot fit: the paper's methods side by side, as tables and as its figures 3 to 9."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fitter.pressure import PressureFit
+from rig.report.frame import render
+from rig.report.pictures import png, side_by_side
+
+if TYPE_CHECKING:
+    from rig.closed_loop import WholePlotFitted
+
+_MEASURES = (
+    ("max_pct", "Largest reading error / %"),
+    ("rms_pct", "Root-mean-square reading error / %"),
+    ("width_pct", "Width of the 95 % prediction interval / % (eq. 11)"),
+    ("bias_pct", "Bias / % (eq. 12)"),
+)
+
+
+def fit_report(fitted: WholePlotFitted) -> str:
+    """The report as HTML."""
+    result = fitted.to_json()
+    return render(
+        "methods.html.j2",
+        fitted.table,
+        span_s=float(np.ptp(fitted.data.elapsed_s)),
+        whole_plots=len(fitted.data.whole_plots),
+        method=fitted.method,
+        sensors=[_transducer(name, result["sensors"][name], fitted) for name in fitted.fits],
+    )
+
+
+def _transducer(name: str, result: dict[str, Any], fitted: WholePlotFitted) -> dict[str, Any]:
+    fit = fitted.fits[name]
+    methods = result["methods"]
+    pressures = next(iter(methods.values()))["reading_error"]["pressure_psia"]
+    return {
+        **result,
+        "name": name,
+        "sigma": {key: _number(result[key]) for key in ("sigma_subplot", "sigma_wholeplot")},
+        "pressures": [f"{p:.3g}" for p in pressures],
+        "measures": [
+            {
+                "title": title,
+                "rows": [
+                    {"method": m, "biased": v["biased"], "values": [_number(x) for x in v["reading_error"][key]]}
+                    for m, v in methods.items()
+                ],
+            }
+            for key, title in _MEASURES
+        ],
+        "remarks": [f"{m}: {v['note']}" for m, v in methods.items() if v["note"]]
+        + [f"{m} is not possible: {why}" for m, why in result["not_possible"].items()]
+        + list(result["notes"]),
+        "rows": [
+            {"term": term, **{k: _number(v, 6 if k == "estimate" else 3) for k, v in value.items()}}
+            for term, value in result["coefficients"].items()
+        ],
+        "plot": {"alt": f"{name}: reading error over pressure by every method", "png": methods_plot(fit)},
+    }
+
+
+def methods_plot(fit: PressureFit) -> str:
+    """Residuals over pressure in percent of it, one plot a method, and the 95 % prediction interval; base64 PNG."""
+    data = fit.problem.data
+    at = data.pressure_psia > 0
+    figure, axes = side_by_side(3.0, len(fit.methods), width=2.5 * len(fit.methods))
+    slope = np.asarray(fit.formula.derivative(data.table, "P") @ fit.reml.coefficients)
+    for axis, (method, fitted) in zip(axes, fit.methods.items(), strict=True):
+        error = 100.0 * fitted.residuals_mV[at] / (slope[at] * data.pressure_psia[at])
+        axis.plot(data.pressure_psia[at], error, "o", ms=2.5, alpha=0.5, color="C3" if fitted.biased else "C0")
+        shown = fitted.reading_error
+        for side in (-0.5, 0.5):
+            axis.plot(shown.pressure_psia, side * shown.width_pct, color="0.3", lw=0.9, ls="-.")
+        axis.set_title(method + (" (biased)" if fitted.biased else ""), fontsize=8)
+        axis.set_xscale("log")
+        axis.set_yscale("symlog", linthresh=2.0)
+        axis.set_xlabel("pressure / psia", fontsize=8)
+        axis.grid(color="0.9", linewidth=0.6)
+        axis.tick_params(labelsize=7)
+        axis.axhline(0, color="0.5", linewidth=0.7)
+    axes[0].set_ylabel("reading error / %", fontsize=8)
+    return png(figure)
+
+
+def _number(value: float | None, digits: int = 3) -> str:
+    return "-" if value is None else f"{value:.{digits}g}"
