@@ -11,6 +11,7 @@ from scipy.special import chdtrc
 
 from fitter.arrays import FloatArray
 from fitter.effects import GROWING_NOISE, Entry, PressureScene, separate_pressure
+from fitter.linear import orthonormal
 from fitter.quantiles import t_limit
 from fitter.trace.aliases import Rival
 from fitter.trace.family import COUNTED
@@ -124,7 +125,8 @@ def _found(finding: Finding, name: str, i: int) -> FoundPressureEffect | None:
     p = min(finding.judge.p_adjusted(after.chosen, j) for j in mine)
     best = next(rival for rival in explanations if rival.effect == name)
     alike = [problem.candidates[r.terms[0]].effect for r in explanations if r.alias and r.effect != name]
-    peak = float(np.max(np.abs(contribution)))
+    basis = orthonormal(problem.declared)
+    peak = float(np.max(np.abs(contribution - basis @ (basis.T @ contribution))))
     psi = peak / abs(finding.scene.sensitivity[sensor])
     return FoundPressureEffect(
         effect=name,
@@ -140,7 +142,7 @@ def _found(finding: Finding, name: str, i: int) -> FoundPressureEffect | None:
         share=_share(finding, level, mine, i),
         aliases=tuple(other.name for other in alike),
         separation={r.effect: round(max(r.sigmas - best.sigmas, 0.0), 2) for r in explanations if r.effect != name},
-        separate_by=f"{_experiments(effect, alike)}; it reaches {peak:.2g} mV ({psi:.2g} psi) here",
+        separate_by=f"{_experiments(effect, alike)}; up to {peak:.2g} mV ({psi:.2g} psi) of it are left here beside the model",
         against=effect.against,
         formulas=tuple(filter(None, (problem.candidates[j].term.formula for j in mine))),
         df=tuple(c.df for c in coefficients.values()),

@@ -31,7 +31,7 @@ class FoundPressureEffect(Found):
         df: degrees of freedom of the coefficients' standard errors, those of the stratum.
         half_width_95: of the coefficients' 95 % intervals.
         contribution_mV: (n,) what it adds to the output of each reading; zero for a finding about the noise.
-        peak_mV: its largest size.
+        peak_mV: largest size of what the declared model, refitted, cannot take up of it; of the noise, its largest sd.
         peak_psi: the same as pressure.
 
     """

@@ -142,9 +142,8 @@ def _scatter(problem: Problem, level: Level, own: FloatArray, df: FloatArray, wi
     single = np.sum(own**2, axis=0) * m / df
     if level == "whole-plot":
         return np.asarray(np.where(witnesses > 1, single, 0.0))
-    by_plot = np.zeros((int(problem.whole_plot.max()) + 1, own.shape[1]))
-    np.add.at(by_plot, problem.whole_plot, own)
-    plots = len(by_plot)
+    plots = int(problem.whole_plot.max()) + 1
+    by_plot = (np.arange(plots)[:, None] == problem.whole_plot).astype(np.float64) @ own
     return np.asarray(np.maximum(single, np.sum(by_plot**2, axis=0) * plots / max(plots - 1, 1)))
 
 

@@ -78,6 +78,12 @@ class Strata:
         length = np.linalg.norm(columns * np.sqrt(self.weight)[:, None], axis=0)
         return np.asarray(np.linalg.norm(self._centred(columns), axis=0) > VARIES * length)
 
+    @cached_property
+    def _shares(self) -> FloatArray:
+        """(W, n) share of each reading in its whole plot's mean."""
+        mine = np.arange(self.total.size)[:, None] == self.whole_plot
+        return np.where(mine, self.weight / self.total[:, None], 0.0)
+
     @property
     def kept(self) -> FloatArray:
         """(n,) share of a reading's variance that is left in the subplot stratum, one less its leverage."""
@@ -91,9 +97,7 @@ class Strata:
         return self._mean(left)
 
     def _mean(self, columns: FloatArray) -> FloatArray:
-        sums = np.zeros((len(self.total), columns.shape[1]))
-        np.add.at(sums, self.whole_plot, columns * self.weight[:, None])
-        return sums / self.total[:, None]
+        return np.asarray(self._shares @ columns)
 
     def _centred(self, columns: FloatArray) -> FloatArray:
         return np.asarray((columns - self._mean(columns)[self.whole_plot]) * np.sqrt(self.weight)[:, None])

@@ -1,0 +1,393 @@
+"""The tracer on whole-plot runs: effects found by name, clean runs, the paper's cubic, and what nights leave behind."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from whole_plot_truth import (
+    CUBIC,
+    EFFECTS,
+    GROWING,
+    PAIRS,
+    SUBPLOT,
+    WHOLE_PLOT,
+    Bench,
+    Run,
+    Transducer,
+    simulate,
+)
+
+from fitter.effects import PRESSURE_CATALOGUE, separate_pressure
+from fitter.formula import FormulaError
+from fitter.linear import RankError
+from fitter.pressure.models import named_formula
+from fitter.trace import trace_whole_plots
+from fitter.trace.family import ALPHA
+from fitter.trace.whole_plots.null import family_of
+from fitter.trace.whole_plots.problem import pose
+from fitter.trace.whole_plots.run import scene_of
+from fitter.trace.whole_plots.score import score
+
+ONE = "bridge_1_mV"
+# the truth's coefficient, where it has one in the unit of the effect
+TRUE = {
+    "cubic": 1e-3,
+    "bend and sensor temperature": 3e-5,
+    "bend and electronics' temperature": 5e-5,
+    "sensitivity and temperature squared": 2e-6,
+    "sensor temperature cubed": 3e-6,
+    "electronics' temperature cubed": 5e-6,
+    "hysteresis": 5e-3,
+    "creep, one transducer": 1.2e-3 / 2.0,
+    "creep of one of three": 1.2e-3,
+    "carry-over, three transducers": 4e-4,
+    "sensor lags": 3e-4,
+    "electronics lag": 4e-4,
+    "interruption": 0.08,
+    "drift of whole plots": 3e-3,
+    "drift within": 6e-3,
+    "sensitivity of one drifts": 1e-4,
+    "reference drifts, three": 4e-5,
+    "leak, three": 8e-3,
+}
+# a declared model, and what the ordinary transducer has beyond it
+UNDECLARED = {
+    "II.C": ("sensitivity-temperature", ("P*T_sensor",)),
+    "1 + P + P^2 + P:T_sensor + P:T_SSE": ("offset-temperature", ("T_sensor",)),
+    "(P + T_sensor + T_SSE)^2 + T_sensor^2 + T_SSE^2": ("pressure-second-order", ("P^2",)),
+    "(P + T_sensor + T_SSE)^2 + P^2": ("offset-temperature-second-order", ("T_sensor^2",)),
+}
+
+
+def effects_of(found):
+    """Transducer and effect, for everything but the noise."""
+    return {(s, e.effect) for s, t in found.sensors.items() for e in t.effects if e.stratum != "noise"}
+
+
+def problem_of(data, model="full", catalogue=PRESSURE_CATALOGUE):
+    names, columns = named_formula(model).columns(data.table)
+    return pose(data, names, columns, scene_of(data), catalogue)
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_effect_is_named(name):
+    bench, run, expected = EFFECTS[name]
+    found = trace_whole_plots(simulate(bench, run, seed=3))
+    assert {effect for _, effect in effects_of(found)} == {expected}
+    trace = found.sensors[ONE]
+    effect = trace.effects[0]
+    assert trace.verdict == "explained"
+    assert effect.p_adjusted <= ALPHA
+    assert effect.share > 0.8
+    assert effect.separate_by
+    assert effect.stratum in ("whole-plot", "subplot")
+    if name in TRUE:
+        assert effect.coefficients[0] == pytest.approx(TRUE[name], abs=4 * effect.stderr[0])
+        assert effect.half_width_95[0] > 1.95 * effect.stderr[0]
+
+
+@pytest.mark.parametrize("model", UNDECLARED)
+def test_terms_a_declared_model_lacks_are_named(model):
+    bench = Bench((Transducer(offset_warm2=(3e-5, 0.0, 0.0), offset_warm=(2e-3, 0.0), bend=-2e-3),))
+    found = trace_whole_plots(simulate(bench, seed=1), model)
+    assert (found.sensors[ONE].declared, found.sensors[ONE].verdict) == (model, "explained")
+    by_name = {e.effect: e for e in found.sensors[ONE].effects}
+    name, terms = UNDECLARED[model]
+    assert by_name[name].terms == terms
+    assert by_name[name].formulas == tuple(term.replace("*", ":") for term in terms)
+    # declared from then on, nothing is left to name
+    extended = " + ".join([str(named_formula(model)), *(f for e in by_name.values() for f in e.formulas)])
+    assert effects_of(trace_whole_plots(simulate(bench, seed=1), extended)) == set()
+
+
+def test_every_effect_has_a_scenario():
+    tested = {expected for *_, expected in EFFECTS.values()} | {name for name, _ in UNDECLARED.values()}
+    same_here = {"sensor-by-sse-squared", "sse-by-sensor-squared"}  # exactly, on this design
+    assert tested | same_here == {effect.name for effect in PRESSURE_CATALOGUE}
+
+
+def test_third_order_temperature_is_a_class_of_two():
+    """x^3 = x z^2 on a spherical central composite, beside the second order."""
+    for truth, cubed, mixed in (
+        (Transducer(offset_warm3=(3e-6, 0.0)), "sensor-temperature-third-order", "sensor-by-sse-squared"),
+        (Transducer(offset_mixed=(0.0, 5e-6)), "sse-temperature-third-order", "sse-by-sensor-squared"),
+    ):
+        (effect,) = trace_whole_plots(simulate(Bench((truth,)), seed=2)).sensors[ONE].effects
+        assert (effect.effect, effect.stratum) == (cubed, "whole-plot")
+        assert mixed in effect.aliases
+        assert effect.separation[mixed] < 0.5  # readbacks scatter by 0.05 degC
+        assert effect.df[0] == 13
+        assert "corners" in effect.separate_by
+
+
+@pytest.mark.parametrize(
+    ("bench", "run"),
+    [
+        (Bench(), Run()),
+        (Bench(subplot=GROWING), Run()),
+        (Bench(3 * (Transducer(),), shared_sd=2e-3), Run()),
+        (Bench(), Run(broken={2: 5, 5: 1, 9: 8, 14: 1})),
+        (Bench(whole_plot=0.0), Run()),
+        (Bench(sensitivity_sd=1e-3), Run()),
+        (Bench(long_tails=True), Run(interrupted=True)),
+    ],
+    ids=["clean", "growing sd", "shared error", "broken", "no whole-plot error", "sensitivity anew", "long tails"],
+)
+def test_nothing_is_reported_where_nothing_is(bench, run):
+    """Eight runs each, fixed seeds; the rates over 100: python -m benchmarks.whole_plot_campaign clean."""
+    reported = [effects_of(trace_whole_plots(simulate(bench, run, seed))) for seed in range(200, 208)]
+    assert sum(map(bool, reported)) <= 1
+
+
+def test_the_cubic_of_the_paper_and_nothing_else():
+    """Scatter growing as 0.4 + 0.3 P; 20 seeds: python -m benchmarks.whole_plot_campaign cubic."""
+    for seed in range(5):
+        found = trace_whole_plots(simulate(Bench((Transducer(cubic=CUBIC),), GROWING), seed=seed))
+        assert effects_of(found) == {(ONE, "pressure-third-order")}
+        (cubic, noise) = found.sensors[ONE].effects
+        assert cubic.coefficients[0] == pytest.approx(CUBIC, abs=4 * cubic.stderr[0])
+        assert cubic.formulas == ("P^3",)
+        assert (noise.effect, noise.stratum) == ("noise-grows-with-pressure", "noise")
+        for value, truth, error in zip(noise.coefficients, GROWING, noise.stderr, strict=True):
+            assert value == pytest.approx(truth, abs=4 * error)
+            assert error < 0.25 * truth
+
+
+def test_noise_that_does_not_grow_is_not_said_to():
+    runs = [trace_whole_plots(simulate(seed=seed)).sensors[ONE] for seed in range(20, 30)]
+    assert not any(t.effects for t in runs)
+    assert np.median([t.before.fit.sigma_subplot for t in runs]) == pytest.approx(SUBPLOT, rel=0.1)
+    assert np.median([t.before.fit.sigma_wholeplot for t in runs]) == pytest.approx(WHOLE_PLOT, rel=0.25)
+
+
+def test_whole_plot_effects_have_the_t_test_of_whole_plot_means():
+    """Against ordinary least squares on the twenty means, which share no code with the strata."""
+    data = simulate(Bench((Transducer(drift=1e-3),)), seed=4)
+    flat = replace(
+        data,
+        **{
+            name: np.round(getattr(data, name) / 1e-6) * 1e-6
+            if name == "pressure_psia"
+            else np.array([np.mean(getattr(data, name)[data.whole_plot == w]) for w in range(20)])[data.whole_plot]
+            for name in ("pressure_psia", "sensor_temperature_degC", "sse_temperature_degC")
+        },
+    )
+    flat = replace(flat, pressure_psia=np.round(flat.pressure_psia, 2), pressure_side=None)
+    problem = problem_of(flat)
+    j = next(k for k, c in enumerate(problem.candidates) if c.effect.name == "whole-plot-drift")
+    scores = score(problem, (), (j,))
+    means = [
+        np.array([np.mean(v[flat.whole_plot == w]) for w in range(20)])
+        for v in (flat.outputs[ONE], flat.sensor_temperature_degC, flat.sse_temperature_degC, flat.elapsed_s / 3600)
+    ]
+    y, a, b, hours = means[0], means[1] + 90.0, means[2], means[3]
+    x = np.column_stack([np.ones(20), a, b, a * a, a * b, b * b, hours])
+    beta, rss, *_ = np.linalg.lstsq(x, y, rcond=None)
+    stderr = np.sqrt(rss[0] / 13 * np.linalg.inv(x.T @ x)[-1, -1])
+    assert scores.gamma[j] == pytest.approx(beta[-1], rel=1e-8)
+    assert scores.t[j] == pytest.approx(beta[-1] / stderr, rel=1e-8)
+    assert scores.df[j] == 13
+
+
+def test_subplot_effects_have_the_coefficient_of_least_squares_with_indicators():
+    data = simulate(Bench((Transducer(cubic=2e-3),)), Run(broken={3: 5, 7: 1}), seed=5)
+    problem = problem_of(data)
+    j = next(k for k, c in enumerate(problem.candidates) if c.effect.name == "pressure-third-order")
+    scores = score(problem, (), (j,))
+    p, a, b = data.pressure_psia, data.sensor_temperature_degC + 90.0, data.sse_temperature_degC
+    indicators = np.eye(data.whole_plots.size)[data.whole_plot_index]
+    x = np.column_stack([indicators, p, p * p, p * a, p * b, p**3])
+    y = data.outputs[ONE]
+    beta, rss, *_ = np.linalg.lstsq(x, y, rcond=None)
+    df = y.size - x.shape[1]
+    stderr = np.sqrt(rss[0] / df * np.linalg.inv(x.T @ x)[-1, -1])
+    # temperatures scatter by 0.05 degC within whole plots, which indicators cannot follow and the strata leave alone
+    assert scores.gamma[j] == pytest.approx(beta[-1], abs=0.05 * stderr)
+    assert scores.df[j] == df
+    assert abs(scores.t[j]) <= abs(beta[-1]) / stderr * 1.01
+    assert abs(scores.t[j]) > abs(beta[-1]) / stderr * 0.8
+
+
+def test_the_family_holds_its_level():
+    """Its simulated limit against runs of white noise put through the scores; a binomial bound on 200 of them."""
+    data = simulate(Bench(2 * (Transducer(),)), seed=6)
+    problem = problem_of(data)
+    family = family_of(problem, seed=1)
+    rng = np.random.default_rng(6)
+    false = 0
+    for _ in range(200):
+        noise = (
+            SUBPLOT * rng.standard_normal((2, 220)) + WHOLE_PLOT * rng.standard_normal((2, 20))[:, problem.whole_plot]
+        )
+        false += bool(np.any(family.adjust(score(replace(problem, outputs=noise), ()).p) <= ALPHA))
+    assert false <= 14  # P(more | 3.5 %) = 0.8 %
+
+
+def test_broken_whole_plots_keep_their_readings():
+    """Five of eleven, then the same temperatures again under a new identity; and single readings."""
+    run = Run(broken={1: 5, 6: 1, 12: 1, 13: 10})
+    data = simulate(Bench((Transducer(cubic=CUBIC),)), run, seed=1)
+    assert len(data) == 237
+    assert data.whole_plots.size == 24
+    found = trace_whole_plots(data)
+    assert effects_of(found) == {(ONE, "pressure-third-order")}
+    assert found.sensors[ONE].after.cv_rms < 2.5 * WHOLE_PLOT
+    drifting = trace_whole_plots(simulate(Bench((Transducer(drift=3e-3),)), run, seed=1))
+    assert effects_of(drifting) == {(ONE, "whole-plot-drift")}
+
+
+def test_transducers_tell_the_line_from_themselves():
+    """The same column, of the line if all transducers show it alike in psi, of one if only that shows it."""
+    for bench, expected in (
+        (Bench(3 * (Transducer(),), carry_over=6e-4), {(f"bridge_{k}_mV", "carry-over") for k in (1, 2, 3)}),
+        (Bench((Transducer(), Transducer(creep=1.5e-3), Transducer())), {("bridge_2_mV", "creep")}),
+    ):
+        found = trace_whole_plots(simulate(bench, seed=1))
+        assert effects_of(found) == expected
+        (effect,) = found.sensors["bridge_2_mV"].effects
+        # three creeps that happen to be alike take two columns more than one line
+        assert effect.separation["creep" if effect.effect == "carry-over" else "carry-over"] > 1.5
+    alone = trace_whole_plots(simulate(Bench((Transducer(creep=1.5e-3),)), seed=1)).sensors[ONE].effects[0]
+    assert {"creep", "carry-over"} <= {alone.effect, *alone.aliases}
+    assert "second gauge" in alone.separate_by
+
+
+def test_what_all_transducers_show_alike_may_be_the_reference():
+    alike = Bench(tuple(Transducer(offset=k, cubic=CUBIC) for k in range(3)))
+    notes = trace_whole_plots(simulate(alike, seed=1)).sensors["bridge_3_mV"].notes
+    assert any("the same in all 3 transducers" in note and "reference" in note for note in notes)
+    different = Bench(tuple(Transducer(cubic=k * CUBIC) for k in (1.0, -1.0, 2.0)))
+    assert not any("same in all" in n for n in trace_whole_plots(simulate(different, seed=1)).sensors[ONE].notes)
+
+
+def test_json_is_the_object_the_design_promises():
+    data = simulate(Bench((Transducer(cubic=CUBIC, drift=3e-3),), GROWING), seed=7)
+    report = json.loads(json.dumps(trace_whole_plots(data).to_json("night.csv"), allow_nan=False))
+    assert report["data"] == {"file": "night.csv", "points": 220, "kind": "whole-plot"}
+    one = report["sensors"][ONE]
+    assert (one["declared"], one["verdict"]) == ("full", "explained")
+    assert set(one["before"]) == set(one["after"])
+    assert {"sigma_subplot", "sigma_wholeplot", "reading_error_pct", "cv_rms"} <= set(one["before"])
+    assert one["before"]["sigma_E"] is None
+    assert one["before"]["T_S"] is None
+    assert len(one["before"]["reading_error_pct"]) == 8
+    assert {e["effect"] for e in one["effects"]} == {
+        "pressure-third-order",
+        "whole-plot-drift",
+        "noise-grows-with-pressure",
+    }
+    promised = {"effect", "stratum", "term", "coefficients", "stderr", "unit", "p_adjusted", "share", "aliases"}
+    for effect in one["effects"]:
+        assert promised | {"separate_by", "lo95", "hi95", "peak_mV", "peak_psi"} <= set(effect)
+        assert effect["lo95"][0] < effect["coefficients"][0] < effect["hi95"][0]
+    assert set(one["fitted"]["coefficients"]) >= {"1", "P", "T_sensor:T_SSE", "pressure-third-order: P^3"}
+    assert one["after"]["sigma_wholeplot"] < one["before"]["sigma_wholeplot"]
+    assert one["after"]["cv_rms"] < one["before"]["cv_rms"]
+
+
+def test_same_data_same_answer_in_any_order_of_rows():
+    data = simulate(Bench((Transducer(cubic=CUBIC, settling=8e-3),)), seed=8)
+    first = trace_whole_plots(data)
+    assert trace_whole_plots(data).to_json() == first.to_json()
+    shuffled = trace_whole_plots(data.take(np.random.default_rng(1).permutation(len(data))))
+    assert effects_of(shuffled) == effects_of(first) == {(ONE, "pressure-third-order"), (ONE, "subplot-drift")}
+    for mine, theirs in zip(first.sensors[ONE].effects, shuffled.sensors[ONE].effects, strict=True):
+        np.testing.assert_allclose(mine.coefficients, theirs.coefficients, rtol=1e-6)
+
+
+def test_prediction_with_the_effects_beats_that_without():
+    quiet = {"subplot": (1e-9, 0.0), "whole_plot": 0.0}
+    bench = Bench((Transducer(cubic=CUBIC, creep=2e-3),))
+    truth = simulate(replace(bench, **quiet), seed=12)
+    found = trace_whole_plots(simulate(bench, seed=11))
+    plain = trace_whole_plots(simulate(bench, seed=11), catalogue=())
+    error, without = (np.std(t.predict(truth)[ONE] - truth.outputs[ONE]) for t in (found, plain))
+    assert plain.sensors[ONE].effects == ()
+    assert error < 0.8 * without
+    assert len(found.predict(truth.take(np.arange(7)))[ONE]) == 7
+
+
+def test_what_no_effect_explains_is_shown_and_not_named():
+    """A kink at one pressure and an outlying pair of temperatures: nothing in the catalogue looks like them."""
+    data = simulate(seed=13)
+    kink = data.outputs[ONE] + 0.015 * np.isclose(data.pressure_psia, 0.79, atol=0.01)
+    one = trace_whole_plots(replace(data, outputs={ONE: kink})).sensors[ONE]
+    assert one.verdict in ("unexplained", "partly explained")
+    assert "within whole plots, most at 0.79" in one.unnamed[0].where
+    assert one.unnamed[0].share > 0.2
+
+
+def test_two_replications_have_offsets_of_their_own():
+    pairs = tuple(PAIRS)
+    first, second = (simulate(Bench((Transducer(cubic=CUBIC),)), Run(pairs), seed) for seed in (1, 2))
+    joined = {
+        name: np.concatenate([getattr(first, name), getattr(second, name) + shift])
+        for name, shift in (
+            ("whole_plot", 20),
+            ("order", 220),
+            ("elapsed_s", 2e5),
+            ("pressure_psia", 0),
+            ("sensor_temperature_degC", 0),
+            ("sse_temperature_degC", 0),
+        )
+    }
+    both = type(first)(
+        **joined,
+        outputs={ONE: np.concatenate([first.outputs[ONE], second.outputs[ONE] + 0.2])},
+        replicate=np.repeat([1, 2], 220),
+    )
+    found = trace_whole_plots(both)
+    assert effects_of(found) == {(ONE, "pressure-third-order")}
+    assert found.sensors[ONE].after.fit.sigma_replicate > 0.05
+
+
+@pytest.mark.parametrize(
+    ("pairs", "model"),
+    [
+        (((0.0, 0.0),) * 4, "1 + P + P^2"),
+        (((0.0, 0.0),) * 2, "1 + P"),
+        (((-1.0, 0.0), (0.0, 0.0), (1.0, 0.0)) * 2, "P * T_sensor + P^2"),
+    ],
+    ids=["one temperature", "two whole plots", "one temperature varied"],
+)
+def test_little_data_is_no_reason_to_fail(pairs, model):
+    found = trace_whole_plots(simulate(Bench((Transducer(bend=-1e-3 if "^" in model else 0.0),)), Run(pairs), 1), model)
+    json.dumps(found.to_json(), allow_nan=False)
+    assert found.sensors[ONE].verdict == "nothing to add"
+
+
+def test_data_that_cannot_be_judged_are_refused_with_the_reason():
+    data = simulate(seed=1)
+    with pytest.raises(FormulaError):
+        trace_whole_plots(data, "1 + P +")
+    with pytest.raises(RankError, match=r"2 pairs of temperatures cannot determine .*T_sensor.*T_SSE"):
+        trace_whole_plots(simulate(Bench(), Run(((0.0, 0.0), (1.0, 0.0))), seed=1))
+    with pytest.raises(ValueError, match="show no error"):
+        trace_whole_plots(replace(data, outputs={ONE: 2.0 * data.pressure_psia}), "1 + P")
+    with pytest.raises(ValueError, match="one whole plot"):
+        trace_whole_plots(data.take(data.whole_plot == 3), "1 + P")
+
+
+def test_zero_pressure_has_no_reading_error():
+    data = simulate(seed=1)
+    at_zero = replace(data, pressure_psia=np.where(data.pressure_psia < 0.05, 0.0, data.pressure_psia))
+    assert trace_whole_plots(at_zero).sensors[ONE].before.reading_error_pct["0"] is None
+
+
+@pytest.mark.parametrize("effect", PRESSURE_CATALOGUE, ids=lambda effect: effect.name)
+def test_entries_are_complete(effect):
+    data = simulate(Bench(), Run(interrupted=True), seed=1)
+    names = [term.name for term in effect.terms(data)]
+    assert names
+    assert len(set(names)) == len(names)
+    assert all(term.column(scene_of(data)).shape == (220,) for term in effect.terms(data))
+    assert effect.cause
+    assert effect.separate_by
+    assert effect.usual_size
+    assert hasattr(data, effect.against)
+    assert set(effect.known_aliases) <= {other.name for other in PRESSURE_CATALOGUE} - {effect.name}
+    for other in PRESSURE_CATALOGUE:
+        if other is not effect:
+            # no rule is missing: what is left would be the alias' experiment, which differs from one way to the other
+            assert separate_pressure(effect, other) == separate_pressure(other, effect)
