@@ -1,4 +1,4 @@
-"""Agilent/Keysight 34970A scanner on its serial interface: DC volts and thermistors through a 34901A multiplexer.
+"""Agilent/Keysight 34970A scanner on its serial interface: DC volts and thermometers through a 34901A multiplexer.
 
 Commands from the 34970A/34972A Command Reference, version 2.00. The scanner goes through its scan list in ascending
 order, whatever order it was given in.
@@ -6,23 +6,47 @@ order, whatever order it was given in.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from typing import Annotated, Literal
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Annotated, Literal, Self, get_args
 
-from pydantic import AfterValidator, BaseModel, Field
+from pydantic import AfterValidator, BaseModel, Field, model_validator
 
 from drivers.clock import Clock
 from drivers.errors import BadReply
 from drivers.scpi import FREQUENCIES, Nplc, ScpiMeter, one_of, settling_s
 from drivers.wires import SerialSettings, Wires
 
-THERMISTORS = {"thermistor-2.2k": 2252, "thermistor-5k": 5000, "thermistor-10k": 10000}
-"""Kinds of thermistor it linearises (44004, 44007, 44006): ohms at 25 degrees Celsius."""
+Thermometer = Literal[
+    "thermistor-2.2k",
+    "thermistor-5k",
+    "thermistor-10k",
+    "rtd-2w-385",
+    "rtd-2w-391",
+    "rtd-4w-385",
+    "rtd-4w-391",
+]
+TRANSDUCERS: Mapping[Thermometer, tuple[str, int]] = {
+    "thermistor-2.2k": ("THER", 2252),
+    "thermistor-5k": ("THER", 5000),
+    "thermistor-10k": ("THER", 10000),
+    "rtd-2w-385": ("RTD", 85),
+    "rtd-2w-391": ("RTD", 91),
+    "rtd-4w-385": ("FRTD", 85),
+    "rtd-4w-391": ("FRTD", 91),
+}
+"""Thermometers it linearises, in its own words.
+
+Thermistors 44004, 44007 and 44006 by their ohms at 25 degrees Celsius, from -80 to 150; platinum of 100 ohms by its
+alpha, 0.00385 or 0.00391, on two or four wires, from -200 to 600. Outside, the reading is an overload.
+"""
 
 _MEMORY = 50_000
 _RELAY_S = 0.0167  # 60 channels a second with a 34901A
 
+_RTD_OHMS = 100.0
+
 ChannelName = Annotated[str, Field(pattern=r"^[123](0[1-9]|1[0-9]|20)$")]
+VoltsRange = Annotated[float, AfterValidator(one_of(0.1, 1, 10, 100))]
 
 
 class Keysight34970A(ScpiMeter):
@@ -43,7 +67,7 @@ class Keysight34970A(ScpiMeter):
     class Options(BaseModel, extra="forbid"):
         """What the bench file may say about this instrument."""
 
-        channels: dict[ChannelName, Literal["volts", "thermistor-2.2k", "thermistor-5k", "thermistor-10k"]] = Field(
+        channels: dict[ChannelName, Literal["volts"] | Thermometer] = Field(
             min_length=1, max_length=60, description="what is wired to which channel: slot 1 to 3, channel 01 to 20"
         )
         baud: Literal[1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200] = Field(
@@ -51,9 +75,23 @@ class Keysight34970A(ScpiMeter):
         )
         frame: Literal["8N1", "7E1", "7O1"] = Field("8N1", description="data bits, parity, stop bits")
         nplc: Nplc = Field(10, description="integration time, power line cycles")
-        range_V: Annotated[float, AfterValidator(one_of(0.1, 1, 10, 100))] = Field(
-            10, description="measuring range of the volts channels"
-        )
+        range_V: VoltsRange = Field(10, description="measuring range of the volts channels")
+        ranges: dict[ChannelName, VoltsRange] = Field({}, description="measuring ranges of single volts channels")
+
+        @model_validator(mode="after")
+        def _wired(self) -> Self:
+            for name, kind in self.channels.items():
+                if not kind.startswith("rtd-4w"):
+                    continue
+                partner = str(int(name) + 10)
+                if int(name[1:]) > 10:
+                    raise ValueError(f"{name}: four wires go to channel 01 to 10 of a slot, and to the one 10 above it")
+                if partner in self.channels:
+                    raise ValueError(f"{partner} carries the other two wires of {name} and cannot be a channel")
+            for name in self.ranges:
+                if self.channels.get(name) != "volts":
+                    raise ValueError(f"ranges: {name} is not a volts channel")
+            return self
 
     def __init__(self, name: str, address: str, options: Options, wires: Wires, clock: Clock) -> None:
         self.name = name
@@ -85,19 +123,25 @@ class Keysight34970A(ScpiMeter):
             BadReply: a setting reads back as something else.
 
         """
-        span, nplc = self._options.range_V, self._options.nplc
-        volts = [name for name in self._names if self._options.channels[name] == "volts"]
-        degrees = [name for name in self._names if name not in volts]
+        options, nplc = self._options, self._options.nplc
         commands: list[str] = []
         wanted: dict[str, float | str] = {}
-        if volts:
-            at = channel_list(volts)
+        spans = {c: options.ranges.get(c, options.range_V) for c in self._names if options.channels[c] == "volts"}
+        for span in sorted(set(spans.values())):
+            at = channel_list(c for c in spans if spans[c] == span)
             commands += [f"CONF:VOLT:DC {span:g},{at}", f"VOLT:DC:NPLC {nplc:g},{at}"]
             wanted |= {f"VOLT:DC:RANG? {at}": span, f"VOLT:DC:NPLC? {at}": nplc}
-        for kind, ohms in THERMISTORS.items():
-            alike = [name for name in degrees if self._options.channels[name] == kind]
+        for kind in get_args(Thermometer):
+            alike = [name for name in self._names if options.channels[name] == kind]
             if alike:
-                commands.append(f"CONF:TEMP THER,{ohms},{channel_list(alike)}")
+                family, type_ = TRANSDUCERS[kind]
+                at = channel_list(alike)
+                commands.append(f"CONF:TEMP {family},{type_},{at}")
+                wanted |= {f"TEMP:TRAN:TYPE? {at}": ",".join([family] * len(alike))}
+                wanted |= {f"TEMP:TRAN:{family}:TYPE? {at}": float(type_)}
+                if family.endswith("RTD"):
+                    wanted |= {f"TEMP:TRAN:{family}:RES? {at}": _RTD_OHMS}
+        degrees = [name for name in self._names if name not in spans]
         if degrees:
             at = channel_list(degrees)
             commands += [f"TEMP:NPLC {nplc:g},{at}", f"UNIT:TEMP C,{at}"]

@@ -14,7 +14,7 @@ from serial_bench import FakePlant, plug_in, wires
 
 from drivers.errors import BadReply, InstrumentError, LimitError, NoReply, NotReady, WrongInstrument
 from drivers.keysight_34401a import Keysight34401A
-from drivers.roles import Reader, is_overload
+from drivers.roles import Reader, Restartable, is_overload
 from sims.twins.keysight_34401a import Keysight34401ATwin
 from sims.twins.scpi import Wait
 from sims.world import World
@@ -93,6 +93,16 @@ def test_prepare_configures_command_by_command_checks_errors_and_reads_back():
         b"*PSC 1;*ESE 52\n",
         b"*ESE?\n",
     ]
+
+
+def test_it_knows_whether_it_has_been_off_since_it_was_prepared():
+    rig = Rig()
+    assert isinstance(rig.dvm, Restartable)
+    assert rig.dvm.restarted()
+    rig.ready()
+    assert not rig.dvm.restarted()
+    rig.twin.power_cycle()
+    assert rig.dvm.restarted()
 
 
 def test_a_setting_that_reads_back_otherwise_is_reported():

@@ -10,7 +10,7 @@ from serial_bench import FakePlant, plug_in, wires
 
 from drivers.errors import BadReply, InstrumentError, LimitError, WrongInstrument
 from drivers.keysight_34970a import Keysight34970A, channel_list
-from drivers.roles import Reader, is_overload
+from drivers.roles import Reader, Restartable, is_overload
 from sims.twins.keysight_34970a import Keysight34970ATwin
 from sims.world import World
 
@@ -65,6 +65,10 @@ def test_prepare_sets_channels_and_scan_list_and_reads_them_back():
         b"SYST:ERR?\n",
         b"VOLT:DC:RANG? (@101:103)\n",
         b"VOLT:DC:NPLC? (@101:103)\n",
+        b"TEMP:TRAN:TYPE? (@109)\n",
+        b"TEMP:TRAN:THER:TYPE? (@109)\n",
+        b"TEMP:TRAN:TYPE? (@110)\n",
+        b"TEMP:TRAN:THER:TYPE? (@110)\n",
         b"TEMP:NPLC? (@109:110)\n",
         b"UNIT:TEMP? (@109:110)\n",
         b"ROUT:SCAN?\n",
@@ -126,6 +130,94 @@ def test_an_open_thermistor_is_an_overload_with_its_own_status_bit():
     assert rig.line.query("SYST:ERR?") == '+0,"No error"'
 
 
+BRIDGES = {**{f"10{n}": "volts" for n in range(1, 8)}, "108": "rtd-4w-385", "109": "rtd-2w-391"}
+
+
+def test_seven_bridges_and_resistance_thermometers_in_one_scan():
+    """Ten millivolts of a bridge belong on the 100 mV range; the coldest soak is below what a thermistor can do."""
+    rig = Rig(-130.0, channels=BRIDGES, range_V=0.1, ranges={"107": 10})
+    rig.plant.volts = {f"10{n}": n * 1.2345678e-3 for n in range(1, 8)}
+    rig.ready()
+    assert rig.line.query("ROUT:SCAN:SIZE?") == "+9"
+    assert rig.line.query("CONF? (@101,107,108,109)") == (
+        '"VOLT +1.000000E-01,+1.000000E-07","VOLT +1.000000E+01,+1.000000E-05",'
+        '"TEMP FRTD,85,+1.000000E+00,+1.000000E-04","TEMP RTD,91,+1.000000E+00,+1.000000E-04"'
+    )
+    rig.dvm.start(2)
+    readings = rig.dvm.fetch()
+    assert readings["106"] == pytest.approx([7.4074068e-3] * 2, abs=5e-8)
+    assert readings["107"] == pytest.approx([8.6419746e-3] * 2, abs=5e-6)
+    assert readings["108"] == pytest.approx([-130.0] * 2, abs=0.005)
+    assert readings["109"] == pytest.approx([-130.0] * 2, abs=0.005)
+
+
+def test_prepare_reads_back_what_kind_of_resistor_it_is():
+    rig = Rig(channels={"108": "rtd-4w-391"})
+    rig.twin.ask_frtd = lambda channels="": "+85"
+    with pytest.raises(BadReply, match=r"TEMP:TRAN:FRTD:TYPE\? \(@108\) should answer 91.0 and answers '\+85'"):
+        rig.dvm.prepare()
+
+
+@pytest.mark.parametrize(
+    ("kind", "degC", "overload"),
+    [
+        ("thermistor-10k", -79.9, False),
+        ("thermistor-10k", -130.0, True),
+        ("thermistor-10k", 150.1, True),
+        ("rtd-4w-385", -199.9, False),
+        ("rtd-2w-385", -200.1, True),
+        ("rtd-4w-391", 600.1, True),
+        ("rtd-4w-391", float("inf"), True),
+    ],
+)
+def test_outside_a_thermometers_range_is_an_overload(kind, degC, overload):
+    """Thermistors end at -80 and 150 degrees Celsius, platinum at -200 and 600 (34970A user's guide)."""
+    rig = Rig(degC, channels={"101": "volts", "105": kind}).ready()
+    rig.dvm.start(1)
+    assert is_overload(rig.dvm.fetch()["105"][0]) is overload
+    assert (rig.line.query("STAT:QUES?") == "+1024") is overload
+
+
+@pytest.mark.parametrize(
+    ("channels", "words"),
+    [
+        ({"108": "rtd-4w-385", "118": "volts"}, "118 carries the other two wires of 108"),
+        ({"112": "rtd-4w-391"}, "four wires go to channel 01 to 10"),
+    ],
+)
+def test_the_second_channel_of_four_wires_is_taken(channels, words):
+    with pytest.raises(ValidationError, match=words):
+        Keysight34970A.Options(channels=channels)
+    Keysight34970A.Options(channels={"108": "rtd-2w-385", "118": "volts"})
+
+
+def test_it_knows_whether_it_has_been_off_since_it_was_prepared():
+    rig = Rig()
+    assert isinstance(rig.dvm, Restartable)
+    assert rig.dvm.restarted()
+    rig.ready()
+    assert not rig.dvm.restarted()
+    rig.dvm.start(1)
+    rig.dvm.fetch()
+    rig.dvm.make_safe()
+    rig.dvm.identify()
+    assert not rig.dvm.restarted()
+    rig.twin.power_cycle()
+    assert rig.dvm.restarted()
+    assert rig.dvm.restarted(), "asking does not use the evidence up"
+    rig.dvm.prepare()
+    assert not rig.dvm.restarted()
+
+
+def test_a_mask_that_outlives_the_power_is_told_not_to():
+    """*PSC 0 would keep it."""
+    rig = Rig()
+    rig.line.write("*PSC 0")
+    rig.ready()
+    rig.twin.power_cycle()
+    assert rig.dvm.restarted()
+
+
 def test_memory_limits_the_sweeps():
     with pytest.raises(LimitError, match="1 to 10000 sweeps"):
         Rig().ready().dvm.start(10_001)
@@ -166,6 +258,10 @@ def test_readings_stay_after_fetching_and_go_with_a_changed_setting():
         ("ROUT:SCAN (101)", '+309,"Incorrectly formatted channel list"'),
         ("CONF:TEMP TC,K,(@101)", '+251,"Unsupported temperature transducer type"'),
         ("CONF:TEMP THER,4711,(@101)", '-224,"Illegal parameter value"'),
+        ("CONF:TEMP FRTD,4711,(@101)", '-224,"Illegal parameter value"'),
+        ("CONF:TEMP FRTD,85,(@111)", '+308,"Channel not able to perform requested operation"'),
+        ("CONF:TEMP FRTD,85,(@101);:ROUT:SCAN (@101,111)", '+306,"Part of a 4-wire pair"'),
+        ("CONF:VOLT:DC 10,(@101);:TEMP:TRAN:TYPE? (@101)", '+305,"Not able to perform requested operation"'),
         ("TEMP:NPLC 1,(@101)", '+305,"Not able to perform requested operation"'),
         ("ROUT:SCAN", '-109,"Missing parameter"'),
     ],
@@ -229,7 +325,16 @@ def test_a_refused_channel_is_reported():
 
 @pytest.mark.parametrize(
     "options",
-    [{"channels": {}}, {"channels": {"121": "volts"}}, {"channels": {"101": "ohms"}}, {"nplc": 3}, {"range_V": 300}],
+    [
+        {"channels": {}},
+        {"channels": {"121": "volts"}},
+        {"channels": {"101": "ohms"}},
+        {"nplc": 3},
+        {"range_V": 300},
+        {"ranges": {"101": 0.3}},
+        {"ranges": {"110": 0.1}},
+        {"ranges": {"104": 0.1}},
+    ],
 )
 def test_options_are_checked(options):
     with pytest.raises(ValidationError):

@@ -1,7 +1,7 @@
 """Simulated Agilent/Keysight 34970A scanner with a 34901A multiplexer in slot 100, on its serial interface.
 
 Commands, errors and state after *RST from the 34970A/34972A Command Reference, version 2.00. Channels 101 to 120
-measure DC volts or thermistors.
+measure DC volts, thermistors or platinum resistors; one on four wires takes a second channel, ten above its own.
 """
 
 from __future__ import annotations
@@ -32,9 +32,13 @@ from sims.world import World
 CHANNELS = tuple(str(n) for n in range(101, 121))
 """Of a 34901A in slot 100."""
 
-THERMISTORS = (2252, 5000, 10000)
-"""Ohms at 25 degrees Celsius of the types it linearises (44004, 44007, 44006)."""
+_THERMISTORS = ("2252", "5000", "10000")
+_PLATINUM = ("85", "91")
+TYPES = {"THER": _THERMISTORS, "RTD": _PLATINUM, "FRTD": _PLATINUM}
+"""Thermometers it linearises: ohms at 25 degrees Celsius (44004, 44007, 44006), or alpha 0.00385 and 0.00391."""
 
+_SPANS_degC = {"THER": (-80.0, 150.0), "RTD": (-200.0, 600.0), "FRTD": (-200.0, 600.0)}
+_LONG = {"THERMISTOR": "THER"}
 _RELAY_S = 0.0167  # closing a 34901A's relay: 60 channels a second
 _VOLTS, _DEGREES = "VOLT", "TEMP"
 
@@ -51,6 +55,12 @@ _TABLE = (
     Command("[SENSe:]VOLTage[:DC]:RANGe", set="set_range", query="ask_range"),
     Command("[SENSe:]TEMPerature:NPLC", set="set_nplc_temperature", query="ask_nplc_temperature"),
     Command("[SENSe:]ZERO:AUTO", set="set_autozero", query="ask_autozero"),
+    Command("[SENSe:]TEMPerature:TRANsducer:TYPE", query="ask_transducer"),
+    Command("[SENSe:]TEMPerature:TRANsducer:THERmistor:TYPE", query="ask_thermistor"),
+    Command("[SENSe:]TEMPerature:TRANsducer:RTD:TYPE", query="ask_rtd"),
+    Command("[SENSe:]TEMPerature:TRANsducer:FRTD:TYPE", query="ask_frtd"),
+    Command("[SENSe:]TEMPerature:TRANsducer:RTD:RESistance[:REFerence]", query="ask_ohms"),
+    Command("[SENSe:]TEMPerature:TRANsducer:FRTD:RESistance[:REFerence]", query="ask_ohms"),
     Command("UNIT:TEMPerature", set="set_unit", query="ask_unit"),
     Command("TRIGger:TIMer", set="set_timer", query="ask_timer"),
     Command("SYSTem:LFRequency", query="ask_line_frequency"),
@@ -59,12 +69,13 @@ _TABLE = (
 
 @dataclass(frozen=True)
 class Channel:
-    """Settings of one channel. `range` 0 means autorange; `type` is a thermistor's resistance."""
+    """Settings of one channel. `range` 0 means autorange; `probe` and `type` are a thermometer's."""
 
     function: str = _VOLTS
     nplc: float = 1.0
     range: float = 0.0
-    type: int = 0
+    probe: str = ""
+    type: str = ""
     autozero: bool = True
     fahrenheit: bool = False
 
@@ -93,6 +104,8 @@ class Keysight34970ATwin(TriggeredTwin):
         251: "Unsupported temperature transducer type",
         261: "Not able to execute while scan initiated",
         305: "Not able to perform requested operation",
+        306: "Part of a 4-wire pair",
+        308: "Channel not able to perform requested operation",
         309: "Incorrectly formatted channel list",
         550: "Not able to execute command in local mode",
     }
@@ -140,7 +153,8 @@ class Keysight34970ATwin(TriggeredTwin):
             if channel.function == _VOLTS:
                 value = reading(self.plant, self.name, name, t0, channel.nplc, self.line_hz, channel.range)
             else:
-                value = temperature(self.plant, self.name, name, t0, channel.nplc, self.line_hz)
+                span = _SPANS_degC[channel.probe]
+                value = temperature(self.plant, self.name, name, t0, channel.nplc, self.line_hz, span)
                 if channel.fahrenheit and value != OVERLOAD:
                     value = value * 1.8 + 32.0
             values.append(value)
@@ -176,23 +190,36 @@ class Keysight34970ATwin(TriggeredTwin):
         self._configure(parameters, Channel(_VOLTS, nplc, chosen))
 
     def configure_temperature(self, *parameters: str) -> None:
-        """CONFigure:TEMPerature type,thermistor[,1[,resolution]],(@channels): also makes them the scan list."""
+        """CONFigure:TEMPerature probe,type[,1[,resolution]],(@channels): also makes them the scan list."""
         if len(parameters) < 3:
             raise ScpiError(-109)
-        if parameters[0].upper() not in ("THER", "THERMISTOR"):
+        probe = _LONG.get(parameters[0].upper(), parameters[0].upper())
+        if probe not in TYPES:
             raise ScpiError(251)
-        ohms = round(parameter(parameters[1], 5000, 5000, 5000))
-        if ohms not in THERMISTORS:
+        default = "5000" if probe == "THER" else "85"
+        type_ = f"{parameter(parameters[1], float(default), float(default), float(default)):.0f}"
+        if type_ not in TYPES[probe]:
             raise ScpiError(-224)
-        self._configure(parameters, Channel(_DEGREES, 1.0, 0.0, ohms))
+        if probe == "FRTD" and any(int(name) % 100 > 10 for name in self._listed(parameters[-1])):
+            raise ScpiError(308)
+        self._configure(parameters, Channel(_DEGREES, 1.0, 0.0, probe, type_))
 
     def _configure(self, parameters: tuple[str, ...], settings: Channel) -> None:
         listed = self._listed(parameters[-1] if parameters else "")
+        settled = self.channels | {
+            name: replace(settings, fahrenheit=self.channels[name].fahrenheit) for name in listed
+        }
+        self._refuse_pairs(listed, settled)
         self.changed()
         TriggeredTwin.reset(self)
-        for name in listed:
-            self.channels[name] = replace(settings, fahrenheit=self.channels[name].fahrenheit)
+        self.channels = settled
         self.scan = listed
+
+    def _refuse_pairs(self, listed: list[str], channels: Mapping[str, Channel]) -> None:
+        """A channel that carries the other two wires of a resistor cannot be measured itself."""
+        lower = {name: str(int(name) - 10) for name in listed if int(name) % 100 > 10}
+        if any(channels[n].probe == "FRTD" for n in lower.values()):
+            raise ScpiError(306)
 
     def ask_configuration(self, channels: str = "") -> str:
         """CONFigure?."""
@@ -200,7 +227,7 @@ class Keysight34970ATwin(TriggeredTwin):
 
     def _about(self, channel: Channel) -> str:
         if channel.function == _DEGREES:
-            return f'"TEMP THER,{channel.type},{1:+.6E},{1e-4:+.6E}"'
+            return f'"TEMP {channel.probe},{channel.type},{1:+.6E},{1e-4:+.6E}"'
         span = channel.range or 10.0
         return f'"VOLT {span:+.6E},{RESOLUTION[channel.nplc] * span:+.6E}"'
 
@@ -223,6 +250,7 @@ class Keysight34970ATwin(TriggeredTwin):
     def set_scan(self, channels: str) -> None:
         """ROUTe:SCAN."""
         listed = self._listed(channels)
+        self._refuse_pairs(listed, self.channels)
         self.changed()
         self.scan = listed
 
@@ -293,6 +321,32 @@ class Keysight34970ATwin(TriggeredTwin):
     def ask_unit(self, channels: str = "") -> str:
         """UNIT:TEMPerature?."""
         return self._ask(channels, lambda c: "F" if c.fahrenheit else "C")
+
+    def ask_transducer(self, channels: str = "") -> str:
+        """TEMPerature:TRANsducer:TYPE?."""
+        return self._ask_probes(channels, lambda c: c.probe)
+
+    def ask_thermistor(self, channels: str = "") -> str:
+        """TEMPerature:TRANsducer:THERmistor:TYPE?."""
+        return self._ask_probes(channels, lambda c: c.type, "THER")
+
+    def ask_rtd(self, channels: str = "") -> str:
+        """TEMPerature:TRANsducer:RTD:TYPE?."""
+        return self._ask_probes(channels, lambda c: f"+{c.type}", "RTD")
+
+    def ask_frtd(self, channels: str = "") -> str:
+        """TEMPerature:TRANsducer:FRTD:TYPE?."""
+        return self._ask_probes(channels, lambda c: f"+{c.type}", "FRTD")
+
+    def ask_ohms(self, channels: str = "") -> str:
+        """TEMPerature:TRANsducer:RTD:RESistance? and FRTD:RESistance?: at 0 degrees Celsius."""
+        return self._ask_probes(channels, lambda c: text(100.0), "RTD", "FRTD")
+
+    def _ask_probes(self, channels: str, about: Callable[[Channel], str], *probes: str) -> str:
+        chosen = [self.channels[name] for name in self._listed(channels)]
+        if any(c.function != _DEGREES or (probes and c.probe not in probes) for c in chosen):
+            raise ScpiError(305)
+        return ",".join(map(about, chosen))
 
     def set_timer(self, seconds: str) -> None:
         """TRIGger:TIMer: from one scan to the next."""

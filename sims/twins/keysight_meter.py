@@ -83,11 +83,27 @@ def reading(plant: Plant, instrument: str, channel: str, t0: float, nplc: float,
     return round(noisy / step) * step
 
 
-def temperature(plant: Plant, instrument: str, channel: str, t0: float, nplc: float, line_hz: float) -> float:
-    """One thermistor reading, degrees Celsius in steps of 1 mK; `OVERLOAD` if the input is open."""
+def temperature(
+    plant: Plant, instrument: str, channel: str, t0: float, nplc: float, line_hz: float, span: tuple[float, float]
+) -> float:
+    """One reading of a thermometer, degrees Celsius in steps of 1 mK.
+
+    Args:
+        plant: what is at the input.
+        instrument: the meter's name.
+        channel: its input.
+        t0: when integration begins, virtual seconds.
+        nplc: integration time, power line cycles.
+        line_hz: power line frequency.
+        span: lowest and highest temperature of the linearisation.
+
+    Returns:
+        `OVERLOAD` if the input is open or outside the span.
+
+    """
     aperture = nplc / line_hz
     true = plant.channel_degC(instrument, channel, t0 + aperture / 2)
-    if not -80.0 <= true <= 150.0:  # the linearisation's range (34970A manual)
+    if not span[0] <= true <= span[1]:
         return OVERLOAD
     sd = math.hypot(2e-4 / math.sqrt(aperture), 2e-4)
     noisy = true + sd * normal(plant.truth.seed, f"{instrument}/{channel}/converter", event_at(t0))
