@@ -45,7 +45,7 @@ def infer(
     for note in found.notes:
         err.print(f"[yellow]{escape(note)}[/]", soft_wrap=True)
     rows = len(next(iter(found.columns.values())))
-    err.print(
-        f"{escape(str(out_file))}: {rows} rows, {found.flagged} flagged; added {', '.join(found.added)}", soft_wrap=True
-    )
+    quantities = [name for name in found.added if name.endswith("pressure_psia")]
+    what = f"{rows} rows, {found.flagged} flagged; {', '.join(quantities)} with _sd, _lo95, _hi95 and flag"
+    err.print(f"{escape(str(out_file))}: {what}", soft_wrap=True)
     return ExitCode.DONE
