@@ -244,6 +244,7 @@ class DruckPACE:
 
         """
         self._pace.forget_errors()
+        self._pace.send(":UNIT:PRES PSI")  # whatever it is set to, this can be understood
         self.vent()
         state = self.read()
         away = abs(state.pressure_psia - self._atmosphere())
@@ -262,9 +263,13 @@ class DruckPACE:
     # Control
 
     def _control(self, psia: float, slew_psi_per_s: float) -> None:
-        """Unit and slew, then the setpoint, and control only when all of them are as wanted."""
+        """Unit and slew, then the setpoint, and control only when all of them are as wanted.
+
+        Nothing is taken for granted of what `prepare` set: a power cut since would have the fastest slew in force.
+        """
         self._end_vent()
-        self._pace.send(":UNIT:PRES PSI")
+        for command in (":UNIT:PRES PSI", f"{self._source}:SLEW:MODE LIN", f"{self._source}:SLEW:OVER 0"):
+            self._pace.send(command)
         self._pace.send(f"{self._source}:SLEW {slew_psi_per_s:.7g}")
         self._pace.check(f"{self._source}:SLEW?", slew_psi_per_s, _READBACK * slew_psi_per_s)
         setpoint = psia - self._scale().zero_psia

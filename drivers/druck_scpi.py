@@ -7,6 +7,7 @@ every command. Source: SCPI manual K0472, sections 2 and 3.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 from drivers.errors import BadReply, DriverError, InstrumentError
 from drivers.scpi import raise_errors
@@ -91,6 +92,7 @@ class PaceScpi:
             self.line.drain()
 
 
+@lru_cache(maxsize=256)
 def _same_header(asked: str, echoed: str) -> bool:
     """Whether an echoed header is the one asked for: optional nodes may be spelt out, module numbers left out."""
     plain, told = ("".join(c for c in text.upper() if c not in "12") for text in (asked, echoed))

@@ -229,6 +229,8 @@ def test_set_pressure_checks_the_slew_before_the_setpoint_and_the_setpoint_befor
     sent = [line for line in rig.sent() if not line.startswith((":SOUR:PRES:LEV", ":UNIT:PRES?"))]
     assert sent == [
         ":UNIT:PRES PSI",
+        ":SOUR:PRES:SLEW:MODE LIN",
+        ":SOUR:PRES:SLEW:OVER 0",
         ":SOUR:PRES:SLEW 0.1",
         ":SOUR:PRES:SLEW?",
         ":SOUR:PRES 2.5000000",
@@ -387,6 +389,45 @@ def test_make_safe_leaves_the_line_at_the_atmosphere_and_control_off(start):
     rig.pace.make_safe()
     assert rig.world.now() - again < 10.0
     assert not rig.twin.output
+
+
+def test_make_safe_works_in_a_unit_that_nobody_understands():
+    rig = Rig().ready()
+    rig.settle(5.0)
+    rig.say(":UNIT:PRES INHG")
+    rig.pace.make_safe()
+    assert rig.line.pressure_psia(rig.world.now()) == pytest.approx(AIR, abs=0.02)
+
+
+def test_make_safe_works_without_having_prepared_and_after_errors():
+    rig = Rig()
+    rig.say(":UNIT:PRES PSI;:SOUR:PRES 5;:OUTP 1;" + ";".join([":FRED"] * 9))
+    rig.world.sleep(60.0)
+    rig.pace.make_safe()
+    assert rig.line.pressure_psia(rig.world.now()) == pytest.approx(AIR, abs=0.02)
+    assert not rig.twin.output
+
+
+@pytest.mark.parametrize("ending", ["make_safe", "set_pressure"])
+def test_after_a_power_cut_nothing_goes_faster_than_it_should(ending):
+    rig = Rig().ready()
+    rig.settle(5.0)
+    rig.twin.power_cycle()
+    began = rig.world.now()
+    here = rig.line.pressure_psia(began)
+    seen = []
+    rig.world.call_in(20.0, lambda: seen.append(rig.line.pressure_psia(rig.world.now())))
+    if ending == "make_safe":
+        rig.pace.make_safe()
+    else:
+        rig.pace.set_pressure(14.0)
+        rig.world.sleep(30.0)
+    assert here + 1.0 < seen[0] < here + 20.0 * 0.2
+
+
+@pytest.mark.parametrize(("baud", "frame"), [(19200, "7E1"), (9600, "8O1"), (115200, "8N1")])
+def test_other_rates_and_frames(baud, frame):
+    assert Rig(baud=baud, frame=frame).ready().settle(12.0).setpoint_psia == 12.0
 
 
 def test_make_safe_vents_even_when_the_supply_is_lost():

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from functools import lru_cache
 from math import inf
 from typing import ClassVar, Protocol
 
@@ -68,6 +69,12 @@ _PACE = (
 )
 _MODULE = re.compile(r"(SOURCE|SOUR|SENSE|SENS|OUTPUT|OUTP)(\d)(?=:|$)")
 _VENT_COMPLETE, _IN_LIMITS = 1, 4
+
+
+@lru_cache(maxsize=256)
+def _echo(header: str) -> str:
+    short = "".join(c for c in header if not (c.islower() or c in "[]"))
+    return short if short.startswith("*") else f":{short}"
 
 
 class Plant(Protocol):
@@ -151,9 +158,7 @@ class DruckPACETwin(ScpiTwin):
 
     def reply(self, row: Command, answer: str) -> str:
         """The header in short form, every optional node spelt out, and the value."""
-        header = row.header.replace("[", "").replace("]", "")
-        short = "".join(c for c in header if not c.islower())
-        return f"{short if short.startswith('*') else ':' + short} {answer}"
+        return f"{_echo(row.header)} {answer}"
 
     # Units
 
