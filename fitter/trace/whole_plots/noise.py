@@ -21,7 +21,7 @@ class Noise:
     Attributes:
         at_zero_mV: a.
         per_psi_mV: a c.
-        stderr: of both, from the curvature of the likelihood.
+        stderr: of both, from the curvature of the likelihood; a fifth or so too small, for residuals are not independent.
         p: probability of so clear a relation between squared residual and pressure where there is none.
 
     """
@@ -36,17 +36,16 @@ class Noise:
         return self.at_zero_mV + self.per_psi_mV * pressure_psia
 
 
-def noise_of(residual: FloatArray, left: FloatArray, pressure_psia: FloatArray, df: float) -> Noise:
+def noise_of(residual: FloatArray, left: FloatArray, pressure_psia: FloatArray) -> Noise:
     """Estimate how noise grows with pressure.
 
     The test regresses squared residuals on pressure and studentises by their own scatter (Koenker, J. Econometrics 17
     (1981) 107), so that long tails do not pass for growth. The size maximises the normal likelihood.
 
     Args:
-        residual: (n,) of one transducer within whole plots, mV, unweighted.
+        residual: (n,) of one transducer within whole plots, mV.
         left: (n,) share of a reading's variance that the fit left in its residual.
         pressure_psia: (n,).
-        df: degrees of freedom of the residual.
 
     """
     squares = residual**2 / np.maximum(left, 0.1)
@@ -57,19 +56,19 @@ def noise_of(residual: FloatArray, left: FloatArray, pressure_psia: FloatArray, 
         return Noise(float(np.sqrt(squares.mean())), 0.0, (0.0, 0.0), 1.0)
     correlation = float(p @ about) / np.sqrt(total * float(p @ p))
     chance = float(special.chdtrc(1, n * correlation**2))
-    highest = float(pressure_psia.max())
+    highest, share = float(pressure_psia.max()), left / left.sum()
 
     def deviance(slope: float) -> float:
         shape = 1.0 + slope * pressure_psia
-        return float(np.log(np.mean(squares / shape**2)) + 2.0 * np.mean(np.log(shape)))
+        return float(np.log(share @ (squares / shape**2)) + 2.0 * share @ np.log(shape))
 
     # by the logarithm of what the noise at the highest pressure is over that at zero
     best = minimize_scalar(
         lambda u: deviance(np.expm1(u) / highest), bounds=(-2.0, np.log1p(STEEPEST)), method="bounded"
     )
     slope = float(np.expm1(best.x)) / highest
-    at_zero = float(np.sqrt(np.mean(squares / (1.0 + slope * pressure_psia) ** 2)))
+    at_zero = float(np.sqrt(share @ (squares / (1.0 + slope * pressure_psia) ** 2)))
     sd = at_zero * (1.0 + slope * pressure_psia)
     design = np.column_stack([np.ones(n), pressure_psia]) / sd[:, None]
-    spread = np.linalg.inv(2.0 * design.T @ design * df / n)
+    spread = np.linalg.inv(2.0 * design.T @ (design * left[:, None]))
     return Noise(at_zero, at_zero * slope, (float(np.sqrt(spread[0, 0])), float(np.sqrt(spread[1, 1]))), chance)

@@ -142,7 +142,7 @@ def _found(finding: Finding, name: str, i: int) -> FoundPressureEffect | None:
         share=_share(finding, level, mine, i),
         aliases=tuple(other.name for other in alike),
         separation={r.effect: round(max(r.sigmas - best.sigmas, 0.0), 2) for r in explanations if r.effect != name},
-        separate_by=f"{_experiments(effect, alike)}; {peak:.2g} mV ({psi:.2g} psi) of it are left here beside the model",
+        separate_by=f"{_experiments(effect, alike)}; {peak:.2g} mV ({psi:.2g} psi) of it are left beside the model",
         against=effect.against,
         formulas=tuple(filter(None, (problem.candidates[j].term.formula for j in mine))),
         df=tuple(c.df for c in coefficients.values()),

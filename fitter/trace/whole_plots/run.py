@@ -28,6 +28,8 @@ from fitter.whole_plot_data import WholePlotData
 
 SEED = 20260115
 ROUNDS = 3
+REWEIGHTED = 3
+"""Times that weights and noise are worked out from each other."""
 
 
 def trace_whole_plots(
@@ -131,22 +133,20 @@ def _settle(
     """
     plain, family = problem, family_of(problem, seed)
     chosen = search_and_name(WholePlotJudge(problem, family))
-    grows = [False] * len(problem.sensors)
+    known: tuple[bool, ...] = (False,) * len(problem.sensors)
     for _ in range(ROUNDS):
         noise = noises(plain, chosen, data.pressure_psia)
-        known, grows = grows, [stands_out(one, len(noise)) for one in noise]
+        grows = tuple(stands_out(one, len(noise)) for one in noise)
         if grows == known:
             break
-        weight = np.stack(
-            [
-                one.sd(data.pressure_psia) ** -2.0 if grown else np.ones(len(data))
-                for one, grown in zip(noise, grows, strict=True)
-            ]
-        )
-        problem = replace(plain, weight=weight / weight.mean(axis=1, keepdims=True))
+        known = grows
+        problem, _ = weighted(plain, chosen, data.pressure_psia, noise, grows)
         family = family_of(problem, seed)
         judge = WholePlotJudge(problem, family)
         chosen = search_and_name(judge, prune(judge, chosen))
+    else:
+        noise = noises(plain, chosen, data.pressure_psia)
+    problem, noise = weighted(plain, chosen, data.pressure_psia, noise, known)
     return problem, family, chosen, noise
 
 
@@ -155,18 +155,41 @@ def stands_out(noise: Noise, tests: int) -> bool:
     return noise.per_psi_mV > 0.0 and noise.p * tests / COUNTED <= ALPHA
 
 
+def weighted(
+    problem: Problem,
+    chosen: tuple[int, ...],
+    pressure_psia: FloatArray,
+    noise: tuple[Noise, ...],
+    grows: Sequence[bool],
+) -> tuple[Problem, tuple[Noise, ...]]:
+    """The problem with readings weighted where noise grows, and the noise as residuals so weighted show it.
+
+    Where all readings count alike, the noise of high pressures gets into the residuals of low ones.
+    """
+    if not any(grows):
+        return problem, noise
+    for _ in range(REWEIGHTED):
+        weight = np.array(
+            [
+                one.sd(pressure_psia) ** -2.0 if g else np.ones_like(pressure_psia)
+                for one, g in zip(noise, grows, strict=True)
+            ]
+        )
+        problem = replace(problem, weight=weight / weight.mean(axis=1, keepdims=True))
+        again = noises(problem, chosen, pressure_psia)
+        noise = tuple(replace(new, p=old.p) for new, old in zip(again, noise, strict=True))
+    return problem, noise
+
+
 def noises(problem: Problem, chosen: tuple[int, ...], pressure_psia: FloatArray) -> tuple[Noise, ...]:
     """How each transducer's scatter within whole plots depends on pressure, beside the `chosen` candidates.
 
     Args:
-        problem: the run, all readings of one weight.
+        problem: the run.
         chosen: candidates in the model.
         pressure_psia: (n,).
 
     """
     stratum = beside(problem, "subplot", chosen, ())
-    residual = stratum.white.outputs * stratum.sigma[:, None]
-    return tuple(
-        noise_of(e, strata.kept, pressure_psia, df)
-        for e, strata, df in zip(residual, problem.strata, stratum.df, strict=True)
-    )
+    residual = stratum.white.outputs * stratum.sigma[:, None] / np.sqrt(problem.weight)
+    return tuple(noise_of(e, strata.kept, pressure_psia) for e, strata in zip(residual, problem.strata, strict=True))
