@@ -261,7 +261,7 @@ class CanDaq:
 
     def _until(self, done: Callable[[], bool], due: float) -> None:
         """Take frames until something is done or the timeout has passed since it was due."""
-        end = due + self._options.timeout_s
+        end = due + self._options.timeout_s + self._clock.grace()
         while not done() and (left := end - self._clock.now()) > 0:
             self._line.pump(left)
 

@@ -37,6 +37,10 @@ class Clock(Protocol):
         """Real seconds that an operating-system wait may last when the instrument needs `seconds`."""
         ...
 
+    def grace(self) -> float:
+        """Bench seconds to allow beyond a deadline for a simulated instrument's process to get its turn."""
+        ...
+
     def stopwatch(self) -> float:
         """Real seconds of this machine, for reporting how long our own work took; never for decisions."""
         ...
@@ -66,9 +70,17 @@ class RealClock:
         """See `Clock.timeout`."""
         return seconds
 
+    def grace(self) -> float:
+        """See `Clock.grace`: a real instrument needs none."""
+        return 0.0
+
     def stopwatch(self) -> float:
         """See `Clock.stopwatch`."""
         return time.perf_counter()
+
+
+_TURN_S = 0.2
+"""Real seconds until a process that shares this machine's processors has surely had its turn."""
 
 
 class ScaledClock(RealClock):
@@ -101,8 +113,12 @@ class ScaledClock(RealClock):
         super().sleep(seconds / self._speed)
 
     def timeout(self, seconds: float) -> float:
-        """Bench seconds made real, plus 0.2 s for two processes sharing this machine's processors."""
-        return seconds / self._speed + 0.2
+        """Bench seconds made real, plus what two processes need that share this machine's processors."""
+        return seconds / self._speed + _TURN_S
+
+    def grace(self) -> float:
+        """See `Clock.grace`."""
+        return _TURN_S * self._speed
 
 
 def boot_id() -> str:

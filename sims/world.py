@@ -61,6 +61,10 @@ class World:
         sleep(min(seconds, 0.05))
         self.sleep(seconds)
 
+    def grace(self) -> float:
+        """Nothing is late in virtual time."""
+        return 0.0
+
     def timeout(self, seconds: float) -> float:
         """Waits on the operating system do not belong in virtual time; the figure is passed on unchanged."""
         return seconds
