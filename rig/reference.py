@@ -39,24 +39,26 @@ def document() -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def _tables(model: type[BaseModel], path: str) -> Iterator[str]:
+def _tables(model: type[BaseModel], path: str, given: object = None) -> Iterator[str]:
+    """Text and table of a model and of those inside it; `given` is what stands there if the file says nothing."""
     doc = (model.__doc__ or "").strip().splitlines()
     title = f"### `[{path}]`" if path else ""
     yield "\n\n".join(part for part in (title, *(line.strip() for line in doc if line.strip())) if part)
     if any(not _inner(field) for field in model.model_fields.values()):
-        yield _table(model)
+        yield _table(model, given)
     for name, field in model.model_fields.items():
         inner = _inner(field)
         if inner is not None:
             below = f"{path}.{name}" if path else name
-            yield from _tables(inner, f"{below}.NAME" if _is_mapping(field) else below)
+            default = None if field.is_required() else field.get_default(call_default_factory=True)
+            yield from _tables(inner, f"{below}.NAME" if _is_mapping(field) else below, default)
 
 
-def _table(model: type[BaseModel]) -> str:
+def _table(model: type[BaseModel], given: object = None) -> str:
     rows = ["| key | value | default | meaning |", "| --- | --- | --- | --- |"]
     for name, field in model.model_fields.items():
         if _inner(field) is None:
-            rows.append(f"| `{name}` | {_type(field)} | {_default(field)} | {field.description or ''} |")
+            rows.append(f"| `{name}` | {_type(field)} | {_default(name, field, given)} | {field.description or ''} |")
     return "\n".join(rows) if len(rows) > 2 else "No keys of its own."
 
 
@@ -109,15 +111,20 @@ def _name(annotation: object) -> str:
     return _NAMES.get(name, name)
 
 
-def _default(field: FieldInfo) -> str:
-    if field.is_required():
+def _default(name: str, field: FieldInfo, given: object) -> str:
+    if isinstance(given, BaseModel):
+        value = getattr(given, name)
+    elif field.is_required():
         return "required"
-    value = field.get_default(call_default_factory=True)
+    else:
+        value = field.get_default(call_default_factory=True)
     if value is None or value in ("", {}, ()):
         return ""
     if isinstance(value, Enum):
         value = value.value
-    return f"`{value}`" if len(str(value)) < 40 else "see below"
+    if isinstance(value, dict):
+        return ", ".join(f"`{k}`: `{v}`" for k, v in value.items())
+    return f"`{value}`"
 
 
 if __name__ == "__main__":
