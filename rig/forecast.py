@@ -28,9 +28,10 @@ class Forecast:
     """How long a run will take, in bench seconds.
 
     Attributes:
-        preparation_s: until the first point is under way: set-up, homing, environment.
+        preparation_s: until the first point is under way: set-up, homing, environment, the first soak.
         point_s: mean of one point: move, settle, measure.
         point_sd_s: its standard deviation from point to point.
+        soak_s: mean of the soaks between whole plots; None where there are none.
         total_s: all of it, with nothing going wrong.
         latest_s: with the allowance for what may go wrong.
         rehearsed: on how many points this stands.
@@ -40,6 +41,7 @@ class Forecast:
     preparation_s: float
     point_s: float
     point_sd_s: float
+    soak_s: float | None
     total_s: float
     latest_s: float
     rehearsed: int
@@ -60,16 +62,21 @@ def rehearse(plan: Plan, on_progress: Callable[[Progress], None], *, points: int
         if result.outcome is not Outcome.COMPLETE:
             raise RigError(f"a rehearsal on simulated instruments failed: {result.message}")
         with RunReader.open(paths[0]) as reader:
-            ends = [record.elapsed_s for record in reader.records("observation")]
-    steps = [b - a for a, b in itertools.pairwise(ends)] or [0.0]
+            seen = [(r.elapsed_s, r.whole_plot) for r in reader.records("observation")]
+            soaked = {r.whole_plot: r.elapsed_s for r in reader.records("event") if r.status == "whole-plot"}
+    pairs = list(itertools.pairwise(seen))
+    steps = [b - a for (a, before), (b, now) in pairs if now == before] or [0.0]
+    soaks = [soaked[now] - a for (a, before), (_, now) in pairs if now != before]
     point = statistics.fmean(steps)
-    preparation = max(0.0, ends[0] - point)
-    total = preparation + len(plan.run_list) * point
+    soak = statistics.fmean(soaks) if soaks else None
+    preparation = max(0.0, seen[0][0] - point)
+    total = preparation + len(plan.run_list) * point + max(0, plan.run_list.whole_plots - 1) * (soak or 0.0)
     return Forecast(
         preparation_s=preparation,
         point_s=point,
         point_sd_s=statistics.pstdev(steps),
+        soak_s=soak,
         total_s=total,
         latest_s=preparation + (total - preparation) * (1 + ALLOWANCE),
-        rehearsed=len(ends),
+        rehearsed=len(seen),
     )

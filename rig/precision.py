@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +11,8 @@ import numpy as np
 from fitter import attitude_columns, variance_function
 from procedures import PitchRollProcedure, Procedure, RunList, WholePlotProcedure
 from rig.errors import ConfigurationError
+
+Array = np.ndarray[Any, np.dtype[np.float64]]
 
 AT_DEG = (0.0, 10.0, 30.0, 60.0, 90.0)
 """Pitch angles at which the precision of an attitude sensor is said; those inside the design are shown."""
@@ -25,6 +27,7 @@ class Precision:
         rows: JSON-ready, one a line.
         cells: the same as text.
         assuming: what it stands on, a sentence.
+        further: what else can be said, a sentence each.
 
     """
 
@@ -32,6 +35,7 @@ class Precision:
     rows: Sequence[Mapping[str, Any]]
     cells: Sequence[tuple[str, ...]]
     assuming: str
+    further: tuple[str, ...] = ()
 
 
 def precision(procedure: Procedure, run_list: RunList) -> Precision:
@@ -70,50 +74,75 @@ def _of_angles(procedure: PitchRollProcedure, run_list: RunList) -> Precision:
 
 
 def _of_terms(procedure: WholePlotProcedure, run_list: RunList) -> Precision:
-    """Of each coefficient of the pressure model, and of what it changes between the middle and the end of its range."""
+    """Of each term of the pressure model, as what it changes from the middle of the design to its end."""
     from fitter.pressure import named_formula  # noqa: PLC0415 - not needed where nothing is in whole plots
     from fitter.split_plot import plan_precision  # noqa: PLC0415
 
     expect = procedure.expect
     set_to = np.array([p.setpoints for p in run_list.points])
-    table = dict(zip(("P", "T_sensor", "T_SSE"), set_to.T, strict=True))
+    middle, half = (set_to.max(axis=0) + set_to.min(axis=0)) / 2.0, np.ptp(set_to, axis=0) / 2.0
+    half = np.where(half > 0, half, 1.0)
+    coded = (set_to - middle) / half
     whole_plot = np.array([p.whole_plot for p in run_list.points])
-    names, columns = named_formula(expect.model).columns(table)
+    formula = named_formula(expect.model)
+    names, columns = formula.columns(dict(zip(_VARIABLES, coded.T, strict=True)))
     found = plan_precision(columns, whole_plot, expect.sigma_wholeplot_mV, expect.sigma_subplot_mV, names)
-    rows, cells = [], []
-    for i, name in enumerate(names):
-        sd, df = float(found.stderr[i]), float(found.df[i])
-        half = 1.0 if name == "1" else float(np.ptp(columns[:, i])) / 2.0
-        whole = _shared(columns[:, i], whole_plot)
-        rows.append(
-            {
-                "term": name,
-                "stratum": "whole plot" if whole else "subplot",
-                "sd": sd,
-                "df": df if np.isfinite(df) else None,
-                "sd_over_half_range_mV": sd * half,
-                "sd_over_half_range_psi": sd * half / expect.sensitivity_mV_per_psi,
-            }
+    sensitivity = expect.sensitivity_mV_per_psi
+    rows = [
+        {
+            "term": name,
+            "stratum": "whole plot" if _shared(columns[:, i], whole_plot) else "subplot",
+            "sd_mV": float(found.stderr[i]),
+            "sd_psi": float(found.stderr[i]) / sensitivity,
+            "df": float(found.df[i]) if np.isfinite(found.df[i]) else None,
+        }
+        for i, name in enumerate(names)
+    ]
+    cells = [
+        (
+            str(row["term"]),
+            str(row["stratum"]),
+            f"{row['sd_mV']:.2e}",
+            f"{row['sd_psi']:.2e}",
+            "-" if row["df"] is None else f"{row['df']:.0f}",
         )
-        cells.append(
-            (
-                name,
-                str(rows[-1]["stratum"]),
-                f"{sd:.2e}",
-                f"{df:.1f}" if np.isfinite(df) else "-",
-                f"{sd * half:.2e}",
-                f"{sd * half / expect.sensitivity_mV_per_psi:.2e}",
-            )
-        )
+        for row in rows
+    ]
+    pressures = sorted({p for p in set_to[:, 0] if p > 0})[:3]
+    further = [
+        _known_to(psia, procedure, found.covariance, lambda p: formula.columns(_at(p, middle, half))[1][0])
+        for psia in pressures
+    ]
     return Precision(
-        ("term", "stratum", "sd / (mV per unit)", "df", "sd over half its range / mV", "the same / psi"),
+        ("term", "stratum", "sd / mV", "sd / psi", "df"),
         rows,
         cells,
-        f"if temperature changes have an error of {expect.sigma_wholeplot_mV:g} mV and observations one of "
-        f"{expect.sigma_subplot_mV:g} mV (expect.sigma_wholeplot_mV, sigma_subplot_mV)",
+        "each variable coded from -1 to 1 over the design; if temperature changes have an error of "
+        f"{expect.sigma_wholeplot_mV:g} mV and observations one of {expect.sigma_subplot_mV:g} mV: "
+        "expect.sigma_wholeplot_mV, sigma_subplot_mV",
+        tuple(further),
     )
 
 
-def _shared(column: np.ndarray[Any, np.dtype[np.float64]], whole_plot: np.ndarray[Any, Any]) -> bool:
+_VARIABLES = ("P", "T_sensor", "T_SSE")
+
+
+def _at(psia: float, middle: Array, half: Array) -> dict[str, Array]:
+    """One coded setting: a pressure at the middle of both temperatures."""
+    coded = (np.array([psia, middle[1], middle[2]]) - middle) / half
+    return {name: np.array([value]) for name, value in zip(_VARIABLES, coded, strict=True)}
+
+
+def _known_to(psia: float, procedure: WholePlotProcedure, covariance: Array, columns: Callable[[float], Array]) -> str:
+    """How well a pressure will be known in use, with and without a zero read in vacuum first."""
+    expect, h, h_0 = procedure.expect, columns(psia), columns(0.0)
+    shared, own = expect.sigma_wholeplot_mV**2, expect.sigma_subplot_mV**2
+    plain = shared + own + float(h @ covariance @ h)
+    zeroed = 2.0 * own + float((h - h_0) @ covariance @ (h - h_0))
+    pct = [196.0 * np.sqrt(v) / expect.sensitivity_mV_per_psi / psia for v in (plain, zeroed)]
+    return f"{psia:g} psia in use: +-{pct[0]:.2g} %; after reading the zero in vacuum +-{pct[1]:.2g} % (95 % intervals)"
+
+
+def _shared(column: Array, whole_plot: np.ndarray[Any, Any]) -> bool:
     """Whether a column is constant in every whole plot."""
     return all(float(np.ptp(column[whole_plot == w])) == 0.0 for w in np.unique(whole_plot))

@@ -94,10 +94,11 @@ def demo(
     if as_json:
         print_json(traced.to_json())
     else:
-        from rig.cli.data import show_fit, show_trace  # noqa: PLC0415
+        from rig.cli.data import show_trace  # noqa: PLC0415
+        from rig.cli.whole_plot import show_whole_plot_summary  # noqa: PLC0415
 
         if table.kind == "whole-plot":
-            show_fit(path.name, table, fit_table(table))
+            show_whole_plot_summary(fit_table(table))
         show_trace(traced)
         out.print(f"Report: {escape(str(report))}", soft_wrap=True)
     return ExitCode.DONE

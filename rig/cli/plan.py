@@ -62,6 +62,7 @@ def plan(
         "seconds": {
             "preparation": forecast.preparation_s,
             "point": forecast.point_s,
+            "soak": forecast.soak_s,
             "total": forecast.total_s,
             "latest": forecast.latest_s,
         },
@@ -86,15 +87,18 @@ def plan(
         f"  started now, done {_when(now, forecast.total_s)} ({duration(forecast.total_s)}),\n"
         f"  at the latest {_when(now, forecast.latest_s)}"
     )
+    soaks = "" if forecast.soak_s is None else f", {duration(forecast.soak_s)} a soak between whole plots"
     out.print(
         f"  {forecast.point_s:.1f} s a point (sd {forecast.point_sd_s:.1f} s, {forecast.rehearsed} points rehearsed),\n"
-        f"  {duration(forecast.preparation_s)} of preparation;\n"
+        f"  {duration(forecast.preparation_s)} of preparation{soaks};\n"
         f"  the latest allows {ALLOWANCE:.0%} for repeats and retries"
     )
     table = Table(*precise.columns, title="Predicted precision", title_justify="left")
     for row in precise.cells:
         table.add_row(*row)
     out.print(table)
+    for line in precise.further:
+        out.print(f"  {line}", soft_wrap=True)
     out.print(f"  ({precise.assuming})", soft_wrap=True)
     for name, (low, high) in reach.items():
         allowed = limits.get(name)

@@ -15,7 +15,6 @@ from typing import Annotated, Any
 import typer
 from rich.markup import escape
 
-from procedures import PitchRollProcedure
 from rig.cli import app
 from rig.cli.show import duration, err, mark, out, print_json, run_progress
 from rig.controller import Result, load_plan, resume_run, start_run
@@ -133,28 +132,22 @@ def conclude(result: Result) -> int:
 
 
 def _outside_acceptance(result: Result) -> bool:
-    """Fit a complete run and hold it against the procedure's acceptance limits; says what it found."""
-    limit = result.procedure.acceptance.sigma_E_deg if isinstance(result.procedure, PitchRollProcedure) else None
-    if limit is None:
-        return False
-    from rig.closed_loop import fit_table  # noqa: PLC0415
-    from rig.tables import run_table  # noqa: PLC0415
+    """Hold a complete run against the procedure's acceptance limits; says what it found."""
+    from rig.acceptance import judge  # noqa: PLC0415
 
+    if result.procedure is None:
+        return False
     try:
-        sensors = fit_table(run_table(result.path))["sensors"]
+        verdicts = judge(result.procedure, result.path)
     except RigError as error:
         err.print(f"[red]acceptance cannot be judged:[/] {escape(str(error))}")
         return True
-    outside = False
-    for name, sensor in sensors.items():
-        sigma = sensor["sigma_E_deg"]
-        if sigma is None or sigma > limit:
-            outside = True
-            shown = "unknown" if sigma is None else f"{sigma:.3g} deg"
-            err.print(f"[red]{escape(name)} is outside acceptance:[/] sigma_E {shown}, limit {limit:g} deg")
-    if not outside:
-        err.print(f"every sensor is inside acceptance (sigma_E up to {limit:g} deg)")
-    return outside
+    for verdict in verdicts:
+        if not verdict.inside:
+            err.print(f"[red]{escape(verdict.sensor)} is outside acceptance:[/] {escape(verdict.found)}")
+    if verdicts and all(verdict.inside for verdict in verdicts):
+        err.print(f"every sensor is inside acceptance ({verdicts[0].limit})")
+    return any(not verdict.inside for verdict in verdicts)
 
 
 def _signals() -> Signals:

@@ -19,8 +19,29 @@ _MEASURES = (
 )
 
 
+LOW_PSIA = 0.12
+"""Where the paper compares its methods."""
+
+
+def show_whole_plot_summary(result: Mapping[str, Any]) -> None:
+    """Largest reading error of every transducer by every method, at the lowest pressure of interest."""
+    sensors = result["sensors"]
+    first = next(iter(sensors.values()))["methods"]
+    pressures = next(iter(first.values()))["reading_error"]["pressure_psia"]
+    low = min((p for p in pressures if p > 0), key=lambda p: abs(p - LOW_PSIA))
+    at = pressures.index(low)
+    table = Table(f"at {low:.3g} psia", *first, title="Largest reading error / % by method", title_justify="left")
+    for name, sensor in sensors.items():
+        fits = (sensor["methods"].get(method) for method in first)
+        table.add_row(name, *(number(fit["reading_error"]["max_pct"][at] if fit else None, 3) for fit in fits))
+    out.print(table)
+    out.print("  in-flight zero: without the zero's own error, which rig infer includes", soft_wrap=True)
+
+
 def show_whole_plot_fit(result: Mapping[str, Any]) -> None:
-    """Methods side by side and the coefficients of GLS, a transducer after the other."""
+    """A summary, then methods side by side and the coefficients of GLS, a transducer after the other."""
+    if len(result["sensors"]) > 1:
+        show_whole_plot_summary(result)
     for name, sensor in result["sensors"].items():
         sigma = (number(sensor[key], 3) for key in ("sigma_subplot", "sigma_wholeplot"))
         errors = "{} mV within whole plots, {} mV between them".format(*sigma)

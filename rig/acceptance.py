@@ -1,0 +1,75 @@
+"""Whether a finished calibration is fit for use, by the limits its procedure set beforehand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from procedures import PitchRollProcedure, Procedure, WholePlotProcedure
+from rig.closed_loop import fit_table, fit_whole_plots
+from rig.errors import UsageError
+from rig.tables import Table, run_table
+
+_METHOD = "in-flight zero + WLS"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One sensor against its limit.
+
+    Attributes:
+        sensor: name of its output.
+        found: what was found, and the limit it exceeds or keeps.
+        limit: the limit alone, in words.
+        inside: whether it is kept.
+
+    """
+
+    sensor: str
+    found: str
+    limit: str
+    inside: bool
+
+
+def judge(procedure: Procedure, path: Path) -> list[Verdict]:
+    """Every sensor of a complete run against the procedure's limit; [] where there is none.
+
+    Raises:
+        RigError: the run cannot be fitted.
+
+    """
+    if isinstance(procedure, WholePlotProcedure):
+        limit = procedure.acceptance.reading_error_pct
+        return [] if limit is None else _reading_errors(run_table(path), limit, procedure.acceptance.at_psia)
+    return _standard_errors(procedure, path)
+
+
+def _standard_errors(procedure: PitchRollProcedure, path: Path) -> list[Verdict]:
+    limit = procedure.acceptance.sigma_E_deg
+    if limit is None:
+        return []
+    words = f"sigma_E up to {limit:g} deg"
+    verdicts = []
+    for name, sensor in fit_table(run_table(path))["sensors"].items():
+        sigma = sensor["sigma_E_deg"]
+        shown = "unknown" if sigma is None else f"{sigma:.3g} deg"
+        inside = sigma is not None and sigma <= limit
+        verdicts.append(Verdict(name, f"sigma_E {shown}, limit {limit:g} deg", words, inside))
+    return verdicts
+
+
+def _reading_errors(table: Table, limit: float, psia: float) -> list[Verdict]:
+    words = f"reading error at {psia:g} psia up to {limit:g} %, {_METHOD}"
+    verdicts = []
+    for name, fit in fit_whole_plots(table).fits.items():
+        method = fit.methods.get(_METHOD)
+        if method is None:
+            raise UsageError(f"{name}: {_METHOD} is not possible: {fit.not_possible[_METHOD]}")
+        errors = method.reading_error
+        at = int(abs(errors.pressure_psia - psia).argmin())
+        if abs(errors.pressure_psia[at] - psia) > 0.05 * psia:
+            raise UsageError(f"no pressure near acceptance.at_psia = {psia:g} was measured")
+        found = float(errors.max_pct[at])
+        said = f"reading error at {psia:g} psia {found:.3g} %, limit {limit:g} %"
+        verdicts.append(Verdict(name, said, words, found <= limit))
+    return verdicts
