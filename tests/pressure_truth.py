@@ -6,13 +6,18 @@ with factorial points and sensor extremes twice and five more centres, and eight
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fitter.pressure import Zero, fit_pressure, infer_pressure
+from fitter.pressure.methods import fit_method
+from fitter.quantiles import t_limit
 from fitter.whole_plot_data import WholePlotData
 
 PRESSURES_PSIA = (0.01, 0.01, 0.12, 0.50, 0.79, 1.00, 2.50, 2.50, 4.00, 5.00, 5.00)
+UNIT_MV = 0.00453
+"""Size of the errors, chosen so that reading errors are those of the paper's figures."""
 SENSOR_CENTRE_DEGC, SENSOR_REACH_DEGC, SSE_CENTRE_DEGC, SSE_REACH_DEGC = -90.0, 40.0, 0.0, 40.0
 
 
@@ -27,24 +32,24 @@ def temperature_pairs():
 
 @dataclass(frozen=True)
 class Transducer:
-    """A strain-gauge bridge and its amplifier; errors in mV, standard deviations.
+    """A strain-gauge bridge and its amplifier; errors are standard deviations.
 
     The bridge's offset bends with its temperature, its sensitivity falls with it, the amplifier's gain drifts with its
-    own; all of second order together, so that eq. (1) can be exact. `cubic` is what it leaves out.
+    own: eq. (1) without two of its terms, as in section II.C. `cubic` is what eq. (1) leaves out.
     """
 
     offset_mV: float = 0.35
     sensitivity_mV_per_psi: float = 2.0
     offset_per_degC: float = 6e-4
     offset_per_degC2: float = 3e-6
-    amplifier_offset_per_degC: float = 2e-4
-    cross_offset_per_degC2: float = 1.2e-6
+    amplifier_offset_per_degC: float = 0.0
+    cross_offset_per_degC2: float = 0.0
     sensitivity_per_degC: float = -2e-4
     gain_per_degC: float = 9e-5
     bend_per_psi: float = -1.5e-3
     cubic_mV_per_psi3: float = 0.0
-    wholeplot_mV: float = 0.0135
-    subplot_mV: float = 0.0043
+    wholeplot_mV: float = 10**0.5 * UNIT_MV
+    subplot_mV: float = UNIT_MV
     subplot_mV_per_psi: float = 0.0
     replicate_mV: float = 0.0
 
@@ -63,7 +68,11 @@ class Transducer:
 
 
 HOMOSCEDASTIC = Transducer()
-GROWING = Transducer(subplot_mV=0.4 * 0.0043, subplot_mV_per_psi=0.3 * 0.0043, cubic_mV_per_psi3=3e-4)
+"""Whole-plot variance ten times the subplot's."""
+
+GROWING = Transducer(subplot_mV=0.4 * UNIT_MV, subplot_mV_per_psi=0.3 * UNIT_MV)
+GROWING_AND_CUBIC = replace(GROWING, cubic_mV_per_psi3=2.5e-3)
+"""With these two the paper's four methods come out as in its figures."""
 
 
 def simulate(transducer, seed, *, replications=1, keep=None, readback_degC=0.0):
@@ -94,3 +103,49 @@ def simulate(transducer, seed, *, replications=1, keep=None, readback_degC=0.0):
         replicate=replicate,
     )
     return data, error
+
+
+def coverage(transducer, method, seed, *, pressures=(0.12, 1.0, 4.5)):
+    """Whether each 95 % interval of one simulated calibration holds the truth.
+
+    In the whole-plot stratum coefficients, the mean output at given settings and the output of a new whole plot; below
+    it coefficients; and pressures inferred at other temperatures in a new whole plot, after a noisy zero and without.
+    """
+    data, _ = simulate(transducer, seed)
+    fit = fit_pressure(data, "bridge_mV")
+    rng = np.random.default_rng([19991231, seed])
+    sensor, sse = rng.uniform(-118, -62), rng.uniform(-28, 28)
+    at, at_pressure = {"P": np.array([1.0]), "T_sensor": np.array([sensor]), "T_SSE": np.array([sse])}, 1.0
+    error = rng.normal(0, transducer.wholeplot_mV)
+    inside = {}
+
+    def holds(name, centre, half, truth):
+        inside[name] = bool(abs(centre - truth) <= half)
+
+    clean = float(transducer.output_mV(at_pressure, sensor, sse))
+    if method == "GLS" and transducer.subplot_mV_per_psi == 0.0:
+        row = fit.formula.columns(at)[1]
+        mean = fit.reml.predict(row)[0]
+        holds("mean output (whole-plot stratum)", mean, fit.reml.interval(row)[0], clean)
+        new = clean + error + rng.normal() * transducer.subplot_sd(at_pressure)
+        half = fit.reml.interval(row, new_whole_plot=True, new_readings=1.0)[0]
+        holds("output of a new whole plot", mean, half, new)
+    found = fit_method(fit.problem, method)
+    for name, stratum, truth in (
+        ("T_SSE^2", "whole-plot", 0.0),
+        ("T_sensor:T_SSE", "whole-plot", transducer.cross_offset_per_degC2),
+        ("P:T_SSE", "subplot", transducer.sensitivity_mV_per_psi * transducer.gain_per_degC),
+        ("P^2", "subplot", transducer.sensitivity_mV_per_psi * transducer.bend_per_psi),
+    ):
+        i = found.names.index(name)
+        half = t_limit(0.95, found.df[i]) * found.stderr[i]
+        holds(f"coefficient {name} ({stratum} stratum)", found.coefficients[i], half, truth)
+    calibration = fit.calibration(method)
+    read = transducer.output_mV(np.array([0.0, *pressures]), sensor, sse) + error
+    read += rng.normal(size=len(read)) * transducer.subplot_sd(np.array([0.0, *pressures]))
+    for label, zero in (("after a zero", Zero(read[0], sensor, sse)), ("without a zero", None)):
+        inferred = infer_pressure(calibration, read[1:], sensor, sse, zero)
+        for i, pressure in enumerate(pressures):
+            low, high = inferred.lo95_psia[i], inferred.hi95_psia[i]
+            inside[f"pressure {pressure:g} psia {label}"] = bool(low <= pressure <= high)
+    return inside

@@ -158,6 +158,10 @@ class PressureFit:
         if "P" not in self.formula.names:
             raise ValueError("the model has no pressure in it")
         table = self.problem.data.table
+        try:
+            self.formula.columns({**table, "P": np.zeros_like(table["P"])})
+        except ValueError as problem:
+            raise ValueError(f"the model has no value at zero pressure, where its zero is read: {problem}") from problem
         return PressureCalibration(
             output=self.problem.output,
             method=method,

@@ -25,7 +25,10 @@ from fitter.whole_plot_data import WholePlotData
 GROWTH_LEVEL = 0.01
 """Probability of finding a growth with pressure that is not there."""
 
-_ITERATIONS, _CONVERGED = 60, 1e-9
+MOST_GROWTH = 99.0
+"""c times the highest pressure, at most: the subplot error at zero pressure is at least 1 % of that at the highest."""
+
+_ITERATIONS, _HALVINGS, _CONVERGED = 60, 30, 1e-7
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,13 +120,26 @@ class Layout:
 
     def solve(self, errors: Errors, right: FloatArray) -> FloatArray:
         """V^-1 times (n, m) `right`, by the matrix inversion lemma."""
+        d, weighted, inner = self._factors(errors)
+        return np.asarray(right / d - weighted @ np.linalg.solve(inner, weighted.T @ right))
+
+    def loglik(self, errors: Errors, columns: FloatArray, y: FloatArray) -> float:
+        """Restricted log-likelihood of `errors`, but for a constant that depends on `columns`."""
+        d, _, inner = self._factors(errors)
+        solved = self.solve(errors, columns)
+        of_columns = columns.T @ solved
+        r = y - columns @ np.linalg.solve(of_columns, solved.T @ y)
+        log_det = np.sum(np.log(d)) + np.linalg.slogdet(inner)[1] + np.linalg.slogdet(of_columns)[1]
+        return float(-0.5 * (log_det + r @ self.solve(errors, r[:, None])[:, 0]))
+
+    def _factors(self, errors: Errors) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """With V = D + G G': the diagonal of D as a column, D^-1 G, and 1 + G' D^-1 G."""
         d = errors.subplot_sd(self.pressure_psia)[:, None] ** 2
         shared = np.sqrt(errors.wholeplot_variance) * self.wholeplot
         if self.replicate is not None:
             shared = np.column_stack([shared, np.sqrt(errors.replicate_variance or 0.0) * self.replicate])
         weighted = shared / d
-        inner = np.eye(shared.shape[1]) + shared.T @ weighted
-        return np.asarray(right / d - weighted @ np.linalg.solve(inner, weighted.T @ right))
+        return d, weighted, np.eye(shared.shape[1]) + shared.T @ weighted
 
     def covariance(self, errors: Errors, estimator: FloatArray) -> tuple[FloatArray, FloatArray]:
         """A V A' (k, k) for a (k, n) estimator A, and its derivatives (p, k, k) by the parameters."""
@@ -199,32 +215,44 @@ def estimate_errors(fit: SplitPlotFit, columns: FloatArray, layout: Layout, *, g
 
 
 def _scored(start: Errors, layout: Layout, columns: FloatArray, y: FloatArray) -> Errors:
-    """All parameters by Fisher scoring; a variance that runs below zero is held there."""
-    here = start
-    lowest_growth = -0.9 / max(float(layout.pressure_psia.max()), 1e-9)
+    """All parameters by Fisher scoring, steps halved until the likelihood rises; those at a limit are held there."""
+    highest = float(layout.pressure_psia.max())
+    lowest = np.array([0.0, -0.9 / highest, 0.0, 0.0])
+    greatest = np.array([np.inf, MOST_GROWTH / highest, np.inf, np.inf])
+    here, there = start, layout.loglik(start, columns, y)
+    free = [0, 1]
     for _ in range(_ITERATIONS):
         score, information = layout.restricted(here, columns, y)
-        at_zero = {2: here.wholeplot_variance == 0.0, 3: not here.replicate_variance}
-        free = [i for i in range(4) if not at_zero.get(i)]
+        values = np.array(_values(here))
+        at_limit = (values <= lowest) & (score <= 0) | (values >= greatest) & (score >= 0)
+        free = [i for i in range(4) if not at_limit[i] and information[i, i] > 0]
         step = np.zeros(4)
-        step[free] = np.linalg.solve(_block(information, free), score[free])
-        values = np.array(_values(here)) + step
-        values[0] = max(values[0], 0.2 * here.subplot_variance)
-        values[1] = np.clip(values[1], lowest_growth, max(4.0 * here.growth_per_psia, 1.0))
-        nested = None if here.replicate_variance is None else max(values[3], 0.0)
-        there = replace(
-            here,
-            subplot_variance=float(values[0]),
-            growth_per_psia=float(values[1]),
-            wholeplot_variance=float(max(values[2], 0.0)),
-            replicate_variance=None if nested is None else float(nested),
-            spread=_spread(information, free),
-        )
-        change = np.abs(np.subtract(_values(there), _values(here)))
-        here = there
-        if np.all(change <= _CONVERGED * np.maximum(np.abs(_values(there)), 1e-12)):
+        step[free] = _spread(information, free)[np.ix_(free, free)] @ score[free]
+        for _ in range(_HALVINGS):
+            trial = np.clip(values + step, lowest, greatest)
+            trial[0] = max(trial[0], 0.1 * values[0])
+            moved = _moved(here, trial)
+            reached = layout.loglik(moved, columns, y)
+            if reached >= there:
+                break
+            step *= 0.5
+        else:
             break
-    return here
+        here, there = moved, reached
+        if np.all(np.abs(trial - values) <= _CONVERGED * np.maximum(np.abs(trial), 1e-12)):
+            break
+    return replace(here, spread=_spread(layout.restricted(here, columns, y)[1], free))
+
+
+def _moved(errors: Errors, values: FloatArray) -> Errors:
+    nested = None if errors.replicate_variance is None else float(values[3])
+    return replace(
+        errors,
+        subplot_variance=float(values[0]),
+        growth_per_psia=float(values[1]),
+        wholeplot_variance=float(values[2]),
+        replicate_variance=nested,
+    )
 
 
 def _values(errors: Errors) -> tuple[float, float, float, float]:
