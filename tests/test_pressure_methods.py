@@ -130,22 +130,32 @@ def test_reading_errors_of_the_figures(truth, figures):
     np.testing.assert_allclose(np.median(found, axis=0), figures, rtol=0.12)
 
 
-def with_zeros():
+def with_zeros(readback_psia=0.0, **settings):
     zeros = {name: getattr(DATA, name) for name in ("whole_plot", "order", "elapsed_s")}
-    pressure = np.where(P == 0.01, 0.0, P)
+    pressure = np.where(P == 0.01, readback_psia, P)
     return WholePlotData(
         **zeros,
         pressure_psia=pressure,
         sensor_temperature_degC=DATA.sensor_temperature_degC,
         sse_temperature_degC=DATA.sse_temperature_degC,
         outputs={"bridge_mV": Y - 2.0 * (P - pressure)},
+        **settings,
     )
 
 
-def test_weights_have_no_value_at_zero_pressure():
-    data = with_zeros()
+@pytest.mark.parametrize(
+    "data",
+    [
+        with_zeros(),
+        with_zeros(2e-4),
+        with_zeros(-3e-4),
+        with_zeros(6e-4, pressure_set_psia=np.where(P == 0.01, 0.0, P)),
+    ],
+    ids=["exact", "readback", "negative readback", "set to zero"],
+)
+def test_weights_have_no_value_at_zero_pressure(data):
     fit = fit_pressure(data, "bridge_mV")
-    rows = ", ".join(str(row) for row in np.flatnonzero(data.pressure_psia == 0)[:5])
+    rows = ", ".join(str(row) for row in np.flatnonzero(P == 0.01)[:5])
     for method in ("weighted response", "WLS", "in-flight zero + WLS"):
         assert method not in fit.methods
         assert fit.not_possible[method].startswith(f"weights 1/P^1 have no value at P = 0 (rows {rows}, ...): leave")
@@ -157,7 +167,7 @@ def test_weights_have_no_value_at_zero_pressure():
 
 def test_zero_pressure_may_be_left_out_of_weighted_methods():
     data = with_zeros()
-    without = data.take(np.flatnonzero(data.pressure_psia > 0))
+    without = data.take(np.flatnonzero(P != 0.01))
     fits = fit_pressure(data, "bridge_mV", exclude_zero=True).methods
     fewer = fit_pressure(without, "bridge_mV").methods
     for method in ("weighted response", "WLS"):

@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import special
 
 from fitter.arrays import FloatArray
@@ -22,7 +23,13 @@ from fitter.pressure.reading_error import ReadingError, reading_error
 from fitter.split_plot import SplitPlotFit
 from fitter.whole_plot_data import WholePlotData
 
+NO_PRESSURE = 1e-4
+"""A readback below this part of the highest pressure is none: weighted by 1/P it would outweigh all the others."""
+
 BIASED = "biased: it fits V/P by the terms of the model and so cannot follow V; shown as a warning"
+
+
+BoolArray = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,15 +85,24 @@ class Problem:
             ValueError: there are readings without pressure and they are not to be left out.
 
         """
-        pressure = self.data.pressure_psia
-        rows = np.flatnonzero(pressure <= 0)
+        used = ~self.without_pressure
+        rows = np.flatnonzero(~used)
         if rows.size and not self.exclude_zero:
             some = ", ".join(str(row) for row in rows[:5]) + (", ..." if rows.size > 5 else "")
             raise ValueError(
                 f"weights 1/P^{self.power:g} have no value at P = 0 (rows {some}): leave these readings out "
                 "(exclude_zero), or use a method without weights"
             )
-        return np.asarray(np.where(pressure > 0, np.abs(pressure) + (pressure <= 0), np.inf) ** -self.power)
+        weight = np.zeros(len(used))
+        weight[used] = self.data.pressure_psia[used] ** -self.power
+        return weight
+
+    @property
+    def without_pressure(self) -> BoolArray:
+        """(n,) readings at P = 0: what was set, where recorded, else a readback that cannot be told from it."""
+        read, told = self.data.pressure_psia, self.data.pressure_set_psia
+        at_zero = read <= NO_PRESSURE * float(read.max())
+        return np.asarray(at_zero if told is None else at_zero | (told <= 0), np.bool_)
 
 
 def gls(problem: Problem) -> Estimate:
@@ -102,7 +118,7 @@ def weighted_response(problem: Problem) -> Estimate:
     weight = problem.weight
     used = problem.columns * (weight > 0)[:, None]
     estimator = _pseudo_inverse(used, problem.names) * weight
-    predicted = problem.columns * problem.data.pressure_psia[:, None] ** problem.power
+    predicted = problem.columns * np.maximum(problem.data.pressure_psia, 0.0)[:, None] ** problem.power
     return Estimate(estimator, predicted @ estimator, knows_whole_plot=False)
 
 
@@ -233,7 +249,7 @@ def fit_method(problem: Problem, method: str, sensitivity_mV_per_psi: float | No
         reading_error=reading_error(
             residuals,
             limit * np.sqrt(new + fixed),
-            data.pressure_psia,
+            np.where(problem.without_pressure, 0.0, data.pressure_psia),
             slope,
             data.pressure_levels,
         ),

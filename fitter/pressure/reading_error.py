@@ -59,7 +59,7 @@ def reading_error(
     Args:
         residuals_mV: (n,) marginal residuals.
         half_width_mV: (n,) of the prediction interval at each reading.
-        pressure_psia: (n,) applied.
+        pressure_psia: (n,) applied; zero or less is no pressure.
         sensitivity_mV_per_psi: (n,) dV/dP there.
         levels: nominal pressures (m,), and which of them each reading is at (n,).
 
