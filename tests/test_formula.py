@@ -46,7 +46,7 @@ def span(columns):
     return u @ u.T
 
 
-@settings(max_examples=250, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(formulas(numbers))
 def test_numeric_terms_are_patsys(text):
     ours = Formula.parse(text).columns(TABLE)[1]
@@ -56,7 +56,7 @@ def test_numeric_terms_are_patsys(text):
     np.testing.assert_allclose(ours[:, by_value[0]], expected[:, by_value[1]], rtol=1e-12)
 
 
-@settings(max_examples=250, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(formulas(atoms))
 def test_categories_span_what_patsys_span(text):
     ours = Formula.parse(text).columns(TABLE)[1]

@@ -240,3 +240,15 @@ def test_json():
     assert found["sigma_wholeplot"] == pytest.approx(0.0143, rel=0.6)
     grown = fit_pressure(simulate(GROWING, 0)[0], "bridge_mV").to_dict()
     assert grown["errors"]["growth_per_psia"] == pytest.approx(0.75, rel=0.5)
+
+
+def test_neither_the_order_of_rows_nor_the_numbers_of_whole_plots_matter():
+    data, _ = simulate(GROWING_AND_CUBIC, 1, keep={2: 6})
+    mixed = np.random.default_rng(0).permutation(len(data))
+    renamed = replace(data.take(mixed), whole_plot=(7 * data.whole_plot[mixed]) % 23 - 5)
+    here, there = (fit_pressure(d, "bridge_mV") for d in (data, renamed))
+    assert there.errors.growth_per_psia == pytest.approx(here.errors.growth_per_psia, rel=1e-4)
+    for method, fit in here.methods.items():
+        close(there.methods[method].coefficients, fit.coefficients)
+        close(there.methods[method].stderr, fit.stderr, 1e-4)
+        np.testing.assert_allclose(there.methods[method].reading_error.max_pct, fit.reading_error.max_pct, rtol=1e-6)
