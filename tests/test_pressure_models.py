@@ -38,6 +38,13 @@ def test_extra_terms_are_added_once():
         named_formula("quadratic model")
 
 
+def test_columns_may_be_called_by_their_own_names():
+    long = named_formula("(pressure_psia + sensor_temperature_degC)^2 + I(pressure_psia^2)", ("sse_temperature_degC",))
+    assert long == named_formula("(P + T_sensor)^2 + P^2", ("T_SSE",))
+    calibration = fit_pressure(DATA, "bridge_mV", "pressure_psia * sensor_temperature_degC").calibration()
+    assert calibration.formula == named_formula("P * T_sensor")
+
+
 def test_indicators_leave_the_terms_of_eq_10():
     """The full model less what is constant within whole plots is eq. (10) less its constant."""
     left = without_whole_plot_terms(named_formula("full")).terms

@@ -5,6 +5,7 @@ McCollum, Commo and Parker, "Calibration Modeling Methodology to Optimize Perfor
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Mapping
 
@@ -31,20 +32,23 @@ HIERARCHICAL = "hierarchical"
 KEPT_BELOW = 0.05
 """Largest probability at which a term stays in the reduced model."""
 
-_OF_WHOLE_PLOTS = frozenset({"T_sensor", "T_SSE", "sensor_temperature_degC", "sse_temperature_degC", "replicate"})
+_SHORT = {"pressure_psia": "P", "sensor_temperature_degC": "T_sensor", "sse_temperature_degC": "T_SSE"}
+_OF_WHOLE_PLOTS = frozenset({"T_sensor", "T_SSE", "replicate"})
 _ALIKE = 1e-6
 
 
 def named_formula(model: str, extra: tuple[str, ...] = ()) -> Formula:
     """Terms of a model: one of `MODELS`, "hierarchical" (where it starts from) or a formula; and `extra` terms.
 
+    The columns' own names may be used; they become P, T_sensor and T_SSE.
+
     Raises:
         fitter.formula.FormulaError: neither a name nor a formula.
 
     """
-    formula = Formula.parse(MODELS.get(model, MODELS["full"] if model == HIERARCHICAL else model))
+    formula = _parse(MODELS.get(model, MODELS["full"] if model == HIERARCHICAL else model))
     for text in extra:
-        formula = formula.plus(*(term for term in Formula.parse(text).terms if len(term)))
+        formula = formula.plus(*(term for term in _parse(text).terms if len(term)))
     return formula
 
 
@@ -122,6 +126,12 @@ def variance_inflation(
         raise RankError(f"{names[at]} depends on the columns before it: {', '.join(names[:at])}")
     inverse = np.linalg.inv(r)
     return dict(zip(names, np.sum(inverse**2, axis=1).tolist(), strict=True))
+
+
+def _parse(text: str) -> Formula:
+    for column, name in _SHORT.items():
+        text = re.sub(rf"\b{column}\b", name, text)
+    return Formula.parse(text)
 
 
 def _coded(name: str, values: FloatArray) -> FloatArray:
