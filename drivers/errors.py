@@ -30,13 +30,13 @@ class InstrumentError(DriverError):
     """The instrument itself reports an error.
 
     Attributes:
-        code: the instrument's own number for it.
+        code: the instrument's own number for it, 0 where it has none.
         text: the instrument's own words.
 
     """
 
     def __init__(self, instrument: str, code: int, text: str) -> None:
-        super().__init__(f"{instrument} reports error {code}: {text}")
+        super().__init__(f"{instrument} reports error {code}: {text}" if code else f"{instrument}: {text}")
         self.code = code
         self.text = text
 
