@@ -202,6 +202,16 @@ def test_replications_have_an_error_of_their_own():
     assert fit.to_dict()["sigma_replicate"] == fit.reml.sigma_replicate
 
 
+def test_a_second_replication_that_has_just_begun_is_no_obstacle():
+    data, _ = simulate(HOMOSCEDASTIC, 2, replications=2)
+    few = data.take(np.flatnonzero(np.isin(data.whole_plot, [1, 21])))
+    with pytest.raises(ValueError, match="leave replications out"):
+        fit_pressure(few, "bridge_mV", "1 + P + P^2", nested=True)
+    fit = fit_pressure(few, "bridge_mV", "1 + P + P^2")
+    assert fit.errors.replicate_variance is None
+    assert "replications" in fit.to_dict()["notes"][-1]
+
+
 @pytest.mark.parametrize(
     ("rows", "model", "error", "message"),
     [

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -16,6 +16,8 @@ from fitter.pressure.methods import METHODS, MethodFit, Problem, coefficient_tab
 from fitter.pressure.models import HIERARCHICAL, named_formula, reduced
 from fitter.split_plot import SplitPlotFit, fit_split_plot
 from fitter.whole_plot_data import WholePlotData
+
+NOT_NESTED = "too little was measured to give replications an error of their own: it is part of the whole plots'"
 
 IN_FLIGHT = frozenset({"P", "T_sensor", "T_SSE"})
 """What is known in flight, or asked for."""
@@ -216,8 +218,8 @@ def fit_pressure(
         output: name of its output.
         model: "full", "II.C", "eq10" or "hierarchical" (`fitter.pressure.models`), or a formula.
         extra: further terms, each a formula: effects found missing, "P^3" say.
-        nested: whether whole plots are nested in replications that have an error of their own; None: if there is more
-            than one replication.
+        nested: whether whole plots are nested in replications that have an error of their own; None: where there is
+            more than one replication and enough in each to estimate it.
         growth: whether the subplot error grows with pressure; None to let a test decide (`fitter.pressure.errors`).
         power: weighted methods multiply rows by 1 / P^power.
         exclude_zero: leave readings at P = 0 out of weighted methods; without it these are not possible then.
@@ -238,17 +240,30 @@ def fit_pressure(
     formula = named_formula(model, tuple(extra))
     if formula.has_categories:
         raise ValueError("the model of a transducer has no categories; write steps as numbers: I(block)")
-    nested = bool(np.ptp(data.replicate) > 0) if nested is None else nested
-    if model == HIERARCHICAL:
-        formula, reml = reduced(data, output, formula, nested=nested)
-        names, columns = formula.columns(data.table)
-    else:
-        names, columns = formula.columns(data.table)
-        reml = fit_split_plot(columns, y, data.whole_plot, names, replicate=data.replicate if nested else None)
+    several = bool(np.ptp(data.replicate) > 0)
+    try:
+        formula, reml = _fit(data, output, formula, model, nested=several if nested is None else nested)
+    except ValueError:
+        if nested is not None or not several:
+            raise
+        formula, reml = _fit(data, output, formula, model, nested=False)
+        reml = replace(reml, notes=(*reml.notes, NOT_NESTED))
+    names, columns = formula.columns(data.table)
+    nested = reml.replicates is not None
     layout = Layout.of(data, nested=nested)
     errors = estimate_errors(reml, columns, layout, growth=growth)
     problem = Problem(data, output, formula, names, columns, reml, errors, layout, power, exclude_zero)
     return PressureFit(model, problem, sensitivity_mV_per_psi)
+
+
+def _fit(
+    data: WholePlotData, output: str, formula: Formula, model: str, *, nested: bool
+) -> tuple[Formula, SplitPlotFit]:
+    if model == HIERARCHICAL:
+        return reduced(data, output, formula, nested=nested)
+    names, columns = formula.columns(data.table)
+    replicate = data.replicate if nested else None
+    return formula, fit_split_plot(columns, data.outputs[output], data.whole_plot, names, replicate=replicate)
 
 
 def fit_transducers(data: WholePlotData, model: str = "full", **options: Any) -> Mapping[str, PressureFit]:
