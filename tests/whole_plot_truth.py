@@ -63,6 +63,7 @@ class Bench:
     carry_over: float = 0.0  # share of the last step of pressure that the line still lacks
     leak_per_h: float = 0.0  # psi per hour and psi below ambient
     reference_per_h: float = 0.0
+    reference_zero_per_h: float = 0.0  # psi
     transpiration_psia: float = 0.0  # scale of the line's bore; zero for a line as wide as can be
     sensitivity_sd: float = 0.0  # drawn anew in every whole plot, of one
     shared_sd: float = 0.0  # psi, error of the pressure in each reading that all transducers see
@@ -114,6 +115,7 @@ def simulate(bench: Bench = Bench(), run: Run = Run(), seed: int = 0) -> WholePl
 
     applied = p + bench.carry_over * (before - p) + bench.leak_per_h * (14.7 - p) * waits
     applied = applied * (1.0 + bench.reference_per_h * (hours - hours.mean()))
+    applied = applied + bench.reference_zero_per_h * hours
     if bench.transpiration_psia:
         x = p / bench.transpiration_psia
         cold = np.sqrt((at[:, 0] + 273.15) / 295.0)
@@ -210,5 +212,10 @@ EFFECTS: dict[str, tuple[Bench, Run, str]] = {
         "sensitivity-drift",
     ),
     "reference drifts, three": (Bench(3 * (Transducer(),), reference_per_h=4e-5), Run(), "reference-drift"),
+    "reference zero drifts, three": (
+        Bench(3 * (Transducer(),), reference_zero_per_h=1e-3),
+        Run(),
+        "reference-zero-drift",
+    ),
     "leak, three": (Bench(3 * (Transducer(),), leak_per_h=8e-3), Run(uneven=0.6), "line-leak"),
 }

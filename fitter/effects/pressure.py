@@ -1,6 +1,6 @@
-"""Effects that a pressure calibration over temperature may lack: of the line, and of one transducer.
+"""Effects that a pressure calibration over temperature may lack, and their catalogue.
 
-Sizes that are usual are those of piezoresistive transducers of about 2 mV/psi, read below 5 psia.
+Here are those of the line, of memory and of time; `pressure_response` has the terms of the transducer's own response.
 """
 
 from __future__ import annotations
@@ -11,19 +11,28 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.effects.effect import Alias, Entry
+from fitter.effects.pressure_response import (
+    OFFSET_TEMPERATURE,
+    OFFSET_TEMPERATURE_SQUARED,
+    PRESSURE_CUBED,
+    PRESSURE_SQUARED,
+    PRESSURE_SQUARED_TEMPERATURE,
+    PRESSURE_TEMPERATURE_SQUARED,
+    SENSITIVITY_TEMPERATURE,
+    SENSOR_BY_SSE_SQUARED,
+    SENSOR_TEMPERATURE_CUBED,
+    SSE_BY_SENSOR_SQUARED,
+    SSE_TEMPERATURE_CUBED,
+)
 from fitter.effects.pressure_scene import PressureEffect, PressureScene, PressureTerm
-from fitter.effects.sizes import Size, each, micro
+from fitter.effects.sizes import each, micro
 from fitter.whole_plot_data import WholePlotData
 
 TIME_CONSTANTS_H = (0.25, 0.5, 1.0, 2.0, 4.0)
-"""Searched: shorter ones are over before the first reading, longer ones look like a drift."""
-TRANSPIRATION_PSIA = (0.01, 0.03, 0.1, 0.3)
-"""Pressures searched at which the effect of a cold end of the line dies out."""
+"""Searched: shorter ones are over before the first reading, longer ones hardly fade within a whole plot."""
+BORES_MM = (0.05, 0.1, 0.2, 0.5)
+"""Of the line, searched: in wider ones a cold end makes no difference that could be seen."""
 
-_MORE_PRESSURES = "read more pressures between those of the design, up and down, at one temperature"
-_MORE_TEMPERATURES = (
-    "add temperature pairs off the circle of the design, such as full corners: third-order terms part there"
-)
 _TWICE = "visit a pressure twice in a whole plot, once from below and once from above, by steps of different height"
 _AT_EASE = "wait at one pressure of a whole plot and go on reading: what follows the last step fades, a loop stays"
 _SOAK = "soak twice as long at a few temperatures: a lag is gone by then"
@@ -41,16 +50,17 @@ def _fixed(*terms: tuple[str, Callable[[PressureScene], FloatArray]]) -> Callabl
 
 
 def _lag(name: str, step: Callable[[PressureScene], FloatArray]) -> Callable[..., tuple[PressureTerm, ...]]:
-    """What is left of a step of temperature, for every time constant."""
+    """What is left of a step of temperature, for every time constant; all of it where that outlasts whole plots."""
 
     def term(tau_h: float) -> PressureTerm:
         return PressureTerm(f"d{name}*exp(-t/{tau_h:g}h)", lambda scene: step(scene) * np.exp(-scene.since_h / tau_h))
 
-    return _fixed(*((entry.name, entry.column) for entry in map(term, TIME_CONSTANTS_H)))
+    decaying = tuple(map(term, TIME_CONSTANTS_H))
+    return lambda _data: (*decaying, PressureTerm(f"d{name}", step))
 
 
-def _transpiration(p0: float) -> tuple[str, Callable[[PressureScene], FloatArray]]:
-    return f"P*(sqrt(T/Troom)-1)/(1+X+X^2), X=P/{p0:g}psia", lambda scene: scene.transpiration(p0)
+def _transpiration(bore_mm: float) -> tuple[str, Callable[[PressureScene], FloatArray]]:
+    return f"transpiration(P, T_sensor, {bore_mm:g} mm)", lambda scene: scene.transpiration(bore_mm)
 
 
 def _steps(data: WholePlotData) -> tuple[PressureTerm, ...]:
@@ -59,117 +69,6 @@ def _steps(data: WholePlotData) -> tuple[PressureTerm, ...]:
 
     return tuple(term(int(block)) for block in np.unique(data.block)[1:])
 
-
-def _smooth(
-    name: str,
-    cause: str,
-    *terms: tuple[str, Callable[[PressureScene], FloatArray]],
-    unit: str,
-    usual_size: str,
-    whole_plot: bool = False,
-    size: Size | None = None,
-) -> PressureEffect:
-    """A term of the transducer's own response to pressure and temperature."""
-    return PressureEffect(
-        name=name,
-        cause=cause,
-        source="temperature" if whole_plot else "sensor",
-        scope="sensor",
-        stratum="whole-plot" if whole_plot else "subplot",
-        unit=unit,
-        size=size or each(unit),
-        against="sensor_temperature_degC" if whole_plot else "pressure_psia",
-        separate_by=_MORE_TEMPERATURES if whole_plot else _MORE_PRESSURES,
-        usual_size=usual_size,
-        known_aliases={},
-        terms=lambda _data: tuple(PressureTerm(name, column, name.replace("*", ":")) for name, column in terms),
-    )
-
-
-OFFSET_TEMPERATURE = _smooth(
-    "offset-temperature",
-    "the offset follows the temperature of the transducer or of its electronics",
-    ("T_sensor", lambda s: s.sensor),
-    ("T_SSE", lambda s: s.sse),
-    unit="mV/degC",
-    usual_size="1e-3 mV/degC",
-    whole_plot=True,
-    size=micro("nV/degC"),
-)
-OFFSET_TEMPERATURE_SQUARED = _smooth(
-    "offset-temperature-second-order",
-    "the offset follows the square of a temperature, or the product of both",
-    ("T_sensor^2", lambda s: s.sensor**2),
-    ("T_sensor*T_SSE", lambda s: s.sensor * s.sse),
-    ("T_SSE^2", lambda s: s.sse**2),
-    unit="mV/degC^2",
-    usual_size="1e-5 mV/degC^2",
-    whole_plot=True,
-)
-SENSITIVITY_TEMPERATURE = _smooth(
-    "sensitivity-temperature",
-    "the sensitivity follows the temperature of the transducer or of its electronics",
-    ("P*T_sensor", lambda s: s.p * s.sensor),
-    ("P*T_SSE", lambda s: s.p * s.sse),
-    unit="mV/psi/degC",
-    usual_size="2e-4 of the sensitivity per degC",
-)
-PRESSURE_SQUARED = _smooth(
-    "pressure-second-order",
-    "the output bends with pressure",
-    ("P^2", lambda s: s.p**2),
-    unit="mV/psi^2",
-    usual_size="1e-3 of the range",
-)
-PRESSURE_CUBED = _smooth(
-    "pressure-third-order",
-    "the output has a term in the cube of the pressure",
-    ("P^3", lambda s: s.p**3),
-    unit="mV/psi^3",
-    usual_size="5e-4 of the range",
-)
-PRESSURE_SQUARED_TEMPERATURE = _smooth(
-    "pressure-squared-temperature",
-    "the bend of the output with pressure follows a temperature",
-    ("P^2*T_sensor", lambda s: s.p**2 * s.sensor),
-    ("P^2*T_SSE", lambda s: s.p**2 * s.sse),
-    unit="mV/psi^2/degC",
-    usual_size="1e-5 of the range per degC",
-)
-PRESSURE_TEMPERATURE_SQUARED = _smooth(
-    "pressure-temperature-squared",
-    "the sensitivity follows the square of a temperature, or the product of both",
-    ("P*T_sensor^2", lambda s: s.p * s.sensor**2),
-    ("P*T_sensor*T_SSE", lambda s: s.p * s.sensor * s.sse),
-    ("P*T_SSE^2", lambda s: s.p * s.sse**2),
-    unit="mV/psi/degC^2",
-    usual_size="1e-6 of the sensitivity per degC^2",
-)
-
-
-def _cubic(name: str, what: str, term: str, column: Callable[[PressureScene], FloatArray]) -> PressureEffect:
-    cause = f"the offset follows {what}"
-    return _smooth(name, cause, (term, column), unit="mV/degC^3", usual_size="3e-7 mV/degC^3", whole_plot=True)
-
-
-SENSOR_TEMPERATURE_CUBED = _cubic(
-    "sensor-temperature-third-order", "the cube of its temperature", "T_sensor^3", lambda s: s.sensor**3
-)
-SSE_TEMPERATURE_CUBED = _cubic(
-    "sse-temperature-third-order", "the cube of its electronics' temperature", "T_SSE^3", lambda s: s.sse**3
-)
-SENSOR_BY_SSE_SQUARED = _cubic(
-    "sensor-by-sse-squared",
-    "its temperature times the square of its electronics'",
-    "T_sensor*T_SSE^2",
-    lambda s: s.sensor * s.sse**2,
-)
-SSE_BY_SENSOR_SQUARED = _cubic(
-    "sse-by-sensor-squared",
-    "its electronics' temperature times the square of its own",
-    "T_sensor^2*T_SSE",
-    lambda s: s.sensor**2 * s.sse,
-)
 
 HYSTERESIS = PressureEffect(
     name="hysteresis",
@@ -259,7 +158,7 @@ TRANSPIRATION = PressureEffect(
     separate_by="read a gauge at the cold end of the line, or use a line of twice the bore",
     usual_size="one, if the bore is right",
     known_aliases={},
-    terms=_fixed(*map(_transpiration, TRANSPIRATION_PSIA)),
+    terms=_fixed(*map(_transpiration, BORES_MM)),
 )
 OFFSET_STEP = PressureEffect(
     name="offset-step",
@@ -318,6 +217,24 @@ SENSITIVITY_DRIFT = PressureEffect(
         "reference-drift": Alias("with a single transducer", "have the pressure controller checked before and after")
     },
     terms=_fixed(("P*time", lambda s: s.p * s.hours)),
+)
+REFERENCE_ZERO_DRIFT = PressureEffect(
+    name="reference-zero-drift",
+    cause="the pressure controller's own zero drifts through the run",
+    source="line",
+    scope="line",
+    stratum="whole-plot",
+    unit="psi/h",
+    size=micro("upsi/h"),
+    against="elapsed_s",
+    separate_by="have the pressure controller's zero checked before and after",
+    usual_size="1e-5 psi/h",
+    known_aliases={
+        "whole-plot-drift": Alias(
+            "with a single transducer", "have the pressure controller's zero checked before and after"
+        )
+    },
+    terms=_fixed(("time of the whole plot", lambda s: s.whole_plot_hours)),
 )
 REFERENCE_DRIFT = PressureEffect(
     name="reference-drift",
@@ -382,6 +299,7 @@ PRESSURE_CATALOGUE: tuple[PressureEffect, ...] = (
     TRANSPIRATION,
     OFFSET_STEP,
     ORDER_DRIFT,
+    REFERENCE_ZERO_DRIFT,
     SUBPLOT_DRIFT,
     SENSITIVITY_DRIFT,
     REFERENCE_DRIFT,

@@ -16,6 +16,9 @@ AMBIENT_PSIA = 14.7
 ROOM_K = 295.0
 """Temperature of the pressure controller's end of the line."""
 _ZERO_DEGC_K = 273.15
+_TORR_PER_PSI = 51.7149
+_NITROGEN = 12e5, 10e2, 14.0
+"""Takaishi and Sensui's constants: K^2/(Torr mm)^2, K/(Torr mm), sqrt(K/(Torr mm))."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,17 +105,17 @@ class PressureScene:
         )
         return np.diff(mean[first], prepend=mean[first[0]])[in_time]
 
-    def transpiration(self, p0_psia: float) -> FloatArray:
-        """(n,) error of the pressure at a cold transducer, read at the warm end of its line, psi.
+    def transpiration(self, bore_mm: float) -> FloatArray:
+        """(n,) error of the pressure at a cold transducer whose line of this bore begins in the room, psi.
 
         In the molecular regime pressures are as the square roots of the temperatures; with rising pressure the
-        difference dies out: P1/P2 - 1 = (sqrt(T1/T2) - 1) / (1 + X + X^2) with X = P / p0, the form of Liang,
-        J. Appl. Phys. 22 (1951) 148, and of Takaishi and Sensui, Trans. Faraday Soc. 59 (1963) 2503. The scale p0
-        goes inversely with the bore: with the latter's constants of nitrogen some 0.003 psia for 1 mm.
+        difference dies out: P1/P2 - 1 = (sqrt(T1/T2) - 1) / (1 + A X^2 + B X + C sqrt X), X = 2 P d / (T1 + T2), with
+        the constants of nitrogen (Takaishi and Sensui, Trans. Faraday Soc. 59 (1963) 2503).
         """
-        cold = self.data.sensor_temperature_degC + _ZERO_DEGC_K
-        x = self.p / p0_psia
-        return self.p * (np.sqrt(np.maximum(cold, 0.0) / ROOM_K) - 1.0) / (1.0 + x + x**2)
+        cold = np.maximum(self.data.sensor_temperature_degC + _ZERO_DEGC_K, 0.0)
+        x = 2.0 * np.maximum(self.p, 0.0) * _TORR_PER_PSI * bore_mm / (cold + ROOM_K)
+        a, b, c = _NITROGEN
+        return self.p * (np.sqrt(cold / ROOM_K) - 1.0) / (1.0 + a * x**2 + b * x + c * np.sqrt(x))
 
     def _mean(self, values: FloatArray) -> FloatArray:
         """(n,) mean over the whole plot of each row."""

@@ -74,7 +74,7 @@ def rivals(
     products = _Products.of(white)
     paths = [{group: products.price(group)}]
     for name in dict.fromkeys(c.effect.name for c in candidates):
-        if name == effect or any(candidates[j].effect.name == name for j in rest):
+        if name == effect or any(candidates[j].effect.name == name and candidates[j].sensor in where for j in rest):
             continue
         terms = [j for j, c in enumerate(candidates) if c.effect.name == name and c.sensor in where]
         if terms:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,18 +41,24 @@ class WholePlotJudge:
         return float(self.family.adjust(score(self.problem, others, (j,)).p[j]))
 
     def rivals(self, chosen: tuple[int, ...], effect: str) -> tuple[Rival, ...]:
-        """All explanations of what the terms of `effect` among `chosen` explain, in the stratum they are judged in."""
+        """All explanations of what the terms of `effect` among `chosen` explain, in the stratum they are judged in.
+
+        Terms of the effect that the other stratum bears out stay with every explanation.
+        """
         problem = self.problem
-        group = tuple(j for j in chosen if problem.candidates[j].effect.name == effect)
+        named = tuple(j for j in chosen if problem.candidates[j].effect.name == effect)
+        level = problem.judged_at[named[0]]
+        group = tuple(j for j in named if problem.judged_at[j] == level)
         rest = tuple(j for j in chosen if j not in group)
-        level = problem.judged_at[group[0]]
         stratum, error = beside(problem, level, rest), beside(problem, level, chosen, ()).sigma
         scale = (stratum.sigma / error)[:, None]
         columns = np.where(self._judged(level, stratum), stratum.white.columns * scale[:, :, None], 0.0)
         white = Whitened(stratum.white.outputs * scale, columns)
         line = any(problem.candidates[j].sensor is None for j in group)
         sensors = problem.sensors if line else {str(problem.candidates[j].sensor) for j in group}
-        return rivals(problem.candidates, white, group, rest, sensors)
+        elsewhere = tuple(j for j in named if j not in group)
+        found = rivals(problem.candidates, white, group, rest, sensors)
+        return tuple(replace(rival, terms=(*rival.terms, *elsewhere)) for rival in found)
 
     def _judged(self, level: Level, stratum: Beside) -> NDArray[np.bool_]:
         """(J,) candidates of a level that enough is left of beside the others to explain something there."""

@@ -21,7 +21,7 @@ class Noise:
     Attributes:
         at_zero_mV: a.
         per_psi_mV: a c.
-        stderr: of both, from the curvature of the likelihood; a fifth or so too small, for residuals are not independent.
+        stderr: of both, from the curvature of the likelihood; some 20 % too small, as residuals are tied.
         p: probability of so clear a relation between squared residual and pressure where there is none.
 
     """
