@@ -629,3 +629,30 @@ def test_who_has_no_such_unit_does_not_wait_for_cantools() -> None:
     """16 ms of an interpreter's start, measured; only a bench that names the driver loads it."""
     code = "import sys, rig.cli, rig.bench, drivers.wires; sys.exit('cantools' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_a_lost_answer_of_a_drive_is_got_over_while_the_unit_goes_on_sending():
+    """After a lost answer the line is drained until quiet; a neighbour that never is quiet must not count."""
+    world = World()
+    drives = CiA402PairTwin("head", {"eds": EDS}, world, Plant(world, {}, {}), "SN000001")
+    unit = CanDaqTwin("daq", {"dbc": DBC}, world, Warming(), "SN000002")
+    to_lose = []
+
+    def deaf_once(identifier: int, data: bytes, transmit: Transmit) -> None:
+        if to_lose and identifier == 0x601:
+            to_lose.clear()
+        else:
+            drives.on_frame(identifier, data, transmit)
+
+    shared = on_one_bus(deaf_once, unit.on_frame)
+    wires = Wires(world, simulated={"can": lambda address: CanCable(world, shared)})
+    head = CiA402Pair("head", "sim://w/bus", CiA402Pair.Options(eds=EDS), wires, world)
+    daq = CanDaq("daq", "sim://w/bus", CanDaq.Options(dbc=DBC, period_s=0.02), wires, world)
+    head.prepare()
+    daq.prepare()
+    daq.start(1000)
+    to_lose.append(True)
+    began = world.now()
+    assert set(head.read()) == {"pitch", "roll"}
+    assert not to_lose
+    assert world.now() - began < 1.0
