@@ -413,6 +413,6 @@ def test_an_unforeseen_error_leaves_the_bench_safe_before_it_is_raised(tmp_path)
 
 def test_triggers_that_the_table_does_not_permit_are_refused(tmp_path, monkeypatch):
     path = new_run(tmp_path)
-    monkeypatch.setattr("rig.engine.sequencer.Sequencer._settling", lambda _self: "finish")
+    monkeypatch.setattr("rig.engine.at_point.AtPoint.settling", lambda _self: "finish")
     with pytest.raises(MachineError):
         run_session(path)

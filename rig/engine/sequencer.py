@@ -15,16 +15,16 @@ from transitions import Machine
 
 from drivers.clock import Clock
 from drivers.errors import DriverError
-from procedures import PitchRollProcedure, Point, Procedure, RunList, WholePlotProcedure
+from procedures import PitchRollProcedure, Procedure, RunList, WholePlotProcedure
 from procedures.whole_plot import WholePlotFaults
 from rig.bench import Bench, identities
 from rig.engine.actions import BenchActions, NotSettled
+from rig.engine.at_point import AtPoint
 from rig.engine.axes import axes_of, own_limits
 from rig.engine.guard import Guard
 from rig.engine.identities import compare_identities
 from rig.engine.journal import Journal, PointInHand
 from rig.engine.live import Requests
-from rig.engine.motion import plan_legs, recovery_legs
 from rig.engine.policies import OverloadedError, policy_for
 from rig.engine.queue import PointQueue
 from rig.engine.run_file import RunWriter
@@ -97,10 +97,17 @@ class Sequencer:
                 clock=clock,
                 wait=self._wait,
             )
-        self._references = tuple(f for f in run_list.easy if not f.stays)
-        self._settle = procedure.settle.judged()
+        self._point = AtPoint(
+            bench=bench,
+            run_list=run_list,
+            procedure=procedure,
+            do=self._do,
+            journal=self._journal,
+            queue=self._queue,
+            soaking=self._soaking,
+            set_up=self._set_up,
+        )
         self._poll_s = procedure.settle.poll_s
-        self._move_timeout_s = max(_MOVE_TIMEOUT_S, self._settle.timeout_s)
         self._put_off = set(state.put_off)
         self._released = False
         self._outcome: Outcome | None = None
@@ -118,11 +125,11 @@ class Sequencer:
             State.READY: lambda: "check",
             State.CHECKING: self._checking,
             State.PREPARING: self._preparing,
-            State.RECOVERING: self._recovering,
-            State.MOVING: self._moving,
-            State.SETTLING: self._settling,
-            State.MEASURING: self._measuring,
-            State.RECORDING: self._recording,
+            State.RECOVERING: self._point.recovering,
+            State.MOVING: self._point.moving,
+            State.SETTLING: self._point.settling,
+            State.MEASURING: self._point.measuring,
+            State.RECORDING: self._point.recording,
             State.HOLDING: self._holding,
             State.PARKING: self._parking,
         }
@@ -275,117 +282,6 @@ class Sequencer:
             self._do.set_up()
             self._needs_set_up = False
 
-    def _recovering(self) -> str:
-        elsewhere = None if self._journal.at else self._advance()
-        if elsewhere is not None:
-            return elsewhere
-        at = self._at
-        self._set_up()
-        self._journal.start_timing()
-        at.legs = recovery_legs(self._run_list.factors, at.point, self._before(at.point))
-        at.repeats = 0
-        return "move"
-
-    def _before(self, point: Point) -> Point | None:
-        """The point before it in the run list, in the same whole plot."""
-        before = self._run_list.points[point.index - 1] if point.index else None
-        return before if before is not None and before.whole_plot == point.whole_plot else None
-
-    def _advance(self) -> str | None:
-        """Take up the next point; the trigger to go on with instead, where there is none or it must be soaked for."""
-        following = self._queue.peek()
-        if following is None:
-            self._journal.take_up(None)
-            return "park"
-        if self._soaking is not None and following.whole_plot != self._journal.fold.planned:
-            return "prepare"
-        self._journal.take_up(self._queue.pop())
-        return None
-
-    @property
-    def _at(self) -> PointInHand:
-        """The point in hand, in states that have one."""
-        assert self._journal.at is not None
-        return self._journal.at
-
-    def _moving(self) -> str:
-        self._do.go(self._at.legs, self._poll_s, self._move_timeout_s)
-        return "settle"
-
-    def _settling(self) -> str:
-        at = self._at
-        at.settling = self._do.settle(self._targets(at.point), self._settle, self._poll_s)
-        return "measure"
-
-    def _targets(self, point: Point) -> dict[str, float]:
-        """Where a point wants the axes."""
-        factors = zip(self._run_list.factors, point.setpoints, strict=True)
-        return {f.axis: setpoint for f, setpoint in factors if not f.hard}
-
-    def _measuring(self) -> str:
-        at, settings = self._at, self._procedure.measure
-        began = self._journal.elapsed()
-        observation = self._do.measure(settings.readings, self._poll_s, self._references)
-        at.measured_s = (began, self._journal.elapsed())
-        at.observation = observation
-        overloaded = observation.overloaded()
-        if overloaded:
-            self._journal.write("observation", observation.as_json(), status="rejected")
-            raise OverloadedError(f"{', '.join(overloaded)} out of range at point {at.point.index}")
-        name, sd = observation.noisiest()
-        most = self._procedure.max_sd_V
-        if most is not None and sd > most * self._bench.scales[name]:
-            if at.repeats < settings.repeats:
-                at.repeats += 1
-                at.rejected.append({"noisy": name, **observation.as_json()})
-                return "repeat"
-            observation.flags.append("noisy")
-        return "record"
-
-    def _recording(self) -> str:
-        at = self._at
-        assert at.observation is not None
-        after = self._do.axes()
-        positions = {axis: reading.value for axis, reading in after.items()}
-        self._assert_undisturbed(at, positions)
-        chambers = self._do.environment()
-        body = {
-            "approach": {axis: [a.side, a.start] for axis, a in self._do.arrivals.items()},
-            "readback": {reading.quantity: reading.value for reading in after.values()},
-            "settling": at.settling,
-            "measured_s": at.measured_s,
-            "environment": chambers,
-            **at.observation.as_json(),
-        }
-        if at.rejected:
-            body["rejected"] = at.rejected
-        if self._soaking is not None:
-            why = self._soaking.rules.lost_now(at.point, chambers, at.observation.temperatures)
-            if why:
-                self._journal.write("observation", {**body, "lost": why}, status="rejected")
-                self._do.stop_motion()
-                self._soaking.lose(why)
-                return "prepare"
-        self._journal.write("observation", body, status="accepted")
-        self._journal.point_observed()
-        elsewhere = self._advance()
-        if elsewhere is not None:
-            return elsewhere
-        band = self._settle.band
-        self._at.legs = plan_legs(self._run_list.factors, self._at.point, positions, self._do.arrivals, band)
-        return "move"
-
-    def _assert_undisturbed(self, at: PointInHand, after: Mapping[str, float]) -> None:
-        """An observation counts only where it was planned, reached as planned, and not left meanwhile."""
-        for factor, target, side in zip(self._run_list.factors, at.point.setpoints, at.point.sides, strict=True):
-            if factor.hard:
-                continue
-            arrival = self._do.arrivals.get(factor.axis)
-            if side and (arrival is None or arrival.side != side):
-                raise NotSettled(f"{factor.axis} did not arrive from its planned side", at.settling)
-            if abs(after[factor.axis] - target) > self._settle.band:
-                raise NotSettled(f"{factor.axis} left its band while it was measured", at.settling)
-
     def _holding(self) -> str:
         self._journal.message = "held; release it with `rig release`"
         self._released = False
@@ -402,7 +298,7 @@ class Sequencer:
 
     def _parking(self) -> str:
         self._set_up()
-        self._do.park(self._poll_s, self._move_timeout_s)
+        self._do.park(self._poll_s, self._point.move_timeout_s)
         unsafe = self._bench.make_safe()
         if unsafe:
             raise BenchFault("parked, but not everything could be brought to its safe state: " + "; ".join(unsafe))
@@ -498,5 +394,4 @@ class Sequencer:
         return "fault"
 
 
-_MOVE_TIMEOUT_S = 600.0
 _PAUSES_S = (1.0, 5.0, 15.0, 60.0)

@@ -1,0 +1,175 @@
+"""What is done at a point: the way there, settling, readings, the record. One handler a state.
+
+Every handler answers with the trigger that follows. What goes wrong is raised; the sequencer decides about it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from procedures import Point, Procedure, RunList
+from rig.bench import Bench
+from rig.engine.actions import BenchActions, NotSettled
+from rig.engine.journal import Journal, PointInHand
+from rig.engine.motion import plan_legs, recovery_legs
+from rig.engine.policies import OverloadedError
+from rig.engine.queue import PointQueue
+from rig.engine.soaking import Soaking
+
+_MOVE_TIMEOUT_S = 600.0
+
+
+class AtPoint:
+    """Handlers of the states that have a point in hand.
+
+    Args:
+        bench: opened instruments.
+        run_list: every point of the run.
+        procedure: settle and measure settings.
+        do: actions on the bench.
+        journal: where it is written down.
+        queue: points still to be observed.
+        soaking: whole plots, None where nothing is hard to change.
+        set_up: brings the instruments' settings to what the bench declares, where that is due.
+
+    Attributes:
+        move_timeout_s: how long a move may take.
+
+    """
+
+    def __init__(
+        self,
+        *,
+        bench: Bench,
+        run_list: RunList,
+        procedure: Procedure,
+        do: BenchActions,
+        journal: Journal,
+        queue: PointQueue,
+        soaking: Soaking | None,
+        set_up: Callable[[], None],
+    ) -> None:
+        self._bench, self._run_list, self._procedure = bench, run_list, procedure
+        self._do, self._journal, self._queue = do, journal, queue
+        self._soaking = soaking
+        self._set_up = set_up
+        self._references = tuple(f for f in run_list.easy if not f.stays)
+        self._settle = procedure.settle.judged()
+        self._poll_s = procedure.settle.poll_s
+        self.move_timeout_s = max(_MOVE_TIMEOUT_S, self._settle.timeout_s)
+
+    def recovering(self) -> str:
+        """Plan the way back to the point in hand, or to the next one."""
+        elsewhere = None if self._journal.at else self._advance()
+        if elsewhere is not None:
+            return elsewhere
+        at = self._at
+        self._set_up()
+        self._journal.start_timing()
+        at.legs = recovery_legs(self._run_list.factors, at.point, self._before(at.point))
+        at.repeats = 0
+        return "move"
+
+    def _before(self, point: Point) -> Point | None:
+        """The point before it in the run list, in the same whole plot."""
+        before = self._run_list.points[point.index - 1] if point.index else None
+        return before if before is not None and before.whole_plot == point.whole_plot else None
+
+    def _advance(self) -> str | None:
+        """Take up the next point; the trigger to go on with instead, where there is none or it must be soaked for."""
+        following = self._queue.peek()
+        if following is None:
+            self._journal.take_up(None)
+            return "park"
+        if self._soaking is not None and following.whole_plot != self._journal.fold.planned:
+            return "prepare"
+        self._journal.take_up(self._queue.pop())
+        return None
+
+    @property
+    def _at(self) -> PointInHand:
+        """The point in hand, in states that have one."""
+        assert self._journal.at is not None
+        return self._journal.at
+
+    def moving(self) -> str:
+        """Go there."""
+        self._do.go(self._at.legs, self._poll_s, self.move_timeout_s)
+        return "settle"
+
+    def settling(self) -> str:
+        """Wait until every axis has settled."""
+        at = self._at
+        at.settling = self._do.settle(self._targets(at.point), self._settle, self._poll_s)
+        return "measure"
+
+    def _targets(self, point: Point) -> dict[str, float]:
+        """Where a point wants the axes."""
+        factors = zip(self._run_list.factors, point.setpoints, strict=True)
+        return {f.axis: setpoint for f, setpoint in factors if not f.hard}
+
+    def measuring(self) -> str:
+        """Read every channel; overloads and noise are rejected here."""
+        at, settings = self._at, self._procedure.measure
+        began = self._journal.elapsed()
+        observation = self._do.measure(settings.readings, self._poll_s, self._references)
+        at.measured_s = (began, self._journal.elapsed())
+        at.observation = observation
+        overloaded = observation.overloaded()
+        if overloaded:
+            self._journal.write("observation", observation.as_json(), status="rejected")
+            raise OverloadedError(f"{', '.join(overloaded)} out of range at point {at.point.index}")
+        name, sd = observation.noisiest()
+        most = self._procedure.max_sd_V
+        if most is not None and sd > most * self._bench.scales[name]:
+            if at.repeats < settings.repeats:
+                at.repeats += 1
+                at.rejected.append({"noisy": name, **observation.as_json()})
+                return "repeat"
+            observation.flags.append("noisy")
+        return "record"
+
+    def recording(self) -> str:
+        """Make the observation durable, if nothing was disturbed meanwhile, and take up the next point."""
+        at = self._at
+        assert at.observation is not None
+        after = self._do.axes()
+        positions = {axis: reading.value for axis, reading in after.items()}
+        self._assert_undisturbed(at, positions)
+        chambers = self._do.environment()
+        body = {
+            "approach": {axis: [a.side, a.start] for axis, a in self._do.arrivals.items()},
+            "readback": {reading.quantity: reading.value for reading in after.values()},
+            "settling": at.settling,
+            "measured_s": at.measured_s,
+            "environment": chambers,
+            **at.observation.as_json(),
+        }
+        if at.rejected:
+            body["rejected"] = at.rejected
+        if self._soaking is not None:
+            why = self._soaking.rules.lost_now(at.point, chambers, at.observation.temperatures)
+            if why:
+                self._journal.write("observation", {**body, "lost": why}, status="rejected")
+                self._do.stop_motion()
+                self._soaking.lose(why)
+                return "prepare"
+        self._journal.write("observation", body, status="accepted")
+        self._journal.point_observed()
+        elsewhere = self._advance()
+        if elsewhere is not None:
+            return elsewhere
+        band = self._settle.band
+        self._at.legs = plan_legs(self._run_list.factors, self._at.point, positions, self._do.arrivals, band)
+        return "move"
+
+    def _assert_undisturbed(self, at: PointInHand, after: Mapping[str, float]) -> None:
+        """An observation counts only where it was planned, reached as planned, and not left meanwhile."""
+        for factor, target, side in zip(self._run_list.factors, at.point.setpoints, at.point.sides, strict=True):
+            if factor.hard:
+                continue
+            arrival = self._do.arrivals.get(factor.axis)
+            if side and (arrival is None or arrival.side != side):
+                raise NotSettled(f"{factor.axis} did not arrive from its planned side", at.settling)
+            if abs(after[factor.axis] - target) > self._settle.band:
+                raise NotSettled(f"{factor.axis} left its band while it was measured", at.settling)
