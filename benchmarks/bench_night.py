@@ -1,8 +1,8 @@
 """The example night through every byte of every protocol: seconds, exchanges, microseconds an exchange.
 
-    .venv/bin/python benchmarks/bench_night.py [--poll 0.1]
+    .venv/bin/python benchmarks/bench_night.py [--lab pressure] [--poll 0.1]
 
-A shorter poll makes more exchanges a point: 0.1 s gives well over a hundred.
+A shorter poll makes more exchanges a point: on the attitude bench 0.1 s gives well over a hundred.
 """
 
 from __future__ import annotations
@@ -20,10 +20,11 @@ from rig.engine.session import Signals
 from rig.examples import example
 from rig.simulated import dry_run
 
-LAB = example("attitude-lab")
+NIGHTS = {"attitude": ("attitude-lab", "night.toml", 0.5), "pressure": ("pressure-lab", "procedure.toml", 2.0)}
+"""Folder, procedure, and its seconds between readbacks."""
 
 
-def night(poll_s: float, *, counted: bool) -> tuple[float, int, int]:
+def night(lab: str, poll_s: float, *, counted: bool) -> tuple[float, int, int]:
     """(seconds, questions and commands sent, points) of one dry run."""
     sent = 0
 
@@ -40,10 +41,12 @@ def night(poll_s: float, *, counted: bool) -> tuple[float, int, int]:
         dry_run.DryBench.__init__ = tapped
     try:
         with tempfile.TemporaryDirectory(dir=Path.cwd()) as folder:
+            files, night_toml, _ = NIGHTS[lab]
+            here = example(files)
             procedure = Path(folder) / "night.toml"
-            text = (LAB / "night.toml").read_text().replace("[settle]\n", f"[settle]\npoll_s = {poll_s}\n")
+            text = (here / night_toml).read_text().replace("[settle]\n", f"[settle]\npoll_s = {poll_s}\n")
             procedure.write_text(text)
-            plan = load_plan(procedure, LAB / "bench.toml", dry=True, world=LAB / "world.toml")
+            plan = load_plan(procedure, here / "bench.toml", dry=True, world=here / "world.toml")
             began = time.perf_counter()
             start_run(plan, Path(folder), signals=Signals(), announce=lambda _: None, on_progress=lambda _: None)
             return time.perf_counter() - began, sent, len(plan.run_list)
@@ -53,10 +56,12 @@ def night(poll_s: float, *, counted: bool) -> tuple[float, int, int]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--poll", type=float, default=0.5, help="seconds between readbacks")
-    poll_s = parser.parse_args().poll
-    _, sent, points = night(poll_s, counted=True)
-    seconds = sorted(night(poll_s, counted=False)[0] for _ in range(3))[1]
+    parser.add_argument("--lab", choices=NIGHTS, default="attitude")
+    parser.add_argument("--poll", type=float, default=None, help="seconds between readbacks")
+    asked = parser.parse_args()
+    poll_s = NIGHTS[asked.lab][2] if asked.poll is None else asked.poll
+    _, sent, points = night(asked.lab, poll_s, counted=True)
+    seconds = sorted(night(asked.lab, poll_s, counted=False)[0] for _ in range(3))[1]
     print(f"{points} points, {sent / points:.0f} exchanges a point: {seconds:.2f} s (median of 3)")
     print(f"{1e6 * seconds / sent:.1f} us an exchange, everything included (twins, physics, sequencer, run file)")
 

@@ -1,6 +1,6 @@
 """Kill real controllers at random moments until there are enough kills; nothing may be lost, doubled or wrong.
 
-.venv/bin/python benchmarks/kill_campaign.py --kills 200 [--seed 1]
+.venv/bin/python benchmarks/kill_campaign.py --kills 200 [--seed 1] [--lab pressure]
 """
 
 from __future__ import annotations
@@ -12,19 +12,20 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 
-from kills import Tally, one_run
+from kills import PROCEDURES, Tally, one_run
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--kills", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--lab", choices=PROCEDURES, default="attitude")
     asked = parser.parse_args()
     total = Tally()
     seed = asked.seed
     while total.kills < asked.kills:
         with tempfile.TemporaryDirectory(dir=Path.cwd()) as folder:
-            total.add(one_run(Path(folder), seed, kills=12, longest_s=1.4))
+            total.add(one_run(Path(folder), seed, kills=12, longest_s=1.4, lab=asked.lab))
         print(f"seed {seed}: {total}", flush=True)
         seed += 1
     bad = total.lost + total.duplicated + total.wrong_side

@@ -110,7 +110,7 @@ class PressureSettle(Strict):
     band_psia: Positive = Field(0.002, description="reading within this of the setpoint")
     dwell_s: float = Field(15.0, ge=0, le=1e6, description="for this long")
     drift_psia_per_s: Positive = Field(0.0002, description="and drifting slower than this")
-    poll_s: Positive = Field(1.0, le=60, description="time between readbacks")
+    poll_s: Positive = Field(2.0, le=60, description="time between readbacks")
     timeout_s: Positive = Field(900.0, description="then the settling has failed")
 
     def judged(self) -> Settle:

@@ -17,9 +17,7 @@ from procedures import RunList
 from rig.engine.run_file import RunReader
 from rig.examples import example
 
-LAB = example("attitude-lab")
-
-PROCEDURE = """
+ATTITUDE = """
 kind = "pitch-roll"
 name = "kills"
 replications = {replications}
@@ -33,6 +31,27 @@ dwell_s = 1
 [measure]
 readings = 4
 """
+
+PRESSURE = """
+kind = "whole-plot"
+name = "kills"
+seed = 5
+replications = {replications}
+[design]
+type = "list"
+temperatures_degC = [[10, 20], [20, 10], [20, 30], [30, 20], [15, 15]]
+pressures_psia = [0.12, 0.5, 1.0, 2.5]
+repeated_psia = [0.5]
+[soak]
+dwell_s = 120
+drift_degC_per_h = 5
+[settle]
+dwell_s = 4
+[measure]
+readings = 2
+"""
+
+PROCEDURES = {"attitude": ATTITUDE, "pressure": PRESSURE}
 
 
 @dataclass
@@ -56,12 +75,14 @@ def rig(*arguments: object, **options: object) -> subprocess.Popen[str]:
     return subprocess.Popen(command, text=True, stderr=subprocess.PIPE, stdout=subprocess.PIPE, **options)
 
 
-def one_run(folder: Path, seed: int, *, kills: int, longest_s: float, replications: int = 8) -> Tally:
+def one_run(
+    folder: Path, seed: int, *, kills: int, longest_s: float, replications: int = 8, lab: str = "attitude"
+) -> Tally:
     """Kill a run up to `kills` times, each at most `longest_s` after its start, then let it finish and judge it."""
     rng = random.Random(seed)
     procedure = folder / f"kills-{seed}.toml"
-    procedure.write_text(PROCEDURE.format(replications=replications))
-    bench, world = LAB / "bench.toml", LAB / "world.toml"
+    procedure.write_text(PROCEDURES[lab].format(replications=replications))
+    bench, world = (example(f"{lab}-lab") / name for name in ("bench.toml", "world.toml"))
     process = rig("run", procedure, "--bench", bench, "--dry", "--world", world, "--out", folder)
     line = process.stdout.readline()
     assert line, process.stderr.read()
@@ -86,22 +107,25 @@ def one_run(folder: Path, seed: int, *, kills: int, longest_s: float, replicatio
 
 
 def judge(path: Path) -> Tally:
-    """Hold a finished run file against its run list."""
+    """Hold a finished run file against its run list. In whole plots a point counts once for each identity."""
     with RunReader.open(path) as reader:
         reader.verify()
         run_list: RunList = reader.run_list()
         accepted = [r for r in reader.records("observation") if r.status == "accepted"]
-    counts = Counter(r.run_index for r in accepted)
+    counts = Counter((r.whole_plot, r.run_index) for r in accepted)
+    observed = {r.run_index for r in accepted}
     wrong = 0
     for record in accepted:
         point = run_list.points[record.run_index]
         for factor, side, setpoint in zip(run_list.factors, point.sides, point.setpoints, strict=True):
+            if not side:
+                continue
             arrived, start = record.data["approach"][factor.axis]
             if arrived != side or (setpoint - start) * side < factor.overtravel - 0.01:
                 wrong += 1
     return Tally(
         points=len(run_list),
-        lost=sum(p.index not in counts for p in run_list.points),
+        lost=sum(p.index not in observed for p in run_list.points),
         duplicated=sum(n - 1 for n in counts.values()),
         wrong_side=wrong,
     )
