@@ -14,8 +14,9 @@ from dry_pressure import EACH, IN_ALL, LAB, SHORT, dry
 
 from rig.acceptance import judge
 from rig.closed_loop import fit_whole_plots
-from rig.controller import load_plan
+from rig.controller import load_plan, resume_run, start_run
 from rig.engine.run_file import RunReader
+from rig.engine.session import Outcome, Signals
 from rig.tables import run_table, whole_plot_data
 
 
@@ -197,3 +198,17 @@ def test_a_bench_that_cannot_carry_the_design_out_is_refused_before_anything_mov
     assert done.returncode == 78, done.stderr
     assert message in done.stderr.replace("\n", " ")
     assert not list(tmp_path.glob("runs/*"))
+
+
+def test_a_vacuum_pump_that_fails_ends_the_night_safe_and_the_run_goes_on_when_it_is_back(tmp_path):
+    world, procedure = tmp_path / "world.toml", tmp_path / "short.toml"
+    world.write_text((LAB / "world.toml").read_text() + "[pressure_line]\nvacuum_lost_h = 1.2\nvacuum_back_h = 3\n")
+    procedure.write_text(SHORT)
+    plan = load_plan(procedure, LAB / "bench.toml", dry=True, world=world)
+    paths = []
+    result = start_run(plan, tmp_path, signals=Signals(), announce=paths.append, on_progress=lambda _: None)
+    assert result.outcome is Outcome.FAULT
+    assert "vacuum lost" in result.message
+    assert 0 < len(result.state.accepted) < IN_ALL
+    resumed = resume_run(paths[0], signals=Signals(), on_progress=lambda _: None, dry_gap_s=3 * 3600.0)
+    assert resumed.outcome is Outcome.COMPLETE, resumed.message
