@@ -137,7 +137,7 @@ def simulate(bench: Bench = Bench(), run: Run = Run(), seed: int = 0) -> WholePl
         mV = zero + gain * applied + bend * applied**2 + truth.cubic * applied**3
         mV = mV + truth.hysteresis * side * 4 * (p - 0.01) * (5.0 - p) / 4.99**2 + truth.creep * (before - p)
         mV = mV + stepped @ truth.lag * np.exp(-since / truth.lag_h)
-        mV = mV + truth.drift * hours[start] + truth.settling * since + truth.step * block
+        mV = mV + truth.drift * hours + truth.settling * since + truth.step * block
         noise = rng.standard_t(5, n) / np.sqrt(5 / 3) if bench.long_tails else rng.standard_normal(n)
         mV = mV + (bench.subplot[0] + bench.subplot[1] * p) * noise
         mV = mV + bench.whole_plot * rng.standard_normal(len(plots))[plot]
@@ -158,7 +158,7 @@ def simulate(bench: Bench = Bench(), run: Run = Run(), seed: int = 0) -> WholePl
 EFFECTS: dict[str, tuple[Bench, Run, str]] = {
     "cubic": (Bench((Transducer(cubic=1e-3),)), Run(), "pressure-third-order"),
     "bend and sensor temperature": (
-        Bench((Transducer(bend_warm=(3e-5, 0.0)),)),
+        Bench((Transducer(bend_warm=(4e-5, 0.0)),)),
         Run(),
         "pressure-squared-temperature",
     ),
@@ -204,8 +204,8 @@ EFFECTS: dict[str, tuple[Bench, Run, str]] = {
     "electronics lag": (Bench((Transducer(lag=(0.0, 4e-4)),)), Run(), "sse-thermal-lag"),
     "transpiration": (Bench(3 * (Transducer(),), transpiration_psia=0.15), Run(), "thermal-transpiration"),
     "interruption": (Bench((Transducer(step=0.08),)), Run(interrupted=True), "offset-step"),
-    "drift of whole plots": (Bench((Transducer(drift=3e-3),)), Run(), "whole-plot-drift"),
-    "drift within": (Bench((Transducer(settling=6e-3),)), Run(), "subplot-drift"),
+    "drift of whole plots": (Bench((Transducer(drift=4e-3),)), Run(), "whole-plot-drift"),
+    "drift within": (Bench((Transducer(settling=8e-3),)), Run(), "subplot-drift"),
     "sensitivity of one drifts": (
         Bench((Transducer(sensitivity_drift=1e-4), Transducer(), Transducer())),
         Run(),
@@ -213,7 +213,7 @@ EFFECTS: dict[str, tuple[Bench, Run, str]] = {
     ),
     "reference drifts, three": (Bench(3 * (Transducer(),), reference_per_h=4e-5), Run(), "reference-drift"),
     "reference zero drifts, three": (
-        Bench(3 * (Transducer(),), reference_zero_per_h=1e-3),
+        Bench(3 * (Transducer(),), reference_zero_per_h=1.5e-3),
         Run(),
         "reference-zero-drift",
     ),

@@ -186,7 +186,7 @@ ORDER_DRIFT = PressureEffect(
     separate_by=_REPEAT_FIRST,
     usual_size="1e-3 mV/h",
     known_aliases={},
-    terms=_fixed(("time of the whole plot", lambda s: s.whole_plot_hours)),
+    terms=_fixed(("time", lambda s: s.hours)),
 )
 SUBPLOT_DRIFT = PressureEffect(
     name="subplot-drift",
@@ -234,7 +234,7 @@ REFERENCE_ZERO_DRIFT = PressureEffect(
             "with a single transducer", "have the pressure controller's zero checked before and after"
         )
     },
-    terms=_fixed(("time of the whole plot", lambda s: s.whole_plot_hours)),
+    terms=_fixed(("time", lambda s: s.hours)),
 )
 REFERENCE_DRIFT = PressureEffect(
     name="reference-drift",

@@ -66,11 +66,6 @@ class PressureScene:
         return self.data.since_s / 3600.0
 
     @cached_property
-    def whole_plot_hours(self) -> FloatArray:
-        """(n,) time of the middle of the whole plot since the reference, h."""
-        return self._mean(self.hours)
-
-    @cached_property
     def change_psia(self) -> FloatArray:
         """(n,) pressure less the one set before it; zero at the first of a whole plot, which nothing is known of."""
         before = self.data.previous_pressure_psia

@@ -58,7 +58,10 @@ def prune(judge: Judge, chosen: tuple[int, ...]) -> tuple[int, ...]:
 
 
 def search_and_name(judge: Judge, chosen: tuple[int, ...] = ()) -> tuple[int, ...]:
-    """Search, then put the simplest of each alias class in the place of what was found first, until nothing moves."""
+    """Search, then put the simplest of each alias class in the place of what was found first, until nothing moves.
+
+    The simplest has to stand out by itself too.
+    """
     for _ in range(ROUNDS):
         chosen = search(judge, chosen)
         settled = chosen
@@ -66,7 +69,9 @@ def search_and_name(judge: Judge, chosen: tuple[int, ...] = ()) -> tuple[int, ..
             if name in names_of(judge.candidates, settled):
                 lead = simplest(judge.rivals(settled, name))
                 others = tuple(j for j in settled if judge.candidates[j].effect.name != name)
-                settled = (*others, *lead.terms)
+                named = (*others, *lead.terms)
+                if all(judge.p_adjusted(named, j) <= ALPHA for j in lead.terms):
+                    settled = named
         if frozenset(settled) == frozenset(chosen):
             break
         chosen = settled

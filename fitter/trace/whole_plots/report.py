@@ -22,6 +22,7 @@ from fitter.trace.whole_plots.judge import WholePlotJudge
 from fitter.trace.whole_plots.noise import Noise
 from fitter.trace.whole_plots.remainder import (
     lack_of_fit,
+    outlier,
     reading_error_pct,
     repeated_readings,
     repeated_whole_plots,
@@ -223,7 +224,7 @@ def _experiments(effect: Entry, aliases: Iterable[Entry]) -> str:
 
 def _unnamed(finding: Finding, i: int) -> tuple[Unnamed, ...]:
     problem, chosen, data = finding.judge.problem, finding.after.chosen, finding.data
-    rest = []
+    rest = [alone] if (alone := outlier(problem, chosen, data, i)) else []
     if lack_of_fit(problem, "subplot", chosen, repeated_readings(data), i).p < UNEXPLAINED:
         rest.append(strongest_pressure(problem, chosen, data, i))
     if lack_of_fit(problem, "whole-plot", chosen, repeated_whole_plots(data), i).p < UNEXPLAINED:

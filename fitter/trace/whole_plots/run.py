@@ -13,25 +13,23 @@ from fitter.formula import Formula
 from fitter.linear import RankError
 from fitter.pressure.models import named_formula, of_whole_plot
 from fitter.split_plot import SplitPlotDesign
-from fitter.trace.family import ALPHA, COUNTED, Family
+from fitter.trace.family import Family
 from fitter.trace.search import prune, search_and_name
 from fitter.trace.whole_plots.estimate import coefficients_of, contributed, estimate
 from fitter.trace.whole_plots.judge import WholePlotJudge
-from fitter.trace.whole_plots.noise import Noise, noise_of
+from fitter.trace.whole_plots.noise import Noise
 from fitter.trace.whole_plots.null import family_of
 from fitter.trace.whole_plots.problem import Problem, pose
 from fitter.trace.whole_plots.remainder import repeated_whole_plots
 from fitter.trace.whole_plots.report import Finding, transducer
 from fitter.trace.whole_plots.result import WholePlotTrace
-from fitter.trace.whole_plots.score import beside
+from fitter.trace.whole_plots.weights import noises, stands_out, weighted
 from fitter.whole_plot_data import WholePlotData
 
 SEED = 20260115
 ROUNDS = 3
 FOLDS = 24
 """Times at most that whole plots are left out."""
-REWEIGHTED = 3
-"""Times that weights and noise are worked out from each other."""
 
 
 def trace_whole_plots(
@@ -151,48 +149,3 @@ def _settle(
         noise = noises(plain, chosen, data.pressure_psia)
     problem, noise = weighted(plain, chosen, data.pressure_psia, noise, known)
     return problem, family, chosen, noise
-
-
-def stands_out(noise: Noise, tests: int) -> bool:
-    """Whether noise grows with pressure, as one of so many transducers tested."""
-    return noise.per_psi_mV > 0.0 and noise.p * tests / COUNTED <= ALPHA
-
-
-def weighted(
-    problem: Problem,
-    chosen: tuple[int, ...],
-    pressure_psia: FloatArray,
-    noise: tuple[Noise, ...],
-    grows: Sequence[bool],
-) -> tuple[Problem, tuple[Noise, ...]]:
-    """The problem with readings weighted where noise grows, and the noise as residuals so weighted show it.
-
-    Where all readings count alike, the noise of high pressures gets into the residuals of low ones.
-    """
-    if not any(grows):
-        return problem, noise
-    for _ in range(REWEIGHTED):
-        weight = np.array(
-            [
-                one.sd(pressure_psia) ** -2.0 if g else np.ones_like(pressure_psia)
-                for one, g in zip(noise, grows, strict=True)
-            ]
-        )
-        problem = replace(problem, weight=weight / weight.mean(axis=1, keepdims=True))
-        again = noises(problem, chosen, pressure_psia)
-        noise = tuple(replace(new, p=old.p) for new, old in zip(again, noise, strict=True))
-    return problem, noise
-
-
-def noises(problem: Problem, chosen: tuple[int, ...], pressure_psia: FloatArray) -> tuple[Noise, ...]:
-    """How each transducer's scatter within whole plots depends on pressure, beside the `chosen` candidates.
-
-    Args:
-        problem: the run.
-        chosen: candidates in the model.
-        pressure_psia: (n,).
-
-    """
-    stratum = beside(problem, "subplot", chosen, ())
-    residual = stratum.white.outputs * stratum.sigma[:, None] / np.sqrt(problem.weight)
-    return tuple(noise_of(e, strata.kept, pressure_psia) for e, strata in zip(residual, problem.strata, strict=True))

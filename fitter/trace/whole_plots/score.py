@@ -67,9 +67,10 @@ class Beside:
 
 
 def beside(problem: Problem, level: Level, chosen: Sequence[int], of: Sequence[int] | IntArray | None = None) -> Beside:
-    """The stratum with the `chosen` candidates taken out, those of the other stratum too.
+    """The stratum with the `chosen` candidates taken out, those of the other stratum as they are known from there.
 
-    What is judged within whole plots is known from there, and enters their means with that coefficient.
+    What is judged within whole plots enters their means with the coefficient it has within them; what is judged between
+    them, a drift say, goes on within them with the coefficient it has from one to the next.
 
     Args:
         problem: the run.
@@ -80,10 +81,11 @@ def beside(problem: Problem, level: Level, chosen: Sequence[int], of: Sequence[i
     """
     stratum = problem.at[level]
     wanted = np.arange(len(problem.candidates)) if of is None else np.asarray(of, np.int64)
-    here = _present(problem, level, chosen) if level == "subplot" else problem.within(level, chosen)
-    outputs, columns = stratum.outputs, stratum.columns[:, :, np.concatenate([here, wanted])]
+    here = problem.within(level, chosen)
     if level == "whole-plot":
         outputs, columns = _less_subplots(problem, chosen, np.concatenate([here, wanted]))
+    else:
+        outputs, columns = _less_whole_plots(problem, chosen), stratum.columns[:, :, np.concatenate([here, wanted])]
     taken, columns = columns[:, :, : here.size], columns[:, :, here.size :]
     sigma, df = _errors(problem, level, here, outputs, taken)
     scale = sigma[:, None]
@@ -147,29 +149,32 @@ def _scatter(problem: Problem, level: Level, own: FloatArray, df: FloatArray, wi
     return np.asarray(np.maximum(single, np.sum(by_plot**2, axis=0) * plots / max(plots - 1, 1)))
 
 
-def _present(problem: Problem, level: Level, chosen: Sequence[int]) -> IntArray:
-    """Those of the `chosen` that something is left of at a level."""
-    picked = np.array(list(chosen), np.int64)
-    left = np.linalg.norm(problem.at[level].columns[:, :, picked], axis=(0, 1))
-    return np.asarray(picked[left > NOTHING_LEFT * np.linalg.norm(problem.length_at[level][:, picked], axis=0)])
-
-
 def _less_subplots(problem: Problem, chosen: Sequence[int], of: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Whole plots' means of the outputs (S, W) and of the columns `of` (S, W, q), less what subplots say of `chosen`.
-
-    The coefficients of the chosen candidates come from readings within whole plots; those of them that are judged
-    there take their share out of the means.
-    """
-    means = problem.at["whole-plot"]
+    """Whole plots' means of outputs (S, W) and of the columns `of` (S, W, q), less what subplots say of `chosen`."""
+    means, known = problem.at["whole-plot"], problem.within("subplot", chosen)
     outputs, columns = means.outputs, means.columns[:, :, of]
-    here, stratum = _present(problem, "subplot", chosen), problem.at["subplot"]
-    known = np.isin(here, problem.within("subplot", chosen))
-    if not np.any(known):
+    if not known.size:
         return outputs, columns
-    taken = stratum.columns[:, :, here]
-    scale = _errors(problem, "subplot", here, stratum.outputs, taken)[0][:, None, None]
-    both = np.concatenate([stratum.outputs[:, :, None], stratum.columns[:, :, of]], axis=2) / scale
-    count = both.shape[0] * both.shape[1]
-    gamma = np.linalg.lstsq((taken / scale).reshape(count, -1), both.reshape(count, -1), rcond=1e-9)[0]
-    share = means.columns[:, :, here[known]] @ gamma[known]
+    stratum = problem.at["subplot"]
+    both = np.concatenate([stratum.outputs[:, :, None], stratum.columns[:, :, of]], axis=2)
+    share = means.columns[:, :, known] @ _fitted(problem, "subplot", known, both)
     return outputs - share[:, :, 0], columns - share[:, :, 1:]
+
+
+def _less_whole_plots(problem: Problem, chosen: Sequence[int]) -> FloatArray:
+    """(S, n) outputs within whole plots, less what whole plots' means say of `chosen`."""
+    stratum, known = problem.at["subplot"], problem.within("whole-plot", chosen)
+    if not known.size:
+        return stratum.outputs
+    means = _less_subplots(problem, chosen, known)[0]
+    share = stratum.columns[:, :, known] @ _fitted(problem, "whole-plot", known, means[:, :, None])
+    return np.asarray(stratum.outputs - share[:, :, 0])
+
+
+def _fitted(problem: Problem, level: Level, known: IntArray, to: FloatArray) -> FloatArray:
+    """(q, r) coefficients of the candidates `known` fitted to (S, m, r) at a level, all transducers together."""
+    taken = problem.at[level].columns[:, :, known]
+    scale = _errors(problem, level, known, to[:, :, 0], taken)[0][:, None, None]
+    count = to.shape[0] * to.shape[1]
+    solved = np.linalg.lstsq((taken / scale).reshape(count, -1), (to / scale).reshape(count, -1), rcond=1e-9)
+    return np.asarray(solved[0])
