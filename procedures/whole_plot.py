@@ -179,6 +179,15 @@ class WholePlotProcedure(Strict):
     expect: WholePlotExpect = WholePlotExpect()
     acceptance: WholePlotAcceptance = WholePlotAcceptance()
 
+    @model_validator(mode="after")
+    def _acceptance_can_be_judged(self) -> Self:
+        at = self.acceptance.at_psia
+        measured = self.design.pressures_psia
+        if self.acceptance.reading_error_pct is not None and at not in measured:
+            known = ", ".join(f"{p:g}" for p in measured)
+            raise ValueError(f"acceptance.at_psia = {at:g} is no pressure of the design ({known})")
+        return self
+
     @property
     def max_sd_V(self) -> float | None:  # noqa: N802 - volts
         """Noise of one reading above which a point is read again."""

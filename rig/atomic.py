@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import IO
 
@@ -31,6 +31,20 @@ def write_whole(path: Path, write: Callable[[IO[str]], object]) -> None:
     except OSError as error:
         temporary.unlink(missing_ok=True)
         raise UsageError(f"{path} cannot be written: {error.strerror}; nothing is left behind") from error
+
+
+def check_not_input(written: Sequence[Path | None], read: Sequence[Path | None]) -> None:
+    """Refuse to write over what the same command reads: measured data would be gone. Raises `UsageError`.
+
+    Args:
+        written: files that a command is to write; None where an option was not given.
+        read: files that it reads.
+
+    """
+    inputs = [path for path in read if path is not None and path.exists()]
+    for path in (p for p in written if p is not None and p.exists()):
+        if any(path.samefile(other) for other in inputs):
+            raise UsageError(f"{path} is what is read and is not overwritten; choose another name")
 
 
 def _is_run_file(path: Path) -> bool:

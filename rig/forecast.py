@@ -22,6 +22,9 @@ from rig.errors import RigError
 ALLOWANCE = 0.05
 """Share added for repeats, retries and one short interruption."""
 
+SOAK_ALLOWANCE = 0.2
+"""Share added to soaks: how a loaded chamber settles is the bench's own, and a rehearsal knows an ordinary one."""
+
 
 @dataclass(frozen=True)
 class Forecast:
@@ -70,13 +73,15 @@ def rehearse(plan: Plan, on_progress: Callable[[Progress], None], *, points: int
     point = statistics.fmean(steps)
     soak = statistics.fmean(soaks) if soaks else None
     preparation = max(0.0, seen[0][0] - point)
-    total = preparation + len(plan.run_list) * point + max(0, plan.run_list.whole_plots - 1) * (soak or 0.0)
+    measuring, soaking = len(plan.run_list) * point, max(0, plan.run_list.whole_plots - 1) * (soak or 0.0)
+    total = preparation + measuring + soaking
+    first = 1 + SOAK_ALLOWANCE if soaks else 1.0
     return Forecast(
         preparation_s=preparation,
         point_s=point,
         point_sd_s=statistics.pstdev(steps),
         soak_s=soak,
         total_s=total,
-        latest_s=preparation + (total - preparation) * (1 + ALLOWANCE),
+        latest_s=preparation * first + measuring * (1 + ALLOWANCE) + soaking * (1 + SOAK_ALLOWANCE),
         rehearsed=len(seen),
     )

@@ -50,7 +50,10 @@ def precision(procedure: Procedure, run_list: RunList) -> Precision:
             return _of_terms(procedure, run_list)
         return _of_angles(procedure, run_list)
     except ValueError as error:
-        raise ConfigurationError(f"the design does not determine a sensor: {error}; visit more settings") from error
+        smaller = ", or plan a smaller model (expect.model)" if isinstance(procedure, WholePlotProcedure) else ""
+        raise ConfigurationError(
+            f"the design does not determine a sensor: {error}; visit more settings{smaller}"
+        ) from error
 
 
 def _of_angles(procedure: PitchRollProcedure, run_list: RunList) -> Precision:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.markup import escape
 
-from rig.atomic import write_whole
+from rig.atomic import check_not_input, write_whole
 from rig.cli import app
 from rig.cli.run import JsonOption
 from rig.cli.show import err, headline, print_json
@@ -66,21 +66,41 @@ def fit(
     replicate: Annotated[
         str | None, typer.Option(help="any table: column of replications that hold whole plots", show_default=False)
     ] = None,
+    power: Annotated[
+        float | None,
+        typer.Option(
+            help="whole plots: weighted methods multiply rows by 1/P^POWER", show_default="1", min=0.0, max=10.0
+        ),
+    ] = None,
+    exclude_zero: Annotated[
+        bool, typer.Option("--exclude-zero", help="whole plots: weighted methods leave out readings at zero pressure")
+    ] = False,
 ) -> int:
     """Fit the declared model to every sensor; analyse replications, or whole plots with all methods side by side.
 
     Examples: `rig fit runs/20260115T180000-night-1a2b.sqlite`, `rig fit table.csv --response y --formula "1 + x"`
     """
+    check_not_input([out_file, report], [data])
     if response is not None:
+        for option, value in (
+            ("--report", report),
+            ("--method", method),
+            ("--add", add),
+            ("--exclude-zero", exclude_zero),
+        ):
+            if value:
+                raise UsageError(f"{option} is for whole plots, not for tables of any kind")
         result, show = _general(data, response, formula, whole_plot, replicate)
     elif whole_plot is not None or replicate is not None:
         raise UsageError(
             "--whole-plot and --replicate name columns of any table; they go with --response and --formula"
         )
     else:
-        result, show = _calibration(data, formula, report, method, add or [])
+        options = {"method": method, "add": tuple(add or ()), "power": power, "exclude_zero": exclude_zero}
+        result, show = _calibration(data, formula, report, options)
     if out_file is not None:
         write_whole(out_file, lambda file: json.dump(result, file, indent=2, allow_nan=False))
+        err.print(f"calibration: {escape(str(out_file))}", soft_wrap=True)
     if as_json:
         print_json(result)
     else:
@@ -103,20 +123,20 @@ def _general(data: Path, response: str, formula: str | None, whole_plot: str | N
     return result, lambda: show_general_fit(data.name, result)
 
 
-def _calibration(data: Path, formula: str | None, report: Path | None, method: str | None, add: Sequence[str]) -> Shown:
+def _calibration(data: Path, formula: str | None, report: Path | None, options: Mapping[str, Any]) -> Shown:
     from rig.closed_loop import fit_table, fit_whole_plots  # noqa: PLC0415
-    from rig.closed_loop.whole_plot import METHOD  # noqa: PLC0415
     from rig.tables import read_table  # noqa: PLC0415
 
     table = read_table(data)
     if table.kind == "pitch-roll":
-        given = {"--formula": formula, "--report": report, "--method": method, "--add": add}
+        given = {"--formula": formula, "--report": report} | {f"--{k.replace('_', '-')}": v for k, v in options.items()}
         for option, value in given.items():
             if value:
                 raise UsageError(f"{option} is for whole plots; {data} holds a pitch-roll calibration")
         result = fit_table(table)
         return result, lambda: show_fit(data.name, table, result)
-    fitted = fit_whole_plots(table, formula or "full", method=method or METHOD, add=add)
+    chosen = {name: value for name, value in options.items() if value is not None}
+    fitted = fit_whole_plots(table, formula or "full", **chosen)
     result = fitted.to_json()
     if report is not None:
         from rig.report import write_fit_report  # noqa: PLC0415
@@ -143,7 +163,14 @@ def trace(
     data: DataArgument,
     as_json: JsonOption = False,
     report: Annotated[Path | None, typer.Option(help="write a self-contained HTML report", show_default=False)] = None,
-    formula: FormulaOption = None,
+    formula: Annotated[
+        str | None,
+        typer.Option(
+            "--formula",
+            help="whole plots: the declared model, instead of the full second order (II.C, eq10, or a formula)",
+            show_default=False,
+        ),
+    ] = None,
 ) -> int:
     """Find what the declared model lacks: residual, effect, error before and after.
 
@@ -152,6 +179,7 @@ def trace(
     from rig.closed_loop import trace_table  # noqa: PLC0415
     from rig.tables import read_table  # noqa: PLC0415
 
+    check_not_input([report], [data])
     traced = trace_table(read_table(data), formula)
     if report is not None:
         from rig.report import write_report  # noqa: PLC0415

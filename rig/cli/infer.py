@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
+from rig.atomic import check_not_input
 from rig.cli import app
 from rig.cli.show import err
 from rig.errors import ExitCode
@@ -40,6 +41,7 @@ def infer(
     from rig.closed_loop import inference  # noqa: PLC0415
     from rig.tables import write_csv  # noqa: PLC0415
 
+    check_not_input([out_file], [calibration, data, zero])
     found = inference.infer(inference.read_calibrations(calibration), data, zero)
     write_csv(found.columns, out_file)
     for note in found.notes:

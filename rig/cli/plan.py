@@ -36,7 +36,7 @@ def plan(
     Example: `rig plan night.toml --bench bench.toml`
     """
     from drivers.clock import RealClock  # noqa: PLC0415
-    from rig.forecast import ALLOWANCE, rehearse  # noqa: PLC0415
+    from rig.forecast import ALLOWANCE, SOAK_ALLOWANCE, rehearse  # noqa: PLC0415
     from rig.precision import precision  # noqa: PLC0415
 
     planned = load_plan(procedure, bench)
@@ -92,6 +92,7 @@ def plan(
         f"  {forecast.point_s:.1f} s a point (sd {forecast.point_sd_s:.1f} s, {forecast.rehearsed} points rehearsed),\n"
         f"  {duration(forecast.preparation_s)} of preparation{soaks};\n"
         f"  the latest allows {ALLOWANCE:.0%} for repeats and retries"
+        + ("" if forecast.soak_s is None else f" and {SOAK_ALLOWANCE:.0%} for soaks")
     )
     table = Table(*precise.columns, title="Predicted precision", title_justify="left")
     for row in precise.cells:

@@ -89,10 +89,15 @@ def resume(
         list[str] | None,
         typer.Option(help="accept another instrument than before in this place; repeatable", show_default=False),
     ] = None,
-    gap: Annotated[float, typer.Option(min=0, max=1e7, help="dry runs: seconds the bench was left alone")] = 120.0,
+    gap: Annotated[
+        float, typer.Option(min=0, max=1e7, help="dry runs: seconds the bench was left alone, without power")
+    ] = 120.0,
     kill_at_point: KillOption = None,
 ) -> int:
     """Carry on with an interrupted run.
+
+    A dry run's bench begins anew, as after a power cut, so an open whole plot is measured again; `rig sim` keeps a
+    simulated bench alive between sessions.
 
     Example: `rig resume runs/20260115T180000-night-1a2b.sqlite`
     """
@@ -264,7 +269,7 @@ def _ended(run_file: Path, verb: str) -> int:
 
 @app.command(rich_help_panel="Running")
 def hold(run_file: RunArgument) -> int:
-    """Stop motion and wait; `rig release` lets the run go on."""
+    """Stop all motion, leave chambers as they are, and wait; `rig release` lets the run go on."""
     return _ask(run_file, "hold")
 
 

@@ -10,7 +10,7 @@ from typing import Any
 from rig.closed_loop.attitude import AttitudeTraced, fit_attitude_table, trace_attitude_table
 from rig.closed_loop.whole_plot import WholePlotFitted, WholePlotTraced, fit_whole_plots, trace_whole_plot_table
 from rig.errors import UsageError
-from rig.tables import Table
+from rig.tables import PITCH_ROLL, WHOLE_PLOT, Table
 
 __all__ = [
     "AttitudeTraced",
@@ -50,8 +50,12 @@ def trace_table(table: Table, model: str | None = None) -> Traced:
 
 
 def _check(table: Table, model: str | None) -> None:
+    if table.kind == "other":
+        raise UsageError(
+            f"{table.source} is no calibration: a pitch-roll table has {','.join(PITCH_ROLL)} and NAME_V, a whole-plot "
+            f"table {','.join(WHOLE_PLOT)} and NAME_mV; `rig fit` fits any table with --response and --formula"
+        )
     if model is not None and table.kind == "pitch-roll":
         raise UsageError(
-            f"{table.source} holds a pitch-roll calibration, whose model is its geometry; --formula is for whole "
-            f"plots, or with --response for tables of any kind"
+            f"{table.source} holds a pitch-roll calibration, whose model is its geometry; --formula is for whole plots"
         )

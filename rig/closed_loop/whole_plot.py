@@ -54,7 +54,13 @@ class WholePlotFitted:
 
 
 def fit_whole_plots(
-    table: Table, model: str = "full", *, method: str = METHOD, add: Sequence[str] = ()
+    table: Table,
+    model: str = "full",
+    *,
+    method: str = METHOD,
+    add: Sequence[str] = (),
+    power: float = 1.0,
+    exclude_zero: bool = False,
 ) -> WholePlotFitted:
     """Calibrate every transducer of a whole-plot table by every method.
 
@@ -63,6 +69,8 @@ def fit_whole_plots(
         model: "full", "II.C", "eq10", "hierarchical" or a formula.
         method: by which each calibration is kept.
         add: further terms, effects that were traced, say.
+        power: weighted methods multiply rows by 1/P^power.
+        exclude_zero: weighted methods leave out readings at zero pressure.
 
     Raises:
         UsageError: the table lacks something, or its rows do not determine the model or its errors.
@@ -70,7 +78,8 @@ def fit_whole_plots(
     """
     data = whole_plot_data(table)
     try:
-        return WholePlotFitted(table, data, fit_transducers(data, model, extra=tuple(add)), method)
+        fits = fit_transducers(data, model, extra=tuple(add), power=power, exclude_zero=exclude_zero)
+        return WholePlotFitted(table, data, fits, method)
     except (ValueError, KeyError) as error:
         raise UsageError(f"{table.source}: {error.args[0] if error.args else error}") from error
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import statistics
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -160,7 +161,7 @@ class Journal:
     def point_observed(self) -> None:
         """The point in hand is done: what it took tells how long the rest will take."""
         self._pace.append(self.elapsed() - self._taken_up_s)
-        self._point_s = sum(self._pace) / len(self._pace)
+        self._point_s = statistics.median(self._pace) if self._whole_plots else statistics.fmean(self._pace)
 
     def begin_whole_plot(self, planned: int, body: Mapping[str, Any]) -> None:
         """A soak is over: what follows belongs to a new whole plot. Raises `StorageError`."""
@@ -187,7 +188,7 @@ class Journal:
         remaining = None if self._point_s is None else fold.remaining * self._point_s
         soaks = self._whole_plots - (fold.planned or 0)
         if remaining is not None and soaks:
-            remaining = remaining + soaks * sum(self._soaks) / len(self._soaks) if self._soaks else None
+            remaining = remaining + soaks * statistics.median(self._soaks) if self._soaks else None
         done = len(fold.accepted) + len(fold.skipped)
         return Progress(self.state, done, fold.points, self.elapsed(), remaining, self.message, self.detail)
 

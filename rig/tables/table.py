@@ -21,7 +21,7 @@ WHOLE_PLOT = (
 )
 """Columns every whole-plot table has, besides one `NAME_mV` for each transducer."""
 
-Kind = Literal["pitch-roll", "whole-plot"]
+Kind = Literal["pitch-roll", "whole-plot", "other"]
 
 
 @dataclass(frozen=True)
@@ -51,4 +51,6 @@ class Table:
     @property
     def kind(self) -> Kind:
         """What kind of run the columns are of, by those that only one kind has."""
-        return "whole-plot" if {"whole_plot", "pressure_psia"} & set(self.columns) else "pitch-roll"
+        if {"whole_plot", "pressure_psia"} & set(self.columns):
+            return "whole-plot"
+        return "pitch-roll" if {"pitch_deg", "roll_deg"} & set(self.columns) else "other"
