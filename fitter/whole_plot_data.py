@@ -16,6 +16,9 @@ from fitter.checked import finite, whole
 SAME_PRESSURE_PSIA = 0.005
 """Readbacks closer than this are one setting: above a controller's noise, well below any design's step."""
 
+SAME_TEMPERATURE_DEGC = 2.0
+"""Whole plots whose mean temperatures are closer than this were set to the same: above what a soak tolerates."""
+
 _MEASURED = ("elapsed_s", "pressure_psia", "sensor_temperature_degC", "sse_temperature_degC")
 _SETTINGS = ("pressure_set_psia", "sensor_set_degC", "sse_set_degC")
 
@@ -141,6 +144,32 @@ class WholePlotData:
         index = np.empty(len(self), np.int64)
         index[ascending] = np.cumsum(steps > SAME_PRESSURE_PSIA)
         return np.array([np.median(self.pressure_psia[index == i]) for i in range(index.max() + 1)]), index
+
+    @cached_property
+    def nominal(self) -> Mapping[str, FloatArray]:
+        """P, T_sensor and T_SSE as they were set: what the design determines, free of the readbacks' scatter.
+
+        Temperatures that were set, where recorded; else whole plots closer than `SAME_TEMPERATURE_DEGC` to a neighbour
+        are at one temperature, to a degree.
+        """
+        levels, level = self.pressure_levels
+        return MappingProxyType(
+            {
+                "P": levels[level],
+                "T_sensor": self._set_temperature(self.sensor_set_degC, self.sensor_temperature_degC),
+                "T_SSE": self._set_temperature(self.sse_set_degC, self.sse_temperature_degC),
+            }
+        )
+
+    def _set_temperature(self, given: FloatArray | None, measured: FloatArray) -> FloatArray:
+        if given is not None:
+            return given
+        index = self.whole_plot_index
+        mean = np.bincount(index, measured) / np.bincount(index)
+        ascending = np.argsort(mean, kind="stable")
+        level = np.empty(len(mean), np.int64)
+        level[ascending] = np.cumsum(np.diff(mean[ascending], prepend=mean[ascending[0]]) > SAME_TEMPERATURE_DEGC)
+        return np.asarray(np.round(np.bincount(level, mean) / np.bincount(level))[level][index])
 
     @cached_property
     def table(self) -> Mapping[str, FloatArray]:

@@ -13,7 +13,7 @@ from fitter.arrays import FloatArray
 from fitter.formula import Formula
 from fitter.pressure.errors import Errors, Layout, estimate_errors
 from fitter.pressure.methods import METHODS, MethodFit, Problem, coefficient_table, fit_method
-from fitter.pressure.models import HIERARCHICAL, named_formula, reduced
+from fitter.pressure.models import HIERARCHICAL, check_determined, named_formula, reduced
 from fitter.split_plot import SplitPlotFit, fit_split_plot
 from fitter.whole_plot_data import WholePlotData
 
@@ -240,6 +240,7 @@ def fit_pressure(
     formula = named_formula(model, tuple(extra))
     if formula.has_categories:
         raise ValueError("the model of a transducer has no categories; write steps as numbers: I(block)")
+    check_determined(data, formula)
     several = bool(np.ptp(data.replicate) > 0)
     try:
         formula, reml = _fit(data, output, formula, model, nested=several if nested is None else nested)

@@ -87,6 +87,12 @@ class Errors:
         gradient = np.column_stack([grown**2, by_growth, shared, nested])
         return self.subplot_variance * grown**2 + shared * self.between_variance, gradient
 
+    def of_whole_plots(self, count: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Variance (n,) of the errors that (n,) so many new whole plots share, mV^2, and its gradient (n, p)."""
+        nested = count if self.replicate_variance is not None else 0.0 * count
+        nothing = 0.0 * count
+        return count * self.between_variance, np.column_stack([nothing, nothing, count, nested])
+
     def df(self, variance: FloatArray, gradient: FloatArray) -> FloatArray:
         """(n,) degrees of freedom of (n,) variances with these (n, p) gradients."""
         with np.errstate(divide="ignore", invalid="ignore"):

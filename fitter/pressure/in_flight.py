@@ -23,9 +23,13 @@ BEYOND = 0.02
 """How far outside the calibrated range a value may be, as a part of its width: readbacks are not exact, and the lowest
 pressure calibrated is not quite vacuum."""
 
+STOOD_DEGC = 2.0
+"""Temperatures within this of the zero's count as those it was read at: their error is still the one it took out."""
+
 _ITERATIONS, _TOLERANCE = 40, 1e-12
 _CHUNK = 65536
 
+MOVED = "temperatures are not those of the zero: the interval holds the error of changing them"
 NO_ROOT = "no pressure gives this output"
 BAD_READING = "not a finite number"
 
@@ -91,7 +95,10 @@ def infer_pressure(
         bridge_mV: its output.
         sensor_temperature_degC: temperature of the transducer.
         sse_temperature_degC: temperature of its electronics.
-        zero: the output in vacuum, read since the temperatures were last changed; None to do without.
+        zero: the output in vacuum, read since the temperatures were last changed; None to do without. Readings at
+            temperatures further than `STOOD_DEGC` from its own are flagged, and their intervals hold the error of a
+            change of temperature. That the same temperatures were left and set again cannot be seen here: intervals
+            then are too short.
 
     Raises:
         ValueError: the arrays do not fit together, or the zero was read outside the calibrated temperatures.
@@ -131,10 +138,15 @@ def _infer(
     flag[outside] = f"pressure is outside the calibrated {low:g} to {high:g} psia"
     usable &= ~outside & np.isfinite(pressure)
     pressure[~usable] = np.nan
+    moved = np.zeros(len(output), bool)
+    if zero is not None:
+        far = np.abs(sensor - zero.sensor_temperature_degC), np.abs(sse - zero.sse_temperature_degC)
+        moved = usable & (np.maximum(*far) > STOOD_DEGC)
+        flag[moved] = MOVED
     sd, df = np.full(len(output), np.nan), np.full(len(output), np.nan)
     if np.any(usable):
         at = pressure[usable], sensor[usable], sse[usable]
-        variance, df[usable] = _variance(calibration, *at, columns_0, zero)
+        variance, df[usable] = _variance(calibration, *at, columns_0, zero, moved[usable])
         sd[usable] = np.sqrt(variance) / np.abs(_slope(calibration, *at))
     half = special.stdtrit(df, 0.975) * sd
     return Inferred(pressure, sd, pressure - half, pressure + half, df, flag)
@@ -147,10 +159,17 @@ def _variance(
     sse: FloatArray,
     columns_0: FloatArray | float,
     zero: Zero | None,
+    moved: NDArray[np.bool_],
 ) -> tuple[FloatArray, FloatArray]:
-    """Of V less the model at the pressure sought, mV^2 (n,), and its degrees of freedom (n,)."""
+    """Of V less the model at the pressure sought, mV^2 (n,), and its degrees of freedom (n,).
+
+    A reading that was `moved` (n,) from the zero's temperatures has drawn another whole-plot error than the zero.
+    """
     errors = calibration.errors
     variance, gradient = errors.of_reading(pressure, new_whole_plot=zero is None)
+    if np.any(moved):
+        shared, by_shared = errors.of_whole_plots(np.where(moved, 2.0, 0.0))
+        variance, gradient = variance + shared, gradient + by_shared
     if zero is not None:
         of_zero, by_zero = errors.of_reading(np.zeros(1), new_whole_plot=False)
         variance, gradient = variance + of_zero / zero.readings, gradient + by_zero / zero.readings

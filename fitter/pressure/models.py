@@ -14,7 +14,7 @@ import numpy as np
 from fitter.arrays import FloatArray, IntArray
 from fitter.formula import Formula, Term
 from fitter.formula_text import Factor, Numeric
-from fitter.linear import RankError
+from fitter.linear import RankError, Triangle
 from fitter.quantiles import t_tail
 from fitter.split_plot import SplitPlotFit, fit_split_plot
 from fitter.whole_plot_data import WholePlotData
@@ -50,6 +50,27 @@ def named_formula(model: str, extra: tuple[str, ...] = ()) -> Formula:
     for text in extra:
         formula = formula.plus(*(term for term in _parse(text).terms if len(term)))
     return formula
+
+
+def check_determined(data: WholePlotData, formula: Formula) -> None:
+    """Refuse a model that the design does not determine, although the readbacks' scatter might seem to.
+
+    Raises:
+        RankError: naming the terms that cannot be told apart at the settings that were visited.
+
+    """
+    if not set(formula.names) <= set(data.nominal):
+        return
+    names, columns = formula.columns(data.nominal)
+    try:
+        Triangle(names).add(columns, np.zeros(len(data))).solve()
+    except RankError as error:
+        temperatures = np.column_stack([data.nominal["T_sensor"], data.nominal["T_SSE"]])
+        pairs, pressures = len(np.unique(temperatures, axis=0)), len(data.pressure_levels[0])
+        raise RankError(
+            f"{error}, at the {pairs} pairs of temperatures and {pressures} pressures that were set; "
+            f"fit a smaller model"
+        ) from error
 
 
 def of_whole_plot(term: Term) -> bool:
