@@ -65,7 +65,7 @@ def demo(
 
     Example: `rig demo pressure`
     """
-    from rig.closed_loop import fit_table, trace_table  # noqa: PLC0415
+    from rig.closed_loop import WholePlotTraced, fit_table, trace_table  # noqa: PLC0415
     from rig.examples import example  # noqa: PLC0415
     from rig.report import write_report  # noqa: PLC0415
     from rig.tables import run_table  # noqa: PLC0415
@@ -95,11 +95,13 @@ def demo(
         print_json(traced.to_json())
     else:
         from rig.cli.data import show_trace  # noqa: PLC0415
-        from rig.cli.whole_plot import show_whole_plot_summary  # noqa: PLC0415
+        from rig.cli.whole_plot import show_whole_plot_findings, show_whole_plot_summary  # noqa: PLC0415
 
-        if table.kind == "whole-plot":
+        if isinstance(traced, WholePlotTraced):
             show_whole_plot_summary(fit_table(table))
-        show_trace(traced)
+            show_whole_plot_findings(traced)
+        else:
+            show_trace(traced)
         out.print(f"Report: {escape(str(report))}", soft_wrap=True)
     return ExitCode.DONE
 

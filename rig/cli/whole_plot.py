@@ -10,26 +10,21 @@ from rich.table import Table
 
 from rig.cli.show import headline, number, out
 from rig.closed_loop import WholePlotTraced
+from rig.closed_loop.whole_plot import errors_in_words, low_pressure
 from rig.report.words import chance, unnamed
 
 _MEASURES = (
     ("max_pct", "largest reading error / %; in-flight zero: without the zero's own error"),
-    ("width_pct", "width of the 95 % prediction interval / %"),
+    ("width_pct", "full width of the 95 % prediction interval / %"),
     ("bias_pct", "bias / %"),
 )
-
-
-LOW_PSIA = 0.12
-"""Where the paper compares its methods."""
 
 
 def show_whole_plot_summary(result: Mapping[str, Any]) -> None:
     """Largest reading error of every transducer by every method, at the lowest pressure of interest."""
     sensors = result["sensors"]
     first = next(iter(sensors.values()))["methods"]
-    pressures = next(iter(first.values()))["reading_error"]["pressure_psia"]
-    low = min((p for p in pressures if p > 0), key=lambda p: abs(p - LOW_PSIA))
-    at = pressures.index(low)
+    at, low = low_pressure(result)
     table = Table(f"at {low:.3g} psia", *first, title="Largest reading error / % by method", title_justify="left")
     for name, sensor in sensors.items():
         fits = (sensor["methods"].get(method) for method in first)
@@ -43,9 +38,8 @@ def show_whole_plot_fit(result: Mapping[str, Any]) -> None:
     if len(result["sensors"]) > 1:
         show_whole_plot_summary(result)
     for name, sensor in result["sensors"].items():
-        sigma = (number(sensor[key], 3) for key in ("sigma_subplot", "sigma_wholeplot"))
-        errors = "{} mV within whole plots, {} mV between them".format(*sigma)
-        out.print(f"\n[bold]{name}[/] ({escape(sensor['model'])}): {errors}", soft_wrap=True)
+        out.print(f"\n[bold]{name}[/] ~ {escape(sensor['formula'])}", soft_wrap=True)
+        out.print(f"  {errors_in_words(sensor)}", soft_wrap=True)
         for key, title in _MEASURES:
             out.print(f"  {title}", soft_wrap=True)
             out.print(_methods(sensor["methods"], key))
@@ -54,7 +48,9 @@ def show_whole_plot_fit(result: Mapping[str, Any]) -> None:
         for method, fitted in sensor["methods"].items():
             if fitted["note"]:
                 out.print(f"  [yellow]{method}:[/] {escape(fitted['note'])}", soft_wrap=True)
-        out.print(_coefficients(sensor))
+        out.print(_kept(sensor))
+        spans = (f"{name} {low:.4g} to {high:.4g}" for name, (low, high) in sensor["calibration"]["ranges"].items())
+        out.print(f"  valid for {', '.join(spans)} (psia, degC)", soft_wrap=True)
         for note in sensor["notes"]:
             out.print(f"  [yellow]{escape(note)}[/]", soft_wrap=True)
 
@@ -64,16 +60,32 @@ def _methods(methods: Mapping[str, Any], key: str) -> Table:
     pressures = next(iter(methods.values()))["reading_error"]["pressure_psia"]
     table = Table("  psia", *(f"{p:.3g}" for p in pressures), padding=(0, 1, 0, 0), box=None)
     for method, fitted in methods.items():
-        shown = (number(value, 3) for value in fitted["reading_error"][key])
+        values = fitted["reading_error"][key]
+        shown = (f"{v:.2f}" if key == "bias_pct" and v is not None else number(v, 3) for v in values)
         table.add_row(f"  [yellow]{method}[/]" if fitted["biased"] else f"  {method}", *shown)
     return table
 
 
-def _coefficients(sensor: Mapping[str, Any]) -> Table:
-    table = Table("term", "estimate / mV", "standard error", "df", title="GLS", title_justify="left")
-    for term, value in sensor["coefficients"].items():
-        table.add_row(escape(term), number(value["estimate"], 6), number(value["stderr"], 3), number(value["df"], 3))
+def _kept(sensor: Mapping[str, Any]) -> Table:
+    """The calibration that is kept."""
+    method = sensor["calibration"]["method"]
+    title = f"calibration kept, by {method}"
+    table = Table("term", "estimate", "standard error", "df", "unit", title=title, title_justify="left")
+    for term, value in sensor["methods"][method]["coefficients"].items():
+        numbers = (number(value["estimate"], 6), number(value["stderr"], 3), number(value["df"], 3))
+        table.add_row(escape(term), *numbers, value["unit"])
     return table
+
+
+def show_whole_plot_findings(traced: WholePlotTraced) -> None:
+    """A line or two a transducer: what was found, in words."""
+    for name, sensor in traced.to_json()["sensors"].items():
+        out.print(f"[bold]{sensor['verdict']}[/]  {escape(sensor['sentence'])}", soft_wrap=False)
+        for effect in sensor["effects"]:
+            if effect["aliases"]:
+                out.print(
+                    f"  {name}: {effect['effect']} cannot be told from {', '.join(effect['aliases'])} by these data"
+                )
 
 
 def show_whole_plot_trace(traced: WholePlotTraced) -> None:

@@ -46,7 +46,7 @@ class WholePlotFitted:
                 calibration = fit.calibration(self.method).to_dict()
             except ValueError as error:
                 raise UsageError(f"{self.table.source}: {name}: {error}") from error
-            sensors[name] = {**fit.to_dict(), "calibration": calibration}
+            sensors[name] = with_units({**fit.to_dict(), "calibration": calibration})
         table = self.table
         data = {"points": len(table), "kind": "whole-plot", "simulated": table.simulated, **table.provenance}
         alone = next(iter(sensors.values())) if len(sensors) == 1 else {}
@@ -82,6 +82,53 @@ def fit_whole_plots(
         return WholePlotFitted(table, data, fits, method)
     except (ValueError, KeyError) as error:
         raise UsageError(f"{table.source}: {error.args[0] if error.args else error}") from error
+
+
+_UNITS = {"P": "psi", "T_sensor": "degC", "T_SSE": "degC"}
+
+
+def coefficient_unit(term: str) -> str:
+    """Unit of a term's coefficient: "mV/psi/degC" of "P:T_sensor", "mV per unit" of what is no product of powers."""
+    if term == "1":
+        return "mV"
+    unit = "mV"
+    for factor in term.split(":"):
+        name, _, power = factor.partition("^")
+        if name not in _UNITS or not (power or "1").isdigit():
+            return "mV per unit"
+        unit += f"/{_UNITS[name]}" + (f"^{power}" if power else "")
+    return unit
+
+
+def with_units(sensor: dict[str, Any]) -> dict[str, Any]:
+    """A transducer's JSON with the unit beside every coefficient."""
+    tables = [sensor["coefficients"], *(method["coefficients"] for method in sensor["methods"].values())]
+    for table in tables:
+        for term, value in table.items():
+            value["unit"] = coefficient_unit(term)
+    return sensor
+
+
+def errors_in_words(sensor: Mapping[str, Any]) -> str:
+    """What the errors of a reading are, growth with pressure included."""
+    errors = sensor["errors"]
+    s_0, growth = errors["subplot_variance"] ** 0.5, errors["growth_per_psia"]
+    between = f"{errors['wholeplot_variance'] ** 0.5:.3g} mV between whole plots"
+    if growth == 0.0:
+        return f"errors: {s_0:.3g} mV within whole plots, {between}"
+    return f"errors: {s_0:.3g} mV + {s_0 * growth:.3g} mV/psi x P within whole plots, {between}"
+
+
+LOW_PSIA = 0.12
+"""Where the paper compares its methods."""
+
+
+def low_pressure(result: Mapping[str, Any]) -> tuple[int, float]:
+    """Position among a fit's pressures, and value, of the one nearest to where methods are compared."""
+    sensor = next(iter(result["sensors"].values()))
+    pressures = next(iter(sensor["methods"].values()))["reading_error"]["pressure_psia"]
+    low = min((p for p in pressures if p > 0), key=lambda p: abs(p - LOW_PSIA))
+    return pressures.index(low), low
 
 
 @dataclass(frozen=True, eq=False)

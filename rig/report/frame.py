@@ -31,6 +31,8 @@ def render(template: str, table: Table, *, span_s: float, **contents: object) ->
     """
     provenance = dict(table.provenance)
     software = provenance.pop("software", {})
+    instruments = provenance.pop("instruments", {})
+    provenance |= {f"instrument: {name}": words for name, words in instruments.items()}
     provenance |= {f"software: {name}": version for name, version in software.items()}
     return (
         _templates()

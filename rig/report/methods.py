@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fitter.pressure import PressureFit
+from fitter.pressure import METHODS, PressureFit
+from rig.closed_loop.whole_plot import errors_in_words, low_pressure
 from rig.report.frame import render
-from rig.report.pictures import png, side_by_side
+from rig.report.pictures import grid, png
 
 if TYPE_CHECKING:
     from rig.closed_loop import WholePlotFitted
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 _MEASURES = (
     ("max_pct", "Largest reading error / %"),
     ("rms_pct", "Root-mean-square reading error / %"),
-    ("width_pct", "Width of the 95 % prediction interval / % (eq. 11)"),
+    ("width_pct", "Full width of the 95 % prediction interval / % (eq. 11)"),
     ("bias_pct", "Bias / % (eq. 12)"),
 )
 
@@ -24,12 +25,20 @@ _MEASURES = (
 def fit_report(fitted: WholePlotFitted) -> str:
     """The report as HTML."""
     result = fitted.to_json()
+    at, low = low_pressure(result)
+    methods = [m for m in METHODS if all(m in sensor["methods"] for sensor in result["sensors"].values())]
     return render(
         "methods.html.j2",
         fitted.table,
         span_s=float(np.ptp(fitted.data.elapsed_s)),
         whole_plots=len(fitted.data.whole_plots),
         method=fitted.method,
+        low=f"{low:.3g}",
+        summary=[
+            {"name": name, "values": [_number(sensor["methods"][m]["reading_error"]["max_pct"][at]) for m in methods]}
+            for name, sensor in result["sensors"].items()
+        ],
+        methods=methods,
         sensors=[_transducer(name, result["sensors"][name], fitted) for name in fitted.fits],
     )
 
@@ -41,7 +50,8 @@ def _transducer(name: str, result: dict[str, Any], fitted: WholePlotFitted) -> d
     return {
         **result,
         "name": name,
-        "sigma": {key: _number(result[key]) for key in ("sigma_subplot", "sigma_wholeplot")},
+        "errors_in_words": errors_in_words(result),
+        "ranges": [(n, f"{low:.4g} to {high:.4g}") for n, (low, high) in result["calibration"]["ranges"].items()],
         "pressures": [f"{p:.3g}" for p in pressures],
         "measures": [
             {
@@ -57,33 +67,48 @@ def _transducer(name: str, result: dict[str, Any], fitted: WholePlotFitted) -> d
         + [f"{m} is not possible: {why}" for m, why in result["not_possible"].items()]
         + list(result["notes"]),
         "rows": [
-            {"term": term, **{k: _number(v, 6 if k == "estimate" else 3) for k, v in value.items()}}
-            for term, value in result["coefficients"].items()
+            {
+                "term": term,
+                "estimate": _number(value["estimate"], 6),
+                "stderr": _number(value["stderr"]),
+                "df": _number(value["df"]),
+                "unit": value["unit"],
+            }
+            for term, value in methods[fitted.method]["coefficients"].items()
         ],
         "plot": {"alt": f"{name}: reading error over pressure by every method", "png": methods_plot(fit)},
     }
 
 
 def methods_plot(fit: PressureFit) -> str:
-    """Residuals over pressure in percent of it, one plot a method, and the 95 % prediction interval; base64 PNG."""
+    """Residuals over pressure in percent of it, one plot a method, and the 95 % prediction interval; base64 PNG.
+
+    All methods share one scale but the biased ones, beside which nothing else could be seen.
+    """
     data = fit.problem.data
     at = data.pressure_psia > 0
-    figure, axes = side_by_side(3.0, len(fit.methods), width=2.5 * len(fit.methods))
+    figure, axes = grid(len(fit.methods), columns=3, height=2.6)
     slope = np.asarray(fit.formula.derivative(data.table, "P") @ fit.reml.coefficients)
-    for axis, (method, fitted) in zip(axes, fit.methods.items(), strict=True):
+    bound = 0.0
+    for axis, (method, fitted) in zip(axes, fit.methods.items(), strict=False):
         error = 100.0 * fitted.residuals_mV[at] / (slope[at] * data.pressure_psia[at])
         axis.plot(data.pressure_psia[at], error, "o", ms=2.5, alpha=0.5, color="C3" if fitted.biased else "C0")
         shown = fitted.reading_error
         for side in (-0.5, 0.5):
             axis.plot(shown.pressure_psia, side * shown.width_pct, color="0.3", lw=0.9, ls="-.")
-        axis.set_title(method + (" (biased)" if fitted.biased else ""), fontsize=8)
+        axis.set_title(method + (" (biased; its own scale)" if fitted.biased else ""), fontsize=9)
         axis.set_xscale("log")
         axis.set_yscale("symlog", linthresh=2.0)
         axis.set_xlabel("pressure / psia", fontsize=8)
+        axis.set_ylabel("reading error / %", fontsize=8)
         axis.grid(color="0.9", linewidth=0.6)
         axis.tick_params(labelsize=7)
         axis.axhline(0, color="0.5", linewidth=0.7)
-    axes[0].set_ylabel("reading error / %", fontsize=8)
+        if not fitted.biased:
+            bound = max(bound, float(np.nanmax(shown.width_pct)), float(np.abs(error).max()))
+    for axis, fitted in zip(axes, fit.methods.values(), strict=False):
+        if not fitted.biased:
+            axis.set_ylim(-1.2 * bound, 1.2 * bound)
     return png(figure)
 
 

@@ -17,6 +17,17 @@ def side_by_side(height: float, count: int = 2, *, width: float = 9.6, share_y: 
     return figure, figure.subplots(1, count, sharex=True, sharey=share_y, squeeze=False)[0]
 
 
+def grid(count: int, *, columns: int, height: float, width: float = 9.6) -> tuple[Figure, Any]:
+    """A figure with `count` plots in rows of `columns`, each on its own scale; inches, height of one row."""
+    rows = -(-count // columns)
+    figure = Figure(figsize=(width, height * rows), dpi=110, layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(rows, columns, sharex=True, squeeze=False).ravel()
+    for axis in axes[count:]:
+        axis.set_visible(False)
+    return figure, axes
+
+
 def png(figure: Figure) -> str:
     """Base64 of a figure."""
     buffer = io.BytesIO()

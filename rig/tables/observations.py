@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -52,6 +53,8 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
             if genesis.data["simulated"]:
                 row["simulated"] = 1.0
             rows.append(row)
+        instruments = _instruments(reader)
+        began, last = genesis.utc_s, max((r.utc_s for r in reader.records("observation")), default=genesis.utc_s)
         _, head = reader.head()
         ended = not salvage and any(True for _ in reader.records("end"))
     if not rows:
@@ -65,6 +68,9 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
         "bench": genesis.data["bench"],
         "procedure": genesis.data["procedure"],
         "software": genesis.data["software"],
+        "began_utc": _utc(began),
+        "last_observation_utc": _utc(last),
+        "instruments": instruments,
         "complete": ended,
         "points_planned": len(run_list),
         "points_observed": len(rows),
@@ -77,6 +83,23 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
     sensors = bench.get("sensors", {})
     axes_of = {f"{name}_{s.get('unit', 'V')}": s["axis"] for name, s in sensors.items() if "axis" in s}
     return Table(str(path), columns, bool(genesis.data["simulated"]), provenance, axes_of)
+
+
+def _instruments(reader: RunReader) -> dict[str, str]:
+    """Who the instruments were, and until when their own calibration is in date, by name."""
+    found: dict[str, str] = {}
+    for record in reader.records("identity"):
+        data = record.data
+        serial = data.get("serial") if data.get("confirmed") else "serial number not told"
+        asset, due = data.get("asset") or "not declared", data.get("due") or "not declared"
+        text = f"{data.get('maker')} {data.get('model')}, {serial}, asset {asset}, calibration due {due}"
+        name = str(record.status)
+        found[name] = f"{found[name]}; then {text}" if name in found else text
+    return found
+
+
+def _utc(seconds: float) -> str:
+    return datetime.fromtimestamp(seconds, UTC).isoformat(timespec="minutes")
 
 
 def _row(record: Record, run_list: RunList, order: int, factors: Mapping[str, str]) -> dict[str, float]:
