@@ -10,7 +10,7 @@ from rich.markup import escape
 
 from rig.atomic import check_not_input
 from rig.cli import app
-from rig.cli.show import err
+from rig.cli.show import err, mark
 from rig.errors import ExitCode
 
 
@@ -34,7 +34,8 @@ def infer(
     """Infer pressure from a transducer's output and both temperatures, with a 95 % prediction interval.
 
     Reading the zero in vacuum first (in flight, before entry) takes out the error that a change of temperature draws
-    anew; its own error is in the interval. Values outside the calibrated range are flagged, not extrapolated.
+    anew; its own error is in the interval. Intervals hold as long as the temperatures have stood since the zero was
+    read: rows at other temperatures are flagged. Values outside the calibrated range are flagged, not extrapolated.
 
     Example: `rig infer calibration.json flight.csv --zero vacuum.csv --out pressures.csv`
     """
@@ -42,12 +43,13 @@ def infer(
     from rig.tables import write_csv  # noqa: PLC0415
 
     check_not_input([out_file], [calibration, data, zero])
-    found = inference.infer(inference.read_calibrations(calibration), data, zero)
+    file = inference.read_calibrations(calibration)
+    found = inference.infer(file, data, zero)
     write_csv(found.columns, out_file)
     for note in found.notes:
         err.print(f"[yellow]{escape(note)}[/]", soft_wrap=True)
     rows = len(next(iter(found.columns.values())))
     quantities = [name for name in found.added if name.endswith("pressure_psia")]
     what = f"{rows} rows, {found.flagged} flagged; {', '.join(quantities)} with _sd, _lo95, _hi95 and flag"
-    err.print(f"{escape(str(out_file))}: {what}", soft_wrap=True)
+    err.print(f"{mark(file.simulated)}{escape(str(out_file))}: {what}", soft_wrap=True)
     return ExitCode.DONE

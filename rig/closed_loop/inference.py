@@ -12,6 +12,7 @@ import numpy as np
 
 from fitter.pressure import PressureCalibration, Zero, infer_pressure
 from rig.errors import UsageError
+from rig.report.words import incomplete
 from rig.tables import Table, read_any_csv
 
 _TEMPERATURES = ("sensor_temperature_degC", "sse_temperature_degC")
@@ -37,14 +38,34 @@ class Inference:
     flagged: int
 
 
-def read_calibrations(path: Path) -> dict[str, PressureCalibration]:
-    """Calibrations by output column from a file that `rig fit --out` wrote. Raises `UsageError`."""
+@dataclass(frozen=True)
+class Calibrations:
+    """A calibration file.
+
+    Attributes:
+        sensors: by output column.
+        simulated: made from a simulated run.
+        incomplete: that the run it was made from lacked points, "" if it did not.
+
+    """
+
+    sensors: Mapping[str, PressureCalibration]
+    simulated: bool
+    incomplete: str
+
+
+def read_calibrations(path: Path) -> Calibrations:
+    """The file that `rig fit --out` wrote. Raises `UsageError`."""
     try:
         given = json.loads(path.read_text(encoding="utf-8"))
         sensors = given["sensors"]
         if any("calibration" not in sensor for sensor in sensors.values()):
             raise UsageError(f"{path} is no calibration of pressure transducers; those are what `rig infer` can use")
-        return {name: PressureCalibration.from_dict(sensor["calibration"]) for name, sensor in sensors.items()}
+        return Calibrations(
+            {name: PressureCalibration.from_dict(sensor["calibration"]) for name, sensor in sensors.items()},
+            bool(given["data"]["simulated"]),
+            incomplete(given["data"]),
+        )
     except FileNotFoundError:
         raise UsageError(f"there is no file {path}") from None
     except OSError as error:
@@ -53,11 +74,11 @@ def read_calibrations(path: Path) -> dict[str, PressureCalibration]:
         raise UsageError(f"{path} is not a calibration file of `rig fit --out`: {error}") from error
 
 
-def infer(calibrations: Mapping[str, PressureCalibration], data: Path, zero: Path | None) -> Inference:
+def infer(file: Calibrations, data: Path, zero: Path | None) -> Inference:
     """Infer pressure from every calibrated output in a CSV table.
 
     Args:
-        calibrations: by output column.
+        file: the calibrations.
         data: the table; a column `vacuum` marks rows read at zero pressure.
         zero: a table of readings in vacuum instead; None to take those of `data`, or to do without.
 
@@ -65,6 +86,7 @@ def infer(calibrations: Mapping[str, PressureCalibration], data: Path, zero: Pat
         UsageError: a column is missing, or the zero cannot be used.
 
     """
+    calibrations = file.sensors
     table = read_any_csv(data, _TEMPERATURES)
     outputs = [name for name in calibrations if name in table.columns]
     if not outputs:
@@ -97,8 +119,12 @@ def infer(calibrations: Mapping[str, PressureCalibration], data: Path, zero: Pat
         flags |= found.flag != ""
         if found_zero is None:
             without.append(output)
+    if file.simulated and "simulated" not in given:
+        columns["simulated"] = np.ones(len(table))
+    if file.incomplete:
+        notes = (f"the calibration is of an incomplete run: {file.incomplete}",)
     if without:
-        notes = (f"{', '.join(without)}: no zero was read in vacuum, so the whole-plot error is in the interval",)
+        notes += (f"{', '.join(without)}: no zero was read in vacuum, so the whole-plot error is in the interval",)
     return Inference(columns, tuple(name for name in columns if name not in given), notes, int(flags.sum()))
 
 
