@@ -9,10 +9,10 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from fitter.angles import sin_cos
 from fitter.arrays import FloatArray, IntArray
+from fitter.checked import finite, whole
 
 SAME_ANGLE_DEG = 0.02
 """Angles closer than this are one setting of the head: well above readback noise, well below any design's step."""
@@ -60,21 +60,21 @@ class AttitudeData:
             raise ValueError("there are no observations")
         put = object.__setattr__
         for name in ("replicate", "order"):
-            put(self, name, _whole(name, getattr(self, name), count))
+            put(self, name, whole(name, getattr(self, name), count))
         for name in ("elapsed_s", "pitch_deg", "roll_deg"):
-            put(self, name, _finite(name, getattr(self, name), count))
+            put(self, name, finite(name, getattr(self, name), count))
         if self.sensor_temperature_degC is not None:
-            temperature = _finite("sensor_temperature_degC", self.sensor_temperature_degC, count)
+            temperature = finite("sensor_temperature_degC", self.sensor_temperature_degC, count)
             put(self, "sensor_temperature_degC", temperature)
         if not self.outputs:
             raise ValueError("there is no sensor output to fit")
-        put(self, "outputs", MappingProxyType({name: _finite(name, v, count) for name, v in self.outputs.items()}))
+        put(self, "outputs", MappingProxyType({name: finite(name, v, count) for name, v in self.outputs.items()}))
         if np.unique(self.order).size != count:
             raise ValueError("order: two observations have the same executed position")
         for name, angle in (("pitch_side", self.pitch_deg), ("roll_side", self.roll_deg)):
             given = getattr(self, name)
-            put(self, name, self._side_from_order(angle) if given is None else np.sign(_whole(name, given, count)))
-        put(self, "block", np.zeros(count, np.int64) if self.block is None else _whole("block", self.block, count))
+            put(self, name, self._side_from_order(angle) if given is None else np.sign(whole(name, given, count)))
+        put(self, "block", np.zeros(count, np.int64) if self.block is None else whole("block", self.block, count))
         if self.axes is not None:
             put(self, "axes", MappingProxyType(_axes(self.axes, self.outputs)))
 
@@ -157,27 +157,6 @@ class AttitudeData:
         side = np.empty(len(self), np.int64)
         side[executed] = moves[last].astype(np.int64)
         return side
-
-
-def _finite(name: str, values: ArrayLike, count: int) -> FloatArray:
-    array = np.array(values, dtype=np.float64)
-    if array.shape != (count,):
-        raise ValueError(f"{name}: expected {count} values in one dimension, found shape {array.shape}")
-    bad = np.flatnonzero(~np.isfinite(array))
-    if bad.size:
-        raise ValueError(f"{name}: row {bad[0]} holds {array[bad[0]]}, not a finite number")
-    array.flags.writeable = False
-    return array
-
-
-def _whole(name: str, values: ArrayLike, count: int) -> IntArray:
-    array = _finite(name, values, count)
-    bad = np.flatnonzero(array != np.round(array))
-    if bad.size:
-        raise ValueError(f"{name}: row {bad[0]} holds {array[bad[0]]:g}, not a whole number")
-    whole = array.astype(np.int64)
-    whole.flags.writeable = False
-    return whole
 
 
 def _axes(axes: Mapping[str, str], outputs: Mapping[str, FloatArray]) -> dict[str, str]:

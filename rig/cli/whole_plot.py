@@ -11,7 +11,7 @@ from rich.table import Table
 from rig.cli.show import headline, number, out
 from rig.closed_loop import WholePlotTraced
 from rig.closed_loop.whole_plot import errors_in_words, low_pressure
-from rig.report.words import chance, unnamed
+from rig.report.words import chance, share, units, unnamed
 
 _MEASURES = (
     ("max_pct", "largest reading error / %; in-flight zero: without the zero's own error"),
@@ -123,13 +123,13 @@ _SHOWN = 3
 
 def _show_effect(effect: Mapping[str, Any]) -> None:
     out.print(
-        f"  [green]{effect['effect']}[/] ({effect['stratum']}): {effect['share']:.0%} of the excess error, "
-        f"p {chance(effect)}",
+        f"  [green]{effect['effect']}[/] ({effect['stratum']}): {share(effect)}, p {chance(effect)}",
         soft_wrap=True,
     )
     out.print(f"    {escape(effect['size'])}", soft_wrap=True)
-    for term, value, error in zip(effect["terms"], effect["coefficients"], effect["stderr"], strict=True):
-        out.print(f"    {value:.4g} +- {error:.2g} {effect['unit']}  {escape(term)}", soft_wrap=True)
+    rows = zip(effect["terms"], effect["coefficients"], effect["stderr"], units(effect), strict=True)
+    for term, value, error, unit in rows:
+        out.print(f"    {value:.4g} +- {error:.2g} {unit}  {escape(term)}", soft_wrap=True)
     if effect["aliases"]:
         out.print(f"    these data cannot tell it from: {', '.join(effect['aliases'])}", soft_wrap=True)
         out.print(f"    would separate them: {effect['separate_by']}", soft_wrap=True)

@@ -33,6 +33,17 @@ def chance(effect: Mapping[str, Any]) -> str:
     return f"{sign} {effect['p_adjusted']:.2g}"
 
 
+def share(effect: Mapping[str, Any]) -> str:
+    """How much of the excess error an effect explains; a finding about the noise explains none, and needs to."""
+    return "a finding about the noise" if effect["stratum"] == "noise" else f"{effect['share']:.0%} of the excess error"
+
+
+def units(effect: Mapping[str, Any]) -> list[str]:
+    """Unit of each of an effect's coefficients."""
+    terms, given = effect["terms"], str(effect["unit"]).split(", ")
+    return given if len(given) == len(terms) else [str(effect["unit"])] * len(terms)
+
+
 def unnamed(sensor: Mapping[str, Any]) -> list[str]:
     """What no effect of the catalogue explains, a sentence each."""
     return [f"Unexplained: {rest['share']:.0%} of the excess error, {rest['where']}." for rest in sensor["unnamed"]]

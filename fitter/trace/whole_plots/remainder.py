@@ -106,19 +106,23 @@ def outlier(problem: Problem, chosen: tuple[int, ...], data: WholePlotData, i: i
     return Unnamed(where, float(squares[most] / (left @ left)))
 
 
-def reading_error_pct(data: WholePlotData, residual: FloatArray, sensitivity: float) -> dict[str, float | None]:
-    """Largest residual at each pressure over that pressure, in percent; None at zero pressure.
+def reading_error_pct(data: WholePlotData, residual: FloatArray, slope: FloatArray) -> dict[str, float | None]:
+    """Largest residual at each nominal pressure over the pressure read, in percent; None at zero pressure.
 
     Args:
         data: the run.
         residual: (n,) of one transducer, whole-plot errors left in, mV.
-        sensitivity: mV/psi.
+        slope: (n,) dV/dP there, mV/psi.
 
     """
     psia, level = data.pressure_levels
+    positive = data.pressure_psia > 0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        error = np.where(positive, np.abs(100.0 * residual / (slope * data.pressure_psia)), 0.0)
     largest = np.zeros(psia.size)
-    np.maximum.at(largest, level, np.abs(residual / sensitivity))
-    return {f"{p:.6g}": float(100.0 * e / p) if p > 0 else None for p, e in zip(psia, largest, strict=True)}
+    np.maximum.at(largest, level, error)
+    names = (f"{round(float(p), 3):g}" for p in psia)  # levels are further apart than that
+    return {name: float(e) if p > 0 else None for name, p, e in zip(names, psia, largest, strict=True)}
 
 
 def _weight(problem: Problem, level: Level, i: int) -> FloatArray:

@@ -11,6 +11,7 @@ from scipy.special import chdtrc
 
 from fitter.arrays import FloatArray
 from fitter.effects import GROWING_NOISE, Entry, PressureScene, separate_pressure
+from fitter.formula import Formula
 from fitter.linear import orthonormal
 from fitter.quantiles import t_limit
 from fitter.trace.aliases import Rival
@@ -46,7 +47,8 @@ class Finding:
 
     Attributes:
         data: the observations.
-        model: the declared one.
+        model: the declared one, as it was asked for.
+        formula: its terms.
         scene: references.
         judge: of the search, with the weights it ended with.
         before: the declared model.
@@ -58,6 +60,7 @@ class Finding:
 
     data: WholePlotData
     model: str
+    formula: Formula
     scene: PressureScene
     judge: WholePlotJudge
     before: Estimate
@@ -100,10 +103,14 @@ def transducer(finding: Finding, i: int) -> TransducerTrace:
 
 
 def _side(finding: Finding, fitted: Estimate, i: int, when: int) -> Side:
-    sensitivity = finding.scene.sensitivity[finding.judge.problem.sensors[i]]
+    fit, formula = fitted.fits[i], finding.formula
+    if formula.has_categories or "P" not in formula.names:
+        slope = np.full(len(finding.data), finding.scene.sensitivity[finding.judge.problem.sensors[i]])
+    else:
+        slope = formula.derivative(finding.data.table, "P") @ fit.coefficients[: len(formula.terms)]
     return Side(
-        fit=fitted.fits[i],
-        reading_error_pct=reading_error_pct(finding.data, fitted.residual[i], sensitivity),
+        fit=fit,
+        reading_error_pct=reading_error_pct(finding.data, fitted.residual[i], slope),
         cv_rms=None if finding.cv is None else float(finding.cv[when, i]),
         residual_mV=fitted.residual[i],
     )

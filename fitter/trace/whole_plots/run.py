@@ -9,9 +9,8 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.effects import PRESSURE_CATALOGUE, PressureEffect, PressureScene
-from fitter.formula import Formula
 from fitter.linear import RankError
-from fitter.pressure.models import named_formula, of_whole_plot
+from fitter.pressure.models import HIERARCHICAL, check_determined, named_formula
 from fitter.split_plot import SplitPlotDesign
 from fitter.trace.family import Family
 from fitter.trace.search import prune, search_and_name
@@ -20,7 +19,6 @@ from fitter.trace.whole_plots.judge import WholePlotJudge
 from fitter.trace.whole_plots.noise import Noise
 from fitter.trace.whole_plots.null import family_of
 from fitter.trace.whole_plots.problem import Problem, pose
-from fitter.trace.whole_plots.remainder import repeated_whole_plots
 from fitter.trace.whole_plots.report import Finding, transducer
 from fitter.trace.whole_plots.result import WholePlotTrace
 from fitter.trace.whole_plots.weights import noises, stands_out, weighted
@@ -55,13 +53,14 @@ def trace_whole_plots(
     """
     formula = named_formula(model)
     names, declared = formula.columns(data.table)
-    _check_temperatures(data, formula)
+    check_determined(data, formula)
     scene = scene_of(data)
     problem, family, found, noise = _settle(data, pose(data, names, declared, scene, catalogue), seed)
     before, after = estimate(replace(problem, weight=np.ones_like(problem.weight)), ()), estimate(problem, found)
     finding = Finding(
         data=data,
-        model=model,
+        model=model if model != HIERARCHICAL else f"full (where {HIERARCHICAL} starts)",
+        formula=formula,
         scene=scene,
         judge=WholePlotJudge(problem, family),
         before=before,
@@ -114,14 +113,6 @@ def left_out(problem: Problem, family: Family, found: tuple[int, ...]) -> FloatA
         corrected = outputs - contributed(problem, coefficients, aside)
         squares[1] += np.sum((corrected - beside_effects @ columns.T) ** 2, axis=1)
     return np.asarray(np.sqrt(squares / problem.outputs.shape[1]))
-
-
-def _check_temperatures(data: WholePlotData, formula: Formula) -> None:
-    """Refuse a model with more terms of temperature than temperatures: readbacks' scatter would determine them."""
-    terms = [str(term) for term in formula.terms if of_whole_plot(term)]
-    pairs = int(repeated_whole_plots(data).max()) + 1
-    if len(terms) > pairs:
-        raise RankError(f"{pairs} pairs of temperatures cannot determine {', '.join(terms)}")
 
 
 def _settle(
