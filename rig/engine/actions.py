@@ -47,6 +47,10 @@ class BenchActions:
         clock: bench time.
         wait: lets that many bench seconds pass; may raise to interrupt the action.
 
+    Attributes:
+        arrivals: how each axis came to rest where it is.
+        chambers_seen: chambers as last read.
+
     """
 
     def __init__(self, bench: Bench, axes: Axes, guard: Guard, clock: Clock, wait: Callable[[float], None]) -> None:
@@ -57,8 +61,14 @@ class BenchActions:
         self._wait = wait
         self._chambers = bench.chambers
         self._readers = bench.readers
-        self._chambers_seen = -1e18
+        self._chambers_seen = self._chambers_read = -1e18
         self.arrivals: dict[str, Arrival] = {}
+        self.chambers_seen: dict[str, dict[str, Any]] = {}
+
+    @property
+    def unwatched_s(self) -> float:
+        """Bench seconds since the chambers were last looked at."""
+        return self._clock.now() - self._chambers_read
 
     def stop_motion(self) -> None:
         """Stop all axes; how they came to rest is unknown from now on."""
@@ -90,7 +100,7 @@ class BenchActions:
 
     def environment(self) -> dict[str, dict[str, Any]]:
         """Read all chambers, check their interlocks; what the run file keeps."""
-        self._chambers_seen = self._clock.now()
+        self._chambers_seen = self._chambers_read = self._clock.now()
         found = {}
         for name, chamber in self._chambers.items():
             state = chamber.read()
@@ -101,6 +111,7 @@ class BenchActions:
                 "power_pct": state.power_pct,
                 "running": state.running,
             }
+        self.chambers_seen = found
         return found
 
     def look_around(self) -> None:
@@ -115,6 +126,7 @@ class BenchActions:
             for axis, r in self._axes.read().items()
         }
         chambers = {name: c.read() for name, c in self._chambers.items()}
+        self._chambers_read = self._clock.now()
         return {
             "axes": axes,
             "chambers": {
@@ -153,6 +165,8 @@ class BenchActions:
         while True:
             self._wait(poll_s)
             readings = self.axes()
+            if what == "moving":
+                self._check_control(readings)
             if not any(reading.moving for reading in readings.values()):
                 return
             if self._clock.now() - began > timeout_s:
@@ -162,13 +176,26 @@ class BenchActions:
                 self.stop_motion()
                 raise NotSettled(f"{what} took longer than {timeout_s:g} s ({late})", {})
 
+    @staticmethod
+    def _check_control(readings: Mapping[str, AxisReading]) -> None:
+        """What was commanded and is not being controlled will never arrive. Raises `InstrumentError`."""
+        for axis, reading in readings.items():
+            if not reading.enabled:
+                raise InstrumentError(axis, 0, "control is off; was it switched off, or without power?")
+
     def settle(self, targets: Mapping[str, float], settings: Settle, poll_s: float) -> dict[str, Any]:
         """Wait until every axis has settled at its target; returns the evidence. Raises `NotSettled`."""
         criteria = {
             axis: Criteria(target, settings.band, settings.dwell_s, settings.drift_per_s, settings.timeout_s)
             for axis, target in targets.items()
         }
-        return self._until_settled(criteria, self.positions, poll_s)
+
+        def read() -> dict[str, float]:
+            readings = self.axes()
+            self._check_control(readings)
+            return {axis: reading.value for axis, reading in readings.items()}
+
+        return self._until_settled(criteria, read, poll_s)
 
     def _until_settled(
         self,

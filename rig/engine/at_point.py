@@ -64,6 +64,8 @@ class AtPoint:
         if elsewhere is not None:
             return elsewhere
         at = self._at
+        if self._soaking is not None and self._soaking.lost_while_working(at.point):
+            return "prepare"
         self._set_up()
         self._journal.start_timing()
         at.legs = recovery_legs(self._run_list.factors, at.point, self._before(at.point))
@@ -148,10 +150,9 @@ class AtPoint:
         if at.rejected:
             body["rejected"] = at.rejected
         if self._soaking is not None:
-            why = self._soaking.rules.lost_now(at.point, chambers, at.observation.temperatures)
-            if why:
-                self._journal.write("observation", {**body, "lost": why}, status="rejected")
-                self._do.stop_motion()
+            why = self._soaking.lost_now(at.point, chambers, at.observation.temperatures)
+            if why:  # one commit: a kill between the two must not let the whole plot go on
+                self._journal.write("observation", {**body, "lost": why}, status="rejected", commit=False)
                 self._soaking.lose(why)
                 return "prepare"
         self._journal.write("observation", body, status="accepted")

@@ -123,10 +123,23 @@ class Journal:
         *,
         status: str | None = None,
         whole_plot: int | None = None,
+        commit: bool = True,
     ) -> None:
-        """Make a record durable; it names the point in hand and the open whole plot. Raises `StorageError`."""
+        """Make a record durable; it names the point in hand and the open whole plot.
+
+        Args:
+            kind: see `Record`.
+            body: what it holds.
+            status: see `Record`.
+            whole_plot: another than the open one.
+            commit: False lets it become durable together with the next record, or not at all.
+
+        Raises:
+            StorageError: the disk refuses.
+
+        """
         record = self._record(kind, body or {}, status, whole_plot)
-        self._run.append(record)
+        self._run.append(record, commit=commit)
         self.fold.add(record)
 
     def finish(self, body: Mapping[str, Any]) -> None:

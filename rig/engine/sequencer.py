@@ -112,6 +112,7 @@ class Sequencer:
         self._released = False
         self._outcome: Outcome | None = None
         self._needs_set_up = True
+        self._soak_failures = 0
         self._machine = Machine(
             states=[str(s) for s in State],
             initial=str(State.READY),
@@ -264,11 +265,13 @@ class Sequencer:
     def _preparing(self) -> str:
         self._journal.take_up(None)
         self._journal.write("event", status="preparing")
+        self._needs_set_up |= self._soaking is not None  # every whole plot begins with instruments that are known
         self._set_up()
         if self._do.home(self._poll_s):
             self._journal.write("event", status="homed")
         if self._soaking is not None:
             self._soaking.soak()
+            self._soak_failures = 0
         elif isinstance(self._procedure, PitchRollProcedure) and self._procedure.environment is not None:
             self._journal.message = "environment settling"
             evidence = self._do.prepare_environment(self._procedure.environment)
@@ -319,8 +322,8 @@ class Sequencer:
         """Policy for an error at a point; anywhere else, and for errors no policy covers, it is a fault."""
         at = self._journal.at
         faults = self._procedure.faults
-        if self.state == State.PREPARING and isinstance(error, NotSettled) and isinstance(faults, WholePlotFaults):
-            return self._soak_failed(error, faults.soak)
+        if self.state == State.PREPARING and self._soaking is not None:
+            return self._soak_failed(error)
         policy = policy_for(error, faults)
         if at is None or policy is None or self.state not in AT_POINT:
             raise error
@@ -340,8 +343,20 @@ class Sequencer:
             self._skip(at, str(error))
         return decision
 
-    def _soak_failed(self, error: NotSettled, policy: str) -> str:
-        self._journal.write("fault", {"message": str(error), "evidence": error.evidence}, status=policy)
+    def _soak_failed(self, error: Exception) -> str:
+        """An instrument that fails in a soak gets its retries; temperatures that do not settle have had their time."""
+        faults = self._procedure.faults
+        assert isinstance(faults, WholePlotFaults)
+        self._needs_set_up = isinstance(error, DriverError)
+        self._soak_failures += 1
+        again = isinstance(error, DriverError) and self._soak_failures <= faults.retries
+        policy = "retry" if again else faults.soak
+        body = {"message": str(error), "evidence": getattr(error, "evidence", {}), "error": type(error).__name__}
+        self._journal.write("fault", body, status=policy)
+        if again:
+            self._stop_patiently(error)
+            self._journal.message = f"soak, retry: {error}"
+            return "repeat-preparation"
         message = f"the soak failed: {error}"
         if policy == "abort":
             return self._give_up(message, recorded=False)

@@ -45,8 +45,8 @@ class Settling:
         self.outcome: Outcome = "waiting"
 
     def add(self, now: float, value: float) -> Outcome:
-        """Take a sample made at clock time `now`; once the outcome is not "waiting" it does not change."""
-        if self.outcome != "waiting":
+        """Take a sample made at clock time `now`. What has settled may leave its band again; a failure is final."""
+        if self.outcome in ("timed-out", "drifting"):
             return self.outcome
         c = self.criteria
         inside = abs(value - c.target) <= c.band
@@ -54,13 +54,15 @@ class Settling:
         if not inside:
             self._inside_s = max(0.0, self._inside_s - step)
         elif self._was_inside:  # time on the way in does not count
-            self._inside_s += step
+            self._inside_s = min(self._inside_s + step, c.dwell_s)
         self._last, self._was_inside = now, inside
         self._samples.append((now - self._started, value))
-        if inside and self._inside_s >= c.dwell_s and abs(self._slope()) <= c.drift_per_s:
+        if inside and self._inside_s >= c.dwell_s - 1e-9 and abs(self._slope()) <= c.drift_per_s:
             self.outcome = "settled"
         elif now - self._started >= c.timeout_s:
-            self.outcome = "drifting" if inside and self._inside_s >= c.dwell_s else "timed-out"
+            self.outcome = "drifting" if inside and self._inside_s >= c.dwell_s - 1e-9 else "timed-out"
+        else:
+            self.outcome = "waiting"
         return self.outcome
 
     def _slope(self) -> float:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import Any
 
 from drivers.clock import Clock
 from procedures import Point, RunList, WholePlotProcedure
 from rig.bench import Bench
 from rig.engine.actions import BenchActions, NotSettled
 from rig.engine.journal import Journal
+from rig.engine.measuring import Channel
 from rig.engine.queue import PointQueue
 from rig.engine.whole_plots import WholePlots
 from rig.errors import BenchFault
@@ -58,7 +60,9 @@ class Soaking:
         point = self._queue.peek()
         assert point is not None
         assert point.whole_plot is not None
-        self._leave(point)
+        fold = self._journal.fold
+        if fold.left_for != point.whole_plot:
+            self._leave(point)
         targets = self.rules.targets(point)
         for chamber, target in targets.items():
             self._do.set_chamber(chamber, target)
@@ -68,6 +72,9 @@ class Soaking:
             shown = ", ".join(f"{chamber} {values[chamber]:.1f} of {target:g}" for chamber, target in targets.items())
             self._journal.detail = f"{shown} degC"
             self.rules.check_thermometers(values)
+            disturbed = self.rules.check_chambers(point, self._do.chambers_seen)
+            if disturbed:
+                raise NotSettled(disturbed, {})
 
         settings, thermometers = self._procedure.soak, self.rules.thermometers
         evidence = self._do.until_soaked(self.rules.criteria(point), settings.poll_s, thermometers, watch)
@@ -75,19 +82,43 @@ class Soaking:
         self._journal.begin_whole_plot(point.whole_plot, {"setpoints_degC": targets, "settling": evidence})
 
     def _leave(self, point: Point) -> None:
-        """Temperatures that stand already are left first: without a change there is no new whole plot."""
-        away = self.rules.renewal(point, self._do.environment())
-        if not away:
-            return
-        self._journal.write("event", {"setpoints_degC": away}, status="renewing")
-        self._journal.message = f"leaving temperatures that stand, for whole plot {point.whole_plot}"
-        for chamber, target in away.items():
-            self._do.set_chamber(chamber, target)
-        limit = self._clock.now() + self._procedure.soak.timeout_s
-        while not self.rules.renewed(point, self._do.environment()):
-            if self._clock.now() > limit:
-                raise NotSettled("a chamber did not leave the temperature it was at", {})
-            self._wait(self._procedure.soak.poll_s)
+        """Make sure that temperatures are changed for a whole plot: those that stand already are left first."""
+        if not self.rules.left(point, self._do.environment()):
+            away = self.rules.renewal(point)
+            self._journal.write("event", {"setpoints_degC": away}, status="renewing")
+            self._journal.message = f"leaving temperatures that stand, for whole plot {point.whole_plot}"
+            for chamber, target in away.items():
+                self._do.set_chamber(chamber, target)
+            limit = self._clock.now() + self._procedure.soak.timeout_s
+            while not self.rules.left(point, self._do.environment()):
+                if self._clock.now() > limit:
+                    raise NotSettled("no chamber left the temperature it was at", {})
+                self._wait(self._procedure.soak.poll_s)
+        self._journal.write("event", {"planned": point.whole_plot}, status="temperatures-left")
+
+    def lost_while_working(self, point: Point) -> bool:
+        """After something went wrong in a whole plot: gives it up, and says so, if an instrument had no power.
+
+        Asked before instruments are set up again, which takes away their evidence of it.
+        """
+        why = self.rules.lost_meanwhile(
+            point,
+            self._do.unwatched_s,
+            certain=True,
+            restarted=self._do.restarted(),
+            as_found=self._do.readback(),
+        )
+        if why:
+            self.lose(why)
+        return bool(why)
+
+    def lost_now(self, point: Point, chambers: Mapping[str, Any], temperatures: Mapping[str, Channel]) -> str:
+        """Why what was just read does not belong to the open whole plot any more; "" if it does."""
+        why = self.rules.lost_now(point, chambers, temperatures)
+        if why:
+            return why
+        restarted = self._do.restarted()
+        return f"{' and '.join(restarted)} had no power meanwhile" if restarted else ""
 
     def lose(self, why: str) -> None:
         """Give the open whole plot up: what was accepted in it stays, and it is measured again under a new identity.

@@ -32,6 +32,7 @@ class RunState:
         whole_plot: identity of the whole plot that is open, or was last; None before the first and after one was lost.
         planned: which planned whole plot it is a measurement of.
         whole_plots: identities given so far.
+        left_for: the planned whole plot for which temperatures have been left since the last was measured.
         lost: identity to reason, for whole plots that were given up and measured again.
         ended: status of the end record, None while the run can be resumed.
         simulated: no real instrument involved.
@@ -55,6 +56,7 @@ class RunState:
     whole_plot: int | None = None
     planned: int | None = None
     whole_plots: int = 0
+    left_for: int | None = None
     lost: dict[int, str] = field(default_factory=dict)
     ended: str | None = None
     simulated: bool = False
@@ -79,15 +81,8 @@ class RunState:
                 self.session = record.data
                 self.last_fault = None
                 self.rested = "interrupted"
-            case "event" if record.status in ("preparing", "prepared"):
-                self.prepared = record.status == "prepared"
-                self.worked_s = record.elapsed_s if self.prepared else self.worked_s
-            case "event" if record.status == "whole-plot":
-                self.whole_plot, self.planned = record.whole_plot, int(record.data["planned"])
-                self.whole_plots = record.whole_plot or 0
-                self.worked_s = record.elapsed_s
-            case "event" if record.status == "whole-plot-lost":
-                self._lose_whole_plot(record)
+            case "event":
+                self._add_event(record)
             case "stop":
                 self.rested = "stopped"
             case "identity":
@@ -95,8 +90,8 @@ class RunState:
             case "observation":
                 assert record.run_index is not None
                 self.attempts[record.run_index] = record.attempt or 1
-                self.worked_s = record.elapsed_s
                 if record.status == "accepted":
+                    self.worked_s = record.elapsed_s
                     self.accepted.add(record.run_index)
                     self.last_index = record.run_index
             case "skip":
@@ -113,6 +108,23 @@ class RunState:
                     self.rested = "faulted"
             case "end":
                 self.ended = record.status
+            case _:
+                pass
+
+    def _add_event(self, record: Record) -> None:
+        match record.status:
+            case "preparing" | "prepared":
+                self.prepared = record.status == "prepared"
+                self.worked_s = record.elapsed_s if self.prepared else self.worked_s
+            case "whole-plot":
+                self.whole_plot, self.planned = record.whole_plot, int(record.data["planned"])
+                self.whole_plots = record.whole_plot or 0
+                self.left_for = None
+                self.worked_s = record.elapsed_s
+            case "temperatures-left":
+                self.left_for = int(record.data["planned"])
+            case "whole-plot-lost":
+                self._lose_whole_plot(record)
             case _:
                 pass
 

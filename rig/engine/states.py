@@ -68,6 +68,7 @@ TRANSITIONS = (
     Transition(
         "recover", (State.CHECKING, State.PREPARING, State.HOLDING), State.RECOVERING, "the last move is unknown"
     ),
+    Transition("repeat-preparation", (State.PREPARING,), State.PREPARING, "an instrument failed; another attempt"),
     Transition("retry", AT_POINT, State.RECOVERING, "another attempt at the point"),
     Transition("skip", AT_POINT, State.RECOVERING, "given up here for now"),
     Transition("move", (State.RECOVERING, State.RECORDING), State.MOVING, "there is a point to go to"),

@@ -22,7 +22,7 @@ from rig.errors import BenchFault
 _SETPOINT_STANDS = 0.05
 """A setpoint within this of what was commanded is that one; instruments keep tenths or hundredths of a degree."""
 
-_AMBIENT_DEGC = 23.0
+AMBIENT_DEGC = 23.0
 """Towards which temperatures are left, since there chambers reach either side of it."""
 
 _OPEN_POLLS = 3
@@ -94,25 +94,25 @@ class WholePlots:
                 found[soaked.factor] = Criteria(target, s.sensor_tolerance_degC, s.dwell_s, drift, s.timeout_s)
         return found
 
-    def renewal(self, point: Point, chambers: Mapping[str, Any]) -> dict[str, float]:
-        """Chamber setpoints to visit first, so that a soak is a new draw of the whole-plot error; {} if it is anyway.
-
-        Args:
-            point: of the whole plot to be soaked for.
-            chambers: their states as just read.
-
-        """
-        targets = self.targets(point)
-        if any(abs(chambers[c]["temperature_degC"] - t) > self._soak.tolerance_degC for c, t in targets.items()):
-            return {}
-        away = self._soak.renew_degC
-        return {chamber: t + (away if t < _AMBIENT_DEGC else -away) for chamber, t in targets.items()}
-
-    def renewed(self, point: Point, chambers: Mapping[str, Any]) -> bool:
-        """Whether every chamber has been left by half the way at least."""
+    def left(self, point: Point, chambers: Mapping[str, Any]) -> bool:
+        """Whether a chamber is so far from where a whole plot wants it that going there is a change of temperature."""
         half = self._soak.renew_degC / 2.0
-        targets = self.targets(point)
-        return all(abs(chambers[c]["temperature_degC"] - t) >= half for c, t in targets.items())
+        return any(abs(chambers[c]["temperature_degC"] - t) >= half for c, t in self.targets(point).items())
+
+    def renewal(self, point: Point) -> dict[str, float]:
+        """Chamber setpoints to visit first where temperatures stand already: without a change there is no new draw."""
+        away = self._soak.renew_degC
+        return {c: t + (away if t < AMBIENT_DEGC else -away) for c, t in self.targets(point).items()}
+
+    def check_chambers(self, point: Point, chambers: Mapping[str, Any]) -> str:
+        """What somebody else has done to a chamber during a soak; "" if nothing."""
+        for chamber, target in self.targets(point).items():
+            state = chambers[chamber]
+            if not state["running"]:
+                return f"{chamber} is not controlling any more: was it switched off at its panel, or without power?"
+            if abs(state["setpoint_degC"] - target) > _SETPOINT_STANDS:
+                return f"{chamber} is set to {state['setpoint_degC']:g} degC, not to {target:g} degC as commanded"
+        return ""
 
     def check_thermometers(self, values: Mapping[str, float]) -> None:
         """Give up a soak that no reading can end. Raises `BenchFault` naming the thermometer."""
