@@ -8,12 +8,14 @@ from procedures.designs import Design, fraction, grid, tumble
 from procedures.orders import Visit, random_order, serpentine
 from procedures.pitch_roll import PitchRollProcedure
 from procedures.run_list import Factor, Point, RunList, Settle
+from procedures.whole_plot import FACTORS as WHOLE_PLOT_FACTORS
 from procedures.whole_plot import WholePlotProcedure
 
 Procedure = PitchRollProcedure | WholePlotProcedure
 """A checked `procedure.toml` of any kind."""
 
 __all__ = [
+    "WHOLE_PLOT_FACTORS",
     "Design",
     "Factor",
     "PitchRollProcedure",

@@ -19,6 +19,11 @@ from procedures.settings import FaultSettings, Positive, Strict
 
 PRESSURE, SENSOR, SSE = "pressure_psia", "sensor_temperature_degC", "sse_temperature_degC"
 
+FACTORS = (PRESSURE, SENSOR, SSE)
+
+MOST_POINTS = 100_000
+"""A longer run list is a mistake: at a minute a point it would take ten weeks."""
+
 _ORDERS_TRIED = 10_000
 
 Pressure = Annotated[float, Field(ge=0, le=1e4)]
@@ -95,12 +100,22 @@ class SoakSettings(Strict):
     poll_s: Positive = Field(30.0, le=600, description="time between readbacks")
     timeout_s: Positive = Field(8 * 3600.0, description="then the soak has failed")
 
+    @model_validator(mode="after")
+    def _leaving_is_more_than_tolerance(self) -> Self:
+        tolerated = max(self.tolerance_degC, self.sensor_tolerance_degC)
+        if self.renew_degC < 2.0 * tolerated:
+            raise ValueError(
+                f"soak.renew_degC = {self.renew_degC:g} must be twice what is tolerated at least ({2 * tolerated:g}), "
+                f"or leaving a temperature would be no change of it"
+            )
+        return self
+
 
 class PressureApproach(Strict):
     """How a pressure is brought to the side it is to arrive from."""
 
-    overtravel_psia: float = Field(
-        0.05, ge=0, le=1e4, description="a pressure that follows itself is left by this much and set anew"
+    overtravel_psia: Positive = Field(
+        0.05, le=1e4, description="a pressure that follows itself is left by this much and set anew"
     )
 
 
@@ -178,6 +193,20 @@ class WholePlotProcedure(Strict):
     faults: WholePlotFaults = WholePlotFaults()
     expect: WholePlotExpect = WholePlotExpect()
     acceptance: WholePlotAcceptance = WholePlotAcceptance()
+
+    @model_validator(mode="after")
+    def _can_be_run(self) -> Self:
+        design = self.design
+        per_plot = len(design.pressures_psia) + len(design.repeated_psia)
+        points = self.replications * len(design.pairs()) * per_plot
+        if points > MOST_POINTS:
+            raise ValueError(f"the design has {points} points, more than {MOST_POINTS}")
+        if self.approach.overtravel_psia <= 2.0 * self.settle.band_psia:
+            raise ValueError(
+                f"approach.overtravel_psia = {self.approach.overtravel_psia:g} must be more than twice "
+                f"settle.band_psia = {self.settle.band_psia:g}, or a pressure would not be left"
+            )
+        return self
 
     @model_validator(mode="after")
     def _acceptance_can_be_judged(self) -> Self:

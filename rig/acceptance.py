@@ -60,8 +60,9 @@ def _standard_errors(procedure: PitchRollProcedure, path: Path) -> list[Verdict]
 
 def _reading_errors(table: Table, limit: float, psia: float) -> list[Verdict]:
     words = f"reading error at {psia:g} psia up to {limit:g} %, {_METHOD}"
-    verdicts = []
-    for name, fit in fit_whole_plots(table).fits.items():
+    fitted = fit_whole_plots(table)
+    verdicts = [Verdict(name, why, words, inside=False) for name, why in fitted.dead.items()]
+    for name, fit in fitted.fits.items():
         method = fit.methods.get(_METHOD)
         if method is None:
             raise UsageError(f"{name}: {_METHOD} is not possible: {fit.not_possible[_METHOD]}")

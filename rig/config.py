@@ -14,7 +14,7 @@ from typing import Any, Literal, Self, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from procedures import PitchRollProcedure, Procedure, WholePlotProcedure
+from procedures import WHOLE_PLOT_FACTORS, PitchRollProcedure, Procedure, WholePlotProcedure
 from rig.errors import ConfigurationError
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -98,6 +98,10 @@ class BenchConfig(_Strict):
             if other != name:
                 raise ValueError(f"{other} and {name} are both on channel {channel} of {reader}")
         for name, instrument in self.factors.items():
+            if name not in WHOLE_PLOT_FACTORS:
+                raise ValueError(
+                    f"factors.{name} is no factor of any procedure; known: {', '.join(WHOLE_PLOT_FACTORS)}"
+                )
             if instrument not in self.instruments:
                 known = ", ".join(sorted(self.instruments))
                 raise ValueError(f"factors.{name} = {instrument!r} is no instrument here (there are {known})")

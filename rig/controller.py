@@ -19,10 +19,9 @@ from typing import Any
 
 from drivers.clock import Clock, RealClock, ScaledClock, boot_id
 from drivers.errors import DriverError
-from drivers.roles import Chamber
 from procedures import PitchRollProcedure, Procedure, RunList
 from rig import __version__
-from rig.bench import Bench, check_options, identities, locked_addresses, open_bench, playing
+from rig.bench import Bench, check_options, identities, locked_addresses, open_bench
 from rig.config import BenchConfig, parse_bench, parse_procedure, parse_toml, read_text
 from rig.engine.axes import own_limits
 from rig.engine.guard import Guard
@@ -32,6 +31,7 @@ from rig.engine.sequencer import Sequencer
 from rig.engine.session import Outcome, Progress, Session, Signals
 from rig.engine.state import RunState, fold
 from rig.errors import BenchFault, ConfigurationError, StorageError, UsageError
+from rig.matching import check_match
 
 BYTES_PER_POINT = 6000
 """What an observation takes in the run file, with its share of indexes and log; measured, rounded up."""
@@ -97,11 +97,7 @@ def _plan(documents: Mapping[str, str], dry: bool, where: Mapping[str, str]) -> 
     check_options(config, where["bench.toml"])
     procedure = parse_procedure(documents["procedure.toml"], where["procedure.toml"])
     run_list = procedure.expand()
-    guard = Guard(config.limits, config.factors)
-    guard.check_run_list(run_list, {})
-    if isinstance(procedure, PitchRollProcedure) and procedure.environment is not None:
-        anywhere = (float("-inf"), float("inf"))
-        guard.check_environment(procedure.environment.setpoint_degC, dict.fromkeys(playing(config, Chamber), anywhere))
+    check_match(config, procedure, run_list, where["bench.toml"])
     truth = parse_toml(documents["world.toml"], where["world.toml"]) if "world.toml" in documents else {}
     return Plan(documents, config, procedure, run_list, dry, truth)
 

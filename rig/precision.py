@@ -49,10 +49,11 @@ def precision(procedure: Procedure, run_list: RunList) -> Precision:
         if isinstance(procedure, WholePlotProcedure):
             return _of_terms(procedure, run_list)
         return _of_angles(procedure, run_list)
-    except ValueError as error:
+    except (ValueError, KeyError) as error:
         smaller = ", or plan a smaller model (expect.model)" if isinstance(procedure, WholePlotProcedure) else ""
+        why = error.args[0] if error.args else error
         raise ConfigurationError(
-            f"the design does not determine a sensor: {error}; visit more settings{smaller}"
+            f"the design does not determine a sensor: {why}; visit more settings{smaller}"
         ) from error
 
 

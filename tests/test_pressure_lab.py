@@ -17,7 +17,8 @@ from rig.closed_loop import fit_whole_plots
 from rig.controller import load_plan, resume_run, start_run
 from rig.engine.run_file import RunReader
 from rig.engine.session import Outcome, Signals
-from rig.tables import run_table, whole_plot_data
+from rig.errors import ConfigurationError
+from rig.tables import run_table, whole_plot_data, write_csv
 
 
 @pytest.fixture(scope="module")
@@ -179,14 +180,21 @@ def test_acceptance_is_by_reading_error(tmp_path, run):
         (('pressure_psia = "supply"\n', ""), "does not say what sets pressure_psia"),
         (('pressure_psia = "supply"', 'pressure_psia = "scanner"'), "scanner cannot set pressure_psia"),
         (
-            ('sse_temperature_degC = "sse_chamber"', 'sse_temperature_degC = "supply"'),
-            "supply cannot set sse_temperature",
+            ('sse_temperature_degC = "sse_chamber"', 'sse_temperature_degC = "scanner"'),
+            "scanner cannot set sse_temperature",
         ),
         (('pressure_psia = "supply"', 'pressure_psia = "suply"'), "is no instrument here"),
         (("sensor_chamber_degC = [-140, 40]", "sensor_chamber_degC = [15, 40]"), "outside 15 to 40"),
-        (("pressure_psia = [0, 15.5]", "pressure_psia = [0, 2]"), "outside 0 to 2"),
+        (
+            ("pressure_psia = [0, 15.5]", "pressure_psia = [0, 6]"),
+            "limits.pressure_psia = 0 to 6 does not hold the atmosphere",
+        ),
         (("high_psia = 6 ", "high_psia = 2 "), "the instrument's own limits"),
         (('place = "sse"', 'place = "elsewhere"'), "place"),
+        (('pressure_psia = "supply"', 'pitch_deg = "supply"'), "factors.pitch_deg is no factor"),
+        (('sse_temperature_degC = "sse_chamber"', 'sse_temperature_degC = "sensor_chamber"'), "cannot set both"),
+        (('unit = "mV"', 'unit = "V"'), 'unit = "mV"'),
+        (('unit = "mV"', 'unit = "mV"\naxis = "x"'), "has an axis"),
     ],
 )
 def test_a_bench_that_cannot_carry_the_design_out_is_refused_before_anything_moves(tmp_path, change, message):
@@ -212,3 +220,46 @@ def test_a_vacuum_pump_that_fails_ends_the_night_safe_and_the_run_goes_on_when_i
     assert 0 < len(result.state.accepted) < IN_ALL
     resumed = resume_run(paths[0], signals=Signals(), on_progress=lambda _: None, dry_gap_s=3 * 3600.0)
     assert resumed.outcome is Outcome.COMPLETE, resumed.message
+
+
+def test_a_temperature_left_beyond_the_limits_is_refused_beforehand(tmp_path):
+    procedure = tmp_path / "p.toml"
+    procedure.write_text(SHORT.replace("[soak]\n", "[soak]\nrenew_degC = 60\n"))
+    with pytest.raises(ConfigurationError, match=r"left for .* degC first \(soak.renew_degC\), outside"):
+        load_plan(procedure, LAB / "bench.toml")
+
+
+def test_a_dead_transducer_does_not_stop_the_others(tmp_path, run):
+    table = run_table(run)
+    columns = {**table.columns, "bridge_3_mV": np.full(len(table), 0.5)}
+    path = tmp_path / "dead.csv"
+    write_csv(columns, path)
+    options = ("--formula", "1 + P + P^2 + T_sensor + T_SSE", "--json")
+    for command in ("fit", "trace"):
+        done = rig(command, path, *options)
+        assert done.returncode == 0, done.stderr
+        found = json.loads(done.stdout)
+        assert found["left_out"] == {"bridge_3_mV": "reads 0.5 mV throughout"}
+        assert len(found["sensors"]) == 6
+
+
+@pytest.mark.parametrize(
+    ("columns", "message"),
+    [
+        ({"pressure_psia": -1.0}, "column pressure_psia: -1 cannot be"),
+        ({"sensor_temperature_degC": -390.0}, "column sensor_temperature_degC: -390 cannot be"),
+        ({"whole_plot": 1e300}, "too large"),
+        ({"order": 1.0}, "order 1 stands there twice"),
+    ],
+)
+def test_numbers_that_cannot_be_are_named_with_their_row(tmp_path, run, columns, message):
+    table = run_table(run)
+    changed = {name: values.copy() for name, values in table.columns.items()}
+    for name, value in columns.items():
+        changed[name][4] = value
+    path = tmp_path / "bad.csv"
+    write_csv(changed, path)
+    done = rig("fit", path, "--formula", "1 + P")
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert "Traceback" not in done.stderr

@@ -60,6 +60,15 @@ def test_settled_means_at_least_a_dwell_inside_and_inside_now(values):
         assert sum(inside) > 5
 
 
+def test_what_has_settled_may_leave_again_and_then_has_not():
+    settling = Settling(CRITERIA, 0.0)
+    assert [settling.add(float(t), 10.0) for t in range(6)][-1] == "settled"
+    assert settling.add(6.0, 12.0) == "waiting"
+    outcomes = [settling.add(float(t), 10.0) for t in range(7, 15)]
+    assert outcomes[0] == "waiting", "hours inside the band do not outlast an excursion"
+    assert outcomes[-1] == "settled"
+
+
 def test_a_long_trace_is_thinned_but_keeps_its_ends():
     settled = outcome_of([11.0] * 5000, step=0.01)
     samples = settled.evidence()["samples"]

@@ -97,6 +97,20 @@ def test_designs_that_cannot_be_are_refused(design, message):
         procedure(design=design)
 
 
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"soak": {"renew_degC": 1.0}}, "must be twice what is tolerated"),
+        ({"approach": {"overtravel_psia": 0.003}}, "a pressure would not be left"),
+        ({"replications": 1000}, "more than 100000"),
+        ({"acceptance": {"reading_error_pct": 2, "at_psia": 0.3}}, "is no pressure of the design"),
+    ],
+)
+def test_settings_that_would_end_a_night_are_refused(settings, message):
+    with pytest.raises(ValidationError, match=message):
+        procedure(**settings)
+
+
 def test_precision_of_the_papers_design():
     """Fourteen degrees of freedom between whole plots and 196 below; terms of the two strata in the ratio of errors."""
     expect = {"sigma_wholeplot_mV": 0.0126, "sigma_subplot_mV": 0.004}

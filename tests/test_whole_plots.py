@@ -8,6 +8,7 @@ from dataclasses import replace
 import pytest
 from ideal_pressure_bench import EACH, IN_ALL, PROCEDURE, PressureBench, new_run, run_session
 
+from drivers.errors import NoReply
 from rig.engine.run_file import RunReader
 from rig.engine.session import Outcome, Signals
 
@@ -271,3 +272,109 @@ def test_a_hold_longer_than_the_gap_costs_the_whole_plot(tmp_path):
     outcome, state, _ = run_session(path, bench, gap_s=30.0)
     assert outcome is Outcome.COMPLETE
     assert not state.lost
+
+
+def at(news_when, act):
+    """A progress callback that acts once, as soon as a condition on the news holds."""
+    acted = []
+
+    def on_progress(news):
+        if news_when(news) and not acted:
+            acted.append(act())
+
+    return on_progress
+
+
+def test_a_power_cut_is_noticed_while_the_controller_lives(tmp_path):
+    path, bench = new_run(tmp_path), PressureBench()
+
+    def cut():
+        bench.power_cut()
+        bench.cold_box.on = bench.hot_box.on = True  # these take up where they were, and cannot tell
+
+    outcome, state, message = run_session(path, bench, on_progress=at(lambda n: n.done == 7, cut))
+    assert outcome is Outcome.COMPLETE, message
+    assert "had no power meanwhile" in state.lost[2]
+    assert [r.run_index for r in accepted(path) if r.whole_plot == 3] == [5, 6, 7, 8, 9]
+
+
+@pytest.mark.parametrize(
+    ("disturb", "words"),
+    [
+        (lambda bench: setattr(bench.hot_box, "on", False), "hot_box is not controlling any more"),
+        (lambda bench: bench.hot_box.command(30.0), "hot_box is set to 30 degC, not to"),
+    ],
+)
+def test_a_chamber_that_somebody_changes_during_a_soak_is_noticed_at_once(tmp_path, disturb, words):
+    path, bench = new_run(tmp_path), PressureBench()
+    soaking = at(lambda n: n.state == "preparing" and n.done == EACH and "hot_box" in n.detail, lambda: disturb(bench))
+    outcome, state, message = run_session(path, bench, on_progress=soaking)
+    assert outcome is Outcome.FAULT
+    assert words in message
+    assert state.elapsed_s < 4000
+
+
+def test_an_instrument_that_fails_in_a_soak_has_its_retries(tmp_path):
+    path, bench = new_run(tmp_path), PressureBench()
+    read, failing = bench.hot_box.read, [2]
+
+    def sometimes():
+        if failing[0] and bench.hot_box.sent and bench.hot_box.value() > 5.0:
+            failing[0] -= 1
+            raise NoReply("hot_box did not answer")
+        return read()
+
+    bench.hot_box.read = sometimes
+    outcome, _, message = run_session(path, bench)
+    assert outcome is Outcome.COMPLETE, message
+    retries = [r for r in records(path, "fault") if r.status == "retry"]
+    assert retries
+    assert all("did not answer" in r.data["message"] for r in retries)
+
+
+def test_temperatures_that_stand_are_left_before_a_whole_plot_is_measured_again(tmp_path):
+    path, bench = new_run(tmp_path), PressureBench()
+    killed_at(8, path, bench)
+    sent = len(bench.cold_box.sent)
+    outcome, state, _ = run_session(path, bench, gap_s=1200.0)
+    assert outcome is Outcome.COMPLETE
+    assert list(state.lost) == [2]
+    away, back = bench.cold_box.sent[sent : sent + 2]
+    assert away == back + PROCEDURE.soak.renew_degC
+    assert [r.data["planned"] for r in events(path, "temperatures-left")] == [1, 2, 2, 3]
+
+
+def test_leaving_that_was_cut_short_is_done_again(tmp_path):
+    path, bench = new_run(tmp_path), PressureBench()
+    killed_at(8, path, bench)
+
+    class _Kill(Killed):
+        pass
+
+    def on_progress(news):
+        if "leaving temperatures" in news.message:
+            raise _Kill
+
+    for instrument in (bench.cold_box, bench.hot_box, bench.supply):
+        instrument.make_safe = lambda: None
+    with pytest.raises(_Kill):
+        run_session(path, bench, gap_s=1200.0, on_progress=on_progress)
+    for instrument in (bench.cold_box, bench.hot_box):
+        instrument.command(instrument.setpoint - PROCEDURE.soak.renew_degC)
+    outcome, _, _ = run_session(path, bench)
+    assert outcome is Outcome.COMPLETE
+    assert len(events(path, "renewing")) == 2
+
+
+def test_a_loss_that_was_found_and_not_finished_still_is_a_loss(tmp_path):
+    """The rejected reading and the loss are one commit: no kill comes between them."""
+    path, bench = new_run(tmp_path), PressureBench()
+
+    def on_progress(news):
+        bench.cold_box.offset = 1.0 if news.done == 8 and not events(path, "whole-plot-lost") else 0.0
+
+    run_session(path, bench, on_progress=on_progress)
+    everything = records(path)
+    rejected = next(i for i, r in enumerate(everything) if r.status == "rejected")
+    assert everything[rejected + 1].status == "whole-plot-lost"
+    assert everything[rejected + 1].elapsed_s == everything[rejected].elapsed_s

@@ -7,7 +7,7 @@ infer_pressure(fit.calibration(), bridge_mV, T_sensor, T_SSE, Zero(v_0, T_sensor
 
 from fitter.pressure.calibration import PressureCalibration, PressureFit, fit_pressure, fit_transducers
 from fitter.pressure.errors import Errors
-from fitter.pressure.in_flight import Inferred, Zero, infer_pressure
+from fitter.pressure.in_flight import STOOD_DEGC, Inferred, Zero, infer_pressure
 from fitter.pressure.methods import METHODS, MethodFit
 from fitter.pressure.models import HIERARCHICAL, MODELS, named_formula, variance_inflation
 from fitter.pressure.reading_error import PAPER_SENSITIVITY_MV_PER_PSI, ReadingError
@@ -17,6 +17,7 @@ __all__ = [
     "METHODS",
     "MODELS",
     "PAPER_SENSITIVITY_MV_PER_PSI",
+    "STOOD_DEGC",
     "Errors",
     "Inferred",
     "MethodFit",

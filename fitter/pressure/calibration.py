@@ -85,6 +85,12 @@ class PressureCalibration:
             )
         except (KeyError, TypeError) as problem:
             raise ValueError(f"a calibration of pressure lacks or garbles {problem}") from problem
+        missing = IN_FLIGHT - set(calibration.ranges)
+        if missing:
+            raise ValueError(f"a calibration of pressure lacks the range of {', '.join(sorted(missing))}")
+        numbers = (calibration.coefficients, calibration.covariance, calibration.derivatives)
+        if not all(np.all(np.isfinite(n)) for n in numbers):
+            raise ValueError("a calibration of pressure holds a number that is none")
         k = len(calibration.formula.terms)
         shapes = calibration.coefficients.shape, calibration.covariance.shape, calibration.derivatives.shape[1:]
         if shapes != ((k,), (k, k), (k, k)):

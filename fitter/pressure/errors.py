@@ -12,7 +12,7 @@ itself assumed, and its degrees of freedom follow from the covariance of the par
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -75,8 +75,15 @@ class Errors:
     @staticmethod
     def from_dict(given: Mapping[str, Any]) -> Errors:
         """Read back what `to_dict` gave."""
-        plain = {f.name: given[f.name] for f in fields(Errors) if f.name != "spread"}
-        return Errors(**plain, spread=np.array(given["spread"], np.float64))
+        replicate = given["replicate_variance"]
+        return Errors(
+            subplot_variance=float(given["subplot_variance"]),
+            growth_per_psia=float(given["growth_per_psia"]),
+            wholeplot_variance=float(given["wholeplot_variance"]),
+            replicate_variance=None if replicate is None else float(replicate),
+            spread=np.array(given["spread"], np.float64),
+            p_growth=float(given["p_growth"]),
+        )
 
     def of_reading(self, pressure_psia: FloatArray, *, new_whole_plot: bool) -> tuple[FloatArray, FloatArray]:
         """Variance (n,) of the error of one new reading, mV^2, and its gradient (n, p) by the parameters."""

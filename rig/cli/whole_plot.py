@@ -35,6 +35,7 @@ def show_whole_plot_summary(result: Mapping[str, Any]) -> None:
 
 def show_whole_plot_fit(result: Mapping[str, Any]) -> None:
     """A summary, then methods side by side and the coefficients of GLS, a transducer after the other."""
+    _show_dead(result)
     if len(result["sensors"]) > 1:
         show_whole_plot_summary(result)
     for name, sensor in result["sensors"].items():
@@ -53,6 +54,11 @@ def show_whole_plot_fit(result: Mapping[str, Any]) -> None:
         out.print(f"  valid for {', '.join(spans)} (psia, degC)", soft_wrap=True)
         for note in sensor["notes"]:
             out.print(f"  [yellow]{escape(note)}[/]", soft_wrap=True)
+
+
+def _show_dead(result: Mapping[str, Any]) -> None:
+    for name, why in result["left_out"].items():
+        out.print(f"[red]{escape(name)} is left out:[/] it {why}", soft_wrap=True)
 
 
 def _methods(methods: Mapping[str, Any], key: str) -> Table:
@@ -92,6 +98,7 @@ def show_whole_plot_trace(traced: WholePlotTraced) -> None:
     """A short table a transducer: error before and after, and the effects found."""
     result = traced.to_json()
     headline(result["data"]["file"], traced.table)
+    _show_dead(result)
     for name, sensor in result["sensors"].items():
         out.print(f"\n[bold]{name}[/] (declared {escape(sensor['declared'])}): [bold]{sensor['verdict']}[/]")
         out.print(_before_after(sensor))

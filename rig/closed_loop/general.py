@@ -43,6 +43,8 @@ def fit_general(
     data = {"file": path.name, "points": len(y), "kind": "general"}
     try:
         names, columns = model.columns({**table.columns, **table.text})
+        if not names:
+            raise ValueError(f"the formula {formula!r} has no terms: there is nothing to fit")
         if not whole_plot:
             fit = least_squares(columns, y, names)
             rows = zip(fit.coefficients, fit.stderr, [float(fit.df)] * len(names), strict=True)

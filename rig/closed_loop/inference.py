@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from fitter.pressure import PressureCalibration, Zero, infer_pressure
+from fitter.pressure import STOOD_DEGC, PressureCalibration, Zero, infer_pressure
 from rig.errors import UsageError
 from rig.report.words import incomplete
 from rig.tables import Table, read_any_csv
@@ -87,7 +87,13 @@ def infer(file: Calibrations, data: Path, zero: Path | None) -> Inference:
 
     """
     calibrations = file.sensors
+    for path in (p for p in (data, zero) if p is not None):
+        if not path.is_file():
+            raise UsageError(f"there is no file {path}")
     table = read_any_csv(data, _TEMPERATURES)
+    text = [name for name in calibrations if name in table.text]
+    if text:
+        raise UsageError(f"{data}, column {text[0]}: not all of its values are numbers")
     outputs = [name for name in calibrations if name in table.columns]
     if not outputs:
         known = ", ".join(calibrations)
@@ -131,6 +137,8 @@ def infer(file: Calibrations, data: Path, zero: Path | None) -> Inference:
 def _zero(output: str, table: Table, path: Path | None) -> Zero | None:
     """The mean of the readings in vacuum; None where there are none. One stay in vacuum is one zero."""
     if path is None:
+        if VACUUM in table.text or (VACUUM in table.columns and not np.isin(table.columns[VACUUM], (0, 1)).all()):
+            raise UsageError(f"{table.source}, column {VACUUM}: it is 1 for rows read in vacuum and 0 for the others")
         if VACUUM not in table.columns:
             return None
         rows = table.columns[VACUUM] == 1
@@ -141,5 +149,12 @@ def _zero(output: str, table: Table, path: Path | None) -> Zero | None:
     for name in (output, *_TEMPERATURES):
         if name not in table.columns:
             raise UsageError(f"{table.source}, column {name}: not all of its values are numbers")
+    for name in _TEMPERATURES:
+        spread = float(np.ptp(table.columns[name][rows]))
+        if spread > STOOD_DEGC:
+            raise UsageError(
+                f"{table.source}: {name} varies by {spread:.3g} degC over the readings in vacuum; a zero is of one "
+                f"stay at one temperature: give one at a time"
+            )
     reading, sensor, sse = (float(table.columns[name][rows].mean()) for name in (output, *_TEMPERATURES))
     return Zero(reading, sensor, sse)

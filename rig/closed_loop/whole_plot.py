@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
+
+import numpy as np
 
 from fitter.pressure import PressureFit, fit_transducers
 from fitter.trace import TransducerTrace, WholePlotTrace, trace_whole_plots
@@ -25,6 +27,7 @@ class WholePlotFitted:
         data: the same as arrays.
         fits: by transducer.
         method: by which each calibration is kept.
+        dead: why other transducers were left out, by output.
 
     """
 
@@ -32,6 +35,7 @@ class WholePlotFitted:
     data: WholePlotData
     fits: Mapping[str, PressureFit]
     method: str
+    dead: Mapping[str, str]
 
     def to_json(self) -> dict[str, Any]:
         """What `rig fit --json` prints; with one transducer its keys stand at the top level too.
@@ -50,7 +54,7 @@ class WholePlotFitted:
         table = self.table
         data = {"points": len(table), "kind": "whole-plot", "simulated": table.simulated, **table.provenance}
         alone = next(iter(sensors.values())) if len(sensors) == 1 else {}
-        return {**alone, "data": data, "sensors": sensors}
+        return {**alone, "data": data, "sensors": sensors, "left_out": dict(self.dead)}
 
 
 def fit_whole_plots(
@@ -76,12 +80,22 @@ def fit_whole_plots(
         UsageError: the table lacks something, or its rows do not determine the model or its errors.
 
     """
-    data = whole_plot_data(table)
+    data, dead = _alive(table)
     try:
         fits = fit_transducers(data, model, extra=tuple(add), power=power, exclude_zero=exclude_zero)
-        return WholePlotFitted(table, data, fits, method)
+        return WholePlotFitted(table, data, fits, method, dead)
     except (ValueError, KeyError) as error:
         raise UsageError(f"{table.source}: {error.args[0] if error.args else error}") from error
+
+
+def _alive(table: Table) -> tuple[WholePlotData, dict[str, str]]:
+    """The data of the transducers that say anything, and what is wrong with the others."""
+    data = whole_plot_data(table)
+    dead = {n: f"reads {v[0]:g} mV throughout" for n, v in data.outputs.items() if float(np.ptp(v)) == 0.0}
+    outputs = {name: values for name, values in data.outputs.items() if name not in dead}
+    if not outputs:
+        raise UsageError(f"{table.source}: {'; '.join(f'{n} {why}' for n, why in dead.items())}: nothing to calibrate")
+    return (replace(data, outputs=outputs) if dead else data), dead
 
 
 _UNITS = {"P": "psi", "T_sensor": "degC", "T_SSE": "degC"}
@@ -139,12 +153,14 @@ class WholePlotTraced:
         table: where the data come from.
         data: the same as arrays.
         trace: what was found, by transducer.
+        dead: why other transducers were left out, by output.
 
     """
 
     table: Table
     data: WholePlotData
     trace: WholePlotTrace
+    dead: Mapping[str, str]
 
     def to_json(self) -> dict[str, Any]:
         """What `rig trace --json` prints."""
@@ -152,14 +168,14 @@ class WholePlotTraced:
         result["data"] |= {"simulated": self.table.simulated, **self.table.provenance, "file": self.table.source}
         for name, found in self.trace.sensors.items():
             result["sensors"][name]["sentence"] = whole_plot_sentence(name, found)
-        return result
+        return {**result, "left_out": dict(self.dead)}
 
 
 def trace_whole_plot_table(table: Table, model: str = "full") -> WholePlotTraced:
     """Trace what the declared model lacks in a whole-plot table. Raises `UsageError`."""
-    data = whole_plot_data(table)
+    data, dead = _alive(table)
     try:
-        return WholePlotTraced(table, data, trace_whole_plots(data, model))
+        return WholePlotTraced(table, data, trace_whole_plots(data, model), dead)
     except (ValueError, KeyError) as error:
         raise UsageError(f"{table.source}: {error.args[0] if error.args else error}") from error
 

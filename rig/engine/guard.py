@@ -17,6 +17,9 @@ from rig.errors import BenchFault, ConfigurationError
 _READBACK_MARGIN = 0.05
 """A readback may pass a limit by this much, degrees or psi, while an axis rests against it."""
 
+_CHAMBER_MARGIN_DEGC = 2.0
+"""The same of a chamber, which overshoots a setpoint at a limit before it settles there."""
+
 
 class Guard:
     """Refuses what the bench file forbids.
@@ -98,5 +101,8 @@ class Guard:
         if state.alarms:
             raise BenchFault(f"{name} reports an alarm: {', '.join(state.alarms)}; look at the chamber, then resume")
         low, high = self._limits.get(f"{name}_degC", (float("-inf"), float("inf")))
-        if not low <= state.temperature_degC <= high:
-            raise BenchFault(f"{name} is at {state.temperature_degC:.2f} degC, outside {low:g} to {high:g}")
+        if not low - _CHAMBER_MARGIN_DEGC <= state.temperature_degC <= high + _CHAMBER_MARGIN_DEGC:
+            raise BenchFault(
+                f"{name} is at {state.temperature_degC:.2f} degC, outside {low:g} to {high:g}; look at the chamber, "
+                f"then resume"
+            )

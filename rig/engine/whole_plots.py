@@ -29,6 +29,11 @@ _OPEN_POLLS = 3
 """A thermometer out of range for so many polls in a row is broken or not connected; one may be a disturbance."""
 
 
+def renewal(target_degC: float, away_degC: float) -> float:
+    """Setpoint at which a temperature that stands is left before it is set anew: towards ambient, degrees Celsius."""
+    return target_degC + (away_degC if target_degC < AMBIENT_DEGC else -away_degC)
+
+
 @dataclass(frozen=True)
 class Soaked:
     """One hard-to-change factor.
@@ -101,8 +106,7 @@ class WholePlots:
 
     def renewal(self, point: Point) -> dict[str, float]:
         """Chamber setpoints to visit first where temperatures stand already: without a change there is no new draw."""
-        away = self._soak.renew_degC
-        return {c: t + (away if t < AMBIENT_DEGC else -away) for c, t in self.targets(point).items()}
+        return {c: renewal(t, self._soak.renew_degC) for c, t in self.targets(point).items()}
 
     def check_chambers(self, point: Point, chambers: Mapping[str, Any]) -> str:
         """What somebody else has done to a chamber during a soak; "" if nothing."""

@@ -19,6 +19,10 @@ _STEMS = {
     "sse_temperature": "degC",
     "pressure": "psia",
 }
+_LARGEST = 2.0**53
+_LOWEST = {"pressure_psia": -0.1, "sensor_temperature_degC": -273.15, "sse_temperature_degC": -273.15}
+"""What no absolute reading goes below; a little for the noise of a gauge at zero."""
+
 _OPTIONAL = ("pitch_side", "roll_side", "block")
 _OPTIONAL_WHOLE_PLOT = ("replicate", "block")
 _SETTINGS = {
@@ -77,6 +81,13 @@ def whole_plot_data(table: Table) -> WholePlotData:
         volts = [name for name in table.columns if name.endswith("_V")]
         hint = f"; {volts[0]} is in volts: convert it and name it {volts[0][:-1]}mV" if volts else ""
         raise UsageError(f"{table.source}: there is no transducer output; name the columns NAME_mV{hint}")
+    for name, least in _LOWEST.items():
+        below = np.flatnonzero(table.columns[name] < least)
+        if below.size:
+            row, value = int(below[0]), table.columns[name][below[0]]
+            raise UsageError(
+                f"{table.source}, row {row + 2}, column {name}: {value:g} cannot be; mend or remove the row"
+            )
     whole_plot, order = (_integers(table, name) for name in ("whole_plot", "order"))
     _check_order(table, order)
     given: dict[str, Any] = {n: _integers(table, n) for n in _OPTIONAL_WHOLE_PLOT if n in table.columns}
@@ -108,6 +119,11 @@ def _check_order(table: Table, order: np.ndarray[Any, np.dtype[np.int64]]) -> No
 
 def _integers(table: Table, name: str) -> np.ndarray[Any, np.dtype[np.int64]]:
     values = table.columns[name]
+    if (np.abs(values) > _LARGEST).any():
+        row = int(np.flatnonzero(np.abs(values) > _LARGEST)[0])
+        raise UsageError(
+            f"{table.source}, row {row + 2}, column {name}: {values[row]:g} is too large to number anything"
+        )
     whole = values.astype(np.int64)
     if (whole != values).any():
         row = int(np.flatnonzero(whole != values)[0])

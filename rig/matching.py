@@ -1,0 +1,83 @@
+"""A procedure held against a bench, before anything is opened: what can be known now must not end a night."""
+
+from __future__ import annotations
+
+from drivers.roles import Chamber, PressureController
+from procedures import Procedure, RunList, WholePlotProcedure
+from rig.bench import playing
+from rig.config import BenchConfig
+from rig.engine.guard import Guard
+from rig.engine.whole_plots import renewal
+from rig.errors import ConfigurationError
+
+ATMOSPHERE_PSIA = 14.7
+
+
+def check_match(config: BenchConfig, procedure: Procedure, run_list: RunList, where: str) -> None:
+    """Refuse a procedure that this bench cannot carry out.
+
+    Args:
+        config: the bench file.
+        procedure: what is to be run.
+        run_list: every point of it.
+        where: the bench file's name, for messages.
+
+    Raises:
+        ConfigurationError: saying what does not fit, and what to do.
+
+    """
+    guard = Guard(config.limits, config.factors)
+    guard.check_run_list(run_list, {})
+    if isinstance(procedure, WholePlotProcedure):
+        _check_whole_plots(config, procedure, run_list, guard, where)
+        return
+    _check_sensors(config, where, axis=True)
+    if procedure.environment is not None:
+        anywhere = (float("-inf"), float("inf"))
+        guard.check_environment(procedure.environment.setpoint_degC, dict.fromkeys(playing(config, Chamber), anywhere))
+
+
+def _check_sensors(config: BenchConfig, where: str, *, axis: bool) -> None:
+    unit = "V" if axis else "mV"
+    for name, sensor in config.sensors.items():
+        if (sensor.axis is not None) != axis:
+            needs = "needs its axis, x, y or z" if axis else "has an axis, which a pressure transducer has not"
+            raise ConfigurationError(f"{where}: sensors.{name} {needs}, for this kind of procedure")
+        if sensor.unit != unit:
+            raise ConfigurationError(
+                f'{where}: sensors.{name}: this kind of procedure records it in {unit}: unit = "{unit}"'
+            )
+
+
+def _check_whole_plots(
+    config: BenchConfig, procedure: WholePlotProcedure, run_list: RunList, guard: Guard, where: str
+) -> None:
+    _check_sensors(config, where, axis=False)
+    setting: dict[str, str] = {}
+    for factor in run_list.factors:
+        name = config.factors.get(factor.name)
+        if name is None:
+            raise ConfigurationError(
+                f'{where} does not say what sets {factor.name}: add it under [factors], {factor.name} = "INSTRUMENT"'
+            )
+        if name in setting:
+            raise ConfigurationError(f"{where}: factors: {name} cannot set both {setting[name]} and {factor.name}")
+        setting[name] = factor.name
+        role = Chamber if factor.hard else PressureController
+        if name not in playing(config, role):
+            raise ConfigurationError(f"{where}: {name} cannot set {factor.name}: it is no {role.__name__}")
+    low, high = guard.limits.get("pressure_psia", (0.0, ATMOSPHERE_PSIA + 1.0))
+    if not low <= ATMOSPHERE_PSIA <= high:
+        raise ConfigurationError(
+            f"{where}: limits.pressure_psia = {low:g} to {high:g} does not hold the atmosphere, about "
+            f"{ATMOSPHERE_PSIA:g} psia, where a vented line is; keep setpoints low by the controller's own high_psia"
+        )
+    for factor in run_list.hard:
+        low, high = guard.limits.get(factor.name, (float("-inf"), float("inf")))
+        for point in run_list.points:
+            away = renewal(run_list.setting(point)[factor.name], procedure.soak.renew_degC)
+            if not low <= away <= high:
+                raise ConfigurationError(
+                    f"{where}: {factor.name}: a temperature that stands is left for {away:g} degC first "
+                    f"(soak.renew_degC), outside {low:g} to {high:g}; widen the limits or leave it by less"
+                )
