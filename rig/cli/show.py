@@ -127,7 +127,8 @@ class _PlainProgress:
 
     def show(self, news: News) -> None:
         tenth = 10 * news.done // max(1, news.total)
-        if tenth != self._tenth or (news.message and news.message != self._message):
+        said = news.message and news.message != self._message
+        if said or (tenth != self._tenth and news.state != "preparing"):
             left = "" if news.remaining_s is None else f", {duration(news.remaining_s)} left"
             text = f"{self._mark}{news.state}: {news.done}/{news.total} points, {duration(news.elapsed_s)}{left}"
             print(f"{text} {news.message}".rstrip(), file=sys.stderr, flush=True)

@@ -69,7 +69,10 @@ class Soaking:
         self._journal.message = f"soaking for whole plot {point.whole_plot} of {self._run_list.whole_plots}"
 
         def watch(values: Mapping[str, float]) -> None:
-            shown = ", ".join(f"{chamber} {values[chamber]:.1f} of {target:g}" for chamber, target in targets.items())
+            shown = ", ".join(
+                f"{chamber.removesuffix('_chamber')} {values[chamber]:.1f} of {target:g}"
+                for chamber, target in targets.items()
+            )
             self._journal.detail = f"{shown} degC"
             self.rules.check_thermometers(values)
             disturbed = self.rules.check_chambers(point, self._do.chambers_seen)
