@@ -137,6 +137,9 @@ def _show_effect(effect: Mapping[str, Any]) -> None:
     rows = zip(effect["terms"], effect["coefficients"], effect["stderr"], units(effect), strict=True)
     for term, value, error, unit in rows:
         out.print(f"    {value:.4g} +- {error:.2g} {unit}  {escape(term)}", soft_wrap=True)
+    if effect["formulas"]:
+        options = " ".join(f"--add '{text}'" for text in effect["formulas"])
+        out.print(f"    to calibrate with it: rig fit ... {escape(options)}", soft_wrap=True)
     if effect["aliases"]:
         out.print(f"    these data cannot tell it from: {', '.join(effect['aliases'])}", soft_wrap=True)
         out.print(f"    would separate them: {effect['separate_by']}", soft_wrap=True)
