@@ -15,7 +15,7 @@ import pytest
 from drivers.clock import RealClock
 from drivers.errors import BadReply, InstrumentError, NoReply, Unreachable
 from drivers.wires.can import CanLine, CanNode, CanWires, read_eds
-from drivers.wires.can_transport import CanAddress
+from drivers.wires.can_transport import BusTransport, CanAddress
 from sims.wires.can_line import CanCable, OnFrame
 from sims.wires.slcan import SlcanAdapter
 from sims.world import World
@@ -296,3 +296,19 @@ def test_python_cans_serial_adapter_driver_understands_ours(slcan_bus: str) -> N
             0x581,
             b"\x43\x18\x10\x04" + SERIAL.to_bytes(4, "little"),
         )
+
+
+def test_frames_of_other_kinds_do_not_hide_ours():
+    """An extended frame in front must not look like a quiet bus: what is flushed would be taken for new later."""
+    theirs, ours = (can.Bus("crowded", "virtual") for _ in range(2))
+    transport = BusTransport.__new__(BusTransport)
+    transport._bus = ours
+    try:
+        theirs.send(can.Message(arbitration_id=0x1ABCDE, data=b"\x01", is_extended_id=True))
+        theirs.send(can.Message(arbitration_id=0x123, is_remote_frame=True, is_extended_id=False))
+        theirs.send(can.Message(arbitration_id=0x6A3, data=b"\x02", is_extended_id=False))
+        assert transport.recv(1.0) == (0x6A3, b"\x02")
+        assert transport.recv(0.0) is None
+    finally:
+        theirs.shutdown()
+        ours.shutdown()

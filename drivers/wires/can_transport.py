@@ -16,6 +16,7 @@ from drivers.errors import Unreachable
 logging.getLogger("can").addHandler(logging.NullHandler())  # it prints what we raise
 
 _ADAPTER_STARTS_S = 2.0  # serial adapters restart when their port is opened
+_MOST_SKIPPED = 1000  # frames of other kinds taken at once
 
 Frame = tuple[int, bytes]
 """Identifier (11 bits) and data of a CAN frame."""
@@ -97,9 +98,13 @@ class BusTransport:
     def recv(self, seconds: float) -> Frame | None:
         """See `CanTransport.recv`; extended, remote and error frames are not for us."""
         message = self._open().recv(seconds)
-        if message is None or message.is_extended_id or message.is_remote_frame or message.is_error_frame:
-            return None
-        return message.arbitration_id, bytes(message.data)
+        for _ in range(_MOST_SKIPPED):
+            if message is None:
+                return None
+            if not (message.is_extended_id or message.is_remote_frame or message.is_error_frame):
+                return message.arbitration_id, bytes(message.data)
+            message = self._open().recv(0.0)  # one of ours may have come behind it
+        return None
 
     def close(self) -> None:
         """See `CanTransport.close`."""
