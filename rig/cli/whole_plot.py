@@ -67,18 +67,25 @@ def _methods(methods: Mapping[str, Any], key: str) -> Table:
     table = Table("  psia", *(f"{p:.3g}" for p in pressures), padding=(0, 1, 0, 0), box=None)
     for method, fitted in methods.items():
         values = fitted["reading_error"][key]
-        shown = (f"{v:.2f}" if key == "bias_pct" and v is not None else number(v, 3) for v in values)
+        shown = (_percent(v) if key == "bias_pct" else number(v, 3) for v in values)
         table.add_row(f"  [yellow]{method}[/]" if fitted["biased"] else f"  {method}", *shown)
     return table
+
+
+def _percent(value: float | None) -> str:
+    """Few digits, all of a width: a bias is read across its row."""
+    return "-" if value is None else f"{value:.2f}" if abs(value) < 10 else f"{value:.0f}"
 
 
 def _kept(sensor: Mapping[str, Any]) -> Table:
     """The calibration that is kept."""
     method = sensor["calibration"]["method"]
     title = f"calibration kept, by {method}"
-    table = Table("term", "estimate", "standard error", "df", "unit", title=title, title_justify="left")
+    table = Table("term", "estimate", "standard error", "df", "VIF", "unit", title=title, title_justify="left")
     for term, value in sensor["methods"][method]["coefficients"].items():
-        numbers = (number(value["estimate"], 6), number(value["stderr"], 3), number(value["df"], 3))
+        inflation = sensor["variance_inflation"].get(term)
+        keys = (("estimate", 6), ("stderr", 3), ("df", 3))
+        numbers = (*(number(value[key], digits) for key, digits in keys), number(inflation, 3))
         table.add_row(escape(term), *numbers, value["unit"])
     return table
 

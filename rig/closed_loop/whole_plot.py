@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fitter.pressure import PressureFit, fit_transducers
+from fitter.pressure import PressureFit, fit_transducers, variance_inflation
 from fitter.trace import TransducerTrace, WholePlotTrace, trace_whole_plots
 from fitter.whole_plot_data import WholePlotData
 from rig.errors import UsageError
@@ -50,7 +50,11 @@ class WholePlotFitted:
                 calibration = fit.calibration(self.method).to_dict()
             except ValueError as error:
                 raise UsageError(f"{self.table.source}: {name}: {error}") from error
-            sensors[name] = with_units({**fit.to_dict(), "calibration": calibration})
+            try:
+                inflation = variance_inflation(fit.formula, self.data.table)
+            except ValueError:  # terms that coded variables cannot stand in, logarithms say, have none
+                inflation = {}
+            sensors[name] = with_units({**fit.to_dict(), "calibration": calibration, "variance_inflation": inflation})
         table = self.table
         data = {"points": len(table), "kind": "whole-plot", "simulated": table.simulated, **table.provenance}
         alone = next(iter(sensors.values())) if len(sensors) == 1 else {}

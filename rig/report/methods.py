@@ -72,6 +72,7 @@ def _transducer(name: str, result: dict[str, Any], fitted: WholePlotFitted) -> d
                 "estimate": _number(value["estimate"], 6),
                 "stderr": _number(value["stderr"]),
                 "df": _number(value["df"]),
+                "vif": _number(result["variance_inflation"].get(term)),
                 "unit": value["unit"],
             }
             for term, value in methods[fitted.method]["coefficients"].items()
