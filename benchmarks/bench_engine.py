@@ -21,6 +21,7 @@ import apsw
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 
 import ideal_bench
+from scratch import RUNS
 
 from procedures import PitchRollProcedure
 from rig.engine.chain import Record, encode
@@ -124,7 +125,7 @@ def syncs(folder: Path) -> dict[str, float]:
 
 
 def main() -> None:
-    with tempfile.TemporaryDirectory(dir=Path.cwd()) as name:
+    with tempfile.TemporaryDirectory(dir=RUNS) as name:
         folder = Path(name)
         ours(folder)
         mine = [ours(folder) for _ in range(ROUNDS)]

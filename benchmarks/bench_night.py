@@ -15,6 +15,8 @@ from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+from scratch import RUNS
+
 from rig.controller import load_plan, start_run
 from rig.engine.session import Signals
 from rig.examples import example
@@ -40,7 +42,7 @@ def night(lab: str, poll_s: float, *, counted: bool) -> tuple[float, int, int]:
 
         dry_run.DryBench.__init__ = tapped
     try:
-        with tempfile.TemporaryDirectory(dir=Path.cwd()) as folder:
+        with tempfile.TemporaryDirectory(dir=RUNS) as folder:
             files, night_toml, _ = NIGHTS[lab]
             here = example(files)
             procedure = Path(folder) / "night.toml"

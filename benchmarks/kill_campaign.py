@@ -13,6 +13,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 
 from kills import PROCEDURES, Tally, one_run
+from scratch import RUNS
 
 
 def main() -> int:
@@ -24,7 +25,7 @@ def main() -> int:
     total = Tally()
     seed = asked.seed
     while total.kills < asked.kills:
-        with tempfile.TemporaryDirectory(dir=Path.cwd()) as folder:
+        with tempfile.TemporaryDirectory(dir=RUNS) as folder:
             total.add(one_run(Path(folder), seed, kills=12, longest_s=1.4, lab=asked.lab))
         print(f"seed {seed}: {total}", flush=True)
         seed += 1
