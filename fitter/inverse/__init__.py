@@ -1,0 +1,23 @@
+"""Pitch and roll from sensor outputs, with standard deviations and 95 % intervals.
+
+Every package of sections 5 and 6 of NASA/TP-1999-209835: one axis with or without measured roll, two axes, three.
+
+    calibration = AttitudeCalibration.from_data(data)
+    found = infer_attitude(calibration, outputs_V)
+    found.pitch_deg, found.pitch_sd_deg, found.pitch_lo95_deg, found.pitch_hi95_deg, found.flag
+"""
+
+from fitter.inverse.calibration import AttitudeCalibration, SensorModel, Term
+from fitter.inverse.infer import InferredAttitude, infer_attitude
+from fitter.inverse.singular import singularity
+from fitter.inverse.three_axis import ThreeAxis
+
+__all__ = [
+    "AttitudeCalibration",
+    "InferredAttitude",
+    "SensorModel",
+    "Term",
+    "ThreeAxis",
+    "infer_attitude",
+    "singularity",
+]

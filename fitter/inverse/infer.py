@@ -1,0 +1,475 @@
+"""Pitch and roll of a package from its outputs, each with a standard deviation, a 95 % interval and what is wrong."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fitter.arrays import FloatArray
+from fitter.inverse import two_axis
+from fitter.inverse.calibration import AttitudeCalibration
+from fitter.inverse.known_roll import KnownRoll, polish, wrap
+from fitter.inverse.package import (
+    Noise,
+    Propagation,
+    angles,
+    directions,
+    gravity,
+    reason,
+    t_limits,
+    tangent,
+)
+from fitter.inverse.singular import FEWEST_SD, normal
+from fitter.inverse.three_axis import ThreeAxis
+from fitter.quantiles import f_limit
+
+CHUNK = 4096
+RANGE_ROOM_DEG = 0.1
+"""How far outside the calibrated range an angle may be: readbacks of the head are not exact, nor is the angle found."""
+
+BAD_READING = "not a finite number"
+NO_ATTITUDE = "no attitude gives these outputs"
+NOT_1_G = "the outputs do not make 1 g: the package accelerates, or a sensor has changed"
+ROLL_OPEN = "roll is undetermined: pitch is at +-90 deg"
+PITCH_OPEN = "pitch is undetermined: the outputs hardly change with it here"
+BOTH_OPEN = "pitch and roll are undetermined: the part of gravity that neither sensor sees is near zero"
+
+_LEVEL_ABSURD = 1.0 - 1e-6
+_TERMS_ITERATIONS, _TERMS_TOLERANCE = 12, 1e-12
+_HALF_TURN = 180.0
+
+
+@dataclass(frozen=True, eq=False)
+class InferredAttitude:
+    """Attitudes, one for each reading.
+
+    Where an angle is undetermined it is NaN, its standard deviation infinite, its interval as wide as what is known,
+    and `flag` says why. Intervals may be longer than the range an angle has; roll's may go through +-180 deg.
+
+    Attributes:
+        pitch_deg: (n,).
+        pitch_sd_deg: (n,) standard deviation: calibration, new reading and measured roll together.
+        pitch_lo95_deg: (n,) 95 % interval.
+        pitch_hi95_deg: (n,).
+        roll_deg: (n,), as given where roll was measured.
+        roll_sd_deg: (n,).
+        roll_lo95_deg: (n,).
+        roll_hi95_deg: (n,).
+        df: (n,) degrees of freedom of `pitch_sd_deg` (Satterthwaite).
+        assumed: (n,) the outputs fit another attitude as well, and the one given is that on the side of `near_deg`.
+        flag: (n,) empty where all is well.
+
+    """
+
+    pitch_deg: FloatArray
+    pitch_sd_deg: FloatArray
+    pitch_lo95_deg: FloatArray
+    pitch_hi95_deg: FloatArray
+    roll_deg: FloatArray
+    roll_sd_deg: FloatArray
+    roll_lo95_deg: FloatArray
+    roll_hi95_deg: FloatArray
+    df: FloatArray
+    assumed: NDArray[np.bool_]
+    flag: NDArray[Any]
+
+
+@dataclass(frozen=True, eq=False)
+class _Question:
+    """Readings of one chunk: (S, n) outputs less offsets, (n,) or None the rest; angles in rad."""
+
+    calibration: AttitudeCalibration
+    noise: Noise
+    weights: FloatArray
+    y: FloatArray
+    warmth: FloatArray
+    near_pitch: FloatArray
+    near_roll: FloatArray
+    roll: FloatArray | None
+    roll_variance: FloatArray
+
+
+def infer_attitude(
+    calibration: AttitudeCalibration,
+    outputs_V: ArrayLike,
+    *,
+    roll_deg: ArrayLike | None = None,
+    roll_sd_deg: ArrayLike = 0.0,
+    near_deg: tuple[ArrayLike, ArrayLike] | None = None,
+    sensor_temperature_degC: ArrayLike | None = None,
+    noise_sd_V: ArrayLike | None = None,
+    weighted: bool = True,
+) -> InferredAttitude:
+    """Attitude of (n, S) outputs, columns in the order of `calibration.sensors`.
+
+    Without `roll_deg` two sensors or more tell pitch and roll (eqs. 83 to 95, 99 to 108); a calibration without roll
+    takes roll as zero (76 to 78). With it any number of sensors tells pitch (79 to 82, 96 to 98).
+
+    (a, R) and (180 deg - a, R + 180 deg) are one attitude: which of the two is given, and which solution where the
+    package has several (`InferredAttitude.assumed`), is that on the side of `near_deg`.
+
+    Args:
+        calibration: of the package.
+        outputs_V: (n, S), or (n,) of a single sensor.
+        roll_deg: (n,) or one for all, measured independently; None to infer it.
+        roll_sd_deg: (n,) or one for all, standard deviation of the measured roll, in deg.
+        near_deg: (pitch, roll), (n,) or one for all: an attitude on the side where the package is. None: level, and
+            for an x-z package rolled to +90 deg. The default of an x-y package is upright.
+        sensor_temperature_degC: (n,) or one for all; needed where the calibration has temperature terms.
+        noise_sd_V: (S,) or one for all, known standard deviation of a new reading (of a mean of m, sigma_V divided
+            by the root of m); None for that of the calibration.
+        weighted: weigh three sensors and more by their noise when they tell pitch and roll. False: alike, as eqs. (103)
+            to (108) are written.
+
+    Raises:
+        ValueError: the arrays do not fit the calibration, or the sensors cannot tell what is asked.
+
+    """
+    outputs = np.asarray(outputs_V, np.float64)
+    outputs = outputs[:, None] if outputs.ndim == 1 and len(calibration.sensors) == 1 else outputs
+    if outputs.ndim != 2 or outputs.shape[1] != len(calibration.sensors):
+        names = ", ".join(calibration.names)
+        raise ValueError(f"outputs are expected as (n, {len(calibration.sensors)}), {names}; found {outputs.shape}")
+    n = len(outputs)
+    if roll_deg is not None and not calibration.roll:
+        raise ValueError("the package was calibrated without roll: what roll does to its outputs is not known")
+    given = _each("roll_deg", 0.0 if roll_deg is None else roll_deg, n)
+    roll = np.radians(given) if roll_deg is not None or not calibration.roll else None
+    if roll is None and len(calibration.sensors) == 1:
+        raise ValueError("one sensor does not tell roll: measured roll is needed")
+    spread = np.radians(_each("roll_sd_deg", roll_sd_deg, n))
+    if not np.all((spread >= 0) & np.isfinite(spread)):
+        raise ValueError("roll_sd_deg: a standard deviation is a number that is not negative")
+    near_pitch, near_roll = _near(calibration.matrix, near_deg, n, free=roll is None)
+    degC = None if sensor_temperature_degC is None else _each("sensor_temperature_degC", sensor_temperature_degC, n)
+    if degC is None and calibration.needs_temperature:
+        raise ValueError("the calibration has temperature terms: the sensors' temperature is needed")
+    warmth = np.zeros(n) if degC is None or calibration.reference_degC is None else degC - calibration.reference_degC
+    noise = _noise(calibration, noise_sd_V)
+    weights = 1.0 / noise.variance if weighted else np.full(len(noise.variance), 1.0 / noise.variance.max())
+    out = _empty(n)
+    y = outputs.T - calibration.offsets_V[:, None]
+    three = None
+    if roll is None and len(calibration.sensors) > 2:
+        three = ThreeAxis.of(np.zeros(len(calibration.sensors)), calibration.matrix, weights**-0.5)
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        for i in range(0, n, CHUNK):
+            p = slice(i, i + CHUNK)
+            question = _Question(
+                calibration,
+                noise,
+                weights,
+                y[:, p],
+                warmth[p],
+                near_pitch[p],
+                near_roll[p],
+                None if roll is None else roll[p],
+                spread[p] ** 2,
+            )
+            part = InferredAttitude(**{f.name: getattr(out, f.name)[p] for f in fields(InferredAttitude)})
+            if question.roll is not None:
+                _known_roll(question, part)
+                part.roll_deg[:] = given[p]
+            elif three is None:
+                _two_axes(question, part)
+            else:
+                _three_axes(question, three, part)
+            _range_flags(calibration, part, None if degC is None else degC[p])
+            _bad_readings(question, part)
+    return out
+
+
+def _three_axes(q: _Question, three: ThreeAxis, out: InferredAttitude) -> None:
+    matrix = q.calibration.matrix
+    extra = np.zeros_like(q.y)
+    for _ in range(_TERMS_ITERATIONS):
+        y = q.y - extra
+        g = three.gravity(y.T, steps=3)
+        again = _beyond(q, g)
+        if again is None or _settled(again, extra):
+            break
+        extra = again
+    left = y - matrix @ g
+    squares = np.einsum("sn,sn,s->n", left, left, q.weights)
+    _tangent_errors(q, g, out)
+    reason(out.flag, squares > _absurd(q), NOT_1_G)
+
+
+def _two_axes(q: _Question, out: InferredAttitude) -> None:
+    matrix = q.calibration.matrix
+    near = gravity(q.near_pitch, q.near_roll)
+    extra = np.zeros_like(q.y)
+    for _ in range(_TERMS_ITERATIONS):
+        g, t, length = two_axis.solve(matrix, q.y - extra, near)
+        again = _beyond(q, g)
+        if again is None or _settled(again, extra):
+            break
+        extra = again
+    out.assumed[:] = True
+    error = _tangent_errors(q, g, out)
+    folded = ~(np.abs(t) > FEWEST_SD * error)
+    if folded.any():
+        _open_fold(q, g, t, length, np.flatnonzero(folded), out)
+
+
+def _tangent_errors(q: _Question, g: FloatArray, out: InferredAttitude) -> FloatArray:
+    """Angles and their errors of (3, n) gravity in `out`; gives (n,) sd over both directions, rad."""
+    up, along, c = directions(g)
+    by_up, by_along = tangent(q.calibration.matrix, q.weights, up, along)
+    errors = Propagation.at(q.calibration, q.noise, g, q.warmth)
+    of_pitch, of_roll = errors.spread(by_up), errors.spread(by_along)
+    pitch, roll = angles(g)
+    out.df[:] = of_pitch.df
+    _put(out, "pitch", pitch, np.sqrt(of_pitch.variance), t_limits(of_pitch.df))
+    _put(out, "roll", roll, np.sqrt(of_roll.variance) / c, t_limits(of_roll.df))
+    pole = ~(c > FEWEST_SD * np.sqrt(of_roll.variance))
+    if pole.any():
+        # at the pole itself pitch falls short of 90 deg by a distance in two directions: F(2, df), not t
+        df = np.minimum(of_pitch.df, 1e9)[pole]
+        sd = np.sqrt(np.maximum(of_pitch.variance, of_roll.variance))[pole]
+        half = np.degrees(np.sqrt(df * np.expm1(-2.0 / df * np.log(0.05))) * sd)
+        out.pitch_lo95_deg[pole] = np.maximum(out.pitch_deg[pole] - half, -90.0)
+        out.pitch_hi95_deg[pole] = np.minimum(out.pitch_deg[pole] + half, 90.0)
+        _open(out, "roll", pole, -_HALF_TURN, _HALF_TURN)
+        reason(out.flag, pole, ROLL_OPEN)
+    over = np.cos(q.near_pitch) < 0
+    if over.any():
+        _turn_over(out, over)
+    return np.asarray(np.sqrt(of_pitch.variance + of_roll.variance))
+
+
+def _open_fold(
+    q: _Question,
+    g: FloatArray,
+    t: FloatArray,
+    length: FloatArray,
+    rows: NDArray[np.int64],
+    out: InferredAttitude,
+) -> None:
+    """Where the two solutions of two axes meet: all attitudes between them, and their errors, are possible."""
+    matrix = q.calibration.matrix
+    g, t, length, warmth = g[:, rows], t[rows], length[rows], q.warmth[rows]
+    n = normal(matrix)
+    flat = g - n[:, None] * t
+    flat = flat / np.maximum(np.linalg.norm(flat, axis=0), np.finfo(float).tiny)
+    errors = Propagation.at(q.calibration, q.noise, flat, warmth)
+    radial = errors.spread(two_axis.radial_gains(matrix, g))
+    sideways = errors.spread(np.asarray(np.linalg.pinv(matrix).T @ np.cross(n, flat.T).T, np.float64))
+    k = t_limits(radial.df)
+    reach = np.sqrt(np.maximum(1.0 - length**2 + 2.0 * k * np.sqrt(radial.variance), 0.0))
+    over = np.cos(q.near_pitch[rows]) < 0
+    pitch_low, pitch_high, roll_low, roll_high = two_axis.arc(matrix, g, t, reach, over)
+    half = k * np.sqrt(sideways.variance)
+    cosine = np.minimum(np.abs(np.cos(pitch_low)), np.abs(np.cos(pitch_high)))
+    no_roll = ~(cosine > FEWEST_SD * half)
+    roll_low, roll_high = roll_low - half / cosine, roll_high + half / cosine
+    no_roll |= roll_high - roll_low >= 2 * np.pi
+    turn = np.where(over, np.pi, 0.0)
+    mask = np.zeros(len(out.flag), bool)
+    mask[rows] = True
+    _open(out, "pitch", mask, np.degrees(pitch_low - half), np.degrees(pitch_high + half))
+    _open(
+        out,
+        "roll",
+        mask,
+        np.where(no_roll, -_HALF_TURN, np.degrees(roll_low + turn)),
+        np.where(no_roll, _HALF_TURN, np.degrees(roll_high + turn)),
+    )
+    out.flag[rows] = BOTH_OPEN
+    absurd = np.sqrt(_f_absurd(1, q)) * np.sqrt(radial.variance)
+    nowhere = np.zeros(len(out.flag), bool)
+    nowhere[rows] = ~(length - 1.0 <= absurd)
+    _nowhere(out, nowhere)
+
+
+def _known_roll(q: _Question, out: InferredAttitude) -> None:
+    assert q.roll is not None
+    roll, matrix = q.roll, q.calibration.matrix
+    problem = KnownRoll.of(matrix, roll, q.roll_variance, q.noise.variance)
+    measured, extra = problem, np.zeros_like(q.y)
+    for _ in range(_TERMS_ITERATIONS):
+        problem, y = measured, q.y - extra
+        pitch, out.assumed[:] = problem.solve(y, q.near_pitch)
+        pitch, problem, y = polish(matrix, problem, y, roll, pitch)
+        g = gravity(pitch, roll)
+        again = _beyond(q, g)
+        if again is None or _settled(again, extra):
+            break
+        extra = again
+    gains, information = problem.gains(pitch)
+    of_roll = np.einsum("sn,sn->n", gains, problem.roll_slope(pitch)) ** 2 * q.roll_variance
+    errors = Propagation.at(q.calibration, q.noise, g, q.warmth)
+    spread = errors.spread(gains, of_roll)
+    sd = np.sqrt(spread.variance)
+    out.df[:] = spread.df
+    limit = t_limits(spread.df)
+    _put(out, "pitch", pitch, sd, limit)
+    given = np.sqrt(q.roll_variance)
+    _put(out, "roll", roll, given, np.full(len(roll), 1.959963984540054))
+    bend = problem.C * np.sin(pitch) + problem.D * np.cos(pitch)
+    curvature = np.sqrt(np.einsum("sn,sn->n", bend, problem.whiten(bend, pitch)) / information)
+    flat = ~(FEWEST_SD * sd * curvature < 1.0)
+    least = problem.cost(y, pitch)
+    absurd = _absurd(q)
+    if flat.any():
+        rows = np.flatnonzero(flat)
+        lower, higher = _reach(problem.take(rows), y[:, rows], pitch[rows], limit[rows], _worse(q))
+        _open(out, "pitch", flat, np.degrees(pitch[rows] - lower), np.degrees(pitch[rows] + higher))
+        reason(out.flag, flat, PITCH_OPEN)
+    if len(q.y) == 1:
+        _nowhere(out, flat & (least > absurd))
+    else:
+        reason(out.flag, least > absurd, NOT_1_G)
+
+
+def _reach(
+    problem: KnownRoll, y: FloatArray, pitch: FloatArray, limit: FloatArray, worse: float
+) -> tuple[FloatArray, FloatArray]:
+    limit = np.where(np.isfinite(limit), limit, 1.959963984540054)
+    # one sensor: what counts is how well an attitude fits, not how much worse than the best it does
+    room = problem.cost(y, pitch) if len(y) == 1 else 0.0
+    return problem.reach(y, pitch, np.maximum(limit**2 * worse - room, 0.0))
+
+
+def _put(out: InferredAttitude, angle: str, value: FloatArray, sd: FloatArray, limit: FloatArray) -> None:
+    """Value, sd and interval of one angle, given in rad."""
+    value_deg, sd_deg = np.degrees(value), np.degrees(sd)
+    half = limit * sd_deg
+    getattr(out, f"{angle}_deg")[:] = value_deg
+    getattr(out, f"{angle}_sd_deg")[:] = sd_deg
+    getattr(out, f"{angle}_lo95_deg")[:] = value_deg - half
+    getattr(out, f"{angle}_hi95_deg")[:] = value_deg + half
+
+
+def _open(
+    out: InferredAttitude, angle: str, rows: NDArray[np.bool_], low: FloatArray | float, high: FloatArray | float
+) -> None:
+    """One angle of some rows is undetermined between `low` and `high` deg."""
+    getattr(out, f"{angle}_deg")[rows] = np.nan
+    getattr(out, f"{angle}_sd_deg")[rows] = np.inf
+    getattr(out, f"{angle}_lo95_deg")[rows] = low
+    getattr(out, f"{angle}_hi95_deg")[rows] = high
+
+
+def _nowhere(out: InferredAttitude, rows: NDArray[np.bool_], text: str = NO_ATTITUDE) -> None:
+    if rows.any():
+        _open(out, "pitch", rows, -np.inf, np.inf)
+        _open(out, "roll", rows, -np.inf, np.inf)
+        out.flag[rows] = text
+
+
+def _turn_over(out: InferredAttitude, over: NDArray[np.bool_]) -> None:
+    """The same attitudes with pitch beyond +-90 deg."""
+    half_turn = np.where(out.pitch_deg[over] >= 0, _HALF_TURN, -_HALF_TURN)
+    low, high = half_turn - out.pitch_hi95_deg[over], half_turn - out.pitch_lo95_deg[over]
+    out.pitch_deg[over] = half_turn - out.pitch_deg[over]
+    out.pitch_lo95_deg[over], out.pitch_hi95_deg[over] = low, high
+    shift = np.where(out.roll_deg[over] > 0, -_HALF_TURN, _HALF_TURN)
+    known = np.isfinite(out.roll_deg[over])
+    for name in ("roll_deg", "roll_lo95_deg", "roll_hi95_deg"):
+        getattr(out, name)[over] += np.where(known, shift, 0.0)
+
+
+def _bad_readings(q: _Question, out: InferredAttitude) -> None:
+    good = np.isfinite(q.y).all(axis=0) & np.isfinite(q.warmth)
+    if q.roll is not None:
+        good &= np.isfinite(q.roll)
+    _nowhere(out, ~good, BAD_READING)
+
+
+def _range_flags(calibration: AttitudeCalibration, out: InferredAttitude, degC: FloatArray | None) -> None:
+    (low, high), (left, right) = calibration.pitch_range_deg, calibration.roll_range_deg
+    all_rolls = not calibration.roll or right - left >= 2 * _HALF_TURN - 2 * RANGE_ROOM_DEG
+    if not (all_rolls and low <= -90.0 and high >= 90.0 and calibration.roll):
+        inside = np.zeros(len(out.flag), bool)
+        ways = ((0.0, 1.0),) if not calibration.roll else ((0.0, 1.0), (_HALF_TURN, -1.0))
+        for turn, sign in ways:
+            pitch = _degrees(turn + sign * out.pitch_deg)
+            pitched = (pitch >= low - RANGE_ROOM_DEG) & (pitch <= high + RANGE_ROOM_DEG)
+            rolled = np.mod(out.roll_deg + turn - left + RANGE_ROOM_DEG, 360.0) <= right - left + 2 * RANGE_ROOM_DEG
+            inside |= pitched & (all_rolls | rolled | np.isnan(out.roll_deg))
+        text = f"outside the calibrated {low:g} to {high:g} deg of pitch"
+        text += f" and {left:g} to {right:g} deg of roll" if not all_rolls else ""
+        reason(out.flag, ~inside & np.isfinite(out.pitch_deg), text)
+    if degC is not None and calibration.degC_range is not None:
+        cold, warm = calibration.degC_range
+        room = max(0.02 * (warm - cold), 0.1)
+        text = f"sensor temperature is outside the calibrated {cold:g} to {warm:g} degC"
+        reason(out.flag, ~((degC >= cold - room) & (degC <= warm + room)), text)
+
+
+def _degrees(angle: FloatArray) -> FloatArray:
+    return np.asarray(np.degrees(wrap(np.radians(angle))))
+
+
+def _beyond(q: _Question, g: FloatArray) -> FloatArray | None:
+    """(S, n) what effects and temperature add to the outputs; None where the calibration has none."""
+    if all(not s.terms for s in q.calibration.sensors):
+        return None
+    return np.stack([s.beyond(g, q.warmth) for s in q.calibration.sensors])
+
+
+def _settled(again: FloatArray, before: FloatArray) -> bool:
+    moved = np.abs(again - before)
+    return bool(np.all(~(moved > _TERMS_TOLERANCE)))
+
+
+def _worse(q: _Question) -> float:
+    """By how much, at most, calibration adds to the variance of an output (eq. 73): at least one."""
+    worst, at = 1.0, 0
+    for sensor, noise in zip(q.calibration.sensors, q.noise.variance, strict=True):
+        k = sensor.coefficients.size
+        own = q.calibration.covariance[at : at + k, at : at + k]
+        worst = max(worst, 1.0 + 2.0 * float(np.linalg.eigvalsh(own)[-1]) / float(noise))
+        at += k
+    return worst
+
+
+def _f_absurd(above: int, q: _Question) -> float:
+    return f_limit(_LEVEL_ABSURD, above, min(s.df for s in q.calibration.sensors))
+
+
+def _absurd(q: _Question) -> float:
+    """Weighted squares left over that only a package that is not at rest, or has changed, will give."""
+    above = max(len(q.y) - (2 if q.roll is None else 1), 1)
+    return above * _f_absurd(above, q) * _worse(q)
+
+
+def _noise(calibration: AttitudeCalibration, noise_sd_V: ArrayLike | None) -> Noise:
+    if noise_sd_V is None:
+        return Noise(calibration.sigma_V**2, of_fit=True)
+    sd = np.broadcast_to(np.asarray(noise_sd_V, np.float64), (len(calibration.sensors),))
+    if not np.all((sd > 0) & np.isfinite(sd)):
+        raise ValueError("noise_sd_V: the standard deviation of a reading is a positive number")
+    return Noise(sd**2, of_fit=False)
+
+
+def _near(
+    matrix: FloatArray, near_deg: tuple[ArrayLike, ArrayLike] | None, n: int, *, free: bool
+) -> tuple[FloatArray, FloatArray]:
+    if near_deg is not None:
+        pitch, roll = (np.radians(_each("near_deg", value, n)) for value in near_deg)
+        if not (np.isfinite(pitch).all() and np.isfinite(roll).all()):
+            raise ValueError("near_deg: an attitude to look near is two finite numbers")
+        if free and len(matrix) == 2:
+            beside = np.abs(normal(matrix) @ gravity(pitch, roll)) < 1e-6
+            if beside.any():
+                raise ValueError("near_deg: it lies between the two solutions and tells neither")
+        return pitch, roll
+    pitch_0, roll_0 = two_axis.default_near(matrix) if free and len(matrix) == 2 else (0.0, 0.0)
+    return np.full(n, pitch_0), np.full(n, roll_0)
+
+
+def _each(name: str, values: ArrayLike, n: int) -> FloatArray:
+    array = np.asarray(values, np.float64)
+    if array.shape not in ((), (1,), (n,)):
+        raise ValueError(f"{name}: expected one value, or {n}, found shape {array.shape}")
+    return np.broadcast_to(array, (n,))
+
+
+def _empty(n: int) -> InferredAttitude:
+    numbers = {f.name: np.empty(n) for f in fields(InferredAttitude) if f.name not in ("assumed", "flag")}
+    return InferredAttitude(**numbers, assumed=np.zeros(n, bool), flag=np.full(n, "", dtype=object))

@@ -1,0 +1,188 @@
+"""Pitch where roll is measured, or where there is none: eqs. (76) to (82) and (96) to (98), any number of sensors.
+
+At known roll every output is C sin a + D cos a. One sensor gives two pitches in closed form. Several give one that
+least squares decides on, weighted by readings and measured roll together: roll that is off moves all outputs, each by
+its own amount, so a sensor counts as much as it does not depend on roll.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitter.arrays import FloatArray
+
+STEPS = 40
+DECISIVE = 25.0
+"""Weighted squares by which one of two pitches must fit better to be told from the other: five standard deviations."""
+_SAME = 1e-6
+_POLISHING = 4
+_REACH = np.geomspace(1e-9, np.pi, 400)
+
+
+@dataclass(frozen=True, eq=False)
+class KnownRoll:
+    """Outputs at known roll.
+
+    Attributes:
+        C: (S, n) or (S, 1) V, coefficient of sin a.
+        D: (S, n) V, coefficient of cos a.
+        D_roll: (S, n) V/rad, its derivative by roll.
+        noise: (S,) variance of a reading, V^2.
+        roll_variance: (n,) rad^2.
+
+    """
+
+    C: FloatArray
+    D: FloatArray
+    D_roll: FloatArray
+    noise: FloatArray
+    roll_variance: FloatArray
+
+    @staticmethod
+    def of(matrix: FloatArray, roll: FloatArray, roll_variance: FloatArray, noise: FloatArray) -> KnownRoll:
+        """Of sensors (S, 3) `matrix` at (n,) roll in rad."""
+        sin_r, cos_r = np.sin(roll), np.cos(roll)
+        D = -(matrix[:, 1:2] * sin_r + matrix[:, 2:3] * cos_r)
+        D_roll = -(matrix[:, 1:2] * cos_r - matrix[:, 2:3] * sin_r)
+        return KnownRoll(matrix[:, :1] + 0.0 * D, D, D_roll, noise, roll_variance)
+
+    def take(self, rows: NDArray[np.bool_] | NDArray[np.int64]) -> KnownRoll:
+        """Those of some rows."""
+        return KnownRoll(self.C[:, rows], self.D[:, rows], self.D_roll[:, rows], self.noise, self.roll_variance[rows])
+
+    def slope(self, pitch: FloatArray) -> FloatArray:
+        """(S, n) derivative of the outputs by pitch, V/rad."""
+        return self.C * np.cos(pitch) - self.D * np.sin(pitch)
+
+    def roll_slope(self, pitch: FloatArray) -> FloatArray:
+        """(S, n) derivative of the outputs by roll, V/rad (eq. 75)."""
+        return self.D_roll * np.cos(pitch)
+
+    def residual(self, y: FloatArray, pitch: FloatArray) -> FloatArray:
+        """(S, n) outputs less those at `pitch`."""
+        return y - self.C * np.sin(pitch) - self.D * np.cos(pitch)
+
+    def whiten(self, values: FloatArray, pitch: FloatArray) -> FloatArray:
+        """(S, n) inverse of the covariance of readings and roll at `pitch`, times (S, n) `values`."""
+        weights = 1.0 / self.noise[:, None]
+        by_roll = self.roll_slope(pitch)
+        weighted, heavy = weights * values, weights * by_roll
+        share = np.einsum("sn,sn->n", heavy, values) * self.roll_variance
+        return np.asarray(weighted - heavy * share / (1.0 + self.roll_variance * np.einsum("sn,sn->n", heavy, by_roll)))
+
+    def cost(self, y: FloatArray, pitch: FloatArray) -> FloatArray:
+        """(n,) weighted sum of squares at `pitch`."""
+        left = self.residual(y, pitch)
+        return np.asarray(np.einsum("sn,sn->n", left, self.whiten(left, pitch)))
+
+    def gains(self, pitch: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(S, n) change of pitch per volt of each output, rad/V (eq. 96), and (n,) information, rad^-2."""
+        slope = self.slope(pitch)
+        heavy = self.whiten(slope, pitch)
+        information = np.einsum("sn,sn->n", slope, heavy)
+        return heavy / np.maximum(information, np.finfo(float).tiny), information
+
+    def solve(self, y: FloatArray, near: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+        """(n,) pitch in rad of (S, n) outputs less offsets, and (n,) whether `near` had to choose it.
+
+        Args:
+            y: (S, n).
+            near: (n,) pitch in rad on the branch to look.
+
+        """
+        if len(y) == 1:
+            turned, phase = self._alone(y, 0)
+            return wrap(np.where(np.cos(near + phase) >= 0, turned, np.pi - turned) - phase), np.ones(y.shape[1], bool)
+        # wherever pitch can be told at all, one of the sensors alone tells it nearly, if not on which branch
+        starts = [
+            start for i in range(len(y)) for turned, phase in [self._alone(y, i)] for start in _both(turned, phase)
+        ]
+        found = np.stack([self._refine(y, start) for start in starts])
+        costs = np.stack([self.cost(y, pitch) for pitch in found])
+        best = np.argmin(costs, axis=0)[None]
+        first, least = np.take_along_axis(found, best, 0)[0], np.take_along_axis(costs, best, 0)[0]
+        others = np.where(np.abs(wrap(found - first)) > _SAME, costs, np.inf)
+        other = np.argmin(others, axis=0)[None]
+        second, next_least = np.take_along_axis(found, other, 0)[0], np.take_along_axis(others, other, 0)[0]
+        unsure = next_least - least < DECISIVE
+        nearer = np.abs(wrap(first - near)) <= np.abs(wrap(second - near))
+        return wrap(np.where(unsure & ~nearer, second, first)), unsure
+
+    def _alone(self, y: FloatArray, sensor: int) -> tuple[FloatArray, FloatArray]:
+        """(n,) arcsine of one sensor's output over its amplitude, and (n,) phase to take off it (eqs. 76, 79)."""
+        C, D = self.C[sensor], self.D[sensor]
+        amplitude = np.maximum(np.hypot(C, D), np.finfo(float).tiny)
+        return np.arcsin(np.clip(y[sensor] / amplitude, -1.0, 1.0)), np.arctan2(D, C)
+
+    def _refine(self, y: FloatArray, pitch: FloatArray) -> FloatArray:
+        for _ in range(STEPS):
+            gains, _ = self.gains(pitch)
+            step = np.einsum("sn,sn->n", gains, self.residual(y, pitch))
+            pitch = pitch + np.clip(step, -0.5, 0.5)
+            if np.all(np.abs(step) < 1e-13):
+                break
+        return pitch
+
+    def reach(self, y: FloatArray, pitch: FloatArray, limit: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(n,) how far below and above `pitch` the outputs still fit, in rad, up to half a turn.
+
+        Args:
+            y: (S, n).
+            pitch: (n,) where they fit best.
+            limit: (n,) weighted squares beyond the least that still count as fitting.
+
+        """
+        least = self.cost(y, pitch)
+        out = []
+        for sign in (-1.0, 1.0):
+            fits = np.stack([self.cost(y, pitch + sign * step) - least <= limit for step in _REACH])
+            first_miss = np.where(fits.all(0), len(_REACH) - 1, np.argmin(fits, axis=0))
+            out.append(_REACH[first_miss])
+        return out[0], out[1]
+
+
+def polish(
+    matrix: FloatArray, problem: KnownRoll, y: FloatArray, roll: FloatArray, pitch: FloatArray
+) -> tuple[FloatArray, KnownRoll, FloatArray]:
+    """Let several outputs correct the measured roll within its error, so that it need not be small.
+
+    Args:
+        matrix: (S, 3).
+        problem: at the measured roll.
+        y: (S, n) outputs less offsets.
+        roll: (n,) measured, rad.
+        pitch: (n,) found at it, rad.
+
+    Returns:
+        (n,) pitch that fits outputs and measured roll best, the problem at the roll that does, and (S, n) outputs
+        as they would be if the measured roll were that one.
+
+    """
+    if len(y) == 1 or not np.any(problem.roll_variance > 0):
+        return pitch, problem, y
+    corrected = roll
+    for _ in range(_POLISHING):
+        problem = KnownRoll.of(matrix, corrected, problem.roll_variance, problem.noise)
+        by_roll = problem.roll_slope(pitch)
+        shifted = y - by_roll * (roll - corrected)
+        gains, _ = problem.gains(pitch)
+        left = problem.residual(shifted, pitch)
+        step = np.einsum("sn,sn->n", gains, left)
+        left = left - problem.slope(pitch) * step
+        pitch = pitch + np.clip(step, -0.5, 0.5)
+        share = problem.roll_variance * np.einsum("sn,sn->n", by_roll, problem.whiten(left, pitch))
+        corrected = roll + np.where(np.isfinite(share), np.clip(share, -0.5, 0.5), 0.0)
+    problem = KnownRoll.of(matrix, corrected, problem.roll_variance, problem.noise)
+    return wrap(pitch), problem, y - problem.roll_slope(pitch) * (roll - corrected)
+
+
+def _both(turned: FloatArray, phase: FloatArray) -> tuple[FloatArray, FloatArray]:
+    return turned - phase, np.pi - turned - phase
+
+
+def wrap(angle: FloatArray) -> FloatArray:
+    """To (-pi, pi]."""
+    return np.asarray(np.pi - np.mod(np.pi - angle, 2 * np.pi))

@@ -1,0 +1,153 @@
+"""Gravity on the sphere, and how errors of outputs become errors of angles; arrays are (3, n) and (S, n) throughout.
+
+Uncertainty is reckoned along two directions that are square to each other at every attitude: up the meridian (pitch)
+and along the parallel (roll times the cosine of pitch). Roll alone has a pole at +-90 deg of pitch, these have none.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from fitter.arrays import FloatArray
+from fitter.inverse.calibration import AttitudeCalibration
+
+_NODES = 1025
+
+
+def gravity(pitch: FloatArray, roll: FloatArray) -> FloatArray:
+    """(3, n) gravity in package axes at (n,) angles in rad (eq. 113)."""
+    cos_a = np.cos(pitch)
+    return np.stack([np.sin(pitch), -np.sin(roll) * cos_a, -np.cos(roll) * cos_a])
+
+
+def angles(g: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Pitch within +-90 deg, and roll, in rad, of (3, n) gravity of any length."""
+    return np.arctan2(g[0], np.sqrt(g[1] * g[1] + g[2] * g[2])), np.arctan2(-g[1], -g[2])
+
+
+def directions(g: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(3, n) up the meridian, (3, n) along the parallel, (n,) cosine of pitch, of (3, n) gravity of unit length.
+
+    At the pole itself, where every direction is up, roll is taken as zero.
+    """
+    c = np.sqrt(g[1] * g[1] + g[2] * g[2])
+    pole = c == 0.0
+    safe = np.where(pole, 1.0, c)
+    sin_r, cos_r = -g[1] / safe, np.where(pole, 1.0, -g[2] / safe)
+    up = np.stack([c, sin_r * g[0], cos_r * g[0]])
+    return up, np.stack([np.zeros_like(c), -cos_r, sin_r]), c
+
+
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """Of new readings.
+
+    Attributes:
+        variance: (S,) V^2.
+        of_fit: whether it is the calibration's own sigma_E^2, with its degrees of freedom, or was given as known.
+
+    """
+
+    variance: FloatArray
+    of_fit: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Spread:
+    """Variance of something that moves with the outputs by known gains.
+
+    Attributes:
+        variance: (n,) all of it.
+        df: (n,) degrees of freedom.
+
+    """
+
+    variance: FloatArray
+    df: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Propagation:
+    """From the errors of calibration and readings to those of angles at given attitudes (eqs. 73, 74, 81, 90, 104).
+
+    Attributes:
+        calibration: of the package.
+        noise: of new readings.
+        rows: S arrays (k_s, n), the columns of each sensor's model at the attitudes.
+
+    """
+
+    calibration: AttitudeCalibration
+    noise: Noise
+    rows: tuple[FloatArray, ...]
+
+    @staticmethod
+    def at(calibration: AttitudeCalibration, noise: Noise, g: FloatArray, warmth: FloatArray) -> Propagation:
+        """At (3, n) gravity of unit length and (n,) temperature above the reference."""
+        plain = all(not s.terms for s in calibration.sensors)
+        base = calibration.sensors[0].rows(g, warmth) if plain else None
+        rows = tuple(s.rows(g, warmth) if base is None else base for s in calibration.sensors)
+        return Propagation(calibration, noise, rows)
+
+    def spread(self, gains: FloatArray, of_roll: FloatArray | None = None) -> Spread:
+        """Of gains @ errors of outputs.
+
+        Args:
+            gains: (S, n) change per volt of each output.
+            of_roll: (n,) further variance, known, from measured roll.
+
+        """
+        noise = gains * gains * self.noise.variance[:, None]
+        moved = np.concatenate([k * h for k, h in zip(gains, self.rows, strict=True)])
+        turned = self.calibration.root.T @ moved
+        calibrated = np.einsum("kn,kn->n", turned, turned)
+        total = noise.sum(axis=0)
+        variance = total + calibrated
+        from_fit = variance if self.noise.of_fit else calibrated
+        df = np.array([s.df for s in self.calibration.sensors])
+        if of_roll is not None:
+            variance = variance + of_roll
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            # sigma_E^2 of each sensor scales its noise and its calibration alike: their shares are those of the noise
+            share = from_fit / (total * variance)
+            return Spread(variance, 1.0 / np.einsum("sn,s->n", (noise * share) ** 2, 1.0 / df))
+
+
+def tangent(
+    matrix: FloatArray, weights: FloatArray, up: FloatArray, along: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """(S, n) gains of weighted least squares, up the meridian and along the parallel, rad/V (eqs. 89, 103).
+
+    Args:
+        matrix: (S, 3) V/g.
+        weights: (S,) inverse variances of the outputs.
+        up: (3, n).
+        along: (3, n).
+
+    """
+    f_up, f_along = matrix @ up, matrix @ along
+    w_up, w_along = weights[:, None] * f_up, weights[:, None] * f_along
+    a, b, d = (np.einsum("sn,sn->n", p, q) for p, q in ((w_up, f_up), (w_up, f_along), (w_along, f_along)))
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        determinant = a * d - b * b
+        return (d * w_up - b * w_along) / determinant, (a * w_along - b * w_up) / determinant
+
+
+def t_limits(df: FloatArray, level: float = 0.95) -> FloatArray:
+    """(n,) two-tailed limits of Student's t for (n,) degrees of freedom of one or more; infinite ones count as such."""
+    inverse = 1.0 / df
+    low, high = 0.0, float(np.nanmax(inverse, initial=0.0))
+    nodes = np.linspace(low, max(high, 1e-6), _NODES)
+    with np.errstate(divide="ignore"):
+        values = special.stdtrit(np.where(nodes > 0, 1.0 / np.maximum(nodes, 1e-300), 1e12), 0.5 * (1.0 + level))
+    return np.interp(inverse, nodes, values)
+
+
+def reason(flag: NDArray[np.object_], where: NDArray[np.bool_], text: str) -> None:
+    """Add a reason to the flags of some rows, in place."""
+    if where.any():
+        flag[where] = [f"{old}; {text}" if old else text for old in flag[where]]

@@ -1,0 +1,280 @@
+"""Inferred attitude against independent rotations, numerical optimisers and the paper's closed forms."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from attitude_truth import D1, Bench, Sensor, simulate
+from scipy.optimize import brentq, least_squares
+
+from fitter import AttitudeData, fit_attitude
+from fitter.inverse import AttitudeCalibration, SensorModel, infer_attitude
+
+SEED = 41
+BENCH = Bench()
+PACKAGES = {
+    "x": ("x_V",),
+    "xy": ("x_V", "y_V"),
+    "xz": ("x_V", "z_V"),
+    "xyz": ("x_V", "y_V", "z_V"),
+}
+
+
+@pytest.fixture(scope="module")
+def run():
+    print(f"seed {SEED}")
+    return simulate(BENCH, D1(180, 19, 13, replications=4), SEED)[0]
+
+
+def volts(pitch, roll, names, bench=BENCH, degC=23.0):
+    """(n, S) noise-free outputs from the truth's own rotations."""
+    zero = np.zeros_like(pitch)
+    out = bench.outputs(pitch, roll, zero + degC, zero + 14.0, zero, zero, zero)
+    return np.column_stack([out[name] for name in names])
+
+
+def attitudes(n=200, seed=SEED, pitch=85.0):
+    rng = np.random.default_rng(seed)
+    return rng.uniform(-pitch, pitch, n), rng.uniform(-180, 180, n), rng
+
+
+def turn(a, b):
+    return np.abs((a - b + 180.0) % 360.0 - 180.0)
+
+
+def true_calibration(names, sensors=BENCH.sensors, sigma_V=2e-5, df=100.0, scale=1e-14):
+    """A calibration that knows the truth: coefficients from six noise-free outputs, next to no covariance."""
+    bench = replace(BENCH, sensors=sensors)
+    pitch, roll = np.array([90.0, -90.0, 0.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, 90.0, -90.0, 0.0, 180.0])
+    v = volts(pitch, roll, names, bench)
+    models = [
+        SensorModel(
+            name,
+            name[0],
+            np.array([o.mean(), (o[0] - o[1]) / 2, (o[2] - o[3]) / 2, (o[4] - o[5]) / 2]),
+            sigma_V,
+            df,
+        )
+        for name, o in zip(names, v.T, strict=True)
+    ]
+    covariance = scale * np.eye(4 * len(names))
+    return AttitudeCalibration(tuple(models), covariance, (-180, 180), (-180, 180))
+
+
+@pytest.mark.parametrize("package", ["xy", "xz", "xyz"])
+def test_pitch_and_roll_of_independent_rotations(package):
+    pitch, roll, _ = attitudes()
+    names = PACKAGES[package]
+    found = infer_attitude(true_calibration(names), volts(pitch, roll, names), near_deg=(pitch, roll))
+    good = found.flag == ""
+    assert good.mean() > 0.95
+    np.testing.assert_allclose(found.pitch_deg[good], pitch[good], atol=1e-9)
+    assert turn(found.roll_deg, roll)[good].max() < 1e-9
+    assert found.assumed.all() == (package != "xyz")
+
+
+@pytest.mark.parametrize("package", list(PACKAGES))
+def test_pitch_at_measured_roll(package):
+    pitch, roll, _ = attitudes()
+    names = PACKAGES[package]
+    found = infer_attitude(true_calibration(names), volts(pitch, roll, names), roll_deg=roll)
+    np.testing.assert_allclose(found.pitch_deg, pitch, atol=1e-9)
+    np.testing.assert_array_equal(found.roll_deg, roll)
+
+
+def test_pitch_beyond_90_deg_where_the_argument_says_so():
+    pitch, roll = np.array([120.0, -150.0, 179.0]), np.array([20.0, -170.0, 100.0])
+    for package in ("xy", "xyz"):
+        names = PACKAGES[package]
+        found = infer_attitude(true_calibration(names), volts(pitch, roll, names), near_deg=(pitch, roll))
+        np.testing.assert_allclose(found.pitch_deg, pitch, atol=1e-9)
+        np.testing.assert_allclose(found.roll_deg, roll, atol=1e-9)
+        assert (found.pitch_lo95_deg < pitch).all()
+        assert (found.pitch_hi95_deg > pitch).all()
+    # two axes at measured roll tell one side of 90 deg from the other by themselves
+    names = PACKAGES["xz"]
+    found = infer_attitude(true_calibration(names), volts(pitch, roll, names), roll_deg=roll)
+    np.testing.assert_allclose(found.pitch_deg, pitch, atol=1e-9)
+    assert not found.assumed.any()
+    # one cannot, and says so
+    found = infer_attitude(true_calibration(("x_V",)), volts(pitch, roll, ("x_V",)), roll_deg=roll)
+    assert found.assumed.all()
+    assert (np.abs(found.pitch_deg) < 90.7).all()
+    found = infer_attitude(true_calibration(("x_V",)), volts(pitch, roll, ("x_V",)), roll_deg=roll, near_deg=(180, 0))
+    np.testing.assert_allclose(found.pitch_deg, pitch, atol=1e-9)
+
+
+def test_without_roll_is_eqs_76_and_78(run):
+    line = np.linspace(-180, 180, 73)
+    zero = np.zeros_like(line)
+    rng = np.random.default_rng(SEED)
+    v = volts(line, zero, ("x_V",))[:, 0] + rng.normal(0, 2e-5, 73)
+    data = AttitudeData(zero, np.arange(73), np.arange(73.0), line, zero, None, {"x_V": v})
+    fit = fit_attitude(data, "x_V")
+    found = infer_attitude(AttitudeCalibration.from_fits([fit]), v[20:53])
+    p = fit.parameters
+    pitch = np.degrees(np.arcsin(np.clip((v[20:53] - p.b_V) / p.S_V, -1, 1))) + p.phi_deg
+    good = found.flag == ""
+    assert good.sum() >= 30
+    np.testing.assert_allclose(found.pitch_deg[good], pitch[good], atol=1e-10)
+    h = fit.columns(pitch, np.zeros_like(pitch))
+    sd_V = fit.linear.sigma * np.sqrt(1 + fit.linear.variance_function(h))
+    sd = np.degrees(sd_V / (p.S_V * np.abs(np.cos(np.radians(pitch - p.phi_deg)))))
+    np.testing.assert_allclose(found.pitch_sd_deg[good], sd[good], rtol=1e-9)
+    with pytest.raises(ValueError, match="calibrated without roll"):
+        infer_attitude(AttitudeCalibration.from_fits([fit]), v, roll_deg=10.0)
+
+
+def test_measured_roll_is_eqs_79_and_81(run):
+    fit = fit_attitude(run, "x_V")
+    pitch, roll, _ = attitudes(pitch=80)
+    found = infer_attitude(
+        AttitudeCalibration.from_fits([fit]), volts(pitch, roll, ("x_V",)), roll_deg=roll, roll_sd_deg=0.05
+    )
+    p, v = fit.parameters, volts(pitch, roll, ("x_V",))[:, 0]
+    Om, turned = np.radians(p.Omega_deg), np.radians(roll + p.A_deg)
+    amplitude = np.sqrt(np.cos(Om) ** 2 + np.sin(turned) ** 2 * np.sin(Om) ** 2)
+    eq79 = np.arcsin((v - p.b_V) / p.S_V / amplitude) + np.arctan(np.tan(Om) * np.sin(turned))
+    np.testing.assert_allclose(found.pitch_deg, np.degrees(eq79), atol=1e-9)
+    variance = fit.linear.sigma**2 * (1 + fit.linear.variance_function(fit.columns(np.degrees(eq79), roll)))
+    above = variance / p.S_V**2 + (np.sin(Om) * np.cos(eq79) * np.cos(turned)) ** 2 * np.radians(0.05) ** 2
+    below = np.abs(np.cos(Om) * np.cos(eq79) + np.sin(Om) * np.sin(eq79) * np.sin(turned))
+    np.testing.assert_allclose(found.pitch_sd_deg, np.degrees(np.sqrt(above) / below), rtol=1e-9)
+
+
+def test_three_axes_are_weighted_least_squares():
+    """Against MINPACK on pitch and roll, with y and z ten times worse than x, and noise far above any sensor's."""
+    sensors = tuple(replace(s, Omega_deg=2.0) for s in BENCH.sensors)
+    names, sigma = PACKAGES["xyz"], np.array([5e-4, 5e-3, 5e-3])
+    calibration = true_calibration(names, sensors)
+    pitch, roll, rng = attitudes(40)
+    v = volts(pitch, roll, names, replace(BENCH, sensors=sensors)) + rng.normal(size=(40, 3)) * sigma
+    found = infer_attitude(calibration, v, noise_sd_V=sigma)
+    b, m = calibration.offsets_V, calibration.matrix
+    for i in range(40):
+
+        def misfit(z, row=v[i]):
+            g = np.array([np.sin(z[0]), -np.sin(z[1]) * np.cos(z[0]), -np.cos(z[1]) * np.cos(z[0])])
+            return (row - b - m @ g) / sigma
+
+        best = least_squares(misfit, np.radians([pitch[i], roll[i]]), method="lm", xtol=1e-15, ftol=1e-15)
+        np.testing.assert_allclose(np.radians(found.pitch_deg[i]), best.x[0], atol=2e-9)
+        assert np.radians(turn(found.roll_deg[i], np.degrees(best.x[1]))) < 2e-8
+        covariance = np.linalg.inv(best.jac.T @ best.jac)
+        assert found.pitch_sd_deg[i] == pytest.approx(np.degrees(np.sqrt(covariance[0, 0])), rel=1e-4)
+        assert found.roll_sd_deg[i] == pytest.approx(np.degrees(np.sqrt(covariance[1, 1])), rel=1e-4)
+
+
+def test_several_axes_at_uncertain_roll_are_least_squares_with_roll_as_a_measurement():
+    names, sigma_R = PACKAGES["xyz"], np.radians(0.05)
+    calibration = true_calibration(names)
+    b, m = calibration.offsets_V, calibration.matrix
+    pitch, roll, rng = attitudes(30)
+    v = volts(pitch, roll, names) + rng.normal(0, 2e-5, (30, 3))
+    measured = roll + rng.normal(0, 0.05, 30)
+    found = infer_attitude(calibration, v, roll_deg=measured, roll_sd_deg=0.05)
+    given_rad = np.radians(measured)
+    for i in range(30):
+
+        def misfit(z, row=v[i], given=given_rad[i]):
+            g = np.array([np.sin(z[0]), -np.sin(z[1]) * np.cos(z[0]), -np.cos(z[1]) * np.cos(z[0])])
+            return np.append((row - b - m @ g) / 2e-5, (z[1] - given) / sigma_R)
+
+        best = least_squares(misfit, np.radians([pitch[i], measured[i]]), method="lm", xtol=1e-15, ftol=1e-15)
+        sd = np.degrees(np.sqrt(np.linalg.inv(best.jac.T @ best.jac)[0, 0]))
+        assert found.pitch_sd_deg[i] == pytest.approx(sd, rel=1e-2)
+        assert found.pitch_deg[i] == pytest.approx(np.degrees(best.x[0]), abs=1e-4 * sd)
+
+
+def test_eq_108():
+    sensors = tuple(replace(s, S=5.0, Omega_deg=0.0) for s in BENCH.sensors)
+    names, sigma = PACKAGES["xyz"], np.array([1e-5, 1e-4, 1e-4])
+    pitch, roll, _ = attitudes()
+    v = volts(pitch, roll, names, replace(BENCH, sensors=sensors))
+    calibration = true_calibration(names, sensors, scale=1e-20)
+    a, s = np.radians(pitch), np.degrees(sigma / 5.0)
+    alike = infer_attitude(calibration, v, noise_sd_V=sigma, weighted=False)
+    variance = s[0] ** 2 * np.cos(a) ** 2 + s[1] ** 2 * np.sin(a) ** 2
+    np.testing.assert_allclose(alike.pitch_sd_deg**2, variance, rtol=1e-8)
+    np.testing.assert_allclose(alike.roll_sd_deg, s[1] / np.cos(a), rtol=1e-8)
+    # the weights that the figures are said to be drawn with add up information instead of variances
+    found = infer_attitude(calibration, v, noise_sd_V=sigma)
+    information = np.cos(a) ** 2 / s[0] ** 2 + np.sin(a) ** 2 / s[1] ** 2
+    np.testing.assert_allclose(found.pitch_sd_deg**2, 1 / information, rtol=1e-8)
+    np.testing.assert_allclose(found.roll_sd_deg, s[1] / np.cos(a), rtol=1e-8)
+
+
+@pytest.mark.parametrize("package", ["xy", "xz", "xyz"])
+def test_joint_covariance_is_carried_through(run, package):
+    """Coefficients drawn from their joint covariance move inferred angles by what the standard deviations say."""
+    names = PACKAGES[package]
+    calibration = AttitudeCalibration.from_data(run, names)
+    k = calibration.covariance.shape[0]
+    rng = np.random.default_rng(SEED)
+    mix = rng.normal(size=(k, k)) * 1e-5
+    joint = replace(calibration, covariance=mix @ mix.T)
+    pitch, roll = np.array([20.0, -50.0, 70.0]), np.array([40.0, 50.0, 70.0])
+    v = volts(pitch, roll, names)
+    found = infer_attitude(joint, v, noise_sd_V=1e-9)
+    flat = np.concatenate([s.coefficients for s in joint.sensors])
+    drawn = []
+    for _ in range(800):
+        moved = (flat + mix @ rng.normal(size=k)).reshape(-1, 4)
+        sensors = tuple(replace(s, coefficients=c) for s, c in zip(joint.sensors, moved, strict=True))
+        again = infer_attitude(replace(joint, sensors=sensors), v, noise_sd_V=1e-9)
+        drawn.append([again.pitch_deg, again.roll_deg])
+    sd = np.std(drawn, axis=0)
+    np.testing.assert_allclose(sd, [found.pitch_sd_deg, found.roll_sd_deg], rtol=0.1)
+
+
+def test_coefficients_of_sensors_on_one_shaking_head_are_correlated():
+    shaken = simulate(replace(BENCH, jitter_deg=1e-3), D1(90, 13, 13, replications=2), SEED)[0]
+    calibration = AttitudeCalibration.from_data(shaken)
+    sd = np.sqrt(np.diag(calibration.covariance))
+    correlation = calibration.covariance / np.outer(sd, sd)
+    assert np.abs(correlation[:4, 4:8]).max() > 0.02
+    assert np.linalg.eigvalsh(calibration.covariance)[0] > -1e-20
+
+
+def test_json_reads_back_exactly(run):
+    calibration = AttitudeCalibration.from_data(run)
+    again = AttitudeCalibration.from_dict(json.loads(json.dumps(calibration.to_dict())))
+    assert again.to_dict() == calibration.to_dict()
+    np.testing.assert_array_equal(again.covariance, calibration.covariance)
+    with pytest.raises(ValueError, match="kind"):
+        AttitudeCalibration.from_dict({"kind": "pressure"})
+    with pytest.raises(ValueError, match="lacks or garbles 'sensors'"):
+        AttitudeCalibration.from_dict({"kind": "attitude"})
+
+
+def test_oblique_single_axis_against_a_root_finder():
+    sensors = (Sensor("x", Omega_deg=20.0, A_deg=-30.0),)
+    calibration = true_calibration(("x_V",), sensors)
+    bench = replace(BENCH, sensors=sensors)
+    for roll in (-150.0, -10.0, 80.0):
+        target = volts(np.array([12.0]), np.array([roll]), ("x_V",), bench)
+        root = brentq(
+            lambda a, r=roll, t=target: (volts(np.array([a]), np.array([r]), ("x_V",), bench) - t)[0, 0], -40, 50
+        )
+        assert infer_attitude(calibration, target, roll_deg=roll).pitch_deg[0] == pytest.approx(root, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"outputs_V": np.zeros((3, 2))}, "expected as"),
+        ({"roll_deg": np.zeros(4)}, "roll_deg: expected one value, or 3"),
+        ({"roll_deg": 0.0, "roll_sd_deg": -1.0}, "not negative"),
+        ({"noise_sd_V": 0.0}, "positive"),
+    ],
+)
+def test_what_does_not_fit_is_refused(run, arguments, message):
+    calibration = AttitudeCalibration.from_data(run)
+    with pytest.raises(ValueError, match=message):
+        infer_attitude(calibration, **({"outputs_V": np.zeros((3, 3))} | arguments))
+
+
+def test_one_sensor_with_roll_needs_it(run):
+    with pytest.raises(ValueError, match="measured roll is needed"):
+        infer_attitude(AttitudeCalibration.from_data(run, ["x_V"]), np.zeros((1, 1)))
