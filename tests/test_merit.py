@@ -5,7 +5,7 @@ import pytest
 from attitude_truth import GRAVITY, Sensor, turn_pitch, turn_roll
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy import integrate
+from scipy import integrate, special
 
 from fitter import RankError
 from fitter.merit import (
@@ -285,8 +285,6 @@ def test_simulated_calibrations_scatter_as_forecast():
 
 def simulated_power(design, effect, amplitude, rng, runs=600):
     """Share of runs in which T_bias passes its limit; sums of squares worked out here."""
-    from scipy import stats  # noqa: PLC0415 - slow to import, and only this test needs it
-
     n, k, parameters = design.replications, design.points, design.parameters
     a, b = np.radians(design.pitch_deg), np.radians(design.roll_deg)
     h = [np.ones(k), np.sin(a), np.cos(a) * np.sin(b), np.cos(a) * np.cos(b)]
@@ -297,7 +295,7 @@ def simulated_power(design, effect, amplitude, rng, runs=600):
     mean = y.mean(axis=1)
     pure = ((y - mean[:, None, :]) ** 2).sum(axis=(1, 2)) / (k * (n - 1))
     lack = n * ((mean - mean @ q @ q.T) ** 2).sum(axis=1) / (k - parameters)
-    return np.mean(lack / pure > stats.f.ppf(0.95, k - parameters, k * (n - 1)))
+    return np.mean(lack / pure > special.fdtri(k - parameters, k * (n - 1), 0.95))
 
 
 @pytest.mark.parametrize(

@@ -8,10 +8,10 @@ compare([design, other], Usage.within(30.0), sigma_deg=2e-4)
 """
 
 from fitter.merit.closed_forms import T4_VARIANCE, T6_VARIANCE, d1_no_roll_variance, d1_variance
-from fitter.merit.comparison import Comparison, Curve, compare, curve
+from fitter.merit.comparison import Comparison, Curve, Recommendation, compare, curve, recommend
 from fitter.merit.design_points import DesignPoints, Usage
 from fitter.merit.merit import figure_of_merit, mean_variance, variance, worst_variance
-from fitter.merit.visibility import Visibility, pad_visibility, visibility
+from fitter.merit.visibility import Visibility, pad_visibility, smallest_offset_drift, visibility
 
 __all__ = [
     "T4_VARIANCE",
@@ -19,6 +19,7 @@ __all__ = [
     "Comparison",
     "Curve",
     "DesignPoints",
+    "Recommendation",
     "Usage",
     "Visibility",
     "compare",
@@ -28,6 +29,8 @@ __all__ = [
     "figure_of_merit",
     "mean_variance",
     "pad_visibility",
+    "recommend",
+    "smallest_offset_drift",
     "variance",
     "visibility",
     "worst_variance",

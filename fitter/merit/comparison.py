@@ -78,6 +78,20 @@ class Curve:
     normalised: FloatArray
 
 
+@dataclass(frozen=True)
+class Recommendation:
+    """The design to run, and why.
+
+    Attributes:
+        name: of the design.
+        why: with numbers.
+
+    """
+
+    name: str
+    why: str
+
+
 def compare(designs: Sequence[DesignPoints], usage: Usage, sigma_deg: float) -> tuple[Comparison, ...]:
     """A row for each design, in the order given. One that does not determine a sensor says so in its row.
 
@@ -88,6 +102,41 @@ def compare(designs: Sequence[DesignPoints], usage: Usage, sigma_deg: float) -> 
 
     """
     return tuple(_row(design, usage, sigma_deg) for design in designs)
+
+
+def recommend(
+    rows: Sequence[Comparison], *, wanted_sd_deg: float | None = None, cost: Sequence[float] | None = None
+) -> Recommendation | None:
+    """Which design to run. None where no design determines a sensor over the usage range.
+
+    Designs that would have to extrapolate are left out, and so are those blind to a pad deflection that others show.
+    Of the rest: the cheapest that reaches what is wanted at the worst attitude; where nothing is wanted, the one that
+    gives most for its cost, the least worst variance times cost.
+
+    Args:
+        rows: of `compare`.
+        wanted_sd_deg: standard deviation of the calibrated output that is good enough.
+        cost: of each row, in any unit (hours on the bench); without it the number of observations.
+
+    """
+    costs = [float(r.observations) for r in rows] if cost is None else list(cost)
+    fit = [(r, c) for r, c in zip(rows, costs, strict=True) if not r.undetermined and not r.extrapolated]
+    fit = [(r, c) for r, c in fit if np.isfinite(r.smallest_pad_deg)] or fit
+    if not fit:
+        return None
+    if wanted_sd_deg is None:
+        best, _ = min(fit, key=lambda pair: pair[0].worst_sd_deg ** 2 * pair[1])
+        why = f"most precise for its cost: {best.worst_sd_deg:.1e} deg at worst"
+        return Recommendation(best.name, f"{why}, figure of merit {best.figure_of_merit:.3f}")
+    enough = [pair for pair in fit if pair[0].worst_sd_deg <= wanted_sd_deg]
+    if enough:
+        best, _ = min(enough, key=lambda pair: pair[1])
+        why = f"cheapest that reaches {wanted_sd_deg:.1e} deg: {best.worst_sd_deg:.1e} deg at worst"
+        return Recommendation(best.name, why)
+    best, _ = min(fit, key=lambda pair: pair[0].worst_sd_deg)
+    times = (best.worst_sd_deg / wanted_sd_deg) ** 2
+    why = f"nearest to {wanted_sd_deg:.1e} deg with {best.worst_sd_deg:.1e} deg at worst"
+    return Recommendation(best.name, f"{why}; it takes {times:.1f} times as many replications")
 
 
 def curve(
