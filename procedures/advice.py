@@ -225,6 +225,9 @@ def _replications(case: _Case) -> Advice:
     if n == 1:
         sentence = "run once: neither T_bias nor the drift tests T_b and T_S exist, and sigma_prec stays unknown"
         return _advice(6, said, False, sentence)
+    if case.points.points == case.points.parameters:
+        sentence = f"{n} replications of as many points as coefficients: none leaves an error to judge drift by"
+        return _advice(6, said, n >= REPLICATIONS, sentence)
     drift = [smallest_offset_drift(replace(case.points, replications=r)) * case.sigma_deg for r in (n, 10)]
     sentence = f"{n} replications find an offset that varies between them by {drift[0]:.1e} deg nine times in ten"
     return _advice(6, said, n >= REPLICATIONS, sentence + ("" if n >= 10 else f"; ten would find {drift[1]:.1e} deg"))
@@ -253,7 +256,8 @@ def _pads(case: _Case) -> Advice:
     model = "with roll" if case.points.roll else "without roll"
     left = f"{model}, {seen.rms:.2f} of an isolation-pad deflection stays in the residuals"
     if not np.isfinite(smallest):
-        why = "it is zero at every point" if seen.rms == 0 else "nothing is replicated"
+        imitated = "it is zero at every point" if case.tumble else "the model can take all of it up"
+        why = imitated if seen.rms == 0 else "nothing is replicated"
         return Advice(0, said, False, f"{left}: it cannot be found, since {why}")
     holds = smallest <= PAPERS_PADS_DEG
     wider = (
