@@ -112,7 +112,7 @@ def _pitch_range(case: _Case) -> Advice:
         return _not_for(1, said, f"no usage range was told; calibrated {_span(low, high)}, it suits {case.usage}")
     wanted, centre = min(RANGE_RATIO * used, 180.0), sum(case.usage.pitch_deg) / 2.0
     ideal = (centre - wanted, centre + wanted)
-    covered = half >= 180.0 - 1e-9 or (low <= case.usage.pitch_deg[0] + 1e-9 and high >= case.usage.pitch_deg[1] - 1e-9)
+    covered = case.points.covers(case.usage)
     start = f"calibrated {_span(low, high)} for use within {case.usage}" + ("" if covered else ", which is beyond that")
     if covered and used > 0 and abs(half / used - RANGE_RATIO) <= 0.25:
         return _advice(

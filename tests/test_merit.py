@@ -1,5 +1,8 @@
 """Variance functions, theorems and figures of merit of NASA/TP-1999-209835, sections 3.3, 3.4, 4 and 5.3."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 from attitude_truth import GRAVITY, Sensor, turn_pitch, turn_roll
@@ -345,6 +348,8 @@ def test_designs_side_by_side():
     assert "sin(pitch)" in rows[4].undetermined
     assert np.isnan(rows[4].mean_sd_deg)
     assert [r.extrapolated for r in compare([wide, narrow, T6], Usage.within(40), 2e-4)] == [False, True, False]
+    nearly, round_ = grid(np.linspace(-135, 135, 7), roll), grid(np.arange(0, 360, 10), roll)
+    assert [r.extrapolated for r in compare([nearly, round_, T6, T4], Usage.within(150), 2e-4)] == [True] + [False] * 3
     for r in rows[:4]:
         assert r.figure_of_merit == pytest.approx(np.sqrt(r.observations) * r.mean_sd_deg / 2e-4)
 
@@ -371,3 +376,36 @@ def test_a_curve_is_the_variance_function():
 def test_what_is_no_design_or_usage(make, message):
     with pytest.raises(ValueError, match=message):
         make()
+
+
+# --- the document ------------------------------------------------------------------------------------------------
+
+DOCUMENT = Path(__file__).parent.parent / "docs" / "designs.md"
+PITCH = {"3 top": FIG_3_TOP, "3 bottom": FIG_3_BOTTOM, "4": [*[-30] * 16, 0, *[30] * 16]}
+
+
+def test_table_1_of_the_document():
+    rows = [line.split("|")[1:-1] for line in DOCUMENT.read_text().splitlines() if re.match(r"\| [2-5]", line)]
+    rows = [[cell.strip() for cell in row] for row in rows if len(row) == 5]
+    assert len(rows) == 14
+    for figure, calibrated, used, printed, computed in rows:
+        to = re.search(r"\d+", calibrated)
+        pitch = PITCH[figure] if figure in PITCH else uniform(int(to[0]))
+        design = grid(pitch, np.linspace(-180, 180, 65) if figure == "5" else ROLL_64)
+        found = figure_of_merit(design, Usage.within(int(used.removeprefix("+-"))))
+        assert f"{found:.4f}" == computed, figure
+        assert f"{found:.3f}" == printed, figure
+
+
+def test_the_shares_of_the_document():
+    said = re.search(
+        r"within \+-36 deg of pitch ([\d.]+) .*? \+-90 deg ([\d.]+), .*? circle ([\d.]+)", DOCUMENT.read_text(), re.S
+    )
+    for to, share in zip((36, 90, 180), said.groups(), strict=True):
+        assert f"{pad_visibility(line(np.linspace(-to, to, 73))).rms:.2f}" == share
+
+
+def test_the_example_of_the_document(capsys):
+    code, printed = re.search(r"```python\n(.*?)```\n\nprints\n\n```\n(.*?)```", DOCUMENT.read_text(), re.S).groups()
+    exec(compile(code, "designs.md", "exec"), {})
+    assert capsys.readouterr().out == printed

@@ -169,7 +169,6 @@ def _row(design: DesignPoints, usage: Usage, sigma_deg: float) -> Comparison:
     except RankError as error:
         return Comparison(*counts, undetermined=str(error))
     pads = pad_visibility(design)
-    low, high = float(design.pitch_deg.min()), float(design.pitch_deg.max())
     return Comparison(
         *counts,
         mean_sd_deg=sigma_deg * float(np.sqrt(mean)),
@@ -179,12 +178,6 @@ def _row(design: DesignPoints, usage: Usage, sigma_deg: float) -> Comparison:
         figure_of_merit=float(np.sqrt(design.observations * mean)),
         pads_seen=pads.share,
         smallest_pad_deg=pads.smallest * sigma_deg,
-        extrapolated=_beyond(usage, low, high),
+        extrapolated=not design.covers(usage),
         undetermined="",
     )
-
-
-def _beyond(usage: Usage, low: float, high: float) -> bool:
-    """Whether pitch is used outside what was calibrated; half a turn either way is all of it."""
-    whole = high - low >= 360.0 - 1e-9
-    return not whole and (usage.pitch_deg[0] < low - 1e-9 or usage.pitch_deg[1] > high + 1e-9)

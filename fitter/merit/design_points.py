@@ -58,6 +58,15 @@ class DesignPoints:
         """L, coefficients of the model: 4 with roll, 3 without."""
         return 4 if self.roll else 3
 
+    def covers(self, usage: Usage) -> bool:
+        """Whether pitch is used only where it was calibrated: between the ends, or anywhere if it goes all round."""
+        pitch = np.unique(self.pitch_deg)
+        low, high = float(pitch[0]), float(pitch[-1])
+        steps = np.diff(pitch)
+        if len(steps) and low + 360.0 - high <= 1.5 * float(np.max(steps)):
+            return True
+        return low - 1e-9 <= usage.pitch_deg[0] and usage.pitch_deg[1] <= high + 1e-9
+
     def columns(self) -> FloatArray:
         """(K, L) rows h of one replication."""
         return attitude_columns(self.pitch_deg, self.roll_deg, roll=self.roll)
