@@ -7,8 +7,9 @@ Every package of sections 5 and 6 of NASA/TP-1999-209835: one axis with or witho
     found.pitch_deg, found.pitch_sd_deg, found.pitch_lo95_deg, found.pitch_hi95_deg, found.flag
 """
 
+from fitter.inverse.answer import InferredAttitude
 from fitter.inverse.calibration import AttitudeCalibration, SensorModel, Term
-from fitter.inverse.infer import InferredAttitude, infer_attitude
+from fitter.inverse.infer import infer_attitude
 from fitter.inverse.singular import singularity
 from fitter.inverse.three_axis import ThreeAxis
 

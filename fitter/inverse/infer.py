@@ -3,22 +3,37 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fitter.arrays import FloatArray
 from fitter.inverse import two_axis
+from fitter.inverse.answer import (
+    BAD_READING,
+    BOTH_OPEN,
+    HALF_TURN,
+    NOT_1_G,
+    PITCH_OPEN,
+    ROLL_OPEN,
+    InferredAttitude,
+    empty,
+    flag_ranges,
+    leave_open,
+    nowhere,
+    put,
+    reason,
+    turn_over,
+)
 from fitter.inverse.calibration import AttitudeCalibration
-from fitter.inverse.known_roll import KnownRoll, polish, wrap
+from fitter.inverse.known_roll import KnownRoll, polish
 from fitter.inverse.package import (
+    NORMAL_95,
     Noise,
     Propagation,
     angles,
     directions,
     gravity,
-    reason,
     t_limits,
     tangent,
 )
@@ -27,54 +42,8 @@ from fitter.inverse.three_axis import ThreeAxis
 from fitter.quantiles import f_limit
 
 CHUNK = 4096
-RANGE_ROOM_DEG = 0.1
-"""How far outside the calibrated range an angle may be: readbacks of the head are not exact, nor is the angle found."""
-
-BAD_READING = "not a finite number"
-NO_ATTITUDE = "no attitude gives these outputs"
-NOT_1_G = "the outputs do not make 1 g: the package accelerates, or a sensor has changed"
-ROLL_OPEN = "roll is undetermined: pitch is at +-90 deg"
-PITCH_OPEN = "pitch is undetermined: the outputs hardly change with it here"
-BOTH_OPEN = "pitch and roll are undetermined: the part of gravity that neither sensor sees is near zero"
-
 _LEVEL_ABSURD = 1.0 - 1e-6
 _TERMS_ITERATIONS, _TERMS_TOLERANCE = 12, 1e-12
-_HALF_TURN = 180.0
-
-
-@dataclass(frozen=True, eq=False)
-class InferredAttitude:
-    """Attitudes, one for each reading.
-
-    Where an angle is undetermined it is NaN, its standard deviation infinite, its interval as wide as what is known,
-    and `flag` says why. Intervals may be longer than the range an angle has; roll's may go through +-180 deg.
-
-    Attributes:
-        pitch_deg: (n,).
-        pitch_sd_deg: (n,) standard deviation: calibration, new reading and measured roll together.
-        pitch_lo95_deg: (n,) 95 % interval.
-        pitch_hi95_deg: (n,).
-        roll_deg: (n,), as given where roll was measured.
-        roll_sd_deg: (n,).
-        roll_lo95_deg: (n,).
-        roll_hi95_deg: (n,).
-        df: (n,) degrees of freedom of `pitch_sd_deg` (Satterthwaite).
-        assumed: (n,) the outputs fit another attitude as well, and the one given is that on the side of `near_deg`.
-        flag: (n,) empty where all is well.
-
-    """
-
-    pitch_deg: FloatArray
-    pitch_sd_deg: FloatArray
-    pitch_lo95_deg: FloatArray
-    pitch_hi95_deg: FloatArray
-    roll_deg: FloatArray
-    roll_sd_deg: FloatArray
-    roll_lo95_deg: FloatArray
-    roll_hi95_deg: FloatArray
-    df: FloatArray
-    assumed: NDArray[np.bool_]
-    flag: NDArray[Any]
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +119,7 @@ def infer_attitude(
     warmth = np.zeros(n) if degC is None or calibration.reference_degC is None else degC - calibration.reference_degC
     noise = _noise(calibration, noise_sd_V)
     weights = 1.0 / noise.variance if weighted else np.full(len(noise.variance), 1.0 / noise.variance.max())
-    out = _empty(n)
+    out = empty(n)
     y = outputs.T - calibration.offsets_V[:, None]
     three = None
     if roll is None and len(calibration.sensors) > 2:
@@ -177,7 +146,7 @@ def infer_attitude(
                 _two_axes(question, part)
             else:
                 _three_axes(question, three, part)
-            _range_flags(calibration, part, None if degC is None else degC[p])
+            flag_ranges(calibration, part, None if degC is None else degC[p])
             _bad_readings(question, part)
     return out
 
@@ -223,8 +192,8 @@ def _tangent_errors(q: _Question, g: FloatArray, out: InferredAttitude) -> Float
     of_pitch, of_roll = errors.spread(by_up), errors.spread(by_along)
     pitch, roll = angles(g)
     out.df[:] = of_pitch.df
-    _put(out, "pitch", pitch, np.sqrt(of_pitch.variance), t_limits(of_pitch.df))
-    _put(out, "roll", roll, np.sqrt(of_roll.variance) / c, t_limits(of_roll.df))
+    put(out, "pitch", pitch, np.sqrt(of_pitch.variance), t_limits(of_pitch.df))
+    put(out, "roll", roll, np.sqrt(of_roll.variance) / c, t_limits(of_roll.df))
     pole = ~(c > FEWEST_SD * np.sqrt(of_roll.variance))
     if pole.any():
         # at the pole itself pitch falls short of 90 deg by a distance in two directions: F(2, df), not t
@@ -233,11 +202,11 @@ def _tangent_errors(q: _Question, g: FloatArray, out: InferredAttitude) -> Float
         half = np.degrees(np.sqrt(df * np.expm1(-2.0 / df * np.log(0.05))) * sd)
         out.pitch_lo95_deg[pole] = np.maximum(out.pitch_deg[pole] - half, -90.0)
         out.pitch_hi95_deg[pole] = np.minimum(out.pitch_deg[pole] + half, 90.0)
-        _open(out, "roll", pole, -_HALF_TURN, _HALF_TURN)
+        leave_open(out, "roll", pole, -HALF_TURN, HALF_TURN)
         reason(out.flag, pole, ROLL_OPEN)
     over = np.cos(q.near_pitch) < 0
     if over.any():
-        _turn_over(out, over)
+        turn_over(out, over)
     return np.asarray(np.sqrt(of_pitch.variance + of_roll.variance))
 
 
@@ -270,19 +239,19 @@ def _open_fold(
     turn = np.where(over, np.pi, 0.0)
     mask = np.zeros(len(out.flag), bool)
     mask[rows] = True
-    _open(out, "pitch", mask, np.degrees(pitch_low - half), np.degrees(pitch_high + half))
-    _open(
+    leave_open(out, "pitch", mask, np.degrees(pitch_low - half), np.degrees(pitch_high + half))
+    leave_open(
         out,
         "roll",
         mask,
-        np.where(no_roll, -_HALF_TURN, np.degrees(roll_low + turn)),
-        np.where(no_roll, _HALF_TURN, np.degrees(roll_high + turn)),
+        np.where(no_roll, -HALF_TURN, np.degrees(roll_low + turn)),
+        np.where(no_roll, HALF_TURN, np.degrees(roll_high + turn)),
     )
     out.flag[rows] = BOTH_OPEN
     absurd = np.sqrt(_f_absurd(1, q)) * np.sqrt(radial.variance)
-    nowhere = np.zeros(len(out.flag), bool)
-    nowhere[rows] = ~(length - 1.0 <= absurd)
-    _nowhere(out, nowhere)
+    none = np.zeros(len(out.flag), bool)
+    none[rows] = ~(length - 1.0 <= absurd)
+    nowhere(out, none)
 
 
 def _known_roll(q: _Question, out: InferredAttitude) -> None:
@@ -306,9 +275,9 @@ def _known_roll(q: _Question, out: InferredAttitude) -> None:
     sd = np.sqrt(spread.variance)
     out.df[:] = spread.df
     limit = t_limits(spread.df)
-    _put(out, "pitch", pitch, sd, limit)
+    put(out, "pitch", pitch, sd, limit)
     given = np.sqrt(q.roll_variance)
-    _put(out, "roll", roll, given, np.full(len(roll), 1.959963984540054))
+    put(out, "roll", roll, given, np.full(len(roll), NORMAL_95))
     bend = problem.C * np.sin(pitch) + problem.D * np.cos(pitch)
     curvature = np.sqrt(np.einsum("sn,sn->n", bend, problem.whiten(bend, pitch)) / information)
     flat = ~(FEWEST_SD * sd * curvature < 1.0)
@@ -317,10 +286,10 @@ def _known_roll(q: _Question, out: InferredAttitude) -> None:
     if flat.any():
         rows = np.flatnonzero(flat)
         lower, higher = _reach(problem.take(rows), y[:, rows], pitch[rows], limit[rows], _worse(q))
-        _open(out, "pitch", flat, np.degrees(pitch[rows] - lower), np.degrees(pitch[rows] + higher))
+        leave_open(out, "pitch", flat, np.degrees(pitch[rows] - lower), np.degrees(pitch[rows] + higher))
         reason(out.flag, flat, PITCH_OPEN)
     if len(q.y) == 1:
-        _nowhere(out, flat & (least > absurd))
+        nowhere(out, flat & (least > absurd))
     else:
         reason(out.flag, least > absurd, NOT_1_G)
 
@@ -328,81 +297,17 @@ def _known_roll(q: _Question, out: InferredAttitude) -> None:
 def _reach(
     problem: KnownRoll, y: FloatArray, pitch: FloatArray, limit: FloatArray, worse: float
 ) -> tuple[FloatArray, FloatArray]:
-    limit = np.where(np.isfinite(limit), limit, 1.959963984540054)
+    limit = np.where(np.isfinite(limit), limit, NORMAL_95)
     # one sensor: what counts is how well an attitude fits, not how much worse than the best it does
     room = problem.cost(y, pitch) if len(y) == 1 else 0.0
     return problem.reach(y, pitch, np.maximum(limit**2 * worse - room, 0.0))
-
-
-def _put(out: InferredAttitude, angle: str, value: FloatArray, sd: FloatArray, limit: FloatArray) -> None:
-    """Value, sd and interval of one angle, given in rad."""
-    value_deg, sd_deg = np.degrees(value), np.degrees(sd)
-    half = limit * sd_deg
-    getattr(out, f"{angle}_deg")[:] = value_deg
-    getattr(out, f"{angle}_sd_deg")[:] = sd_deg
-    getattr(out, f"{angle}_lo95_deg")[:] = value_deg - half
-    getattr(out, f"{angle}_hi95_deg")[:] = value_deg + half
-
-
-def _open(
-    out: InferredAttitude, angle: str, rows: NDArray[np.bool_], low: FloatArray | float, high: FloatArray | float
-) -> None:
-    """One angle of some rows is undetermined between `low` and `high` deg."""
-    getattr(out, f"{angle}_deg")[rows] = np.nan
-    getattr(out, f"{angle}_sd_deg")[rows] = np.inf
-    getattr(out, f"{angle}_lo95_deg")[rows] = low
-    getattr(out, f"{angle}_hi95_deg")[rows] = high
-
-
-def _nowhere(out: InferredAttitude, rows: NDArray[np.bool_], text: str = NO_ATTITUDE) -> None:
-    if rows.any():
-        _open(out, "pitch", rows, -np.inf, np.inf)
-        _open(out, "roll", rows, -np.inf, np.inf)
-        out.flag[rows] = text
-
-
-def _turn_over(out: InferredAttitude, over: NDArray[np.bool_]) -> None:
-    """The same attitudes with pitch beyond +-90 deg."""
-    half_turn = np.where(out.pitch_deg[over] >= 0, _HALF_TURN, -_HALF_TURN)
-    low, high = half_turn - out.pitch_hi95_deg[over], half_turn - out.pitch_lo95_deg[over]
-    out.pitch_deg[over] = half_turn - out.pitch_deg[over]
-    out.pitch_lo95_deg[over], out.pitch_hi95_deg[over] = low, high
-    shift = np.where(out.roll_deg[over] > 0, -_HALF_TURN, _HALF_TURN)
-    known = np.isfinite(out.roll_deg[over])
-    for name in ("roll_deg", "roll_lo95_deg", "roll_hi95_deg"):
-        getattr(out, name)[over] += np.where(known, shift, 0.0)
 
 
 def _bad_readings(q: _Question, out: InferredAttitude) -> None:
     good = np.isfinite(q.y).all(axis=0) & np.isfinite(q.warmth)
     if q.roll is not None:
         good &= np.isfinite(q.roll)
-    _nowhere(out, ~good, BAD_READING)
-
-
-def _range_flags(calibration: AttitudeCalibration, out: InferredAttitude, degC: FloatArray | None) -> None:
-    (low, high), (left, right) = calibration.pitch_range_deg, calibration.roll_range_deg
-    all_rolls = not calibration.roll or right - left >= 2 * _HALF_TURN - 2 * RANGE_ROOM_DEG
-    if not (all_rolls and low <= -90.0 and high >= 90.0 and calibration.roll):
-        inside = np.zeros(len(out.flag), bool)
-        ways = ((0.0, 1.0),) if not calibration.roll else ((0.0, 1.0), (_HALF_TURN, -1.0))
-        for turn, sign in ways:
-            pitch = _degrees(turn + sign * out.pitch_deg)
-            pitched = (pitch >= low - RANGE_ROOM_DEG) & (pitch <= high + RANGE_ROOM_DEG)
-            rolled = np.mod(out.roll_deg + turn - left + RANGE_ROOM_DEG, 360.0) <= right - left + 2 * RANGE_ROOM_DEG
-            inside |= pitched & (all_rolls | rolled | np.isnan(out.roll_deg))
-        text = f"outside the calibrated {low:g} to {high:g} deg of pitch"
-        text += f" and {left:g} to {right:g} deg of roll" if not all_rolls else ""
-        reason(out.flag, ~inside & np.isfinite(out.pitch_deg), text)
-    if degC is not None and calibration.degC_range is not None:
-        cold, warm = calibration.degC_range
-        room = max(0.02 * (warm - cold), 0.1)
-        text = f"sensor temperature is outside the calibrated {cold:g} to {warm:g} degC"
-        reason(out.flag, ~((degC >= cold - room) & (degC <= warm + room)), text)
-
-
-def _degrees(angle: FloatArray) -> FloatArray:
-    return np.asarray(np.degrees(wrap(np.radians(angle))))
+    nowhere(out, ~good, BAD_READING)
 
 
 def _beyond(q: _Question, g: FloatArray) -> FloatArray | None:
@@ -468,8 +373,3 @@ def _each(name: str, values: ArrayLike, n: int) -> FloatArray:
     if array.shape not in ((), (1,), (n,)):
         raise ValueError(f"{name}: expected one value, or {n}, found shape {array.shape}")
     return np.broadcast_to(array, (n,))
-
-
-def _empty(n: int) -> InferredAttitude:
-    numbers = {f.name: np.empty(n) for f in fields(InferredAttitude) if f.name not in ("assumed", "flag")}
-    return InferredAttitude(**numbers, assumed=np.zeros(n, bool), flag=np.full(n, "", dtype=object))

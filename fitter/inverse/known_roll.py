@@ -118,11 +118,16 @@ class KnownRoll:
         return np.arcsin(np.clip(y[sensor] / amplitude, -1.0, 1.0)), np.arctan2(D, C)
 
     def _refine(self, y: FloatArray, pitch: FloatArray) -> FloatArray:
+        """Gauss-Newton steps, shortened wherever they lead up: at a crest there is no slope to go by."""
+        cost, scale = self.cost(y, pitch), np.ones(len(pitch))
         for _ in range(STEPS):
             gains, _ = self.gains(pitch)
-            step = np.einsum("sn,sn->n", gains, self.residual(y, pitch))
-            pitch = pitch + np.clip(step, -0.5, 0.5)
-            if np.all(np.abs(step) < 1e-13):
+            step = scale * np.clip(np.einsum("sn,sn->n", gains, self.residual(y, pitch)), -0.5, 0.5)
+            there = self.cost(y, pitch + step)
+            down = there <= cost
+            pitch, cost = np.where(down, pitch + step, pitch), np.where(down, there, cost)
+            scale = np.where(down, np.minimum(2.0 * scale, 1.0), 0.25 * scale)
+            if np.all(~(np.abs(step) >= 1e-13)):
                 break
         return pitch
 
@@ -163,7 +168,7 @@ def polish(
     """
     if len(y) == 1 or not np.any(problem.roll_variance > 0):
         return pitch, problem, y
-    corrected = roll
+    start, at_measured, corrected = problem, pitch, roll
     for _ in range(_POLISHING):
         problem = KnownRoll.of(matrix, corrected, problem.roll_variance, problem.noise)
         by_roll = problem.roll_slope(pitch)
@@ -175,8 +180,12 @@ def polish(
         pitch = pitch + np.clip(step, -0.5, 0.5)
         share = problem.roll_variance * np.einsum("sn,sn->n", by_roll, problem.whiten(left, pitch))
         corrected = roll + np.where(np.isfinite(share), np.clip(share, -0.5, 0.5), 0.0)
-    problem = KnownRoll.of(matrix, corrected, problem.roll_variance, problem.noise)
-    return wrap(pitch), problem, y - problem.roll_slope(pitch) * (roll - corrected)
+    again = KnownRoll.of(matrix, corrected, start.roll_variance, start.noise)
+    uncorrected = np.einsum("sn,s->n", start.residual(y, at_measured) ** 2, 1.0 / start.noise)
+    better = again.cost(y - again.roll_slope(pitch) * (roll - corrected), pitch) <= uncorrected
+    pitch, corrected = np.where(better, wrap(pitch), at_measured), np.where(better, corrected, roll)
+    problem = KnownRoll.of(matrix, corrected, start.roll_variance, start.noise)
+    return pitch, problem, y - problem.roll_slope(pitch) * (roll - corrected)
 
 
 def _both(turned: FloatArray, phase: FloatArray) -> tuple[FloatArray, FloatArray]:

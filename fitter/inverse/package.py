@@ -9,13 +9,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
 from fitter.arrays import FloatArray
 from fitter.inverse.calibration import AttitudeCalibration
 
-_NODES = 1025
+NORMAL_95 = 1.959963984540054
+_MANY = 20.0
+_Z = NORMAL_95
+_T_1 = (_Z**3 + _Z) / 4.0
+_T_2 = (5.0 * _Z**5 + 16.0 * _Z**3 + 3.0 * _Z) / 96.0
+_T_3 = (3.0 * _Z**7 + 19.0 * _Z**5 + 17.0 * _Z**3 - 15.0 * _Z) / 384.0
+_T_4 = (79.0 * _Z**9 + 776.0 * _Z**7 + 1482.0 * _Z**5 - 1920.0 * _Z**3 - 945.0 * _Z) / 92160.0
 
 
 def gravity(pitch: FloatArray, roll: FloatArray) -> FloatArray:
@@ -137,17 +142,14 @@ def tangent(
         return (d * w_up - b * w_along) / determinant, (a * w_along - b * w_up) / determinant
 
 
-def t_limits(df: FloatArray, level: float = 0.95) -> FloatArray:
-    """(n,) two-tailed limits of Student's t for (n,) degrees of freedom of one or more; infinite ones count as such."""
-    inverse = 1.0 / df
-    low, high = 0.0, float(np.nanmax(inverse, initial=0.0))
-    nodes = np.linspace(low, max(high, 1e-6), _NODES)
-    with np.errstate(divide="ignore"):
-        values = special.stdtrit(np.where(nodes > 0, 1.0 / np.maximum(nodes, 1e-300), 1e12), 0.5 * (1.0 + level))
-    return np.interp(inverse, nodes, values)
+def t_limits(df: FloatArray) -> FloatArray:
+    """(n,) limits that Student's t stays between with 95 % probability, for (n,) degrees of freedom, infinite ones too.
 
-
-def reason(flag: NDArray[np.object_], where: NDArray[np.bool_], text: str) -> None:
-    """Add a reason to the flags of some rows, in place."""
-    if where.any():
-        flag[where] = [f"{old}; {text}" if old else text for old in flag[where]]
+    By its expansion in 1/df (Fisher and Cornish), to 2e-7 of the value; as `fitter.quantiles.t_limit` for few.
+    """
+    x = 1.0 / df
+    limits = NORMAL_95 + x * (_T_1 + x * (_T_2 + x * (_T_3 + x * _T_4)))
+    few = ~(df >= _MANY)
+    if few.any():
+        limits[few] = special.stdtrit(df[few], 0.975)
+    return np.asarray(limits)
