@@ -9,7 +9,7 @@ from attitude_truth import D1, Bench, Sensor, simulate
 from scipy.optimize import brentq, least_squares
 
 from fitter import AttitudeData, fit_attitude
-from fitter.inverse import AttitudeCalibration, SensorModel, infer_attitude
+from fitter.inverse import AttitudeCalibration, SensorModel, calibrate_package, infer_attitude
 
 SEED = 41
 BENCH = Bench()
@@ -209,7 +209,7 @@ def test_eq_108():
 def test_joint_covariance_is_carried_through(run, package):
     """Coefficients drawn from their joint covariance move inferred angles by what the standard deviations say."""
     names = PACKAGES[package]
-    calibration = AttitudeCalibration.from_data(run, names)
+    calibration = calibrate_package(run, names)
     k = calibration.covariance.shape[0]
     rng = np.random.default_rng(SEED)
     mix = rng.normal(size=(k, k)) * 1e-5
@@ -230,7 +230,7 @@ def test_joint_covariance_is_carried_through(run, package):
 
 def test_coefficients_of_sensors_on_one_shaking_head_are_correlated():
     shaken = simulate(replace(BENCH, jitter_deg=1e-3), D1(90, 13, 13, replications=2), SEED)[0]
-    calibration = AttitudeCalibration.from_data(shaken)
+    calibration = calibrate_package(shaken)
     sd = np.sqrt(np.diag(calibration.covariance))
     correlation = calibration.covariance / np.outer(sd, sd)
     assert np.abs(correlation[:4, 4:8]).max() > 0.02
@@ -238,7 +238,7 @@ def test_coefficients_of_sensors_on_one_shaking_head_are_correlated():
 
 
 def test_json_reads_back_exactly(run):
-    calibration = AttitudeCalibration.from_data(run)
+    calibration = calibrate_package(run)
     again = AttitudeCalibration.from_dict(json.loads(json.dumps(calibration.to_dict())))
     assert again.to_dict() == calibration.to_dict()
     np.testing.assert_array_equal(again.covariance, calibration.covariance)
@@ -270,11 +270,11 @@ def test_oblique_single_axis_against_a_root_finder():
     ],
 )
 def test_what_does_not_fit_is_refused(run, arguments, message):
-    calibration = AttitudeCalibration.from_data(run)
+    calibration = calibrate_package(run)
     with pytest.raises(ValueError, match=message):
         infer_attitude(calibration, **({"outputs_V": np.zeros((3, 3))} | arguments))
 
 
 def test_one_sensor_with_roll_needs_it(run):
     with pytest.raises(ValueError, match="measured roll is needed"):
-        infer_attitude(AttitudeCalibration.from_data(run, ["x_V"]), np.zeros((1, 1)))
+        infer_attitude(calibrate_package(run, ["x_V"]), np.zeros((1, 1)))

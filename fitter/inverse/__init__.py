@@ -2,12 +2,13 @@
 
 Every package of sections 5 and 6 of NASA/TP-1999-209835: one axis with or without measured roll, two axes, three.
 
-    calibration = AttitudeCalibration.from_data(data)
+    calibration = calibrate_package(data)
     found = infer_attitude(calibration, outputs_V)
     found.pitch_deg, found.pitch_sd_deg, found.pitch_lo95_deg, found.pitch_hi95_deg, found.flag
 """
 
 from fitter.inverse.answer import InferredAttitude
+from fitter.inverse.calibrate import calibrate_package
 from fitter.inverse.calibration import AttitudeCalibration, SensorModel, Term
 from fitter.inverse.infer import infer_attitude
 from fitter.inverse.singular import singularity
@@ -19,6 +20,7 @@ __all__ = [
     "SensorModel",
     "Term",
     "ThreeAxis",
+    "calibrate_package",
     "infer_attitude",
     "singularity",
 ]

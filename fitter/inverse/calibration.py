@@ -11,8 +11,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.attitude import COLUMNS, sensitive_axis
-from fitter.calibration import AttitudeFit, fit_attitude
-from fitter.data import AttitudeData
+from fitter.calibration import AttitudeFit
 
 Range = tuple[float, float]
 KIND = "attitude"
@@ -194,75 +193,35 @@ class AttitudeCalibration:
         return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
     @classmethod
-    def from_fits(
-        cls,
-        fits: Sequence[AttitudeFit],
-        *,
-        residual_correlation: FloatArray | None = None,
-        degC_range: Range | None = None,
-    ) -> AttitudeCalibration:
-        """The calibration of a package from those of its sensors.
+    def from_fits(cls, fits: Sequence[AttitudeFit]) -> AttitudeCalibration:
+        """The calibration of a package whose sensors were calibrated one by one: their errors are independent.
 
         Args:
             fits: one a sensor, all with roll or all without.
-            residual_correlation: (S, S) of the sensors' residuals, if all were calibrated on the same points: a head
-                that shakes makes their coefficients correlated. None: independent.
-            degC_range: lowest and highest temperature calibrated.
 
         Raises:
-            ValueError: sensors with and without roll are mixed, or a correlation between other points is given.
+            ValueError: there is none, or sensors with and without roll are mixed.
 
         """
         if not fits:
             raise ValueError("a calibration of no sensor tells no attitude")
         if len({f.has_roll for f in fits}) > 1:
             raise ValueError("some of the sensors were calibrated with roll, others without: calibrate them alike")
-        roots = [_with_roll(f.linear.root) for f in fits]
-        sigma = np.array([f.linear.sigma for f in fits])
-        correlation = np.eye(len(fits)) if residual_correlation is None else np.asarray(residual_correlation)
-        same = all(r.shape == roots[0].shape and np.allclose(r @ r.T, roots[0] @ roots[0].T) for r in roots)
-        if residual_correlation is not None and not same:
-            raise ValueError("only sensors calibrated on the same points have correlated coefficients")
         k = len(COLUMNS)
         covariance = np.zeros((k * len(fits), k * len(fits)))
-        for i, first in enumerate(roots):
-            for j, second in enumerate(roots):
-                block = sigma[i] * sigma[j] * correlation[i, j] * (first @ second.T) if correlation[i, j] else 0.0
-                covariance[i * k : i * k + k, j * k : j * k + k] = block
-        axes = [_axis(f) for f in fits]
+        for i, fit in enumerate(fits):
+            root = fit.linear.sigma * with_roll(fit.linear.root)
+            covariance[i * k : i * k + k, i * k : i * k + k] = root @ root.T
         return cls(
             sensors=tuple(
-                SensorModel(f.sensor, axis, _with_roll(f.linear.coefficients), f.linear.sigma, f.linear.df)
-                for f, axis in zip(fits, axes, strict=True)
+                SensorModel(f.sensor, _axis(f), with_roll(f.linear.coefficients), f.linear.sigma, f.linear.df)
+                for f in fits
             ),
-            covariance=(covariance + covariance.T) / 2,
+            covariance=covariance,
             pitch_range_deg=_common([f.pitch_range_deg for f in fits]),
             roll_range_deg=_common([f.roll_range_deg for f in fits]),
             roll=fits[0].has_roll,
-            degC_range=degC_range,
         )
-
-    @classmethod
-    def from_data(cls, data: AttitudeData, sensors: Sequence[str] | None = None) -> AttitudeCalibration:
-        """Fit the sensors of one run, with the correlation of their coefficients.
-
-        Args:
-            data: the run.
-            sensors: names of the outputs to use, in the order they will be given; None for all.
-
-        Raises:
-            KeyError: there is no such output.
-            fitter.linear.RankError: the points do not determine the model.
-
-        """
-        fits = [fit_attitude(data, name) for name in (data.sensors if sensors is None else sensors)]
-        residuals = np.array([data.outputs[f.sensor] - f.predict(data.pitch_deg, data.roll_deg) for f in fits])
-        length = np.linalg.norm(residuals, axis=1)
-        correlation = (residuals @ residuals.T) / np.maximum(np.outer(length, length), np.finfo(float).tiny)
-        np.fill_diagonal(correlation, 1.0)
-        degC = data.sensor_temperature_degC
-        degC_range = None if degC is None else (float(degC.min()), float(degC.max()))
-        return cls.from_fits(fits, residual_correlation=correlation, degC_range=degC_range)
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON; `from_dict` reads it back exactly."""
@@ -320,8 +279,8 @@ class AttitudeCalibration:
             raise ValueError(f"a calibration of attitude lacks or garbles {problem}") from problem
 
 
-def _with_roll(rows: FloatArray) -> FloatArray:
-    """Coefficients (or rows of the root) of the model without roll, in the places they have in the model with it."""
+def with_roll(rows: FloatArray) -> FloatArray:
+    """(4, ...) coefficients or rows of their root, from (3, ...) of the model without roll put in their places."""
     return np.insert(rows, 2, 0.0, axis=0) if len(rows) == len(COLUMNS) - 1 else rows
 
 

@@ -1,0 +1,160 @@
+"""The calibration of a package from one run, with the effects that a trace found and temperature, if asked for.
+
+What belongs to the package (sag, sensor nonlinearity, temperature) is there in use as well and is carried into
+inference. What belongs to the head or the night (backlash, the head's scale, drift, steps) is fitted, so that it does
+not spoil the coefficients, and left behind: a note says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.attitude import COLUMNS, attitude_columns, fit_columns, nominal_axis, sensitive_axis
+from fitter.data import AttitudeData
+from fitter.effects import CATALOGUE
+from fitter.inverse.calibration import AttitudeCalibration, SensorModel, Term, with_roll
+from fitter.linear import LinearFit, least_squares
+
+OFFSET, SENSITIVITY = "offset-temperature", "sensitivity-temperature"
+_LEFT_BEHIND = {e.name for e in CATALOGUE if e.source not in ("package", "sensor", "temperature")}
+_SECOND = tuple((i, j, k) for k in (0, 1) for j in range(3) for i in range(3) if i + j + k <= 2)
+_THIRD = tuple((i, j, k) for k in (0, 1) for j in range(4) for i in range(4) if i + j + k <= 3)
+_FIRST = ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))
+# no power of g_z above one: the squares add up to one, so these are all polynomials on the sphere, each once
+_BASES = (
+    tuple((powers, 0) for powers in _SECOND),
+    tuple((powers, 0) for powers in _THIRD),
+    tuple((powers, 1) for powers in _FIRST),
+    tuple((powers, 1) for powers in _SECOND),
+)
+_EXACT = 1e-7
+
+
+def calibrate_package(
+    data: AttitudeData,
+    sensors: Sequence[str] | None = None,
+    *,
+    effects: Mapping[str, Mapping[str, FloatArray]] | None = None,
+    temperature: bool = False,
+) -> AttitudeCalibration:
+    """Fit the sensors of one run, with the correlation of their coefficients: a head that shakes moves all of them.
+
+    Args:
+        data: the run.
+        sensors: names of the outputs to use, in the order they will be given; None for all.
+        effects: by name and sensor, (n,) volts each adds to the observations, as `FoundEffect.contribution_V`. Its
+            size is fitted again beside the model, so that its uncertainty is in the covariance.
+        temperature: fit offset and sensitivity as linear in the sensor temperature (section 9, row 28(b) of Table 2).
+
+    Raises:
+        KeyError: there is no such output.
+        fitter.linear.RankError: the points do not determine the model with its effects.
+        ValueError: no sensor temperature was recorded, an effect has another number of observations, or an effect of
+            the package cannot be carried over to other attitudes.
+
+    """
+    chosen = data.sensors if sensors is None else tuple(sensors)
+    degC = data.sensor_temperature_degC
+    if temperature and degC is None:
+        raise ValueError("no sensor temperature was recorded: its effect cannot be fitted")
+    reference = None if degC is None else float(np.mean(degC))
+    warmth = np.zeros(len(data)) if degC is None else degC - np.mean(degC)
+    base = attitude_columns(data.pitch_deg, data.roll_deg, roll=data.has_roll)
+    g = data.g_M.T if data.has_roll else np.stack([base[:, 1], np.zeros(len(data)), -base[:, 2]])
+    models, maps, fits, solvers, residuals = [], [], [], [], []
+    left: set[str] = set()
+    for name in chosen:
+        y = data.outputs[name]
+        plain = fit_columns(base, y)
+        axis = sensitive_axis(plain.coefficients)
+        shapes = {e: np.asarray(by[name], np.float64) for e, by in (effects or {}).items() if name in by}
+        if temperature:
+            shapes = {e: v for e, v in shapes.items() if e not in (OFFSET, SENSITIVITY)}
+            shapes |= {OFFSET: warmth, SENSITIVITY: warmth * (axis @ g)}
+        shapes = {e: v for e, v in shapes.items() if np.any(v)}
+        wrong = [e for e, v in shapes.items() if v.shape != (len(data),)]
+        if wrong:
+            raise ValueError(f"{wrong[0]} of {name}: expected {len(data)} observations, found {shapes[wrong[0]].shape}")
+        columns = np.column_stack([base, *shapes.values()])
+        # the plain fit has seen that no column of the model is empty; those of effects are volts, small as they should be
+        fit = least_squares(columns, y, (*plain.names, *shapes))
+        left |= _LEFT_BEHIND & set(shapes)
+        terms, to_model = _model_of(shapes, g, warmth, base.shape[1])
+        letter = _axis_letter(name, data, fit, base.shape[1])
+        models.append(SensorModel(name, letter, to_model @ fit.coefficients, fit.sigma, fit.df, terms))
+        maps.append(to_model)
+        fits.append(fit)
+        solvers.append(fit.root @ (fit.root.T @ columns.T))
+        residuals.append(y - fit.predict(columns))
+    notes = (f"fitted beside the model and not applied in use: {', '.join(sorted(left))}",) if left else ()
+    return AttitudeCalibration(
+        sensors=tuple(models),
+        covariance=_joint(fits, maps, solvers, np.array(residuals)),
+        pitch_range_deg=(float(data.pitch_deg.min()), float(data.pitch_deg.max())),
+        roll_range_deg=(float(data.roll_deg.min()), float(data.roll_deg.max())),
+        roll=data.has_roll,
+        degC_range=None if degC is None else (float(degC.min()), float(degC.max())),
+        reference_degC=reference,
+        notes=notes,
+    )
+
+
+def _joint(
+    fits: Sequence[LinearFit], maps: Sequence[FloatArray], solvers: Sequence[FloatArray], residuals: FloatArray
+) -> FloatArray:
+    """(K, K) covariance of all coefficients; `solvers` (k, n) turn outputs into them, `maps` then into the model's."""
+    length = np.linalg.norm(residuals, axis=1)
+    correlation = residuals @ residuals.T / np.outer(length, length)
+    np.fill_diagonal(correlation, 1.0)
+    blocks = [
+        [
+            fits[i].sigma * fits[j].sigma * correlation[i, j] * (maps[i] @ (solvers[i] @ solvers[j].T) @ maps[j].T)
+            for j in range(len(fits))
+        ]
+        for i in range(len(fits))
+    ]
+    covariance = np.block(blocks)
+    return np.asarray((covariance + covariance.T) / 2)
+
+
+def _model_of(
+    shapes: Mapping[str, FloatArray], g: FloatArray, warmth: FloatArray, k: int
+) -> tuple[tuple[Term, ...], FloatArray]:
+    """Terms of all effects, and the (4 + q, k + p) matrix from fitted coefficients to the model's."""
+    terms: list[Term] = []
+    columns = []
+    for effect, shape in shapes.items():
+        weights = {} if effect in _LEFT_BEHIND else _as_terms(effect, shape, g, warmth)
+        for term in weights:
+            if term not in terms:
+                terms.append(term)
+        columns.append(weights)
+    to_model = np.zeros((len(COLUMNS) + len(terms), k + len(shapes)))
+    to_model[: len(COLUMNS), :k] = with_roll(np.eye(k))
+    for column, weights in enumerate(columns, start=k):
+        for term, weight in weights.items():
+            to_model[len(COLUMNS) + terms.index(term), column] = weight
+    return tuple(terms), to_model
+
+
+def _as_terms(effect: str, shape: FloatArray, g: FloatArray, warmth: FloatArray) -> dict[Term, float]:
+    """An effect as a polynomial in gravity and temperature, the lowest that is exact."""
+    scale = float(np.linalg.norm(shape))
+    for basis in _BASES:
+        terms = [Term(powers, d, effect) for powers, d in basis]
+        columns = np.column_stack([t.column(g, warmth) for t in terms])
+        weights = np.linalg.lstsq(columns, shape, rcond=1e-10)[0]
+        if np.linalg.norm(shape - columns @ weights) <= _EXACT * scale:
+            reach = np.abs(weights) * np.linalg.norm(columns, axis=0)
+            kept = reach > _EXACT * scale
+            return {t: float(w) for t, w, keep in zip(terms, weights, kept, strict=True) if keep}
+    raise ValueError(f"{effect} is no function of gravity in the package and its temperature: it cannot be applied")
+
+
+def _axis_letter(name: str, data: AttitudeData, fit: LinearFit, k: int) -> str:
+    if data.has_roll:
+        return "xyz"[nominal_axis(name, fit.coefficients[:k], data.axes)]
+    return "xyz"[int(np.argmax(np.abs(sensitive_axis(fit.coefficients[:k]))))]
