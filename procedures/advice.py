@@ -178,17 +178,8 @@ def _up_and_back(case: _Case) -> Advice:
         f"would shift a coefficient by up to {shift:.2f} of its standard deviations"
     )
     holds = 0.4 <= up <= 0.6 and shift <= 1.0
-    return _advice(
-        4,
-        said,
-        holds,
-        sentence
-        + (
-            ""
-            if holds
-            else '; order.type = "up-and-down" goes both ways, and so do replications = "abba" in even number'
-        ),
-    )
+    remedy = 'order.type = "up-and-down" goes both ways, and so does order.replications = "abba" in even number'
+    return _advice(4, said, holds, sentence if holds else f"{sentence}; {remedy}")
 
 
 def _fraction(case: _Case) -> Advice:
@@ -203,7 +194,10 @@ def _fraction(case: _Case) -> Advice:
             return _not_for(5, said, f"all of the grid is run; {rows} x {columns} has no interior to thin evenly")
         part = case.like(fraction(whole, pitch_every=every[0], roll_every=every[1]))
         keys = f"fraction = {{ pitch_every = {every[0]}, roll_every = {every[1]} }}"
-        cost = f"{part.points} of {full.points} points a replication and be {_less_precise(part, full, case.usage)}"
+        try:
+            cost = f"{part.points} of {full.points} points a replication and be {_less_precise(part, full, case.usage)}"
+        except RankError:
+            return _not_for(5, said, f"all of the grid is run; {keys} would not determine a sensor")
         return _not_for(5, said, f"all of the grid is run; {keys} would take {cost}")
     taken = case.points
     merits = [figure_of_merit(d, case.usage) for d in (taken, full)]
@@ -215,7 +209,7 @@ def _fraction(case: _Case) -> Advice:
         merits[0] <= 1.1 * merits[1] and lof >= 10,
         f"{taken.points} of {full.points} points a replication, {_less_precise(taken, full, case.usage)} (figure of "
         f"merit {merits[0]:.3f}, of the whole grid {merits[1]:.3f}); degrees of freedom to test the model: {lof}; pads "
-        f"show from {seen[0] * case.sigma_deg:.1e} deg instead of {seen[1] * case.sigma_deg:.1e} deg",
+        f"show {_from(seen[0] * case.sigma_deg)}, with the whole grid {_from(seen[1] * case.sigma_deg)}",
     )
 
 
@@ -260,12 +254,8 @@ def _pads(case: _Case) -> Advice:
         why = imitated if seen.rms == 0 else "nothing is replicated"
         return Advice(0, said, False, f"{left}: it cannot be found, since {why}")
     holds = smallest <= PAPERS_PADS_DEG
-    wider = (
-        "more points or replications find smaller ones"
-        if case.points.roll
-        else "go beyond +-90 deg of pitch or roll too"
-    )
-    hint = "" if holds else f"; {wider}"
+    remedies = ("go beyond +-90 deg of pitch or roll too", "more points or replications find smaller ones")
+    hint = "" if holds else f"; {remedies[case.points.roll]}"
     found = f"found nine times in ten from {smallest:.1e} deg (the paper's were {PAPERS_PADS_DEG:.0e} deg)"
     return Advice(0, said, holds, f"{left}: {found}{hint}")
 
@@ -308,6 +298,10 @@ def _is_tumble(points: DesignPoints) -> bool:
 
 def _less_precise(one: DesignPoints, other: DesignPoints, usage: Usage) -> str:
     return f"{_percent(np.sqrt(mean_variance(one, usage) / mean_variance(other, usage)) - 1)} less precise"
+
+
+def _from(smallest_deg: float) -> str:
+    return f"from {smallest_deg:.1e} deg" if np.isfinite(smallest_deg) else "at no size"
 
 
 def _span(low: float, high: float) -> str:

@@ -164,6 +164,7 @@ def test_fractions():
     assert not full.applies
     assert "would take 193 of 247 points" in full.sentence
     assert "no interior" in advice(UPRIGHT_36, 5).sentence
+    assert "would not determine a sensor" in advice(D1(90, 3, 4), 5).sentence  # whole rows at +-90 deg only
 
 
 def test_replications():
@@ -351,6 +352,11 @@ designs = st.one_of(
     st.builds(D1, st.integers(5, 180), st.integers(3, 9), st.integers(3, 9)),
     st.builds(lambda p, r: {"type": "D", "pitch_deg": p, "roll_deg": r}, pitch_lists, pitch_lists),
     st.builds(lambda p: {"type": "D", "pitch_deg": p, "roll_deg": [0]}, pitch_lists),
+    st.builds(
+        lambda to, n, m, p, r: D1(to, n * p + 1, m * r + 1, fraction={"pitch_every": p, "roll_every": r}),
+        st.integers(5, 180),
+        *(st.integers(1, 4) for _ in range(4)),
+    ),
 )
 
 

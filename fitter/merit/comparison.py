@@ -34,7 +34,7 @@ class Comparison:
         worst_interval95_deg: half-width of the 95 % calibration interval there, eq. (72): a design with few degrees of
             freedom pays for them here. NaN without any.
         figure_of_merit: V^(1/2) over the usage range, eq. (53).
-        pads_seen: share of an isolation-pad deflection that stays in the residuals where one can see it.
+        pads_seen: share of what an isolation-pad deflection does to an x sensor that stays in the residuals.
         smallest_pad_deg: pad deflection that T_bias finds nine times in ten; infinite where it cannot.
         extrapolated: whether the usage range goes beyond the calibrated pitch.
         undetermined: why the design does not determine a sensor, all figures then being NaN; else empty.

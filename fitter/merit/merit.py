@@ -15,7 +15,8 @@ from fitter.linear import LinearFit
 from fitter.merit.design_points import DesignPoints, Usage
 
 _STEP_DEG = 2.0
-_ZOOMS = 3
+_FEWEST = 9
+_ZOOMS = 5
 
 
 def variance(design: DesignPoints, pitch_deg: ArrayLike, roll_deg: ArrayLike = 0.0) -> FloatArray:
@@ -69,8 +70,7 @@ def worst_variance(design: DesignPoints, usage: Usage) -> tuple[float, float, fl
     found = (0.0, 0.0, 0.0)
     lowest, highest = low, high
     for _ in range(_ZOOMS):
-        count = [max(2, int(np.ceil(width / _STEP_DEG)) + 1) if width else 1 for width in high - low]
-        count = [max(c, 9) if c > 1 else 1 for c in count]
+        count = [max(_FEWEST, int(np.ceil(width / _STEP_DEG)) + 1) if width else 1 for width in high - low]
         pitch, roll = np.meshgrid(*(np.linspace(*span) for span in zip(low, high, count, strict=True)), indexing="ij")
         values = _variance(fit, design, pitch, roll)
         at = np.unravel_index(int(np.argmax(np.round(values / values.max(), 9))), values.shape)  # ties: the first
