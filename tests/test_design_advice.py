@@ -19,7 +19,7 @@ from procedures.package_advice import Package, inferred_sd
 SEED = 20260512
 
 
-def D1(to, n=33, m=65, **kw):
+def D1(to, n=33, m=25, **kw):
     return {"type": "D1", "pitch_max_deg": to, "pitch_count": n, "roll_count": m} | kw
 
 
