@@ -79,7 +79,7 @@ def calibrate_package(
         if wrong:
             raise ValueError(f"{wrong[0]} of {name}: expected {len(data)} observations, found {shapes[wrong[0]].shape}")
         columns = np.column_stack([base, *shapes.values()])
-        # the plain fit has seen that no column of the model is empty; those of effects are volts, small as they should be
+        # the plain fit has seen that no column of the model is empty; those of effects are volts and may be small
         fit = least_squares(columns, y, (*plain.names, *shapes))
         left |= _LEFT_BEHIND & set(shapes)
         terms, to_model = _model_of(shapes, g, warmth, base.shape[1])

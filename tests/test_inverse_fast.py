@@ -1,0 +1,125 @@
+"""Three axes, fast: the same attitudes as by iteration to the end; and the document's example."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from attitude_truth import D1, Bench, simulate
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import special
+from scipy.optimize import least_squares
+from test_inverse import BENCH, PACKAGES, attitudes, true_calibration, volts
+
+from fitter.inverse import AttitudeCalibration, SensorModel, ThreeAxis, infer_attitude
+from fitter.inverse.package import t_limits
+from fitter.inverse.three_axis import CHUNK
+
+NAMES = PACKAGES["xyz"]
+DOCUMENT = Path(__file__).resolve().parent.parent / "docs" / "inference.md"
+
+
+def apart(a, b):
+    """Greatest angle between attitudes given as (pitch, roll) in deg, rad."""
+    (pa, ra), (pb, rb) = a, b
+    up = np.abs(np.radians(pa - pb))
+    around = np.abs(np.radians((ra - rb + 180) % 360 - 180)) * np.cos(np.radians(pa))
+    return max(up.max(), around.max())
+
+
+@pytest.mark.parametrize(
+    ("noise", "ratio", "steps", "within"),
+    [
+        (1e-5, 1.0, 1, 1e-9),
+        (1e-5, 10.0, 1, 1e-8),
+        (1e-4, 1.0, 1, 1e-9),
+        (1e-4, 10.0, 2, 1e-9),
+        (1e-3, 1.0, 2, 1e-9),
+    ],
+)
+def test_corrections_reach_least_squares(noise, ratio, steps, within):
+    """Noise in g, y and z weighed as `ratio` times worse than x: errors against iteration to the end, rad."""
+    calibration = true_calibration(NAMES)
+    three = ThreeAxis.of(calibration.offsets_V, calibration.matrix, np.array([1.0, ratio, ratio]))
+    pitch, roll, rng = attitudes(20_000, pitch=89.9)
+    v = volts(pitch, roll, NAMES) + rng.normal(0, 5 * noise, (20_000, 3))
+    assert apart(three.angles_deg(v, steps), three.angles_deg(v, 8)) < within
+
+
+def test_fast_and_full_are_one_across_chunks():
+    calibration = true_calibration(NAMES)
+    three = ThreeAxis.of(calibration.offsets_V, calibration.matrix, calibration.sigma_V)
+    pitch, roll, _ = attitudes(CHUNK + 7)
+    v = volts(pitch, roll, NAMES)
+    fast, full = three.angles_deg(v), infer_attitude(calibration, v)
+    assert apart(fast, (pitch, roll)) < 1e-12
+    assert apart(fast, (full.pitch_deg, full.roll_deg)) < 1e-12
+    assert [len(a) for a in three.angles_deg(np.empty((0, 3)))] == [0, 0]
+    assert len(infer_attitude(calibration, np.empty((0, 3))).flag) == 0
+    bad = v[:3].copy()
+    bad[1, 2] = np.nan
+    assert list(np.isnan(three.angles_deg(bad)[0])) == [False, True, False]
+    with pytest.raises(ValueError, match="expected as"):
+        three.angles_deg(v[:, :2])
+
+
+def test_more_sensors_than_three():
+    calibration = true_calibration(NAMES)
+    doubled = (*calibration.sensors, SensorModel("x2_V", "x", calibration.sensors[0].coefficients * 0.9, 3e-5, 50.0))
+    four = AttitudeCalibration(doubled, 1e-14 * np.eye(16), (-180, 180), (-180, 180))
+    pitch, roll, rng = attitudes(20)
+    exact = volts(pitch, roll, NAMES)
+    v = np.column_stack([exact, 0.9 * exact[:, 0]]) + rng.normal(size=(20, 4)) * four.sigma_V
+    found = infer_attitude(four, v)
+    for i in range(20):
+
+        def misfit(z, row=v[i]):
+            g = np.array([np.sin(z[0]), -np.sin(z[1]) * np.cos(z[0]), -np.cos(z[1]) * np.cos(z[0])])
+            return (row - four.offsets_V - four.matrix @ g) / four.sigma_V
+
+        best = least_squares(misfit, np.radians([pitch[i], roll[i]]), method="lm", xtol=1e-15, ftol=1e-15).x
+        np.testing.assert_allclose([found.pitch_deg[i], found.roll_deg[i]], np.degrees(best), atol=1e-7)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    pitch=st.floats(-89.5, 89.5),
+    roll=st.floats(-180, 180),
+    scale=st.floats(0.5, 2.0),
+    package=st.sampled_from(["xy", "xz", "xyz"]),
+)
+def test_there_and_back(pitch, roll, scale, package):
+    """Any attitude comes back, or is flagged; a sensor's unit of volts makes no difference."""
+    calibration = true_calibration(PACKAGES[package])
+    one = volts(np.array([pitch]), np.array([roll]), PACKAGES[package])
+    found = infer_attitude(calibration, one, near_deg=(pitch, roll))
+    if not found.flag[0]:
+        assert apart(([pitch], np.array([roll])), (found.pitch_deg, found.roll_deg)) < 1e-8
+    other = AttitudeCalibration.from_dict(_scaled(calibration.to_dict(), scale))
+    again = infer_attitude(other, one * scale, near_deg=(pitch, roll))
+    np.testing.assert_allclose(again.pitch_sd_deg, found.pitch_sd_deg, rtol=1e-6)
+
+
+def _scaled(calibration, scale):
+    for sensor in calibration["sensors"]:
+        sensor["coefficients"] = [scale * c for c in sensor["coefficients"]]
+        sensor["sigma_V"] *= scale
+    calibration["covariance"] = (scale**2 * np.array(calibration["covariance"])).tolist()
+    return calibration
+
+
+def test_limits_of_t():
+    df = np.array([1.0, 2.5, 19.9, 20.0, 33.0, 243.0, 1e5, np.inf])
+    exact = special.stdtrit(np.minimum(df, 1e12), 0.975)
+    np.testing.assert_allclose(t_limits(df), exact, rtol=3e-7)
+
+
+def test_example_of_the_document():
+    text = DOCUMENT.read_text(encoding="utf-8")
+    code = re.search(r"```python\n(.*?)```", text, re.DOTALL)[1]
+    data, _ = simulate(Bench(), D1(90, 7, 8, replications=2), 0)
+    space = {"data": data, "outputs_V": volts(np.array([12.0]), np.array([-30.0]), NAMES, BENCH)}
+    exec(code, space)
+    assert space["found"].pitch_deg[0] == pytest.approx(12.0, abs=1e-3)
+    assert space["found"].roll_deg[0] == pytest.approx(-30.0, abs=1e-3)
