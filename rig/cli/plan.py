@@ -28,18 +28,39 @@ def plan(
     bench: BenchOption,
     out_dir: Annotated[Path, typer.Option("--out", "-o", help="folder the run file would go to")] = Path("runs"),
     as_json: JsonOption = False,
+    compare: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="put other pitch-roll procedures beside it and recommend one; repeatable", show_default=False
+        ),
+    ] = None,
+    usage: Annotated[
+        float | None,
+        typer.Option(min=0.1, max=180, help="pitch range the sensors will be used in, +- deg", show_default=False),
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option(help="with --compare: a PNG of precision over pitch", show_default=False)
+    ] = None,
 ) -> int:
     """Answer the evening question: how many points, done when and how sure, how precise, is anything in the way?
 
     The time comes from a rehearsal of the first points on simulated instruments with the bench file's own speeds.
 
-    Example: `rig plan night.toml --bench bench.toml`
+    Examples: `rig plan night.toml -b bench.toml`, `rig plan night.toml --compare short.toml --usage 30 -b bench.toml`
     """
     from drivers.clock import RealClock  # noqa: PLC0415
     from rig.forecast import ALLOWANCE, SOAK_ALLOWANCE, rehearse  # noqa: PLC0415
     from rig.precision import precision  # noqa: PLC0415
 
     planned = load_plan(procedure, bench)
+    if compare:
+        from rig.cli.compare import compare_plans  # noqa: PLC0415
+
+        plans = [planned, *(load_plan(path, bench) for path in compare)]
+        with run_progress(simulated=True) as show:
+            hours = [rehearse(one, show, points=100).total_s / 3600.0 for one in plans]
+        compare_plans(plans, hours, usage or 30.0, plot, as_json=as_json)
+        return ExitCode.DONE
     try:
         precise = precision(planned.procedure, planned.run_list)
     except ConfigurationError as error:
@@ -52,6 +73,7 @@ def plan(
     existing = next(p for p in (out_dir, *out_dir.absolute().parents) if p.exists())
     free, needed = shutil.disk_usage(existing).free, len(planned.run_list) * BYTES_PER_POINT
     reach, limits = planned.run_list.extremes(), Guard(planned.bench.limits, planned.bench.factors).limits
+    advice = _advice(planned, usage)
     result: dict[str, Any] = {
         "procedure": planned.procedure.name,
         "bench": planned.bench.name,
@@ -76,6 +98,7 @@ def plan(
         "disk_free_bytes": free,
         "disk_needed_bytes": needed,
         "environment": _environment(planned),
+        "advice": advice,
     }
     if as_json:
         print_json(result)
@@ -101,6 +124,8 @@ def plan(
     for line in precise.further:
         out.print(f"  {line}", soft_wrap=True)
     out.print(f"  ({precise.assuming})", soft_wrap=True)
+    for item in advice:
+        out.print(f"  [yellow]advice:[/] {escape(item['sentence'])}", soft_wrap=True)
     for name, (low, high) in reach.items():
         allowed = limits.get(name)
         shown = f"limits {allowed[0]:g} to {allowed[1]:g}: ok" if allowed else "[yellow]no limit in the bench file[/]"
@@ -114,6 +139,21 @@ def plan(
     verdict = "ok" if free > needed else "[red]not enough[/]"
     out.print(f"  disk: needs {needed / 1e6:.0f} MB, {free / 1e9:.1f} GB free: {verdict}")
     return ExitCode.DONE
+
+
+def _advice(planned: Plan, usage_deg: float | None) -> list[dict[str, Any]]:
+    """What the paper recommends and this pitch-roll procedure does not do, with numbers; [] for other kinds."""
+    if not isinstance(planned.procedure, PitchRollProcedure):
+        return []
+    from fitter.merit import Usage  # noqa: PLC0415
+    from procedures.advice import advise  # noqa: PLC0415
+
+    usage = None if usage_deg is None else Usage.within(usage_deg)
+    return [
+        {"number": a.number, "recommendation": a.recommendation, "sentence": a.sentence}
+        for a in advise(planned.procedure, usage)
+        if a.applies and not a.holds
+    ]
 
 
 def _when(now: datetime, seconds: float) -> str:

@@ -1,0 +1,106 @@
+"""`rig plan --compare`: procedures side by side, what each costs and what it gives."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from rich.markup import escape
+from rich.table import Table
+
+from fitter.merit import Comparison, Usage, compare, curve, recommend
+from procedures import PitchRollProcedure
+from procedures.advice import design_points
+from rig.cli.show import number, out, print_json
+from rig.controller import Plan
+from rig.errors import UsageError
+
+
+def compare_plans(
+    plans: Sequence[Plan], hours: Sequence[float], usage_deg: float, plot: Path | None, *, as_json: bool
+) -> None:
+    """Show pitch-roll procedures side by side and recommend one.
+
+    Args:
+        plans: what is compared, on one bench.
+        hours: bench time of each.
+        usage_deg: pitch range the sensors will be used in, plus and minus.
+        plot: a PNG file for the standard deviation over pitch; None for none.
+        as_json: print JSON instead of a table.
+
+    Raises:
+        UsageError: a procedure is of another kind, or the plot cannot be written.
+
+    """
+    procedures = []
+    for plan in plans:
+        if not isinstance(plan.procedure, PitchRollProcedure):
+            raise UsageError(f"{plan.procedure.name} is of kind {plan.procedure.kind}; pitch-roll designs are compared")
+        procedures.append(plan.procedure)
+    designs, usage = [design_points(p) for p in procedures], Usage.within(usage_deg)
+    sigma = procedures[0].expect.sigma_deg
+    rows = compare(designs, usage, sigma)
+    best = recommend(rows, cost=list(hours))
+    if plot is not None:
+        _plot([curve(d, usage, sigma) for d, row in zip(designs, rows, strict=True) if not row.undetermined], plot)
+    if as_json:
+        listed: list[dict[str, Any]] = [
+            asdict(row) | {"procedure": p.name, "hours": h} for row, p, h in zip(rows, procedures, hours, strict=True)
+        ]
+        print_json(
+            {"usage_deg": usage_deg, "sigma_deg": sigma, "designs": listed, "recommended": best and asdict(best)}
+        )
+        return
+    title = f"Used within +-{usage_deg:g} deg, one observation {sigma:.1e} deg (expect.sigma_deg)"
+    table = Table("procedure", "points", "time", "mean sd", "worst sd", "at", "V^1/2", "pads from", title=title)
+    table.title_justify = "left"
+    for row, procedure, time_h in zip(rows, procedures, hours, strict=True):
+        table.add_row(escape(procedure.name), *_cells(row, time_h))
+    out.print(table)
+    out.print(
+        "  sd of the calibrated output / 1e-4 deg; V^1/2: figure of merit, eq. (53); pads from: smallest deflection / "
+        "1e-4 deg that lack of fit shows nine times in ten",
+        soft_wrap=True,
+    )
+    for row, procedure in zip(rows, procedures, strict=True):
+        if row.undetermined:
+            out.print(f"  [yellow]{escape(procedure.name)}:[/] {escape(row.undetermined)}", soft_wrap=True)
+        elif row.extrapolated:
+            out.print(f"  [yellow]{escape(procedure.name)}[/] is not calibrated over all of that range", soft_wrap=True)
+    if best is not None:
+        out.print(f"  [bold]recommended: {escape(best.name)}[/]; {escape(best.why)}", soft_wrap=True)
+
+
+def _cells(row: Comparison, time_h: float) -> list[str]:
+    if row.undetermined:
+        return [str(row.observations), f"{time_h:.1f} h", *"-----"]
+    pads = "never" if row.smallest_pad_deg == float("inf") else number(1e4 * row.smallest_pad_deg, 2)
+    return [
+        str(row.observations),
+        f"{time_h:.1f} h",
+        number(1e4 * row.mean_sd_deg, 3),
+        number(1e4 * row.worst_sd_deg, 3),
+        f"{row.worst_pitch_deg:.0f} deg",
+        f"{row.figure_of_merit:.3f}",
+        pads,
+    ]
+
+
+def _plot(curves: Sequence[Any], path: Path) -> None:
+    """Standard deviation over pitch, as the paper's figures 1 to 5, to a PNG file."""
+    from rig.report.pictures import side_by_side  # noqa: PLC0415 - plots take a second to import
+
+    figure, (axis,) = side_by_side(3.6, 1, width=7.0)
+    for one in curves:
+        axis.plot(one.pitch_deg, 1e4 * one.sd_deg[0], label=one.name)
+    axis.set_xlabel("pitch / deg")
+    axis.set_ylabel("sd of the calibrated output / 1e-4 deg")
+    axis.grid(color="0.9", linewidth=0.6)
+    axis.set_ylim(bottom=0)
+    axis.legend(fontsize=8, frameon=False)
+    try:
+        figure.savefig(path, format="png", metadata={"Software": None})
+    except OSError as error:
+        raise UsageError(f"{path} cannot be written: {error.strerror}") from error

@@ -1,0 +1,58 @@
+"""`rig plan` puts designs side by side, and says what the paper would do otherwise."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import pytest
+from dry import LAB, SHORT
+
+WIDE = SHORT.replace("pitch_deg = [-90, -45, 0, 45, 90]", "pitch_deg = [-45, -22.5, 0, 22.5, 45]").replace(
+    '"short"', '"narrow"'
+)
+
+
+def plan(folder, *arguments):
+    for name, text in (("short.toml", SHORT), ("narrow.toml", WIDE)):
+        (folder / name).write_text(text)
+    command = [sys.executable, "-m", "rig", "plan", "short.toml", "--bench", str(LAB / "bench.toml"), *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=False, cwd=folder)
+
+
+def test_designs_side_by_side_with_hours_precision_and_a_recommendation(tmp_path):
+    done = plan(tmp_path, "--compare", "narrow.toml", "--usage", "30", "--plot", "plot.png", "--json")
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    short, narrow = found["designs"]
+    assert (short["procedure"], narrow["procedure"]) == ("short", "narrow")
+    assert short["observations"] == narrow["observations"] == 30
+    assert short["hours"] > narrow["hours"] > 0
+    assert narrow["mean_sd_deg"] < short["mean_sd_deg"], "calibrated nearer to where it is used"
+    assert found["recommended"]["name"] == narrow["name"]
+    assert (tmp_path / "plot.png").read_bytes().startswith(b"\x89PNG")
+    shown = plan(tmp_path, "--compare", "narrow.toml", "--usage", "30")
+    assert "recommended" in shown.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "message"),
+    [
+        (("--compare", "nothing.toml"), 78, "there is no procedure file"),
+        (("--compare", str(LAB.parent / "pressure-lab" / "procedure.toml")), 78, ""),
+    ],
+)
+def test_what_cannot_be_compared_is_said(tmp_path, arguments, code, message):
+    done = plan(tmp_path, *arguments)
+    assert done.returncode == code, done.stderr
+    assert message in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_advice_comes_with_numbers_and_refuses_nothing(tmp_path):
+    done = plan(tmp_path, "--json")
+    assert done.returncode == 0, done.stderr
+    advice = {item["number"]: item["sentence"] for item in json.loads(done.stdout)["advice"]}
+    assert 6 in advice, "two replications where the paper asks for six"
+    assert "2" in advice[6]
