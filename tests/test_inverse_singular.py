@@ -196,7 +196,8 @@ def test_what_is_outside_the_calibrated_range_is_flagged():
     warm = replace(calibration, degC_range=(20.0, 25.0))
     found = infer_attitude(warm, volts(pitch, roll, names), sensor_temperature_degC=[21.0, 30.0, 21.0, 21.0, np.nan])
     assert "20 to 25 degC" in found.flag[1]
-    assert found.flag[4] != ""
+    assert "20 to 25 degC" in found.flag[4]
+    assert found.pitch_deg[4] == pytest.approx(10.0)  # temperature is no part of this calibration's model
 
 
 def test_pitch_up_or_down_of_y_and_z_must_be_said():

@@ -21,6 +21,7 @@ NO_ATTITUDE = "no attitude gives these outputs"
 NOT_1_G = "the outputs do not make 1 g: the package accelerates, or a sensor has changed"
 ROLL_OPEN = "roll is undetermined: pitch is at +-90 deg"
 PITCH_OPEN = "pitch is undetermined: the outputs hardly change with it here"
+TWO_FIT = "pitch is undetermined: measured roll is too uncertain to tell two attitudes apart"
 BOTH_OPEN = "pitch and roll are undetermined: the part of gravity that neither sensor sees is near zero"
 
 

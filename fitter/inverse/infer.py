@@ -16,6 +16,7 @@ from fitter.inverse.answer import (
     NOT_1_G,
     PITCH_OPEN,
     ROLL_OPEN,
+    TWO_FIT,
     InferredAttitude,
     empty,
     flag_ranges,
@@ -26,7 +27,7 @@ from fitter.inverse.answer import (
     turn_over,
 )
 from fitter.inverse.calibration import AttitudeCalibration
-from fitter.inverse.known_roll import KnownRoll, polish
+from fitter.inverse.known_roll import DECISIVE, KnownRoll, polish, wrap
 from fitter.inverse.package import (
     NORMAL_95,
     Noise,
@@ -41,7 +42,7 @@ from fitter.inverse.singular import FEWEST_SD, normal
 from fitter.inverse.three_axis import ThreeAxis
 from fitter.quantiles import f_limit
 
-CHUNK = 4096
+CHUNK = 8192
 _LEVEL_ABSURD = 1.0 - 1e-6
 _TERMS_ITERATIONS, _TERMS_TOLERANCE = 12, 1e-12
 
@@ -262,14 +263,14 @@ def _known_roll(q: _Question, out: InferredAttitude) -> None:
     for _ in range(_TERMS_ITERATIONS):
         problem, y = measured, q.y - extra
         pitch, out.assumed[:] = problem.solve(y, q.near_pitch)
-        pitch, problem, y = polish(matrix, problem, y, roll, pitch)
+        pitch, corrected, problem, y = polish(matrix, problem, y, roll, pitch)
         g = gravity(pitch, roll)
         again = _beyond(q, g)
         if again is None or _settled(again, extra):
             break
         extra = again
     gains, information = problem.gains(pitch)
-    of_roll = np.einsum("sn,sn->n", gains, problem.roll_slope(pitch)) ** 2 * q.roll_variance
+    of_roll = problem.roll_errors(pitch, gains, information)
     errors = Propagation.at(q.calibration, q.noise, g, q.warmth)
     spread = errors.spread(gains, of_roll)
     sd = np.sqrt(spread.variance)
@@ -288,10 +289,30 @@ def _known_roll(q: _Question, out: InferredAttitude) -> None:
         lower, higher = _reach(problem.take(rows), y[:, rows], pitch[rows], limit[rows], _worse(q))
         leave_open(out, "pitch", flat, np.degrees(pitch[rows] - lower), np.degrees(pitch[rows] + higher))
         reason(out.flag, flat, PITCH_OPEN)
+    if len(q.y) == 2 and np.any(q.roll_variance > 0):
+        _mirrored(q, pitch, corrected, limit * sd, out)
     if len(q.y) == 1:
         nowhere(out, flat & (least > absurd))
     else:
         reason(out.flag, least > absurd, NOT_1_G)
+
+
+def _mirrored(q: _Question, pitch: FloatArray, roll: FloatArray, half: FloatArray, out: InferredAttitude) -> None:
+    """Two outputs fit a second attitude exactly; measured roll may be too uncertain to exclude it."""
+    assert q.roll is not None
+    across = np.cross(*q.calibration.matrix)
+    n = across / max(float(np.linalg.norm(across)), np.finfo(float).tiny)
+    g = gravity(pitch, roll)
+    other_pitch, other_roll = angles(g - 2.0 * n[:, None] * (n @ g))
+    over = np.cos(pitch) < 0
+    other_pitch = pitch + wrap(np.where(over, np.pi - other_pitch, other_pitch) - pitch)
+    other_roll = np.where(over, other_roll + np.pi, other_roll)
+    worse = wrap(other_roll - q.roll) ** 2 - wrap(roll - q.roll) ** 2
+    open_ = (worse < DECISIVE * q.roll_variance) & (np.abs(other_pitch - pitch) > 0.25 * half)
+    if open_.any():
+        low, high = np.minimum(pitch, other_pitch) - half, np.maximum(pitch, other_pitch) + half
+        leave_open(out, "pitch", open_, np.degrees(low[open_]), np.degrees(high[open_]))
+        out.flag[open_] = TWO_FIT
 
 
 def _reach(
@@ -304,10 +325,12 @@ def _reach(
 
 
 def _bad_readings(q: _Question, out: InferredAttitude) -> None:
-    good = np.isfinite(q.y).all(axis=0) & np.isfinite(q.warmth)
+    good = np.isfinite(q.y).all(axis=0)
+    if q.calibration.needs_temperature:
+        good = good & np.isfinite(q.warmth)
     if q.roll is not None:
-        good &= np.isfinite(q.roll)
-    nowhere(out, ~good, BAD_READING)
+        good = good & np.isfinite(q.roll)
+    nowhere(out, np.asarray(~good), BAD_READING)
 
 
 def _beyond(q: _Question, g: FloatArray) -> FloatArray | None:

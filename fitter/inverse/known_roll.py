@@ -19,6 +19,7 @@ DECISIVE = 25.0
 """Weighted squares by which one of two pitches must fit better to be told from the other: five standard deviations."""
 _SAME = 1e-6
 _POLISHING = 4
+_STILL = 1e-12
 _REACH = np.geomspace(1e-9, np.pi, 400)
 
 
@@ -85,6 +86,22 @@ class KnownRoll:
         information = np.einsum("sn,sn->n", slope, heavy)
         return heavy / np.maximum(information, np.finfo(float).tiny), information
 
+    def roll_errors(self, pitch: FloatArray, gains: FloatArray, information: FloatArray) -> FloatArray:
+        """(n,) variance of pitch from that of measured roll, rad^2 (eq. 81), its curvature included.
+
+        To first order gains @ dv/dR times the error of roll; to second order half of d2v/dR2 times the square of
+        what error the outputs leave it, whose mean square is 3/4 of the square of its variance.
+        """
+        by_roll = self.roll_slope(pitch)
+        heavy = self.whiten(by_roll, pitch)
+        seen = np.einsum("sn,sn->n", heavy, by_roll)
+        seen = seen - np.einsum("sn,sn->n", heavy, self.slope(pitch)) ** 2 / np.maximum(
+            information, np.finfo(float).tiny
+        )
+        left = self.roll_variance * np.maximum(1.0 - self.roll_variance * seen, 0.0)
+        bend = np.einsum("sn,sn->n", gains, self.D * np.cos(pitch)) * left
+        return np.asarray(np.einsum("sn,sn->n", gains, by_roll) ** 2 * self.roll_variance + 0.75 * bend**2)
+
     def solve(self, y: FloatArray, near: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
         """(n,) pitch in rad of (S, n) outputs less offsets, and (n,) whether `near` had to choose it.
 
@@ -119,15 +136,18 @@ class KnownRoll:
 
     def _refine(self, y: FloatArray, pitch: FloatArray) -> FloatArray:
         """Gauss-Newton steps, shortened wherever they lead up: at a crest there is no slope to go by."""
-        cost, scale = self.cost(y, pitch), np.ones(len(pitch))
+        pitch, cost, scale = pitch.copy(), self.cost(y, pitch), np.ones(len(pitch))
+        rows = np.arange(len(pitch))
         for _ in range(STEPS):
-            gains, _ = self.gains(pitch)
-            step = scale * np.clip(np.einsum("sn,sn->n", gains, self.residual(y, pitch)), -0.5, 0.5)
-            there = self.cost(y, pitch + step)
-            down = there <= cost
-            pitch, cost = np.where(down, pitch + step, pitch), np.where(down, there, cost)
-            scale = np.where(down, np.minimum(2.0 * scale, 1.0), 0.25 * scale)
-            if np.all(~(np.abs(step) >= 1e-13)):
+            part, out = self.take(rows), y[:, rows]
+            at = pitch[rows]
+            step = scale[rows] * np.clip(np.einsum("sn,sn->n", part.gains(at)[0], part.residual(out, at)), -0.5, 0.5)
+            there = part.cost(out, at + step)
+            down = there <= cost[rows]
+            pitch[rows], cost[rows] = np.where(down, at + step, at), np.where(down, there, cost[rows])
+            scale[rows] *= np.where(down, np.where(scale[rows] < 1.0, 2.0, 1.0), 0.25)
+            rows = rows[np.abs(step) >= _STILL]
+            if not rows.size:
                 break
         return pitch
 
@@ -151,7 +171,7 @@ class KnownRoll:
 
 def polish(
     matrix: FloatArray, problem: KnownRoll, y: FloatArray, roll: FloatArray, pitch: FloatArray
-) -> tuple[FloatArray, KnownRoll, FloatArray]:
+) -> tuple[FloatArray, FloatArray, KnownRoll, FloatArray]:
     """Let several outputs correct the measured roll within its error, so that it need not be small.
 
     Args:
@@ -162,12 +182,12 @@ def polish(
         pitch: (n,) found at it, rad.
 
     Returns:
-        (n,) pitch that fits outputs and measured roll best, the problem at the roll that does, and (S, n) outputs
+        (n,) pitch and (n,) roll that fit outputs and measured roll best, the problem at that roll, and (S, n) outputs
         as they would be if the measured roll were that one.
 
     """
     if len(y) == 1 or not np.any(problem.roll_variance > 0):
-        return pitch, problem, y
+        return pitch, roll, problem, y
     start, at_measured, corrected = problem, pitch, roll
     for _ in range(_POLISHING):
         problem = KnownRoll.of(matrix, corrected, problem.roll_variance, problem.noise)
@@ -185,7 +205,7 @@ def polish(
     better = again.cost(y - again.roll_slope(pitch) * (roll - corrected), pitch) <= uncorrected
     pitch, corrected = np.where(better, wrap(pitch), at_measured), np.where(better, corrected, roll)
     problem = KnownRoll.of(matrix, corrected, start.roll_variance, start.noise)
-    return pitch, problem, y - problem.roll_slope(pitch) * (roll - corrected)
+    return pitch, corrected, problem, y - problem.roll_slope(pitch) * (roll - corrected)
 
 
 def _both(turned: FloatArray, phase: FloatArray) -> tuple[FloatArray, FloatArray]:
