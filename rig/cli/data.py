@@ -75,6 +75,13 @@ def fit(
     exclude_zero: Annotated[
         bool, typer.Option("--exclude-zero", help="whole plots: weighted methods leave out readings at zero pressure")
     ] = False,
+    traced: Annotated[
+        bool, typer.Option("--traced", help="attitude: keep a calibration with the effects that a trace finds")
+    ] = False,
+    temperature: Annotated[
+        bool,
+        typer.Option("--temperature", help="attitude: keep a calibration with offset and sensitivity over temperature"),
+    ] = False,
 ) -> int:
     """Fit the declared model to every sensor; analyse replications, or whole plots with all methods side by side.
 
@@ -97,7 +104,8 @@ def fit(
         )
     else:
         options = {"method": method, "add": tuple(add or ()), "power": power, "exclude_zero": exclude_zero}
-        result, show = _calibration(data, formula, report, options)
+        attitude = {"traced": traced, "temperature": temperature}
+        result, show = _calibration(data, formula, report, options, attitude)
     if out_file is not None:
         write_whole(out_file, lambda file: json.dump(result, file, indent=2, allow_nan=False))
         err.print(f"calibration: {escape(str(out_file))}", soft_wrap=True)
@@ -123,7 +131,13 @@ def _general(data: Path, response: str, formula: str | None, whole_plot: str | N
     return result, lambda: show_general_fit(data.name, result)
 
 
-def _calibration(data: Path, formula: str | None, report: Path | None, options: Mapping[str, Any]) -> Shown:
+def _calibration(
+    data: Path,
+    formula: str | None,
+    report: Path | None,
+    options: Mapping[str, Any],
+    attitude: Mapping[str, bool],
+) -> Shown:
     from rig.closed_loop import fit_table, fit_whole_plots  # noqa: PLC0415
     from rig.tables import read_table  # noqa: PLC0415
 
@@ -133,8 +147,11 @@ def _calibration(data: Path, formula: str | None, report: Path | None, options: 
         for option, value in given.items():
             if value:
                 raise UsageError(f"{option} is for whole plots; {data} holds a pitch-roll calibration")
-        result = fit_table(table)
+        result = fit_table(table, traced=attitude["traced"], temperature=attitude["temperature"])
         return result, lambda: show_fit(data.name, table, result)
+    for name, asked in attitude.items():
+        if asked:
+            raise UsageError(f"--{name} is for attitude sensors; {data} is no pitch-roll calibration")
     chosen = {name: value for name, value in options.items() if value is not None}
     fitted = fit_whole_plots(table, formula or "full", **chosen)
     result = fitted.to_json()

@@ -20,8 +20,8 @@ def infer(
     data: Annotated[
         Path,
         typer.Argument(
-            help="CSV with the outputs and sensor_temperature_degC, sse_temperature_degC; a column `vacuum` is 1 for "
-            "rows read at zero pressure",
+            help="CSV with the outputs; pressure: and sensor_temperature_degC, sse_temperature_degC, and a column "
+            "`vacuum`, 1 for rows read at zero pressure",
             show_default=False,
         ),
     ],
@@ -30,26 +30,37 @@ def infer(
         Path | None,
         typer.Option(help="CSV of readings in vacuum since the temperatures last changed", show_default=False),
     ] = None,
+    roll: Annotated[
+        str | None,
+        typer.Option(help="attitude: column of roll measured otherwise, in degrees", show_default=False),
+    ] = None,
+    roll_sd: Annotated[float, typer.Option(min=0, help="attitude: standard deviation of the measured roll, deg")] = 0.0,
 ) -> int:
-    """Infer pressure from a transducer's output and both temperatures, with a 95 % prediction interval.
+    """Infer pitch and roll, or pressure, from outputs, with standard deviations and 95 % intervals.
 
-    Reading the zero in vacuum first (in flight, before entry) takes out the error that a change of temperature draws
-    anew; its own error is in the interval. Intervals hold as long as the temperatures have stood since the zero was
-    read: rows at other temperatures are flagged. Values outside the calibrated range are flagged, not extrapolated.
+    Attitude: the columns of the calibrated sensors (x_V, y_V, z_V), and the sensor temperature where the calibration
+    has it in. A single sensor needs roll that was measured otherwise. Where an angle is undetermined it is left open,
+    with the reason in `flag`.
 
-    Example: `rig infer calibration.json flight.csv --zero vacuum.csv --out pressures.csv`
+    Pressure: the transducer's output and both temperatures. Reading the zero in vacuum first (in flight, before entry)
+    takes out the error that a change of temperature draws anew; its own error is in the interval. Intervals hold as
+    long as the temperatures have stood since the zero was read: rows at other temperatures are flagged. Values outside
+    the calibrated range are flagged, not extrapolated.
+
+    Examples: `rig infer calibration.json flight.csv --zero vacuum.csv --out pressures.csv`,
+    `rig infer package.json wind-tunnel.csv --out angles.csv`
     """
-    from rig.closed_loop import inference  # noqa: PLC0415
+    from rig import inference  # noqa: PLC0415
     from rig.tables import write_csv  # noqa: PLC0415
 
     check_not_input([out_file], [calibration, data, zero])
-    file = inference.read_calibrations(calibration)
-    found = inference.infer(file, data, zero)
+    file = inference.read_calibration(calibration)
+    found = inference.infer(file, data, zero=zero, measured_roll=roll, roll_sd_deg=roll_sd)
     write_csv(found.columns, out_file)
     for note in found.notes:
         err.print(f"[yellow]{escape(note)}[/]", soft_wrap=True)
     rows = len(next(iter(found.columns.values())))
-    quantities = [name for name in found.added if name.endswith("pressure_psia")]
+    quantities = [name for name in found.added if name.endswith(("pressure_psia", "pitch_deg", "roll_deg"))]
     what = f"{rows} rows, {found.flagged} flagged; {', '.join(quantities)} with _sd, _lo95, _hi95 and flag"
     err.print(f"{mark(file.simulated)}{escape(str(out_file))}: {what}", soft_wrap=True)
     return ExitCode.DONE

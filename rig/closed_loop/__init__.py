@@ -26,12 +26,16 @@ Traced = AttitudeTraced | WholePlotTraced
 """A table of either kind and what was traced in it."""
 
 
-def fit_table(table: Table, model: str | None = None) -> dict[str, Any]:
+def fit_table(
+    table: Table, model: str | None = None, *, traced: bool = False, temperature: bool = False
+) -> dict[str, Any]:
     """Fit the declared model to every sensor of a table; JSON-ready.
 
     Args:
         table: of either kind.
         model: of a whole-plot calibration, a named set of terms or a formula; the full second order if None.
+        traced: attitude: have the effects that a trace finds in the calibration that is kept.
+        temperature: attitude: have offset and sensitivity linear in the sensor temperature in it.
 
     Raises:
         UsageError: the table lacks something, or its rows do not determine the model.
@@ -40,7 +44,7 @@ def fit_table(table: Table, model: str | None = None) -> dict[str, Any]:
     _check(table, model)
     if table.kind == "whole-plot":
         return fit_whole_plots(table, model or "full").to_json()
-    return fit_attitude_table(table)
+    return fit_attitude_table(table, traced=traced, temperature=temperature)
 
 
 def trace_table(table: Table, model: str | None = None) -> Traced:

@@ -6,22 +6,46 @@ from dataclasses import dataclass
 from typing import Any
 
 from fitter import AttitudeData, fit_all
+from fitter.arrays import FloatArray
+from fitter.inverse import calibrate_package
 from fitter.trace import SensorTrace, Trace, trace
 from rig.errors import UsageError
 from rig.tables import Table, attitude_data
 
 
-def fit_attitude_table(table: Table) -> dict[str, Any]:
-    """Fit the declared model to every sensor of a pitch-roll table; JSON-ready. Raises `UsageError`."""
+def fit_attitude_table(table: Table, *, traced: bool = False, temperature: bool = False) -> dict[str, Any]:
+    """Fit the declared model to every sensor of a pitch-roll table; JSON-ready.
+
+    Args:
+        table: of kind pitch-roll.
+        traced: have the effects that a trace finds in the calibration that is kept.
+        temperature: have offset and sensitivity linear in the sensor temperature in it.
+
+    Raises:
+        UsageError: the table lacks something, or its rows do not determine the model.
+
+    """
     data = attitude_data(table)
     try:
         fits = fit_all(data)
+        effects = _effects(trace(data)) if traced else {}
+        calibration = calibrate_package(data, effects=effects, temperature=temperature)
     except ValueError as error:
         raise UsageError(f"{table.source}: {error}") from error
     return {
         "data": {"points": len(table), "kind": "pitch-roll", "simulated": table.simulated, **table.provenance},
         "sensors": {name: fit.to_dict() for name, fit in fits.items()},
+        "calibration": calibration.to_dict(),
     }
+
+
+def _effects(found: Trace) -> dict[str, dict[str, FloatArray]]:
+    """Volts that each effect adds to the observations, by effect and sensor."""
+    effects: dict[str, dict[str, FloatArray]] = {}
+    for name, sensor in found.sensors.items():
+        for effect in sensor.effects:
+            effects.setdefault(effect.effect, {})[name] = effect.contribution_V
+    return effects
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,10 +1,8 @@
-"""Using a calibration: quantities inferred from outputs, with standard deviations and 95 % intervals."""
+"""Pressure from a transducer's output and both temperatures, the zero read in vacuum taken out."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +10,7 @@ import numpy as np
 
 from fitter.pressure import STOOD_DEGC, PressureCalibration, Zero, infer_pressure
 from rig.errors import UsageError
-from rig.report.words import incomplete
+from rig.inference.calibration_file import Inference
 from rig.tables import Table, read_any_csv
 
 _TEMPERATURES = ("sensor_temperature_degC", "sse_temperature_degC")
@@ -20,65 +18,11 @@ VACUUM = "vacuum"
 """Column that is 1 where a row was read in vacuum, and 0 elsewhere."""
 
 
-@dataclass(frozen=True)
-class Inference:
-    """A table with what was inferred from it.
-
-    Attributes:
-        columns: the input's, and those that were added.
-        added: names of the latter.
-        notes: what a reader should know.
-        flagged: rows with something to say in a flag column.
-
-    """
-
-    columns: Mapping[str, Any]
-    added: tuple[str, ...]
-    notes: tuple[str, ...]
-    flagged: int
-
-
-@dataclass(frozen=True)
-class Calibrations:
-    """A calibration file.
-
-    Attributes:
-        sensors: by output column.
-        simulated: made from a simulated run.
-        incomplete: that the run it was made from lacked points, "" if it did not.
-
-    """
-
-    sensors: Mapping[str, PressureCalibration]
-    simulated: bool
-    incomplete: str
-
-
-def read_calibrations(path: Path) -> Calibrations:
-    """The file that `rig fit --out` wrote. Raises `UsageError`."""
-    try:
-        given = json.loads(path.read_text(encoding="utf-8"))
-        sensors = given["sensors"]
-        if any("calibration" not in sensor for sensor in sensors.values()):
-            raise UsageError(f"{path} is no calibration of pressure transducers; those are what `rig infer` can use")
-        return Calibrations(
-            {name: PressureCalibration.from_dict(sensor["calibration"]) for name, sensor in sensors.items()},
-            bool(given["data"]["simulated"]),
-            incomplete(given["data"]),
-        )
-    except FileNotFoundError:
-        raise UsageError(f"there is no file {path}") from None
-    except OSError as error:
-        raise UsageError(f"{path} cannot be read: {error.strerror}") from error
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise UsageError(f"{path} is not a calibration file of `rig fit --out`: {error}") from error
-
-
-def infer(file: Calibrations, data: Path, zero: Path | None) -> Inference:
+def infer_pressures(calibrations: Mapping[str, PressureCalibration], data: Path, zero: Path | None) -> Inference:
     """Infer pressure from every calibrated output in a CSV table.
 
     Args:
-        file: the calibrations.
+        calibrations: by output column.
         data: the table; a column `vacuum` marks rows read at zero pressure.
         zero: a table of readings in vacuum instead; None to take those of `data`, or to do without.
 
@@ -86,7 +30,6 @@ def infer(file: Calibrations, data: Path, zero: Path | None) -> Inference:
         UsageError: a column is missing, or the zero cannot be used.
 
     """
-    calibrations = file.sensors
     for path in (p for p in (data, zero) if p is not None):
         if not path.is_file():
             raise UsageError(f"there is no file {path}")
@@ -125,12 +68,8 @@ def infer(file: Calibrations, data: Path, zero: Path | None) -> Inference:
         flags |= found.flag != ""
         if found_zero is None:
             without.append(output)
-    if file.simulated and "simulated" not in given:
-        columns["simulated"] = np.ones(len(table))
-    if file.incomplete:
-        notes = (f"the calibration is of an incomplete run: {file.incomplete}",)
     if without:
-        notes += (f"{', '.join(without)}: no zero was read in vacuum, so the whole-plot error is in the interval",)
+        notes = (f"{', '.join(without)}: no zero was read in vacuum, so the whole-plot error is in the interval",)
     return Inference(columns, tuple(name for name in columns if name not in given), notes, int(flags.sum()))
 
 

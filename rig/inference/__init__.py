@@ -1,0 +1,53 @@
+"""Calibrations in use: quantities inferred from outputs, with standard deviations and 95 % intervals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from fitter.inverse import AttitudeCalibration
+from rig.errors import UsageError
+from rig.inference.attitude import infer_attitudes
+from rig.inference.calibration_file import CalibrationFile, Inference, read_calibration
+from rig.inference.pressure import infer_pressures
+
+__all__ = ["CalibrationFile", "Inference", "infer", "read_calibration"]
+
+
+def infer(
+    file: CalibrationFile,
+    data: Path,
+    *,
+    zero: Path | None = None,
+    measured_roll: str | None = None,
+    roll_sd_deg: float = 0.0,
+) -> Inference:
+    """Infer what a calibration is of from a CSV table.
+
+    Args:
+        file: the calibration.
+        data: the table.
+        zero: pressure: a table of readings in vacuum; None to take those of `data`, or to do without.
+        measured_roll: attitude: column of roll measured otherwise; None to infer it.
+        roll_sd_deg: attitude: its standard deviation.
+
+    Raises:
+        UsageError: an option does not go with the calibration, a column is missing, or a value cannot be used.
+
+    """
+    if isinstance(file.calibration, AttitudeCalibration):
+        if zero is not None:
+            raise UsageError("--zero is for pressure transducers; this calibration is of attitude sensors")
+        found = infer_attitudes(file.calibration, data, measured_roll=measured_roll, roll_sd_deg=roll_sd_deg)
+    else:
+        if measured_roll is not None:
+            raise UsageError("--roll is for attitude sensors; this calibration is of pressure transducers")
+        found = infer_pressures(file.calibration, data, zero)
+    if file.incomplete:
+        found = replace(found, notes=(f"the calibration is of an incomplete run: {file.incomplete}", *found.notes))
+    if file.simulated and "simulated" not in found.columns:
+        rows = len(next(iter(found.columns.values())))
+        found = replace(found, columns={**found.columns, "simulated": np.ones(rows)})
+    return found

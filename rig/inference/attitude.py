@@ -1,0 +1,70 @@
+"""Pitch and roll from the outputs of a package of attitude sensors."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fitter.inverse import AttitudeCalibration, infer_attitude
+from rig.errors import UsageError
+from rig.inference.calibration_file import Inference
+from rig.tables import Table, read_any_csv
+
+_TEMPERATURE = "sensor_temperature_degC"
+
+
+def infer_attitudes(
+    calibration: AttitudeCalibration, data: Path, *, measured_roll: str | None, roll_sd_deg: float
+) -> Inference:
+    """Infer pitch, and roll where it was not measured, from every row of a CSV table.
+
+    Args:
+        calibration: of the package.
+        data: the table, with a column for every sensor.
+        measured_roll: column of roll that was measured otherwise, in degrees; None to infer it.
+        roll_sd_deg: its standard deviation.
+
+    Raises:
+        UsageError: a column is missing, or the sensors cannot tell what is asked.
+
+    """
+    needed = [*calibration.names, *([measured_roll] if measured_roll else [])]
+    needed += [_TEMPERATURE] if calibration.needs_temperature else []
+    if not data.is_file():
+        raise UsageError(f"there is no file {data}")
+    table = read_any_csv(data, needed)
+    for name in needed:
+        if name not in table.columns:
+            raise UsageError(f"{data}, column {name}: not all of its values are numbers")
+    try:
+        found = infer_attitude(
+            calibration,
+            np.column_stack([table.columns[name] for name in calibration.names]),
+            roll_deg=None if measured_roll is None else table.columns[measured_roll],
+            roll_sd_deg=roll_sd_deg,
+            sensor_temperature_degC=table.columns.get(_TEMPERATURE),
+        )
+    except ValueError as error:
+        hint = "; name its column: --roll roll_deg" if len(calibration.sensors) == 1 else ""
+        raise UsageError(f"{data}: {error}{hint}") from error
+    added = _columns(
+        table, "pitch_deg", found.pitch_deg, found.pitch_sd_deg, found.pitch_lo95_deg, found.pitch_hi95_deg
+    )
+    if measured_roll is None and calibration.roll:
+        angles = (found.roll_deg, found.roll_sd_deg, found.roll_lo95_deg, found.roll_hi95_deg)
+        added |= _columns(table, "roll_deg", *angles)
+    added["flag" if "flag" not in table.columns and "flag" not in table.text else "inferred_flag"] = found.flag
+    notes = list(calibration.notes)
+    if found.assumed.any():
+        other = int(found.assumed.sum())
+        notes.append(f"{other} rows fit another attitude as well; the one given is the nearer to level, upright")
+    columns: dict[str, Any] = {**table.columns, **table.text, **added}
+    return Inference(columns, tuple(added), tuple(notes), int(np.sum(found.flag != "")))
+
+
+def _columns(table: Table, name: str, value: Any, sd: Any, low: Any, high: Any) -> dict[str, Any]:
+    """Columns of one quantity; nothing of the input is overwritten."""
+    name = f"inferred_{name}" if name in table.columns or name in table.text else name
+    return {name: value, f"{name}_sd": np.where(np.isfinite(sd), sd, np.nan), f"{name}_lo95": low, f"{name}_hi95": high}

@@ -1,0 +1,67 @@
+"""What `rig fit --out` wrote, read back for use."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from fitter.inverse import AttitudeCalibration
+from fitter.pressure import PressureCalibration
+from rig.errors import UsageError
+from rig.report.words import incomplete
+
+
+@dataclass(frozen=True)
+class Inference:
+    """A table with what was inferred from it.
+
+    Attributes:
+        columns: the input's, and those that were added.
+        added: names of the latter.
+        notes: what a reader should know.
+        flagged: rows with something to say in a flag column.
+
+    """
+
+    columns: Mapping[str, Any]
+    added: tuple[str, ...]
+    notes: tuple[str, ...]
+    flagged: int
+
+
+@dataclass(frozen=True)
+class CalibrationFile:
+    """A calibration file.
+
+    Attributes:
+        calibration: of a package of attitude sensors, or of pressure transducers by output column.
+        simulated: made from a simulated run.
+        incomplete: that the run it was made from lacked points, "" if it did not.
+
+    """
+
+    calibration: AttitudeCalibration | Mapping[str, PressureCalibration]
+    simulated: bool
+    incomplete: str
+
+
+def read_calibration(path: Path) -> CalibrationFile:
+    """The file that `rig fit --out` wrote. Raises `UsageError`."""
+    try:
+        given = json.loads(path.read_text(encoding="utf-8"))
+        calibration: AttitudeCalibration | Mapping[str, PressureCalibration]
+        if given["data"]["kind"] == "pitch-roll":
+            calibration = AttitudeCalibration.from_dict(given["calibration"])
+        else:
+            sensors = given["sensors"].items()
+            calibration = {name: PressureCalibration.from_dict(sensor["calibration"]) for name, sensor in sensors}
+        return CalibrationFile(calibration, bool(given["data"]["simulated"]), incomplete(given["data"]))
+    except FileNotFoundError:
+        raise UsageError(f"there is no file {path}") from None
+    except OSError as error:
+        raise UsageError(f"{path} cannot be read: {error.strerror}") from error
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise UsageError(f"{path} is not a calibration file of `rig fit --out`: {error}") from error

@@ -1,0 +1,93 @@
+"""`rig fit` keeps a calibration of a package, and `rig infer` turns outputs into angles with it."""
+
+from __future__ import annotations
+
+import csv
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from dry import dry
+
+from rig.tables import run_table, write_csv
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    return dry(tmp_path_factory.mktemp("attitude"))
+
+
+def rig(*arguments):
+    command = [sys.executable, "-m", "rig", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def rows_of(path):
+    return list(csv.DictReader(path.read_text().splitlines()))
+
+
+@pytest.fixture(scope="module")
+def calibration(run):
+    path = run.with_name("package.json")
+    done = rig("fit", run, "--out", path)
+    assert done.returncode == 0, done.stderr
+    return path
+
+
+def test_angles_of_the_run_itself_come_back_with_intervals(tmp_path, run, calibration):
+    table, data, out = run_table(run), tmp_path / "outputs.csv", tmp_path / "angles.csv"
+    write_csv({name: table.columns[name] for name in ("x_V", "y_V", "z_V")}, data)
+    done = rig("infer", calibration, data, "--out", out)
+    assert done.returncode == 0, done.stderr
+    rows = rows_of(out)
+    pitch, roll = table.columns["pitch_deg"], table.columns["roll_deg"]
+    upright = np.abs(pitch) < 80
+    for name, truth in (("pitch_deg", pitch), ("roll_deg", roll)):
+        found = np.array([float(r[name]) if r[name] else np.nan for r in rows])
+        assert np.abs(found - truth)[upright].max() < 0.005
+        low, high = (np.array([float(r[f"{name}_{side}"] or "nan") for r in rows]) for side in ("lo95", "hi95"))
+        inside = (low <= truth) & (truth <= high)
+        assert inside[upright].mean() > 0.8
+    open_roll = [r for r, a in zip(rows, pitch, strict=True) if abs(a) == 90]
+    assert all(r["roll_deg"] == "" and "roll is undetermined" in r["flag"] for r in open_roll)
+    assert all(r["pitch_deg"] != "" for r in open_roll), "pitch is not"
+
+
+def test_nothing_of_the_input_is_overwritten(tmp_path, run, calibration):
+    data, out = tmp_path / "run.csv", tmp_path / "angles.csv"
+    assert rig("export", run, "--out", data).returncode == 0
+    assert rig("infer", calibration, data, "--out", out).returncode == 0
+    before, after = rows_of(data)[0], rows_of(out)[0]
+    assert all(after[name] == value for name, value in before.items())
+    assert "inferred_pitch_deg" in after
+
+
+def test_a_calibration_with_temperature_needs_it_in_use(tmp_path, run):
+    package, data = tmp_path / "package.json", tmp_path / "outputs.csv"
+    assert rig("fit", run, "--temperature", "--out", package).returncode == 0
+    table = run_table(run)
+    write_csv({name: table.columns[name] for name in ("x_V", "y_V", "z_V")}, data)
+    done = rig("infer", package, data, "--out", tmp_path / "angles.csv")
+    assert done.returncode == 2
+    assert "sensor_temperature_degC" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [(("--zero", "x.csv"), "--zero is for pressure"), (("--roll", "nothing"), "there is no column 'nothing'")],
+)
+def test_options_that_do_not_go_with_a_package_are_refused(tmp_path, run, calibration, options, message):
+    data = tmp_path / "run.csv"
+    assert rig("export", run, "--out", data).returncode == 0
+    done = rig("infer", calibration, data, *options, "--out", tmp_path / "angles.csv")
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert not (tmp_path / "angles.csv").exists()
+
+
+def test_the_file_says_what_kind_it_is(calibration):
+    found = json.loads(calibration.read_text())
+    assert found["data"]["kind"] == "pitch-roll"
+    assert [s["name"] for s in found["calibration"]["sensors"]] == ["x_V", "y_V", "z_V"]
