@@ -178,8 +178,12 @@ def test_outputs_that_no_attitude_gives():
         assert np.isnan(found.pitch_deg[0])
         assert found.pitch_lo95_deg[0] == -np.inf
         assert found.flag[0] in ("no attitude gives these outputs", "not a finite number")
-    # 1.001 g: an angle, and a word of warning
     three = true_calibration(PACKAGES["xyz"])
+    found = infer_attitude(three, [[0.0, 0.0, 0.0], [0.002, -0.003, 0.001], [1e300, 1.0, 1.0], [4.0, 4.0, 4.0]])
+    assert list(found.flag) == ["no attitude gives these outputs"] * 4
+    assert np.isnan(found.pitch_deg).all()
+    assert np.all(found.pitch_hi95_deg == np.inf)
+    # 1.001 g: an angle, and a word of warning
     pulled = 1.001 * (volts(np.array([10.0]), np.array([20.0]), PACKAGES["xyz"]) - three.offsets_V) + three.offsets_V
     found = infer_attitude(three, pulled)
     assert "1 g" in found.flag[0]

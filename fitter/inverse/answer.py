@@ -16,6 +16,9 @@ HALF_TURN = 180.0
 RANGE_ROOM_DEG = 0.1
 """How far outside the calibrated range an angle may be: readbacks of the head are not exact, nor is the angle found."""
 
+FAR_FROM_1_G = 0.1
+"""Part of 1 g that three axes may be off and be answered, flagged; further off there is no attitude to speak of."""
+
 BAD_READING = "not a finite number"
 NO_ATTITUDE = "no attitude gives these outputs"
 NOT_1_G = "the outputs do not make 1 g: the package accelerates, or a sensor has changed"

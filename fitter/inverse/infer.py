@@ -12,6 +12,7 @@ from fitter.inverse import two_axis
 from fitter.inverse.answer import (
     BAD_READING,
     BOTH_OPEN,
+    FAR_FROM_1_G,
     HALF_TURN,
     NOT_1_G,
     PITCH_OPEN,
@@ -27,6 +28,7 @@ from fitter.inverse.answer import (
     turn_over,
 )
 from fitter.inverse.calibration import AttitudeCalibration
+from fitter.inverse.given import each, near_of, noise_of
 from fitter.inverse.known_roll import DECISIVE, KnownRoll, polish, wrap
 from fitter.inverse.package import (
     NORMAL_95,
@@ -43,6 +45,7 @@ from fitter.inverse.three_axis import ThreeAxis
 from fitter.quantiles import f_limit
 
 CHUNK = 8192
+
 _LEVEL_ABSURD = 1.0 - 1e-6
 _TERMS_ITERATIONS, _TERMS_TOLERANCE = 12, 1e-12
 
@@ -106,19 +109,19 @@ def infer_attitude(
     n = len(outputs)
     if roll_deg is not None and not calibration.roll:
         raise ValueError("the package was calibrated without roll: what roll does to its outputs is not known")
-    given = _each("roll_deg", 0.0 if roll_deg is None else roll_deg, n)
+    given = each("roll_deg", 0.0 if roll_deg is None else roll_deg, n)
     roll = np.radians(given) if roll_deg is not None or not calibration.roll else None
     if roll is None and len(calibration.sensors) == 1:
         raise ValueError("one sensor does not tell roll: measured roll is needed")
-    spread = np.radians(_each("roll_sd_deg", roll_sd_deg, n))
+    spread = np.radians(each("roll_sd_deg", roll_sd_deg, n))
     if not np.all((spread >= 0) & np.isfinite(spread)):
         raise ValueError("roll_sd_deg: a standard deviation is a number that is not negative")
-    near_pitch, near_roll = _near(calibration.matrix, near_deg, n, free=roll is None)
-    degC = None if sensor_temperature_degC is None else _each("sensor_temperature_degC", sensor_temperature_degC, n)
+    near_pitch, near_roll = near_of(calibration.matrix, near_deg, n, free=roll is None)
+    degC = None if sensor_temperature_degC is None else each("sensor_temperature_degC", sensor_temperature_degC, n)
     if degC is None and calibration.needs_temperature:
         raise ValueError("the calibration has temperature terms: the sensors' temperature is needed")
     warmth = np.zeros(n) if degC is None or calibration.reference_degC is None else degC - calibration.reference_degC
-    noise = _noise(calibration, noise_sd_V)
+    noise = noise_of(calibration, noise_sd_V)
     weights = 1.0 / noise.variance if weighted else np.full(len(noise.variance), 1.0 / noise.variance.max())
     out = empty(n)
     y = outputs.T - calibration.offsets_V[:, None]
@@ -165,7 +168,11 @@ def _three_axes(q: _Question, three: ThreeAxis, out: InferredAttitude) -> None:
     left = y - matrix @ g
     squares = np.einsum("sn,sn,s->n", left, left, q.weights)
     _tangent_errors(q, g, out)
-    reason(out.flag, squares > _absurd(q), NOT_1_G)
+    wrong = ~((squares <= _absurd(q)) & (np.einsum("in,in->n", g, g) > 0.5))  # no g at all fits no output at all
+    if wrong.any():
+        reason(out.flag, wrong, NOT_1_G)
+        length = np.linalg.norm(three.to_principal @ y, axis=0)
+        nowhere(out, wrong & ~(np.abs(length - 1.0) <= FAR_FROM_1_G))
 
 
 def _two_axes(q: _Question, out: InferredAttitude) -> None:
@@ -364,35 +371,3 @@ def _absurd(q: _Question) -> float:
     """Weighted squares left over that only a package that is not at rest, or has changed, will give."""
     above = max(len(q.y) - (2 if q.roll is None else 1), 1)
     return above * _f_absurd(above, q) * _worse(q)
-
-
-def _noise(calibration: AttitudeCalibration, noise_sd_V: ArrayLike | None) -> Noise:
-    if noise_sd_V is None:
-        return Noise(calibration.sigma_V**2, of_fit=True)
-    sd = np.broadcast_to(np.asarray(noise_sd_V, np.float64), (len(calibration.sensors),))
-    if not np.all((sd > 0) & np.isfinite(sd)):
-        raise ValueError("noise_sd_V: the standard deviation of a reading is a positive number")
-    return Noise(sd**2, of_fit=False)
-
-
-def _near(
-    matrix: FloatArray, near_deg: tuple[ArrayLike, ArrayLike] | None, n: int, *, free: bool
-) -> tuple[FloatArray, FloatArray]:
-    if near_deg is not None:
-        pitch, roll = (np.radians(_each("near_deg", value, n)) for value in near_deg)
-        if not (np.isfinite(pitch).all() and np.isfinite(roll).all()):
-            raise ValueError("near_deg: an attitude to look near is two finite numbers")
-        if free and len(matrix) == 2:
-            beside = np.abs(normal(matrix) @ gravity(pitch, roll)) < 1e-6
-            if beside.any():
-                raise ValueError("near_deg: it lies between the two solutions and tells neither")
-        return pitch, roll
-    pitch_0, roll_0 = two_axis.default_near(matrix) if free and len(matrix) == 2 else (0.0, 0.0)
-    return np.full(n, pitch_0), np.full(n, roll_0)
-
-
-def _each(name: str, values: ArrayLike, n: int) -> FloatArray:
-    array = np.asarray(values, np.float64)
-    if array.shape not in ((), (1,), (n,)):
-        raise ValueError(f"{name}: expected one value, or {n}, found shape {array.shape}")
-    return np.broadcast_to(array, (n,))
