@@ -34,6 +34,14 @@ def infer(
         str | None,
         typer.Option(help="attitude: column of roll measured otherwise, in degrees", show_default=False),
     ] = None,
+    near: Annotated[
+        tuple[float, float] | None,
+        typer.Option(
+            help="attitude: pitch and roll, deg, on the side where the package is, as in --near 0 180 for one upside "
+            "down; level if not given",
+            show_default=False,
+        ),
+    ] = None,
     roll_sd: Annotated[float, typer.Option(min=0, help="attitude: standard deviation of the measured roll, deg")] = 0.0,
 ) -> int:
     """Infer pitch and roll, or pressure, from outputs, with standard deviations and 95 % intervals.
@@ -55,7 +63,7 @@ def infer(
 
     check_not_input([out_file], [calibration, data, zero])
     file = inference.read_calibration(calibration)
-    found = inference.infer(file, data, zero=zero, measured_roll=roll, roll_sd_deg=roll_sd)
+    found = inference.infer(file, data, zero=zero, measured_roll=roll, roll_sd_deg=roll_sd, near_deg=near)
     write_csv(found.columns, out_file)
     for note in found.notes:
         err.print(f"[yellow]{escape(note)}[/]", soft_wrap=True)

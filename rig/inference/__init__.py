@@ -23,6 +23,7 @@ def infer(
     zero: Path | None = None,
     measured_roll: str | None = None,
     roll_sd_deg: float = 0.0,
+    near_deg: tuple[float, float] | None = None,
 ) -> Inference:
     """Infer what a calibration is of from a CSV table.
 
@@ -32,6 +33,7 @@ def infer(
         zero: pressure: a table of readings in vacuum; None to take those of `data`, or to do without.
         measured_roll: attitude: column of roll measured otherwise; None to infer it.
         roll_sd_deg: attitude: its standard deviation.
+        near_deg: attitude: pitch and roll on the side where the package is; level if None.
 
     Raises:
         UsageError: an option does not go with the calibration, a column is missing, or a value cannot be used.
@@ -40,10 +42,12 @@ def infer(
     if isinstance(file.calibration, AttitudeCalibration):
         if zero is not None:
             raise UsageError("--zero is for pressure transducers; this calibration is of attitude sensors")
-        found = infer_attitudes(file.calibration, data, measured_roll=measured_roll, roll_sd_deg=roll_sd_deg)
+        found = infer_attitudes(
+            file.calibration, data, measured_roll=measured_roll, roll_sd_deg=roll_sd_deg, near_deg=near_deg
+        )
     else:
-        if measured_roll is not None:
-            raise UsageError("--roll is for attitude sensors; this calibration is of pressure transducers")
+        if measured_roll is not None or near_deg is not None:
+            raise UsageError("--roll and --near are for attitude sensors; this calibration is of pressure transducers")
         found = infer_pressures(file.calibration, data, zero)
     if file.incomplete:
         found = replace(found, notes=(f"the calibration is of an incomplete run: {file.incomplete}", *found.notes))

@@ -16,7 +16,12 @@ _TEMPERATURE = "sensor_temperature_degC"
 
 
 def infer_attitudes(
-    calibration: AttitudeCalibration, data: Path, *, measured_roll: str | None, roll_sd_deg: float
+    calibration: AttitudeCalibration,
+    data: Path,
+    *,
+    measured_roll: str | None,
+    roll_sd_deg: float,
+    near_deg: tuple[float, float] | None,
 ) -> Inference:
     """Infer pitch, and roll where it was not measured, from every row of a CSV table.
 
@@ -25,6 +30,7 @@ def infer_attitudes(
         data: the table, with a column for every sensor.
         measured_roll: column of roll that was measured otherwise, in degrees; None to infer it.
         roll_sd_deg: its standard deviation.
+        near_deg: pitch and roll on the side where the package is; level if None.
 
     Raises:
         UsageError: a column is missing, or the sensors cannot tell what is asked.
@@ -44,6 +50,7 @@ def infer_attitudes(
             np.column_stack([table.columns[name] for name in calibration.names]),
             roll_deg=None if measured_roll is None else table.columns[measured_roll],
             roll_sd_deg=roll_sd_deg,
+            near_deg=near_deg,
             sensor_temperature_degC=table.columns.get(_TEMPERATURE),
         )
     except ValueError as error:
@@ -59,7 +66,9 @@ def infer_attitudes(
     notes = list(calibration.notes)
     if found.assumed.any():
         other = int(found.assumed.sum())
-        notes.append(f"{other} rows fit another attitude as well; the one given is the nearer to level, upright")
+        notes.append(
+            f"{other} rows fit another attitude as well; the one given is on the side of --near, level if not given"
+        )
     columns: dict[str, Any] = {**table.columns, **table.text, **added}
     return Inference(columns, tuple(added), tuple(notes), int(np.sum(found.flag != "")))
 
