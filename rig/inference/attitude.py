@@ -66,9 +66,7 @@ def infer_attitudes(
     notes = list(calibration.notes)
     if found.assumed.any():
         other = int(found.assumed.sum())
-        notes.append(
-            f"{other} rows fit another attitude as well; the one given is on the side of --near, level if not given"
-        )
+        notes.append(f"{other} rows fit another attitude as well; given is the one on the side of --near (level)")
     columns: dict[str, Any] = {**table.columns, **table.text, **added}
     return Inference(columns, tuple(added), tuple(notes), int(np.sum(found.flag != "")))
 
