@@ -9,7 +9,9 @@ import random
 import signal
 import subprocess
 import sys
+import time
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -73,6 +75,15 @@ class Tally:
 def rig(*arguments: object, **options: object) -> subprocess.Popen[str]:
     command = [sys.executable, "-m", "rig", *map(str, arguments)]
     return subprocess.Popen(command, text=True, stderr=subprocess.PIPE, stdout=subprocess.PIPE, **options)
+
+
+def wait_for(condition: Callable[[], object], process: subprocess.Popen[str], seconds: float = 40.0) -> None:
+    """Wait in real time for what another process does; it must live meanwhile."""
+    end = time.monotonic() + seconds  # noqa: TID251 - two processes in real time
+    while not condition():
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < end, "waited too long"  # noqa: TID251
+        time.sleep(0.02)  # noqa: TID251
 
 
 def one_run(

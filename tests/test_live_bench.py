@@ -6,13 +6,12 @@ import json
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import kills
 import pytest
 from dry import LAB
-from kills import judge, rig
+from kills import judge, rig, wait_for
 
 SPEED = 400
 
@@ -40,14 +39,6 @@ def live(tmp_path):
     server.send_signal(signal.SIGTERM)
     server.communicate(timeout=10)
     assert not bench.exists()
-
-
-def wait_for(condition, process, seconds=20.0):
-    end = time.monotonic() + seconds  # noqa: TID251 - two processes in real time
-    while not condition():
-        assert process.poll() is None, process.communicate()[1]
-        assert time.monotonic() < end, "waited too long"  # noqa: TID251
-        time.sleep(0.02)  # noqa: TID251
 
 
 def started(tmp_path, live):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
-import time
 from collections import Counter
 from pathlib import Path
 
@@ -48,18 +47,10 @@ def bench(tmp_path):
     server = kills.rig(
         "sim", LAB / "bench.toml", "--world", LAB / "world.toml", "--speed", SPEED, "--live", live, "--for", 50
     )
-    wait_for(live.exists, server)
+    kills.wait_for(live.exists, server)
     yield live, server
     server.send_signal(signal.SIGTERM)
     server.communicate(timeout=10)
-
-
-def wait_for(condition, process, seconds=40.0):
-    end = time.monotonic() + seconds  # noqa: TID251 - two processes in real time
-    while not condition():
-        assert process.poll() is None, process.communicate()
-        assert time.monotonic() < end, "waited too long"  # noqa: TID251
-        time.sleep(0.02)  # noqa: TID251
 
 
 def killed_in_the_middle(tmp_path, live, gap_s):
