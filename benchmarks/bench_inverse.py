@@ -2,6 +2,7 @@
 
     python -m benchmarks.bench_inverse speed       three-axis inference a second on one core, beside MINPACK
     python -m benchmarks.bench_inverse coverage    95 % intervals over 10,000 simulated calibrations a cell
+    python -m benchmarks.bench_inverse azimuth     the same of Omega, A and the sensitive axis, by how far it leans
     python -m benchmarks.bench_inverse coverage 500
 
 The bench is the one of the fitter's tests (tests/attitude_truth.py), written from rotations.
@@ -23,8 +24,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 
 from attitude_truth import D1, Bench, Plan, Sensor, rows_of, simulate
 
-from fitter import AttitudeData
+from fitter import AttitudeData, attitude_columns
+from fitter.attitude import attitude_parameters, fit_columns, linear_coefficients, sensitive_axis
 from fitter.inverse import ThreeAxis, calibrate_package, infer_attitude
+from fitter.quantiles import t_limit
 
 BENCH = Bench()
 NAMES = ("x_V", "y_V", "z_V")
@@ -177,6 +180,34 @@ def coverage(calibrations=10_000):
     print(f"least {min(shares):.1f}, greatest {max(shares):.1f}, mean {np.mean(shares):.2f}, of {len(shares)} cells")
 
 
+def azimuth(calibrations=10_000):
+    """An x sensor that leans by so many standard deviations of Omega, calibrated at 5 x 8 points, twice."""
+    plan = Plan(np.linspace(-90, 90, 5), np.arange(8) * 45.0, 2)
+    sigma_V, rng = 2.5e-5, np.random.default_rng(30_000)
+    data, _ = _truth(BENCH, plan)
+    h = attitude_columns(data.pitch_deg, data.roll_deg)
+    sd_deg = np.degrees(sigma_V / 5.0 * np.sqrt(np.linalg.inv(h.T @ h)[2, 2]))  # across m; both ways alike here
+    print(f"{calibrations:,} calibrations a cell; of 95 % intervals held, %, where one is shown")
+    print("  Omega / sd     A   shown  Omega      A    m_x    m_y    m_z")
+    for lean in (0.0, 2.0, 4.0, 5.0, 6.0, 8.0, 12.0, 50.0):
+        for A in (20.0, 135.0, 180.0):
+            c = linear_coefficients(0, 0.01, 5.0, lean * sd_deg, A)
+            shown, held, m_held = 0, np.zeros(2), np.zeros(3)
+            for _ in range(calibrations):
+                fit = fit_columns(h, h @ c + rng.normal(0.0, sigma_V, len(h)))
+                p = attitude_parameters(0, fit.coefficients, fit.covariance)
+                m_held += np.abs(p.m_V - sensitive_axis(c)) <= t_limit(0.95, fit.df) * np.sqrt(np.diag(p.m_covariance))
+                _, _, Omega, azimuths = p.intervals(fit.df)
+                if Omega is None or azimuths is None:
+                    continue
+                shown += 1
+                middle, half = np.mean(azimuths), np.ptp(azimuths) / 2.0
+                held += Omega[0] <= lean * sd_deg <= Omega[1], abs((A - middle + 180.0) % 360.0 - 180.0) <= half
+            both = "".join(f"{100 * h / shown:7.1f}" for h in held) if shown > 0.01 * calibrations else "      -      -"
+            axis = "".join(f"{100 * h / calibrations:7.1f}" for h in m_held)
+            print(f"  {lean:10.0f} {A:5.0f} {100 * shown / calibrations:6.1f}%{both}{axis}")
+
+
 def _truth(bench, plan):
     pitch, roll, _, _, replicate = rows_of(plan, np.random.default_rng(0))
     exact = volts(bench, pitch, roll)
@@ -200,4 +231,4 @@ def _part(calibration, names):
 
 if __name__ == "__main__":
     what = sys.argv[1] if len(sys.argv) > 1 else "speed"
-    {"speed": speed, "coverage": coverage}[what](*(int(a) for a in sys.argv[2:]))
+    {"speed": speed, "coverage": coverage, "azimuth": azimuth}[what](*(int(a) for a in sys.argv[2:]))

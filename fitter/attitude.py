@@ -11,7 +11,7 @@ At Omega = 0 azimuth has no meaning while the linear form stays regular.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,12 +19,15 @@ import numpy as np
 from fitter.angles import sin_cos
 from fitter.arrays import FloatArray
 from fitter.linear import LinearFit, least_squares
+from fitter.quantiles import t_limit
 
 COLUMNS = ("1", "sin(pitch)", "cos(pitch)*sin(roll)", "cos(pitch)*cos(roll)")
 COLUMNS_NO_ROLL = ("1", "sin(pitch)", "cos(pitch)")
 AXES = {"x": 0, "y": 1, "z": 2}
 LEAST = 3e-4
 """Root mean square below which one of the columns above is not there: 0.02 deg, closer than two settings of a head."""
+DIRECTION_KNOWN = 5.0
+"""Coning angles of more standard deviations than this have an azimuth that can be told, and intervals that hold."""
 _GRAVITY_SIGN = np.array([1.0, -1.0, -1.0])
 
 
@@ -61,9 +64,12 @@ def variance_function(design: FloatArray, at: FloatArray) -> FloatArray:
     return fit_columns(design, np.zeros(len(design))).variance_function(at)
 
 
+Interval = tuple[float, float]
+
+
 @dataclass(frozen=True)
 class AttitudeParameters:
-    """The paper's parameters of a sensor with roll.
+    """The paper's parameters of a sensor with roll, and the sensitive axis they are made of.
 
     Attributes:
         b_V: offset.
@@ -71,6 +77,9 @@ class AttitudeParameters:
         Omega_deg: coning angle, in [0, 180); above 90 deg the sensor looks backwards.
         A_deg: azimuth, in (-180, 180]; NaN at Omega = 0.
         covariance: (4, 4) of (b_V, S_V, Omega_deg, A_deg); NaN in the row and column of an undefined azimuth.
+        axis: nominal axis of the sensor, 0, 1, 2 for x, y, z.
+        m_V: (3,) sensitive axis times sensitivity, V/g in package axes.
+        m_covariance: (3, 3) of it.
 
     """
 
@@ -79,11 +88,45 @@ class AttitudeParameters:
     Omega_deg: float
     A_deg: float
     covariance: FloatArray
+    axis: int
+    m_V: FloatArray
+    m_covariance: FloatArray
 
     @property
     def stderr(self) -> FloatArray:
         """(4,) standard errors of (b_V, S_V, Omega_deg, A_deg)."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    @property
+    def direction_known(self) -> bool:
+        """Whether the coning angle (or what it lacks of 180 deg) exceeds `DIRECTION_KNOWN` standard deviations.
+
+        Else the sensitive axis is too near its nominal one to say where it leans. Omega and A are then no estimates
+        with errors around them; the axis itself, `m_V`, still is.
+        """
+        return bool(min(self.Omega_deg, 180.0 - self.Omega_deg) > DIRECTION_KNOWN * self.stderr[2])
+
+    def intervals(self, df: int, level: float = 0.95) -> tuple[Interval, Interval, Interval | None, Interval | None]:
+        """Confidence intervals of b_V, S_V, Omega_deg and A_deg; None for the last two where no direction is known.
+
+        That of A is Fieller's: all azimuths across which the sensitive axis does not lean significantly. It is exact
+        where the transverse components are normal, and its ends may lie beyond +-180 deg.
+        """
+        t = t_limit(level, df)
+        b, S, Omega = _around((self.b_V, self.S_V, self.Omega_deg), self.stderr[:3], t)
+        if not self.direction_known:
+            return b, S, None, None
+        across = [*_cyclic(self.axis)[1:]]
+        m = self.m_V[across]
+        values, vectors = np.linalg.eigh(np.outer(m, m) - t**2 * self.m_covariance[np.ix_(across, across)])
+        if not values[0] < 0 < values[1]:
+            return b, S, None, None
+        half = float(np.degrees(np.arctan(np.sqrt(-values[0] / values[1]))))
+        lean = vectors[:, 1] * np.sign(vectors[:, 1] @ m)
+        # the set is symmetric about its own axis, which is not quite the estimate's where the errors are unequal
+        middle = np.degrees(np.arctan2(lean[1], lean[0]))
+        middle = self.A_deg + (middle - self.A_deg + 180.0) % 360.0 - 180.0
+        return b, S, Omega, (float(middle - half), float(middle + half))
 
 
 @dataclass(frozen=True)
@@ -107,6 +150,11 @@ class NoRollParameters:
     def stderr(self) -> FloatArray:
         """(3,) standard errors of (b_V, S_V, phi_deg)."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    def intervals(self, df: int, level: float = 0.95) -> tuple[Interval, Interval, Interval]:
+        """Confidence intervals of b_V, S_V and phi_deg."""
+        b, S, phi = _around((self.b_V, self.S_V, self.phi_deg), self.stderr, t_limit(level, df))
+        return b, S, phi
 
 
 def sensitive_axis(coefficients: FloatArray) -> FloatArray:
@@ -157,6 +205,9 @@ def attitude_parameters(axis: int, coefficients: FloatArray, covariance: FloatAr
         Omega_deg=float(np.degrees(np.arctan2(across, m[i]))),
         A_deg=float(np.degrees(np.arctan2(m[k], m[j]))) if defined else float("nan"),
         covariance=jacobian @ covariance @ jacobian.T,
+        axis=axis,
+        m_V=m,
+        m_covariance=_GRAVITY_SIGN[:, None] * covariance[1:, 1:] * _GRAVITY_SIGN,
     )
 
 
@@ -204,6 +255,10 @@ def fit_columns(columns: FloatArray, output_V: FloatArray) -> LinearFit:
     """
     names = COLUMNS if columns.shape[1] == len(COLUMNS) else COLUMNS_NO_ROLL
     return least_squares(columns, output_V, names, LEAST)
+
+
+def _around(values: Sequence[float], errors: FloatArray, t: float) -> list[Interval]:
+    return [(float(v - t * error), float(v + t * error)) for v, error in zip(values, errors, strict=True)]
 
 
 def _cyclic(axis: int) -> tuple[int, int, int]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from fitter.arrays import FloatArray
 from fitter.attitude import (
     AttitudeParameters,
+    Interval,
     NoRollParameters,
     attitude_columns,
     attitude_parameters,
@@ -21,6 +22,7 @@ from fitter.attitude import (
 )
 from fitter.data import AttitudeData
 from fitter.linear import LinearFit
+from fitter.quantiles import t_limit
 from fitter.replication import Replication, analyse
 
 JsonValue = float | int | str | None | list["JsonValue"] | dict[str, "JsonValue"]
@@ -70,20 +72,14 @@ class AttitudeFit:
 
     def to_dict(self) -> dict[str, JsonValue]:
         """For JSON: numbers that do not exist are None, never NaN."""
-        p, stderr = self.parameters, self.parameters.stderr
-        names = ("b_V", "S_V", "Omega_deg", "A_deg") if self.has_roll else ("b_V", "S_V", "phi_deg")
-        df = self.linear.df
         return {
             "model": self.model,
             "points": self.linear.n,
             "pitch_range_deg": list(self.pitch_range_deg),
             "roll_range_deg": list(self.roll_range_deg),
             "coefficients": coefficient_table(self.linear),
-            "parameters": {
-                name: {"estimate": _known(getattr(p, name)), "stderr": _known(float(stderr[i])), "df": df}
-                for i, name in enumerate(names)
-            },
-            **table_2(self.replication, p.S_V),
+            "parameters": parameter_table(self.parameters, self.linear.df),
+            **table_2(self.replication, self.parameters.S_V),
         }
 
 
@@ -142,6 +138,40 @@ def table_2(r: Replication, S_V: float) -> dict[str, JsonValue]:
         "df_drift": [r.drift.df_above, r.drift.df_below],
     }
     return table
+
+
+def parameter_table(p: AttitudeParameters | NoRollParameters, df: int) -> dict[str, JsonValue]:
+    """Estimate, standard error, degrees of freedom and 95 % interval of every parameter, by name.
+
+    A coning angle within `fitter.attitude.DIRECTION_KNOWN` standard deviations of none has no errors around it, nor has
+    its azimuth. The sensitive axis (mx_V, my_V, mz_V, volts per g in package axes) has them always.
+    """
+    if isinstance(p, NoRollParameters):
+        return _rows(("b_V", "S_V", "phi_deg"), (p.b_V, p.S_V, p.phi_deg), p.stderr, p.intervals(df), df)
+    names, axes = ("b_V", "S_V", "Omega_deg", "A_deg"), ("mx_V", "my_V", "mz_V")
+    axis_error = np.sqrt(np.diag(p.m_covariance))
+    reach = t_limit(0.95, df) * axis_error
+    return _rows(names, (p.b_V, p.S_V, p.Omega_deg, p.A_deg), p.stderr, p.intervals(df), df) | _rows(
+        axes, p.m_V, axis_error, list(zip(p.m_V - reach, p.m_V + reach, strict=True)), df
+    )
+
+
+def _rows(
+    names: Sequence[str],
+    values: Sequence[float] | FloatArray,
+    errors: FloatArray,
+    intervals: Sequence[Interval | None],
+    df: int,
+) -> dict[str, JsonValue]:
+    return {
+        name: {
+            "estimate": _known(value),
+            "stderr": None if interval is None else _known(error),
+            "df": df,
+            "interval95": None if interval is None else [_known(end) for end in interval],
+        }
+        for name, value, error, interval in zip(names, values, errors, intervals, strict=True)
+    }
 
 
 def coefficient_table(fit: LinearFit) -> dict[str, JsonValue]:

@@ -299,3 +299,42 @@ def test_axes_may_be_told_and_go_where_the_data_go():
         replace(unnamed, axes={"out1": "w"})
     with pytest.raises(ValueError, match="there is no output out2, only out1"):
         replace(unnamed, axes={"out2": "x"})
+
+
+def leaning(axis, Omega_deg, A_deg, errors_V, S=5.0):
+    """Parameters of a sensor whose sensitive axis has these standard errors, V/g, along x, y and z."""
+    return attitude_parameters(axis, linear_coefficients(axis, 0.0, S, Omega_deg, A_deg), np.diag([0, *errors_V]) ** 2)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("A", [-179.0, -60.0, 0.0, 45.0, 179.0])
+def test_the_interval_of_azimuth_is_all_directions_across_which_the_axis_does_not_lean(axis, A):
+    """Fieller's set by its definition, on a grid of azimuths, with unequal errors."""
+    errors = np.roll([1e-4, 2e-4, 1e-4], axis)
+    p = leaning(axis, 0.02, A, errors)
+    low, high = p.intervals(60)[3]
+    j, k = (axis + 1) % 3, (axis + 2) % 3
+    azimuth = np.radians(np.linspace(low - 90.0, low + 90.0, 180_001))
+    across = -np.sin(azimuth) * p.m_V[j] + np.cos(azimuth) * p.m_V[k]
+    error = np.hypot(np.sin(azimuth) * errors[j], np.cos(azimuth) * errors[k])
+    inside = np.degrees(azimuth[np.abs(across) <= 2.0003 * error])  # Student's t at 95 %, 60 degrees of freedom
+    np.testing.assert_allclose([low, high], [inside.min(), inside.max()], atol=2e-3)
+    assert low < A < high
+    assert high - low < 60
+
+
+def test_an_axis_that_leans_too_little_has_no_azimuth_but_its_components():
+    error = 1e-4
+    sd_deg = np.degrees(error / 5.0)
+    for Omega in (4.9 * sd_deg, 180.0 - 4.9 * sd_deg):
+        p = leaning(0, Omega, 45.0, [error] * 3)
+        assert p.intervals(60)[2:] == (None, None)
+        np.testing.assert_allclose(np.sqrt(np.diag(p.m_covariance)), error)
+    for Omega in (5.1 * sd_deg, 180.0 - 5.1 * sd_deg):
+        assert None not in leaning(0, Omega, 45.0, [error] * 3).intervals(60)
+    data, _ = simulate(Bench(sensors=(Sensor("x", Omega_deg=0.0),)), D1(90, 7, 5, replications=2), seed=3)
+    table = fit_attitude(data, "x_V").to_dict()["parameters"]
+    assert table["A_deg"]["interval95"] is table["A_deg"]["stderr"] is table["Omega_deg"]["stderr"] is None
+    low, high = table["mx_V"]["interval95"]
+    assert low < 5.0 < high
+    assert high - low < 1e-3

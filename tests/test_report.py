@@ -84,7 +84,8 @@ def test_a_table_without_temperatures_makes_a_report_too(traced):
 
 def test_parameters_before_are_those_of_the_fit(traced):
     fitted = fit_table(traced.table)["sensors"]["x_V"]["parameters"]
-    for parameter, value in zip(parameters(traced, "x_V"), fitted.values(), strict=True):
+    assert [p.name for p in parameters(traced, "x_V")] == ["b / V", "S / (V/g)", "Omega / deg", "A / deg"]
+    for parameter, value in zip(parameters(traced, "x_V"), fitted.values(), strict=False):
         estimate, error = parameter.before
         assert float(error) == pytest.approx(value["stderr"], rel=0.06)
         assert float(estimate) == pytest.approx(value["estimate"], abs=value["stderr"])

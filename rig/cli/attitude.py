@@ -21,12 +21,18 @@ def show_attitude_fit(result: Mapping[str, Any]) -> None:
 
 
 def _show_sensor(name: str, sensor: Mapping[str, Any]) -> None:
-    table = RichTable(
-        "parameter", "estimate", "standard error", title=f"{name}, {sensor['model']}", title_justify="left"
-    )
-    for parameter, value in sensor["parameters"].items():
-        table.add_row(parameter, number(value["estimate"], 8), number(value["stderr"], 3))
+    from rig.report.parameters import LABELS, NO_DIRECTION, shown  # noqa: PLC0415
+
+    heading = f"{name}, {sensor['model']}"
+    table = RichTable("parameter", "estimate", "standard error", "95 % interval", title=heading, title_justify="left")
+    for parameter in (rows := shown(sensor["parameters"])):
+        value = sensor["parameters"][parameter]
+        low, high = value["interval95"] or (None, None)
+        interval = "-" if low is None else f"{number(low, 8)} to {number(high, 8)}"
+        table.add_row(LABELS[parameter], number(value["estimate"], 8), number(value["stderr"], 3), interval)
     out.print(table)
+    if "mx_V" in rows:
+        out.print(f"  {NO_DIRECTION}", soft_wrap=True)
     out.print(
         f"  sigma_E {degrees(sensor['sigma_E_deg'])} = bias {degrees(sensor['sigma_bias_deg'])} and "
         f"precision {degrees(sensor['sigma_prec_deg'])}"

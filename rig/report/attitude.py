@@ -9,7 +9,7 @@ import numpy as np
 from rig.report.attitude_plots import Picture, residual_map, residuals_against
 from rig.report.effects import effect_rows
 from rig.report.frame import render
-from rig.report.parameters import parameters
+from rig.report.parameters import LABELS, NO_DIRECTION, parameters
 from rig.report.words import TESTS, little_help, significant, unnamed
 
 if TYPE_CHECKING:
@@ -41,6 +41,7 @@ def attitude_report(traced: AttitudeTraced) -> str:
 
 def _sensor(name: str, result: dict[str, Any], traced: AttitudeTraced) -> dict[str, Any]:
     before, after = result["before"], result["after"]
+    estimates = parameters(traced, name)
     return {
         **result,
         "name": name,
@@ -54,7 +55,8 @@ def _sensor(name: str, result: dict[str, Any], traced: AttitudeTraced) -> dict[s
             }
             for key, label, scale, what in _ROWS
         ],
-        "parameters": parameters(traced, name),
+        "parameters": estimates,
+        "no_direction": NO_DIRECTION if LABELS["mx_V"] in {p.name for p in estimates} else "",
         "effects": [effect_rows(effect) for effect in result["effects"]],
         "unnamed": unnamed(result),
         "little_help": little_help(result),

@@ -2,17 +2,34 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from fitter import LinearFit, RankError, attitude_columns, least_squares
 from fitter.attitude import AXES, attitude_parameters, fit_columns, no_roll_parameters
+from fitter.calibration import parameter_table
 from fitter.trace.problem import raw_columns
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from fitter.arrays import FloatArray
     from rig.closed_loop import AttitudeTraced
+
+
+LABELS = {
+    "b_V": "b / V",
+    "S_V": "S / (V/g)",
+    "phi_deg": "phi / deg",
+    "Omega_deg": "Omega / deg",
+    "A_deg": "A / deg",
+    "mx_V": "m_x / (V/g)",
+    "my_V": "m_y / (V/g)",
+    "mz_V": "m_z / (V/g)",
+}
+"""What the parameters of `fitter.calibration.parameter_table` are called where people read them."""
+NO_DIRECTION = "the sensitive axis leans too little to say where to: Omega and A have no intervals, its components m do"
 
 
 class Parameter(NamedTuple):
@@ -37,9 +54,15 @@ def parameters(traced: AttitudeTraced, sensor: str) -> list[Parameter]:
     own = raw_columns(traced.trace.scene.on(data), traced.trace.chosen)[list(traced.trace.sensors).index(sensor)]
     root = _root_beside(h, own[:, np.any(own != 0, axis=0)], found.fit)
     covariance = found.after.sigma_E**2 * root @ root.T
-    alone = _by_name(found.declared, before.coefficients, before.covariance)
-    beside = _by_name(found.declared, found.fit.coefficients, covariance)
-    return [Parameter(name, with_error(*alone[name]), with_error(*beside[name])) for name in alone]
+    alone = _table(found.declared, before.coefficients, before.covariance, before.df)
+    beside = _table(found.declared, found.fit.coefficients, covariance, found.fit.df)
+    return [Parameter(LABELS[name], _text(alone[name]), _text(beside[name])) for name in shown(alone)]
+
+
+def shown(table: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """Which parameters to show: the sensitive axis only where Omega and A are no estimates with errors around them."""
+    known = "Omega_deg" not in table or table["Omega_deg"]["interval95"] is not None
+    return [name for name in table if not (known and name.startswith("m"))]
 
 
 def _root_beside(h: FloatArray, effects: FloatArray, fit: LinearFit) -> FloatArray:
@@ -52,17 +75,16 @@ def _root_beside(h: FloatArray, effects: FloatArray, fit: LinearFit) -> FloatArr
     return joint.root[: len(fit.names)]
 
 
-def _by_name(declared: str, coefficients: FloatArray, covariance: FloatArray) -> dict[str, tuple[float, float]]:
+def _table(declared: str, coefficients: FloatArray, covariance: FloatArray, df: int) -> Mapping[str, Any]:
     axis = AXES.get(declared.removeprefix("attitude-"))
     if axis is None:
-        p = no_roll_parameters(coefficients, covariance)
-        values = {"b / V": p.b_V, "S / (V/g)": p.S_V, "phi / deg": p.phi_deg}
-        errors = p.stderr
-    else:
-        q = attitude_parameters(axis, coefficients, covariance)
-        values = {"b / V": q.b_V, "S / (V/g)": q.S_V, "Omega / deg": q.Omega_deg, "A / deg": q.A_deg}
-        errors = q.stderr
-    return {name: (value, float(error)) for (name, value), error in zip(values.items(), errors, strict=True)}
+        return parameter_table(no_roll_parameters(coefficients, covariance), df)
+    return parameter_table(attitude_parameters(axis, coefficients, covariance), df)
+
+
+def _text(row: Mapping[str, float | None]) -> tuple[str, str]:
+    estimate, error = row["estimate"], row["stderr"]
+    return with_error(np.nan if estimate is None else estimate, np.nan if error is None else error)
 
 
 def with_error(estimate: float, error: float) -> tuple[str, str]:
