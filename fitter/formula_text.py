@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 Values = NDArray[Any]
 
 _TOKEN = re.compile(r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<name>[^\W\d][\w.]*)|(?P<mark>\S))")
-_DEEPEST, _MOST_TERMS, _HIGHEST = 40, 400, 9
+_DEEPEST, _MOST_TERMS, _HIGHEST = 40, 400, 20
 _BINDS = {"+": 1, "-": 1, "*": 2, "/": 2, "neg": 3, "^": 4}
 _HINTS = {"~": "the response is given by itself, not in the formula", "/": "division goes inside I()"}
-_OPERATIONS: Mapping[str, Callable[..., Values]] = {
+_OPERATIONS: Mapping[str, Callable[..., Any]] = {
     "+": np.add,
     "-": np.subtract,
     "*": np.multiply,
@@ -49,14 +49,14 @@ class Expression:
             return self.of if self.operation == "name" else ()
         return tuple(dict.fromkeys(name for part in self.of for name in part.names))
 
-    def value(self, table: Mapping[str, Values]) -> Values:
-        """(n,) values; a number has one."""
+    def value(self, table: Mapping[str, Any]) -> Any:
+        """(n,) values, in the arithmetic of those in `table`: arrays, or what NumPy's functions take for one."""
         if self.operation == "name":
             return table[self.of[0]]
         if self.operation == "number":
             return np.asarray(self.of[0])
         with np.errstate(all="ignore"):
-            return np.asarray(_OPERATIONS[self.operation](*(part.value(table) for part in self.of)))
+            return _OPERATIONS[self.operation](*(part.value(table) for part in self.of))
 
     def __str__(self) -> str:
         if self.operation == "name":

@@ -42,16 +42,16 @@ def fit_general(
     y = table.columns[response]
     data = {"file": path.name, "points": len(y), "kind": "general"}
     try:
-        names, columns = model.columns({**table.columns, **table.text})
+        names, exact = model.exact_columns({**table.columns, **table.text})
         if not names:
             raise ValueError(f"the formula {formula!r} has no terms: there is nothing to fit")
         if not whole_plot:
-            fit = least_squares(columns, y, names)
+            fit = least_squares(exact.hi, y, names, tails=exact.lo)
             rows = zip(fit.coefficients, fit.stderr, [float(fit.df)] * len(names), strict=True)
             errors: dict[str, Any] = {"sigma_E": fit.sigma}
         else:
             blocks = None if replicate is None else _identities(table, [replicate])
-            split = fit_split_plot(columns, y, _identities(table, extra), names, replicate=blocks)
+            split = fit_split_plot(exact.hi, y, _identities(table, extra), names, replicate=blocks)
             stderr = split.kenward_roger().stderr
             rows = zip(split.coefficients, stderr, split.df, strict=True)
             errors = {

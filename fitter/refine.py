@@ -1,0 +1,84 @@
+"""Least squares to all digits of a double, where rounding errors of a first solution matter.
+
+The first triangle R makes the columns orthonormal but for its rounding errors: B = X R^-1, B'B = I + small. What is
+left is formed in arithmetic with twice the digits, where nothing that cancels is lost, and corrected through the same
+triangle (Rump 1991; Yamamoto et al. 2015, preconditioned Cholesky QR):
+
+    (X'X)^-1 = R^-1 (B'B)^-1 R'^-1        c = R^-1 (B'B)^-1 B'y
+
+Both hold whatever R^-1 is, so that its own errors drop out. Columns that a double cannot hold, tenth powers say, come
+with what rounding left out of them: else the rounding of the columns themselves, times the condition number, is the
+limit.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.double_double import DoubleDouble
+
+_PASSES = 3
+_NEAR = 1e-3
+"""B'B as far as this from I is made again with the corrected R^-1: only near the limit of what can be told apart."""
+_STEPS = 4
+"""Corrections of (B'B)^-1 B'y, each to a thousandth of the error before it, or at once to rounding."""
+
+
+def refine(
+    columns: FloatArray, tails: FloatArray | None, y: FloatArray, root: FloatArray
+) -> tuple[FloatArray, FloatArray, float] | None:
+    """Coefficients, (k, k) root of (X'X)^-1 and residual sum of squares, to the rounding of their doubles.
+
+    Args:
+        columns: (n, k).
+        tails: (n, k) what the doubles in `columns` leave out of the true columns; None: nothing.
+        y: (n,).
+        root: (k, k) with root @ root.T near (X'X)^-1.
+
+    Returns:
+        None where `root` is too far off for a correction to find its way.
+
+    """
+    x = DoubleDouble(columns, np.zeros_like(columns) if tails is None else tails)
+    for _ in range(_PASSES):
+        basis = _times(x, root)
+        gram = _gram(basis)
+        try:
+            triangle = np.linalg.cholesky(gram.hi).T
+        except np.linalg.LinAlgError:
+            return None
+        better = np.linalg.solve(triangle.T, root.T).T
+        off = float(np.max(np.abs(gram.hi - np.eye(len(root)))))
+        if off < _NEAR:
+            break
+        root = better
+    else:
+        return None
+    along = (basis * y[:, None]).sum()
+    z = DoubleDouble.of(np.zeros(len(root)))
+    for _ in range(_STEPS):
+        left = along - _times(gram, z)
+        step = np.linalg.solve(triangle, np.linalg.solve(triangle.T, left.hi))
+        z = z + step
+        if np.all(np.abs(step) <= 1e-20 * np.max(np.abs(z.hi), initial=0.0)):
+            break
+    coefficients = _times(DoubleDouble.of(root), z)
+    residual = DoubleDouble.of(y) - _times(x, coefficients)
+    return coefficients.hi, better, float((residual * residual).sum().hi)
+
+
+def _times(matrix: DoubleDouble, right: FloatArray | DoubleDouble) -> DoubleDouble:
+    """(n, m) or (n,) product of (n, k) `matrix` with (k, m) or (k,) `right`."""
+    right = right if isinstance(right, DoubleDouble) else DoubleDouble.of(right)
+    vector = right.hi.ndim == 1
+    total = DoubleDouble.of(np.zeros((len(matrix.hi), *right.hi.shape[1:])))
+    for j in range(matrix.hi.shape[1]):
+        total = total + (matrix[:, j] if vector else matrix[:, j, None]) * right[j]
+    return total
+
+
+def _gram(basis: DoubleDouble) -> DoubleDouble:
+    """(k, k) B'B; a column at a time, for the memory of it."""
+    rows = [(basis * basis[:, j, None]).sum() for j in range(basis.hi.shape[1])]
+    return DoubleDouble(np.stack([r.hi for r in rows]), np.stack([r.lo for r in rows]))
