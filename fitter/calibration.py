@@ -24,6 +24,7 @@ from fitter.data import AttitudeData
 from fitter.linear import LinearFit
 from fitter.quantiles import t_limit
 from fitter.replication import Replication, analyse
+from fitter.temperature import Temperature
 
 JsonValue = float | int | str | None | list["JsonValue"] | dict[str, "JsonValue"]
 _SIGMAS = ("sigma_E", "sigma_bias", "sigma_prec", "sigma_b", "sigma_S")
@@ -39,6 +40,7 @@ class AttitudeFit:
         linear: the least-squares fit of `fitter.attitude.COLUMNS`, in volts.
         parameters: the paper's parameters of it.
         replication: Table 2.
+        temperature: what temperature adds, where the declared model has it; the rest is then at its reference.
         pitch_range_deg: lowest and highest pitch calibrated; outside it predictions are extrapolations.
         roll_range_deg: the same for roll.
 
@@ -51,6 +53,12 @@ class AttitudeFit:
     replication: Replication
     pitch_range_deg: tuple[float, float]
     roll_range_deg: tuple[float, float]
+    temperature: Temperature | None = None
+
+    @property
+    def declared(self) -> str:
+        """The declared model in words."""
+        return self.model if self.temperature is None else f"{self.model} with temperature"
 
     @property
     def has_roll(self) -> bool:
@@ -67,36 +75,60 @@ class AttitudeFit:
         return attitude_columns(pitch_deg, roll_deg, roll=self.has_roll)
 
     def predict(self, pitch_deg: FloatArray, roll_deg: FloatArray) -> FloatArray:
-        """(n,) output in volts at these angles."""
+        """(n,) output in volts at these angles, at the reference temperature."""
         return self.linear.predict(self.columns(pitch_deg, roll_deg))
+
+    def beside(self, data: AttitudeData) -> FloatArray:
+        """(n, q) further columns of the declared model for these observations; none without temperature."""
+        if self.temperature is None:
+            return np.empty((len(data), 0))
+        return self.temperature.columns(self.columns(data.pitch_deg, data.roll_deg), data)
+
+    def refitted(self, data: AttitudeData, output: FloatArray) -> tuple[LinearFit, Temperature | None]:
+        """The declared model fitted to another output (n,) V of the same observations, such as one with effects out."""
+        h = self.columns(data.pitch_deg, data.roll_deg)
+        if self.temperature is None:
+            return fit_columns(h, output), None
+        return self.temperature.fitted(h, data, output, self.linear.names)
 
     def to_dict(self) -> dict[str, JsonValue]:
         """For JSON: numbers that do not exist are None, never NaN."""
         return {
-            "model": self.model,
+            "model": self.declared,
             "points": self.linear.n,
             "pitch_range_deg": list(self.pitch_range_deg),
             "roll_range_deg": list(self.roll_range_deg),
             "coefficients": coefficient_table(self.linear),
-            "parameters": parameter_table(self.parameters, self.linear.df),
+            "parameters": parameter_table(self.parameters, self.linear.df)
+            | temperature_table(self.temperature, self.parameters.S_V, self.linear.df),
+            "reference_degC": None if self.temperature is None else self.temperature.reference_degC,
             **table_2(self.replication, self.parameters.S_V),
         }
 
 
-def fit_attitude(data: AttitudeData, sensor: str) -> AttitudeFit:
+def fit_attitude(data: AttitudeData, sensor: str, *, temperature: bool = False) -> AttitudeFit:
     """Calibrate one sensor: eq. (2), (4) or (5) by its nominal axis (`data.axes`), eq. (1) where there was no roll.
+
+    Args:
+        data: the run.
+        sensor: name of the output.
+        temperature: whether offset and sensitivity follow the sensor's temperature in the declared model.
 
     Raises:
         KeyError: `data` has no such output.
         fitter.linear.RankError: the points visited do not determine the model.
-        ValueError: the output never changes.
+        ValueError: the output never changes, or there is no temperature to fit.
 
     """
     output = data.outputs[sensor]
     if np.ptp(output) == 0:
         raise ValueError(f"{sensor} reads {output[0]:g} V at every attitude: there is nothing to calibrate")
     columns = attitude_columns(data.pitch_deg, data.roll_deg, roll=data.has_roll)
-    linear = fit_columns(columns, output)
+    linear, own, beside = fit_columns(columns, output), None, np.empty((len(data), 0))
+    if temperature:
+        linear, own = Temperature.of(data, linear).fitted(columns, data, output, linear.names)
+        beside = own.columns(columns, data)
+        output = output - own.volts(columns, data)
     parameters: AttitudeParameters | NoRollParameters
     if data.has_roll:
         axis = nominal_axis(sensor, linear.coefficients, data.axes)
@@ -110,9 +142,10 @@ def fit_attitude(data: AttitudeData, sensor: str) -> AttitudeFit:
         model=model,
         linear=linear,
         parameters=parameters,
-        replication=analyse(linear, columns, output, data.point, data.replicate_index),
+        replication=analyse(linear, columns, output, data.point, data.replicate_index, beside, beside.shape[1]),
         pitch_range_deg=(float(data.pitch_deg.min()), float(data.pitch_deg.max())),
         roll_range_deg=(float(data.roll_deg.min()), float(data.roll_deg.max())),
+        temperature=own,
     )
 
 
@@ -156,6 +189,17 @@ def parameter_table(p: AttitudeParameters | NoRollParameters, df: int) -> dict[s
     )
 
 
+def temperature_table(temperature: Temperature | None, S_V: float, df: int) -> dict[str, JsonValue]:
+    """The same of what temperature adds, for each degC above the reference; {} without."""
+    if temperature is None:
+        return {}
+    unit = np.array([1.0, 1e6 / S_V])
+    values, errors = temperature.coefficients * unit, np.sqrt(np.diag(temperature.covariance)) * unit
+    reach = t_limit(0.95, df) * errors
+    intervals = list(zip(values - reach, values + reach, strict=True))
+    return _rows(("dbdT_V_per_degC", "dSdT_ppm_per_degC"), values, errors, intervals, df)
+
+
 def _rows(
     names: Sequence[str],
     values: Sequence[float] | FloatArray,
@@ -182,9 +226,9 @@ def coefficient_table(fit: LinearFit) -> dict[str, JsonValue]:
     }
 
 
-def fit_all(data: AttitudeData) -> Mapping[str, AttitudeFit]:
+def fit_all(data: AttitudeData, *, temperature: bool = False) -> Mapping[str, AttitudeFit]:
     """`fit_attitude` for every output."""
-    return {sensor: fit_attitude(data, sensor) for sensor in data.sensors}
+    return {sensor: fit_attitude(data, sensor, temperature=temperature) for sensor in data.sensors}
 
 
 def _known(value: float) -> float | None:

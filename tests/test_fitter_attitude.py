@@ -338,3 +338,30 @@ def test_an_axis_that_leans_too_little_has_no_azimuth_but_its_components():
     low, high = table["mx_V"]["interval95"]
     assert low < 5.0 < high
     assert high - low < 1e-3
+
+
+def test_offset_and_sensitivity_over_temperature_against_the_normal_equations():
+    """Temperature follows pitch in part, so that leaving it out would bias the sensitivity."""
+    rng = np.random.default_rng(8)
+    bench = Bench(sensors=(Sensor("x", b_per_degC=3e-4, S_per_degC=1e-4),))
+    data, _ = simulate(bench, D1(90, 7, 5, replications=3), seed=2)
+    degC = 22.0 + np.sin(np.radians(data.pitch_deg)) + rng.normal(0, 0.5, len(data))
+    zero = np.zeros(len(data))
+    volts = bench.outputs(data.pitch_deg, data.roll_deg, degC, degC, zero, zero, zero)["x_V"]
+    data = replace(data, sensor_temperature_degC=degC, outputs={"x_V": volts + rng.normal(0, 2e-5, len(data))})
+    fit = fit_attitude(data, "x_V", temperature=True)
+    g, w = data.g_M, degC - degC.mean()
+    m = fit.parameters.m_V
+    X = np.column_stack([np.ones(len(data)), g, w, w * (g @ m) / np.linalg.norm(m)])
+    c = np.linalg.solve(X.T @ X, X.T @ data.outputs["x_V"])
+    sigma = np.sqrt(np.sum((data.outputs["x_V"] - X @ c) ** 2) / (len(data) - 6))
+    errors = sigma * np.sqrt(np.diag(np.linalg.inv(X.T @ X)))
+    np.testing.assert_allclose(m, c[1:4], atol=0.01 * errors[1:4].min())
+    np.testing.assert_allclose(np.sqrt(np.diag(fit.parameters.m_covariance)), errors[1:4], rtol=1e-3)
+    np.testing.assert_allclose(fit.temperature.coefficients, c[4:], atol=0.01 * errors[4:].min())
+    np.testing.assert_allclose(np.sqrt(np.diag(fit.temperature.covariance)), errors[4:], rtol=1e-3)
+    assert fit.linear.df == len(data) - 6
+    assert fit.replication.sigma_E == pytest.approx(sigma, rel=1e-4)
+    table = fit.to_dict()["parameters"]
+    assert table["dbdT_V_per_degC"]["estimate"] == pytest.approx(3e-4, abs=4 * errors[4])
+    assert table["dSdT_ppm_per_degC"]["estimate"] == pytest.approx(1e6 * 1e-4, abs=4e6 * errors[5])

@@ -265,3 +265,31 @@ def test_a_p_value_the_simulation_resolves_is_no_bound():
     effects = [e for one in found for t in one.sensors.values() for e in t.effects]
     assert any(not e.p_adjusted_is_bound for e in effects)
     assert all(e.p_adjusted_is_bound == (e.p_adjusted < 6e-5) for e in effects)
+
+
+def test_with_temperature_in_the_declared_model_row_28a_becomes_row_28b(demo):
+    """Table 2: sigma_E falls, T_S goes, and the pads' lack of fit, hidden in row (a), stands out in row (b)."""
+    data, _, plainly = demo
+    found = trace(data, temperature=True)
+    assert names(found) == {(s, "isolation-pad-deflection") for s in (X, Z)}
+    a, b = plainly.sensors[X].before, found.sensors[X].before
+    assert a.bias.value < a.bias.limit_95
+    assert a.drift_S.value > 100 * a.drift_S.limit_95
+    assert b.bias.value > 10 * b.bias.limit_95
+    assert b.drift_S.value < b.drift_S.limit_95
+    x = found.sensors[X]
+    assert x.declared == "attitude-x with temperature"
+    per_degC, error = x.temperature.coefficients[1], np.sqrt(x.temperature.covariance[1, 1])
+    assert per_degC == pytest.approx(5.0 * 1.1e-4, abs=4 * error)
+    assert x.after.sigma_E == pytest.approx(np.radians(1.5e-4) * 5.0, rel=0.05)
+    assert x.cv_rms_after == pytest.approx(x.after.sigma_E, rel=0.05)
+    np.testing.assert_allclose(found.predict(data)[X], plainly.predict(data)[X], atol=2e-6)
+    with pytest.raises(ValueError, match="no sensor temperature was recorded"):
+        trace(replace(data, sensor_temperature_degC=None), temperature=True)
+    with pytest.raises(ValueError, match="never changed"):
+        trace(replace(data, sensor_temperature_degC=np.full(len(data), 23.0)), temperature=True)
+
+
+def test_a_temperature_that_was_declared_is_not_missed_where_there_is_none():
+    found = [trace(simulate(CLEAN, D1(90, 13, 13), seed)[0], temperature=True) for seed in range(5)]
+    assert [names(f) for f in found] == [set()] * 5

@@ -17,6 +17,7 @@ from fitter.data import AttitudeData
 from fitter.effects import CATALOGUE
 from fitter.inverse.calibration import AttitudeCalibration, SensorModel, Term, with_roll
 from fitter.linear import LinearFit, least_squares
+from fitter.temperature import Temperature
 
 OFFSET, SENSITIVITY = "offset-temperature", "sensitivity-temperature"
 _LEFT_BEHIND = {e.name for e in CATALOGUE if e.source not in ("package", "sensor", "temperature")}
@@ -52,14 +53,12 @@ def calibrate_package(
     Raises:
         KeyError: there is no such output.
         fitter.linear.RankError: the points do not determine the model with its effects.
-        ValueError: no sensor temperature was recorded, an effect has another number of observations, or an effect of
-            the package cannot be carried over to other attitudes.
+        ValueError: no sensor temperature was recorded or it never changed, an effect has another number of
+            observations, or an effect of the package cannot be carried over to other attitudes.
 
     """
     chosen = data.sensors if sensors is None else tuple(sensors)
     degC = data.sensor_temperature_degC
-    if temperature and degC is None:
-        raise ValueError("no sensor temperature was recorded: its effect cannot be fitted")
     reference = None if degC is None else float(np.mean(degC))
     warmth = np.zeros(len(data)) if degC is None else degC - np.mean(degC)
     base = attitude_columns(data.pitch_deg, data.roll_deg, roll=data.has_roll)
@@ -69,11 +68,10 @@ def calibrate_package(
     for name in chosen:
         y = data.outputs[name]
         plain = fit_columns(base, y)
-        axis = sensitive_axis(plain.coefficients)
         shapes = {e: np.asarray(by[name], np.float64) for e, by in (effects or {}).items() if name in by}
         if temperature:
-            shapes = {e: v for e, v in shapes.items() if e not in (OFFSET, SENSITIVITY)}
-            shapes |= {OFFSET: warmth, SENSITIVITY: warmth * (axis @ g)}
+            own = Temperature.of(data, plain).columns(base, data)
+            shapes |= {OFFSET: own[:, 0], SENSITIVITY: own[:, 1]}
         shapes = {e: v for e, v in shapes.items() if np.any(v)}
         wrong = [e for e, v in shapes.items() if v.shape != (len(data),)]
         if wrong:

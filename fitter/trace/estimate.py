@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitter.arrays import FloatArray
-from fitter.attitude import attitude_columns, fit_columns
+from fitter.attitude import attitude_columns
 from fitter.linear import LinearFit, least_squares
 from fitter.replication import Replication, analyse
+from fitter.temperature import Temperature
 from fitter.trace.levels import Level
 from fitter.trace.problem import Problem
 from fitter.trace.score import NOTHING_LEFT, errors
@@ -28,8 +29,9 @@ class Estimate:
             parameters of its own because they drift beyond what the effects explain.
         gamma: (q,) their coefficients.
         covariance: (q, q) of them, conditional on their having been chosen.
-        corrected: (S, n) outputs less the effects, V.
+        corrected: (S, n) outputs less the effects, and less what the declared model makes of temperature, V.
         fits: of the declared model to the corrected outputs.
+        temperatures: what temperature adds in the declared model of each sensor; None where that has none in it.
         tables: Table 2 of each sensor, effects taken out.
 
     """
@@ -40,6 +42,7 @@ class Estimate:
     covariance: FloatArray
     corrected: FloatArray
     fits: tuple[LinearFit, ...]
+    temperatures: tuple[Temperature | None, ...]
     tables: tuple[Replication, ...]
 
 
@@ -87,10 +90,15 @@ def _estimate_at(problem: Problem, chosen: tuple[int, ...], level: Level) -> Est
     effects = problem.raw[:, :, picked]
     corrected = np.stack([data.outputs[s] for s in problem.sensors]) - effects @ gamma
     h = attitude_columns(data.pitch_deg, data.roll_deg, roll=problem.scene.roll)
-    fits = tuple(fit_columns(h, y) for y in corrected)
-    tables = []
-    for i, (fit, y) in enumerate(zip(fits, corrected, strict=True)):
+    fits, temperatures, tables = [], [], []
+    for i, sensor in enumerate(problem.sensors):
+        declared = problem.fits[sensor]
+        fit, temperature = declared.refitted(data, corrected[i])
+        if temperature is not None:
+            corrected[i] -= temperature.volts(h, data)
         own = [k for k, j in enumerate(picked) if concerns(problem, j)[i] > 0.01]
-        extra = effects[i][:, own]
-        tables.append(analyse(fit, h, y, data.point, data.replicate_index, extra, len(own)))
-    return Estimate(chosen, level, gamma, covariance, corrected, fits, tuple(tables))
+        extra = np.column_stack([declared.beside(data), effects[i][:, own]])
+        tables.append(analyse(fit, h, corrected[i], data.point, data.replicate_index, extra, extra.shape[1]))
+        fits.append(fit)
+        temperatures.append(temperature)
+    return Estimate(chosen, level, gamma, covariance, corrected, tuple(fits), tuple(temperatures), tuple(tables))

@@ -36,6 +36,7 @@ class Levels:
         point: (n,) point of the design.
         stretch: (n,) which stretch of consecutive observations, a quarter of a replication, a row belongs to.
         executed: (n,) rows in the order of running, replication by replication.
+        beside: further columns of the declared model that are taken out for each sensor; they cost degrees of freedom.
 
     """
 
@@ -45,6 +46,7 @@ class Levels:
     point: IntArray
     stretch: IntArray
     executed: IntArray
+    beside: int = 0
 
     @property
     def n_points(self) -> int:
@@ -54,7 +56,7 @@ class Levels:
     def df(self, level: Level) -> int:
         """Degrees of freedom left at a level."""
         taken = int(self._basis(level).shape[1]) + (self.n_points if level == "points" else 0)
-        return len(self.point) - taken
+        return len(self.point) - taken - self.beside
 
     def leave(self, columns: FloatArray, level: Level) -> FloatArray:
         """(n, q) what is left of `columns` (n, q) at a level."""
@@ -63,12 +65,20 @@ class Levels:
             columns = centred(columns, self.point)
         return np.asarray(columns - basis @ (basis.T @ columns))
 
+    def leave_beside(self, columns: FloatArray, beside: FloatArray, level: Level) -> FloatArray:
+        """(n, q) what is left of `columns` (n, q) at a level, one sensor's further columns (n, p) taken out too."""
+        left = self.leave(columns, level)
+        if not beside.shape[1]:
+            return left
+        basis = orthonormal(self.leave(beside, level), np.linalg.norm(beside, axis=0))
+        return np.asarray(left - basis @ (basis.T @ left))
+
     def _basis(self, level: Level) -> FloatArray:
         return {"declared": self.declared, "replications": self.replications, "points": self.points}[level]
 
 
-def levels_of(data: AttitudeData) -> Levels:
-    """The levels of a pitch-roll run."""
+def levels_of(data: AttitudeData, beside: int = 0) -> Levels:
+    """The levels of a pitch-roll run whose declared model has so many columns beside those of attitude."""
     h = attitude_columns(data.pitch_deg, data.roll_deg, roll=data.has_roll)
     own = own_parameters(h, data.replicate_index)
     return Levels(
@@ -78,6 +88,7 @@ def levels_of(data: AttitudeData) -> Levels:
         point=data.point,
         stretch=stretches(data, -(-len(data) // (4 * data.replicates.size))),
         executed=np.lexsort((data.order, data.replicate_index)),
+        beside=beside,
     )
 
 

@@ -84,20 +84,34 @@ class Problem:
         return np.array([j for j, judged in enumerate(self.judged_at) if judged == level], np.int64)
 
 
-def pose(data: AttitudeData, catalogue: Sequence[Effect]) -> Problem:
+def pose(data: AttitudeData, catalogue: Sequence[Effect], *, temperature: bool = False) -> Problem:
     """Prepare a run for the search.
+
+    Args:
+        data: the run.
+        catalogue: effects to look for.
+        temperature: whether offset and sensitivity follow the sensor's temperature in the declared model.
 
     Raises:
         fitter.linear.RankError: the points visited do not determine the declared model.
+        ValueError: the declared model has temperature, and none was recorded or it never changed.
 
     """
-    fits = fit_all(data)
+    fits = fit_all(data, temperature=temperature)
     scene = scene_of(data, fits)
-    levels = levels_of(data)
+    beside = [fits[s].beside(data) for s in data.sensors]
+    levels = levels_of(data, beside[0].shape[1])
     candidates = _candidates(data, catalogue)
     raw = raw_columns(scene, candidates)
-    columns = {level: np.stack([levels.leave(block, level) for block in raw]) for level in LEVELS}
-    stacked = np.stack([data.outputs[s] for s in data.sensors])
+
+    def left(blocks: FloatArray) -> dict[Level, FloatArray]:
+        return {
+            level: np.stack([levels.leave_beside(*pair, level=level) for pair in zip(blocks, beside, strict=True)])
+            for level in LEVELS
+        }
+
+    columns = left(raw)
+    outputs = left(np.stack([data.outputs[s] for s in data.sensors])[:, :, None])
     length, kept = _length(raw), _length(columns["points"]) ** 2 > KEPT * _length(raw) ** 2
     useful = np.flatnonzero((_length(columns["declared"]) > IS_THE_MODEL * length) & _direct(candidates, length))
     candidates = tuple(candidates[j] for j in useful)
@@ -108,7 +122,7 @@ def pose(data: AttitudeData, catalogue: Sequence[Effect]) -> Problem:
         levels=levels,
         raw=raw[:, :, useful],
         columns={level: block[:, :, useful] for level, block in columns.items()},
-        outputs={level: levels.leave(stacked.T, level).T for level in LEVELS},
+        outputs={level: block[:, :, 0] for level, block in outputs.items()},
         judged_at=tuple(
             "points" if kept[j] and c.effect.stratum != "between-point" else "replications"
             for j, c in zip(useful, candidates, strict=True)

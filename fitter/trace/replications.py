@@ -15,6 +15,7 @@ from fitter.arrays import FloatArray
 from fitter.attitude import attitude_columns
 from fitter.quantiles import t_tail
 from fitter.trace.problem import Problem
+from fitter.trace.score import rounding
 
 FEWEST = 4
 """Replications without which nothing can be said at this level."""
@@ -34,7 +35,7 @@ def p_between_replications(problem: Problem, chosen: tuple[int, ...], gamma: Flo
     if data.replicates.size < FEWEST:
         return p
     e = problem.outputs["declared"] - problem.columns["declared"][:, :, list(chosen)] @ gamma
-    scale = e.std(axis=1, keepdims=True)
+    scale = np.maximum(e.std(axis=1), rounding(problem))[:, None]
     own_outputs, own_columns = (
         _own(problem, (e / scale)[:, :, None]),
         _own(problem, problem.columns["declared"] / scale[:, :, None]),

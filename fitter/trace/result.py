@@ -9,11 +9,12 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.attitude import attitude_columns
-from fitter.calibration import JsonValue, coefficient_table, table_2
+from fitter.calibration import JsonValue, coefficient_table, table_2, temperature_table
 from fitter.data import AttitudeData
 from fitter.effects import Scene
 from fitter.linear import LinearFit
 from fitter.replication import FTest, Replication
+from fitter.temperature import Temperature
 from fitter.trace.problem import Candidate, raw_columns
 
 CONFIRMED = 0.8
@@ -108,6 +109,12 @@ class Unnamed:
         return {"where": self.where, "share": self.share}
 
 
+def predict(h: FloatArray, data: AttitudeData, fit: LinearFit, temperature: Temperature | None) -> FloatArray:
+    """(n,) outputs in volts of the declared model for observations with rows `h` (n, k)."""
+    volts = fit.predict(h)
+    return volts if temperature is None else volts + temperature.volts(h, data)
+
+
 def verdict(found: bool, remains: bool) -> str:
     """One word or two for a sensor: were effects found, and is something left?"""
     if found:
@@ -132,6 +139,7 @@ class SensorTrace:
         shared_attitude_before: do commands that share an attitude agree? Only the head, not gravity, can part them.
         shared_attitude_after: the same with the effects taken out.
         fit: the declared model beside the effects.
+        temperature: what temperature adds in it; None where the declared model has none in it.
         S_V: sensitivity, to express volts in degrees.
         residual_before_V: (n,) residual of the declared model, in the data's order of rows.
         residual_after_V: (n,) residual with the effects.
@@ -151,6 +159,7 @@ class SensorTrace:
     shared_attitude_before: FTest
     shared_attitude_after: FTest
     fit: LinearFit
+    temperature: Temperature | None
     S_V: float
     residual_before_V: FloatArray
     residual_after_V: FloatArray
@@ -203,7 +212,7 @@ class SensorTrace:
         }
 
     def _fitted(self) -> dict[str, JsonValue]:
-        table = coefficient_table(self.fit)
+        table = coefficient_table(self.fit) | temperature_table(self.temperature, self.S_V, self.fit.df)
         for effect in self.effects:
             for term, value, error in zip(effect.terms, effect.coefficients, effect.stderr, strict=True):
                 table[f"{effect.effect}: {term}"] = {"estimate": value, "stderr": error, "unit": effect.unit}
@@ -233,7 +242,7 @@ class Trace:
         """(n,) outputs in volts of each sensor for other observations, effects included."""
         extra = raw_columns(self.scene.on(data), self.chosen) @ self.gamma
         h = attitude_columns(data.pitch_deg, data.roll_deg, roll=self.scene.roll)
-        return {s: t.fit.predict(h) + extra[i] for i, (s, t) in enumerate(self.sensors.items())}
+        return {s: predict(h, data, t.fit, t.temperature) + extra[i] for i, (s, t) in enumerate(self.sensors.items())}
 
     def to_json(self, file: str | None = None) -> dict[str, JsonValue]:
         """The object `rig trace --json` prints; numbers that do not exist are None, never NaN."""

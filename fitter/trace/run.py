@@ -11,7 +11,6 @@ from fitter.attitude import attitude_columns
 from fitter.calibration import AttitudeFit
 from fitter.data import AttitudeData
 from fitter.effects import CATALOGUE, Effect, separate
-from fitter.linear import RankError
 from fitter.replication import Replication
 from fitter.trace.aliases import Rival
 from fitter.trace.estimate import Estimate, concerns, estimate
@@ -19,7 +18,7 @@ from fitter.trace.family import Family, family_of
 from fitter.trace.judge import AttitudeJudge
 from fitter.trace.problem import Problem, pose, raw_columns
 from fitter.trace.remainder import shared_attitude, strongest_wave
-from fitter.trace.result import FoundEffect, SensorTrace, Trace, Unnamed, verdict
+from fitter.trace.result import FoundEffect, SensorTrace, Trace, Unnamed, predict, verdict
 from fitter.trace.score import RESOLVED, score
 from fitter.trace.search import ROUNDS, names_of, prune, search_and_name
 from fitter.trace.wander import expected, with_wander
@@ -31,25 +30,29 @@ SHOWS = 3.0
 """An effect on the package is reported for the sensors in which it amounts to this many standard errors."""
 
 
-def trace(data: AttitudeData, catalogue: Sequence[Effect] = CATALOGUE, seed: int = SEED) -> Trace:
+def trace(
+    data: AttitudeData, catalogue: Sequence[Effect] = CATALOGUE, seed: int = SEED, *, temperature: bool = False
+) -> Trace:
     """Find what the declared attitude model lacks.
 
     Args:
         data: a pitch-roll run; any number of sensors, judged together.
         catalogue: effects to look for.
         seed: of the simulated null; the same data and seed give the same answer.
+        temperature: whether offset and sensitivity follow the sensor's temperature in the declared model.
 
     Raises:
         fitter.linear.RankError: the points visited do not determine the declared model.
+        ValueError: the declared model has temperature, and none was recorded or it never changed.
 
     """
-    problem = pose(data, catalogue)
+    problem = pose(data, catalogue, temperature=temperature)
     family = family_of(problem, score(problem, ()), seed)
     problem, found = _settle(problem, family)
     before, after = estimate(problem, ()), estimate(problem, found)
     judge = AttitudeJudge(problem, family)
     classes = {name: judge.rivals(found, name) for name in names_of(problem.candidates, found)}
-    cv = left_out(data, catalogue, family)
+    cv = left_out(data, catalogue, family, temperature=temperature)
     sensors = {
         sensor: _sensor(judge, before, after, classes, i, None if cv is None else cv[:, i])
         for i, sensor in enumerate(problem.sensors)
@@ -58,7 +61,9 @@ def trace(data: AttitudeData, catalogue: Sequence[Effect] = CATALOGUE, seed: int
     return Trace(sensors, problem.scene, chosen, after.gamma, len(data))
 
 
-def left_out(data: AttitudeData, catalogue: Sequence[Effect], family: Family) -> FloatArray | None:
+def left_out(
+    data: AttitudeData, catalogue: Sequence[Effect], family: Family, *, temperature: bool = False
+) -> FloatArray | None:
     """(2, S) rms error on replications left out, V, before and after; None where fewer than two can be.
 
     The search is repeated without the replication that is left out, whose own offset is predicted as zero.
@@ -70,8 +75,8 @@ def left_out(data: AttitudeData, catalogue: Sequence[Effect], family: Family) ->
         inside = data.replicate != replicate
         rest, aside = data.take(np.flatnonzero(inside)), data.take(np.flatnonzero(~inside))
         try:
-            problem = pose(rest, catalogue)
-        except RankError:
+            problem = pose(rest, catalogue, temperature=temperature)
+        except ValueError:
             return None
         problem, found = _settle(problem, family)
         h = attitude_columns(aside.pitch_deg, aside.roll_deg, roll=problem.scene.roll)
@@ -79,7 +84,8 @@ def left_out(data: AttitudeData, catalogue: Sequence[Effect], family: Family) ->
         for i, fitted in enumerate((estimate(problem, ()), estimate(problem, found))):
             chosen = [problem.candidates[j] for j in fitted.chosen]
             effects = raw_columns(problem.scene.on(aside), chosen) @ fitted.gamma
-            error = outputs - effects - np.stack([fit.predict(h) for fit in fitted.fits])
+            model = [predict(h, aside, *pair) for pair in zip(fitted.fits, fitted.temperatures, strict=True)]
+            error = outputs - effects - np.stack(model)
             squares[i] += np.sum(error**2, axis=1)
         count += len(aside)
     return np.asarray(np.sqrt(squares / count))
@@ -124,7 +130,7 @@ def _sensor(
     unnamed = _unnamed(problem, after, i)
     return SensorTrace(
         sensor=sensor,
-        declared=declared.model,
+        declared=declared.declared,
         verdict=verdict(bool(effects), bool(unnamed)),
         before=before.tables[i],
         after=after.tables[i],
@@ -135,6 +141,7 @@ def _sensor(
         shared_attitude_before=shared_attitude(problem, before.corrected[i]),
         shared_attitude_after=shared_attitude(problem, after.corrected[i]),
         fit=after.fits[i],
+        temperature=after.temperatures[i],
         S_V=declared.parameters.S_V,
         residual_before_V=before.corrected[i] - before.fits[i].predict(h),
         residual_after_V=after.corrected[i] - after.fits[i].predict(h),
@@ -165,7 +172,8 @@ def _found(
     stderr = np.sqrt(np.diag(after.covariance))
     h = problem.fits[sensor].columns(problem.scene.data.pitch_deg, problem.scene.data.roll_deg)
     without = after.corrected[i] + contribution
-    rss_without = float(np.sum((without - h @ np.linalg.lstsq(h, without, rcond=None)[0]) ** 2))
+    own_columns = np.column_stack([h, problem.fits[sensor].beside(problem.scene.data)])
+    rss_without = float(np.sum((without - own_columns @ np.linalg.lstsq(own_columns, without, rcond=None)[0]) ** 2))
     excess = before.fits[i].rss - after.fits[i].df * _pure_variance(after.tables[i])
     p = min(judge.p_adjusted(after.chosen, picked[k]) for k in shown)
     best = next(rival for rival in explanations if rival.effect == name)

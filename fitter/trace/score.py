@@ -65,8 +65,13 @@ def errors(problem: Problem, chosen: Sequence[int]) -> FloatArray:
         left = y[i] - basis @ (basis.T @ y[i])
         df = problem.levels.df(level) - basis.shape[1]
         sigma[i] = np.sqrt(np.sum(left**2) / df) if df > 0 else np.nan
+    return np.asarray(np.maximum(sigma, rounding(problem)))
+
+
+def rounding(problem: Problem) -> FloatArray:
+    """(S,) volts below which a residual is rounding and no error."""
     swing = np.array([np.ptp(problem.scene.data.outputs[s]) for s in problem.sensors])
-    return np.asarray(np.maximum(sigma, RESOLVED * np.maximum(swing, 1.0)))
+    return np.asarray(RESOLVED * np.maximum(swing, 1.0))
 
 
 def whiten(

@@ -1,0 +1,99 @@
+"""Offset and sensitivity that follow the sensor's temperature, as part of the declared model.
+
+The temperature correction of NASA/TP-1999-209835, section 9, which takes row 28(a) of Table 2 to row 28(b):
+
+    v = b + b' (T - T_0) + S (1 + S'/S (T - T_0)) (sensitive axis . g_M)
+
+Along the sensitive axis that the model without temperature finds, this is linear in b' and S'. T_0 is the mean
+temperature of the calibration, so b and S are those at T_0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.data import AttitudeData
+from fitter.linear import LinearFit, least_squares
+
+TERMS = ("temperature", "temperature*gravity")
+CHANGES_degC = 1e-3
+"""Temperatures that vary by less than this say nothing of what a sensor makes of temperature."""
+
+
+@dataclass(frozen=True, eq=False)
+class Temperature:
+    """What a sensor's output adds for each degC above the reference.
+
+    Attributes:
+        reference_degC: temperature T_0 of the other parameters.
+        direction: (k - 1,) sensitive axis as a unit vector, over the columns of the model beside the offset.
+        coefficients: (2,) b' in V/degC and S' in V/g/degC.
+        covariance: (2, 2) of them.
+
+    """
+
+    reference_degC: float
+    direction: FloatArray
+    coefficients: FloatArray
+    covariance: FloatArray
+
+    @classmethod
+    def of(cls, data: AttitudeData, plain: LinearFit) -> Self:
+        """About the data's mean temperature, along the sensitive axis of a fit without; coefficients not yet known.
+
+        Raises:
+            ValueError: no sensor temperature was recorded, or it never changed.
+
+        """
+        degC = data.sensor_temperature_degC
+        if degC is None:
+            raise ValueError("no sensor temperature was recorded: its effect cannot be fitted")
+        if np.ptp(degC) < CHANGES_degC:
+            raise ValueError(f"the sensor temperature never changed ({degC[0]:g} degC): its effect cannot be fitted")
+        m = plain.coefficients[1:]
+        return cls(float(np.mean(degC)), m / np.linalg.norm(m), np.full(2, np.nan), np.full((2, 2), np.nan))
+
+    def columns(self, h: FloatArray, data: AttitudeData) -> FloatArray:
+        """(n, 2) columns of `TERMS`: warmth in degC, and warmth times gravity along the sensitive axis in degC g.
+
+        Args:
+            h: (n, k) rows of the model without temperature.
+            data: the observations they are of.
+
+        Raises:
+            ValueError: no sensor temperature was recorded.
+
+        """
+        if data.sensor_temperature_degC is None:
+            raise ValueError("no sensor temperature was recorded: its effect cannot be reckoned")
+        warmth = data.sensor_temperature_degC - self.reference_degC
+        return np.column_stack([warmth, warmth * (h[:, 1:] @ self.direction)])
+
+    def volts(self, h: FloatArray, data: AttitudeData) -> FloatArray:
+        """(n,) what temperature adds to the outputs; arguments and errors as for `columns`."""
+        return np.asarray(self.columns(h, data) @ self.coefficients)
+
+    def fitted(
+        self, h: FloatArray, data: AttitudeData, output: FloatArray, names: Sequence[str]
+    ) -> tuple[LinearFit, Self]:
+        """The model and its temperature fitted together: the model's coefficients, and this with its own.
+
+        Args:
+            h: (n, k) rows of the model without temperature.
+            data: the observations they are of.
+            output: (n,) volts.
+            names: k names of the model's columns.
+
+        Raises:
+            fitter.linear.RankError: the observations do not determine every coefficient.
+
+        """
+        k = h.shape[1]
+        joint = least_squares(np.column_stack([h, self.columns(h, data)]), output, (*names, *TERMS))
+        own = replace(self, coefficients=joint.coefficients[k:], covariance=joint.covariance[k:, k:])
+        return joint.first(k), own
