@@ -193,11 +193,11 @@ def temperature_table(temperature: Temperature | None, S_V: float, df: int) -> d
     """The same of what temperature adds, for each degC above the reference; {} without."""
     if temperature is None:
         return {}
-    unit = np.array([1.0, 1e6 / S_V])
+    unit = 1e6 * np.array([1.0, 1.0 / S_V])
     values, errors = temperature.coefficients * unit, np.sqrt(np.diag(temperature.covariance)) * unit
     reach = t_limit(0.95, df) * errors
     intervals = list(zip(values - reach, values + reach, strict=True))
-    return _rows(("dbdT_V_per_degC", "dSdT_ppm_per_degC"), values, errors, intervals, df)
+    return _rows(("dbdT_uV_per_degC", "dSdT_ppm_per_degC"), values, errors, intervals, df)
 
 
 def _rows(

@@ -148,6 +148,12 @@ class ExpectSettings(Strict):
     sigma_deg: Positive = Field(2e-4, description="standard error of one observation")
 
 
+class ModelSettings(Strict):
+    """What the declared model has beside attitude; `rig fit` and `rig trace` take it from the run file."""
+
+    temperature: bool = Field(False, description="offset and sensitivity follow the sensor temperature")
+
+
 class AcceptanceSettings(Strict):
     """When a finished calibration is fit for use; outside it `rig run` ends with exit code 3."""
 
@@ -169,6 +175,7 @@ class PitchRollProcedure(Strict):
     environment: EnvironmentSettings | None = None
     recovery: RecoverySettings = RecoverySettings()
     faults: FaultSettings = FaultSettings()
+    model: ModelSettings = ModelSettings()
     expect: ExpectSettings = ExpectSettings()
     acceptance: AcceptanceSettings = AcceptanceSettings()
 

@@ -32,6 +32,11 @@ def check_match(config: BenchConfig, procedure: Procedure, run_list: RunList, wh
         _check_whole_plots(config, procedure, run_list, guard, where)
         return
     _check_sensors(config, where, axis=True)
+    if procedure.model.temperature and not any(t.place == "package" for t in config.temperatures.values()):
+        raise ConfigurationError(
+            f"{where}: the procedure's declared model has temperature (model.temperature), and no temperature in the "
+            f"package is read: add one under [temperatures], or leave it out of the model"
+        )
     if procedure.environment is not None:
         anywhere = (float("-inf"), float("inf"))
         guard.check_environment(procedure.environment.setpoint_degC, dict.fromkeys(playing(config, Chamber), anywhere))

@@ -39,6 +39,12 @@ def files(folder: Path) -> set[str]:
         (BENCH, SHORT.replace("setpoint_degC = 23", "setpoint_degC = 50"), 78, "(bench limits of enclosure)"),
         (BENCH + "\n[[[", SHORT, 78, "not valid TOML"),
         (BENCH, SHORT.replace("replications = 2", "replications = 0"), 78, "replications"),
+        (
+            BENCH.replace('channel = "104"', 'channel = "104"\nplace = "lab"'),
+            SHORT + "[model]\ntemperature = true\n",
+            78,
+            "no temperature in the package is read",
+        ),
         (BENCH, "kind = 'tea'", 78, "is not a kind of procedure"),
         (BENCH.replace('channel = "103"', 'channel = "309"'), SHORT, 78, "no channel 309"),
     ],

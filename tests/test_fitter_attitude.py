@@ -363,5 +363,5 @@ def test_offset_and_sensitivity_over_temperature_against_the_normal_equations():
     assert fit.linear.df == len(data) - 6
     assert fit.replication.sigma_E == pytest.approx(sigma, rel=1e-4)
     table = fit.to_dict()["parameters"]
-    assert table["dbdT_V_per_degC"]["estimate"] == pytest.approx(3e-4, abs=4 * errors[4])
+    assert table["dbdT_uV_per_degC"]["estimate"] == pytest.approx(1e6 * 3e-4, abs=4e6 * errors[4])
     assert table["dSdT_ppm_per_degC"]["estimate"] == pytest.approx(1e6 * 1e-4, abs=4e6 * errors[5])

@@ -9,7 +9,7 @@ import sys
 
 import numpy as np
 import pytest
-from dry import dry
+from dry import SHORT, dry
 
 from rig.tables import run_table, write_csv
 
@@ -53,6 +53,26 @@ def test_angles_of_the_run_itself_come_back_with_intervals(tmp_path, run, calibr
     open_roll = [r for r, a in zip(rows, pitch, strict=True) if abs(a) == 90]
     assert all(r["roll_deg"] == "" and "roll is undetermined" in r["flag"] for r in open_roll)
     assert all(r["pitch_deg"] != "" for r in open_roll), "pitch is not"
+
+
+def test_the_declared_model_is_the_procedures_unless_told_otherwise(tmp_path):
+    run = dry(tmp_path, text=f"{SHORT}\n[model]\ntemperature = true\n")
+    kept = tmp_path / "package.json"
+    assert "dS/dT / (ppm/degC)" in rig("fit", run, "--out", kept).stdout
+    sensor = json.loads(kept.read_text())["sensors"]["x_V"]
+    assert sensor["model"] == "attitude-x with temperature"
+    hidden = 45.0  # examples/attitude-lab/world.toml
+    low, high = sensor["parameters"]["dSdT_ppm_per_degC"]["interval95"]
+    assert low < hidden < high
+    assert {t["effect"] for t in json.loads(kept.read_text())["calibration"]["sensors"][0]["terms"]} == {
+        "offset-temperature",
+        "sensitivity-temperature",
+    }
+    without = json.loads(rig("fit", run, "--no-temperature", "--json").stdout)["sensors"]["x_V"]
+    assert without["model"] == "attitude-x"
+    assert without["reference_degC"] is None
+    traced = json.loads(rig("trace", run, "--json").stdout)["sensors"]["x_V"]
+    assert traced["declared"] == "attitude-x with temperature"
 
 
 def test_nothing_of_the_input_is_overwritten(tmp_path, run, calibration):

@@ -21,16 +21,15 @@ def show_attitude_fit(result: Mapping[str, Any]) -> None:
 
 
 def _show_sensor(name: str, sensor: Mapping[str, Any]) -> None:
-    from rig.report.parameters import LABELS, NO_DIRECTION, shown  # noqa: PLC0415
+    from rig.report.parameters import LABELS, NO_DIRECTION, shown, with_interval  # noqa: PLC0415
 
     heading = f"{name}, {sensor['model']}"
     table = RichTable("parameter", "estimate", "standard error", "95 % interval", title=heading, title_justify="left")
     for parameter in (rows := shown(sensor["parameters"])):
-        value = sensor["parameters"][parameter]
-        low, high = value["interval95"] or (None, None)
-        interval = "-" if low is None else f"{number(low, 8)} to {number(high, 8)}"
-        table.add_row(LABELS[parameter], number(value["estimate"], 8), number(value["stderr"], 3), interval)
+        table.add_row(LABELS[parameter], *with_interval(sensor["parameters"][parameter]))
     out.print(table)
+    if sensor["reference_degC"] is not None:
+        out.print(f"  at {sensor['reference_degC']:.2f} degC")
     if "mx_V" in rows:
         out.print(f"  {NO_DIRECTION}", soft_wrap=True)
     out.print(

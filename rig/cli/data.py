@@ -33,6 +33,16 @@ FormulaOption = Annotated[
 ]
 
 
+TemperatureOption = Annotated[
+    bool | None,
+    typer.Option(
+        "--temperature/--no-temperature",
+        help="attitude: whether offset and sensitivity follow the sensor temperature in the declared model",
+        show_default="as the run's procedure has it under [model], else not",
+    ),
+]
+
+
 @app.command(rich_help_panel="Data")
 def fit(
     data: DataArgument,
@@ -78,10 +88,7 @@ def fit(
     traced: Annotated[
         bool, typer.Option("--traced", help="attitude: keep a calibration with the effects that a trace finds")
     ] = False,
-    temperature: Annotated[
-        bool,
-        typer.Option("--temperature", help="attitude: keep a calibration with offset and sensitivity over temperature"),
-    ] = False,
+    temperature: TemperatureOption = None,
 ) -> int:
     """Fit the declared model to every sensor; analyse replications, or whole plots with all methods side by side.
 
@@ -136,7 +143,7 @@ def _calibration(
     formula: str | None,
     report: Path | None,
     options: Mapping[str, Any],
-    attitude: Mapping[str, bool],
+    attitude: Mapping[str, bool | None],
 ) -> Shown:
     from rig.closed_loop import fit_table, fit_whole_plots  # noqa: PLC0415
     from rig.tables import read_table  # noqa: PLC0415
@@ -147,7 +154,7 @@ def _calibration(
         for option, value in given.items():
             if value:
                 raise UsageError(f"{option} is for whole plots; {data} holds a pitch-roll calibration")
-        result = fit_table(table, traced=attitude["traced"], temperature=attitude["temperature"])
+        result = fit_table(table, traced=bool(attitude["traced"]), temperature=attitude["temperature"])
         return result, lambda: show_fit(data.name, table, result)
     for name, asked in attitude.items():
         if asked:
@@ -188,6 +195,7 @@ def trace(
             show_default=False,
         ),
     ] = None,
+    temperature: TemperatureOption = None,
 ) -> int:
     """Find what the declared model lacks: residual, effect, error before and after.
 
@@ -197,7 +205,10 @@ def trace(
     from rig.tables import read_table  # noqa: PLC0415
 
     check_not_input([report], [data])
-    traced = trace_table(read_table(data), formula)
+    table = read_table(data)
+    if temperature and table.kind != "pitch-roll":
+        raise UsageError(f"--temperature is for attitude sensors; {data} is no pitch-roll calibration")
+    traced = trace_table(table, formula, temperature=temperature)
     if report is not None:
         from rig.report import write_report  # noqa: PLC0415
 

@@ -27,7 +27,7 @@ Traced = AttitudeTraced | WholePlotTraced
 
 
 def fit_table(
-    table: Table, model: str | None = None, *, traced: bool = False, temperature: bool = False
+    table: Table, model: str | None = None, *, traced: bool = False, temperature: bool | None = None
 ) -> dict[str, Any]:
     """Fit the declared model to every sensor of a table; JSON-ready.
 
@@ -35,7 +35,8 @@ def fit_table(
         table: of either kind.
         model: of a whole-plot calibration, a named set of terms or a formula; the full second order if None.
         traced: attitude: have the effects that a trace finds in the calibration that is kept.
-        temperature: attitude: have offset and sensitivity linear in the sensor temperature in it.
+        temperature: attitude: whether offset and sensitivity follow the sensor temperature in the declared model; as
+            the table's procedure has it if None.
 
     Raises:
         UsageError: the table lacks something, or its rows do not determine the model.
@@ -47,10 +48,12 @@ def fit_table(
     return fit_attitude_table(table, traced=traced, temperature=temperature)
 
 
-def trace_table(table: Table, model: str | None = None) -> Traced:
+def trace_table(table: Table, model: str | None = None, *, temperature: bool | None = None) -> Traced:
     """Trace what the declared model lacks in every sensor of a table; arguments and errors as for `fit_table`."""
     _check(table, model)
-    return trace_whole_plot_table(table, model or "full") if table.kind == "whole-plot" else trace_attitude_table(table)
+    if table.kind == "whole-plot":
+        return trace_whole_plot_table(table, model or "full")
+    return trace_attitude_table(table, temperature=temperature)
 
 
 def _check(table: Table, model: str | None) -> None:

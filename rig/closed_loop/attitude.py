@@ -13,23 +13,24 @@ from rig.errors import UsageError
 from rig.tables import Table, attitude_data
 
 
-def fit_attitude_table(table: Table, *, traced: bool = False, temperature: bool = False) -> dict[str, Any]:
+def fit_attitude_table(table: Table, *, traced: bool = False, temperature: bool | None = None) -> dict[str, Any]:
     """Fit the declared model to every sensor of a pitch-roll table; JSON-ready.
 
     Args:
         table: of kind pitch-roll.
         traced: have the effects that a trace finds in the calibration that is kept.
-        temperature: have offset and sensitivity linear in the sensor temperature in it.
+        temperature: whether offset and sensitivity follow the sensor temperature in the declared model; as the table's
+            procedure has it if None.
 
     Raises:
         UsageError: the table lacks something, or its rows do not determine the model.
 
     """
-    data = attitude_data(table)
+    data, warm = attitude_data(table), _with_temperature(table, temperature)
     try:
-        fits = fit_all(data)
-        effects = _effects(trace(data)) if traced else {}
-        calibration = calibrate_package(data, effects=effects, temperature=temperature)
+        fits = fit_all(data, temperature=warm)
+        effects = _effects(trace(data, temperature=warm)) if traced else {}
+        calibration = calibrate_package(data, effects=effects, temperature=warm)
     except ValueError as error:
         raise UsageError(f"{table.source}: {error}") from error
     return {
@@ -37,6 +38,10 @@ def fit_attitude_table(table: Table, *, traced: bool = False, temperature: bool 
         "sensors": {name: fit.to_dict() for name, fit in fits.items()},
         "calibration": calibration.to_dict(),
     }
+
+
+def _with_temperature(table: Table, asked: bool | None) -> bool:
+    return bool(table.declared.get("temperature", False)) if asked is None else asked
 
 
 def _effects(found: Trace) -> dict[str, dict[str, FloatArray]]:
@@ -56,12 +61,14 @@ class AttitudeTraced:
         table: where the data come from.
         data: the same as arrays.
         trace: what was found, by sensor.
+        temperature: whether the declared model has temperature in it.
 
     """
 
     table: Table
     data: AttitudeData
     trace: Trace
+    temperature: bool = False
 
     def to_json(self) -> dict[str, Any]:
         """What `rig trace --json` prints."""
@@ -72,11 +79,11 @@ class AttitudeTraced:
         return result
 
 
-def trace_attitude_table(table: Table) -> AttitudeTraced:
-    """Trace what the declared model lacks in a pitch-roll table. Raises `UsageError`."""
-    data = attitude_data(table)
+def trace_attitude_table(table: Table, *, temperature: bool | None = None) -> AttitudeTraced:
+    """Trace what the declared model lacks in a pitch-roll table; arguments and errors as for `fit_attitude_table`."""
+    data, warm = attitude_data(table), _with_temperature(table, temperature)
     try:
-        return AttitudeTraced(table, data, trace(data))
+        return AttitudeTraced(table, data, trace(data, temperature=warm), warm)
     except ValueError as error:
         raise UsageError(f"{table.source}: {error}") from error
 

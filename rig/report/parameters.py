@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from fitter import LinearFit, RankError, attitude_columns, least_squares
-from fitter.attitude import AXES, attitude_parameters, fit_columns, no_roll_parameters
-from fitter.calibration import parameter_table
+from fitter import LinearFit, RankError, fit_attitude, least_squares
+from fitter.attitude import AttitudeParameters, NoRollParameters, attitude_parameters, no_roll_parameters
+from fitter.calibration import AttitudeFit, parameter_table, temperature_table
+from fitter.temperature import Temperature
 from fitter.trace.problem import raw_columns
 
 if TYPE_CHECKING:
@@ -24,6 +26,8 @@ LABELS = {
     "phi_deg": "phi / deg",
     "Omega_deg": "Omega / deg",
     "A_deg": "A / deg",
+    "dbdT_uV_per_degC": "db/dT / (uV/degC)",
+    "dSdT_ppm_per_degC": "dS/dT / (ppm/degC)",
     "mx_V": "m_x / (V/g)",
     "my_V": "m_y / (V/g)",
     "mz_V": "m_z / (V/g)",
@@ -49,13 +53,15 @@ def parameters(traced: AttitudeTraced, sensor: str) -> list[Parameter]:
     model there is a dash.
     """
     data, found = traced.data, traced.trace.sensors[sensor]
-    h = attitude_columns(data.pitch_deg, data.roll_deg, roll=data.has_roll)
-    before = fit_columns(h, data.outputs[sensor])
+    before = fit_attitude(data, sensor, temperature=traced.temperature)
+    h = before.columns(data.pitch_deg, data.roll_deg)
     own = raw_columns(traced.trace.scene.on(data), traced.trace.chosen)[list(traced.trace.sensors).index(sensor)]
-    root = _root_beside(h, own[:, np.any(own != 0, axis=0)], found.fit)
+    warm, k = before.beside(data), h.shape[1]
+    root = _root_beside(np.column_stack([h, warm]), own[:, np.any(own != 0, axis=0)], before.linear.names)
     covariance = found.after.sigma_E**2 * root @ root.T
-    alone = _table(found.declared, before.coefficients, before.covariance, before.df)
-    beside = _table(found.declared, found.fit.coefficients, covariance, found.fit.df)
+    alone = _table(before, before.linear, before.linear.covariance, before.temperature)
+    after = None if found.temperature is None else replace(found.temperature, covariance=covariance[k:, k:])
+    beside = _table(before, found.fit, covariance[:k, :k], after)
     return [Parameter(LABELS[name], _text(alone[name]), _text(beside[name])) for name in shown(alone)]
 
 
@@ -65,21 +71,26 @@ def shown(table: Mapping[str, Mapping[str, Any]]) -> list[str]:
     return [name for name in table if not (known and name.startswith("m"))]
 
 
-def _root_beside(h: FloatArray, effects: FloatArray, fit: LinearFit) -> FloatArray:
+def _root_beside(model: FloatArray, effects: FloatArray, names: tuple[str, ...]) -> FloatArray:
     """(k, k + q) root of the model's block of (X'X)^-1 with the effects' columns in X; NaN where they are alike."""
-    names = (*fit.names, *(f"effect {i}" for i in range(effects.shape[1])))
+    k = model.shape[1]
+    more = [f"column {i}" for i in range(k + effects.shape[1] - len(names))]
     try:
-        joint = least_squares(np.column_stack([h, effects]), np.zeros(len(h)), names)
+        joint = least_squares(np.column_stack([model, effects]), np.zeros(len(model)), (*names, *more))
     except RankError:
-        return np.full_like(fit.root, np.nan)
-    return joint.root[: len(fit.names)]
+        return np.full((k, k), np.nan)
+    return joint.root[:k]
 
 
-def _table(declared: str, coefficients: FloatArray, covariance: FloatArray, df: int) -> Mapping[str, Any]:
-    axis = AXES.get(declared.removeprefix("attitude-"))
-    if axis is None:
-        return parameter_table(no_roll_parameters(coefficients, covariance), df)
-    return parameter_table(attitude_parameters(axis, coefficients, covariance), df)
+def _table(
+    declared: AttitudeFit, fit: LinearFit, covariance: FloatArray, temperature: Temperature | None
+) -> Mapping[str, Any]:
+    p: AttitudeParameters | NoRollParameters
+    if isinstance(declared.parameters, NoRollParameters):
+        p = no_roll_parameters(fit.coefficients, covariance)
+    else:
+        p = attitude_parameters(declared.parameters.axis, fit.coefficients, covariance)
+    return parameter_table(p, fit.df) | temperature_table(temperature, p.S_V, fit.df)
 
 
 def _text(row: Mapping[str, float | None]) -> tuple[str, str]:
@@ -93,5 +104,18 @@ def with_error(estimate: float, error: float) -> tuple[str, str]:
         return "-", "-"
     if not (np.isfinite(error) and error > 0):
         return f"{estimate:.8g}", "-"
-    places = max(0, 1 - int(f"{error:.1e}".partition("e")[2]))  # the exponent of the error as it will be rounded
+    places = _places(error)
     return f"{estimate:.{places}f}", f"{error:.{places}f}"
+
+
+def with_interval(row: Mapping[str, Any]) -> tuple[str, str, str]:
+    """A row of `parameter_table` as text: estimate, standard error, and the 95 % interval to the same decimal place."""
+    if row["interval95"] is None or None in row["interval95"]:
+        return *_text(row), "-"
+    low, high = row["interval95"]
+    places = _places(row["stderr"]) if row["stderr"] else 8
+    return *_text(row), f"{low:.{places}f} to {high:.{places}f}"
+
+
+def _places(error: float) -> int:
+    return max(0, 1 - int(f"{error:.1e}".partition("e")[2]))  # the exponent of the error as it will be rounded

@@ -37,6 +37,7 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
         run_list = reader.run_list()
         bench = parse_toml(reader.documents().get("bench.toml", ""), str(path))
         factors: Mapping[str, str] = bench.get("factors", {})
+        declared = parse_toml(reader.documents().get("procedure.toml", ""), str(path)).get("model", {})
         rows: list[dict[str, float]] = []
         records = reader.salvage() if salvage else reader.records("observation")
         for record in records:
@@ -82,7 +83,7 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
                 break
     sensors = bench.get("sensors", {})
     axes_of = {f"{name}_{s.get('unit', 'V')}": s["axis"] for name, s in sensors.items() if "axis" in s}
-    return Table(str(path), columns, bool(genesis.data["simulated"]), provenance, axes_of)
+    return Table(str(path), columns, bool(genesis.data["simulated"]), provenance, axes_of, declared)
 
 
 def _instruments(reader: RunReader) -> dict[str, str]:

@@ -34,6 +34,7 @@ class Table:
         simulated: no real instrument involved, as far as is known.
         provenance: what is known of where the numbers come from, for reports and calibration files.
         axes: nominal axis of each output, where the source says so; elsewhere a name's first letter does.
+        declared: the `[model]` of the procedure that made them, where there is one.
         text: columns that hold something else than numbers, for tables of any kind.
 
     """
@@ -43,6 +44,7 @@ class Table:
     simulated: bool
     provenance: Mapping[str, Any]
     axes: Mapping[str, str] = field(default_factory=dict)
+    declared: Mapping[str, Any] = field(default_factory=dict)
     text: Mapping[str, np.ndarray[Any, np.dtype[np.str_]]] = field(default_factory=dict)
 
     def __len__(self) -> int:
