@@ -6,7 +6,7 @@ the numbers say by how much, and nobody is stopped.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -54,6 +54,29 @@ def advise(
     case = _Case(procedure, design, points, within, usage is not None, _is_tumble(points))
     own = tuple(check(case) for check in _CHECKS)
     return (*own, *advise_package(package, within), _pads(case))
+
+
+def usage_of(procedure: PitchRollProcedure, pitch_deg: float | None = None) -> Usage | None:
+    """The usage range a procedure tells, or one of pitch from minus to plus `pitch_deg`; None where neither is told."""
+    half, roll = procedure.usage.pitch_deg if pitch_deg is None else pitch_deg, procedure.usage.roll_deg
+    return None if half is None else Usage((-half, half), (-roll, roll))
+
+
+def package_of(procedure: PitchRollProcedure, axes: Sequence[str]) -> Package | None:
+    """The package that sensors along these axes make, and what the procedure wants of it.
+
+    None for sensors that are no package with an x sensor: several along one axis, or none along x.
+    """
+    if "x" not in axes or len(set(axes)) < len(axes):
+        return None
+    expect = procedure.expect
+    sigmas = {"x": expect.sigma_deg, "y": expect.sigma_y_deg, "z": expect.sigma_z_deg}
+    return Package(
+        {axis: sigmas[axis] or expect.sigma_deg for axis in axes},
+        procedure.usage.roll_sd_deg,
+        procedure.usage.pitch_sd_deg,
+        expect.coning_deg,
+    )
 
 
 def design_points(procedure: PitchRollProcedure) -> DesignPoints:

@@ -146,6 +146,20 @@ class ExpectSettings(Strict):
     """What is expected of the sensors; used by `rig plan` and never by a fit."""
 
     sigma_deg: Positive = Field(2e-4, description="standard error of one observation")
+    sigma_y_deg: Positive | None = Field(None, description="that of a y sensor, where it is another")
+    sigma_z_deg: Positive | None = Field(None, description="that of a z sensor, where it is another")
+    coning_deg: float = Field(1.0, ge=0, lt=90, description="largest coning angle Omega of the sensors")
+
+
+class UsageSettings(Strict):
+    """How the calibrated package will be used; `rig plan` advises and compares by it."""
+
+    pitch_deg: Positive | None = Field(None, le=180, description="pitch from minus to plus this")
+    roll_deg: Positive = Field(180.0, le=180, description="roll from minus to plus this")
+    roll_sd_deg: Positive | None = Field(
+        None, description="one sensor: standard deviation of a roll measured otherwise"
+    )
+    pitch_sd_deg: Positive | None = Field(None, description="standard deviation wanted of inferred pitch")
 
 
 class ModelSettings(Strict):
@@ -177,6 +191,7 @@ class PitchRollProcedure(Strict):
     faults: FaultSettings = FaultSettings()
     model: ModelSettings = ModelSettings()
     expect: ExpectSettings = ExpectSettings()
+    usage: UsageSettings = UsageSettings()
     acceptance: AcceptanceSettings = AcceptanceSettings()
 
     @property

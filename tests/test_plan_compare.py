@@ -53,6 +53,21 @@ def test_what_cannot_be_compared_is_said(tmp_path, arguments, code, message):
 def test_advice_comes_with_numbers_and_refuses_nothing(tmp_path):
     done = plan(tmp_path, "--json")
     assert done.returncode == 0, done.stderr
-    advice = {item["number"]: item["sentence"] for item in json.loads(done.stdout)["advice"]}
+    advice = {item["number"]: item["sentence"] for item in json.loads(done.stdout)["advice"] if not item["holds"]}
     assert 6 in advice, "two replications where the paper asks for six"
     assert "2" in advice[6]
+
+
+def test_what_is_wanted_of_the_package_stands_in_the_procedure(tmp_path):
+    """Recommendation 9: y and z within ten times x, and roll known everywhere the package is used."""
+    told = "\n[usage]\npitch_deg = 60\n[expect]\nsigma_deg = 2e-4\nsigma_y_deg = {0}\nsigma_z_deg = {0}\n"
+    for sigma, holds in ((2e-3, True), (3e-3, False)):
+        (tmp_path / "told.toml").write_text(SHORT + told.format(sigma))
+        done = plan(tmp_path, "--json")
+        assert 9 in {item["number"] for item in json.loads(done.stdout)["advice"]}, "the bench has x, y and z"
+        command = [sys.executable, "-m", "rig", "plan", "told.toml", "--bench", str(LAB / "bench.toml"), "--json"]
+        done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        (found,) = (item for item in json.loads(done.stdout)["advice"] if item["number"] == 9)
+        assert found["holds"] is holds
+        assert f"{sigma / 2e-4:.3g} times the uncertainty of x; within +-60 deg" in found["sentence"]

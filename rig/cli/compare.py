@@ -12,21 +12,22 @@ from rich.table import Table
 
 from fitter.merit import Comparison, Usage, compare, curve, recommend
 from procedures import PitchRollProcedure
-from procedures.advice import design_points
+from procedures.advice import design_points, usage_of
 from rig.cli.show import number, out, print_json
 from rig.controller import Plan
 from rig.errors import UsageError
 
 
 def compare_plans(
-    plans: Sequence[Plan], hours: Sequence[float], usage_deg: float, plot: Path | None, *, as_json: bool
+    plans: Sequence[Plan], hours: Sequence[float], usage_deg: float | None, plot: Path | None, *, as_json: bool
 ) -> None:
     """Show pitch-roll procedures side by side and recommend one.
 
     Args:
         plans: what is compared, on one bench.
         hours: bench time of each.
-        usage_deg: pitch range the sensors will be used in, plus and minus.
+        usage_deg: pitch range the sensors will be used in, plus and minus; None for that of the first procedure, or
+            30 deg.
         plot: a PNG file for the standard deviation over pitch; None for none.
         as_json: print JSON instead of a table.
 
@@ -39,7 +40,8 @@ def compare_plans(
         if not isinstance(plan.procedure, PitchRollProcedure):
             raise UsageError(f"{plan.procedure.name} is of kind {plan.procedure.kind}; pitch-roll designs are compared")
         procedures.append(plan.procedure)
-    designs, usage = [design_points(p) for p in procedures], Usage.within(usage_deg)
+    usage = usage_of(procedures[0], usage_deg) or Usage.within(30.0)
+    designs = [design_points(p) for p in procedures]
     sigma = procedures[0].expect.sigma_deg
     rows = compare(designs, usage, sigma)
     best = recommend(rows, cost=list(hours))
@@ -50,10 +52,15 @@ def compare_plans(
             asdict(row) | {"procedure": p.name, "hours": h} for row, p, h in zip(rows, procedures, hours, strict=True)
         ]
         print_json(
-            {"usage_deg": usage_deg, "sigma_deg": sigma, "designs": listed, "recommended": best and asdict(best)}
+            {
+                "usage_deg": usage.pitch_half_deg,
+                "sigma_deg": sigma,
+                "designs": listed,
+                "recommended": best and asdict(best),
+            }
         )
         return
-    title = f"Used within +-{usage_deg:g} deg, one observation {sigma:.1e} deg (expect.sigma_deg)"
+    title = f"Used within {usage}, one observation {sigma:.1e} deg (expect.sigma_deg)"
     table = Table("procedure", "points", "time", "mean sd", "worst sd", "at", "V^1/2", "pads from", title=title)
     table.title_justify = "left"
     for row, procedure, time_h in zip(rows, procedures, hours, strict=True):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Mapping, Sequence
 from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 from typing import Annotated, Any
@@ -36,7 +37,9 @@ def plan(
     ] = None,
     usage: Annotated[
         float | None,
-        typer.Option(min=0.1, max=180, help="pitch range the sensors will be used in, +- deg", show_default=False),
+        typer.Option(
+            min=0.1, max=180, help="pitch range the sensors will be used in, +- deg", show_default="usage.pitch_deg"
+        ),
     ] = None,
     plot: Annotated[
         Path | None, typer.Option(help="with --compare: a PNG of precision over pitch", show_default=False)
@@ -59,7 +62,7 @@ def plan(
         plans = [planned, *(load_plan(path, bench) for path in compare)]
         with run_progress(simulated=True) as show:
             hours = [rehearse(one, show, points=100).total_s / 3600.0 for one in plans]
-        compare_plans(plans, hours, usage or 30.0, plot, as_json=as_json)
+        compare_plans(plans, hours, usage, plot, as_json=as_json)
         return ExitCode.DONE
     try:
         precise = precision(planned.procedure, planned.run_list)
@@ -124,8 +127,7 @@ def plan(
     for line in precise.further:
         out.print(f"  {line}", soft_wrap=True)
     out.print(f"  ({precise.assuming})", soft_wrap=True)
-    for item in advice:
-        out.print(f"  [yellow]advice:[/] {escape(item['sentence'])}", soft_wrap=True)
+    _show_advice(advice)
     for name, (low, high) in reach.items():
         allowed = limits.get(name)
         shown = f"limits {allowed[0]:g} to {allowed[1]:g}: ok" if allowed else "[yellow]no limit in the bench file[/]"
@@ -142,18 +144,27 @@ def plan(
 
 
 def _advice(planned: Plan, usage_deg: float | None) -> list[dict[str, Any]]:
-    """What the paper recommends and this pitch-roll procedure does not do, with numbers; [] for other kinds."""
+    """What the paper recommends held against a pitch-roll procedure, with numbers; [] for other kinds."""
     if not isinstance(planned.procedure, PitchRollProcedure):
         return []
-    from fitter.merit import Usage  # noqa: PLC0415
-    from procedures.advice import advise  # noqa: PLC0415
+    from procedures.advice import advise, package_of, usage_of  # noqa: PLC0415
 
-    usage = None if usage_deg is None else Usage.within(usage_deg)
+    package = package_of(planned.procedure, [s.axis for s in planned.bench.sensors.values() if s.axis is not None])
     return [
-        {"number": a.number, "recommendation": a.recommendation, "sentence": a.sentence}
-        for a in advise(planned.procedure, usage)
-        if a.applies and not a.holds
+        {"number": a.number, "recommendation": a.recommendation, "holds": a.holds, "sentence": a.sentence}
+        for a in advise(planned.procedure, usage_of(planned.procedure, usage_deg), package)
+        if a.applies
     ]
+
+
+def _show_advice(advice: Sequence[Mapping[str, Any]]) -> None:
+    for item in advice:
+        if not item["holds"]:
+            out.print(f"  [yellow]advice:[/] {escape(item['sentence'])}", soft_wrap=True)
+    followed = [str(item["number"]) for item in advice if item["holds"] and item["number"]]
+    if followed:
+        numbers = ", ".join(followed)
+        out.print(f"  follows the paper's recommendations {numbers}; --json says with which numbers", soft_wrap=True)
 
 
 def _when(now: datetime, seconds: float) -> str:
