@@ -104,7 +104,7 @@ class AttitudeData:
     @cached_property
     def has_roll(self) -> bool:
         """Whether more than one roll angle was visited (+180 and -180 deg are one)."""
-        return np.unique(_settings(_wrap(self.roll_deg))).size > 1
+        return np.unique(settings(_wrap(self.roll_deg))).size > 1
 
     @cached_property
     def g_M(self) -> FloatArray:  # noqa: N802 - the paper's symbol
@@ -119,7 +119,7 @@ class AttitudeData:
         A point is a pair of head angles and, where one replication visits the pair more than once, which visit it
         is: a pass up and back has 2 N - 1 or 2 N points for N angles, as Table 2 of NASA/TP-1999-209835 counts.
         """
-        pair = _settings(self.pitch_deg) * (1 + len(self)) + _settings(self.roll_deg)
+        pair = settings(self.pitch_deg) * (1 + len(self)) + settings(self.roll_deg)
         executed = np.lexsort((self.order, pair, self.replicate_index))
         new = np.diff(pair[executed], prepend=-1) != 0
         new |= np.diff(self.replicate_index[executed], prepend=-1) != 0
@@ -139,7 +139,7 @@ class AttitudeData:
         over = np.abs(a) > 90.0 + SAME_ANGLE_DEG
         a, r = np.where(over, np.sign(a) * 180.0 - a, a), np.where(over, r + 180.0, r)
         r = _wrap(np.where(np.abs(np.abs(a) - 90.0) <= SAME_ANGLE_DEG, 0.0, r))
-        pair = _settings(a) * (1 + len(self)) + _settings(r)
+        pair = settings(a) * (1 + len(self)) + settings(r)
         return _number(pair)
 
     def take(self, rows: IntArray) -> AttitudeData:
@@ -179,7 +179,7 @@ def _wrap(angle_deg: FloatArray) -> FloatArray:
     return np.where(wrapped > 180.0 - SAME_ANGLE_DEG, wrapped - 360.0, wrapped)
 
 
-def _settings(angle_deg: FloatArray) -> IntArray:
+def settings(angle_deg: FloatArray) -> IntArray:
     """(n,) settings of an axis, numbered from 0: sorted angles are split wherever they are further apart than noise."""
     by_angle = np.argsort(angle_deg, kind="stable")
     setting = np.empty(angle_deg.size, np.int64)

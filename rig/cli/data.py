@@ -89,6 +89,14 @@ def fit(
         bool, typer.Option("--traced", help="attitude: keep a calibration with the effects that a trace finds")
     ] = False,
     temperature: TemperatureOption = None,
+    points: Annotated[
+        str | None,
+        typer.Option(
+            help="attitude: what fewer points would have cost: 'fraction' for a family of fractions of the grid, a "
+            "number for the one with about so many points, 'tumble' for design T",
+            show_default=False,
+        ),
+    ] = None,
 ) -> int:
     """Fit the declared model to every sensor; analyse replications, or whole plots with all methods side by side.
 
@@ -104,11 +112,23 @@ def fit(
         ):
             if value:
                 raise UsageError(f"{option} is for whole plots, not for tables of any kind")
+        if points is not None:
+            raise UsageError("--points is for pitch-roll calibrations, not for tables of any kind")
         result, show = _general(data, response, formula, whole_plot, replicate)
     elif whole_plot is not None or replicate is not None:
         raise UsageError(
             "--whole-plot and --replicate name columns of any table; they go with --response and --formula"
         )
+    elif points is not None:
+        others: dict[str, Any] = {
+            "--out": out_file,
+            "--report": report,
+            "--formula": formula,
+            "--method": method,
+            "--add": add,
+        }
+        others |= {"--power": power, "--exclude-zero": exclude_zero, "--traced": traced}
+        result, show = _fractions(data, points, temperature, others)
     else:
         options = {"method": method, "add": tuple(add or ()), "power": power, "exclude_zero": exclude_zero}
         attitude = {"traced": traced, "temperature": temperature}
@@ -136,6 +156,19 @@ def _general(data: Path, response: str, formula: str | None, whole_plot: str | N
     columns = [name.strip() for name in whole_plot.split(",")] if whole_plot else []
     result = fit_general(data, response, formula, columns, replicate)
     return result, lambda: show_general_fit(data.name, result)
+
+
+def _fractions(data: Path, points: str, temperature: bool | None, others: Mapping[str, Any]) -> Shown:
+    from rig.cli.fractions import show_fractions  # noqa: PLC0415
+    from rig.closed_loop.fractions import compare_fractions  # noqa: PLC0415
+    from rig.tables import read_table  # noqa: PLC0415
+
+    for option, value in others.items():
+        if value:
+            raise UsageError(f"--points holds fractions against the whole run and keeps nothing; leave {option} away")
+    table = read_table(data)
+    result = compare_fractions(table, points, temperature=temperature)
+    return result, lambda: show_fractions(data.name, table, result, points)
 
 
 def _calibration(

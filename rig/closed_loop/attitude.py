@@ -26,7 +26,7 @@ def fit_attitude_table(table: Table, *, traced: bool = False, temperature: bool 
         UsageError: the table lacks something, or its rows do not determine the model.
 
     """
-    data, warm = attitude_data(table), _with_temperature(table, temperature)
+    data, warm = attitude_data(table), with_temperature(table, temperature)
     try:
         fits = fit_all(data, temperature=warm)
         effects = _effects(trace(data, temperature=warm)) if traced else {}
@@ -40,7 +40,8 @@ def fit_attitude_table(table: Table, *, traced: bool = False, temperature: bool 
     }
 
 
-def _with_temperature(table: Table, asked: bool | None) -> bool:
+def with_temperature(table: Table, asked: bool | None) -> bool:
+    """Whether the declared model has temperature in it: as asked, else as the table's procedure says, else not."""
     return bool(table.declared.get("temperature", False)) if asked is None else asked
 
 
@@ -81,7 +82,7 @@ class AttitudeTraced:
 
 def trace_attitude_table(table: Table, *, temperature: bool | None = None) -> AttitudeTraced:
     """Trace what the declared model lacks in a pitch-roll table; arguments and errors as for `fit_attitude_table`."""
-    data, warm = attitude_data(table), _with_temperature(table, temperature)
+    data, warm = attitude_data(table), with_temperature(table, temperature)
     try:
         return AttitudeTraced(table, data, trace(data, temperature=warm), warm)
     except ValueError as error:
