@@ -1,5 +1,6 @@
 """Every command, registered by being imported."""
 
+import rig.cli.chart
 import rig.cli.data
 import rig.cli.demo
 import rig.cli.infer

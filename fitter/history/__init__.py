@@ -1,0 +1,38 @@
+"""Several calibrations of one sensor over time: is it drifting, and until when does the last one hold?
+
+series = Series(years, values, variance, df)     one parameter, its within-calibration variance
+homogeneity(series), trend(series), step(series), limits(series)
+error_bound(list_of_series, rows, years_ahead)   of the last calibration as it ages
+"""
+
+from fitter.history.attitude import Calibrated, Quantities, calibrated, quantities
+from fitter.history.chart import Chart, QuantityChart, chart
+from fitter.history.components import Between
+from fitter.history.forecast import ErrorBound, error_bound
+from fitter.history.homogeneity import Homogeneity, homogeneity
+from fitter.history.limits import Limits, limits
+from fitter.history.series import Series
+from fitter.history.step import Step, step
+from fitter.history.trend import Trend, trend
+
+__all__ = [
+    "Between",
+    "Calibrated",
+    "Chart",
+    "ErrorBound",
+    "Homogeneity",
+    "Limits",
+    "Quantities",
+    "QuantityChart",
+    "Series",
+    "Step",
+    "Trend",
+    "calibrated",
+    "chart",
+    "error_bound",
+    "homogeneity",
+    "limits",
+    "quantities",
+    "step",
+    "trend",
+]

@@ -1,0 +1,270 @@
+"""Calibrations of an attitude sensor as values to chart.
+
+The error within a calibration is not that of its pooled fit, which takes every reading for independent: where offset
+or sensitivity drift between replications (Table 2 of NASA/TP-1999-209835) that is too small, and where the model lacks
+fit, in the same way every time, it is too large. What counts is how the parameters vary from one replication to the
+next. With n replications, each fitted alone, the mean square between them, on n - 1 degrees of freedom, is what their
+mean varies with, whatever varies them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.attitude import (
+    AXES,
+    COLUMNS,
+    attitude_columns,
+    attitude_parameters,
+    fit_columns,
+    no_roll_parameters,
+    sensitive_axis,
+)
+from fitter.calibration import AttitudeFit, fit_attitude
+from fitter.data import AttitudeData
+from fitter.history.series import Series
+from fitter.linear import RankError
+
+
+@dataclass(frozen=True, eq=False)
+class Calibrated:
+    """One sensor in one calibration.
+
+    Attributes:
+        model: "attitude-x", "attitude-y", "attitude-z" or "attitude-no-roll".
+        coefficients: (k,) of `fitter.attitude.COLUMNS`, V.
+        shape: (k, k) covariance of the coefficients for readings of unit variance, (X'X)^-1.
+        covariance: (k, k) of the coefficients from the variation between replications, V^2.
+        df: its degrees of freedom.
+        replicated: whether it is that; without replications it is that of the residuals.
+        sigma_V: standard error of one reading.
+        df_sigma: its degrees of freedom.
+        pitch_range_deg: lowest and highest pitch calibrated.
+
+    """
+
+    model: str
+    coefficients: FloatArray
+    shape: FloatArray
+    covariance: FloatArray
+    df: float
+    replicated: bool
+    sigma_V: float
+    df_sigma: float
+    pitch_range_deg: tuple[float, float]
+
+
+def calibrated(data: AttitudeData, sensor: str) -> Calibrated:
+    """Calibrate one sensor.
+
+    Raises:
+        KeyError: `data` has no such output.
+        fitter.linear.RankError: the points visited do not determine the model.
+        ValueError: the output never changes, or nothing is left to estimate an error from.
+
+    """
+    fit = fit_attitude(data, sensor)
+    shape = fit.linear.root @ fit.linear.root.T
+    between = _between_replications(data, sensor, fit, shape)
+    if between is None and not fit.linear.df:
+        raise ValueError(f"{sensor}: as many points as coefficients, once each, leave no error to chart against")
+    covariance, df = between or (fit.linear.covariance, fit.linear.df)
+    return Calibrated(
+        model=fit.model,
+        coefficients=fit.linear.coefficients,
+        shape=shape,
+        covariance=covariance,
+        df=float(df),
+        replicated=between is not None,
+        sigma_V=fit.linear.sigma,
+        df_sigma=float(fit.linear.df),
+        pitch_range_deg=fit.pitch_range_deg,
+    )
+
+
+def _between_replications(
+    data: AttitudeData, sensor: str, fit: AttitudeFit, shape: FloatArray
+) -> tuple[FloatArray, int] | None:
+    """Covariance of the pooled coefficients from the replications fitted alone, and its degrees of freedom.
+
+    Replications weigh by how well each determines the coefficients; one cut short does not count for a whole one.
+    """
+    columns = attitude_columns(data.pitch_deg, data.roll_deg, roll=fit.has_roll)
+    deviations = []
+    for r in range(len(data.replicates)):
+        rows = data.replicate_index == r
+        try:
+            alone = fit_columns(columns[rows], data.outputs[sensor][rows])
+        except RankError:
+            continue
+        lower = np.linalg.cholesky(alone.root @ alone.root.T)
+        deviations.append(np.linalg.solve(lower, alone.coefficients - fit.linear.coefficients))
+    if len(deviations) < 2:
+        return None
+    spread = np.linalg.cholesky(shape) @ np.array(deviations).T
+    return np.asarray(spread @ spread.T / (len(deviations) - 1)), len(deviations) - 1
+
+
+@dataclass(frozen=True, eq=False)
+class Quantity:
+    """A parameter that is charted: linear in the coefficients.
+
+    Attributes:
+        name: with its unit.
+        offset: what is added to `direction` @ coefficients.
+        direction: (k,).
+        reference: what changes are stated relative to, None where they stand for themselves.
+
+    """
+
+    name: str
+    offset: float
+    direction: FloatArray
+    reference: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Quantities:
+    """All charted parameters of one sensor over its calibrations.
+
+    Attributes:
+        quantities: q of them: offset, sensitivity along the mean sensitive axis, and how that axis turns.
+        series: one each.
+        names: of the paper's parameters.
+        parameters: (m, p) their values.
+        stderr: (m, p) their standard errors, from the variation between replications.
+        axis: (3, q) what a unit of each quantity adds to the sensitive axis times sensitivity, V/g.
+        S_V: mean sensitivity.
+        replicated: whether errors within come from replications; of no calibration if False.
+
+    """
+
+    quantities: tuple[Quantity, ...]
+    series: tuple[Series, ...]
+    names: tuple[str, ...]
+    parameters: FloatArray
+    stderr: FloatArray
+    axis: FloatArray
+    S_V: float
+    replicated: bool
+
+    def output_rows(self, pitch_deg: FloatArray, roll_deg: FloatArray) -> FloatArray:
+        """(H, q) degrees of output that a unit of each quantity adds at (H,) attitudes."""
+        h = attitude_columns(pitch_deg, roll_deg)
+        gravity = np.column_stack([h[:, 1], -h[:, 2], -h[:, 3]])
+        volts = gravity @ self.axis
+        volts[:, 0] += 1.0
+        return np.asarray(np.degrees(volts / self.S_V))
+
+
+def quantities(calibrations: Sequence[Calibrated], years: FloatArray) -> Quantities:
+    """What is charted of one sensor.
+
+    Where the sensitive axis points to is charted as Omega cos A and Omega sin A: linear, and regular where Omega is
+    zero and A has no meaning. Variances within are pooled over calibrations, in proportion to (X'X)^-1.
+
+    Args:
+        calibrations: m of them, in order of time.
+        years: (m,) since the first.
+
+    Raises:
+        ValueError: the calibrations are of different models, or fewer than two.
+
+    """
+    models = sorted({c.model for c in calibrations})
+    if len(models) > 1:
+        raise ValueError(f"calibrations of different models cannot be charted together: {', '.join(models)}")
+    coefficients = np.array([c.coefficients for c in calibrations])
+    to_axis = np.column_stack([sensitive_axis(unit) for unit in np.eye(coefficients.shape[1])])
+    axes = coefficients @ to_axis.T
+    mean, S = axes.mean(axis=0), float(np.linalg.norm(axes.mean(axis=0)))
+    basis = _basis(models[0], mean / S)
+    offset_direction = np.eye(coefficients.shape[1])[0]
+    charted = [Quantity("b_V", 0.0, offset_direction), Quantity("S_V", 0.0, basis[0] @ to_axis, S)]
+    turned = [np.zeros(3), basis[0]]
+    for (name, at), along in zip(_turns(models[0], mean), basis[1:], strict=True):
+        charted.append(Quantity(name, at, np.degrees(along @ to_axis / S)))
+        turned.append(along * np.radians(S))
+    names, parameters = _display(models[0], coefficients)
+    directions = [_directions(models[0], axis, to_axis) for axis in axes]
+    return Quantities(
+        quantities=tuple(charted),
+        series=tuple(
+            Series(years, q.offset + coefficients @ q.direction, *_within(calibrations, [q.direction] * len(years)))
+            for q in charted
+        ),
+        names=names,
+        parameters=parameters,
+        stderr=np.sqrt(
+            np.column_stack([_within(calibrations, [d[i] for d in directions])[0] for i in range(len(names))])
+        ),
+        axis=np.column_stack(turned),
+        S_V=S,
+        replicated=any(c.replicated for c in calibrations),
+    )
+
+
+def _within(calibrations: Sequence[Calibrated], directions: Sequence[FloatArray]) -> tuple[FloatArray, float]:
+    """(m,) variance within of `directions` @ coefficients, one each, and its degrees of freedom, pooled.
+
+    Where some calibrations have replications, those say what all of them vary by.
+    """
+    replicated = any(c.replicated for c in calibrations)
+    unit = np.array([d @ c.shape @ d for c, d in zip(calibrations, directions, strict=True)])
+    own = np.array([d @ c.covariance @ d for c, d in zip(calibrations, directions, strict=True)])
+    df = np.array([c.df if c.replicated or not replicated else 0.0 for c in calibrations])
+    return unit * float(df @ (own / unit) / df.sum()), float(df.sum())
+
+
+def _basis(model: str, along: FloatArray) -> FloatArray:
+    """(k - 1, 3) unit vectors: along the sensitive axis, and square to it towards the next axes of the package."""
+    if model == "attitude-no-roll":
+        return np.array([along, [-along[2], 0.0, along[0]]])
+    i = AXES[model[-1]]
+    towards = np.eye(3)[(i + 1) % 3]
+    second = towards - (towards @ along) * along
+    second /= np.linalg.norm(second)
+    return np.array([along, second, np.cross(along, second)])
+
+
+def _turns(model: str, mean: FloatArray) -> list[tuple[str, float]]:
+    """Name of each turn of the sensitive axis, and its value at the mean."""
+    if model == "attitude-no-roll":
+        return [("phi_deg", float(np.degrees(np.arctan2(mean[2], mean[0]))))]
+    i = AXES[model[-1]]
+    j, k = mean[(i + 1) % 3], mean[(i + 2) % 3]
+    across = np.hypot(j, k)
+    scale = float(np.degrees(np.arctan2(across, mean[i]))) / across if across > 0 else 0.0
+    return [("Omega_cos_A_deg", float(scale * j)), ("Omega_sin_A_deg", float(scale * k))]
+
+
+def _display(model: str, coefficients: FloatArray) -> tuple[tuple[str, ...], FloatArray]:
+    """Names and (m, p) values of the paper's parameters."""
+    nothing = np.zeros((coefficients.shape[1],) * 2)
+    if model == "attitude-no-roll":
+        flat = [no_roll_parameters(c, nothing) for c in coefficients]
+        return ("b_V", "S_V", "phi_deg"), np.array([[p.b_V, p.S_V, p.phi_deg] for p in flat])
+    full = [attitude_parameters(AXES[model[-1]], c, nothing) for c in coefficients]
+    return ("b_V", "S_V", "Omega_deg", "A_deg"), np.array([[p.b_V, p.S_V, p.Omega_deg, p.A_deg] for p in full])
+
+
+def _directions(model: str, axis: FloatArray, to_axis: FloatArray) -> list[FloatArray]:
+    """(k,) gradient of each of the paper's parameters by the coefficients, at one calibration."""
+    S = float(np.linalg.norm(axis))
+    along = axis / S
+    first = np.eye(to_axis.shape[1])[0]
+    if model == "attitude-no-roll":
+        return [first, along @ to_axis, np.degrees(_basis(model, along)[1] @ to_axis / S)]
+    i = AXES[model[-1]]
+    j, k = (i + 1) % 3, (i + 2) % 3
+    across = float(np.hypot(along[j], along[k]))
+    outward = np.zeros(3)
+    outward[[j, k]] = (along[j] / across, along[k] / across) if across > 0 else (1.0, 0.0)
+    by_omega = along[i] * outward - across * np.eye(3)[i]
+    by_azimuth = np.cross(np.eye(3)[i], outward)
+    to_A = np.degrees(by_azimuth @ to_axis / (S * across)) if across > 0 else np.full(len(COLUMNS), np.nan)
+    return [first, along @ to_axis, np.degrees(by_omega @ to_axis / S), to_A]

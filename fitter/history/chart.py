@@ -1,0 +1,110 @@
+"""All that is said of one sensor over its calibrations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from fitter.arrays import FloatArray
+from fitter.history.forecast import ErrorBound, error_bound
+from fitter.history.homogeneity import Homogeneity, homogeneity
+from fitter.history.limits import Limits, limits
+from fitter.history.series import Series
+from fitter.history.step import Step, step
+from fitter.history.trend import Trend, trend
+
+LEVEL = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class QuantityChart:
+    """One parameter.
+
+    Attributes:
+        name: with its unit.
+        series: its values.
+        homogeneity: do the calibrations differ by more than their own error?
+        trend: does it drift? None below three calibrations.
+        step: did it jump? None below four.
+        limits: of the chart; None below three.
+        adjusted: p of each test ("homogeneity", "trend", "step"), allowing for the other parameters of the sensor.
+
+    """
+
+    name: str
+    series: Series
+    homogeneity: Homogeneity
+    trend: Trend | None
+    step: Step | None
+    limits: Limits | None
+    adjusted: dict[str, float]
+
+    def significant(self, test: str) -> bool:
+        """Whether a test says at 5 %, over all parameters of the sensor, that there is something."""
+        return self.adjusted.get(test, 1.0) < LEVEL
+
+    @property
+    def steady(self) -> bool:
+        """Whether it drifts more steadily than a parameter that wanders."""
+        return self.significant("trend") and self.trend is not None and self.trend.p_walk < LEVEL
+
+    @property
+    def stepped(self) -> bool:
+        """Whether a step is there, and explains more than a steady drift does."""
+        if not self.significant("step") or self.step is None or self.trend is None:
+            return False
+        return not self.significant("trend") or self.step.explained > self.trend.explained
+
+
+@dataclass(frozen=True, eq=False)
+class Chart:
+    """One sensor.
+
+    Attributes:
+        quantities: by parameter.
+        bound: on the error of the last calibration as it ages; None below three calibrations.
+
+    """
+
+    quantities: tuple[QuantityChart, ...]
+    bound: ErrorBound | None
+
+    @property
+    def changed(self) -> bool:
+        """Whether any test of any parameter is significant."""
+        return any(q.significant(test) for q in self.quantities for test in q.adjusted)
+
+
+def chart(names: Sequence[str], series: Sequence[Series], rows: FloatArray) -> Chart:
+    """Test every parameter, and bound the error of the last calibration's output.
+
+    Args:
+        names: q of them.
+        series: q, at the same times.
+        rows: (H, q) what a unit of each adds to the output, at H places of the range of use.
+
+    """
+    tests = [(homogeneity(s), trend(s), step(s)) for s in series]
+    adjusted: list[dict[str, float]] = [{} for _ in series]
+    for i, test in enumerate(("homogeneity", "trend", "step")):
+        found = [each[i] for each in tests]
+        p = [each.p for each in found if each is not None]
+        if len(p) == len(found):
+            for one, value in zip(adjusted, holm(p), strict=True):
+                one[test] = value
+    return Chart(
+        tuple(
+            QuantityChart(name, one, *three, limits(one), p)
+            for name, one, three, p in zip(names, series, tests, adjusted, strict=True)
+        ),
+        error_bound(series, rows),
+    )
+
+
+def holm(p: Sequence[float]) -> list[float]:
+    """Probabilities that allow for there being several tests (Holm, Scand. J. Statist. 6, 65, 1979)."""
+    adjusted, largest = [0.0] * len(p), 0.0
+    for rank, i in enumerate(sorted(range(len(p)), key=lambda i: p[i])):
+        largest = max(largest, min(1.0, (len(p) - rank) * p[i]))
+        adjusted[i] = largest
+    return adjusted

@@ -1,0 +1,60 @@
+"""What the data leave open about the variances: many possible pairs, and a straight line fitted under each.
+
+Neither psi nor the size of the variances within is known. Q(psi) is chi squared on m - p degrees of freedom whatever
+psi is, so a value of chi squared is solved for psi; and the variances within are known from `df` degrees of freedom
+(generalised inference: Weerahandi, Exact Statistical Methods for Data Analysis, 1995). Without errors within, a mean
+over these draws is Student's t on m - p degrees of freedom, exactly; with them it errs on the side of caution.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from scipy import special
+
+from fitter.arrays import FloatArray
+from fitter.history.components import Between, Profile
+from fitter.history.series import Series
+
+NODES = 128
+_GOLDEN = 0.6180339887498949
+
+
+@dataclass(frozen=True, eq=False)
+class Draws:
+    """Straight lines under n possible variances.
+
+    Attributes:
+        psi: (n,) variance between calibrations.
+        inverse: (n, m, m) of the covariance of the values.
+        lines: (n, 2) intercept and slope.
+        covariance: (n, 2, 2) of them.
+
+    """
+
+    psi: FloatArray
+    inverse: FloatArray
+    lines: FloatArray
+    covariance: FloatArray
+
+
+def draw(series: Series, between: Between, nodes: int = NODES) -> Draws:
+    """Fit a line to a series of at least three calibrations under each of `nodes` draws; always the same ones."""
+    factor, target = _variances(nodes, len(series) - 2, series.df)
+    psi = Profile.of(series, series.line, between).psi(target, factor)
+    v = factor[:, None, None] * np.diag(series.variance) + psi[:, None, None] * between.among(series.years)
+    inverse = np.linalg.inv(v)
+    weighted = inverse @ series.line
+    covariance = np.linalg.inv(series.line.T @ weighted)
+    lines = covariance @ (np.swapaxes(weighted, 1, 2) @ series.values)[:, :, None]
+    return Draws(psi, np.asarray(inverse), lines[:, :, 0], np.asarray(covariance))
+
+
+@lru_cache(maxsize=64)
+def _variances(nodes: int, df: int, df_within: float) -> tuple[FloatArray, FloatArray]:
+    """(n,) factors on the variances within and (n,) values of chi squared, evenly over both distributions."""
+    first = (np.arange(nodes) + 0.5) / nodes
+    second = np.mod(0.5 + _GOLDEN * np.arange(nodes), 1.0)
+    return df_within / special.chdtri(df_within, second), special.chdtri(df, first)

@@ -1,0 +1,140 @@
+"""How wrong the last calibration becomes as it ages.
+
+Of one parameter, given the variances, the value at a later time has a normal distribution: the best linear unbiased
+prediction from a straight line and the variation between calibrations (universal kriging), less the value that the
+last calibration found. The variances are drawn from what the data leave open about them (`fitter.history.draws`).
+The errors of all parameters together give the error of the output, and its largest value over the range of use.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from fitter.arrays import FloatArray, IntArray
+from fitter.history.components import Between
+from fitter.history.draws import NODES, draw
+from fitter.history.series import Series
+
+FEWEST = 3
+DRAWS = 4096
+TIMES = 49
+_SEED = 2
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorBound:
+    """Bound on the error of the last calibration's output over its age.
+
+    Attributes:
+        years: (T,) age of the last calibration, from 0; no further than the history of calibrations reaches back.
+        bounds: (T,) by kind of variation, in the unit of the output: with the probability asked for the error stays
+            below it everywhere in the range of use.
+
+    """
+
+    years: FloatArray
+    bounds: Mapping[Between, FloatArray]
+
+    def holds_for(self, tolerance: float, between: Between | None = None) -> float | None:
+        """Years until a bound first exceeds `tolerance`: the earlier of all kinds, or of one; None if it does at once.
+
+        The last of `years` where it never does: nothing is said about times beyond.
+        """
+        if between is None:
+            each = [self.holds_for(tolerance, kind) for kind in self.bounds]
+            known = [years for years in each if years is not None]
+            return min(known) if len(known) == len(each) else None
+        bound = self.bounds[between]
+        over = np.flatnonzero(bound > tolerance)
+        if not over.size:
+            return float(self.years[-1])
+        at = int(over[0])
+        if at == 0:
+            return None
+        share = (tolerance - bound[at - 1]) / (bound[at] - bound[at - 1])
+        return float(self.years[at - 1] + share * (self.years[at] - self.years[at - 1]))
+
+    def governs(self, tolerance: float) -> Between:
+        """The kind of variation whose bound reaches `tolerance` first."""
+        return min(self.bounds, key=lambda kind: self.holds_for(tolerance, kind) or -1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """Error of the last calibration in one parameter.
+
+    Attributes:
+        mean: (n, T) value at that age less the value that the last calibration found, for n draws of the variances.
+        sd: (n, T).
+
+    """
+
+    mean: FloatArray
+    sd: FloatArray
+
+
+def error_bound(
+    series: Sequence[Series],
+    rows: FloatArray,
+    *,
+    level: float = 0.95,
+    times: int = TIMES,
+    draws: int = DRAWS,
+    nodes: int = NODES,
+) -> ErrorBound | None:
+    """Bound the error of the last calibration's output; None for fewer than three calibrations.
+
+    Args:
+        series: q parameters at the same times.
+        rows: (H, q) what a unit of each adds to the output, at H places of the range of use.
+        level: probability that the bound holds, everywhere at once.
+        times: how many ages.
+        draws: of the errors; the bound has a standard error of about a percent.
+        nodes: draws of the variances of each parameter.
+
+    """
+    years = series[0].years
+    if len(years) < FEWEST:
+        return None
+    ages = np.linspace(0.0, years[-1] - years[0], times)
+    node, normal = _dice(len(series), draws, nodes)
+    bounds = {}
+    for between in Between:
+        predictions = [predict(one, between, ages, nodes) for one in series]
+        bound = np.empty(times)
+        for t in range(times):
+            parts = zip(predictions, node, normal, strict=True)
+            errors = np.stack([p.mean[drawn, t] + p.sd[drawn, t] * z for p, drawn, z in parts])
+            bound[t] = np.quantile(np.abs(rows @ errors).max(axis=0), level)
+        bounds[between] = bound
+    return ErrorBound(ages, bounds)
+
+
+def predict(series: Series, between: Between, ages: FloatArray, nodes: int = NODES) -> Prediction:
+    """The error of the last calibration in one parameter at (T,) ages, in years."""
+    drawn, x = draw(series, between, nodes), series.line
+    later = series.years[-1] + ages
+    there = np.column_stack([np.ones_like(later), later])
+    shared = drawn.psi[:, None, None] * between.with_later(series.years, later)
+    kriging = shared @ drawn.inverse
+    residual = series.values - drawn.lines @ x.T
+    mean = drawn.lines @ there.T + np.einsum("ntm,nm->nt", kriging, residual)
+    left = there - kriging @ x
+    variance = (
+        drawn.psi[:, None] * between.of_later(series.years, later)
+        - np.einsum("ntm,ntm->nt", kriging, shared)
+        + np.einsum("ntp,npq,ntq->nt", left, drawn.covariance, left)
+    )
+    return Prediction(mean - series.values[-1], np.sqrt(np.maximum(variance, 0.0)))
+
+
+@lru_cache(maxsize=8)
+def _dice(parameters: int, draws: int, nodes: int) -> tuple[IntArray, FloatArray]:
+    """(q, draws) which draw of the variances and (q, draws) standard normal numbers; always the same."""
+    rng = np.random.default_rng(_SEED)
+    node = np.stack([rng.permutation(np.arange(draws) % nodes) for _ in range(parameters)])
+    return node, rng.standard_normal((parameters, draws))

@@ -1,0 +1,77 @@
+"""Does a parameter drift steadily?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from fitter.history.components import Between, fit
+from fitter.history.draws import draw
+from fitter.history.series import Series
+from fitter.quantiles import t_limit, t_tail
+
+FEWEST = 3
+
+
+@dataclass(frozen=True)
+class Trend:
+    """A straight line in time, with variation between calibrations beside it.
+
+    Attributes:
+        per_year: slope, in the parameter's unit.
+        stderr: its standard error, with the scatter between calibrations in it.
+        df: degrees of freedom, m - 2.
+        p: probability of such a slope or a steeper one if calibrations only scattered. Exact where all are alike.
+        p_walk: the same if the parameter wandered, as a sum of independent steps: small where the movement is too
+            steady for that, and so will go on.
+        explained: share of the sum of squares about the mean that the line takes away, weighted as for `step`.
+        favoured: which kind of variation beside the line the data are likelier under.
+
+    """
+
+    per_year: float
+    stderr: float
+    df: int
+    p: float
+    p_walk: float
+    explained: float
+    favoured: Between
+
+    @property
+    def half_width_95(self) -> float:
+        """Of the 95 % interval of the slope."""
+        return t_limit(0.95, self.df) * self.stderr
+
+
+def trend(series: Series) -> Trend | None:
+    """Fit a line; None for fewer than three calibrations."""
+    if len(series) < FEWEST:
+        return None
+    fits = {between: fit(series, series.line, between) for between in Between}
+    found = fits[Between.SCATTER]
+    slope, stderr = float(found.coefficients[1]), float(np.sqrt(found.covariance[1, 1]))
+    return Trend(
+        per_year=slope,
+        stderr=stderr,
+        df=found.df,
+        p=t_tail(slope / stderr, found.df) if stderr > 0 else float(slope == 0),
+        p_walk=_p_walk(series),
+        explained=_explained(series),
+        favoured=max(Between, key=lambda between: fits[between].loglik),
+    )
+
+
+def _p_walk(series: Series) -> float:
+    drawn = draw(series, Between.WALK)
+    below = float(np.mean(special.ndtr(-drawn.lines[:, 1] / np.sqrt(drawn.covariance[:, 1, 1]))))
+    return 2.0 * min(below, 1.0 - below)
+
+
+def _explained(series: Series) -> float:
+    """Squared correlation with time; weights as for `step`, so that the two can be compared."""
+    weights = 1.0 / (series.variance + fit(series, series.constant, Between.SCATTER).psi)
+    y, t = (v - np.average(v, weights=weights) for v in (series.values, series.years))
+    total = float(np.sum(weights * y**2) * np.sum(weights * t**2))
+    return float(np.sum(weights * y * t)) ** 2 / total if total > 0 else 0.0

@@ -1,0 +1,126 @@
+"""`rig chart`: several calibrations of one sensor."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.markup import escape
+from rich.table import Table as RichTable
+
+from rig.atomic import check_not_input
+from rig.cli import app
+from rig.cli.run import JsonOption
+from rig.cli.show import err, mark, out, print_json
+from rig.errors import ExitCode, UsageError
+
+
+@app.command(rich_help_panel="Data")
+def chart(
+    calibrations: Annotated[
+        list[str],
+        typer.Argument(
+            help="run files, calibration files of `rig fit --out`, or CSV tables with their date: table.csv@2026-01-15",
+            show_default=False,
+        ),
+    ],
+    tolerance: Annotated[
+        float | None,
+        typer.Option(
+            min=1e-9,
+            help="error of the output that the last calibration may come to have, deg",
+            show_default="95 % interval of one reading",
+        ),
+    ] = None,
+    usage: Annotated[
+        float | None,
+        typer.Option(min=0.1, max=180, help="pitch the sensors are used in, +- deg", show_default="as calibrated last"),
+    ] = None,
+    sensor: Annotated[
+        list[str] | None, typer.Option(help="chart only this sensor, such as x_V; repeatable", show_default=False)
+    ] = None,
+    report: Annotated[Path | None, typer.Option(help="write a self-contained HTML report", show_default=False)] = None,
+    as_json: JsonOption = False,
+    today: Annotated[str | None, typer.Option(help="date that 'in N days' counts from", show_default="today")] = None,
+) -> int:
+    """Chart the parameters of sensors over several calibrations: is one drifting, and when is it due again?
+
+    Two calibrations are compared; three give a trend and a due date, four can show a step. The errors are those
+    between the replications of each calibration. The due date is the last day on which the last calibration's output
+    is within the tolerance, with 95 % probability, everywhere in the range of use.
+
+    Example: `rig chart runs/2026*.sqlite --tolerance 5e-4 --usage 30 --report chart.html`
+    """
+    from rig.closed_loop.chart import chart_calibrations  # noqa: PLC0415
+    from rig.closed_loop.chart_inputs import read_all  # noqa: PLC0415
+
+    check_not_input([report], [Path(source) for source in calibrations])
+    charted = chart_calibrations(
+        read_all(calibrations), _today(today), sensors=sensor or (), tolerance_deg=tolerance, usage_deg=usage
+    )
+    if report is not None:
+        from rig.report.chart import write_chart_report  # noqa: PLC0415
+
+        write_chart_report(report, charted)
+        err.print(f"report: {escape(str(report))}", soft_wrap=True)
+    result = charted.to_json()
+    if as_json:
+        print_json(result)
+        return ExitCode.DONE
+    first, last = charted.given[0].date, charted.given[-1].date
+    out.print(f"{mark(charted.simulated)}[bold]{len(charted.given)} calibrations[/] from {first} to {last}")
+    for name, found in result["sensors"].items():
+        _show_sensor(name, found)
+    for note in charted.notes:
+        out.print(f"  [yellow]{escape(note)}[/]", soft_wrap=True)
+    return ExitCode.DONE
+
+
+def _today(given: str | None) -> datetime:
+    if given is None:
+        from drivers.clock import RealClock  # noqa: PLC0415
+
+        return datetime.fromtimestamp(RealClock().utc(), UTC)
+    try:
+        moment = datetime.fromisoformat(given)
+    except ValueError:
+        raise UsageError(f"--today: {given!r} is no date; write 2026-01-15") from None
+    return moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
+
+
+def _show_sensor(name: str, found: Mapping[str, Any]) -> None:
+    from rig.closed_loop.chart_words import label  # noqa: PLC0415
+    from rig.report.parameters import with_error  # noqa: PLC0415
+
+    rows = found["calibrations"]
+    table = RichTable("date", *rows[0]["parameters"], "outside", title=f"\n{name}, {found['model']}")
+    table.title_justify = "left"
+    cells = [[with_error(v["estimate"], v["stderr"]) for v in row["parameters"].values()] for row in rows]
+    alike = all([error for _, error in each] == [error for _, error in cells[0]] for each in cells)
+    for row, each in zip(rows, cells, strict=True):
+        outside = ", ".join(f"{label(q)} {limit}" for q, limit in row["outside"].items())
+        values = [value if alike else f"{value} +- {error}" for value, error in each]
+        table.add_row(row["date"], *values, f"[yellow]{outside}[/]" if outside else "")
+    if alike:
+        table.add_row("+-", *(error for _, error in cells[0]), style="dim")
+    out.print(table)
+    for sentence in found["sentences"]:
+        out.print(f"  {escape(sentence)}", soft_wrap=True)
+    if found["due"]["status"] == "too few":
+        return
+    low, high = found["usage_deg"]
+    table = RichTable("tolerance / deg", "due", "if calibrations scatter", "if the sensor wanders")
+    for due in found["due_by_tolerance"]:
+        table.add_row(f"{due['tolerance_deg']:.2g}", due_cell(due), *(v or "-" for v in due["by_variation"].values()))
+    out.print(table)
+    out.print(f"  (95 % probability, pitch {low:g} to {high:g} deg; the earlier of both)")
+
+
+def due_cell(due: Mapping[str, Any]) -> str:
+    """A due date in a table."""
+    if due["status"] == "never within":
+        return "-"
+    return f"{due['date']}{' or later' if due['at_least'] else ''}{' (past)' if due['status'] == 'overdue' else ''}"

@@ -1,0 +1,207 @@
+"""What a control chart is made of: run files, calibration files and CSV tables, each with its date."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fitter.history import Calibrated, calibrated
+from fitter.history.stored import calibrated_from
+from rig.errors import UsageError
+from rig.inference import read_calibration
+from rig.report.words import incomplete
+from rig.tables import Table, attitude_data, read_table
+
+
+@dataclass(frozen=True, eq=False)
+class Given:
+    """One calibration.
+
+    Attributes:
+        source: the file as it was named.
+        when: middle of the calibration, UTC.
+        sensors: by output column.
+        effects: names of the effects fitted beside the model, by output column.
+        simulated: from a simulated run.
+        provenance: what is known of it.
+        degC: mean sensor temperature, None where it was not recorded.
+
+    """
+
+    source: str
+    when: datetime
+    sensors: Mapping[str, Calibrated]
+    effects: Mapping[str, tuple[str, ...]]
+    simulated: bool
+    provenance: Mapping[str, Any]
+    degC: float | None
+
+    @property
+    def date(self) -> str:
+        """Of the calibration, as 2026-01-15."""
+        return f"{self.when:%Y-%m-%d}"
+
+
+def read_all(sources: Sequence[str]) -> list[Given]:
+    """Every calibration, in order of time.
+
+    Args:
+        sources: files; those that do not say when they were measured as FILE@2026-01-15 or FILE@2026-01-15T18:00.
+
+    Raises:
+        UsageError: a file cannot be used, there are fewer than two, one is there twice, or real and simulated
+            calibrations are mixed.
+
+    """
+    if len(sources) < 2:
+        raise UsageError(
+            "a chart needs at least two calibrations (three for a trend and a due date, four for a step); name more "
+            "run files, calibration files or tables"
+        )
+    given = sorted((read(source) for source in sources), key=lambda one: one.when)
+    _check_once(given)
+    simulated = [one for one in given if one.simulated]
+    if simulated and len(simulated) < len(given):
+        real = next(one for one in given if not one.simulated)
+        raise UsageError(
+            f"{simulated[0].source} is simulated and {real.source} is not: they do not belong on one chart; leave one "
+            f"kind out"
+        )
+    return given
+
+
+def read(source: str) -> Given:
+    """One calibration, from a run file, a calibration file or a CSV table. Raises `UsageError` or `RunFileError`."""
+    path, told = _path_and_date(source)
+    if path.suffix == ".json":
+        return _from_calibration_file(path, told)
+    table = read_table(path)
+    if table.kind != "pitch-roll":
+        raise UsageError(f"{path} is no pitch-roll calibration: {table.kind} data cannot be charted")
+    data = attitude_data(table)
+    degC = data.sensor_temperature_degC
+    try:
+        sensors = {name: calibrated(data, name) for name in data.sensors}
+    except ValueError as error:
+        raise UsageError(f"{path}: {error}") from error
+    return Given(
+        source=str(path),
+        when=_when(path, table.provenance, told),
+        sensors=sensors,
+        effects=dict.fromkeys(sensors, ()),
+        simulated=table.simulated,
+        provenance=table.provenance,
+        degC=None if degC is None else float(np.mean(degC)),
+    )
+
+
+def notes(given: Sequence[Given]) -> list[str]:
+    """What changed between calibrations besides the sensors, and what they lack: a step may be due to that."""
+    found = []
+    for one in given:
+        missing = incomplete(one.provenance)
+        if missing:
+            found.append(f"the calibration of {one.date} is incomplete: {missing}")
+    for before, after in pairwise(given):
+        between = f"between {before.date} and {after.date}"
+        changes = _changes(before.provenance, after.provenance)
+        found.extend(f"{between} {what}: a step there may be due to that" for what in changes)
+    return found
+
+
+def as_table(given: Sequence[Given], title: str) -> Table:
+    """The calibrations as a table of their dates, with the provenance of all, for the report's frame."""
+    days = np.array([one.when.timestamp() / 86400.0 for one in given])
+    provenance = {f"{one.date}: {one.source}": _origin(one) for one in given}
+    return Table(title, {"day": days - days[0]}, given[0].simulated, provenance)
+
+
+def _origin(one: Given) -> str:
+    p = one.provenance
+    told = [f"{name} {p[name]}" for name in ("run_id", "bench", "procedure", "head") if p.get(name)]
+    return "; ".join([*told, *(f"{name}: {words}" for name, words in (p.get("instruments") or {}).items())]) or "table"
+
+
+def _changes(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[str]:
+    """What is another instrument, bench or procedure; an instrument's next calibration date is no other instrument."""
+    found = [
+        f"the {name} changed from {before[name]} to {after[name]}"
+        for name in ("bench", "procedure")
+        if before.get(name) and after.get(name) and before[name] != after[name]
+    ]
+    old, new = before.get("instruments") or {}, after.get("instruments") or {}
+    for name in (n for n in new if n in old):
+        was, now = (words.partition(", calibration due")[0] for words in (old[name], new[name]))
+        if was != now:
+            found.append(f"the {name} changed from {was} to {now}")
+    return found
+
+
+def _from_calibration_file(path: Path, told: datetime | None) -> Given:
+    """What `rig fit --out` wrote."""
+    read_calibration(path)
+    content = json.loads(path.read_text(encoding="utf-8"))
+    data = content["data"]
+    if data["kind"] != "pitch-roll":
+        raise UsageError(f"{path} is no calibration of attitude sensors: {data['kind']} data cannot be charted")
+    try:
+        sensors = calibrated_from(content)
+    except ValueError as error:
+        raise UsageError(f"{path}: {error}; give the run file instead") from error
+    effects = {s["name"]: tuple(t["effect"] for t in s["terms"]) for s in content["calibration"]["sensors"]}
+    return Given(
+        source=str(path),
+        when=_when(path, data, told),
+        sensors=sensors,
+        effects=effects,
+        simulated=bool(data["simulated"]),
+        provenance=data,
+        degC=content["calibration"]["reference_degC"],
+    )
+
+
+def _path_and_date(source: str) -> tuple[Path, datetime | None]:
+    path = Path(source)
+    name, at, date = source.rpartition("@")
+    if path.exists() or not at:
+        return path, None
+    try:
+        told = datetime.fromisoformat(date)
+    except ValueError:
+        raise UsageError(f"{source}: {date!r} is no date; write FILE@2026-01-15 or FILE@2026-01-15T18:00") from None
+    return Path(name), told.replace(tzinfo=UTC) if told.tzinfo is None else told.astimezone(UTC)
+
+
+def _when(path: Path, provenance: Mapping[str, Any], told: datetime | None) -> datetime:
+    began = provenance.get("began_utc")
+    if began is None:
+        if told is None:
+            raise UsageError(f"{path} does not say when it was measured: write {path}@2026-01-15")
+        return told
+    if told is not None:
+        raise UsageError(f"{path} says itself when it was measured, {began}: leave @ and the date away")
+    first = datetime.fromisoformat(began)
+    return first + (datetime.fromisoformat(provenance.get("last_observation_utc", began)) - first) / 2
+
+
+def _check_once(given: Sequence[Given]) -> None:
+    runs: dict[str, str] = {}
+    for one in given:
+        run = one.provenance.get("run_id")
+        if run is not None and run in runs:
+            raise UsageError(f"{runs[run]} and {one.source} are the same run, {run}: leave one of them out")
+        if run is not None:
+            runs[run] = one.source
+    for before, after in pairwise(given):
+        if after.when == before.when:
+            raise UsageError(
+                f"{before.source} and {after.source} are of the same time, {after.when:%Y-%m-%d %H:%M}: one sensor is "
+                f"not calibrated twice at once (dry runs begin at the `epoch` of their world file)"
+            )

@@ -1,0 +1,92 @@
+"""What a control chart says, in words that can go into a certificate."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from fitter.history import Chart, QuantityChart
+
+_NAMES = {
+    "b_V": ("offset", 1e6, "uV"),
+    "S_V": ("sensitivity", 1e6, "ppm"),
+    "Omega_cos_A_deg": ("Omega cos A", 1.0, "deg"),
+    "Omega_sin_A_deg": ("Omega sin A", 1.0, "deg"),
+    "phi_deg": ("misalignment phi", 1.0, "deg"),
+}
+
+
+def label(name: str) -> str:
+    """A charted parameter for people."""
+    return _NAMES[name][0]
+
+
+def change_scale(name: str, S_V: float) -> tuple[float, str]:
+    """What a change of a parameter is multiplied by to be shown, and its unit: uV, ppm of `S_V`, deg."""
+    _, scale, unit = _NAMES[name]
+    return (scale / S_V if unit == "ppm" else scale), unit
+
+
+def quantity_sentences(chart: Chart, dates: Sequence[str], S_V: float) -> list[str]:
+    """What changed, a sentence a parameter; one sentence if nothing did."""
+    found = [text for q in chart.quantities if (text := _change(q, dates, S_V))]
+    if not found:
+        enough = "" if len(dates) > 2 else " (two calibrations; a trend needs three)"
+        found = [f"no parameter changed by more than the calibrations' own error{enough}"]
+    for q in chart.quantities:
+        if q.limits is not None and q.limits.out.any():
+            when = ", ".join(date for date, out in zip(dates, q.limits.out, strict=True) if out)
+            found.append(f"{label(q.name)} of {when} is outside the 99.7 % limits")
+    return found
+
+
+def due_sentence(due: Mapping[str, Any], count: int, told: bool) -> str:
+    """When the last calibration is due again."""
+    of = f"for {due['tolerance_deg']:.2g} deg" + ("" if told else " (the 95 % interval of one reading)")
+    if due["status"] == "too few":
+        return f"no due date before there are three calibrations, there are {count}"
+    if due["status"] == "never within":
+        return (
+            f"no due date {of}: {count} calibrations like these leave {due['bound_at_once_deg']:.2g} deg of doubt on "
+            f"the day of the last; more calibrations, more replications or a wider tolerance give one"
+        )
+    if due["status"] == "overdue":
+        return f"already due {of}: since {due['date']} ({-due['days']} days ago)"
+    ends = ", which is as far ahead as the calibrations reach back" if due["at_least"] else ""
+    return f"due again on {due['date']} (in {due['days']} days) {of}{ends}"
+
+
+def chance(p: float) -> str:
+    """A probability as p 0.003, or p < 0.0001."""
+    return "p < 0.0001" if p < 1e-4 else f"p {p:.2g}"
+
+
+def _change(q: QuantityChart, dates: Sequence[str], S_V: float) -> str:
+    scale, unit = change_scale(q.name, S_V)
+    if q.stepped and q.step is not None:
+        between = f"between {dates[q.step.before - 1]} and {dates[q.step.before]}"
+        size = with_error(scale * q.step.size, scale * q.step.stderr, sign=True)
+        return f"{label(q.name)} stepped by {size} {unit} {between} ({chance(q.adjusted['step'])})"
+    if q.trend is not None and q.significant("trend"):
+        rate = f"{with_error(scale * abs(q.trend.per_year), scale * q.trend.stderr)} {unit}/year"
+        falls = q.trend.per_year < 0
+        p = chance(q.adjusted["trend"])
+        if q.steady:
+            return f"{label(q.name)} {'falls' if falls else 'rises'} by {rate} ({p})"
+        return (
+            f"{label(q.name)} has {'fallen' if falls else 'risen'} by {rate} so far ({p}); a parameter that wanders "
+            f"can do that as well ({chance(q.trend.p_walk)}), so it may not go on"
+        )
+    if q.significant("homogeneity"):
+        beyond = f"{scale * q.homogeneity.between_sd:.2g} {unit}"
+        return (
+            f"{label(q.name)} differs between calibrations by {beyond} (standard deviation) beyond their own error "
+            f"({chance(q.adjusted['homogeneity'])}), without a clear trend"
+        )
+    return ""
+
+
+def with_error(value: float, error: float, *, sign: bool = False) -> str:
+    """12.3 +- 1.4: the error to two digits, the value to the same decimal place."""
+    places = max(0, 1 - int(f"{error:.1e}".partition("e")[2])) if error > 0 else 6
+    return f"{value:{'+' if sign else ''}.{places}f} +- {error:.{places}f}"
