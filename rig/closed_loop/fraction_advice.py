@@ -16,6 +16,9 @@ _TOO_FEW_INSIDE = 0.9
 """Share of the readings within 95 % intervals that is worth a word."""
 
 _FINDINGS = {"T_bias": "lack of fit", "T_b": "offset drift", "T_S": "sensitivity drift"}
+_P = {"T_bias": "p_bias", "T_b": "p_b", "T_S": "p_S"}
+_ALPHA = 0.05
+"""Probability that chance alone, over all tests of all sensors, is taken for something a fraction has to find."""
 
 
 def advised(full: Mapping[str, Any], fractions: Sequence[Mapping[str, Any]]) -> tuple[Mapping[str, Any], str]:
@@ -38,11 +41,13 @@ def advised(full: Mapping[str, Any], fractions: Sequence[Mapping[str, Any]]) -> 
 
 
 def _as_good(full: Mapping[str, Any], part: Mapping[str, Any], tests: Sequence[str]) -> bool:
-    return all(
-        part["sensors"][name]["residual_deg"] <= _AS_GOOD * whole["residual_deg"]
-        and all(significant(part["sensors"][name], test) >= significant(whole, test) for test in tests)
-        for name, whole in full["sensors"].items()
-    )
+    chance = _ALPHA / (len(_FINDINGS) * len(full["sensors"]))
+    for name, whole in full["sensors"].items():
+        own = part["sensors"][name]
+        wanted = [test for test in tests if significant(whole, test) and whole[_P[test]] <= chance]
+        if own["residual_deg"] > _AS_GOOD * whole["residual_deg"] or not all(significant(own, test) for test in wanted):
+            return False
+    return True
 
 
 def sentence(full: Mapping[str, Any], part: Mapping[str, Any]) -> str:
