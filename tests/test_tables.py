@@ -56,6 +56,29 @@ def test_a_wrong_table_is_explained_in_one_line(tmp_path, lines, says):
     assert "\n" not in message
 
 
+def test_tables_of_numbers_alone_are_read_to_the_last_bit(tmp_path):
+    cells = [
+        "0.1",
+        "-1e-310",
+        "4.9406564584124654e-324",
+        "1.7976931348623157e308",
+        "9007199254740993",
+        ".5",
+        "+7.",
+        "1E3",
+    ]
+    cells += [repr(float(v)) for v in np.random.default_rng(1).normal(size=200) * 10.0 ** np.arange(-100, 100)]
+    table = read_table(written(tmp_path, "a, b ", *(f"{cell}, {i}" for i, cell in enumerate(cells))))
+    assert list(table.columns) == ["a", "b"]
+    np.testing.assert_array_equal(table.columns["a"], [float(cell) for cell in cells])
+
+
+@pytest.mark.parametrize("row", ['"3",4', "", " ", ",", "1_000,4"])
+def test_cells_that_take_a_second_look_are_read_all_the_same(tmp_path, row):
+    table = read_table(written(tmp_path, "a,b", "1,2", row, "5,6"))
+    assert list(table.columns["b"]) == ([2, 4, 6] if "4" in row else [2, 6])
+
+
 def test_bytes_that_are_no_text_are_refused(tmp_path):
     path = tmp_path / "data.csv"
     path.write_bytes(b"\xff\xfe\x00")

@@ -5,12 +5,14 @@ from __future__ import annotations
 import csv
 import io
 import math
+import warnings
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
 
+from fitter.arrays import FloatArray
 from rig.atomic import write_whole
 from rig.errors import UsageError
 from rig.tables.table import PITCH_ROLL, WHOLE_PLOT, Table
@@ -18,10 +20,10 @@ from rig.tables.table import PITCH_ROLL, WHOLE_PLOT, Table
 
 def read_csv(path: Path) -> Table:
     """A CSV table of numbers. Raises `UsageError`."""
-    names, body = _cells_of(path)
-    columns = {
-        name: np.array([_number(path, number, name, row[i]) for number, row in body]) for i, name in enumerate(names)
-    }
+    columns = _all_numbers(path)
+    if columns is None:
+        names, body = _cells_of(path)
+        columns = {n: np.array([_number(path, number, n, row[i]) for number, row in body]) for i, n in enumerate(names)}
     simulated = bool(columns.get("simulated", np.zeros(1)).any())
     return Table(str(path), columns, simulated, {"file": path.name, "simulated": simulated})
 
@@ -37,10 +39,13 @@ def read_any_csv(path: Path, needed: Collection[str]) -> Table:
         UsageError: a needed column is missing, or a value in it is.
 
     """
-    names, body = _cells_of(path)
+    numbers = _all_numbers(path)
+    names, body = (list(numbers), []) if numbers is not None else _cells_of(path)
     for name in needed:
         if name not in names:
             raise UsageError(f"{path}: there is no column {name!r}; it has {', '.join(names)}")
+    if numbers is not None:
+        return Table(str(path), numbers, False, {"file": path.name, "simulated": False})
     columns, text = {}, {}
     for i, name in enumerate(names):
         cells = [row[i].strip() for _, row in body]
@@ -54,6 +59,24 @@ def read_any_csv(path: Path, needed: Collection[str]) -> Table:
                 raise UsageError(f"{path}, row {gaps[0]}, column {name}: the value is missing; fill it in")
             text[name] = np.array(cells)
     return Table(str(path), columns, False, {"file": path.name, "simulated": False}, text=text)
+
+
+def _all_numbers(path: Path) -> dict[str, FloatArray] | None:
+    """Columns of a table of nothing but finite numbers; None: it has to be looked at cell by cell.
+
+    NumPy reads a million rows in a fifth of the time and a tenth of the memory, but does not say what is wrong.
+    """
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file, warnings.catch_warnings():
+            warnings.simplefilter("error")  # no rows
+            names = [name.strip() for name in file.readline().split(",")]
+            values = np.loadtxt(file, np.float64, delimiter=",", comments=None, ndmin=2)
+    except (ValueError, UserWarning):
+        return None
+    named = len(set(names)) == len(names) == values.shape[1] and all(name and '"' not in name for name in names)
+    if not named or not np.isfinite(values).all():
+        return None
+    return dict(zip(names, np.ascontiguousarray(values.T), strict=True))
 
 
 def _cells_of(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
