@@ -11,16 +11,19 @@ from fitter.attitude import attitude_columns, variance_function
 from fitter.calibration import AttitudeFit, fit_all, fit_attitude
 from fitter.data import AttitudeData
 from fitter.linear import LinearFit, RankError, Triangle, least_squares
+from fitter.stream import StreamFit, fit_stream
 
 __all__ = [
     "AttitudeData",
     "AttitudeFit",
     "LinearFit",
     "RankError",
+    "StreamFit",
     "Triangle",
     "attitude_columns",
     "fit_all",
     "fit_attitude",
+    "fit_stream",
     "least_squares",
     "variance_function",
 ]

@@ -116,6 +116,8 @@ class LinearFit:
 class Triangle:
     """All that n rows of [X y] say about the coefficients, in (k + 1, k + 1) numbers; grows by blocks of rows.
 
+    Several responses y share one triangle, which is then [X y_1 y_2 ...]; `of` has that of each alone.
+
     Attributes:
         names: of the k columns.
         r: upper triangle of [X y], or None before the first row.
@@ -128,12 +130,19 @@ class Triangle:
     n: int = 0
 
     def add(self, columns: FloatArray, y: FloatArray) -> Triangle:
-        """Take in a block of rows, (m, k) `columns` and (m,) `y`; gives the grown triangle."""
+        """Take in a block of rows, (m, k) `columns` and (m,) or (m, q) `y`; gives the grown triangle."""
+        if columns.shape[1] != len(self.names):
+            raise ValueError(f"{columns.shape[1]} columns were given for {len(self.names)} names")
         block = np.column_stack([columns, y])
-        if block.shape[1] != len(self.names) + 1:
-            raise ValueError(f"{block.shape[1] - 1} columns were given for {len(self.names)} names")
         stacked = block if self.r is None else np.vstack([self.r, block])
         return Triangle(self.names, np.asarray(np.linalg.qr(stacked, mode="r")), self.n + block.shape[0])
+
+    def of(self, response: int) -> Triangle:
+        """The triangle of one of several responses."""
+        if self.r is None:
+            return self
+        k = len(self.names)
+        return replace(self, r=self.r[:, [*range(k), k + response]])
 
     def solve(self, least: float = 0.0) -> LinearFit:
         """Least-squares coefficients of all rows so far.
