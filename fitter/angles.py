@@ -15,8 +15,9 @@ from fitter.arrays import FloatArray
 def sin_cos(angle_deg: ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Sine and cosine of `angle_deg`, each of its shape."""
     angle = np.asarray(angle_deg, np.float64)
-    quarter = np.round(angle / 90.0)
+    quarter = np.rint(angle / 90.0)
     rest = np.radians(angle - 90.0 * quarter)
     s, c = np.sin(rest), np.cos(rest)
-    turn = np.mod(quarter, 4.0).astype(np.int64)
-    return np.choose(turn, (s, c, -s, -c)), np.choose(turn, (c, -s, -c, s))
+    turn = quarter.astype(np.int64) & 3
+    swapped = (turn & 1).astype(np.bool_)
+    return np.where(swapped, c, s) * (1.0 - (turn & 2)), np.where(swapped, s, c) * (1.0 - (turn + 1 & 2))
