@@ -75,22 +75,23 @@ class Profile:
         """Degrees of freedom of Q, m - p."""
         return len(self.squares)
 
-    def q(self, psi: FloatArray, factor: FloatArray) -> FloatArray:
-        """(n,) Q at (n,) psi and factors."""
-        return np.asarray(np.sum(self.squares / (factor[:, None] + psi[:, None] * self.roots), axis=1))
-
     def psi(self, target: FloatArray, factor: FloatArray) -> FloatArray:
-        """(n,) psi at which Q is (n,) `target`; zero where it is less at psi = 0 already."""
-        positive = self.roots > 1e-12 * self.roots.max()
-        high = np.sum(self.squares) / (target * self.roots[positive].min()) + np.zeros_like(factor)
-        low = np.zeros_like(high)
+        """(n,) psi at which Q is (n,) `target`, for (n,) factors; zero where it is less at psi = 0 already.
+
+        1/Q is concave in psi, and a straight line where all roots are alike: Newton's method on it comes from below
+        and takes a few steps.
+        """
+        psi = np.zeros_like(target)
         for _ in range(100):
-            middle = 0.5 * (low + high)
-            above = self.q(middle, factor) > target
-            low, high = np.where(above, middle, low), np.where(above, high, middle)
-            if np.all(high - low <= 1e-12 * high):
+            shares = self.squares / (factor[:, None] + psi[:, None] * self.roots)
+            q = shares.sum(axis=1)
+            fall = np.sum(shares * self.roots / (factor[:, None] + psi[:, None] * self.roots), axis=1)
+            excess = q > target
+            ahead = np.divide(q * (q / target - 1.0), fall, out=np.zeros_like(q), where=excess & (fall > 0.0))
+            psi += ahead
+            if np.all(ahead <= 1e-12 * psi):
                 break
-        return np.where(self.q(np.zeros_like(factor), factor) <= target, 0.0, 0.5 * (low + high))
+        return psi
 
     def paule_mandel(self) -> float:
         """The estimate of psi."""

@@ -92,7 +92,7 @@ def _today(given: str | None) -> datetime:
 
 
 def _show_sensor(name: str, found: Mapping[str, Any]) -> None:
-    from rig.closed_loop.chart_words import label  # noqa: PLC0415
+    from rig.closed_loop.chart_words import due_date, label  # noqa: PLC0415
     from rig.report.parameters import with_error  # noqa: PLC0415
 
     rows = found["calibrations"]
@@ -114,13 +114,6 @@ def _show_sensor(name: str, found: Mapping[str, Any]) -> None:
     low, high = found["usage_deg"]
     table = RichTable("tolerance / deg", "due", "if calibrations scatter", "if the sensor wanders")
     for due in found["due_by_tolerance"]:
-        table.add_row(f"{due['tolerance_deg']:.2g}", due_cell(due), *(v or "-" for v in due["by_variation"].values()))
+        table.add_row(f"{due['tolerance_deg']:.2g}", due_date(due), *(v or "-" for v in due["by_variation"].values()))
     out.print(table)
     out.print(f"  (95 % probability, pitch {low:g} to {high:g} deg; the earlier of both)")
-
-
-def due_cell(due: Mapping[str, Any]) -> str:
-    """A due date in a table."""
-    if due["status"] == "never within":
-        return "-"
-    return f"{due['date']}{' or later' if due['at_least'] else ''}{' (past)' if due['status'] == 'overdue' else ''}"

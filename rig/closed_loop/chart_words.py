@@ -56,9 +56,20 @@ def due_sentence(due: Mapping[str, Any], count: int, told: bool) -> str:
     return f"due again on {due['date']} (in {due['days']} days) {of}{ends}"
 
 
-def chance(p: float) -> str:
-    """A probability as p 0.003, or p < 0.0001."""
-    return "p < 0.0001" if p < 1e-4 else f"p {p:.2g}"
+def due_date(due: Mapping[str, Any]) -> str:
+    """A due date for a table."""
+    if due["status"] == "never within":
+        return "-"
+    return f"{due['date']}{' or later' if due['at_least'] else ''}{' (past)' if due['status'] == 'overdue' else ''}"
+
+
+def probability(p: float) -> str:
+    """A probability as 0.003, or < 0.0001."""
+    return "< 0.0001" if p < 1e-4 else f"{p:.2g}"
+
+
+def _chance(p: float) -> str:
+    return f"p {probability(p)}"
 
 
 def _change(q: QuantityChart, dates: Sequence[str], S_V: float) -> str:
@@ -66,22 +77,22 @@ def _change(q: QuantityChart, dates: Sequence[str], S_V: float) -> str:
     if q.stepped and q.step is not None:
         between = f"between {dates[q.step.before - 1]} and {dates[q.step.before]}"
         size = with_error(scale * q.step.size, scale * q.step.stderr, sign=True)
-        return f"{label(q.name)} stepped by {size} {unit} {between} ({chance(q.adjusted['step'])})"
+        return f"{label(q.name)} stepped by {size} {unit} {between} ({_chance(q.adjusted['step'])})"
     if q.trend is not None and q.significant("trend"):
         rate = f"{with_error(scale * abs(q.trend.per_year), scale * q.trend.stderr)} {unit}/year"
         falls = q.trend.per_year < 0
-        p = chance(q.adjusted["trend"])
+        p = _chance(q.adjusted["trend"])
         if q.steady:
             return f"{label(q.name)} {'falls' if falls else 'rises'} by {rate} ({p})"
         return (
             f"{label(q.name)} has {'fallen' if falls else 'risen'} by {rate} so far ({p}); a parameter that wanders "
-            f"can do that as well ({chance(q.trend.p_walk)}), so it may not go on"
+            f"can do that as well ({_chance(q.trend.p_walk)}), so it may not go on"
         )
     if q.significant("homogeneity"):
         beyond = f"{scale * q.homogeneity.between_sd:.2g} {unit}"
         return (
             f"{label(q.name)} differs between calibrations by {beyond} (standard deviation) beyond their own error "
-            f"({chance(q.adjusted['homogeneity'])}), without a clear trend"
+            f"({_chance(q.adjusted['homogeneity'])}), without a clear trend"
         )
     return ""
 

@@ -1,0 +1,95 @@
+"""The report of control charts: what changed, when the last calibration is due, and the charts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from rig.atomic import write_whole
+from rig.closed_loop.chart import Charted, SensorChart
+from rig.closed_loop.chart_inputs import as_table
+from rig.closed_loop.chart_words import change_scale, due_date, label, probability, with_error
+from rig.report.chart_plots import error_chart, parameter_charts
+from rig.report.frame import render
+from rig.report.parameters import with_error as estimate_and_error
+from rig.report.words import capitalised
+
+
+def write_chart_report(path: Path, charted: Charted) -> None:
+    """Write a self-contained HTML report, whole or not at all. Raises `UsageError` if the disk refuses."""
+    text = chart_report(charted)
+    write_whole(path, lambda file: file.write(text))
+
+
+def chart_report(charted: Charted) -> str:
+    """The report as HTML."""
+    result = charted.to_json()
+    title = f"Control charts of {', '.join(charted.sensors)}"
+    first, last = charted.given[0], charted.given[-1]
+    return render(
+        "chart.html.j2",
+        as_table(charted.given, title),
+        span_s=(last.when - first.when).total_seconds(),
+        first=first.date,
+        last=last.date,
+        notes=[capitalised(note) for note in charted.notes],
+        sensors=[_sensor(sensor, result["sensors"][name]) for name, sensor in charted.sensors.items()],
+    )
+
+
+def _sensor(sensor: SensorChart, result: Mapping[str, Any]) -> dict[str, Any]:
+    low, high = sensor.usage_deg
+    plots = [{"alt": f"{sensor.name}: control charts of its parameters", "png": parameter_charts(sensor)}]
+    if sensor.chart.bound is not None:
+        plots.append({"alt": f"{sensor.name}: error of the last calibration over date", "png": error_chart(sensor)})
+    return {
+        "name": sensor.name,
+        "model": result["model"],
+        "sentences": result["sentences"],
+        "parameters": list(result["calibrations"][0]["parameters"]),
+        "rows": [_row(row) for row in result["calibrations"]],
+        "tests": [_tests(sensor, name, q) for name, q in result["quantities"].items()],
+        "due_rows": [] if result["due"]["status"] == "too few" else [_due(due) for due in result["due_by_tolerance"]],
+        "usage": f"{low:g} to {high:g}",
+        "plots": plots,
+    }
+
+
+def _row(row: Mapping[str, Any]) -> dict[str, Any]:
+    degC = row["sensor_temperature_degC"]
+    return {
+        "date": row["date"],
+        "values": [" ± ".join(estimate_and_error(v["estimate"], v["stderr"])) for v in row["parameters"].values()],
+        "degC": "-" if degC is None else f"{degC:.2f}",
+        "outside": ", ".join(f"{label(name)} {limit}" for name, limit in row["outside"].items()),
+    }
+
+
+def _tests(sensor: SensorChart, name: str, q: Mapping[str, Any]) -> dict[str, Any]:
+    scale, unit = change_scale(name, sensor.quantities.S_V)
+    trend, step, spread = q["trend"], q["step"], q["homogeneity"]
+    found = next(each for each in sensor.chart.quantities if each.name == name)
+    rate = "-" if trend is None else f"{with_error(scale * trend['per_year'], scale * trend['stderr'])} {unit}"
+    return {
+        "name": label(name),
+        "rate": rate,
+        "p_trend": "-" if trend is None else probability(trend["p_adjusted"]),
+        "p_walk": "-" if trend is None else probability(trend["p_walk"]),
+        "p_homogeneity": probability(spread["p_adjusted"]),
+        "between": f"{scale * spread['between_sd']:.2g} {unit}",
+        "p_step": "-" if step is None else probability(step["p_adjusted"]),
+        "drifts": found.significant("trend"),
+        "differs": found.significant("homogeneity"),
+        "stepped": found.significant("step"),
+    }
+
+
+def _due(due: Mapping[str, Any]) -> dict[str, str]:
+    by = due["by_variation"]
+    return {
+        "tolerance": f"{due['tolerance_deg']:.2g}",
+        "date": due_date(due),
+        "scatter": by["scatter"] or "-",
+        "walk": by["walk"] or "-",
+    }

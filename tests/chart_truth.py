@@ -1,0 +1,97 @@
+"""Histories of one sensor with a known kind of drift, read out as whole calibrations on the bench of attitude_truth.
+
+A sensor's state is offset, sensitivity, and the two parts of its coning angle. Each moves on its own, in units of what
+one calibration can tell: `none` stays, `linear` drifts steadily, `walk` wanders, `scatter` is drawn anew at every
+calibration and at every use, `step` jumps once at an unknown date.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from attitude_truth import D1, Bench, Sensor, simulate
+
+from fitter.history import calibrated, quantities
+
+KINDS = ("none", "scatter", "walk", "step", "linear")
+BENCH = Bench(sensors=(Sensor("x"),), degC_daily=0.0, offset_sd=0.5)
+PLAN = D1(90, 5, 5, replications=3)
+START = np.array([0.002, 5.0, 0.2, 0.5])
+UNIT = np.array([4.5e-6, 1.7e-6, 4e-5, 4e-5])
+"""Standard error within one calibration of V, V/g, deg, deg."""
+USAGE = np.meshgrid(np.linspace(-30, 30, 9), np.arange(0, 360, 15.0))
+
+
+@dataclass(frozen=True)
+class History:
+    """A sensor's past, and its future.
+
+    Attributes:
+        years: (m,) of the calibrations.
+        states: (m, 4) true states at these times.
+        rate: (4,) of a steady drift, per year.
+        kind: of drift.
+        size: of it.
+        rng: what the future is drawn from.
+    """
+
+    years: np.ndarray
+    states: np.ndarray
+    rate: np.ndarray
+    kind: str
+    size: float
+    rng: np.random.Generator
+
+    def after(self, years):
+        """State so long after the last calibration."""
+        last = self.states[-1] + self.rate * years
+        if self.kind == "walk":
+            last = last + self.rng.normal(0, self.size * np.sqrt(years), 4) * UNIT
+        if self.kind == "scatter":
+            last = START + self.rng.normal(0, self.size, 4) * UNIT
+        return last
+
+    def calibrations(self):
+        """Every calibration, fitted."""
+        return [calibrated(simulate(bench_of(s), PLAN, self.rng.integers(2**32))[0], "x_V") for s in self.states]
+
+    def charted(self):
+        """What is charted of it."""
+        self_made = self.calibrations()
+        return quantities(self_made, self.years), self_made[-1]
+
+
+def draw_history(kind, count, rng, size=3.0):
+    """A history of so many calibrations, half a year apart but for some weeks; `size` in units, and years of them."""
+    years = np.arange(count) * 0.5 + rng.uniform(-0.05, 0.05, count)
+    years = years - years[0]
+    moved, rate = np.zeros((count, 4)), np.zeros(4)
+    if kind == "linear":
+        rate = size * rng.choice([-1.0, 1.0], 4)
+        moved = years[:, None] * rate
+    elif kind == "walk":
+        steps = rng.normal(0, size, (count - 1, 4)) * np.sqrt(np.diff(years))[:, None]
+        moved[1:] = np.cumsum(steps, axis=0)
+    elif kind == "scatter":
+        moved = rng.normal(0, size, (count, 4))
+    elif kind == "step":
+        at = rng.integers(1, count)
+        moved[at:] = size * rng.choice([-1.0, 1.0], 4)
+    return History(years, START + moved * UNIT, rate * UNIT, kind, size, rng)
+
+
+def bench_of(state):
+    b, S, along, across = state
+    sensor = Sensor("x", b=b, S=S, Omega_deg=np.hypot(along, across), A_deg=np.degrees(np.arctan2(across, along)))
+    return replace(BENCH, sensors=(sensor,))
+
+
+def largest_error_deg(state, last):
+    """Largest error of the output within +-30 deg of pitch, when a sensor in this state is used with `last`."""
+    pitch, roll = (angle.ravel() for angle in USAGE)
+    zero = np.zeros_like(pitch)
+    true = bench_of(state).outputs(pitch, roll, zero + 23.0, zero, zero, zero, zero)["x_V"]
+    a, r = np.radians(pitch), np.radians(roll)
+    h = np.column_stack([np.ones_like(a), np.sin(a), np.cos(a) * np.sin(r), np.cos(a) * np.cos(r)])
+    return float(np.degrees(np.abs(true - h @ last.coefficients).max() / state[1]))
