@@ -1,0 +1,207 @@
+"""`rig chart`: several dry runs of one bench whose x sensor loses sensitivity, as a user has them."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import pytest
+from dry import LAB, SHORT, dry
+
+from rig.closed_loop import fit_table
+from rig.closed_loop.chart import chart_calibrations
+from rig.closed_loop.chart_inputs import read_all
+from rig.errors import UsageError
+from rig.report.chart import chart_report
+from rig.tables import run_table, write_csv
+
+PROCEDURE = SHORT.replace("replications = 2", "replications = 4")
+PPM_PER_YEAR = -20.0
+FIRST = datetime(2024, 1, 15, 18, tzinfo=UTC)
+TODAY = datetime(2026, 1, 1, tzinfo=UTC)
+
+
+def make_run(folder, number, *, bench=LAB / "bench.toml", text=PROCEDURE, ppm=None):
+    """A dry run half a year after the one before, of a sensor that is so much less sensitive."""
+    began = FIRST + timedelta(days=182 * number)
+    ppm = PPM_PER_YEAR * 182 / 365.25 * number if ppm is None else ppm
+    world = folder / f"world-{number}.toml"
+    world.write_text(
+        f"seed = {number + 101}\nepoch = {began:%Y-%m-%dT%H:%M:%S}Z\n"
+        f"[sensors.x]\nsensitivity_V_per_g = {5.02 * (1 + 1e-6 * ppm):.9f}\nconing_deg = 0.2\nnoise_V = 25e-6\n"
+    )
+    return str(dry(folder, bench=bench, world=world, text=text))
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("history")
+    return [make_run(folder, number) for number in range(5)]
+
+
+@pytest.fixture(scope="module")
+def charted(runs):
+    return chart_calibrations(read_all(runs), TODAY, sensors=["x_V"], tolerance_deg=1e-3, usage_deg=30)
+
+
+@pytest.fixture(scope="module")
+def tables(runs, tmp_path_factory):
+    """The runs as tables that know nothing of where they are from, with their dates."""
+    folder, named = tmp_path_factory.mktemp("tables"), []
+    for number, run in enumerate(runs):
+        columns = {k: v for k, v in run_table(folder / run).columns.items() if k != "simulated"}
+        write_csv(columns, folder / f"{number}.csv")
+        named.append(f"{folder / f'{number}.csv'}@{FIRST + timedelta(days=182 * number):%Y-%m-%d}")
+    return named
+
+
+def rig(*arguments):
+    command = [sys.executable, "-m", "rig", "chart", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def test_the_drift_is_found_and_named(charted):
+    found = charted.to_json()["sensors"]["x_V"]
+    trend = found["quantities"]["S_V"]["trend"]
+    rate, half = (1e6 * trend[key] / 5.02 for key in ("per_year", "half_width_95"))
+    assert abs(rate - PPM_PER_YEAR) < half < 6
+    assert re.match(r"x_V: sensitivity falls by [\d.]+ \+- [\d.]+ ppm/year \(p ", found["sentences"][0])
+    assert all(q["trend"]["p_adjusted"] > 0.01 for name, q in found["quantities"].items() if name != "S_V")
+    assert [row["date"] for row in found["calibrations"]][:2] == ["2024-01-15", "2024-07-15"]
+
+
+def test_the_due_date_follows_tolerance_and_today(charted):
+    sensor = charted.sensors["x_V"]
+    due = sensor.due(1e-3)
+    assert due["status"] == "due"
+    last = sensor.last.date()
+    gone = (datetime.fromisoformat(due["date"]).date() - last).days
+    # 20 ppm a year at half of 1 g: 5.7e-4 deg a year, so without any doubt it would take 1.7 years
+    assert 60 < gone < 1.7 * 365
+    assert due["days"] == (last + timedelta(days=gone) - TODAY.date()).days
+    later = [sensor.due(t).get("date", "") for t in (3e-4, 6e-4, 1e-3, 1.5e-3, 1.0)]
+    assert later == sorted(later)
+    assert sensor.due(1e-5)["status"] == "never within"
+    assert sensor.due(1.0)["at_least"]
+    overdue = chart_calibrations(
+        read_all([one.source for one in charted.given]),
+        datetime(2030, 1, 1, tzinfo=UTC),
+        tolerance_deg=1e-3,
+        usage_deg=30,
+    )
+    assert overdue.sensors["x_V"].due(1e-3)["status"] == "overdue"
+    assert "already due" in overdue.to_json()["sensors"]["x_V"]["sentences"][-1]
+
+
+def test_the_tolerance_that_nobody_gave_is_the_interval_of_one_reading(charted):
+    """t times the noise of a reading: 25 uV a second over 4 readings, in degrees of a 5.02 V/g sensor."""
+    sensor = chart_calibrations(charted.given, TODAY).sensors["x_V"]
+    sigma = charted.given[-1].sensors["x_V"].sigma_V / 5.02 * 57.3
+    assert 1.9 * sigma < sensor.tolerance_deg < 2.3 * sigma
+    assert not sensor.told
+
+
+def test_two_calibrations_are_compared_and_no_more(runs):
+    found = chart_calibrations(read_all([runs[0], runs[4]]), TODAY, sensors=["x_V"]).to_json()["sensors"]["x_V"]
+    assert found["quantities"]["S_V"]["trend"] is None
+    assert found["quantities"]["S_V"]["homogeneity"]["p"] < 0.01
+    assert found["due"]["status"] == "too few"
+    assert "no due date before there are three calibrations, there are 2" in found["sentences"][-1]
+
+
+def test_a_step_is_dated_and_put_beside_a_change_of_instruments(runs, tmp_path):
+    bench = tmp_path / "bench.toml"
+    bench.write_text((LAB / "bench.toml").read_text().replace("DVM-0102", "DVM-0999"))
+    first = [make_run(tmp_path, number, ppm=0.0) for number in range(4)]
+    after = [make_run(tmp_path, number, ppm=200.0, bench=bench) for number in range(4, 7)]
+    charted = chart_calibrations(read_all([*first, *after]), TODAY, sensors=["x_V"])
+    sentences = " ".join(charted.to_json()["sensors"]["x_V"]["sentences"])
+    stepped = re.search(r"sensitivity stepped by \+(\S+) \+- (\S+) ppm between 2025-07-14 and 2026-01-12", sentences)
+    assert stepped, sentences
+    assert abs(float(stepped[1]) - 200) < 4 * float(stepped[2])
+    note = "between 2025-07-14 and 2026-01-12 the scanner changed from"
+    assert any(n.startswith(note) and "DVM-0999" in n for n in charted.notes)
+    assert len(charted.notes) == 1
+
+
+def test_tables_with_dates_give_the_same(charted, tables):
+    found = chart_calibrations(read_all(tables), TODAY, sensors=["x_V"], tolerance_deg=1e-3, usage_deg=30)
+    mine, theirs = (c.to_json()["sensors"]["x_V"]["quantities"]["S_V"] for c in (found, charted))
+    assert mine["values"] == pytest.approx(theirs["values"], rel=1e-12)
+    assert mine["trend"]["per_year"] == pytest.approx(theirs["trend"]["per_year"], rel=1e-3)
+    assert not found.simulated
+
+
+def test_calibration_files_stand_for_their_runs(runs, charted, tmp_path):
+    files = []
+    for number, run in enumerate(runs):
+        files.append(run)
+        if number % 2 == 0:  # any mixture will do
+            files[-1] = str(tmp_path / f"{number}.json")
+            (tmp_path / f"{number}.json").write_text(json.dumps(fit_table(run_table(Path(run)))))
+    found = chart_calibrations(read_all(files), TODAY, sensors=["x_V"], tolerance_deg=1e-3, usage_deg=30)
+    mine, theirs = (c.to_json()["sensors"]["x_V"] for c in (found, charted))
+    for name in ("b_V", "S_V"):
+        assert mine["quantities"][name]["stderr"] == pytest.approx(theirs["quantities"][name]["stderr"], rel=1e-3)
+    assert mine["quantities"]["S_V"]["values"] == pytest.approx(theirs["quantities"]["S_V"]["values"], rel=1e-9)
+    assert found.simulated
+    with pytest.raises(UsageError, match="are the same run"):
+        read_all([files[0], runs[0], runs[1]])
+
+
+def test_what_does_not_belong_together_is_refused(runs, tables, tmp_path):
+    for given, message in (
+        (runs[:1], "at least two"),
+        ([runs[0], tables[1]], "is simulated and"),
+        ([runs[0], runs[0]], "are the same run"),
+        ([tables[0], tables[0].partition("@")[0]], "does not say when it was measured: write"),
+        ([tables[0], tables[1].partition("@")[0] + "@soon"], "'soon' is no date"),
+        ([runs[0] + "@2024-01-01", runs[1]], "says itself when it was measured"),
+        ([tables[0], tables[1].partition("@")[0] + "@2024-01-15"], "of the same time"),
+        ([str(tmp_path / "no.sqlite"), runs[0]], "there is no file"),
+    ):
+        with pytest.raises(UsageError, match=re.escape(message)):
+            read_all(given)
+    with pytest.raises(UsageError, match="has no sensor w_V; it has x_V"):
+        chart_calibrations(read_all(runs[:2]), TODAY, sensors=["w_V"])
+    flat = make_run(tmp_path, 9, text=PROCEDURE.replace("roll_deg = [-120, 0, 120]", "roll_deg = [0]"))
+    with pytest.raises(UsageError, match=r"attitude-x in .* and attitude-no-roll in"):
+        chart_calibrations(read_all([runs[0], flat]), TODAY)
+
+
+def test_notes_say_what_is_doubtful(runs, tmp_path):
+    once = [make_run(tmp_path, n, text=SHORT.replace("replications = 2", "replications = 1")) for n in (0, 1)]
+    charted = chart_calibrations(read_all(once), TODAY, sensors=["x_V"], usage_deg=120)
+    assert any("no calibration has two replications" in note for note in charted.notes)
+    assert any("more than was calibrated last" in note for note in charted.notes)
+
+
+def test_command_prints_tables_sentences_and_json(runs, tmp_path):
+    report = tmp_path / "chart.html"
+    shown = rig(
+        *runs, "--sensor", "x_V", "--tolerance", "1e-3", "--usage", 30, "--today", "2026-01-01", "--report", report
+    )
+    assert shown.returncode == 0, shown.stderr
+    words = " ".join(shown.stdout.split())
+    assert words.startswith("SIMULATED 5 calibrations from 2024-01-15 to 2026-01-12")
+    assert "sensitivity falls by" in words
+    assert "due again on 2026-" in words
+    assert "SIMULATED: no real instrument" in report.read_text()
+    told = rig(*runs, "--json", "--today", "2026-01-01")
+    found = json.loads(told.stdout)
+    assert set(found["sensors"]) == {"x_V", "y_V", "z_V"}
+    assert found["data"]["simulated"] is True
+    refused = rig(*runs, "--report", runs[0])
+    assert (refused.returncode, "is not overwritten" in refused.stderr) == (2, True)
+
+
+def test_report_holds_charts_tests_and_where_everything_is_from(charted):
+    html = chart_report(charted)
+    assert html.count("data:image/png;base64,") == 2
+    assert all(one.provenance["run_id"] in html for one in charted.given)
+    assert charted.to_json()["sensors"]["x_V"]["sentences"][0] in html
+    assert "the earlier of both" in html.lower()
