@@ -3,6 +3,7 @@
     python -m benchmarks.bench_least_squares            speed and stream
     python -m benchmarks.bench_least_squares speed      2,886 points: ours, lmfit, numpy
     python -m benchmarks.bench_least_squares stream     1e4, 1e5, 1e6 points a block at a time
+    python -m benchmarks.bench_least_squares digits     NIST's eleven linear problems: digits that are right
     python -m benchmarks.bench_least_squares csv        a table of a million rows through `rig fit` (a minute, 135 MB)
 
 lmfit comes with `pip install -e '.[bench]'`; without it its line is left out. The bench is that of the fitter's tests
@@ -29,9 +30,11 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 
 from attitude_truth import D1, Bench, simulate
+from nist import PROBLEMS, digits
 
 from fitter import AttitudeData, attitude_columns, fit_attitude, fit_stream, least_squares
 from fitter.attitude import COLUMNS, attitude_parameters, fit_columns
+from fitter.formula import Formula
 from fitter.linear import Triangle
 from fitter.refine import refine
 
@@ -130,6 +133,20 @@ def compare(own, theirs):
     )
 
 
+def digits_right():
+    headings = ("coefficients", "their errors", "sigma", "numpy's lstsq")
+    print(f"{'fewest digits right, of 15':28s}" + " ".join(f"{heading:>13s}" for heading in headings))
+    for name, problem in PROBLEMS.items():
+        names, columns = Formula.parse(problem.model).exact_columns(problem.columns)
+        y = problem.columns["y"]
+        fit = least_squares(columns.hi, y, names, tails=columns.lo)
+        theirs = np.linalg.lstsq(columns.hi, y, rcond=None)[0]
+        found = (fit.coefficients, fit.stderr, [fit.sigma], theirs)
+        certified = (problem.coefficients, problem.stderr, [problem.sigma], problem.coefficients)
+        least = [min(map(digits, f, c)) for f, c in zip(found, certified, strict=True)]
+        print(f"{name:10s} condition {fit.condition:7.1e}" + " ".join(f"{max(value, 0.0):13.1f}" for value in least))
+
+
 def points(count):
     """Blocks of random attitudes and what three sensors read there, made as they are asked for."""
     rng = np.random.default_rng(7)
@@ -218,4 +235,4 @@ if __name__ == "__main__":
         elif what == "write":
             write(given)
         else:
-            {"speed": speed, "stream": stream, "csv": csv}[what]()
+            {"speed": speed, "stream": stream, "csv": csv, "digits": digits_right}[what]()

@@ -233,9 +233,10 @@ def test_uneven_angles_are_listed():
 # --- words ---------------------------------------------------------------------------------------------------------
 
 
-def side(points, *, T_bias=0.5, T_b=0.5, T_S=0.5, residual=1.0, ratio=1.0, inside=0.95):
+def side(points, *, T_bias=0.5, T_b=0.5, T_S=0.5, residual=1.0, ratio=1.0, inside=0.95, shift=0.0):
     sensor = {"T_bias": T_bias, "F_bias_95": 1.2, "T_b": T_b, "T_S": T_S, "F_bS_95": 2.2}
     sensor |= {"residual_deg": residual, "interval_ratio": ratio, "coverage95": inside}
+    sensor |= {"shift": {"1": 0.2, "sin(pitch)": shift}}
     sensor |= {"p_bias": 1e-9 if T_bias > 2 else 0.03, "p_b": 1e-9 if T_b > 3 else 0.03, "p_S": 0.5}
     return {"name": str(points), "points": points, "share": points / 481, "sensors": {"x_V": sensor}}
 
@@ -248,6 +249,7 @@ def test_what_was_found_kept_and_lost_is_said():
         "by these alone"
     )
     assert "hold only 66 % of the readings" in sentence(full, side(6, inside=0.66))
+    assert "a coefficient of x_V off by 4.2 of its standard errors" in sentence(full, side(73, shift=-4.2))
     assert "no calibration interval at all" in sentence(full, side(4, ratio=None, inside=None))
 
 

@@ -15,6 +15,9 @@ _AS_GOOD = 1.02
 _TOO_FEW_INSIDE = 0.9
 """Share of the readings within 95 % intervals that is worth a word."""
 
+_MUCH = 3.0
+"""Standard errors between a coefficient of the fraction and of the whole run that are worth a word: too small ones."""
+
 _FINDINGS = {"T_bias": "lack of fit", "T_b": "offset drift", "T_S": "sensitivity drift"}
 _P = {"T_bias": "p_bias", "T_b": "p_b", "T_S": "p_S"}
 _ALPHA = 0.05
@@ -60,10 +63,21 @@ def sentence(full: Mapping[str, Any], part: Mapping[str, Any]) -> str:
     inside = [s["coverage95"] for s in sensors.values() if s["coverage95"] is not None]
     if inside and min(inside) < _TOO_FEW_INSIDE:
         said.append(f"its 95 % prediction intervals hold only {100.0 * min(inside):.0f} % of the readings")
+    said += _shifted(sensors)
     for test, what in _FINDINGS.items():
         said += _found(full, part, test, what)
     share = f"{part['points']} of {full['points']} points ({100.0 * part['share']:.0f} % of the time)"
     return f"{share} would have cost: {'; '.join(said)}"
+
+
+def _shifted(sensors: Mapping[str, Any]) -> list[str]:
+    largest = {
+        name: max((abs(v) for v in s["shift"].values() if v is not None), default=0.0) for name, s in sensors.items()
+    }
+    worst = max(largest, key=lambda name: largest[name])
+    if largest[worst] < _MUCH:
+        return []
+    return [f"a coefficient of {worst} off by {largest[worst]:.1f} of its standard errors"]
 
 
 def _found(full: Mapping[str, Any], part: Mapping[str, Any], test: str, what: str) -> list[str]:
