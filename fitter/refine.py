@@ -25,6 +25,7 @@ _STEPS = 4
 """Corrections of (B'B)^-1 B'y, each to a thousandth of the error before it, or at once to rounding."""
 
 
+@np.errstate(over="ignore", invalid="ignore")  # magnitudes beyond 1e300 end in None
 def refine(
     columns: FloatArray, tails: FloatArray | None, y: FloatArray, root: FloatArray
 ) -> tuple[FloatArray, FloatArray, float] | None:
@@ -37,7 +38,7 @@ def refine(
         root: (k, k) with root @ root.T near (X'X)^-1.
 
     Returns:
-        None where `root` is too far off for a correction to find its way.
+        None where `root` is too far off for a correction to find its way, or magnitudes are beyond 1e300.
 
     """
     x = DoubleDouble(columns, np.zeros_like(columns) if tails is None else tails)
@@ -65,7 +66,8 @@ def refine(
             break
     coefficients = _times(DoubleDouble.of(root), z)
     residual = DoubleDouble.of(y) - _times(x, coefficients)
-    return coefficients.hi, better, float((residual * residual).sum().hi)
+    rss = float((residual * residual).sum().hi)
+    return (coefficients.hi, better, rss) if np.isfinite([*coefficients.hi, rss]).all() else None
 
 
 def _times(matrix: DoubleDouble, right: FloatArray | DoubleDouble) -> DoubleDouble:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import tracemalloc
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -93,3 +95,10 @@ def test_several_responses_share_a_triangle():
         assert fit.rss == pytest.approx(rss[0], rel=1e-12)
     with pytest.raises(ValueError, match="2 columns were given for 3 names"):
         both.add(columns[:, :2], y)
+
+
+def test_the_documents_example_prints_what_it_says(capsys):
+    text = (Path(__file__).parent.parent / "docs" / "least_squares.md").read_text(encoding="utf-8")
+    code, printed = re.search(r"```python\n(.*?)```\n\nprints\n\n```\n(.*?)```", text, re.DOTALL).groups()
+    exec(compile(code, "least_squares.md", "exec"), {})
+    assert capsys.readouterr().out == printed

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import subprocess
 import sys
 import tomllib
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,6 +23,7 @@ from rig.closed_loop.fractions import compare_fractions, family, nearest, tumble
 from rig.errors import UsageError
 from rig.tables import Table, write_csv
 
+DOCUMENT = Path(__file__).parent.parent / "docs" / "fractions.md"
 CLEAN = Bench()
 PADS = replace(CLEAN, compliance={("y", "x"): 1.5e-3})
 """sigma_prec 1.5e-4 deg, and isolation pads that give so much that sigma_bias of x is the paper's 3.7e-4 deg."""
@@ -92,6 +95,12 @@ def test_the_family_thins_out_and_keeps_the_corners(night):
         corners = {(a, r) for a in (-180.0, 180.0) for r in (-180.0, 180.0)}
         assert corners <= set(zip(night.pitch_deg[rows], night.roll_deg[rows], strict=True))
         assert np.count_nonzero(rows) == 6 * part.points
+
+
+def test_the_document_lists_the_family(night):
+    listed = re.findall(r"^(\d+ x \d+ \(\d, \d\)) +(\d+) +\d", DOCUMENT.read_text(encoding="utf-8"), re.MULTILINE)
+    family_of_night = [(part.name, str(part.points)) for part in family(MeasuredGrid.of(night))]
+    assert listed[: len(family_of_night)] == family_of_night
 
 
 def test_readbacks_with_noise_are_the_same_grid(night):

@@ -18,6 +18,7 @@ from fitter import Triangle, least_squares
 from fitter.double_double import DoubleDouble
 from fitter.formula import Formula
 from fitter.linear import CONDITION
+from fitter.refine import refine
 from rig.closed_loop.general import fit_general
 
 EVERY = pytest.mark.parametrize("problem", PROBLEMS.values(), ids=PROBLEMS.keys())
@@ -135,6 +136,26 @@ def test_more_rows_than_are_worth_it_are_left_as_they_are(monkeypatch):
     fit = least_squares(columns, wampler.columns["y"], names)
     plain = Triangle(names).add(columns, wampler.columns["y"]).solve()
     np.testing.assert_array_equal(fit.coefficients, plain.coefficients)
+
+
+@pytest.mark.parametrize("scale", [2.0**450, 2.0**-450])
+def test_the_unit_of_a_column_does_not_matter(scale):
+    """A power of two changes no digit of anything."""
+    filip = PROBLEMS["Filip"]
+    names, columns = Formula.parse(filip.model).exact_columns(filip.columns)
+    plain = least_squares(columns.hi, filip.columns["y"], names, tails=columns.lo)
+    scaled = least_squares(scale * columns.hi, filip.columns["y"], names, tails=scale * columns.lo)
+    np.testing.assert_allclose(scaled.coefficients * scale, plain.coefficients, rtol=1e-14)
+    np.testing.assert_allclose(scaled.stderr * scale, plain.stderr, rtol=1e-13)
+
+
+def test_what_cannot_be_refined_is_left_as_it_is():
+    """Columns beyond 1e300 overflow in twice-long products."""
+    x = np.linspace(1.0, 1.01, 20)
+    columns = np.column_stack([np.ones(20), x])
+    root = least_squares(columns, x, ["1", "x"]).root
+    assert refine(1e302 * columns, None, x, root / 1e302) is None
+    assert refine(columns, None, x, root) is not None
 
 
 numbers = st.floats(min_value=1e-100, max_value=1e100).flatmap(lambda v: st.sampled_from([v, -v]))
