@@ -6,4 +6,5 @@ import rig.cli.demo
 import rig.cli.infer
 import rig.cli.plan
 import rig.cli.run
-import rig.cli.sim  # noqa: F401
+import rig.cli.sim
+import rig.cli.study  # noqa: F401

@@ -1,0 +1,106 @@
+"""A sentence or a number of the paper beside what is computed, and whether the two agree."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+SMALL = 10.0
+"""What "insignificant", "nearly constant", "small" are taken to mean, in percent; "significant" is more than this."""
+
+
+@dataclass(frozen=True)
+class Statement:
+    """One of them.
+
+    Attributes:
+        where: figure, table or section of NASA/TP-1999-209835.
+        says: what it says there, shortened.
+        printed: as printed; empty where the paper gives no number.
+        computed: the same quantity as computed here.
+        difference: computed less printed; empty where there is no number.
+        criterion: what agreement means.
+        agrees: whether it is met.
+        note: why not, or what else there is to say.
+
+    """
+
+    where: str
+    says: str
+    printed: str
+    computed: str
+    difference: str
+    criterion: str
+    agrees: bool
+    note: str = ""
+
+
+def digits(
+    where: str, says: str, printed: float, computed: float, decimals: int, unit: str = "", note: str = ""
+) -> Statement:
+    """A printed number that must come out in all its printed digits.
+
+    Args:
+        where: figure, table or section.
+        says: what the number is.
+        printed: the number.
+        computed: the same, computed.
+        decimals: how many the print has.
+        unit: of both.
+        note: to be shown beside it.
+
+    """
+    shown = decimals + 1 if decimals else 0
+    return Statement(
+        where,
+        says,
+        _number(printed, decimals, unit),
+        _number(computed, shown, unit),
+        _difference(computed - printed, shown),
+        "printed digits",
+        round(computed, decimals) == round(printed, decimals),
+        note,
+    )
+
+
+def about(
+    where: str, says: str, printed: float, computed: float, room: float, unit: str = "", note: str = ""
+) -> Statement:
+    """A number the paper gives in words ("approximately 15 percent"): within `room` of it, in its own unit."""
+    return Statement(
+        where,
+        says,
+        _number(printed, 0 if printed == round(printed) else 3, unit),
+        _number(computed, 1 if unit == "%" else 3, unit),
+        _difference(computed - printed, 1 if unit == "%" else 3),
+        f"within {room:g}{_gap(unit)}",
+        abs(computed - printed) <= room,
+        note,
+    )
+
+
+def below(where: str, says: str, computed: float, limit: float, unit: str = "", note: str = "") -> Statement:
+    """Something the paper calls small, insignificant, constant: less than `limit`."""
+    return Statement(where, says, "", _short(computed, unit), "", f"< {limit:g}{_gap(unit)}", computed < limit, note)
+
+
+def above(where: str, says: str, computed: float, limit: float, unit: str = "", note: str = "") -> Statement:
+    """Something the paper calls large, significant, unbounded: more than `limit`."""
+    return Statement(where, says, "", _short(computed, unit), "", f"> {limit:g}{_gap(unit)}", computed > limit, note)
+
+
+def _difference(value: float, decimals: int) -> str:
+    """Without the sign of a zero, which another machine may have otherwise."""
+    return f"{round(value, decimals) + 0.0:+.{decimals}f}" if round(value, decimals) else "0"
+
+
+def _gap(unit: str) -> str:
+    return f" {unit}" if unit else ""
+
+
+def _number(value: float, decimals: int, unit: str) -> str:
+    return f"{value:.{decimals}f}{_gap(unit)}"
+
+
+def _short(value: float, unit: str) -> str:
+    """Rounding errors count as nothing: another machine has others."""
+    return f"{value if abs(value) > 1e-9 else 0.0:.3g}{_gap(unit)}"

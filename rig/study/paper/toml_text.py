@@ -1,0 +1,35 @@
+"""TOML from plain values: the standard library reads it and does not write it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from datetime import date, datetime
+from typing import Any
+
+
+def toml_text(values: Mapping[str, Any]) -> str:
+    """The text of a TOML file: tables of tables, texts, numbers, dates, and lists of all of these."""
+    return "\n".join(_lines(values, "")) + "\n"
+
+
+def _lines(table: Mapping[str, Any], path: str) -> Iterator[str]:
+    plain = {key: value for key, value in table.items() if not isinstance(value, Mapping)}
+    if path and (plain or len(plain) == len(table)):
+        yield f"\n[{path}]"
+    yield from (f"{json.dumps(key)} = {_value(value)}" for key, value in plain.items())
+    for key, value in table.items():
+        if isinstance(value, Mapping):
+            yield from _lines(value, f"{path}.{json.dumps(key)}" if path else json.dumps(key))
+
+
+def _value(value: object) -> str:
+    if isinstance(value, (datetime, date)):
+        return value.isoformat()
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(_value(item) for item in value) + "]"
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{json.dumps(key)} = {_value(item)}" for key, item in value.items()) + "}"
+    if isinstance(value, (bool, int, float, str)):
+        return json.dumps(value)  # texts, numbers and truth values are written alike in JSON
+    raise TypeError(f"{value!r} has no place in a TOML file")
