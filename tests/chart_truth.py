@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from attitude_truth import D1, Bench, Sensor, simulate
 
-from fitter.history import calibrated, quantities
+from fitter.history import attitude_charted, calibrated
 
 KINDS = ("none", "scatter", "walk", "step", "linear")
 BENCH = Bench(sensors=(Sensor("x"),), degC_daily=0.0, offset_sd=0.5)
@@ -59,7 +59,7 @@ class History:
     def charted(self):
         """What is charted of it."""
         self_made = self.calibrations()
-        return quantities(self_made, self.years), self_made[-1]
+        return attitude_charted(self_made, self.years), self_made[-1]
 
 
 def draw_history(kind, count, rng, size=3.0):

@@ -45,7 +45,7 @@ def runs(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def charted(runs):
-    return chart_calibrations(read_all(runs), TODAY, sensors=["x_V"], tolerance_deg=1e-3, usage_deg=30)
+    return chart_calibrations(read_all(runs), TODAY, sensors=["x_V"], tolerance=1e-3, usage_deg=30)
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +90,7 @@ def test_the_due_date_follows_tolerance_and_today(charted):
     overdue = chart_calibrations(
         read_all([one.source for one in charted.given]),
         datetime(2030, 1, 1, tzinfo=UTC),
-        tolerance_deg=1e-3,
+        tolerance=1e-3,
         usage_deg=30,
     )
     assert overdue.sensors["x_V"].due(1e-3)["status"] == "overdue"
@@ -101,7 +101,7 @@ def test_the_tolerance_that_nobody_gave_is_the_interval_of_one_reading(charted):
     """t times the noise of a reading: 25 uV a second over 4 readings, in degrees of a 5.02 V/g sensor."""
     sensor = chart_calibrations(charted.given, TODAY).sensors["x_V"]
     sigma = charted.given[-1].sensors["x_V"].sigma_V / 5.02 * 57.3
-    assert 1.9 * sigma < sensor.tolerance_deg < 2.3 * sigma
+    assert 1.9 * sigma < sensor.tolerance < 2.3 * sigma
     assert not sensor.told
 
 
@@ -129,7 +129,7 @@ def test_a_step_is_dated_and_put_beside_a_change_of_instruments(runs, tmp_path):
 
 
 def test_tables_with_dates_give_the_same(charted, tables):
-    found = chart_calibrations(read_all(tables), TODAY, sensors=["x_V"], tolerance_deg=1e-3, usage_deg=30)
+    found = chart_calibrations(read_all(tables), TODAY, sensors=["x_V"], tolerance=1e-3, usage_deg=30)
     mine, theirs = (c.to_json()["sensors"]["x_V"]["quantities"]["S_V"] for c in (found, charted))
     assert mine["values"] == pytest.approx(theirs["values"], rel=1e-12)
     assert mine["trend"]["per_year"] == pytest.approx(theirs["trend"]["per_year"], rel=1e-3)
@@ -143,7 +143,7 @@ def test_calibration_files_stand_for_their_runs(runs, charted, tmp_path):
         if number % 2 == 0:  # any mixture will do
             files[-1] = str(tmp_path / f"{number}.json")
             (tmp_path / f"{number}.json").write_text(json.dumps(fit_table(run_table(Path(run)))))
-    found = chart_calibrations(read_all(files), TODAY, sensors=["x_V"], tolerance_deg=1e-3, usage_deg=30)
+    found = chart_calibrations(read_all(files), TODAY, sensors=["x_V"], tolerance=1e-3, usage_deg=30)
     mine, theirs = (c.to_json()["sensors"]["x_V"] for c in (found, charted))
     for name in ("b_V", "S_V"):
         assert mine["quantities"][name]["stderr"] == pytest.approx(theirs["quantities"][name]["stderr"], rel=1e-3)

@@ -12,7 +12,7 @@ from chart_truth import BENCH, PLAN, START, UNIT, bench_of, draw_history, larges
 from scipy import special, stats
 
 from fitter import fit_all
-from fitter.history import Between, Series, calibrated, error_bound, homogeneity, limits, quantities, step, trend
+from fitter.history import Between, Series, attitude_charted, calibrated, error_bound, homogeneity, limits, step, trend
 from fitter.history.chart import holm
 from fitter.history.components import Profile
 from fitter.history.forecast import ErrorBound, predict
@@ -175,18 +175,20 @@ def test_what_a_change_of_a_parameter_does_to_the_output_is_what_the_sensor_does
     after = replace(before, b=before.b + 2e-5, S=before.S * (1 + 3e-6), Omega_deg=3.0002, A_deg=70.003)
     benches = [Bench(sensors=(s,), sigma_deg=1e-12, degC_daily=0.0) for s in (before, after)]
     name = f"{axis}_V"
-    found = quantities([calibrated(simulate(b, plan, 1)[0], name) for b in benches], np.array([0.0, 1.0]))
+    found = attitude_charted([calibrated(simulate(b, plan, 1)[0], name) for b in benches], np.array([0.0, 1.0]))
     change = np.array([np.diff(s.values)[0] for s in found.series])
     rng = np.random.default_rng(1)
     pitch, roll = rng.uniform(-90, 90, 20), rng.uniform(-180, 180, 20) * (len(rolls) > 1)
     zero = np.zeros(20)
     old, new = (b.outputs(pitch, roll, zero + 23.0, zero, zero, zero, zero)[name] for b in benches)
-    volts = np.radians(found.output_rows(pitch, roll) @ change) * found.S_V
+    volts = np.radians(found.output_rows(pitch, roll) @ change) * found.sensitivity
     assert volts == pytest.approx(new - old, abs=1e-8)
 
 
 def test_charted_axis_is_the_true_one():
-    found = quantities([calibrated(simulate(bench_of(START), PLAN, seed)[0], "x_V") for seed in (1, 2)], np.arange(2.0))
+    found = attitude_charted(
+        [calibrated(simulate(bench_of(START), PLAN, seed)[0], "x_V") for seed in (1, 2)], np.arange(2.0)
+    )
     values = np.array([s.values.mean() for s in found.series])
     assert np.abs((values - START) / UNIT).max() < 4
     assert found.parameters[0] == pytest.approx(
@@ -198,7 +200,7 @@ def test_standard_errors_of_the_papers_parameters_are_those_of_the_fit_where_not
     bench = replace(BENCH, offset_sd=0.0)
     plan = replace(PLAN, replications=60)
     data = simulate(bench, plan, 3)[0]
-    found = quantities([calibrated(data, "x_V")] * 2, np.arange(2.0))
+    found = attitude_charted([calibrated(data, "x_V")] * 2, np.arange(2.0))
     assert found.stderr[0] == pytest.approx(fit_all(data)["x_V"].parameters.stderr, rel=0.25)
 
 

@@ -26,6 +26,7 @@ from fitter.attitude import (
 )
 from fitter.calibration import AttitudeFit, fit_attitude
 from fitter.data import AttitudeData
+from fitter.history.charted import Charted
 from fitter.history.series import Series
 from fitter.linear import RankError
 
@@ -110,47 +111,17 @@ def _between_replications(
 
 
 @dataclass(frozen=True, eq=False)
-class Quantity:
-    """A parameter that is charted: linear in the coefficients.
+class AttitudeCharted(Charted):
+    """Offset, sensitivity along the mean sensitive axis, and how that axis turns.
 
     Attributes:
-        name: with its unit.
-        offset: what is added to `direction` @ coefficients.
-        direction: (k,).
-        reference: what changes are stated relative to, None where they stand for themselves.
+        directions: (q, k) each charted parameter over the coefficients, but for a constant.
+        axis: (3, q) what a unit of each adds to the sensitive axis times sensitivity, V/g.
 
     """
 
-    name: str
-    offset: float
-    direction: FloatArray
-    reference: float | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Quantities:
-    """All charted parameters of one sensor over its calibrations.
-
-    Attributes:
-        quantities: q of them: offset, sensitivity along the mean sensitive axis, and how that axis turns.
-        series: one each.
-        names: of the paper's parameters.
-        parameters: (m, p) their values.
-        stderr: (m, p) their standard errors, from the variation between replications.
-        axis: (3, q) what a unit of each quantity adds to the sensitive axis times sensitivity, V/g.
-        S_V: mean sensitivity.
-        replicated: whether errors within come from replications; of no calibration if False.
-
-    """
-
-    quantities: tuple[Quantity, ...]
-    series: tuple[Series, ...]
-    names: tuple[str, ...]
-    parameters: FloatArray
-    stderr: FloatArray
+    directions: FloatArray
     axis: FloatArray
-    S_V: float
-    replicated: bool
 
     def output_rows(self, pitch_deg: FloatArray, roll_deg: FloatArray) -> FloatArray:
         """(H, q) degrees of output that a unit of each quantity adds at (H,) attitudes."""
@@ -158,10 +129,10 @@ class Quantities:
         gravity = np.column_stack([h[:, 1], -h[:, 2], -h[:, 3]])
         volts = gravity @ self.axis
         volts[:, 0] += 1.0
-        return np.asarray(np.degrees(volts / self.S_V))
+        return np.asarray(np.degrees(volts / self.sensitivity))
 
 
-def quantities(calibrations: Sequence[Calibrated], years: FloatArray) -> Quantities:
+def attitude_charted(calibrations: Sequence[Calibrated], years: FloatArray) -> AttitudeCharted:
     """What is charted of one sensor.
 
     Where the sensitive axis points to is charted as Omega cos A and Omega sin A: linear, and regular where Omega is
@@ -178,33 +149,31 @@ def quantities(calibrations: Sequence[Calibrated], years: FloatArray) -> Quantit
     models = sorted({c.model for c in calibrations})
     if len(models) > 1:
         raise ValueError(f"calibrations of different models cannot be charted together: {', '.join(models)}")
+    model = models[0]
     coefficients = np.array([c.coefficients for c in calibrations])
     to_axis = np.column_stack([sensitive_axis(unit) for unit in np.eye(coefficients.shape[1])])
     axes = coefficients @ to_axis.T
     mean, S = axes.mean(axis=0), float(np.linalg.norm(axes.mean(axis=0)))
-    basis = _basis(models[0], mean / S)
-    offset_direction = np.eye(coefficients.shape[1])[0]
-    charted = [Quantity("b_V", 0.0, offset_direction), Quantity("S_V", 0.0, basis[0] @ to_axis, S)]
-    turned = [np.zeros(3), basis[0]]
-    for (name, at), along in zip(_turns(models[0], mean), basis[1:], strict=True):
-        charted.append(Quantity(name, at, np.degrees(along @ to_axis / S)))
-        turned.append(along * np.radians(S))
-    names, parameters = _display(models[0], coefficients)
-    directions = [_directions(models[0], axis, to_axis) for axis in axes]
-    return Quantities(
-        quantities=tuple(charted),
+    along, *square = _basis(model, mean / S)
+    turns = _turns(model, mean)
+    directions = [np.eye(len(to_axis.T))[0], along @ to_axis, *(np.degrees(each @ to_axis / S) for each in square)]
+    constants = [0.0, 0.0, *(at for _, at in turns)]
+    shown, parameters = _display(model, coefficients)
+    gradients = [_gradients(model, axis, to_axis) for axis in axes]
+    variances = [_within(calibrations, [g[i] for g in gradients])[0] for i in range(len(shown))]
+    return AttitudeCharted(
+        names=("b_V", "S_V", *(name for name, _ in turns)),
         series=tuple(
-            Series(years, q.offset + coefficients @ q.direction, *_within(calibrations, [q.direction] * len(years)))
-            for q in charted
+            Series(years, constant + coefficients @ d, *_within(calibrations, [d] * len(years)))
+            for constant, d in zip(constants, directions, strict=True)
         ),
-        names=names,
+        shown=shown,
         parameters=parameters,
-        stderr=np.sqrt(
-            np.column_stack([_within(calibrations, [d[i] for d in directions])[0] for i in range(len(names))])
-        ),
-        axis=np.column_stack(turned),
-        S_V=S,
+        stderr=np.sqrt(np.column_stack(variances)),
+        sensitivity=S,
         replicated=any(c.replicated for c in calibrations),
+        directions=np.array(directions),
+        axis=np.column_stack([np.zeros(3), along, *(each * np.radians(S) for each in square)]),
     )
 
 
@@ -252,7 +221,7 @@ def _display(model: str, coefficients: FloatArray) -> tuple[tuple[str, ...], Flo
     return ("b_V", "S_V", "Omega_deg", "A_deg"), np.array([[p.b_V, p.S_V, p.Omega_deg, p.A_deg] for p in full])
 
 
-def _directions(model: str, axis: FloatArray, to_axis: FloatArray) -> list[FloatArray]:
+def _gradients(model: str, axis: FloatArray, to_axis: FloatArray) -> list[FloatArray]:
     """(k,) gradient of each of the paper's parameters by the coefficients, at one calibration."""
     S = float(np.linalg.norm(axis))
     along = axis / S

@@ -31,16 +31,22 @@ def chart(
         float | None,
         typer.Option(
             min=1e-9,
-            help="error of the output that the last calibration may come to have, deg",
+            help="error of the output that the last calibration may come to have, deg or psi",
             show_default="95 % interval of one reading",
         ),
     ] = None,
     usage: Annotated[
         float | None,
-        typer.Option(min=0.1, max=180, help="pitch the sensors are used in, +- deg", show_default="as calibrated last"),
+        typer.Option(
+            min=0.1, max=180, help="attitude: pitch they are used in, +- deg", show_default="as calibrated last"
+        ),
     ] = None,
     sensor: Annotated[
         list[str] | None, typer.Option(help="chart only this sensor, such as x_V; repeatable", show_default=False)
+    ] = None,
+    formula: Annotated[
+        str | None,
+        typer.Option("--formula", help="whole plots: the model, instead of the full second order", show_default=False),
     ] = None,
     report: Annotated[Path | None, typer.Option(help="write a self-contained HTML report", show_default=False)] = None,
     as_json: JsonOption = False,
@@ -59,7 +65,7 @@ def chart(
 
     check_not_input([report], [Path(source) for source in calibrations])
     charted = chart_calibrations(
-        read_all(calibrations), _today(today), sensors=sensor or (), tolerance_deg=tolerance, usage_deg=usage
+        read_all(calibrations, formula), _today(today), sensors=sensor or (), tolerance=tolerance, usage_deg=usage
     )
     if report is not None:
         from rig.report.chart import write_chart_report  # noqa: PLC0415
@@ -73,7 +79,7 @@ def chart(
     first, last = charted.given[0].date, charted.given[-1].date
     out.print(f"{mark(charted.simulated)}[bold]{len(charted.given)} calibrations[/] from {first} to {last}")
     for name, found in result["sensors"].items():
-        _show_sensor(name, found)
+        _show_sensor(name, charted.sensors[name].usage_words, found)
     for note in charted.notes:
         out.print(f"  [yellow]{escape(note)}[/]", soft_wrap=True)
     return ExitCode.DONE
@@ -91,7 +97,7 @@ def _today(given: str | None) -> datetime:
     return moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
 
 
-def _show_sensor(name: str, found: Mapping[str, Any]) -> None:
+def _show_sensor(name: str, usage: str, found: Mapping[str, Any]) -> None:
     from rig.closed_loop.chart_words import due_date, label  # noqa: PLC0415
     from rig.report.parameters import with_error  # noqa: PLC0415
 
@@ -111,9 +117,8 @@ def _show_sensor(name: str, found: Mapping[str, Any]) -> None:
         out.print(f"  {escape(sentence)}", soft_wrap=True)
     if found["due"]["status"] == "too few":
         return
-    low, high = found["usage_deg"]
-    table = RichTable("tolerance / deg", "due", "if calibrations scatter", "if the sensor wanders")
+    table = RichTable(f"tolerance / {found['due']['unit']}", "due", "if calibrations scatter", "if the sensor wanders")
     for due in found["due_by_tolerance"]:
-        table.add_row(f"{due['tolerance_deg']:.2g}", due_date(due), *(v or "-" for v in due["by_variation"].values()))
+        table.add_row(f"{due['tolerance']:.2g}", due_date(due), *(v or "-" for v in due["by_variation"].values()))
     out.print(table)
-    out.print(f"  (95 % probability, pitch {low:g} to {high:g} deg; the earlier of both)")
+    out.print(f"  (95 % probability, {usage}; the earlier of both)")

@@ -14,10 +14,15 @@ import numpy as np
 
 from fitter.history import Calibrated, calibrated
 from fitter.history.stored import calibrated_from
+from fitter.pressure import PressureFit
+from rig.closed_loop.whole_plot import fit_whole_plots
 from rig.errors import UsageError
 from rig.inference import read_calibration
 from rig.report.words import incomplete
 from rig.tables import Table, attitude_data, read_table
+
+_ALIKE_DEGC = 0.5
+"""Between the mean temperatures of calibrations: at 50 ppm a degC, 25 ppm."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +31,7 @@ class Given:
 
     Attributes:
         source: the file as it was named.
+        kind: "pitch-roll" or "whole-plot".
         when: middle of the calibration, UTC.
         sensors: by output column.
         effects: names of the effects fitted beside the model, by output column.
@@ -36,8 +42,9 @@ class Given:
     """
 
     source: str
+    kind: str
     when: datetime
-    sensors: Mapping[str, Calibrated]
+    sensors: Mapping[str, Calibrated | PressureFit]
     effects: Mapping[str, tuple[str, ...]]
     simulated: bool
     provenance: Mapping[str, Any]
@@ -49,15 +56,16 @@ class Given:
         return f"{self.when:%Y-%m-%d}"
 
 
-def read_all(sources: Sequence[str]) -> list[Given]:
+def read_all(sources: Sequence[str], formula: str | None = None) -> list[Given]:
     """Every calibration, in order of time.
 
     Args:
         sources: files; those that do not say when they were measured as FILE@2026-01-15 or FILE@2026-01-15T18:00.
+        formula: whole plots: the model, a name or a formula; the full second order if None.
 
     Raises:
-        UsageError: a file cannot be used, there are fewer than two, one is there twice, or real and simulated
-            calibrations are mixed.
+        UsageError: a file cannot be used, there are fewer than two, one is there twice, or calibrations of two kinds,
+            or real and simulated ones, are mixed.
 
     """
     if len(sources) < 2:
@@ -65,8 +73,14 @@ def read_all(sources: Sequence[str]) -> list[Given]:
             "a chart needs at least two calibrations (three for a trend and a due date, four for a step); name more "
             "run files, calibration files or tables"
         )
-    given = sorted((read(source) for source in sources), key=lambda one: one.when)
+    given = sorted((read(source, formula) for source in sources), key=lambda one: one.when)
     _check_once(given)
+    for one in given[1:]:
+        if one.kind != given[0].kind:
+            raise UsageError(
+                f"{given[0].source} is a {given[0].kind} calibration and {one.source} a {one.kind} one: they do not "
+                f"belong on one chart"
+            )
     simulated = [one for one in given if one.simulated]
     if simulated and len(simulated) < len(given):
         real = next(one for one in given if not one.simulated)
@@ -77,22 +91,28 @@ def read_all(sources: Sequence[str]) -> list[Given]:
     return given
 
 
-def read(source: str) -> Given:
+def read(source: str, formula: str | None = None) -> Given:
     """One calibration, from a run file, a calibration file or a CSV table. Raises `UsageError` or `RunFileError`."""
     path, told = _path_and_date(source)
     if path.suffix == ".json":
         return _from_calibration_file(path, told)
     table = read_table(path)
-    if table.kind != "pitch-roll":
-        raise UsageError(f"{path} is no pitch-roll calibration: {table.kind} data cannot be charted")
-    data = attitude_data(table)
-    degC = data.sensor_temperature_degC
+    if formula is not None and table.kind == "pitch-roll":
+        raise UsageError(
+            f"{path} holds a pitch-roll calibration, whose model is its geometry; --formula is for whole plots"
+        )
+    if table.kind == "other":
+        raise UsageError(
+            f"{path} is no calibration of attitude sensors or pressure transducers; `rig fit` says what is missing"
+        )
     try:
-        sensors = {name: calibrated(data, name) for name in data.sensors}
+        sensors = _attitude(table) if table.kind == "pitch-roll" else fit_whole_plots(table, formula or "full").fits
     except ValueError as error:
         raise UsageError(f"{path}: {error}") from error
+    degC = table.columns.get("sensor_temperature_degC") if table.kind == "pitch-roll" else None
     return Given(
         source=str(path),
+        kind=table.kind,
         when=_when(path, table.provenance, told),
         sensors=sensors,
         effects=dict.fromkeys(sensors, ()),
@@ -100,6 +120,11 @@ def read(source: str) -> Given:
         provenance=table.provenance,
         degC=None if degC is None else float(np.mean(degC)),
     )
+
+
+def _attitude(table: Table) -> dict[str, Calibrated]:
+    data = attitude_data(table)
+    return {name: calibrated(data, name) for name in data.sensors}
 
 
 def notes(given: Sequence[Given]) -> list[str]:
@@ -113,6 +138,12 @@ def notes(given: Sequence[Given]) -> list[str]:
         between = f"between {before.date} and {after.date}"
         changes = _changes(before.provenance, after.provenance)
         found.extend(f"{between} {what}: a step there may be due to that" for what in changes)
+    degC = [one.degC for one in given if one.degC is not None]
+    if degC and max(degC) - min(degC) > _ALIKE_DEGC:
+        found.append(
+            f"the sensors' mean temperature lay between {min(degC):.1f} and {max(degC):.1f} degC: a temperature "
+            f"coefficient looks like a change over time"
+        )
     return found
 
 
@@ -150,7 +181,9 @@ def _from_calibration_file(path: Path, told: datetime | None) -> Given:
     content = json.loads(path.read_text(encoding="utf-8"))
     data = content["data"]
     if data["kind"] != "pitch-roll":
-        raise UsageError(f"{path} is no calibration of attitude sensors: {data['kind']} data cannot be charted")
+        raise UsageError(
+            f"{path} does not keep all that charting whole plots needs; give the run file or table instead"
+        )
     try:
         sensors = calibrated_from(content)
     except ValueError as error:
@@ -158,6 +191,7 @@ def _from_calibration_file(path: Path, told: datetime | None) -> Given:
     effects = {s["name"]: tuple(t["effect"] for t in s["terms"]) for s in content["calibration"]["sensors"]}
     return Given(
         source=str(path),
+        kind="pitch-roll",
         when=_when(path, data, told),
         sensors=sensors,
         effects=effects,
@@ -205,3 +239,25 @@ def _check_once(given: Sequence[Given]) -> None:
                 f"{before.source} and {after.source} are of the same time, {after.when:%Y-%m-%d %H:%M}: one sensor is "
                 f"not calibrated twice at once (dry runs begin at the `epoch` of their world file)"
             )
+
+
+def check_alike(name: str, given: Sequence[Given]) -> None:
+    """Refuse calibrations of one sensor by different models. Raises `UsageError`."""
+    first = given[0]
+    for one in given[1:]:
+        models = [_model(each.sensors[name]) for each in (first, one)]
+        if models[0] != models[1]:
+            raise UsageError(
+                f"{name} is {models[0]} in {first.source} and {models[1]} in {one.source}: only calibrations of one "
+                f"model can be charted together"
+            )
+        effects = [", ".join(dict.fromkeys(each.effects[name])) or "none" for each in (first, one)]
+        if effects[0] != effects[1]:
+            raise UsageError(
+                f"{name} was fitted with effects beside the model in one calibration and not in the other "
+                f"({first.source}: {effects[0]}; {one.source}: {effects[1]}): fit all of them alike"
+            )
+
+
+def _model(sensor: Calibrated | PressureFit) -> str:
+    return sensor.model if isinstance(sensor, Calibrated) else str(sensor.formula)

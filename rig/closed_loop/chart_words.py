@@ -13,6 +13,8 @@ _NAMES = {
     "Omega_cos_A_deg": ("Omega cos A", 1.0, "deg"),
     "Omega_sin_A_deg": ("Omega sin A", 1.0, "deg"),
     "phi_deg": ("misalignment phi", 1.0, "deg"),
+    "intercept_mV": ("intercept", 1e3, "uV"),
+    "gain_mV_per_psi": ("gain", 1e6, "ppm"),
 }
 
 
@@ -21,15 +23,15 @@ def label(name: str) -> str:
     return _NAMES[name][0]
 
 
-def change_scale(name: str, S_V: float) -> tuple[float, str]:
-    """What a change of a parameter is multiplied by to be shown, and its unit: uV, ppm of `S_V`, deg."""
+def change_scale(name: str, sensitivity: float) -> tuple[float, str]:
+    """What a change of a parameter is multiplied by to be shown, and its unit: uV, ppm of the sensitivity, deg."""
     _, scale, unit = _NAMES[name]
-    return (scale / S_V if unit == "ppm" else scale), unit
+    return (scale / sensitivity if unit == "ppm" else scale), unit
 
 
-def quantity_sentences(chart: Chart, dates: Sequence[str], S_V: float) -> list[str]:
+def quantity_sentences(chart: Chart, dates: Sequence[str], sensitivity: float) -> list[str]:
     """What changed, a sentence a parameter; one sentence if nothing did."""
-    found = [text for q in chart.quantities if (text := _change(q, dates, S_V))]
+    found = [text for q in chart.quantities if (text := _change(q, dates, sensitivity))]
     if not found:
         enough = "" if len(dates) > 2 else " (two calibrations; a trend needs three)"
         found = [f"no parameter changed by more than the calibrations' own error{enough}"]
@@ -42,12 +44,13 @@ def quantity_sentences(chart: Chart, dates: Sequence[str], S_V: float) -> list[s
 
 def due_sentence(due: Mapping[str, Any], count: int, told: bool) -> str:
     """When the last calibration is due again."""
-    of = f"for {due['tolerance_deg']:.2g} deg" + ("" if told else " (the 95 % interval of one reading)")
+    unit = due["unit"]
+    of = f"for {due['tolerance']:.2g} {unit}" + ("" if told else " (the 95 % interval of one reading)")
     if due["status"] == "too few":
         return f"no due date before there are three calibrations, there are {count}"
     if due["status"] == "never within":
         return (
-            f"no due date {of}: {count} calibrations like these leave {due['bound_at_once_deg']:.2g} deg of doubt on "
+            f"no due date {of}: {count} calibrations like these leave {due['bound_at_once']:.2g} {unit} of doubt on "
             f"the day of the last; more calibrations, more replications or a wider tolerance give one"
         )
     if due["status"] == "overdue":
@@ -72,8 +75,8 @@ def _chance(p: float) -> str:
     return f"p {probability(p)}"
 
 
-def _change(q: QuantityChart, dates: Sequence[str], S_V: float) -> str:
-    scale, unit = change_scale(q.name, S_V)
+def _change(q: QuantityChart, dates: Sequence[str], sensitivity: float) -> str:
+    scale, unit = change_scale(q.name, sensitivity)
     if q.stepped and q.step is not None:
         between = f"between {dates[q.step.before - 1]} and {dates[q.step.before]}"
         size = with_error(scale * q.step.size, scale * q.step.stderr, sign=True)

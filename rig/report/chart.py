@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from rig.atomic import write_whole
-from rig.closed_loop.chart import Charted, SensorChart
+from rig.closed_loop.chart import ControlCharts, SensorChart
 from rig.closed_loop.chart_inputs import as_table
 from rig.closed_loop.chart_words import change_scale, due_date, label, probability, with_error
 from rig.report.chart_plots import error_chart, parameter_charts
@@ -16,13 +16,13 @@ from rig.report.parameters import with_error as estimate_and_error
 from rig.report.words import capitalised
 
 
-def write_chart_report(path: Path, charted: Charted) -> None:
+def write_chart_report(path: Path, charted: ControlCharts) -> None:
     """Write a self-contained HTML report, whole or not at all. Raises `UsageError` if the disk refuses."""
     text = chart_report(charted)
     write_whole(path, lambda file: file.write(text))
 
 
-def chart_report(charted: Charted) -> str:
+def chart_report(charted: ControlCharts) -> str:
     """The report as HTML."""
     result = charted.to_json()
     title = f"Control charts of {', '.join(charted.sensors)}"
@@ -39,7 +39,6 @@ def chart_report(charted: Charted) -> str:
 
 
 def _sensor(sensor: SensorChart, result: Mapping[str, Any]) -> dict[str, Any]:
-    low, high = sensor.usage_deg
     plots = [{"alt": f"{sensor.name}: control charts of its parameters", "png": parameter_charts(sensor)}]
     if sensor.chart.bound is not None:
         plots.append({"alt": f"{sensor.name}: error of the last calibration over date", "png": error_chart(sensor)})
@@ -51,7 +50,8 @@ def _sensor(sensor: SensorChart, result: Mapping[str, Any]) -> dict[str, Any]:
         "rows": [_row(row) for row in result["calibrations"]],
         "tests": [_tests(sensor, name, q) for name, q in result["quantities"].items()],
         "due_rows": [] if result["due"]["status"] == "too few" else [_due(due) for due in result["due_by_tolerance"]],
-        "usage": f"{low:g} to {high:g}",
+        "unit": sensor.unit,
+        "usage": sensor.usage_words,
         "plots": plots,
     }
 
@@ -67,7 +67,7 @@ def _row(row: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _tests(sensor: SensorChart, name: str, q: Mapping[str, Any]) -> dict[str, Any]:
-    scale, unit = change_scale(name, sensor.quantities.S_V)
+    scale, unit = change_scale(name, sensor.charted.sensitivity)
     trend, step, spread = q["trend"], q["step"], q["homogeneity"]
     found = next(each for each in sensor.chart.quantities if each.name == name)
     rate = "-" if trend is None else f"{with_error(scale * trend['per_year'], scale * trend['stderr'])} {unit}"
@@ -88,7 +88,7 @@ def _tests(sensor: SensorChart, name: str, q: Mapping[str, Any]) -> dict[str, An
 def _due(due: Mapping[str, Any]) -> dict[str, str]:
     by = due["by_variation"]
     return {
-        "tolerance": f"{due['tolerance_deg']:.2g}",
+        "tolerance": f"{due['tolerance']:.2g}",
         "date": due_date(due),
         "scatter": by["scatter"] or "-",
         "walk": by["walk"] or "-",

@@ -20,14 +20,14 @@ Array = np.ndarray[Any, np.dtype[np.float64]]
 
 _COLOURS = {Between.SCATTER: "#4477aa", Between.WALK: "#b3460b"}
 _WORDS = {Between.SCATTER: "if calibrations scatter", Between.WALK: "if the sensor wanders"}
-_Z95 = 1.96
+_UNITS = {"deg": ("1e-4 deg", 1e4), "psi": ("1e-3 psi", 1e3)}
 
 
 def parameter_charts(sensor: SensorChart) -> str:
     """One chart a parameter: points with error bars, centre, limits, trend, forecast, due date; base64 PNG."""
     charts = sensor.chart.quantities
     figure, axes = grid(len(charts), columns=2, height=3.0)
-    due = sensor.due(sensor.tolerance_deg)
+    due = sensor.due(sensor.tolerance)
     for axis, q in zip(axes, charts, strict=False):
         _parameter(axis, q, sensor)
         _dates(axis, due)
@@ -36,7 +36,7 @@ def parameter_charts(sensor: SensorChart) -> str:
 
 
 def _parameter(axis: Axes, q: QuantityChart, sensor: SensorChart) -> None:
-    scale, unit = change_scale(q.name, sensor.quantities.S_V)
+    scale, unit = change_scale(q.name, sensor.charted.sensitivity)
     series = q.series
     start, when = float(series.values[0]), np.array([_day(one.when) for one in sensor.given])
 
@@ -97,14 +97,15 @@ def error_chart(sensor: SensorChart) -> str:
     bound = sensor.chart.bound
     assert bound is not None
     figure, (axis,) = grid(1, columns=1, height=3.0, width=7.0)
+    scale = _UNITS[sensor.unit][1]
     shown = bound.years <= _reach(sensor) + 1e-9
     for kind, values in bound.bounds.items():
         later = _later(sensor, bound.years[shown])
-        axis.plot(later, 1e4 * values[shown], color=_COLOURS[kind], label=_WORDS[kind])
-    axis.axhline(1e4 * sensor.tolerance_deg, color="0.3", linewidth=0.9, linestyle="--", label="tolerance")
-    _dates(axis, sensor.due(sensor.tolerance_deg))
+        axis.plot(later, scale * values[shown], color=_COLOURS[kind], label=_WORDS[kind])
+    axis.axhline(scale * sensor.tolerance, color="0.3", linewidth=0.9, linestyle="--", label="tolerance")
+    _dates(axis, sensor.due(sensor.tolerance))
     axis.set_ylim(bottom=0)
-    axis.set_title("error of the last calibration's output, 95 % / 1e-4 deg", fontsize=9)
+    axis.set_title(f"error of the last calibration's output, 95 % / {_UNITS[sensor.unit][0]}", fontsize=9)
     axis.grid(color="0.92", linewidth=0.6)
     axis.legend(fontsize=7, frameon=False)
     return png(figure)
@@ -114,7 +115,7 @@ def _reach(sensor: SensorChart) -> float:
     """Years ahead that are worth showing: somewhat beyond the due date, within what is forecast."""
     bound = sensor.chart.bound
     assert bound is not None
-    held = bound.holds_for(sensor.tolerance_deg) or 0.0
+    held = bound.holds_for(sensor.tolerance) or 0.0
     return float(min(bound.years[-1], max(1.5 * held, 0.25 * bound.years[-1])))
 
 
