@@ -2,8 +2,8 @@
 
 Error-free transformations (Dekker 1971; Knuth, The Art of Computer Programming, volume 2, section 4.2.2): a sum or a
 product of doubles is a double and a rounding error that is itself a double. Only rounding to nearest is relied on, not
-extended registers or fused multiplication, so results are the same on every machine. About 31 digits, at some twenty
-operations each; magnitudes must stay below 1e300.
+extended registers or fused multiplication. About 31 digits, at some twenty operations each; magnitudes must stay below
+1e300.
 """
 
 from __future__ import annotations

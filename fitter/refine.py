@@ -2,7 +2,8 @@
 
 The first triangle R makes the columns orthonormal but for its rounding errors: B = X R^-1, B'B = I + small. What is
 left is formed in arithmetic with twice the digits, where nothing that cancels is lost, and corrected through the same
-triangle (Rump 1991; Yamamoto et al. 2015, preconditioned Cholesky QR):
+triangle. (That an inverse wrong in all digits still makes a good preconditioner: Rump 1990. A second Cholesky QR:
+Yamamoto, Nakatsukasa, Yanagisawa and Fukaya 2015.)
 
     (X'X)^-1 = R^-1 (B'B)^-1 R'^-1        c = R^-1 (B'B)^-1 B'y
 

@@ -114,7 +114,7 @@ def _parts(measured: MeasuredGrid, which: str, *, roll: bool) -> Sequence[Part]:
         return [tumble_of(measured, roll=roll)]
     if which == FAMILY:
         return family(measured)
-    if not which.isdigit() or not int(which):
+    if not which.isdecimal() or not int(which):
         raise UsageError(f"--points is a number of points, {FAMILY} or {TUMBLE}, not {which!r}")
     if int(which) >= measured.points:
         raise UsageError(f"--points {which}: the run itself has {measured.points}; name fewer")
@@ -126,7 +126,9 @@ def _chosen(
 ) -> tuple[Mapping[str, Any], str]:
     if which == FAMILY:
         return advised(full, fractions)
-    return fractions[0], f"is the fraction nearest to {which} points" if which.isdigit() else "was measured on the way"
+    return fractions[
+        0
+    ], f"is the fraction nearest to {which} points" if which.isdecimal() else "was measured on the way"
 
 
 def family(measured: MeasuredGrid) -> list[Part]:
