@@ -360,7 +360,7 @@ def test_one_fraction_is_shown_with_its_parameters(csv):
     assert found["fractions"][0]["sensors"]["x_V"]["points"] == 6 * found["fractions"][0]["points"]
 
 
-@pytest.mark.parametrize("option", [("--out", "a.json"), ("--traced",), ("--report", "a.html"), ("--formula", "full")])
+@pytest.mark.parametrize("option", [("--out", "a.json"), ("--traced",)])
 def test_nothing_is_kept_of_a_fraction(csv, option):
     done = rig("fit", csv, "--points", "53", *option)
     assert done.returncode == 2
