@@ -51,7 +51,7 @@ def paper(
     """Reproduce NASA/TP-1999-209835: tables, figures 1 to 54, and what the paper says of them.
 
     Table 1, figures 1 to 21 and the critical values of Table 2 are computed and held against the print. Experiments 22
-    to 54 are run on the simulated bench by the real controller, 9,000 points, about 125 hours of bench time, and
+    to 54 are run on the simulated bench by the real controller, 9,000 points, 85 hours of bench time, and
     checked for the patterns that the paper reports. About a minute.
 
     Example: `rig study paper --out paper --markdown paper.md`

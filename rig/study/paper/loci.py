@@ -12,7 +12,7 @@ from rig.study.paper.packages import Mounting, off_grid, package
 from rig.study.paper.plots import PITCH, ROLL, Field, Figure, Line, Panel
 from rig.study.paper.statement import Statement, above, below
 
-_PITCH, _ROLL = off_grid(-180, 180, 0.5), off_grid(-180, 180, 1.0)
+_PITCH, _ROLL = off_grid(-180, 180, 1.0), off_grid(-180, 180, 2.0)
 _NEARLY = 0.01
 """Level at which a locus of three sensors is drawn: its function touches zero and does not cross it."""
 
@@ -127,11 +127,12 @@ def _panel(name: str, sensors: tuple[Mounting, ...]) -> Panel:
     n = normal(package(*sensors).matrix)
     pitch = np.linspace(-180, 180, 3601)
     roll = locus_roll(sensors, pitch)
-    sin_r, cos_r = sin_cos(_ROLL)
+    around = np.linspace(-180, 180, 1441)
+    sin_r, cos_r = sin_cos(around)
     steep = np.degrees(np.arctan2(n[1] * sin_r + n[2] * cos_r, n[0]))
     lines = [_locus(np.array([side, side]), np.array([-180.0, 180.0])) for side in (-90.0, 90.0)]
     lines += [_locus(pitch, each) for each in roll]
-    lines += [_locus(each, _ROLL) for each in (steep, steep + 180.0)]
+    lines += [_locus(each, around) for each in (steep, steep + 180.0)]
     return Panel(title, PITCH, ROLL, tuple(lines), (-180.0, 180.0), Field(_PITCH, _ROLL, values))
 
 

@@ -108,25 +108,32 @@ _AOA_SENSOR = {"aoa": _sensor(0.0123, 0.3, 90.0, 22.0)}
 _TWO_SENSORS = {"sensor_1": _sensor(0.0123, 0.21, 37.0, 17.0), "sensor_2": _sensor(0.027, 0.5, -60.0, 30.0)}
 _PACKAGE = {
     "x": _sensor(0.0123, 0.21, 37.0, 18.0),
-    "y": _sensor(-0.0087, 0.34, -118.0, 15.0),
+    "y": _sensor(-0.0087, 0.34, -118.0, 16.0),
     "z": _sensor(0.0045, 0.15, 152.0, 22.0),
 }
 _BOTH_X, _X_Y_Z = {"sensor_1": "x", "sensor_2": "x"}, {"x": "x", "y": "y", "z": "z"}
 _TWO_SENSORS_EFFECTS: dict[str, Any] = {
+    # sigma_bias of rows 28(b) and 37: (c/2) times the rms of sin 2a cos R, 0.41 over +-30 deg and 0.5 all round
     "isolation_pad": {"pitch_compliance_deg_per_g": 1.75e-3},
+    # row 28(a) against 28(b)
     "sensitivity_temperature": {"ppm_per_degC": {"sensor_1": 140.0, "sensor_2": 60.0}},
     "offset_temperature": {"uV_per_degC": {"sensor_1": 45.0, "sensor_2": 100.0}},
+    # T_b and T_S of rows 28(b) and 37; of 34 and 42
     "offset_drift": {"uV_per_h": {"sensor_1": 2.4, "sensor_2": 28.0}},
     "sensitivity_drift": {"ppm_per_h": {"sensor_1": 0.4, "sensor_2": 9.0}},
 }
 _PACKAGE_EFFECTS: dict[str, Any] = {
+    # sigma_bias of rows 47(a) and 47(b). Minus: pads that give alike in both directions turn the package by tip and
+    # lean of opposite signs, as the two rotations are defined
     "isolation_pad": {"pitch_compliance_deg_per_g": 1.3e-3, "roll_compliance_deg_per_g": -2.1e-3},
+    # rows 50: at cardinal angles pads leave nothing, these do; rows 47(c) and 52 z
     "second_order": {"ug_per_g2": {"x": 7.0, "y": 5.0, "z": 15.0}},
     "head_error": [{"axis": "roll", "amplitude_arcsec": 2.9, "periods_per_turn": 1, "phase_deg": 180.0}],
     "sensitivity_temperature": {"ppm_per_degC": {"x": 110.0, "y": 80.0, "z": 95.0}},
     "offset_temperature": {"uV_per_degC": {"x": 45.0, "y": -30.0, "z": 60.0}},
 }
 _AOA_EFFECTS: dict[str, Any] = {
+    # rows 24 and 26
     "isolation_pad": {"pitch_compliance_deg_per_g": 0.65e-3},
     "second_order": {"ug_per_g2": {"aoa": 5.0}},
 }

@@ -57,7 +57,7 @@ def digits(
         _number(computed, shown, unit),
         _difference(computed - printed, shown),
         "printed digits",
-        round(computed, decimals) == round(printed, decimals),
+        bool(round(computed, decimals) == round(printed, decimals)),
         note,
     )
 
@@ -73,19 +73,23 @@ def about(
         _number(computed, 1 if unit == "%" else 3, unit),
         _difference(computed - printed, 1 if unit == "%" else 3),
         f"within {room:g}{_gap(unit)}",
-        abs(computed - printed) <= room,
+        bool(abs(computed - printed) <= room),
         note,
     )
 
 
 def below(where: str, says: str, computed: float, limit: float, unit: str = "", note: str = "") -> Statement:
     """Something the paper calls small, insignificant, constant: less than `limit`."""
-    return Statement(where, says, "", _short(computed, unit), "", f"< {limit:g}{_gap(unit)}", computed < limit, note)
+    return Statement(
+        where, says, "", _short(computed, unit), "", f"< {limit:g}{_gap(unit)}", bool(computed < limit), note
+    )
 
 
 def above(where: str, says: str, computed: float, limit: float, unit: str = "", note: str = "") -> Statement:
     """Something the paper calls large, significant, unbounded: more than `limit`."""
-    return Statement(where, says, "", _short(computed, unit), "", f"> {limit:g}{_gap(unit)}", computed > limit, note)
+    return Statement(
+        where, says, "", _short(computed, unit), "", f"> {limit:g}{_gap(unit)}", bool(computed > limit), note
+    )
 
 
 def _difference(value: float, decimals: int) -> str:
