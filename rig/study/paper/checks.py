@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,243 +12,210 @@ from fitter.arrays import FloatArray
 from rig.study.paper import printed
 from rig.study.paper.angles import Package
 from rig.study.paper.printed import Row
-from rig.study.paper.statement import Statement, above, below
+from rig.study.paper.statement import Statement, above, below, between, short
 from rig.study.paper.table_2 import SCALE, UNDER, Measured
 
+Judge = Callable[..., Statement]
+"""`above`, `below` or `between`."""
 _FULL = ("28(b)", "37", "44(a)", "44(b)", "44(c)", "47(a)", "47(b)", "47(c)")
 _PADS = ("28(b)", "35", "37", "44(a)", "44(b)", "47(a)", "47(b)", "47(c)", "53 x", "53 y", "53 z")
-_TUMBLE = tuple(f"50 {axis}" for axis in "xyz")
 
 
 def checks(measured: Measured) -> tuple[Statement, ...]:
     """Every check that the nights there are allow."""
     known = set(measured.figures())
-    groups: tuple[tuple[set[str], Callable[[Measured], Iterator[Statement]]], ...] = (
-        ({"22", "24", "26"}, _without_roll),
-        ({"28(a)", "28(b)", "34", "35"}, _within_30),
-        ({"37", "42"}, _all_round),
-        ({"44(a)"}, _three_axes_90),
-        ({"47(a)", "50 x", "53 x"}, _three_axes_180),
+    groups: tuple[tuple[str, Callable[[Measured], Iterator[Statement]]], ...] = (
+        ("22 24 26", _without_roll),
+        ("28(a) 28(b) 34 35", _within_30),
+        ("37 42", _all_round),
+        ("44(a) 44(b) 44(c)", _three_axes_90),
+        ("47(a) 47(b) 47(c)", _three_axes_180),
+        ("47(a) 47(b) 47(c)", _smaller_designs),
     )
-    return tuple(check for needed, group in groups if needed <= known for check in group(measured))
+    return tuple(check for needed, group in groups if set(needed.split()) <= known for check in group(measured))
+
+
+def ranges(measured: Measured) -> tuple[Statement, ...]:
+    """Sizes of Table 2 that the simulated sensors were made to have."""
+    known = measured.figures()
+    sigmas = (
+        _as_printed(measured, f, "sigma_E / 1e-4 deg", _of(f, "sigma_E"), between, (2.0, 6.0))
+        for f in _FULL
+        if f in known
+    )
+    tests = (_as_printed(measured, f, "T_bias", _of(f, "T_bias"), between, (10.0, 115.0)) for f in _PADS if f in known)
+    return (*sigmas, *tests)
 
 
 def _without_roll(m: Measured) -> Iterator[Statement]:
-    r = m.rows
-    yield _not_significant(r["22"], "T_bias", "+-36 deg does not show the pads")
-    yield _significant(r["24"], "T_bias", "+-180 deg does")
-    yield _printed(
-        above("24", "sigma_E is larger than that of figure 22: ratio", r["24"].sigma_E / r["22"].sigma_E, 1.3),
-        f"{3.17 / 1.60:.2f}",
+    yield _not_significant(m, "22", "T_bias", "+-36 deg does not show the pads")
+    yield _significant(m, "24", "T_bias", "+-180 deg does")
+    yield _as_printed(
+        m, "24", "sigma_E over that of figure 22", lambda r: r["24"].sigma_E / r["22"].sigma_E, above, 1.3
     )
-    share = _share(m, "24", 2.0 * _data(m, "24")[0], np.zeros(1))
-    yield above("24", "two periods of pitch in 360 deg: share of the systematic residual", share, 0.9)
+    pitch, _ = _angles(m, "24")
+    yield above("24", "two periods of pitch in 360 deg: share of the systematic residual", _share(m, "24", pitch), 0.8)
     for figure in ("24", "26"):
         for test in ("T_b", "T_S"):
-            yield _not_significant(r[figure], test, "no drift of the sensor")
-    yield _significant(r["26"], "T_bias", "the four-point tumble shows a bias")
-    yield _printed(
-        above(
-            "26",
-            "calibration intervals are larger than those of figure 24: ratio",
-            _calibration(m, "26") / _calibration(m, "24"),
-            2,
-        ),
-        "larger",
+            yield _not_significant(m, figure, test, "no drift of the sensor")
+    yield _significant(m, "26", "T_bias", "the four-point tumble shows a bias")
+    yield _wider(m, "26", "24", 2)
+    rms = SCALE * float(np.sqrt(np.nanmean(Package.of(m, "22").errors()[0] ** 2)))
+    says = "rms of inferred angles near sigma_E: over it"
+    yield between(
+        "23", says, rms / m.rows["22"].sigma_E, (0.9, 1.25), printed=f"{1.74 / printed.ROWS['22'].sigma_E:.2f}"
     )
-    error, _ = Package.of(m, "22").errors()
-    rms = SCALE * float(np.sqrt(np.nanmean(error**2)))
-    yield _printed(
-        below("23", "rms of inferred angles over sigma_E, near one", abs(rms / r["22"].sigma_E - 1.0), 0.25),
-        f"{1.74 / 1.60 - 1:.2f}",
-    )
-    pitch = _data(m, "24")[0]
     package = Package.of(m, "24")
-    error = np.abs(package.errors()[0])
-    at_90 = np.abs(np.abs(pitch) - 90.0) < 0.1
-    open_or_far = float(np.mean(~(error[at_90] < 1e-3)))
-    yield above("25", "most inferred angles at +-90 deg are outside the chart (1e-3 deg): share", open_or_far, 0.5)
+    error = np.abs(package.errors()[0])[np.abs(np.abs(pitch) - 90.0) < 0.1]
+    outside = float(np.mean(~(error < 1e-3)))
+    yield above("25", "most inferred angles at +-90 deg are outside the chart (1e-3 deg): share", outside, 0.5)
     level, steep = package.half_widths(np.array([0.0, 89.0]), np.zeros(2), of_roll=False)[1]
     yield above("25", "intervals become unbounded there: at 89 deg over that at 0", float(steep / level), 20)
 
 
 def _within_30(m: Measured) -> Iterator[Statement]:
-    r = m.rows
-    a, b = r["28(a)"], r["28(b)"]
-    yield _printed(
-        _between("28(a), (b)", "temperature correction halves sigma_E: ratio", a.sigma_E / b.sigma_E, 1.5, 2.7), "2.01"
+    a, b = "28(a)", "28(b)"
+    both = "28(a), (b)"
+    yield _as_printed(
+        m,
+        both,
+        "temperature correction halves sigma_E: ratio",
+        lambda r: r[a].sigma_E / r[b].sigma_E,
+        between,
+        (1.5, 2.7),
     )
-    yield _printed(above("28(a)", "very significant sensitivity drift before it: T_S", a.T_S, 100), f"{919}")
-    yield _printed(above("28(a)", "... less significant offset drift: T_S / T_b", a.T_S / a.T_b, 2), f"{919 / 102:.1f}")
-    yield _printed(below("28(a)", "T_bias only minimally significant", a.T_bias, 3), "1.33")
-    yield _printed(
-        below("28(b)", "drift greatly reduced: T_S after / before", b.T_S / a.T_S, 0.05), f"{5.14 / 919:.3f}"
-    )
-    yield _printed(above("28(b)", "T_bias after / before", b.T_bias / a.T_bias, 5), f"{26.2 / 1.33:.0f}")
-    residual, (pitch, roll) = _means(m, "28(b)"), _data(m, "28(b)")
-    steep, mid = np.abs(pitch) > 29.0, np.abs(pitch) < 6.0
-    yield above(
-        "30",
-        "greatest dispersion at +-30 deg of pitch, least near 0: ratio",
-        _rms(residual, steep) / _rms(residual, mid),
-        2,
-    )
-    level = np.isclose(np.abs(roll), 0.0) | np.isclose(np.abs(roll), 180.0)
-    side = np.isclose(np.abs(roll), 90.0)
-    yield below(
-        "31, 32",
-        "least dispersion near +-90 deg of roll, greatest near 0 and 180: ratio",
-        _rms(residual, side) / _rms(residual, level),
-        0.5,
-    )
-    yield _not_significant(r["34"], "T_bias", "sensor 2")
-    yield _printed(
-        above("34", "strong drift of sensor 2: the smaller of T_b and T_S", min(r["34"].T_b, r["34"].T_S), 100), "1570"
-    )
-    yield _fraction(m, "35", "28(b)")
-    yield _wider(m, "35", "28(b)")
+    yield _as_printed(m, a, "very significant sensitivity drift before it: T_S", _of(a, "T_S"), above, 100)
+    yield _as_printed(m, a, "... less significant offset drift: T_S / T_b", lambda r: r[a].T_S / r[a].T_b, above, 2)
+    yield _as_printed(m, a, "T_bias only minimally significant", _of(a, "T_bias"), below, 3)
+    yield _as_printed(m, b, "drift greatly reduced: T_S after / before", lambda r: r[b].T_S / r[a].T_S, below, 0.05)
+    yield _as_printed(m, b, "T_bias after / before", lambda r: r[b].T_bias / r[a].T_bias, above, 5)
+    residual, (pitch, roll) = _systematic(m, b), _angles(m, b)
+    steep, middle = (_rms(residual, rows) for rows in (np.abs(pitch) > 29.0, np.abs(pitch) < 6.0))
+    yield above("30", "greatest dispersion at +-30 deg of pitch, least near 0: ratio", steep / middle, 2)
+    tilt = np.abs(roll)
+    side, level = (_rms(residual, rows) for rows in (np.abs(tilt - 90) < 1, np.abs(tilt - 90) > 89))
+    says = "least dispersion near +-90 deg of roll, greatest near 0 and 180: ratio"
+    yield below("31, 32", says, side / level, 0.5)
+    yield from _sensor_2(m, "34")
+    yield _fraction(m, "35", b)
+    yield _wider(m, "35", b, 1.5)
     yield _under(m, "36")
 
 
 def _all_round(m: Measured) -> Iterator[Statement]:
-    r = m.rows
-    yield _significant(r["37"], "T_bias", "sensor 1 over +-180 deg")
-    share = _share(m, "37", 2.0 * _data(m, "37")[0], _data(m, "37")[1])
+    yield _significant(m, "37", "T_bias", "sensor 1 over +-180 deg")
+    share = _share(m, "37", *_angles(m, "37"))
     yield above("39, 41", "two periods of pitch and one of roll: share of the systematic residual", share, 0.7)
-    yield _not_significant(r["42"], "T_bias", "sensor 2")
-    yield _printed(
-        above("42", "strong drift of sensor 2: the smaller of T_b and T_S", min(r["42"].T_b, r["42"].T_S), 100), "717"
-    )
+    yield from _sensor_2(m, "42")
 
 
 def _three_axes_90(m: Measured) -> Iterator[Statement]:
     for figure in ("44(a)", "44(b)", "44(c)"):
-        yield _significant(m.rows[figure], "T_bias", "each of the three sensors")
-        yield _significant(m.rows[figure], "T_b", "offset drift of each")
-    yield _significant(m.rows["44(a)"], "T_S", "sensitivity drift of x")
-    yield _not_significant(m.rows["44(b)"], "T_S", "sensitivity drift of y")
-    yield _significant(m.rows["44(c)"], "T_S", "sensitivity drift of z")
+        yield _significant(m, figure, "T_bias", "each of the three sensors")
+        yield _significant(m, figure, "T_b", "offset drift of each")
+    yield _significant(m, "44(a)", "T_S", "sensitivity drift of x")
+    yield _not_significant(m, "44(b)", "T_S", "sensitivity drift of y")
+    yield _significant(m, "44(c)", "T_S", "sensitivity drift of z")
     package, at = Package.of(m, "44(a)", "44(b)", "44(c)"), np.linspace(-80, 80, 33)
     of_roll, of_pitch = (package.half_widths(at, np.zeros(33), of_roll=which)[1] for which in (True, False))
-    ratio = float(np.mean(of_roll) / np.mean(of_pitch))
-    yield above(
-        "45, 46",
-        "prediction intervals of roll are significantly greater than those of pitch: ratio of means within +-80 deg",
-        ratio,
-        1.5,
-    )
+    says = "prediction intervals of roll are significantly greater than those of pitch: ratio of means within +-80 deg"
+    yield above("45, 46", says, float(np.mean(of_roll) / np.mean(of_pitch)), 1.5)
 
 
 def _three_axes_180(m: Measured) -> Iterator[Statement]:
-    r = m.rows
-    share = _share(m, "47(a)", 2.0 * _data(m, "47(a)")[0], _data(m, "47(a)")[1])
+    share = _share(m, "47(a)", *_angles(m, "47(a)"))
     yield above("47(a)", "two periods of pitch (and one of roll) of x: share of the systematic residual", share, 0.6)
-    for figure, test in (("47(a)", "T_b"), ("47(a)", "T_S"), ("47(c)", "T_b"), ("47(c)", "T_S")):
-        yield _significant(r[figure], test, "drift of x and z")
-    for figure in _TUMBLE[:2]:
-        yield _significant(r[figure], "T_bias", "six-point tumble, x and y")
-        yield _not_significant(r[figure], "T_b", "... no drift detected")
-        yield _not_significant(r[figure], "T_S", "... no drift detected")
+    for figure in ("47(a)", "47(b)", "47(c)"):
+        yield _significant(m, figure, "T_bias", "each of the three sensors")
+    for figure in ("47(a)", "47(c)"):
+        for test in ("T_b", "T_S"):
+            yield _significant(m, figure, test, "drift of x and z")
+
+
+def _smaller_designs(m: Measured) -> Iterator[Statement]:
+    for figure in ("50 x", "50 y"):
+        yield _significant(m, figure, "T_bias", "six-point tumble, x and y")
+        yield _not_significant(m, figure, "T_b", "... no drift detected")
+        yield _not_significant(m, figure, "T_S", "... no drift detected")
     for axis in "xyz":
         yield from _tumble(m, f"52 {axis}")
-    for axis, letter in zip("xyz", "abc", strict=True):
-        yield _fraction(m, f"53 {axis}", f"47({letter})")
-    yield _wider(m, "53 x", "47(a)")
-    yield _printed(
-        below(
-            "53 x",
-            "offset drift is not detected any more: T_b / T_b of figure 47(a)",
-            r["53 x"].T_b / r["47(a)"].T_b,
-            0.5,
-        ),
-        f"{2.03 / 15.0:.2f}",
+    for axis in "xyz":
+        yield _fraction(m, f"53 {axis}", UNDER[f"54 {axis}"][0])
+    x, full = "53 x", "47(a)"
+    yield _wider(m, x, full, 1.5)
+    yield _as_printed(
+        m, x, "offset drift is no more detected: T_b over that of 47(a)", lambda r: r[x].T_b / r[full].T_b, below, 0.5
     )
-    yield _printed(
-        below(
-            "53 x",
-            "sensitivity drift considerably less significant: T_S / T_S of 47(a)",
-            r["53 x"].T_S / r["47(a)"].T_S,
-            0.5,
-        ),
-        f"{9.73 / 76.7:.2f}",
+    yield _as_printed(
+        m,
+        x,
+        "sensitivity drift much less significant: T_S over that of 47(a)",
+        lambda r: r[x].T_S / r[full].T_S,
+        below,
+        0.5,
     )
     for axis in "xyz":
         yield _under(m, f"54 {axis}")
 
 
-def ranges(measured: Measured) -> tuple[Statement, ...]:
-    """Sizes of Table 2 that the simulated sensors were made to have."""
-    rows = measured.rows
-    found = [
-        _printed(_between(f, "sigma_E / 1e-4 deg", rows[f].sigma_E, 2.0, 6.0), f"{printed.ROWS[f].sigma_E:g}")
-        for f in _FULL
-        if f in rows
-    ]
-    found += [
-        _printed(_between(f, "T_bias", rows[f].T_bias, 10.0, 115.0), f"{printed.ROWS[f].T_bias:g}")
-        for f in _PADS
-        if f in rows
-    ]
-    return tuple(found)
+def _sensor_2(m: Measured, figure: str) -> Iterator[Statement]:
+    yield _not_significant(m, figure, "T_bias", "sensor 2")
+    says = "strong drift of sensor 2: the smaller of T_b and T_S"
+    yield _as_printed(m, figure, says, lambda r: min(r[figure].T_b, r[figure].T_S), above, 100)
 
 
 def _tumble(m: Measured, figure: str) -> Iterator[Statement]:
     full, small = UNDER[figure]
     ratio = m.residual_sd(full, small) / m.rows[small].sigma_E
     was = printed.RESIDUAL_SD[figure] / printed.ROWS[small].sigma_E
-    yield _printed(above(figure, "sd of the full data's residuals over the tumble's sigma_E", ratio, 1.2), f"{was:.1f}")
+    yield above(figure, "sd of the full data's residuals over the tumble's sigma_E", ratio, 1.2, printed=f"{was:.1f}")
     data, fit = m.data(full), m.fit(small)
     half = np.degrees(fit.linear.prediction(fit.columns(data.pitch_deg, data.roll_deg)) / fit.parameters.S_V)
     covered = float(np.mean(np.abs(m.residual_deg(full, small)) < half))
     yield below(figure, "its 95 % prediction interval covers too few of them", 100 * covered, 95, "%")
-    yield above(
-        figure,
-        "its calibration interval is wider than the full one's: ratio",
-        _calibration(m, small) / _calibration(m, full),
-        2,
-    )
+    yield _wider(m, small, full, 2)
 
 
 def _fraction(m: Measured, small: str, full: str) -> Statement:
-    change = 100 * (m.rows[small].sigma_E / m.rows[full].sigma_E - 1.0)
-    was = 100 * (printed.ROWS[small].sigma_E / printed.ROWS[full].sigma_E - 1.0)
-    return _printed(below(small, f"sigma_E near that of {full}: change", abs(change), 25, "%"), f"{abs(was):.0f} %")
+    says = f"sigma_E near that of {full}: ratio"
+    return _as_printed(m, small, says, lambda r: r[small].sigma_E / r[full].sigma_E, between, (0.8, 1.25))
 
 
-def _wider(m: Measured, small: str, full: str) -> Statement:
+def _wider(m: Measured, small: str, full: str, limit: float) -> Statement:
     ratio = _calibration(m, small) / _calibration(m, full)
-    return _printed(above(small, f"calibration intervals larger than those of {full}: ratio", ratio, 1.5), "larger")
+    return above(small, f"calibration interval wider than that of {full}: ratio", ratio, limit, printed="larger")
 
 
 def _under(m: Measured, figure: str) -> Statement:
     full, small = UNDER[figure]
     worse = 100 * (m.residual_sd(full, small) / m.rows[full].sigma_E - 1.0)
     was = 100 * (printed.RESIDUAL_SD[figure] / printed.ROWS[full].sigma_E - 1.0)
-    return _printed(
-        below(figure, f"residuals of {full} under coefficients of {small}: sd larger by", worse, 3, "%"), f"{was:.1f} %"
-    )
+    says = f"residuals of {full} under coefficients of {small}: sd larger by"
+    return below(figure, says, worse, 3, "%", printed=f"{was:.1f} %")
 
 
-def _significant(row: Row, test: str, says: str) -> Statement:
-    value, limit = getattr(row, test), row.F_bias if test == "T_bias" else row.F_bS
-    return _printed(above(row.figure, f"{test} significant: {says}", value, round(limit, 2)), _of(row, test))
+def _as_printed(
+    m: Measured, where: str, says: str, of: Callable[[Mapping[str, Row]], float], judge: Judge, limit: object
+) -> Statement:
+    """Something of Table 2, of the simulated rows and of the printed ones."""
+    return judge(where, says, of(m.rows), limit, printed=short(of(printed.ROWS)))
 
 
-def _not_significant(row: Row, test: str, says: str) -> Statement:
-    value, limit = getattr(row, test), row.F_bias if test == "T_bias" else row.F_bS
-    return _printed(below(row.figure, f"{test} not significant: {says}", value, round(limit, 2)), _of(row, test))
+def _of(figure: str, name: str) -> Callable[[Mapping[str, Row]], float]:
+    return lambda rows: float(getattr(rows[figure], name))
 
 
-def _of(row: Row, test: str) -> str:
-    return f"{getattr(printed.ROWS[row.figure], test):g}"
+def _significant(m: Measured, figure: str, test: str, says: str) -> Statement:
+    return _as_printed(m, figure, f"{test} significant: {says}", _of(figure, test), above, _limit(m, figure, test))
 
 
-def _between(where: str, says: str, value: float, low: float, high: float) -> Statement:
-    return Statement(where, says, "", f"{value:.3g}", "", f"{low:g} to {high:g}", low <= value <= high)
+def _not_significant(m: Measured, figure: str, test: str, says: str) -> Statement:
+    return _as_printed(m, figure, f"{test} not significant: {says}", _of(figure, test), below, _limit(m, figure, test))
 
 
-def _printed(statement: Statement, value: str) -> Statement:
-    return Statement(**{**vars(statement), "printed": value})
+def _limit(m: Measured, figure: str, test: str) -> float:
+    row = m.rows[figure]
+    return round(row.F_bias if test == "T_bias" else row.F_bS, 2)
 
 
 def _calibration(m: Measured, figure: str) -> float:
@@ -258,22 +225,23 @@ def _calibration(m: Measured, figure: str) -> float:
     return SCALE * float(np.degrees(half[0] / fit.parameters.S_V))
 
 
-def _data(m: Measured, figure: str) -> tuple[FloatArray, FloatArray]:
+def _angles(m: Measured, figure: str) -> tuple[FloatArray, FloatArray]:
     data = m.data(figure)
     return data.pitch_deg, data.roll_deg
 
 
-def _means(m: Measured, figure: str) -> FloatArray:
-    """(n,) systematic residual: mean over the replications of each row's point, deg."""
+def _systematic(m: Measured, figure: str) -> FloatArray:
+    """(n,) mean residual over the replications of each row's point, deg."""
     point, residual = m.data(figure).point, m.residual_deg(figure)
     return np.asarray((np.bincount(point, residual) / np.bincount(point))[point])
 
 
-def _share(m: Measured, figure: str, of_pitch: FloatArray, of_roll: FloatArray) -> float:
-    """Share of the systematic residual's variance that is of these periods, by a fit of sines and cosines of both."""
-    (s, c), (sr, cr) = sin_cos(of_pitch), sin_cos(of_roll)
-    residual = _means(m, figure)
-    columns = np.column_stack([a * b for a in (s, c) for b in (sr, cr)] if of_roll.size > 1 else [s, c])
+def _share(m: Measured, figure: str, pitch_deg: FloatArray, roll_deg: FloatArray | None = None) -> float:
+    """Share of the systematic residual's variance with two periods of pitch (and one of roll) in 360 deg."""
+    waves = list(sin_cos(2.0 * pitch_deg))
+    if roll_deg is not None:
+        waves = [a * b for a in waves for b in sin_cos(roll_deg)]
+    residual, columns = _systematic(m, figure), np.column_stack(waves)
     left = residual - columns @ np.linalg.lstsq(columns, residual, rcond=None)[0]
     return 1.0 - float(np.sum(left**2) / np.sum(residual**2))
 

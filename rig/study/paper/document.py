@@ -13,7 +13,7 @@ from rig.study.paper.loci import statements_9_11_12
 from rig.study.paper.one_axis import statements_6_to_8
 from rig.study.paper.outputs import statements_1_to_5
 from rig.study.paper.printed import Row
-from rig.study.paper.statement import SMALL, Statement
+from rig.study.paper.statement import SMALL, Statement, short
 from rig.study.paper.table_1 import table_1
 from rig.study.paper.table_2 import critical_values, identities
 from rig.study.paper.three_axes import statements_13_to_20
@@ -174,4 +174,4 @@ def _table_2(rows: dict[str, Row]) -> Iterable[tuple[str, ...]]:
 
 def _numbers(row: Row) -> list[str]:
     first = [f.name for f in fields(Row)].index("sigma_E")
-    return [f"{value:.3g}" if value < 1000 else f"{value:.0f}" for value in astuple(row)[first:-1]]
+    return [short(value) for value in astuple(row)[first:-1]]

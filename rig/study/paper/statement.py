@@ -78,17 +78,31 @@ def about(
     )
 
 
-def below(where: str, says: str, computed: float, limit: float, unit: str = "", note: str = "") -> Statement:
-    """Something the paper calls small, insignificant, constant: less than `limit`."""
-    return Statement(
-        where, says, "", _short(computed, unit), "", f"< {limit:g}{_gap(unit)}", bool(computed < limit), note
-    )
+def below(
+    where: str, says: str, computed: float, limit: float, unit: str = "", note: str = "", *, printed: str = ""
+) -> Statement:
+    """Something the paper calls small, insignificant, constant: less than `limit`. `printed`: where it has a number."""
+    return _held(where, says, computed, f"< {limit:g}", bool(computed < limit), unit, note, printed)
 
 
-def above(where: str, says: str, computed: float, limit: float, unit: str = "", note: str = "") -> Statement:
+def above(
+    where: str, says: str, computed: float, limit: float, unit: str = "", note: str = "", *, printed: str = ""
+) -> Statement:
     """Something the paper calls large, significant, unbounded: more than `limit`."""
+    return _held(where, says, computed, f"> {limit:g}", bool(computed > limit), unit, note, printed)
+
+
+def between(where: str, says: str, computed: float, limits: tuple[float, float], *, printed: str = "") -> Statement:
+    """A size that is to be like the paper's."""
+    low, high = limits
+    return _held(where, says, computed, f"{low:g} to {high:g}", bool(low <= computed <= high), "", "", printed)
+
+
+def _held(
+    where: str, says: str, computed: float, criterion: str, agrees: bool, unit: str, note: str, printed: str
+) -> Statement:
     return Statement(
-        where, says, "", _short(computed, unit), "", f"> {limit:g}{_gap(unit)}", bool(computed > limit), note
+        where, says, printed, f"{short(computed)}{_gap(unit)}", "", f"{criterion}{_gap(unit)}", agrees, note
     )
 
 
@@ -105,6 +119,8 @@ def _number(value: float, decimals: int, unit: str) -> str:
     return f"{value:.{decimals}f}{_gap(unit)}"
 
 
-def _short(value: float, unit: str) -> str:
-    """Rounding errors count as nothing: another machine has others."""
-    return f"{value if abs(value) > 1e-9 else 0.0:.3g}{_gap(unit)}"
+def short(value: float) -> str:
+    """Three digits, thousands written out. Rounding errors count as nothing: another machine has others."""
+    if abs(value) <= 1e-9:
+        return "0"
+    return f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
