@@ -2,7 +2,7 @@
 
 A sensor's state is offset, sensitivity, and the two parts of its coning angle. Each moves on its own, in units of what
 one calibration can tell: `none` stays, `linear` drifts steadily, `walk` wanders, `scatter` is drawn anew at every
-calibration and at every use, `step` jumps once at an unknown date.
+calibration and at every use, `step` jumps once at an unknown date. `together` is a walk of all of them by one cause.
 """
 
 from __future__ import annotations
@@ -14,12 +14,13 @@ from attitude_truth import D1, Bench, Sensor, simulate
 
 from fitter.history import attitude_charted, calibrated
 
-KINDS = ("none", "scatter", "walk", "step", "linear")
+KINDS = ("none", "scatter", "walk", "together", "step", "linear")
 BENCH = Bench(sensors=(Sensor("x"),), degC_daily=0.0, offset_sd=0.5)
 PLAN = D1(90, 5, 5, replications=3)
 START = np.array([0.002, 5.0, 0.2, 0.5])
 UNIT = np.array([4.5e-6, 1.7e-6, 4e-5, 4e-5])
 """Standard error within one calibration of V, V/g, deg, deg."""
+TOGETHER = np.array([1.0, -1.0, 1.0, -1.0])
 USAGE = np.meshgrid(np.linspace(-30, 30, 9), np.arange(0, 360, 15.0))
 
 
@@ -48,6 +49,8 @@ class History:
         last = self.states[-1] + self.rate * years
         if self.kind == "walk":
             last = last + self.rng.normal(0, self.size * np.sqrt(years), 4) * UNIT
+        if self.kind == "together":
+            last = last + self.rng.normal(0, self.size * np.sqrt(years)) * TOGETHER * UNIT
         if self.kind == "scatter":
             last = START + self.rng.normal(0, self.size, 4) * UNIT
         return last
@@ -70,8 +73,10 @@ def draw_history(kind, count, rng, size=3.0):
     if kind == "linear":
         rate = size * rng.choice([-1.0, 1.0], 4)
         moved = years[:, None] * rate
-    elif kind == "walk":
+    elif kind in ("walk", "together"):
         steps = rng.normal(0, size, (count - 1, 4)) * np.sqrt(np.diff(years))[:, None]
+        if kind == "together":
+            steps = steps[:, :1] * TOGETHER
         moved[1:] = np.cumsum(steps, axis=0)
     elif kind == "scatter":
         moved = rng.normal(0, size, (count, 4))

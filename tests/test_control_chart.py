@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -12,6 +13,8 @@ from pathlib import Path
 import pytest
 from dry import LAB, SHORT, dry
 
+from rig.cli import app
+from rig.cli import chart as _registers  # noqa: F401
 from rig.closed_loop import fit_table
 from rig.closed_loop.chart import chart_calibrations
 from rig.closed_loop.chart_inputs import read_all
@@ -61,7 +64,8 @@ def tables(runs, tmp_path_factory):
 
 def rig(*arguments):
     command = [sys.executable, "-m", "rig", "chart", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
+    environment = {**os.environ, "COLUMNS": "80"}
+    return subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
 
 
 def test_the_drift_is_found_and_named(charted):
@@ -180,23 +184,33 @@ def test_notes_say_what_is_doubtful(runs, tmp_path):
     assert any("more than was calibrated last" in note for note in charted.notes)
 
 
-def test_command_prints_tables_sentences_and_json(runs, tmp_path):
+def test_command_prints_what_the_document_shows(runs, tmp_path):
     report = tmp_path / "chart.html"
-    shown = rig(
-        *runs, "--sensor", "x_V", "--tolerance", "1e-3", "--usage", 30, "--today", "2026-01-01", "--report", report
-    )
+    options = ("--sensor", "x_V", "--tolerance", "1e-3", "--usage", 30, "--today", "2026-02-01")
+    shown = rig(*runs, *options, "--report", report)
     assert shown.returncode == 0, shown.stderr
-    words = " ".join(shown.stdout.split())
-    assert words.startswith("SIMULATED 5 calibrations from 2024-01-15 to 2026-01-12")
-    assert "sensitivity falls by" in words
-    assert "due again on 2026-" in words
     assert "SIMULATED: no real instrument" in report.read_text()
-    told = rig(*runs, "--json", "--today", "2026-01-01")
-    found = json.loads(told.stdout)
+    document = (Path(__file__).parent.parent / "docs" / "control_charts.md").read_text()
+    example = document.split("```text\n")[1].split("```")[0]
+    assert _lines(shown.stdout) == _lines(example)
+
+
+def _lines(text):
+    return [line.rstrip() for line in text.splitlines() if line.strip()]
+
+
+def test_command_prints_json(runs, capsys):
+    assert app(["chart", *runs, "--json", "--today", "2026-01-01"], standalone_mode=False) == 0
+    found = json.loads(capsys.readouterr().out)
     assert set(found["sensors"]) == {"x_V", "y_V", "z_V"}
     assert found["data"]["simulated"] is True
-    refused = rig(*runs, "--report", runs[0])
-    assert (refused.returncode, "is not overwritten" in refused.stderr) == (2, True)
+
+
+def test_command_refuses_what_it_cannot_do(runs):
+    with pytest.raises(UsageError, match="is not overwritten"):
+        app(["chart", *runs, "--report", runs[0]], standalone_mode=False)
+    with pytest.raises(UsageError, match="--today: 'soon' is no date"):
+        app(["chart", *runs, "--today", "soon"], standalone_mode=False)
 
 
 def test_report_holds_charts_tests_and_where_everything_is_from(charted):

@@ -15,7 +15,7 @@ from fitter import fit_all
 from fitter.history import Between, Series, attitude_charted, calibrated, error_bound, homogeneity, limits, step, trend
 from fitter.history.chart import holm
 from fitter.history.components import Profile
-from fitter.history.forecast import ErrorBound, predict
+from fitter.history.forecast import ErrorBound, Prediction, predict
 from fitter.history.stored import calibrated_from
 from fitter.inverse import calibrate_package
 
@@ -146,7 +146,7 @@ def test_a_bound_holds_until_it_first_exceeds_the_tolerance():
 
 def test_too_few_calibrations_say_nothing_rather_than_something():
     two, three = alike([1.0, 2.0]), alike([1.0, 2.0, 1.5])
-    assert (trend(two), limits(two), step(two), error_bound([two], np.ones((1, 1)))) == (None, None, None, None)
+    assert (trend(two), limits(two), step(two)) == (None, None, None)
     assert step(three) is None
     assert trend(three).df == 1
     with pytest.raises(ValueError, match="at least two"):
@@ -185,6 +185,24 @@ def test_what_a_change_of_a_parameter_does_to_the_output_is_what_the_sensor_does
     assert volts == pytest.approx(new - old, abs=1e-8)
 
 
+def test_the_bound_of_a_normal_error_is_that_of_its_tables():
+    """1.959964 sd about zero; 1.644854 sd beyond a mean far from it."""
+    found = Prediction(np.array([[0.0, 50.0, -50.0]]), np.array([[2.0, 1.0, 1.0]])).bound(0.95)
+    assert found == pytest.approx([2 * 1.959964, 50 + 1.644854, 50 + 1.644854], rel=1e-6)
+
+
+def test_an_output_is_charted_as_the_sum_of_its_parameters_with_their_covariance():
+    """Within one calibration: the variance of h c, from the replications' own h c."""
+    data = simulate(BENCH, PLAN, 5)[0]
+    found = attitude_charted([calibrated(data, "x_V")] * 2, np.arange(2.0))
+    row = found.output_rows(np.array([20.0]), np.array([50.0]))[0]
+    a, r = np.radians(20.0), np.radians(50.0)
+    h = np.array([1.0, np.sin(a), np.cos(a) * np.sin(r), np.cos(a) * np.cos(r)])
+    alone = [fit_all(data.take(data.replicate == n))["x_V"].linear.coefficients @ h for n in data.replicates]
+    expected = np.var(np.degrees(alone) / found.sensitivity, ddof=1) / len(alone)
+    assert found.combined(row).variance == pytest.approx(expected, rel=1e-9)
+
+
 def test_charted_axis_is_the_true_one():
     found = attitude_charted(
         [calibrated(simulate(bench_of(START), PLAN, seed)[0], "x_V") for seed in (1, 2)], np.arange(2.0)
@@ -220,23 +238,25 @@ def test_a_calibration_file_tells_the_same_as_the_run(roll_count):
         assert ratio == pytest.approx(1.0, rel=1e-3)
 
 
-@pytest.mark.parametrize(("kind", "size"), [("none", 0.0), ("scatter", 2.0), ("walk", 3.0), ("linear", 3.0)])
+@pytest.mark.parametrize(
+    ("kind", "size"), [("none", 0.0), ("walk", 3.0), ("together", 3.0), ("linear", 3.0)]
+)
 def test_a_sensor_is_within_tolerance_when_it_is_due(kind, size):
     """A bounded share of benchmarks/chart_campaign.py: from readings to charts, and what the sensor then does."""
     rng = np.random.default_rng([8, len(kind)])
     pitch, roll = (a.ravel() for a in np.meshgrid(np.linspace(-30, 30, 5), np.arange(0, 360, 30.0)))
     within, differ = [], 0
-    for _ in range(30):
+    for _ in range(20):
         history = draw_history(kind, 6, rng, size)
         charted, last = history.charted()
-        bound = error_bound(charted.series, charted.output_rows(pitch, roll), times=17, draws=1024, nodes=64)
+        bound = error_bound(charted, charted.output_rows(pitch, roll), times=9, draws=512, nodes=32)
         years = bound.holds_for(8e-4)
         if years is not None:
             within.append(largest_error_deg(history.after(years), last) <= 8e-4)
         differ += sum(homogeneity(s).p < 0.05 for s in charted.series)
-    assert len(within) >= 15
+    assert len(within) >= 10
     assert stats.binomtest(sum(within), len(within), 0.95, alternative="less").pvalue > 0.01
     if kind == "none":
-        assert stats.binomtest(differ, 120, 0.05).pvalue > 0.001
+        assert stats.binomtest(differ, 80, 0.05).pvalue > 0.001
     else:
-        assert differ > 40
+        assert differ > 25

@@ -172,6 +172,7 @@ def attitude_charted(calibrations: Sequence[Calibrated], years: FloatArray) -> A
         stderr=np.sqrt(np.column_stack(variances)),
         sensitivity=S,
         replicated=any(c.replicated for c in calibrations),
+        variance_of=lambda weights: _within(calibrations, [weights @ np.array(directions)] * len(years)),
         directions=np.array(directions),
         axis=np.column_stack([np.zeros(3), along, *(each * np.radians(S) for each in square)]),
     )

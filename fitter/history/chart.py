@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from fitter.arrays import FloatArray
+from fitter.history.charted import Charted
 from fitter.history.forecast import ErrorBound, error_bound
 from fitter.history.homogeneity import Homogeneity, homogeneity
 from fitter.history.limits import Limits, limits
@@ -75,15 +76,15 @@ class Chart:
         return any(q.significant(test) for q in self.quantities for test in q.adjusted)
 
 
-def chart(names: Sequence[str], series: Sequence[Series], rows: FloatArray) -> Chart:
+def chart(charted: Charted, rows: FloatArray) -> Chart:
     """Test every parameter, and bound the error of the last calibration's output.
 
     Args:
-        names: q of them.
-        series: q, at the same times.
+        charted: q parameters of a sensor.
         rows: (H, q) what a unit of each adds to the output, at H places of the range of use.
 
     """
+    series = charted.series
     tests = [(homogeneity(s), trend(s), step(s)) for s in series]
     adjusted: list[dict[str, float]] = [{} for _ in series]
     for i, test in enumerate(("homogeneity", "trend", "step")):
@@ -95,9 +96,9 @@ def chart(names: Sequence[str], series: Sequence[Series], rows: FloatArray) -> C
     return Chart(
         tuple(
             QuantityChart(name, one, *three, limits(one), p)
-            for name, one, three, p in zip(names, series, tests, adjusted, strict=True)
+            for name, one, three, p in zip(charted.names, series, tests, adjusted, strict=True)
         ),
-        error_bound(series, rows),
+        error_bound(charted, rows),
     )
 
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+
+import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.history.series import Series
@@ -20,6 +23,7 @@ class Charted:
         stderr: (m, p) their standard errors within a calibration.
         sensitivity: mean of the sensor, V/g or mV/psi.
         replicated: whether errors within a calibration come from something that was repeated in it.
+        variance_of: (m,) variance within, and its degrees of freedom, of the parameters weighed by (q,) numbers.
 
     """
 
@@ -30,3 +34,9 @@ class Charted:
     stderr: FloatArray
     sensitivity: float
     replicated: bool
+    variance_of: Callable[[FloatArray], tuple[FloatArray, float]]
+
+    def combined(self, weights: FloatArray) -> Series:
+        """The sum of the charted parameters weighed by (q,) numbers, over the calibrations: an output, say."""
+        values = np.column_stack([s.values for s in self.series]) @ weights
+        return Series(self.series[0].years, values, *self.variance_of(weights))

@@ -3,18 +3,25 @@
 Of one parameter, given the variances, the value at a later time has a normal distribution: the best linear unbiased
 prediction from a straight line and the variation between calibrations (universal kriging), less the value that the
 last calibration found. The variances are drawn from what the data leave open about them (`fitter.history.draws`).
-The errors of all parameters together give the error of the output, and its largest value over the range of use.
+
+The errors of all parameters give the error of the output, and its largest value over the range of use. Parameters may
+move each on its own or all together, by one cause. Drawn each on its own they give the first bound. For the second, the
+output itself is predicted where parameters that move together add up most: however they go together is in its values.
+The larger bound counts.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import product
 
 import numpy as np
+from scipy import special
 
 from fitter.arrays import FloatArray, IntArray
+from fitter.history.charted import Charted
 from fitter.history.components import Between
 from fitter.history.draws import NODES, draw
 from fitter.history.series import Series
@@ -76,9 +83,19 @@ class Prediction:
     mean: FloatArray
     sd: FloatArray
 
+    def bound(self, level: float) -> FloatArray:
+        """(T,) what the error is below, to either side, with this probability."""
+        low, high = np.zeros(self.mean.shape[1]), np.max(np.abs(self.mean) + 10.0 * self.sd, axis=0)
+        for _ in range(24):
+            middle = 0.5 * (low + high)
+            inside = special.ndtr((middle - self.mean) / self.sd) - special.ndtr((-middle - self.mean) / self.sd)
+            below = inside.mean(axis=0) < level
+            low, high = np.where(below, middle, low), np.where(below, high, middle)
+        return np.asarray(0.5 * (low + high))
+
 
 def error_bound(
-    series: Sequence[Series],
+    charted: Charted,
     rows: FloatArray,
     *,
     level: float = 0.95,
@@ -89,7 +106,7 @@ def error_bound(
     """Bound the error of the last calibration's output; None for fewer than three calibrations.
 
     Args:
-        series: q parameters at the same times.
+        charted: q parameters of the sensor.
         rows: (H, q) what a unit of each adds to the output, at H places of the range of use.
         level: probability that the bound holds, everywhere at once.
         times: how many ages.
@@ -97,21 +114,30 @@ def error_bound(
         nodes: draws of the variances of each parameter.
 
     """
-    years = series[0].years
+    years = charted.series[0].years
     if len(years) < FEWEST:
         return None
     ages = np.linspace(0.0, years[-1] - years[0], times)
-    node, normal = _dice(len(series), draws, nodes)
+    outputs = [charted.combined(row) for row in _worst_together(charted, rows)]
+    node, normal = _dice(len(charted.series), draws, nodes)
     bounds = {}
     for between in Between:
-        predictions = [predict(one, between, ages, nodes) for one in series]
+        predictions = [predict(one, between, ages, nodes) for one in charted.series]
         bound = np.empty(times)
         for t in range(times):
             parts = zip(predictions, node, normal, strict=True)
             errors = np.stack([p.mean[drawn, t] + p.sd[drawn, t] * z for p, drawn, z in parts])
             bound[t] = np.quantile(np.abs(rows @ errors).max(axis=0), level)
-        bounds[between] = bound
+        together = [predict(one, between, ages, nodes).bound(level) for one in outputs]
+        bounds[between] = np.max([bound, *together], axis=0)
     return ErrorBound(ages, bounds)
+
+
+def _worst_together(charted: Charted, rows: FloatArray) -> FloatArray:
+    """(h, q) those rows where parameters that move together, each by what it varied and to any side, add up most."""
+    reach = np.array([np.sqrt(np.var(s.values) + np.mean(s.variance)) for s in charted.series])
+    sides = np.array([(1.0, *rest) for rest in product((1.0, -1.0), repeat=len(reach) - 1)])
+    return np.asarray(rows[np.unique(np.argmax(np.abs((rows * reach) @ sides.T), axis=0))])
 
 
 def predict(series: Series, between: Between, ages: FloatArray, nodes: int = NODES) -> Prediction:

@@ -16,6 +16,7 @@ from fitter.arrays import FloatArray
 from fitter.history.charted import Charted
 from fitter.history.series import Series
 from fitter.pressure import PressureFit
+from fitter.split_plot.kenward_roger import KenwardRoger
 
 NAMES = ("intercept_mV", "gain_mV_per_psi")
 
@@ -61,10 +62,13 @@ def pressure_charted(fits: Sequence[PressureFit], years: FloatArray) -> Pressure
     rows = fits[0].formula.columns(at)[1]
     directions = np.array([rows[0], (rows[1] - rows[0]) / highest])
     values = np.array([directions @ f.reml.coefficients for f in fits])
-    variance, df = _within(fits, directions)
-    series = tuple(
-        Series(years, values[:, i], np.full(len(fits), variance[i]), float(df[i])) for i in range(len(NAMES))
-    )
+    rogers = [f.reml.kenward_roger() for f in fits]
+
+    def variance_of(weights: FloatArray) -> tuple[FloatArray, float]:
+        variance, df = _within(rogers, weights @ directions)
+        return np.full(len(fits), variance), df
+
+    series = tuple(Series(years, values[:, i], *variance_of(unit)) for i, unit in enumerate(np.eye(len(NAMES))))
     gain = float(values[:, 1].mean())
     interval = fits[-1].reml.interval(rows, new_whole_plot=True, new_readings=1.0)
     return PressureCharted(
@@ -72,18 +76,18 @@ def pressure_charted(fits: Sequence[PressureFit], years: FloatArray) -> Pressure
         series=series,
         shown=NAMES,
         parameters=values,
-        stderr=np.tile(np.sqrt(variance), (len(fits), 1)),
+        stderr=np.sqrt(np.column_stack([s.variance for s in series])),
         sensitivity=gain,
         replicated=True,
+        variance_of=variance_of,
         highest_psia=highest,
         centre_degC=(centre[0], centre[1]),
         interval_psi=float(interval.max() / abs(gain)),
     )
 
 
-def _within(fits: Sequence[PressureFit], directions: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(2,) variance within and its degrees of freedom, pooled over calibrations of one design."""
-    rogers = [f.reml.kenward_roger() for f in fits]
-    own = np.array([np.einsum("qk,kl,ql->q", directions, r.covariance, directions) for r in rogers])
-    df = np.array([r.df(directions) for r in rogers])
-    return np.asarray(np.sum(df * own, axis=0) / df.sum(axis=0)), np.asarray(df.sum(axis=0))
+def _within(rogers: Sequence[KenwardRoger], direction: FloatArray) -> tuple[float, float]:
+    """Variance within of `direction` @ coefficients and its degrees of freedom, pooled; all of one design."""
+    own = np.array([direction @ r.covariance @ direction for r in rogers])
+    df = np.array([float(r.df(direction)[0]) for r in rogers])
+    return float(df @ own / df.sum()), float(df.sum())

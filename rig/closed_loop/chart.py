@@ -220,13 +220,16 @@ def chart_calibrations(
         every = [one.sensors[name] for one in given]
         attitude = [one for one in every if isinstance(one, Calibrated)]
         pressure = [one for one in every if isinstance(one, PressureFit)]
-        view = of_attitude(attitude, years, usage_deg) if attitude else of_pressure(pressure, years)
+        try:
+            view = of_attitude(attitude, years, usage_deg) if attitude else of_pressure(pressure, years)
+        except ValueError as error:
+            raise UsageError(f"{name}: {error}") from error
         remarks += [f"{name}: {remark}" for remark in view.remarks]
         found[name] = SensorChart(
             name=name,
             given=given,
             charted=view.charted,
-            chart=chart(view.charted.names, view.charted.series, view.rows),
+            chart=chart(view.charted, view.rows),
             model=view.model,
             unit=view.unit,
             usage=view.usage,
