@@ -32,6 +32,7 @@ from rig.study.paper.statement import about, above, below, digits
 from rig.study.paper.table_1 import table_1
 from rig.study.paper.table_2 import EXPERIMENTS, FRACTION_53, FRACTION_73, UNDER, Measured, bias_limit, identities
 from rig.study.paper.toml_text import toml_text
+from rig.study.paper.words import NOT_ALIKE
 
 DOCUMENT = Path(__file__).parent.parent / "docs" / "paper.md"
 SEED = 20260523
@@ -73,6 +74,7 @@ def test_the_document_has_the_experiments_and_how_often_each_check_held():
     assert "held, of 10" in text
     for figure in (*(e.figure for e in EXPERIMENTS), *UNDER):
         assert f"| {figure} |" in text, figure
+    assert all(words in text for words in NOT_ALIKE)
 
 
 # --- errors of angles against Jacobians of the rotations ----------------------------------------------------------
@@ -170,7 +172,7 @@ def test_toml_that_is_written_is_read_back():
 # --- data --------------------------------------------------------------------------------------------------------
 
 
-def turned_data(design, *, per_degC=(0.0, 0.0), replications=3):
+def turned_data(design, *, per_degC=(0.0, 0.0), replications=3, name="x_V"):
     """An x sensor by the rotations of appendix A, its offset and sensitivity following a temperature that wanders."""
     rng = np.random.default_rng(SEED)
     pitch, roll = np.tile(np.array(design.points_deg()), (replications, 1)).T
@@ -185,7 +187,8 @@ def turned_data(design, *, per_degC=(0.0, 0.0), replications=3):
         pitch_deg=pitch,
         roll_deg=roll,
         sensor_temperature_degC=degC,
-        outputs={"x_V": v + rng.normal(0, 1e-5, n)},
+        outputs={name: v + rng.normal(0, 1e-5, n)},
+        axes={name: "x"},
     )
 
 
@@ -221,6 +224,19 @@ def test_experiments_without_roll_show_the_pattern(without_roll):
     found = checks(without_roll)
     assert {s.where for s in found} == {"22", "23", "24", "25", "26"}
     assert [s for s in found if not s.agrees] == []
+
+
+def test_sensors_without_effects_do_not_show_it():
+    """The checks can fail: on a perfect package there are no pads, and a tumble has no bias."""
+    steps = {NO_ROLL[0]: range(-36, 37, 2), NO_ROLL[1]: range(-180, 181, 5)}
+    perfect = {n: turned_data(grid("D", pitch, [0]), replications=6, name="aoa_V") for n, pitch in steps.items()}
+    failed = {(s.where, s.says.split(":")[0]) for s in checks(Measured(perfect)) if not s.agrees}
+    assert failed == {
+        ("24", "T_bias significant"),
+        ("24", "sigma_E over that of figure 22"),
+        ("24", "two periods of pitch in 360 deg"),
+        ("26", "T_bias significant"),
+    }
 
 
 def test_their_figures(without_roll):

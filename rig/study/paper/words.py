@@ -63,11 +63,12 @@ NOT_ALIKE = (
     "The tumbles. Deflection of isolation pads is a product of two components of gravity and vanishes at every "
     "cardinal angle: pads alone give a tumble no bias at all. That the paper's tumbles show one (T_bias 30, 85, 19) "
     "means that its sensors had something else as well; a nonlinearity of 5 to 15 ug/g^2 in each and an eccentricity "
-    "of 2.9 arc seconds of the roll axis give all of rows 24, 26, 47, 50, 53 at once, which is why they are here. "
-    "Both are guesses.",
+    "of 2.9 arc seconds of the roll axis give sizes like those of rows 24, 26, 47, 50, 53 at once and are here for "
+    "that. Both are guesses.",
     "Rows 44(b) and (c). With these the y and z sensors show less over +-90 deg than the paper's (T_bias of z about 3 "
     "instead of 17), and row 47(b) has no drift.",
-    "Seeds. Another seed is other noise on the same sensors, effects and drifts.",
+    "Seeds. Another seed is other noise on the same sensors, effects and drifts. Sizes and criteria were settled with "
+    "seeds 1 to 3 in view, one sensor's noise after a first look at ten.",
     "Sensor 2. Its sigma_E of 16.6 is its drift: sigma_b / T_b^1/2 is 3.7, all that it scatters within a "
     "replication. So it was given a noise of twice sensor 1's, not ten times, and a steady drift of 28 uV/h and 9 "
     "ppm/h, which gives rows 34 and 42 alike.",
