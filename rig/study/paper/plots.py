@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from fitter.arrays import FloatArray
 
@@ -84,7 +84,7 @@ class Figure:
     number: str
     caption: str
     panels: tuple[Panel, ...]
-    simulated: bool = field(default=False)
+    simulated: bool = False
 
     @property
     def file_name(self) -> str:
