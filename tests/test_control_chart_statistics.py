@@ -238,9 +238,7 @@ def test_a_calibration_file_tells_the_same_as_the_run(roll_count):
         assert ratio == pytest.approx(1.0, rel=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("kind", "size"), [("none", 0.0), ("walk", 3.0), ("together", 3.0), ("linear", 3.0)]
-)
+@pytest.mark.parametrize(("kind", "size"), [("none", 0.0), ("walk", 3.0), ("together", 3.0), ("linear", 3.0)])
 def test_a_sensor_is_within_tolerance_when_it_is_due(kind, size):
     """A bounded share of benchmarks/chart_campaign.py: from readings to charts, and what the sensor then does."""
     rng = np.random.default_rng([8, len(kind)])
