@@ -12,16 +12,12 @@ import sys
 from pathlib import Path
 
 import pytest
+from command import in_its_own_process, rig
 from dry import LAB, SHORT, dry, write_short
 
 from rig.examples import example
 
 BENCH = (LAB / "bench.toml").read_text()
-
-
-def rig(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "rig", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, check=False, cwd=cwd)
 
 
 def files(folder: Path) -> set[str]:
@@ -184,7 +180,7 @@ def test_rig_sim_writes_over_no_file_of_yours(tmp_path):
 def test_what_a_lost_log_took_is_said(tmp_path):
     write_short(tmp_path)
     arguments = ("run", "short.toml", "--bench", LAB / "bench.toml", "--dry", "--kill-at-point", 12)
-    done = rig(*arguments, cwd=tmp_path)
+    done = in_its_own_process(*arguments, cwd=tmp_path)
     assert done.returncode == -9
     path = tmp_path / done.stdout.strip()
     path.with_name(path.name + "-wal").unlink()
@@ -201,7 +197,8 @@ def test_a_dry_run_stays_dry_whatever_bench_it_was_given(tmp_path):
         BENCH.replace('name = "attitude-lab"', 'name = "attitude-lab"\nsimulated = true')
         + "\n[live]\nspeed = 10\nepoch_utc = 0\nstarted_utc = 0\n"
     )
-    done = rig("run", "short.toml", "--bench", "bench.toml", "--dry", "--kill-at-point", 12, cwd=tmp_path)
+    arguments = ("run", "short.toml", "--bench", "bench.toml", "--dry", "--kill-at-point", 12)
+    done = in_its_own_process(*arguments, cwd=tmp_path)
     assert done.returncode == -9
     resumed = rig("resume", done.stdout.strip(), cwd=tmp_path)
     assert resumed.returncode == 0, resumed.stderr

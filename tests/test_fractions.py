@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import math
 import re
-import subprocess
-import sys
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from attitude_truth import D1, Bench, Plan, Sensor, simulate
+from command import rig
 
 from fitter import AttitudeData
 from fitter.fractions import MeasuredGrid, fit_part
@@ -326,11 +325,6 @@ def test_other_tables_are_refused():
 
 
 # --- on the command line -------------------------------------------------------------------------------------------
-
-
-def rig(*arguments):
-    command = [sys.executable, "-m", "rig", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
 @pytest.fixture(scope="module")

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 
 import pytest
+from command import rig
 
 # Yates (1935), oats: yield in quarter pounds by block, variety and nitrogen; as R's nlme package has it.
 OATS = {
@@ -30,11 +29,6 @@ def oats(tmp_path):
     ]
     path.write_text("\n".join(["Block,Variety,nitro,yield", *rows]) + "\n")
     return path
-
-
-def rig(*arguments):
-    command = [sys.executable, "-m", "rig", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
 def test_oats_as_lme4_fits_them(oats):

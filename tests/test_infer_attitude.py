@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import csv
 import json
-import subprocess
-import sys
 
 import numpy as np
 import pytest
+from command import rig
 from dry import SHORT, dry
 
 from rig.tables import run_table, write_csv
@@ -17,11 +16,6 @@ from rig.tables import run_table, write_csv
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
     return dry(tmp_path_factory.mktemp("attitude"))
-
-
-def rig(*arguments):
-    command = [sys.executable, "-m", "rig", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
 def rows_of(path):

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import json
 import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import kills
 import pytest
+from command import in_its_own_process as command
 from dry import LAB
 from kills import judge, rig, wait_for
 
@@ -70,12 +69,6 @@ def news(path):
         return json.loads(path.with_suffix(".live").read_text())
     except (OSError, ValueError):
         return {"done": 0, "state": ""}
-
-
-def command(*arguments):
-    return subprocess.run(
-        [sys.executable, "-m", "rig", *map(str, arguments)], capture_output=True, text=True, check=False
-    )
 
 
 def test_killed_while_the_instruments_live_on(tmp_path, live):

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import signal
-import subprocess
-import sys
 from collections import Counter
 from pathlib import Path
 
 import kills
 import pytest
+from command import in_its_own_process
 
 from rig.engine.run_file import RunReader
 from rig.examples import example
@@ -64,8 +63,7 @@ def killed_in_the_middle(tmp_path, live, gap_s):
 
 
 def resumed(path):
-    command = [sys.executable, "-m", "rig", "resume", str(path)]
-    finished = subprocess.run(command, capture_output=True, text=True, check=False, timeout=50)
+    finished = in_its_own_process("resume", path)
     assert finished.returncode == 0, finished.stderr
     with RunReader.open(path) as reader:
         reader.verify()

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from decimal import Decimal, localcontext
 from fractions import Fraction
 
 import numpy as np
 import pytest
+from command import rig
 from hypothesis import given
 from hypothesis import strategies as st
 from nist import PROBLEMS, digits
@@ -93,8 +92,7 @@ def test_so_has_the_users_fit_of_a_table(problem, tmp_path):
 def test_filip_on_the_command_line(tmp_path):
     filip = PROBLEMS["Filip"]
     path = filip.write_csv(tmp_path / "filip.csv")
-    command = [sys.executable, "-m", "rig", "fit", path, "--response", "y", "--formula", filip.model, "--json"]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    done = rig("fit", path, "--response", "y", "--formula", filip.model, "--json")
     values = json.loads(done.stdout)["coefficients"].values()
     assert min(map(digits, (v["estimate"] for v in values), filip.coefficients)) >= 13.0
 

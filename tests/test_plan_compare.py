@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 
 import pytest
+from command import rig
 from dry import LAB, SHORT
 
 WIDE = SHORT.replace("pitch_deg = [-90, -45, 0, 45, 90]", "pitch_deg = [-45, -22.5, 0, 22.5, 45]").replace(
@@ -17,8 +16,7 @@ WIDE = SHORT.replace("pitch_deg = [-90, -45, 0, 45, 90]", "pitch_deg = [-45, -22
 def plan(folder, *arguments):
     for name, text in (("short.toml", SHORT), ("narrow.toml", WIDE)):
         (folder / name).write_text(text)
-    command = [sys.executable, "-m", "rig", "plan", "short.toml", "--bench", str(LAB / "bench.toml"), *arguments]
-    return subprocess.run(command, capture_output=True, text=True, check=False, cwd=folder)
+    return rig("plan", "short.toml", "--bench", LAB / "bench.toml", *arguments, cwd=folder)
 
 
 def test_designs_side_by_side_with_hours_precision_and_a_recommendation(tmp_path):
@@ -65,8 +63,7 @@ def test_what_is_wanted_of_the_package_stands_in_the_procedure(tmp_path):
         (tmp_path / "told.toml").write_text(SHORT + told.format(sigma))
         done = plan(tmp_path, "--json")
         assert 9 in {item["number"] for item in json.loads(done.stdout)["advice"]}, "the bench has x, y and z"
-        command = [sys.executable, "-m", "rig", "plan", "told.toml", "--bench", str(LAB / "bench.toml"), "--json"]
-        done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
+        done = rig("plan", "told.toml", "--bench", LAB / "bench.toml", "--json", cwd=tmp_path)
         assert done.returncode == 0, done.stderr
         (found,) = (item for item in json.loads(done.stdout)["advice"] if item["number"] == 9)
         assert found["holds"] is holds

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import csv
 import json
-import subprocess
-import sys
 from collections import Counter
 
 import numpy as np
 import pytest
+from command import rig
 from dry_pressure import EACH, IN_ALL, LAB, SHORT, dry
 
 from rig.acceptance import judge
@@ -25,11 +24,6 @@ from rig.tables import run_table, whole_plot_data, write_csv
 def run(tmp_path_factory):
     """A run that a power cut hit in the middle of its third whole plot."""
     return dry(tmp_path_factory.mktemp("pressure"), kill_at=2 * EACH + 3)
-
-
-def rig(*arguments):
-    command = [sys.executable, "-m", "rig", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
 def test_a_power_cut_costs_one_whole_plot_and_no_reading(run):

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from command import Done, rig
 from dry import LAB, SHORT, dry, write_short
 
 from fitter.trace import trace
@@ -155,17 +154,15 @@ def test_a_path_is_not_broken_at_80_columns(path, tmp_path):
     folder = tmp_path / ("a-folder-with-a-long-name-" * 3)
     folder.mkdir()
     out = folder / "data.csv"
-    command = [sys.executable, "-m", "rig", "export", str(path), "--out", str(out)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, env={"COLUMNS": "80"})
+    done = rig("export", path, "--out", out, env={"COLUMNS": "80"})
     assert done.returncode == 0, done.stderr
     assert str(out) in done.stderr
 
 
-def rig_plan(folder, text: str, bench: str) -> subprocess.CompletedProcess[str]:
+def rig_plan(folder, text: str, bench: str) -> Done:
     (folder / "bench.toml").write_text(bench)
-    command = [sys.executable, "-m", "rig", "plan", str(write_short(folder, text)), "--bench", "bench.toml"]
     environment = {"COLUMNS": "80", "TZ": "UTC"}
-    return subprocess.run(command, capture_output=True, text=True, check=False, cwd=folder, env=environment)
+    return rig("plan", write_short(folder, text), "--bench", "bench.toml", cwd=folder, env=environment)
 
 
 def test_a_design_that_does_not_determine_the_sensor_is_explained(tmp_path):
