@@ -3,6 +3,7 @@
     python -m benchmarks.bench_inverse speed       three-axis inference a second on one core, beside MINPACK
     python -m benchmarks.bench_inverse coverage    95 % intervals over 10,000 simulated calibrations a cell
     python -m benchmarks.bench_inverse azimuth     the same of Omega, A and the sensitive axis, by how far it leans
+    python -m benchmarks.bench_inverse drift       the same where offset and sensitivity differ between replications
     python -m benchmarks.bench_inverse coverage 500
 
 The bench is the one of the fitter's tests (tests/attitude_truth.py), written from rotations.
@@ -208,6 +209,38 @@ def azimuth(calibrations=10_000):
             print(f"  {lean:10.0f} {A:5.0f} {100 * shown / calibrations:6.1f}%{both}{axis}")
 
 
+def drift(calibrations=10_000):
+    """Six replications of 5 x 8 points; offsets differ by so many sd of a reading, sensitivities by as much at 1 g.
+
+    A reading in use is of one more such draw.
+    """
+    plan = Plan(np.linspace(-90, 90, 5), np.arange(8) * 45.0, 6)
+    bench = replace(BENCH, sensors=tuple(Sensor(axis) for axis in "xyz"))
+    sigma, rng = np.radians(BENCH.sigma_deg) * 5.0, np.random.default_rng(40_000)
+    data, exact = _truth(bench, plan)
+    pitch, roll = np.array([(0, 0), (30, 20), (60, -100), (-45, 170), (120, 45)], float).T
+    told = volts(bench, pitch, roll)
+    print(f"{calibrations:,} calibrations a cell; held by the 95 % interval, %, and calibrations seen to drift")
+    for share in (0.0, 0.1, 0.3, 1.0, 4.0):
+        held, seen = np.zeros((2, len(pitch))), 0
+        for _ in range(calibrations):
+            offsets, gains = (
+                sigma * share * rng.normal(size=(2, 7, 3))
+            )  # the first is of the use, replications count from 1
+            drawn = offsets[data.replicate] + exact / 5.0 * gains[data.replicate]
+            noisy = exact + drawn + rng.normal(0, sigma, exact.shape)
+            run = replace(data, outputs=dict(zip(NAMES, noisy.T, strict=True)))
+            calibration = calibrate_package(run, NAMES)
+            seen += calibration.covariance_df is not None
+            v = told + offsets[0] + told / 5.0 * gains[0] + rng.normal(0, sigma, told.shape)
+            found = infer_attitude(calibration, v, near_deg=(pitch, roll))
+            held[0] += (found.pitch_lo95_deg <= pitch) & (pitch <= found.pitch_hi95_deg)
+            half = found.roll_hi95_deg - found.roll_deg
+            held[1] += np.abs((found.roll_deg - roll + 180) % 360 - 180) <= half
+        pitches, rolls = (" ".join(f"{100 * h / calibrations:.1f}" for h in row) for row in held)
+        print(f"  drift {share:3.1f} sd: pitch {pitches}; roll {rolls}; seen in {100 * seen / calibrations:.1f} %")
+
+
 def _truth(bench, plan):
     pitch, roll, _, _, replicate = rows_of(plan, np.random.default_rng(0))
     exact = volts(bench, pitch, roll)
@@ -231,4 +264,4 @@ def _part(calibration, names):
 
 if __name__ == "__main__":
     what = sys.argv[1] if len(sys.argv) > 1 else "speed"
-    {"speed": speed, "coverage": coverage, "azimuth": azimuth}[what](*(int(a) for a in sys.argv[2:]))
+    {"speed": speed, "coverage": coverage, "azimuth": azimuth, "drift": drift}[what](*(int(a) for a in sys.argv[2:]))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitter.arrays import FloatArray
+from fitter.arrays import FloatArray, IntArray
 from fitter.attitude import (
     AttitudeParameters,
     Interval,
@@ -23,7 +23,7 @@ from fitter.attitude import (
 from fitter.data import AttitudeData
 from fitter.linear import LinearFit
 from fitter.quantiles import t_limit
-from fitter.replication import Replication, analyse
+from fitter.replication import Replication, analyse, between_replications
 from fitter.temperature import Temperature
 
 JsonValue = float | int | str | None | list["JsonValue"] | dict[str, "JsonValue"]
@@ -38,7 +38,9 @@ class AttitudeFit:
         sensor: column name of its output.
         model: "attitude-x", "attitude-y", "attitude-z" or "attitude-no-roll".
         linear: the least-squares fit of `fitter.attitude.COLUMNS`, in volts.
-        parameters: the paper's parameters of it.
+        parameters: the paper's parameters of it. Where replications drift (`drifts`) with the errors that these show,
+            else with those of the residuals.
+        parameters_df: degrees of freedom of these errors.
         replication: Table 2.
         temperature: what temperature adds, where the declared model has it; the rest is then at its reference.
         pitch_range_deg: lowest and highest pitch calibrated; outside it predictions are extrapolations.
@@ -50,10 +52,16 @@ class AttitudeFit:
     model: str
     linear: LinearFit
     parameters: AttitudeParameters | NoRollParameters
+    parameters_df: int
     replication: Replication
     pitch_range_deg: tuple[float, float]
     roll_range_deg: tuple[float, float]
     temperature: Temperature | None = None
+
+    @property
+    def drifts(self) -> bool:
+        """Whether the parameters vary between replications by more than chance (T_drift, 5 %)."""
+        return drifting(self.replication)
 
     @property
     def declared(self) -> str:
@@ -99,7 +107,8 @@ class AttitudeFit:
             "pitch_range_deg": list(self.pitch_range_deg),
             "roll_range_deg": list(self.roll_range_deg),
             "coefficients": coefficient_table(self.linear),
-            "parameters": parameter_table(self.parameters, self.linear.df)
+            "errors_from": "replications" if self.parameters_df != self.linear.df else "residuals",
+            "parameters": parameter_table(self.parameters, self.parameters_df)
             | temperature_table(self.temperature, self.parameters.S_V, self.linear.df),
             "reference_degC": None if self.temperature is None else self.temperature.reference_degC,
             **table_2(self.replication, self.parameters.S_V),
@@ -129,24 +138,49 @@ def fit_attitude(data: AttitudeData, sensor: str, *, temperature: bool = False) 
         linear, own = Temperature.of(data, linear).fitted(columns, data, output, linear.names)
         beside = own.columns(columns, data)
         output = output - own.volts(columns, data)
+    table = analyse(linear, columns, output, data.point, data.replicate_index, beside, beside.shape[1])
+    covariance, df = errors_of(linear, columns, output, data.replicate_index, table)
     parameters: AttitudeParameters | NoRollParameters
     if data.has_roll:
         axis = nominal_axis(sensor, linear.coefficients, data.axes)
         model = f"attitude-{'xyz'[axis]}"
-        parameters = attitude_parameters(axis, linear.coefficients, linear.covariance)
+        parameters = attitude_parameters(axis, linear.coefficients, covariance)
     else:
         model = "attitude-no-roll"
-        parameters = no_roll_parameters(linear.coefficients, linear.covariance)
+        parameters = no_roll_parameters(linear.coefficients, covariance)
     return AttitudeFit(
         sensor=sensor,
         model=model,
         linear=linear,
         parameters=parameters,
-        replication=analyse(linear, columns, output, data.point, data.replicate_index, beside, beside.shape[1]),
+        parameters_df=df,
+        replication=table,
         pitch_range_deg=(float(data.pitch_deg.min()), float(data.pitch_deg.max())),
         roll_range_deg=(float(data.roll_deg.min()), float(data.roll_deg.max())),
         temperature=own,
     )
+
+
+def drifting(table: Replication) -> bool:
+    """Whether the joint drift test of a Table 2 is significant at 5 %."""
+    return bool(table.drift.p < 0.05)
+
+
+def errors_of(
+    fit: LinearFit, columns: FloatArray, output: FloatArray, replicate: IntArray, table: Replication
+) -> tuple[FloatArray, int]:
+    """Covariance of the coefficients and its degrees of freedom: from the replications where they drift.
+
+    Args:
+        fit: the model, (k,) coefficients.
+        columns: (n, k) its rows.
+        output: (n,) volts, free of what else is fitted.
+        replicate: (n,) replication, from 0.
+        table: Table 2 of the fit.
+
+    """
+    between = between_replications(columns, output, replicate, fit) if drifting(table) else None
+    return between or (fit.covariance, fit.df)
 
 
 def table_2(r: Replication, S_V: float) -> dict[str, JsonValue]:

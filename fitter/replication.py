@@ -136,6 +136,43 @@ def analyse(
     )
 
 
+def between_replications(
+    columns: FloatArray, output: FloatArray, replicate: IntArray, fit: LinearFit
+) -> tuple[FloatArray, int] | None:
+    """Covariance of the coefficients as the replications, each fitted alone, show it, and its degrees of freedom.
+
+    That of the pooled fit takes every reading for independent. Where offset or sensitivity drift between replications
+    it is too small; where the model lacks fit, in the same way every time, it is too large. The mean square between
+    replications, on n - 1 degrees of freedom, is what their mean varies with, whatever varies them. Replications weigh
+    by how well each determines the coefficients; one cut short does not count for a whole one.
+
+    Args:
+        columns: (n, L) rows of the declared model.
+        output: (n,) volts, free of what else is fitted.
+        replicate: (n,) replication, from 0.
+        fit: of all of it.
+
+    Returns:
+        (L, L) covariance and degrees of freedom; None with fewer than two replications that can be fitted alone.
+
+    """
+    spread = replication_spread(columns, output, replicate, fit)
+    df = len(spread) - 1
+    return (np.asarray(spread.T @ spread / df), df) if df > 0 else None
+
+
+def replication_spread(columns: FloatArray, output: FloatArray, replicate: IntArray, fit: LinearFit) -> FloatArray:
+    """(n_rep, L) how the coefficients of each replication lie from those of all, scaled as an error of the latter.
+
+    Their mean square over n_rep - 1 is the covariance of `between_replications`; arguments as there.
+    """
+    deviations = np.empty((0, columns.shape[1]))
+    for alone in _each_alone(columns, output, replicate, fit.names):
+        lower = np.linalg.cholesky(alone.root @ alone.root.T)
+        deviations = np.vstack([deviations, np.linalg.solve(lower, alone.coefficients - fit.coefficients)])
+    return np.asarray(deviations @ np.linalg.cholesky(fit.root @ fit.root.T).T)
+
+
 def centred(columns: FloatArray, group: IntArray) -> FloatArray:
     """(n, q) `columns` less their mean over each group; `group` (n,) numbers from 0."""
     size = np.bincount(group)

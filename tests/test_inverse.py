@@ -8,7 +8,7 @@ import pytest
 from attitude_truth import D1, Bench, Sensor, simulate
 from scipy.optimize import brentq, least_squares
 
-from fitter import AttitudeData, fit_attitude
+from fitter import AttitudeData, attitude_columns, fit_attitude
 from fitter.inverse import AttitudeCalibration, SensorModel, calibrate_package, infer_attitude
 
 SEED = 41
@@ -295,3 +295,26 @@ def test_what_does_not_fit_is_refused(run, arguments, message):
 def test_one_sensor_with_roll_needs_it(run):
     with pytest.raises(ValueError, match="measured roll is needed"):
         infer_attitude(calibrate_package(run, ["x_V"]), np.zeros((1, 1)))
+
+
+def test_where_replications_drift_a_use_is_one_more_draw_of_what_they_are_draws_of():
+    """Covariance of the replications' own least squares, times 1 + 1/n, with n - 1 degrees of freedom."""
+    sensors = (Sensor("x"), Sensor("z", A_deg=20.0))
+    data, _ = simulate(Bench(sensors=sensors), D1(90, 7, 5, replications=5), seed=11)
+    jumps = np.random.default_rng(12).normal(0, 3e-4, (6, 2))
+    shifted = {name: v + jumps[data.replicate, i] for i, (name, v) in enumerate(data.outputs.items())}
+    still, moved = calibrate_package(data), calibrate_package(replace(data, outputs=shifted))
+    assert still.covariance_df is None
+    assert moved.covariance_df == 4
+    assert any("drift between replications" in note for note in moved.notes)
+    h = attitude_columns(data.pitch_deg, data.roll_deg)
+    rows = [data.replicate == r for r in range(1, 6)]
+    own = np.array([np.concatenate([np.linalg.lstsq(h[r], v[r])[0] for v in shifted.values()]) for r in rows])
+    np.testing.assert_allclose(moved.covariance, np.cov(own.T) * (1 + 1 / 5), rtol=1e-6, atol=1e-20)
+    left = [v[r] - h[r] @ np.linalg.lstsq(h[r], v[r])[0] for v in shifted.values() for r in rows]
+    within = np.sqrt(np.sum(np.reshape(left, (2, -1)) ** 2, axis=1) / (len(data) - 5 * 4))
+    np.testing.assert_allclose(moved.sigma_V, within, rtol=1e-9)
+    assert AttitudeCalibration.from_dict(moved.to_dict()).to_dict() == moved.to_dict()
+    wide, narrow = (infer_attitude(c, [[0.1, -4.9]], near_deg=(0, 10)) for c in (moved, still))
+    assert wide.pitch_sd_deg[0] > 2 * narrow.pitch_sd_deg[0]
+    assert wide.df[0] < 6

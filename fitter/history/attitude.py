@@ -1,10 +1,7 @@
 """Calibrations of an attitude sensor as values to chart.
 
-The error within a calibration is not that of its pooled fit, which takes every reading for independent: where offset
-or sensitivity drift between replications (Table 2 of NASA/TP-1999-209835) that is too small, and where the model lacks
-fit, in the same way every time, it is too large. What counts is how the parameters vary from one replication to the
-next. With n replications, each fitted alone, the mean square between them, on n - 1 degrees of freedom, is what their
-mean varies with, whatever varies them.
+The error within a calibration is not that of its pooled fit but what its replications show
+(`fitter.replication.between_replications`).
 """
 
 from __future__ import annotations
@@ -20,15 +17,14 @@ from fitter.attitude import (
     COLUMNS,
     attitude_columns,
     attitude_parameters,
-    fit_columns,
     no_roll_parameters,
     sensitive_axis,
 )
-from fitter.calibration import AttitudeFit, fit_attitude
+from fitter.calibration import fit_attitude
 from fitter.data import AttitudeData
 from fitter.history.charted import Charted
 from fitter.history.series import Series
-from fitter.linear import RankError
+from fitter.replication import between_replications
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +66,8 @@ def calibrated(data: AttitudeData, sensor: str) -> Calibrated:
     """
     fit = fit_attitude(data, sensor)
     shape = fit.linear.root @ fit.linear.root.T
-    between = _between_replications(data, sensor, fit, shape)
+    h = fit.columns(data.pitch_deg, data.roll_deg)
+    between = between_replications(h, data.outputs[sensor], data.replicate_index, fit.linear)
     if between is None and not fit.linear.df:
         raise ValueError(f"{sensor}: as many points as coefficients, once each, leave no error to chart against")
     covariance, df = between or (fit.linear.covariance, fit.linear.df)
@@ -85,29 +82,6 @@ def calibrated(data: AttitudeData, sensor: str) -> Calibrated:
         df_sigma=float(fit.linear.df),
         pitch_range_deg=fit.pitch_range_deg,
     )
-
-
-def _between_replications(
-    data: AttitudeData, sensor: str, fit: AttitudeFit, shape: FloatArray
-) -> tuple[FloatArray, int] | None:
-    """Covariance of the pooled coefficients from the replications fitted alone, and its degrees of freedom.
-
-    Replications weigh by how well each determines the coefficients; one cut short does not count for a whole one.
-    """
-    columns = attitude_columns(data.pitch_deg, data.roll_deg, roll=fit.has_roll)
-    deviations = []
-    for r in range(len(data.replicates)):
-        rows = data.replicate_index == r
-        try:
-            alone = fit_columns(columns[rows], data.outputs[sensor][rows])
-        except RankError:
-            continue
-        lower = np.linalg.cholesky(alone.root @ alone.root.T)
-        deviations.append(np.linalg.solve(lower, alone.coefficients - fit.linear.coefficients))
-    if len(deviations) < 2:
-        return None
-    spread = np.linalg.cholesky(shape) @ np.array(deviations).T
-    return np.asarray(spread @ spread.T / (len(deviations) - 1)), len(deviations) - 1
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,15 +8,18 @@ not spoil the coefficients, and left behind: a note says so.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.attitude import COLUMNS, attitude_columns, fit_columns, nominal_axis, sensitive_axis
+from fitter.calibration import drifting
 from fitter.data import AttitudeData
 from fitter.effects import CATALOGUE
 from fitter.inverse.calibration import AttitudeCalibration, SensorModel, Term, with_roll
 from fitter.linear import LinearFit, least_squares
+from fitter.replication import Replication, analyse, replication_spread
 from fitter.temperature import Temperature
 
 OFFSET, SENSITIVITY = "offset-temperature", "sensitivity-temperature"
@@ -64,6 +67,7 @@ def calibrate_package(
     base = attitude_columns(data.pitch_deg, data.roll_deg, roll=data.has_roll)
     g = data.g_M.T if data.has_roll else np.stack([base[:, 1], np.zeros(len(data)), -base[:, 2]])
     models, maps, fits, solvers, residuals = [], [], [], [], []
+    tables, spreads = [], []
     left: set[str] = set()
     for name in chosen:
         y = data.outputs[name]
@@ -87,17 +91,50 @@ def calibrate_package(
         fits.append(fit)
         solvers.append(fit.root @ (fit.root.T @ columns.T))
         residuals.append(y - fit.predict(columns))
-    notes = (f"fitted beside the model and not applied in use: {', '.join(sorted(left))}",) if left else ()
+        alone, extra = fit.first(base.shape[1]), columns[:, base.shape[1] :]
+        corrected = residuals[-1] + alone.predict(base)
+        tables.append(analyse(alone, base, corrected, data.point, data.replicate_index, extra, extra.shape[1]))
+        spreads.append(replication_spread(base, corrected, data.replicate_index, alone))
+    notes = [f"fitted beside the model and not applied in use: {', '.join(sorted(left))}"] if left else []
+    covariance, covariance_df = _joint(fits, maps, solvers, np.array(residuals)), None
+    if any(drifting(table) for table in tables):
+        covariance, covariance_df = _as_it_drifts(covariance, spreads, models), len(spreads[0]) - 1
+        models = [_within(model, table) for model, table in zip(models, tables, strict=True)]
+        notes.append(
+            "the parameters drift between replications: intervals are for a use that is as far from the calibration "
+            "as its replications are from one another"
+        )
     return AttitudeCalibration(
         sensors=tuple(models),
-        covariance=_joint(fits, maps, solvers, np.array(residuals)),
+        covariance=covariance,
+        covariance_df=covariance_df,
         pitch_range_deg=(float(data.pitch_deg.min()), float(data.pitch_deg.max())),
         roll_range_deg=(float(data.roll_deg.min()), float(data.roll_deg.max())),
         roll=data.has_roll,
         degC_range=None if degC is None else (float(degC.min()), float(degC.max())),
         reference_degC=reference,
-        notes=notes,
+        notes=tuple(notes),
     )
+
+
+def _as_it_drifts(covariance: FloatArray, spreads: Sequence[FloatArray], models: Sequence[SensorModel]) -> FloatArray:
+    """(K, K) covariance with that of the models' own coefficients replaced by that between replications and a use.
+
+    A use is one more draw of what the n replications are draws of: their covariance about the mean, and the mean's.
+    """
+    n = len(spreads[0])
+    own = np.concatenate([with_roll(spread.T) for spread in spreads])
+    at = np.concatenate([[0], np.cumsum([model.coefficients.size for model in models])[:-1]])
+    rows = np.concatenate([start + np.arange(len(COLUMNS)) for start in at])
+    out = covariance.copy()
+    out[rows, :] = out[:, rows] = 0.0
+    out[np.ix_(rows, rows)] = (n + 1) * own @ own.T / (n - 1)
+    return out
+
+
+def _within(model: SensorModel, table: Replication) -> SensorModel:
+    """The sensor with the scatter about each replication's own fit as its noise."""
+    return replace(model, sigma_V=table.sigma_w, df=table.drift_b.df_below)
 
 
 def _joint(

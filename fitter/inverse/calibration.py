@@ -131,6 +131,8 @@ class AttitudeCalibration:
         degC_range: the same for the sensors' temperature; None where it was not recorded.
         reference_degC: temperature at which temperature terms are zero.
         notes: what a reader should know: effects that were left out, and why.
+        covariance_df: degrees of freedom of the covariance where it was found by itself, from replications that drift;
+            None where it scales with the sensors' sigma_V^2 and has their degrees of freedom.
 
     """
 
@@ -142,6 +144,7 @@ class AttitudeCalibration:
     degC_range: Range | None = None
     reference_degC: float | None = None
     notes: tuple[str, ...] = field(default=())
+    covariance_df: float | None = None
 
     def __post_init__(self) -> None:
         if not self.sensors:
@@ -158,6 +161,8 @@ class AttitudeCalibration:
             raise ValueError("the covariance is not that of anything: it is not symmetric and positive")
         covariance.flags.writeable = False
         object.__setattr__(self, "covariance", covariance)
+        if self.covariance_df is not None and not self.covariance_df > 0:
+            raise ValueError(f"degrees of freedom are positive, those of the covariance are {self.covariance_df:g}")
         if any(s.needs_temperature for s in self.sensors) and self.reference_degC is None:
             raise ValueError("a calibration with temperature terms needs the temperature at which they are zero")
 
@@ -230,6 +235,7 @@ class AttitudeCalibration:
             "roll": self.roll,
             "sensors": [s.to_dict() for s in self.sensors],
             "covariance": self.covariance.tolist(),
+            "covariance_df": self.covariance_df,
             "pitch_range_deg": list(self.pitch_range_deg),
             "roll_range_deg": list(self.roll_range_deg),
             "degC_range": None if self.degC_range is None else list(self.degC_range),
@@ -264,7 +270,7 @@ class AttitudeCalibration:
                 for s in given["sensors"]
             )
             degC = given["degC_range"]
-            reference = given["reference_degC"]
+            reference, df = given["reference_degC"], given.get("covariance_df")
             return AttitudeCalibration(
                 sensors=sensors,
                 covariance=np.array(given["covariance"], np.float64),
@@ -274,6 +280,7 @@ class AttitudeCalibration:
                 degC_range=None if degC is None else _pair(degC),
                 reference_degC=None if reference is None else float(reference),
                 notes=tuple(str(note) for note in given["notes"]),
+                covariance_df=None if df is None else float(df),
             )
         except (KeyError, TypeError) as problem:
             raise ValueError(f"a calibration of attitude lacks or garbles {problem}") from problem

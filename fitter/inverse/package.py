@@ -116,6 +116,12 @@ class Propagation:
         df = np.array([s.df for s in self.calibration.sensors])
         if of_roll is not None:
             variance = variance + of_roll
+        if self.calibration.covariance_df is not None:
+            with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+                inverse = (calibrated / variance) ** 2 / self.calibration.covariance_df
+                if self.noise.of_fit:
+                    inverse = inverse + np.einsum("sn,s->n", (noise / variance) ** 2, 1.0 / df)
+                return Spread(variance, 1.0 / inverse)
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             # sigma_E^2 of each sensor scales its noise and its calibration alike: their shares are those of the noise
             share = from_fit / (total * variance)

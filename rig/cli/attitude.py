@@ -17,7 +17,7 @@ def show_attitude_fit(result: Mapping[str, Any]) -> None:
     for name, sensor in result["sensors"].items():
         _show_sensor(name, sensor)
     if any(significant(sensor, test) for sensor in result["sensors"].values() for test in TESTS):
-        out.print("some tests are significant: these standard errors are too small; see rig trace", soft_wrap=True)
+        out.print("some tests are significant: the model lacks something; see rig trace", soft_wrap=True)
 
 
 def _show_sensor(name: str, sensor: Mapping[str, Any]) -> None:
@@ -30,6 +30,8 @@ def _show_sensor(name: str, sensor: Mapping[str, Any]) -> None:
     out.print(table)
     if sensor["reference_degC"] is not None:
         out.print(f"  at {sensor['reference_degC']:.2f} degC")
+    if sensor["errors_from"] == "replications":
+        out.print("  replications drift: the errors are those between replications, which hold all the same")
     if "mx_V" in rows:
         out.print(f"  {NO_DIRECTION}", soft_wrap=True)
     out.print(

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from fitter import LinearFit, RankError, fit_attitude, least_squares
+from fitter import RankError, fit_attitude, least_squares
 from fitter.attitude import AttitudeParameters, NoRollParameters, attitude_parameters, no_roll_parameters
-from fitter.calibration import AttitudeFit, parameter_table, temperature_table
+from fitter.calibration import AttitudeFit, drifting, errors_of, parameter_table, temperature_table
 from fitter.temperature import Temperature
 from fitter.trace.problem import raw_columns
 
@@ -59,9 +59,13 @@ def parameters(traced: AttitudeTraced, sensor: str) -> list[Parameter]:
     warm, k = before.beside(data), h.shape[1]
     root = _root_beside(np.column_stack([h, warm]), own[:, np.any(own != 0, axis=0)], before.linear.names)
     covariance = found.after.sigma_E**2 * root @ root.T
-    alone = _table(before, before.linear, before.linear.covariance, before.temperature)
+    alone = _rows(before.parameters, before.parameters_df, before.temperature, before.linear.df)
     after = None if found.temperature is None else replace(found.temperature, covariance=covariance[k:, k:])
-    beside = _table(before, found.fit, covariance[:k, :k], after)
+    own_errors, df = covariance[:k, :k], found.fit.df
+    if drifting(found.after):
+        output = found.residual_after_V + found.fit.predict(h)
+        own_errors, df = errors_of(found.fit, h, output, data.replicate_index, found.after)
+    beside = _rows(_converted(before, found.fit.coefficients, own_errors), df, after, found.fit.df)
     return [Parameter(LABELS[name], _text(alone[name]), _text(beside[name])) for name in shown(alone)]
 
 
@@ -82,15 +86,18 @@ def _root_beside(model: FloatArray, effects: FloatArray, names: tuple[str, ...])
     return joint.root[:k]
 
 
-def _table(
-    declared: AttitudeFit, fit: LinearFit, covariance: FloatArray, temperature: Temperature | None
-) -> Mapping[str, Any]:
-    p: AttitudeParameters | NoRollParameters
+def _converted(
+    declared: AttitudeFit, coefficients: FloatArray, covariance: FloatArray
+) -> AttitudeParameters | NoRollParameters:
     if isinstance(declared.parameters, NoRollParameters):
-        p = no_roll_parameters(fit.coefficients, covariance)
-    else:
-        p = attitude_parameters(declared.parameters.axis, fit.coefficients, covariance)
-    return parameter_table(p, fit.df) | temperature_table(temperature, p.S_V, fit.df)
+        return no_roll_parameters(coefficients, covariance)
+    return attitude_parameters(declared.parameters.axis, coefficients, covariance)
+
+
+def _rows(
+    parameters: AttitudeParameters | NoRollParameters, df: int, temperature: Temperature | None, df_temperature: int
+) -> Mapping[str, Any]:
+    return parameter_table(parameters, df) | temperature_table(temperature, parameters.S_V, df_temperature)
 
 
 def _text(row: Mapping[str, float | None]) -> tuple[str, str]:
