@@ -15,6 +15,7 @@ from typing import Any, Literal, Self, TypeVar, get_args, get_origin
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from procedures import WHOLE_PLOT_FACTORS, PitchRollProcedure, Procedure, WholePlotProcedure
+from rig.columns import UNITS
 from rig.errors import ConfigurationError
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -108,6 +109,8 @@ class BenchConfig(_Strict):
         for name in self.temperatures:
             if not name.endswith("_degC"):
                 raise ValueError(f"temperatures.{name}: the name is a column and must end in its unit, _degC")
+        for name in UNITS.keys() & self.sensors.keys():
+            raise ValueError(f"sensors.{name}: a table has {name}_{UNITS[name]} already; name the sensor otherwise")
         for name, (low, high) in self.limits.items():
             if not low < high:
                 raise ValueError(f"limits.{name}: {low:g} is not below {high:g}")

@@ -43,6 +43,7 @@ def files(folder: Path) -> set[str]:
         ),
         (BENCH, "kind = 'tea'", 78, "is not a kind of procedure"),
         (BENCH.replace('channel = "103"', 'channel = "309"'), SHORT, 78, "no channel 309"),
+        (BENCH.replace("[sensors.x]", "[sensors.pitch]"), SHORT, 78, "a table has pitch_deg already"),
     ],
 )  # fmt: skip
 def test_a_wrong_file_is_explained_and_nothing_is_left_behind(tmp_path, bench, procedure, code, says):

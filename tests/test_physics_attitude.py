@@ -107,8 +107,17 @@ def test_roll_compliance_leaves_the_x_sensor_alone_and_turns_y_and_z() -> None:
     g = attitude(20.0, 40.0)
     x, y, z = (degrees(a - b) for a, b in zip(pad.deflect(g), g, strict=True))
     assert x == 0.0
-    assert abs(y) == pytest.approx(abs(1e-3 * g[1] * g[2]), rel=1e-4)
-    assert abs(z) == pytest.approx(1e-3 * g[1] ** 2, rel=1e-4)
+    assert y == pytest.approx(-1e-3 * g[1] * g[2], rel=1e-4)
+    assert z == pytest.approx(1e-3 * g[1] ** 2, rel=1e-4)
+
+
+def test_pads_alike_all_round_tip_the_package_alike_whichever_way_it_leans() -> None:
+    """Turning the package by 90 deg about its vertical axis must turn what the pads do to it, and nothing else."""
+    pad = IsolationPad(pitch_compliance_deg_per_g=1e-3, roll_compliance_deg_per_g=1e-3)
+    g = attitude(20.0, 40.0)
+    x, y, z = pad.deflect((g[0], g[1], g[2]))
+    turned = pad.deflect((-g[1], g[0], g[2]))
+    assert turned == pytest.approx((-y, x, z), abs=1e-9)
 
 
 def test_second_order_term_is_a_parabola_in_the_acceleration() -> None:

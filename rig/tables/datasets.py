@@ -8,17 +8,10 @@ import numpy as np
 
 from fitter import AttitudeData
 from fitter.whole_plot_data import WholePlotData
+from rig.columns import UNITS
 from rig.errors import UsageError
 from rig.tables.table import PITCH_ROLL, WHOLE_PLOT, Table
 
-_STEMS = {
-    "elapsed": "s",
-    "pitch": "deg",
-    "roll": "deg",
-    "sensor_temperature": "degC",
-    "sse_temperature": "degC",
-    "pressure": "psia",
-}
 _LARGEST = 2.0**53
 _LOWEST = {"pressure_psia": -0.1, "sensor_temperature_degC": -273.15, "sse_temperature_degC": -273.15}
 """What no absolute reading goes below; a little for the noise of a gauge at zero."""
@@ -134,7 +127,7 @@ def _integers(table: Table, name: str) -> np.ndarray[Any, np.dtype[np.int64]]:
 def _check_units(table: Table) -> None:
     for name in table.columns:
         stem, _, unit = name.rpartition("_")
-        wanted = _STEMS.get(stem)
+        wanted = UNITS.get(stem)
         if stem in ("x", "y", "z"):
             wanted = "V"
         if wanted is not None and unit != wanted and not name.endswith("_side"):

@@ -25,8 +25,8 @@ _BY_SENSOR = accepts(NumberBySensor(transducers=False))
 class IsolationPad:
     """Pads under the sensors sag: the package tips about y under its weight along x, about x under that along y.
 
-    Tipping by c times g_x about y turns a part c g_x g_z of the weight into the x axis. That is
-    -(c/2) sin(2 pitch) cos(roll): two periods of pitch and one of roll, as NASA/TP-1999-209835 found.
+    It tips further the way it already leans. Tipping by c times g_x about y turns a part -c g_x g_z of the weight into
+    the x axis. That is (c/2) sin(2 pitch) cos(roll): two periods of pitch and one of roll, as NASA/TP-1999-209835 found.
     """
 
     pitch_compliance_deg_per_g: float = quantity(0.0, -1.0, 1.0)
@@ -35,7 +35,7 @@ class IsolationPad:
     def deflect(self, gravity: Vector) -> Vector:
         """Gravity in the axes of the deflected sensors, given gravity in package axes."""
         tip = radians(self.pitch_compliance_deg_per_g) * gravity[0]
-        lean = radians(self.roll_compliance_deg_per_g) * gravity[1]
+        lean = -radians(self.roll_compliance_deg_per_g) * gravity[1]
         return apply(roll_matrix(lean), apply(pitch_matrix(tip), gravity))
 
 

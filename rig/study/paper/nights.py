@@ -123,9 +123,8 @@ _TWO_SENSORS_EFFECTS: dict[str, Any] = {
     "sensitivity_drift": {"ppm_per_h": {"sensor_1": 0.4, "sensor_2": 9.0}},
 }
 _PACKAGE_EFFECTS: dict[str, Any] = {
-    # sigma_bias of rows 47(a) and 47(b). Minus: pads that give alike in both directions turn the package by tip and
-    # lean of opposite signs, as the two rotations are defined
-    "isolation_pad": {"pitch_compliance_deg_per_g": 1.3e-3, "roll_compliance_deg_per_g": -2.1e-3},
+    # sigma_bias of rows 47(a) and 47(b)
+    "isolation_pad": {"pitch_compliance_deg_per_g": 1.3e-3, "roll_compliance_deg_per_g": 2.1e-3},
     # rows 50: at cardinal angles pads leave nothing, these do; rows 47(c) and 52 z
     "second_order": {"ug_per_g2": {"x": 7.0, "y": 5.0, "z": 15.0}},
     "head_error": [{"axis": "roll", "amplitude_arcsec": 2.9, "periods_per_turn": 1, "phase_deg": 180.0}],
