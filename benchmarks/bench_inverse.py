@@ -231,7 +231,7 @@ def drift(calibrations=10_000):
             noisy = exact + drawn + rng.normal(0, sigma, exact.shape)
             run = replace(data, outputs=dict(zip(NAMES, noisy.T, strict=True)))
             calibration = calibrate_package(run, NAMES)
-            seen += calibration.covariance_df is not None
+            seen += calibration.drift is not None
             v = told + offsets[0] + told / 5.0 * gains[0] + rng.normal(0, sigma, told.shape)
             found = infer_attitude(calibration, v, near_deg=(pitch, roll))
             held[0] += (found.pitch_lo95_deg <= pitch) & (pitch <= found.pitch_hi95_deg)

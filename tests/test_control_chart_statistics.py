@@ -258,3 +258,31 @@ def test_a_sensor_is_within_tolerance_when_it_is_due(kind, size):
         assert stats.binomtest(differ, 80, 0.05).pvalue > 0.001
     else:
         assert differ > 25
+
+
+def test_calibrations_at_other_temperatures_are_stated_at_one():
+    """A sensor of 100 ppm/degC that does not change, calibrated warm and cold: its sensitivity at one temperature."""
+    sensor = Sensor("x", b_per_degC=3e-5, S_per_degC=1e-4)
+    found = []
+    for seed, degC in ((1, 21.0), (2, 25.0)):
+        data, _ = simulate(Bench(sensors=(sensor,), degC_daily=1.0), D1(90, 7, 7, replications=4), seed)
+        offset = degC - data.sensor_temperature_degC.mean()
+        volts = data.outputs["x_V"] + offset * (3e-5 + 1e-4 * (data.outputs["x_V"] - sensor.b))
+        warm = replace(data, sensor_temperature_degC=data.sensor_temperature_degC + offset, outputs={"x_V": volts})
+        one = calibrated(warm, "x_V", temperature=True)
+        assert one.warmth.reference_degC == pytest.approx(degC)
+        found.append(one)
+    cold, hot = (one.at(23.0) for one in found)
+    error = np.sqrt(np.diag(cold.covariance + hot.covariance))
+    apart = hot.coefficients - cold.coefficients
+    assert np.all(np.abs(apart) < 6 * error)
+    as_taken = found[1].coefficients - found[0].coefficients
+    assert as_taken[1] == pytest.approx(4.0 * 1e-4 * 5.0, rel=0.05)
+    assert abs(apart[1]) < 0.05 * as_taken[1]
+    kept = calibrated_from(
+        {
+            "sensors": {name: fit.to_dict() for name, fit in fit_all(warm, temperature=True).items()},
+            "calibration": calibrate_package(warm, temperature=True).to_dict(),
+        }
+    )["x_V"]
+    np.testing.assert_allclose(kept.at(23.0).coefficients, hot.coefficients, rtol=1e-9, atol=1e-12)

@@ -304,13 +304,13 @@ def test_where_replications_drift_a_use_is_one_more_draw_of_what_they_are_draws_
     jumps = np.random.default_rng(12).normal(0, 3e-4, (6, 2))
     shifted = {name: v + jumps[data.replicate, i] for i, (name, v) in enumerate(data.outputs.items())}
     still, moved = calibrate_package(data), calibrate_package(replace(data, outputs=shifted))
-    assert still.covariance_df is None
-    assert moved.covariance_df == 4
+    assert still.drift is None
+    assert moved.drift.df == 4
     assert any("drift between replications" in note for note in moved.notes)
     h = attitude_columns(data.pitch_deg, data.roll_deg)
     rows = [data.replicate == r for r in range(1, 6)]
     own = np.array([np.concatenate([np.linalg.lstsq(h[r], v[r])[0] for v in shifted.values()]) for r in rows])
-    np.testing.assert_allclose(moved.covariance, np.cov(own.T) * (1 + 1 / 5), rtol=1e-6, atol=1e-20)
+    np.testing.assert_allclose(moved.drift.covariance, np.cov(own.T) * (1 + 1 / 5), rtol=1e-6, atol=1e-20)
     left = [v[r] - h[r] @ np.linalg.lstsq(h[r], v[r])[0] for v in shifted.values() for r in rows]
     within = np.sqrt(np.sum(np.reshape(left, (2, -1)) ** 2, axis=1) / (len(data) - 5 * 4))
     np.testing.assert_allclose(moved.sigma_V, within, rtol=1e-9)

@@ -7,7 +7,7 @@ The error within a calibration is not that of its pooled fit but what its replic
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -41,6 +41,8 @@ class Calibrated:
         sigma_V: standard error of one reading.
         df_sigma: its degrees of freedom.
         pitch_range_deg: lowest and highest pitch calibrated.
+        warmth: how the coefficients follow the sensor temperature, where the declared model has it; they are those at
+            its reference.
 
     """
 
@@ -53,21 +55,61 @@ class Calibrated:
     sigma_V: float
     df_sigma: float
     pitch_range_deg: tuple[float, float]
+    warmth: Warmth | None = None
+
+    def at(self, degC: float) -> Calibrated:
+        """The same at another sensor temperature; unchanged where the declared model has no temperature."""
+        if self.warmth is None:
+            return self
+        by = degC - self.warmth.reference_degC
+        return replace(
+            self,
+            coefficients=self.coefficients + by * self.warmth.per_degC,
+            covariance=self.covariance + by**2 * self.warmth.covariance,
+            warmth=replace(self.warmth, reference_degC=degC),
+        )
 
 
-def calibrated(data: AttitudeData, sensor: str) -> Calibrated:
+@dataclass(frozen=True, eq=False)
+class Warmth:
+    """How coefficients follow the sensor temperature.
+
+    Attributes:
+        reference_degC: temperature they are stated at.
+        per_degC: (k,) V/degC.
+        covariance: (k, k) of it.
+
+    """
+
+    reference_degC: float
+    per_degC: FloatArray
+    covariance: FloatArray
+
+
+def calibrated(data: AttitudeData, sensor: str, *, temperature: bool = False) -> Calibrated:
     """Calibrate one sensor.
+
+    Args:
+        data: the run.
+        sensor: name of the output.
+        temperature: whether offset and sensitivity follow the sensor's temperature in the declared model.
 
     Raises:
         KeyError: `data` has no such output.
         fitter.linear.RankError: the points visited do not determine the model.
-        ValueError: the output never changes, or nothing is left to estimate an error from.
+        ValueError: the output never changes, nothing is left to estimate an error from, or there is no temperature.
 
     """
-    fit = fit_attitude(data, sensor)
+    fit = fit_attitude(data, sensor, temperature=temperature)
     shape = fit.linear.root @ fit.linear.root.T
-    h = fit.columns(data.pitch_deg, data.roll_deg)
-    between = between_replications(h, data.outputs[sensor], data.replicate_index, fit.linear)
+    h, output, warmth = fit.columns(data.pitch_deg, data.roll_deg), data.outputs[sensor], None
+    if fit.temperature is not None:
+        output = output - fit.temperature.volts(h, data)
+        turn = np.zeros((h.shape[1], 2))
+        turn[0, 0], turn[1:, 1] = 1.0, fit.temperature.direction
+        per_degC = turn @ fit.temperature.coefficients
+        warmth = Warmth(fit.temperature.reference_degC, per_degC, turn @ fit.temperature.covariance @ turn.T)
+    between = between_replications(h, output, data.replicate_index, fit.linear)
     if between is None and not fit.linear.df:
         raise ValueError(f"{sensor}: as many points as coefficients, once each, leave no error to chart against")
     covariance, df = between or (fit.linear.covariance, fit.linear.df)
@@ -81,6 +123,7 @@ def calibrated(data: AttitudeData, sensor: str) -> Calibrated:
         sigma_V=fit.linear.sigma,
         df_sigma=float(fit.linear.df),
         pitch_range_deg=fit.pitch_range_deg,
+        warmth=warmth,
     )
 
 

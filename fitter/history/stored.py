@@ -13,8 +13,8 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.attitude import COLUMNS
-from fitter.history.attitude import Calibrated
-from fitter.inverse import AttitudeCalibration
+from fitter.history.attitude import Calibrated, Warmth
+from fitter.inverse import AttitudeCalibration, SensorModel
 
 
 def calibrated_from(content: Mapping[str, Any]) -> dict[str, Calibrated]:
@@ -31,7 +31,7 @@ def calibrated_from(content: Mapping[str, Any]) -> dict[str, Calibrated]:
     keep = list(range(len(COLUMNS))) if package.roll else [0, 1, 3]
     found, start = {}, 0
     for sensor in package.sensors:
-        size = sensor.coefficients.size
+        size, at = sensor.coefficients.size, start
         block = package.covariance[start : start + size, start : start + size][np.ix_(keep, keep)]
         start += size
         try:
@@ -42,7 +42,7 @@ def calibrated_from(content: Mapping[str, Any]) -> dict[str, Calibrated]:
             axis = sensor.coefficients[keep][1:]
             covariance = _between(fitted, shape, axis) if replicated else block
             found[sensor.name] = Calibrated(
-                model=str(fitted["model"]),
+                model=f"attitude-{sensor.axis}" if package.roll else "attitude-no-roll",
                 coefficients=sensor.coefficients[keep],
                 shape=shape,
                 covariance=covariance,
@@ -51,10 +51,28 @@ def calibrated_from(content: Mapping[str, Any]) -> dict[str, Calibrated]:
                 sigma_V=sensor.sigma_V,
                 df_sigma=sensor.df,
                 pitch_range_deg=package.pitch_range_deg,
+                warmth=_warmth(sensor, package.reference_degC, package.covariance[at:start, at:start], keep),
             )
         except (KeyError, TypeError, IndexError) as problem:
             raise ValueError(f"{sensor.name} lacks or garbles {problem} of its analysis of variance") from problem
     return found
+
+
+def _warmth(
+    sensor: SensorModel, reference_degC: float | None, covariance: FloatArray, keep: list[int]
+) -> Warmth | None:
+    """From the terms of offset and sensitivity over temperature, if the sensor has them."""
+    linear = {powers: row for row, powers in enumerate(((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)))}
+    turn = np.zeros((len(COLUMNS), len(sensor.terms)))
+    for j, term in enumerate(sensor.terms):
+        if term.degC == 1 and term.powers in linear:
+            row = linear[term.powers]
+            turn[row, j] = 1.0 if row < 2 else -1.0  # g_y and g_z are minus their columns
+    if reference_degC is None or not np.any(turn):
+        return None
+    own = covariance[len(COLUMNS) :, len(COLUMNS) :]
+    per_degC = turn @ sensor.coefficients[len(COLUMNS) :]
+    return Warmth(reference_degC, per_degC[keep], (turn @ own @ turn.T)[np.ix_(keep, keep)])
 
 
 def _between(fitted: Mapping[str, Any], shape: FloatArray, sensitivity: FloatArray) -> FloatArray:

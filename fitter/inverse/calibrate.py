@@ -8,7 +8,6 @@ not spoil the coefficients, and left behind: a note says so.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -17,9 +16,10 @@ from fitter.attitude import COLUMNS, attitude_columns, fit_columns, nominal_axis
 from fitter.calibration import drifting
 from fitter.data import AttitudeData
 from fitter.effects import CATALOGUE
-from fitter.inverse.calibration import AttitudeCalibration, SensorModel, Term, with_roll
+from fitter.inverse.calibration import AttitudeCalibration, Drift, with_roll
+from fitter.inverse.sensor_model import SensorModel, Term
 from fitter.linear import LinearFit, least_squares
-from fitter.replication import Replication, analyse, replication_spread
+from fitter.replication import analyse, replication_spread
 from fitter.temperature import Temperature
 
 OFFSET, SENSITIVITY = "offset-temperature", "sensitivity-temperature"
@@ -96,10 +96,14 @@ def calibrate_package(
         tables.append(analyse(alone, base, corrected, data.point, data.replicate_index, extra, extra.shape[1]))
         spreads.append(replication_spread(base, corrected, data.replicate_index, alone))
     notes = [f"fitted beside the model and not applied in use: {', '.join(sorted(left))}"] if left else []
-    covariance, covariance_df = _joint(fits, maps, solvers, np.array(residuals)), None
+    covariance, drift = _joint(fits, maps, solvers, np.array(residuals)), None
     if any(drifting(table) for table in tables):
-        covariance, covariance_df = _as_it_drifts(covariance, spreads, models), len(spreads[0]) - 1
-        models = [_within(model, table) for model, table in zip(models, tables, strict=True)]
+        drift = Drift(
+            covariance=_as_it_drifts(covariance, spreads, models),
+            df=len(spreads[0]) - 1,
+            sigma_V=np.array([table.sigma_w for table in tables]),
+            sigma_df=np.array([table.drift_b.df_below for table in tables]),
+        )
         notes.append(
             "the parameters drift between replications: intervals are for a use that is as far from the calibration "
             "as its replications are from one another"
@@ -107,7 +111,7 @@ def calibrate_package(
     return AttitudeCalibration(
         sensors=tuple(models),
         covariance=covariance,
-        covariance_df=covariance_df,
+        drift=drift,
         pitch_range_deg=(float(data.pitch_deg.min()), float(data.pitch_deg.max())),
         roll_range_deg=(float(data.roll_deg.min()), float(data.roll_deg.max())),
         roll=data.has_roll,
@@ -130,11 +134,6 @@ def _as_it_drifts(covariance: FloatArray, spreads: Sequence[FloatArray], models:
     out[rows, :] = out[:, rows] = 0.0
     out[np.ix_(rows, rows)] = (n + 1) * own @ own.T / (n - 1)
     return out
-
-
-def _within(model: SensorModel, table: Replication) -> SensorModel:
-    """The sensor with the scatter about each replication's own fit as its noise."""
-    return replace(model, sigma_V=table.sigma_w, df=table.drift_b.df_below)
 
 
 def _joint(

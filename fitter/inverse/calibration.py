@@ -10,111 +10,46 @@ from typing import Any
 import numpy as np
 
 from fitter.arrays import FloatArray
-from fitter.attitude import COLUMNS, sensitive_axis
+from fitter.attitude import COLUMNS
 from fitter.calibration import AttitudeFit
+from fitter.inverse.sensor_model import SensorModel, Term
 
 Range = tuple[float, float]
 KIND = "attitude"
 
 
-@dataclass(frozen=True)
-class Term:
-    """A column beyond the declared model: g_x^i g_y^j g_z^k (T - T_ref)^d, gravity in g in package axes.
-
-    Sensor nonlinearity, cross-axis sensitivity and the sag of isolation pads are such products, and so are the
-    temperature coefficients of offset (d alone) and sensitivity.
-
-    Attributes:
-        powers: (i, j, k).
-        degC: d.
-        effect: name of the effect it belongs to.
-
-    """
-
-    powers: tuple[int, int, int]
-    degC: int = 0
-    effect: str = ""
-
-    def __post_init__(self) -> None:
-        if len(self.powers) != 3 or min(*self.powers, self.degC) < 0:
-            raise ValueError(f"a term has three powers of gravity and one of temperature, none negative: {self}")
-
-    def column(self, g: FloatArray, warmth: FloatArray) -> FloatArray:
-        """(n,) of (3, n) gravity and (n,) temperature above the reference."""
-        out = np.asarray(warmth**self.degC) if self.degC else np.ones(g.shape[1])
-        for component, power in zip(g, self.powers, strict=True):
-            if power:
-                out = out * component**power
-        return out
-
-
 @dataclass(frozen=True, eq=False)
-class SensorModel:
-    """One sensor: v = b + m . g_M, and further terms.
+class Drift:
+    """What a use sees where the parameters differ between replications by more than chance.
 
     Attributes:
-        name: column name of its output.
-        axis: "x", "y" or "z", its nominal axis.
-        coefficients: (4 + q,) of `fitter.attitude.COLUMNS` and of `terms`, V. The third is zero without roll.
-        sigma_V: standard deviation of one reading, sigma_E of the calibration.
-        df: its degrees of freedom.
-        terms: q effects found by trace, temperature coefficients.
+        covariance: (K, K) of the coefficients in use about those of the calibration, V^2.
+        df: its degrees of freedom, replications less one.
+        sigma_V: (S,) scatter about each replication's own fit.
+        sigma_df: (S,) its degrees of freedom.
 
     """
 
-    name: str
-    axis: str
-    coefficients: FloatArray
-    sigma_V: float
+    covariance: FloatArray
     df: float
-    terms: tuple[Term, ...] = ()
+    sigma_V: FloatArray
+    sigma_df: FloatArray
 
     def __post_init__(self) -> None:
-        coefficients = np.array(self.coefficients, np.float64)
-        coefficients.flags.writeable = False
-        object.__setattr__(self, "coefficients", coefficients)
-        if self.axis not in ("x", "y", "z"):
-            raise ValueError(f"{self.name} is along {self.axis!r}, not x, y or z")
-        if coefficients.shape != (len(COLUMNS) + len(self.terms),) or not np.all(np.isfinite(coefficients)):
-            raise ValueError(
-                f"{self.name}: expected {len(COLUMNS)} coefficients and {len(self.terms)} of further terms, all finite"
-            )
-        if not (self.sigma_V > 0 and np.isfinite(self.sigma_V) and self.df > 0):
-            raise ValueError(f"{self.name}: the calibration leaves nothing to estimate its error from")
-        if not np.any(coefficients[1:4]):
-            raise ValueError(f"{self.name}: a sensor without sensitivity tells no attitude")
-
-    @property
-    def sensitive_axis(self) -> FloatArray:
-        """(3,) sensitive axis times sensitivity, V/g in package axes."""
-        return sensitive_axis(self.coefficients[: len(COLUMNS)])
-
-    @property
-    def needs_temperature(self) -> bool:
-        """Whether one of the terms is a function of temperature."""
-        return any(term.degC for term in self.terms)
-
-    def rows(self, g: FloatArray, warmth: FloatArray) -> FloatArray:
-        """(4 + q, n) columns of the model at (3, n) gravity and (n,) temperature above the reference."""
-        base = np.stack([np.ones(g.shape[1]), g[0], -g[1], -g[2]])
-        return np.concatenate([base, [t.column(g, warmth) for t in self.terms]]) if self.terms else base
-
-    def beyond(self, g: FloatArray, warmth: FloatArray) -> FloatArray:
-        """(n,) what the further terms add, V."""
-        out = np.zeros(g.shape[1])
-        for term, value in zip(self.terms, self.coefficients[len(COLUMNS) :], strict=True):
-            out += value * term.column(g, warmth)
-        return out
+        for name in ("covariance", "sigma_V", "sigma_df"):
+            value = np.array(getattr(self, name), np.float64)
+            value.flags.writeable = False
+            object.__setattr__(self, name, value)
+        if not (self.df > 0 and np.all(self.sigma_df > 0) and np.all(self.sigma_V > 0)):
+            raise ValueError("drift between replications needs positive sigmas and degrees of freedom")
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
         return {
-            "name": self.name,
-            "axis": self.axis,
-            "coefficients": self.coefficients.tolist(),
-            "sigma_V": self.sigma_V,
+            "covariance": self.covariance.tolist(),
             "df": self.df,
-            "terms": [{"powers": list(t.powers), "degC": t.degC, "effect": t.effect} for t in self.terms],
+            "sigma_V": self.sigma_V.tolist(),
+            "sigma_df": self.sigma_df.tolist(),
         }
 
 
@@ -131,8 +66,7 @@ class AttitudeCalibration:
         degC_range: the same for the sensors' temperature; None where it was not recorded.
         reference_degC: temperature at which temperature terms are zero.
         notes: what a reader should know: effects that were left out, and why.
-        covariance_df: degrees of freedom of the covariance where it was found by itself, from replications that drift;
-            None where it scales with the sensors' sigma_V^2 and has their degrees of freedom.
+        drift: what a use sees where the parameters drift between replications; None where they do not.
 
     """
 
@@ -144,25 +78,19 @@ class AttitudeCalibration:
     degC_range: Range | None = None
     reference_degC: float | None = None
     notes: tuple[str, ...] = field(default=())
-    covariance_df: float | None = None
+    drift: Drift | None = None
 
     def __post_init__(self) -> None:
         if not self.sensors:
             raise ValueError("a calibration of no sensor tells no attitude")
         if len(set(self.names)) != len(self.sensors):
             raise ValueError(f"two sensors have the same name: {', '.join(self.names)}")
-        covariance = np.array(self.covariance, np.float64)
         size = sum(s.coefficients.size for s in self.sensors)
-        if covariance.shape != (size, size) or not np.all(np.isfinite(covariance)):
-            raise ValueError(f"expected a finite covariance of {size} by {size}, found shape {covariance.shape}")
-        values = np.linalg.eigvalsh((covariance + covariance.T) / 2)
-        scale = np.abs(covariance).max(initial=0.0)
-        if np.abs(covariance - covariance.T).max() > 1e-9 * scale or values[0] < -1e-9 * scale:
-            raise ValueError("the covariance is not that of anything: it is not symmetric and positive")
-        covariance.flags.writeable = False
-        object.__setattr__(self, "covariance", covariance)
-        if self.covariance_df is not None and not self.covariance_df > 0:
-            raise ValueError(f"degrees of freedom are positive, those of the covariance are {self.covariance_df:g}")
+        object.__setattr__(self, "covariance", _checked(self.covariance, size))
+        if self.drift is not None:
+            _checked(self.drift.covariance, size)
+            if not self.drift.sigma_V.shape == self.drift.sigma_df.shape == (len(self.sensors),):
+                raise ValueError(f"drift between replications: expected {len(self.sensors)} sigmas")
         if any(s.needs_temperature for s in self.sensors) and self.reference_degC is None:
             raise ValueError("a calibration with temperature terms needs the temperature at which they are zero")
 
@@ -189,12 +117,22 @@ class AttitudeCalibration:
     @property
     def sigma_V(self) -> FloatArray:  # noqa: N802 - the unit is part of the name
         """(S,) standard deviation of one reading."""
-        return np.array([s.sigma_V for s in self.sensors])
+        return np.array([s.sigma_V for s in self.sensors]) if self.drift is None else self.drift.sigma_V
+
+    @property
+    def sigma_df(self) -> FloatArray:
+        """(S,) its degrees of freedom."""
+        return np.array([s.df for s in self.sensors]) if self.drift is None else self.drift.sigma_df
+
+    @property
+    def use_covariance(self) -> FloatArray:
+        """(K, K) covariance of the coefficients as a use sees it."""
+        return self.covariance if self.drift is None else self.drift.covariance
 
     @cached_property
     def root(self) -> FloatArray:
-        """(K, K) with root @ root.T = covariance; exists where the covariance has no full rank, too."""
-        values, vectors = np.linalg.eigh(self.covariance)
+        """(K, K) with root @ root.T = `use_covariance`; exists where that has no full rank, too."""
+        values, vectors = np.linalg.eigh(self.use_covariance)
         return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
     @classmethod
@@ -235,7 +173,7 @@ class AttitudeCalibration:
             "roll": self.roll,
             "sensors": [s.to_dict() for s in self.sensors],
             "covariance": self.covariance.tolist(),
-            "covariance_df": self.covariance_df,
+            "drift": None if self.drift is None else self.drift.to_dict(),
             "pitch_range_deg": list(self.pitch_range_deg),
             "roll_range_deg": list(self.roll_range_deg),
             "degC_range": None if self.degC_range is None else list(self.degC_range),
@@ -270,7 +208,7 @@ class AttitudeCalibration:
                 for s in given["sensors"]
             )
             degC = given["degC_range"]
-            reference, df = given["reference_degC"], given.get("covariance_df")
+            reference, drift = given["reference_degC"], given.get("drift")
             return AttitudeCalibration(
                 sensors=sensors,
                 covariance=np.array(given["covariance"], np.float64),
@@ -280,10 +218,29 @@ class AttitudeCalibration:
                 degC_range=None if degC is None else _pair(degC),
                 reference_degC=None if reference is None else float(reference),
                 notes=tuple(str(note) for note in given["notes"]),
-                covariance_df=None if df is None else float(df),
+                drift=None
+                if drift is None
+                else Drift(
+                    np.array(drift["covariance"], np.float64),
+                    float(drift["df"]),
+                    np.array(drift["sigma_V"], np.float64),
+                    np.array(drift["sigma_df"], np.float64),
+                ),
             )
         except (KeyError, TypeError) as problem:
             raise ValueError(f"a calibration of attitude lacks or garbles {problem}") from problem
+
+
+def _checked(given: FloatArray, size: int) -> FloatArray:
+    covariance = np.array(given, np.float64)
+    if covariance.shape != (size, size) or not np.all(np.isfinite(covariance)):
+        raise ValueError(f"expected a finite covariance of {size} by {size}, found shape {covariance.shape}")
+    values = np.linalg.eigvalsh((covariance + covariance.T) / 2)
+    scale = np.abs(covariance).max(initial=0.0)
+    if np.abs(covariance - covariance.T).max() > 1e-9 * scale or values[0] < -1e-9 * scale:
+        raise ValueError("the covariance is not that of anything: it is not symmetric and positive")
+    covariance.flags.writeable = False
+    return covariance
 
 
 def with_roll(rows: FloatArray) -> FloatArray:

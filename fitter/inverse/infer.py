@@ -357,14 +357,14 @@ def _worse(q: _Question) -> float:
     worst, at = 1.0, 0
     for sensor, noise in zip(q.calibration.sensors, q.noise.variance, strict=True):
         k = sensor.coefficients.size
-        own = q.calibration.covariance[at : at + k, at : at + k]
+        own = q.calibration.use_covariance[at : at + k, at : at + k]
         worst = max(worst, 1.0 + 2.0 * float(np.linalg.eigvalsh(own)[-1]) / float(noise))
         at += k
     return worst
 
 
 def _f_absurd(above: int, q: _Question) -> float:
-    return f_limit(_LEVEL_ABSURD, above, min(s.df for s in q.calibration.sensors))
+    return f_limit(_LEVEL_ABSURD, above, float(q.calibration.sigma_df.min()))
 
 
 def _absurd(q: _Question) -> float:

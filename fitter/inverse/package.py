@@ -113,12 +113,12 @@ class Propagation:
         total = noise.sum(axis=0)
         variance = total + calibrated
         from_fit = variance if self.noise.of_fit else calibrated
-        df = np.array([s.df for s in self.calibration.sensors])
+        df, drift = self.calibration.sigma_df, self.calibration.drift
         if of_roll is not None:
             variance = variance + of_roll
-        if self.calibration.covariance_df is not None:
+        if drift is not None:
             with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-                inverse = (calibrated / variance) ** 2 / self.calibration.covariance_df
+                inverse = (calibrated / variance) ** 2 / drift.df
                 if self.noise.of_fit:
                     inverse = inverse + np.einsum("sn,s->n", (noise / variance) ** 2, 1.0 / df)
                 return Spread(variance, 1.0 / inverse)

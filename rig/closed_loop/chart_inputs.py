@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from itertools import pairwise
 from pathlib import Path
@@ -14,7 +14,9 @@ import numpy as np
 
 from fitter.history import Calibrated, calibrated
 from fitter.history.stored import calibrated_from
+from fitter.inverse.calibrate import OFFSET, SENSITIVITY
 from fitter.pressure import PressureFit
+from rig.closed_loop.attitude import with_temperature
 from rig.closed_loop.whole_plot import fit_whole_plots
 from rig.errors import UsageError
 from rig.inference import read_calibration
@@ -49,6 +51,11 @@ class Given:
     simulated: bool
     provenance: Mapping[str, Any]
     degC: float | None
+
+    @property
+    def corrected(self) -> bool:
+        """Whether the parameters can be stated at any temperature."""
+        return all(isinstance(s, Calibrated) and s.warmth is not None for s in self.sensors.values())
 
     @property
     def date(self) -> str:
@@ -88,7 +95,22 @@ def read_all(sources: Sequence[str], formula: str | None = None) -> list[Given]:
             f"{simulated[0].source} is simulated and {real.source} is not: they do not belong on one chart; leave one "
             f"kind out"
         )
-    return given
+    return _at_one_temperature(given)
+
+
+def _at_one_temperature(given: list[Given]) -> list[Given]:
+    """Where every calibration's declared model has temperature, all at the mean of what they were taken at."""
+    degC = [one.degC for one in given if one.degC is not None and one.corrected]
+    if len(degC) < len(given):
+        return given
+    common = float(np.mean(degC))
+    return [
+        replace(
+            one,
+            sensors={name: s.at(common) if isinstance(s, Calibrated) else s for name, s in one.sensors.items()},
+        )
+        for one in given
+    ]
 
 
 def read(source: str, formula: str | None = None) -> Given:
@@ -110,12 +132,13 @@ def read(source: str, formula: str | None = None) -> Given:
     except ValueError as error:
         raise UsageError(f"{path}: {error}") from error
     degC = table.columns.get("sensor_temperature_degC") if table.kind == "pitch-roll" else None
+    warm = table.kind == "pitch-roll" and with_temperature(table, None)
     return Given(
         source=str(path),
         kind=table.kind,
         when=_when(path, table.provenance, told),
         sensors=sensors,
-        effects=dict.fromkeys(sensors, ()),
+        effects=dict.fromkeys(sensors, (OFFSET, SENSITIVITY) if warm else ()),
         simulated=table.simulated,
         provenance=table.provenance,
         degC=None if degC is None else float(np.mean(degC)),
@@ -124,7 +147,7 @@ def read(source: str, formula: str | None = None) -> Given:
 
 def _attitude(table: Table) -> dict[str, Calibrated]:
     data = attitude_data(table)
-    return {name: calibrated(data, name) for name in data.sensors}
+    return {name: calibrated(data, name, temperature=with_temperature(table, None)) for name in data.sensors}
 
 
 def notes(given: Sequence[Given]) -> list[str]:
@@ -139,7 +162,7 @@ def notes(given: Sequence[Given]) -> list[str]:
         changes = _changes(before.provenance, after.provenance)
         found.extend(f"{between} {what}: a step there may be due to that" for what in changes)
     degC = [one.degC for one in given if one.degC is not None]
-    if degC and max(degC) - min(degC) > _ALIKE_DEGC:
+    if degC and max(degC) - min(degC) > _ALIKE_DEGC and not all(one.corrected for one in given):
         found.append(
             f"the sensors' mean temperature lay between {min(degC):.1f} and {max(degC):.1f} degC: a temperature "
             f"coefficient looks like a change over time"
