@@ -26,7 +26,7 @@ class IsolationPad:
     """Pads under the sensors sag: the package tips about y under its weight along x, about x under that along y.
 
     It tips further the way it already leans. Tipping by c times g_x about y turns a part -c g_x g_z of the weight into
-    the x axis. That is (c/2) sin(2 pitch) cos(roll): two periods of pitch and one of roll, as NASA/TP-1999-209835 found.
+    the x axis. That is (c/2) sin(2 pitch) cos(roll): two periods of pitch, one of roll, as NASA/TP-1999-209835 found.
     """
 
     pitch_compliance_deg_per_g: float = quantity(0.0, -1.0, 1.0)
