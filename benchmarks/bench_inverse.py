@@ -157,7 +157,7 @@ def coverage(calibrations=10_000):
             pitch, roll = np.array(at, float).T
             axes = [f"{a}_V" for a in name.split(",")[0].split("-")]
             calibration = calibrated["no roll" not in name]
-            package = _part(calibration, axes)
+            package = calibration.only(axes)
             v = (
                 volts(bench, pitch, roll, axes)
                 + rng.normal(size=(len(at), len(axes))) * sigma[: len(NAMES)][[NAMES.index(a) for a in axes]]
@@ -247,19 +247,6 @@ def _truth(bench, plan):
     n = len(pitch)
     outputs = dict(zip(NAMES, exact.T, strict=True))
     return AttitudeData(replicate, np.arange(n), np.arange(float(n)), pitch, roll, None, outputs), exact
-
-
-def _part(calibration, names):
-    """The calibration of some of a package's sensors."""
-    if tuple(names) == calibration.names:
-        return calibration
-    picked = [calibration.names.index(name) for name in names]
-    rows = np.concatenate([np.arange(4 * i, 4 * i + 4) for i in picked])
-    return replace(
-        calibration,
-        sensors=tuple(calibration.sensors[i] for i in picked),
-        covariance=calibration.covariance[np.ix_(rows, rows)],
-    )
 
 
 if __name__ == "__main__":

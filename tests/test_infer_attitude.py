@@ -69,6 +69,35 @@ def test_the_declared_model_is_the_procedures_unless_told_otherwise(tmp_path):
     assert traced["declared"] == "attitude-x with temperature"
 
 
+def test_two_of_three_sensors_have_two_attitudes_and_say_on_which_side_they_are(tmp_path, run, calibration):
+    table, data, out = run_table(run), tmp_path / "outputs.csv", tmp_path / "angles.csv"
+    pitch, roll = table.columns["pitch_deg"], table.columns["roll_deg"]
+    write_csv({name: table.columns[name] for name in ("x_V", "y_V")}, data)
+    missing = rig("infer", calibration, data, "--out", out)
+    assert missing.returncode == 2
+    assert "no column 'z_V'" in missing.stderr
+    assert "--sensors" in missing.stderr
+    for near, side in (((), "level"), (("--near", 0, 180), "pitch 0, roll 180 deg")):
+        done = rig("infer", calibration, data, "--sensors", "x_V,y_V", "--out", out, *near)
+        assert done.returncode == 0, done.stderr
+        assert f"on the side of {side}" in done.stderr
+        rows = rows_of(out)
+        assert {r["assumed"] for r in rows} == {"1"}
+        turned = 180.0 if near else 0.0
+        there = (np.abs(pitch) < 60) & (np.cos(np.radians(roll - turned)) > 0.2)
+        found = np.array([[float(r["pitch_deg"] or "nan"), float(r["roll_deg"] or "nan")] for r in rows])[there]
+        truth = np.column_stack([pitch, roll])[there]
+        assert np.abs((found - truth + 180) % 360 - 180).max() < 0.01
+    none = rig("infer", calibration, data, "--sensors", "x_V,q_V", "--out", out)
+    assert "has no sensor q_V, only x_V, y_V, z_V" in none.stderr
+
+
+def test_a_run_file_is_no_calibration_yet(tmp_path, run):
+    done = rig("infer", run, run, "--out", tmp_path / "angles.csv")
+    assert done.returncode == 2
+    assert "make a calibration of it first: rig fit" in done.stderr
+
+
 def test_nothing_of_the_input_is_overwritten(tmp_path, run, calibration):
     data, out = tmp_path / "run.csv", tmp_path / "angles.csv"
     assert rig("export", run, "--out", data).returncode == 0

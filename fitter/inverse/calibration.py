@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -134,6 +134,30 @@ class AttitudeCalibration:
         """(K, K) with root @ root.T = `use_covariance`; exists where that has no full rank, too."""
         values, vectors = np.linalg.eigh(self.use_covariance)
         return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+    def only(self, names: Sequence[str]) -> AttitudeCalibration:
+        """The calibration of some of the sensors, in the order given.
+
+        Raises:
+            ValueError: there is no such sensor.
+
+        """
+        unknown = [name for name in names if name not in self.names]
+        if unknown:
+            raise ValueError(f"the calibration has no sensor {unknown[0]}, only {', '.join(self.names)}")
+        sizes = [s.coefficients.size for s in self.sensors]
+        starts = np.concatenate([[0], np.cumsum(sizes)])
+        picked = [self.names.index(name) for name in names]
+        rows = np.concatenate([np.arange(starts[i], starts[i + 1]) for i in picked])
+        block = np.ix_(rows, rows)
+        drift = self.drift and replace(
+            self.drift,
+            covariance=self.drift.covariance[block],
+            sigma_V=self.drift.sigma_V[picked],
+            sigma_df=self.drift.sigma_df[picked],
+        )
+        sensors = tuple(self.sensors[i] for i in picked)
+        return replace(self, sensors=sensors, covariance=self.covariance[block], drift=drift)
 
     @classmethod
     def from_fits(cls, fits: Sequence[AttitudeFit]) -> AttitudeCalibration:

@@ -42,6 +42,10 @@ def infer(
             show_default=False,
         ),
     ] = None,
+    sensors: Annotated[
+        str | None,
+        typer.Option(help="attitude: infer from these alone, as in --sensors x_V,y_V", show_default="all"),
+    ] = None,
     roll_sd: Annotated[float, typer.Option(min=0, help="attitude: standard deviation of the measured roll, deg")] = 0.0,
 ) -> int:
     """Infer pitch and roll, or pressure, from outputs, with standard deviations and 95 % intervals.
@@ -55,15 +59,22 @@ def infer(
     long as the temperatures have stood since the zero was read: rows at other temperatures are flagged. Values outside
     the calibrated range are flagged, not extrapolated.
 
+    Some packages have two attitudes for the same outputs; rows where --near decided are marked in a column `assumed`.
+
     Examples: `rig infer calibration.json flight.csv --zero vacuum.csv --out pressures.csv`,
-    `rig infer package.json wind-tunnel.csv --out angles.csv`
+    `rig infer package.json wind-tunnel.csv --out angles.csv`,
+    `rig infer package.json upside-down.csv --near 0 180 --out angles.csv`,
+    `rig infer package.json x-only.csv --sensors x_V --roll roll_deg --roll-sd 0.05 --out pitch.csv`
     """
     from rig import inference  # noqa: PLC0415
     from rig.tables import write_csv  # noqa: PLC0415
 
     check_not_input([out_file], [calibration, data, zero])
     file = inference.read_calibration(calibration)
-    found = inference.infer(file, data, zero=zero, measured_roll=roll, roll_sd_deg=roll_sd, near_deg=near)
+    chosen = None if sensors is None else [name.strip() for name in sensors.split(",")]
+    found = inference.infer(
+        file, data, zero=zero, measured_roll=roll, roll_sd_deg=roll_sd, near_deg=near, sensors=chosen
+    )
     write_csv(found.columns, out_file)
     for note in found.notes:
         err.print(f"[yellow]{escape(note)}[/]", soft_wrap=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,6 +25,7 @@ def infer(
     measured_roll: str | None = None,
     roll_sd_deg: float = 0.0,
     near_deg: tuple[float, float] | None = None,
+    sensors: Sequence[str] | None = None,
 ) -> Inference:
     """Infer what a calibration is of from a CSV table.
 
@@ -34,6 +36,7 @@ def infer(
         measured_roll: attitude: column of roll measured otherwise; None to infer it.
         roll_sd_deg: attitude: its standard deviation.
         near_deg: attitude: pitch and roll on the side where the package is; level if None.
+        sensors: attitude: those to infer from; all of the calibration if None.
 
     Raises:
         UsageError: an option does not go with the calibration, a column is missing, or a value cannot be used.
@@ -43,11 +46,18 @@ def infer(
         if zero is not None:
             raise UsageError("--zero is for pressure transducers; this calibration is of attitude sensors")
         found = infer_attitudes(
-            file.calibration, data, measured_roll=measured_roll, roll_sd_deg=roll_sd_deg, near_deg=near_deg
+            file.calibration,
+            data,
+            measured_roll=measured_roll,
+            roll_sd_deg=roll_sd_deg,
+            near_deg=near_deg,
+            sensors=sensors,
         )
     else:
-        if measured_roll is not None or near_deg is not None:
-            raise UsageError("--roll and --near are for attitude sensors; this calibration is of pressure transducers")
+        if measured_roll is not None or near_deg is not None or sensors is not None:
+            raise UsageError(
+                "--roll, --near and --sensors are for attitude sensors; this calibration is of pressure transducers"
+            )
         found = infer_pressures(file.calibration, data, zero)
     if file.incomplete:
         found = replace(found, notes=(f"the calibration is of an incomplete run: {file.incomplete}", *found.notes))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ def infer_attitudes(
     measured_roll: str | None,
     roll_sd_deg: float,
     near_deg: tuple[float, float] | None,
+    sensors: Sequence[str] | None,
 ) -> Inference:
     """Infer pitch, and roll where it was not measured, from every row of a CSV table.
 
@@ -31,16 +33,26 @@ def infer_attitudes(
         measured_roll: column of roll that was measured otherwise, in degrees; None to infer it.
         roll_sd_deg: its standard deviation.
         near_deg: pitch and roll on the side where the package is; level if None.
+        sensors: those to infer from; all of the calibration if None.
 
     Raises:
         UsageError: a column is missing, or the sensors cannot tell what is asked.
 
     """
+    try:
+        calibration = calibration if sensors is None else calibration.only(sensors)
+    except ValueError as error:
+        raise UsageError(f"--sensors: {error}") from error
     needed = [*calibration.names, *([measured_roll] if measured_roll else [])]
     needed += [_TEMPERATURE] if calibration.needs_temperature else []
     if not data.is_file():
         raise UsageError(f"there is no file {data}")
-    table = read_any_csv(data, needed)
+    try:
+        table = read_any_csv(data, needed)
+    except UsageError as error:
+        fewer = len(calibration.names) > 1 and any(repr(name) in str(error) for name in calibration.names)
+        hint = f"; to infer from fewer sensors name them: --sensors {calibration.names[0]},..." if fewer else ""
+        raise UsageError(f"{error}{hint}") from None
     for name in needed:
         if name not in table.columns:
             raise UsageError(f"{data}, column {name}: not all of its values are numbers")
@@ -62,11 +74,20 @@ def infer_attitudes(
     if measured_roll is None and calibration.roll:
         angles = (found.roll_deg, found.roll_sd_deg, found.roll_lo95_deg, found.roll_hi95_deg)
         added |= _columns(table, "roll_deg", *angles)
+    if found.assumed.any():
+        added["assumed" if "assumed" not in {*table.columns, *table.text} else "inferred_assumed"] = found.assumed * 1
     added["flag" if "flag" not in table.columns and "flag" not in table.text else "inferred_flag"] = found.flag
     notes = list(calibration.notes)
     if found.assumed.any():
-        other = int(found.assumed.sum())
-        notes.append(f"{other} rows fit another attitude as well; given is the one on the side of --near (level)")
+        side = (
+            "level (--near says otherwise)" if near_deg is None else f"pitch {near_deg[0]:g}, roll {near_deg[1]:g} deg"
+        )
+        notes.append(
+            f"{int(found.assumed.sum())} of {len(found.assumed)} rows fit another attitude as well, which intervals "
+            f"leave out: given is the one on the side of {side}; column assumed"
+        )
+    if measured_roll is not None and roll_sd_deg == 0:
+        notes.append("the measured roll is taken as exact: --roll-sd tells its standard deviation")
     columns: dict[str, Any] = {**table.columns, **table.text, **added}
     return Inference(columns, tuple(added), tuple(notes), int(np.sum(found.flag != "")))
 

@@ -50,6 +50,8 @@ class CalibrationFile:
 
 def read_calibration(path: Path) -> CalibrationFile:
     """The file that `rig fit --out` wrote. Raises `UsageError`."""
+    if path.suffix == ".sqlite":
+        raise UsageError(f"{path} is a run file; make a calibration of it first: rig fit {path} --out calibration.json")
     try:
         given = json.loads(path.read_text(encoding="utf-8"))
         calibration: AttitudeCalibration | Mapping[str, PressureCalibration]
