@@ -53,7 +53,7 @@ def advise(
     within = usage or _two_thirds(points)
     case = _Case(procedure, design, points, within, usage is not None, _is_tumble(points))
     own = tuple(check(case) for check in _CHECKS)
-    return (*own, *advise_package(package, within), _pads(case))
+    return (*own, *advise_package(package, within, roll=points.roll), _pads(case))
 
 
 def usage_of(procedure: PitchRollProcedure, pitch_deg: float | None = None) -> Usage | None:

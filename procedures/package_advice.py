@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -107,14 +107,21 @@ def inferred_sd(package: Package, pitch_deg: FloatArray, roll_deg: FloatArray) -
         )
 
 
-def advise_package(package: Package | None, usage: Usage) -> tuple[Advice, Advice, Advice]:
+def advise_package(package: Package | None, usage: Usage, *, roll: bool = True) -> tuple[Advice, Advice, Advice]:
     """Recommendations 8, 9 and 10, of which at most one applies.
 
     Args:
         package: the sensors; None where nothing was told about them.
         usage: attitudes they will be used at.
+        roll: whether they will be calibrated with roll.
 
     """
+    if package is not None and not roll and package.axes != "x":
+        why = (
+            "calibrated without roll, what a sensor across the pitch plane does is not known, nor what roll does to any"
+        )
+        found = _single(package, usage), _three(package, usage), _x_y(package, usage)
+        return tuple(replace(a, holds=False, sentence=why) if a.applies else a for a in found)  # type: ignore[return-value]
     return _single(package, usage), _three(package, usage), _x_y(package, usage)
 
 

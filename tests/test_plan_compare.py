@@ -68,3 +68,29 @@ def test_what_is_wanted_of_the_package_stands_in_the_procedure(tmp_path):
         (found,) = (item for item in json.loads(done.stdout)["advice"] if item["number"] == 9)
         assert found["holds"] is holds
         assert f"{sigma / 2e-4:.3g} times the uncertainty of x; within +-60 deg" in found["sentence"]
+
+
+def test_a_design_without_roll_is_not_recommended_for_a_package(tmp_path):
+    flat = SHORT.replace("roll_deg = [-120, 0, 120]", "roll_deg = [0]").replace('"short"', '"flat"')
+    (tmp_path / "flat.toml").write_text(flat)
+    done = plan(tmp_path, "--compare", "flat.toml", "--compare", "narrow.toml", "--usage", "30", "--json")
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    short, without, _ = found["designs"]
+    assert without["undetermined"] == "without roll it does not calibrate the y and z sensors of this bench"
+    assert short["undetermined"] == ""
+    assert found["recommended"]["name"] == "narrow"
+    alone = rig("plan", "flat.toml", "--bench", LAB / "bench.toml", "--json", cwd=tmp_path)
+    (nine,) = (item for item in json.loads(alone.stdout)["advice"] if item["number"] == 9)
+    assert not nine["holds"]
+    assert "calibrated without roll" in nine["sentence"]
+
+
+def test_procedures_of_one_name_are_told_apart_by_their_files(tmp_path):
+    (tmp_path / "again.toml").write_text(WIDE.replace('"narrow"', '"short"'))
+    done = plan(tmp_path, "--compare", "again.toml", "--json")
+    assert [d["name"] for d in json.loads(done.stdout)["designs"]] == ["short.toml", "again.toml"]
+    assert "rehearsing again.toml" in done.stderr
+    alone = plan(tmp_path, "--plot", "plot.png")
+    assert alone.returncode == 2
+    assert "--compare" in alone.stderr

@@ -126,7 +126,7 @@ def recommend(
         return None
     if wanted_sd_deg is None:
         best, _ = min(fit, key=lambda pair: pair[0].worst_sd_deg ** 2 * pair[1])
-        why = f"most precise for its cost: {best.worst_sd_deg:.1e} deg at worst"
+        why = f"most precise for its cost (worst variance times cost is least): {best.worst_sd_deg:.1e} deg at worst"
         return Recommendation(best.name, f"{why}, figure of merit {best.figure_of_merit:.3f}")
     enough = [pair for pair in fit if pair[0].worst_sd_deg <= wanted_sd_deg]
     if enough:

@@ -2,29 +2,57 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+from rich import box
 from rich.markup import escape
 from rich.table import Table
 
 from fitter.merit import Comparison, Usage, compare, curve, recommend
 from procedures import PitchRollProcedure
 from procedures.advice import design_points, usage_of
-from rig.cli.show import number, out, print_json
-from rig.controller import Plan
-from rig.errors import UsageError
+from rig.cli.show import err, number, out, print_json, run_progress
+from rig.controller import Plan, load_plan
+from rig.errors import ConfigurationError, UsageError
+
+
+def compare_files(
+    files: Sequence[Path], bench: Path, usage_deg: float | None, plot: Path | None, *, as_json: bool
+) -> None:
+    """Rehearse procedures one after the other and show them side by side; arguments and errors as for `compare_plans`.
+
+    Raises:
+        ConfigurationError: one of the files is wrong.
+
+    """
+    from rig.forecast import rehearse  # noqa: PLC0415
+
+    plans, hours = {path: _load(path, bench) for path in files}, []
+    for path, plan in plans.items():
+        err.print(f"rehearsing {escape(str(path))}", soft_wrap=True)
+        with run_progress(simulated=True) as show:
+            hours.append(rehearse(plan, show, points=100).total_s / 3600.0)
+    compare_plans(plans, hours, usage_deg, plot, as_json=as_json)
+
+
+def _load(path: Path, bench: Path) -> Plan:
+    """A procedure to be compared, on a bench. Raises `ConfigurationError` that names it."""
+    try:
+        return load_plan(path, bench)
+    except ConfigurationError as error:
+        raise error if str(path) in str(error) else ConfigurationError(f"{path}: {error}") from error
 
 
 def compare_plans(
-    plans: Sequence[Plan], hours: Sequence[float], usage_deg: float | None, plot: Path | None, *, as_json: bool
+    plans: Mapping[Path, Plan], hours: Sequence[float], usage_deg: float | None, plot: Path | None, *, as_json: bool
 ) -> None:
     """Show pitch-roll procedures side by side and recommend one.
 
     Args:
-        plans: what is compared, on one bench.
+        plans: what is compared, on one bench, by file.
         hours: bench time of each.
         usage_deg: pitch range the sensors will be used in, plus and minus; None for that of the first procedure, or
             30 deg.
@@ -36,20 +64,25 @@ def compare_plans(
 
     """
     procedures = []
-    for plan in plans:
+    for path, plan in plans.items():
         if not isinstance(plan.procedure, PitchRollProcedure):
-            raise UsageError(f"{plan.procedure.name} is of kind {plan.procedure.kind}; pitch-roll designs are compared")
+            raise UsageError(f"{path} is of kind {plan.procedure.kind}; pitch-roll designs are compared")
         procedures.append(plan.procedure)
     usage = usage_of(procedures[0], usage_deg) or Usage.within(30.0)
-    designs = [design_points(p) for p in procedures]
+    names = [p.name for p in procedures]
+    if len(set(names)) < len(names):
+        names = [str(path) for path in plans]
+    designs = [replace(design_points(p), name=name) for p, name in zip(procedures, names, strict=True)]
     sigma = procedures[0].expect.sigma_deg
-    rows = compare(designs, usage, sigma)
+    across = sorted({str(s.axis) for s in next(iter(plans.values())).bench.sensors.values()} - {"x"})
+    rows = [_seen_by(row, across) for row in compare(designs, usage, sigma)]
     best = recommend(rows, cost=list(hours))
     if plot is not None:
         _plot([curve(d, usage, sigma) for d, row in zip(designs, rows, strict=True) if not row.undetermined], plot)
     if as_json:
         listed: list[dict[str, Any]] = [
-            asdict(row) | {"procedure": p.name, "hours": h} for row, p, h in zip(rows, procedures, hours, strict=True)
+            asdict(row) | {"procedure": p.name, "file": str(path), "hours": h}
+            for row, p, path, h in zip(rows, procedures, plans, hours, strict=True)
         ]
         print_json(
             {
@@ -61,23 +94,40 @@ def compare_plans(
         )
         return
     title = f"Used within {usage}, one observation {sigma:.1e} deg (expect.sigma_deg)"
-    table = Table("procedure", "points", "time", "mean sd", "worst sd", "at", "V^1/2", "pads from", title=title)
+    headings = ("procedure", "points", "time", "mean sd", "worst sd", "at", "V^1/2", "pads from")
+    table = Table(*headings, title=title, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False, show_edge=False)
     table.title_justify = "left"
-    for row, procedure, time_h in zip(rows, procedures, hours, strict=True):
-        table.add_row(escape(procedure.name), *_cells(row, time_h))
+    for row, time_h in zip(rows, hours, strict=True):
+        table.add_row(escape(row.name), *_cells(row, time_h))
     out.print(table)
     out.print(
         "  sd of the calibrated output / 1e-4 deg; V^1/2: figure of merit, eq. (53); pads from: smallest deflection / "
         "1e-4 deg that lack of fit shows nine times in ten",
         soft_wrap=True,
     )
-    for row, procedure in zip(rows, procedures, strict=True):
+    for row in rows:
         if row.undetermined:
-            out.print(f"  [yellow]{escape(procedure.name)}:[/] {escape(row.undetermined)}", soft_wrap=True)
+            out.print(f"  [yellow]{escape(row.name)}:[/] {escape(row.undetermined)}", soft_wrap=True)
         elif row.extrapolated:
-            out.print(f"  [yellow]{escape(procedure.name)}[/] is not calibrated over all of that range", soft_wrap=True)
+            out.print(f"  [yellow]{escape(row.name)}[/] is not calibrated over all of that range", soft_wrap=True)
     if best is not None:
         out.print(f"  [bold]recommended: {escape(best.name)}[/]; {escape(best.why)}", soft_wrap=True)
+
+
+def _seen_by(row: Comparison, across: Sequence[str]) -> Comparison:
+    """A design without roll determines no sensor across the pitch plane, whatever it does for one along x."""
+    if row.roll or row.undetermined or not across:
+        return row
+    sensors = " and ".join(across)
+    return Comparison(
+        row.name,
+        row.roll,
+        row.points,
+        row.replications,
+        row.observations,
+        row.df,
+        undetermined=f"without roll it does not calibrate the {sensors} sensors of this bench",
+    )
 
 
 def _cells(row: Comparison, time_h: float) -> list[str]:

@@ -14,13 +14,14 @@ from rich.table import Table
 
 from drivers.roles import Chamber
 from procedures import PitchRollProcedure
+from rig.atomic import check_not_input
 from rig.bench import driver_class
 from rig.cli import app
 from rig.cli.run import BenchOption, JsonOption, ProcedureArgument
 from rig.cli.show import duration, out, print_json, run_progress
 from rig.controller import BYTES_PER_POINT, Plan, load_plan
 from rig.engine.guard import Guard
-from rig.errors import ConfigurationError, ExitCode
+from rig.errors import ConfigurationError, ExitCode, UsageError
 
 
 @app.command(rich_help_panel="Running")
@@ -55,15 +56,15 @@ def plan(
     from rig.forecast import ALLOWANCE, SOAK_ALLOWANCE, rehearse  # noqa: PLC0415
     from rig.precision import precision  # noqa: PLC0415
 
-    planned = load_plan(procedure, bench)
+    check_not_input([plot], [procedure, bench, *(compare or [])])
+    if plot is not None and not compare:
+        raise UsageError("--plot shows designs side by side: it goes with --compare")
     if compare:
-        from rig.cli.compare import compare_plans  # noqa: PLC0415
+        from rig.cli.compare import compare_files  # noqa: PLC0415
 
-        plans = [planned, *(load_plan(path, bench) for path in compare)]
-        with run_progress(simulated=True) as show:
-            hours = [rehearse(one, show, points=100).total_s / 3600.0 for one in plans]
-        compare_plans(plans, hours, usage, plot, as_json=as_json)
+        compare_files([procedure, *compare], bench, usage, plot, as_json=as_json)
         return ExitCode.DONE
+    planned = load_plan(procedure, bench)
     try:
         precise = precision(planned.procedure, planned.run_list)
     except ConfigurationError as error:
