@@ -106,7 +106,7 @@ class AttitudeParameters:
         """
         return bool(min(self.Omega_deg, 180.0 - self.Omega_deg) > DIRECTION_KNOWN * self.stderr[2])
 
-    def intervals(self, df: int, level: float = 0.95) -> tuple[Interval, Interval, Interval | None, Interval | None]:
+    def intervals(self, df: float, level: float = 0.95) -> tuple[Interval, Interval, Interval | None, Interval | None]:
         """Confidence intervals of b_V, S_V, Omega_deg and A_deg; None for the last two where no direction is known.
 
         That of A is Fieller's: all azimuths across which the sensitive axis does not lean significantly. It is exact
@@ -151,7 +151,7 @@ class NoRollParameters:
         """(3,) standard errors of (b_V, S_V, phi_deg)."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
-    def intervals(self, df: int, level: float = 0.95) -> tuple[Interval, Interval, Interval]:
+    def intervals(self, df: float, level: float = 0.95) -> tuple[Interval, Interval, Interval]:
         """Confidence intervals of b_V, S_V and phi_deg."""
         b, S, phi = _around((self.b_V, self.S_V, self.phi_deg), self.stderr, t_limit(level, df))
         return b, S, phi

@@ -207,7 +207,7 @@ def table_2(r: Replication, S_V: float) -> dict[str, JsonValue]:
     return table
 
 
-def parameter_table(p: AttitudeParameters | NoRollParameters, df: int) -> dict[str, JsonValue]:
+def parameter_table(p: AttitudeParameters | NoRollParameters, df: float) -> dict[str, JsonValue]:
     """Estimate, standard error, degrees of freedom and 95 % interval of every parameter, by name.
 
     A coning angle within `fitter.attitude.DIRECTION_KNOWN` standard deviations of none has no errors around it, nor has
@@ -239,7 +239,7 @@ def _rows(
     values: Sequence[float] | FloatArray,
     errors: FloatArray,
     intervals: Sequence[Interval | None],
-    df: int,
+    df: float,
 ) -> dict[str, JsonValue]:
     return {
         name: {

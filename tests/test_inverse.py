@@ -318,3 +318,21 @@ def test_where_replications_drift_a_use_is_one_more_draw_of_what_they_are_draws_
     wide, narrow = (infer_attitude(c, [[0.1, -4.9]], near_deg=(0, 10)) for c in (moved, still))
     assert wide.pitch_sd_deg[0] > 2 * narrow.pitch_sd_deg[0]
     assert wide.df[0] < 6
+
+
+def test_parameters_kept_are_those_of_the_fit_and_some_sensors_are_part_of_all(run):
+    calibration, data = calibrate_package(run), run
+    for name in calibration.names:
+        fit = fit_attitude(data, name)
+        kept, df = calibration.parameters(name)
+        assert df == fit.parameters_df
+        np.testing.assert_allclose(
+            [kept.b_V, kept.S_V, kept.Omega_deg, kept.A_deg],
+            [fit.parameters.b_V, fit.parameters.S_V, fit.parameters.Omega_deg, fit.parameters.A_deg],
+        )
+        np.testing.assert_allclose(kept.stderr, fit.parameters.stderr, rtol=1e-6)
+    alone, part = calibrate_package(data, ["z_V", "x_V"]), calibration.only(["z_V", "x_V"])
+    np.testing.assert_allclose(part.covariance, alone.covariance, rtol=1e-9, atol=1e-25)
+    assert part.names == alone.names
+    with pytest.raises(ValueError, match="no sensor q_V"):
+        calibration.only(["q_V"])

@@ -10,7 +10,14 @@ from typing import Any
 import numpy as np
 
 from fitter.arrays import FloatArray
-from fitter.attitude import COLUMNS
+from fitter.attitude import (
+    AXES,
+    COLUMNS,
+    AttitudeParameters,
+    NoRollParameters,
+    attitude_parameters,
+    no_roll_parameters,
+)
 from fitter.calibration import AttitudeFit
 from fitter.inverse.sensor_model import SensorModel, Term
 
@@ -134,6 +141,22 @@ class AttitudeCalibration:
         """(K, K) with root @ root.T = `use_covariance`; exists where that has no full rank, too."""
         values, vectors = np.linalg.eigh(self.use_covariance)
         return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+    def parameters(self, name: str) -> tuple[AttitudeParameters | NoRollParameters, float]:
+        """The paper's parameters of a sensor as it is kept, terms beside them, and their degrees of freedom.
+
+        Raises:
+            ValueError: there is no such sensor.
+
+        """
+        one = self.only([name])
+        sensor, drift, keep = one.sensors[0], one.drift, range(len(COLUMNS)) if self.roll else (0, 1, 3)
+        # a use is as far again from the mean of n replications as these are from one another: n + 1 times its error
+        covariance, df = (one.covariance, sensor.df) if drift is None else (drift.covariance / (drift.df + 2), drift.df)
+        own, block = sensor.coefficients[list(keep)], covariance[np.ix_(keep, keep)]
+        if not self.roll:
+            return no_roll_parameters(own, block), df
+        return attitude_parameters(AXES[sensor.axis], own, block), df
 
     def only(self, names: Sequence[str]) -> AttitudeCalibration:
         """The calibration of some of the sensors, in the order given.

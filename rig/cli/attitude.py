@@ -16,24 +16,20 @@ def show_attitude_fit(result: Mapping[str, Any]) -> None:
     """A table of parameters a sensor, and its analysis of variance."""
     for name, sensor in result["sensors"].items():
         _show_sensor(name, sensor)
+        if name in result["kept"]:
+            kept = result["kept"][name]
+            _show_parameters_of(f"{name}, kept with {', '.join(kept['effects']) or 'no effect'}", kept["parameters"])
+            out.print()
     if any(significant(sensor, test) for sensor in result["sensors"].values() for test in TESTS):
         out.print("some tests are significant: the model lacks something; see rig trace", soft_wrap=True)
 
 
 def _show_sensor(name: str, sensor: Mapping[str, Any]) -> None:
-    from rig.report.parameters import LABELS, NO_DIRECTION, shown, with_interval  # noqa: PLC0415
-
-    heading = f"{name}, {sensor['model']}"
-    table = RichTable("parameter", "estimate", "standard error", "95 % interval", title=heading, title_justify="left")
-    for parameter in (rows := shown(sensor["parameters"])):
-        table.add_row(LABELS[parameter], *with_interval(sensor["parameters"][parameter]))
-    out.print(table)
+    _show_parameters_of(f"{name}, {sensor['model']}", sensor["parameters"])
     if sensor["reference_degC"] is not None:
         out.print(f"  at {sensor['reference_degC']:.2f} degC")
     if sensor["errors_from"] == "replications":
         out.print("  replications drift: the errors are those between replications, which hold all the same")
-    if "mx_V" in rows:
-        out.print(f"  {NO_DIRECTION}", soft_wrap=True)
     out.print(
         f"  sigma_E {degrees(sensor['sigma_E_deg'])} = bias {degrees(sensor['sigma_bias_deg'])} and "
         f"precision {degrees(sensor['sigma_prec_deg'])}"
@@ -51,6 +47,17 @@ def _show_sensor(name: str, sensor: Mapping[str, Any]) -> None:
         verdict = "[yellow]significant[/]" if significant(sensor, test) else "not significant"
         out.print(f"  {test:<8} {value:9.3g}  (95 % limit {bound:.3g})  {what}: {verdict}")
     out.print()
+
+
+def _show_parameters_of(heading: str, parameters: Mapping[str, Any]) -> None:
+    from rig.report.parameters import LABELS, NO_DIRECTION, shown, with_interval  # noqa: PLC0415
+
+    table = RichTable("parameter", "estimate", "standard error", "95 % interval", title=heading, title_justify="left")
+    for parameter in (rows := shown(parameters)):
+        table.add_row(LABELS[parameter], *with_interval(parameters[parameter]))
+    out.print(table)
+    if "mx_V" in rows:
+        out.print(f"  {NO_DIRECTION}", soft_wrap=True)
 
 
 _BEFORE_AFTER = (

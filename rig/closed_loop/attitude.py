@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from fitter import AttitudeData, fit_all
 from fitter.arrays import FloatArray
-from fitter.inverse import calibrate_package
+from fitter.calibration import parameter_table
+from fitter.inverse import AttitudeCalibration, calibrate_package
 from fitter.trace import SensorTrace, Trace, trace
 from rig.errors import UsageError
 from rig.tables import Table, attitude_data
@@ -36,7 +38,19 @@ def fit_attitude_table(table: Table, *, traced: bool = False, temperature: bool 
     return {
         "data": {"points": len(table), "kind": "pitch-roll", "simulated": table.simulated, **table.provenance},
         "sensors": {name: fit.to_dict() for name, fit in fits.items()},
+        "kept": {name: _kept(calibration, name, effects) for name in calibration.names} if effects else {},
         "calibration": calibration.to_dict(),
+    }
+
+
+def _kept(
+    calibration: AttitudeCalibration, name: str, effects: Mapping[str, Mapping[str, FloatArray]]
+) -> dict[str, Any]:
+    """A sensor as the calibration has it, where that is not what the declared model alone gives."""
+    parameters, df = calibration.parameters(name)
+    return {
+        "effects": [effect for effect, by in effects.items() if name in by],
+        "parameters": parameter_table(parameters, df),
     }
 
 
