@@ -52,6 +52,7 @@ def limits(series: Series) -> Limits | None:
     A calibration is judged by its distance from the mean of the others, in Student's t on m - 2 degrees of freedom
     with the variance, within and between, that the others show. On the chart, whose centre has the calibration
     itself in it, this is Thompson's limit, t sqrt(m - 1) / sqrt(m - 2 + t^2) standard deviations of the residual.
+    Where the calibrations lie closer together than their own error, by luck, it is that error that counts.
     """
     m = len(series)
     if m < FEWEST:
@@ -61,7 +62,10 @@ def limits(series: Series) -> Limits | None:
     unscaled = 1.0 / np.sum(1.0 / total)
     scale = float(found.covariance[0, 0] / unscaled)
     sd = np.sqrt(scale * (total - unscaled))
-    warning, action = (sd * _thompson(level, m) for level in (WARNING, ACTION))
+    own = np.sqrt(np.maximum(series.variance - 1.0 / np.sum(1.0 / series.variance), 0.0))
+    warning, action = (
+        np.maximum(sd * _thompson(level, m), own * t_limit(level, series.df)) for level in (WARNING, ACTION)
+    )
     deviation = series.values - found.coefficients[0]
     return Limits(float(found.coefficients[0]), float(np.sqrt(found.covariance[0, 0])), warning, action, deviation)
 

@@ -100,7 +100,8 @@ def fit(
 ) -> int:
     """Fit the declared model to every sensor; analyse replications, or whole plots with all methods side by side.
 
-    Examples: `rig fit runs/20260115T180000-night-1a2b.sqlite`, `rig fit table.csv --response y --formula "1 + x"`
+    Examples: `rig fit runs/20260115T180000-night-1a2b.sqlite`, `rig fit RUN --traced --temperature --out package.json`,
+    `rig fit RUN --points 73`, `rig fit table.csv --response y --formula "1 + x"`
     """
     check_not_input([out_file, report], [data])
     if response is not None:

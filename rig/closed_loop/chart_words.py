@@ -80,7 +80,9 @@ def _change(q: QuantityChart, dates: Sequence[str], sensitivity: float) -> str:
     if q.stepped and q.step is not None:
         between = f"between {dates[q.step.before - 1]} and {dates[q.step.before]}"
         size = with_error(scale * q.step.size, scale * q.step.stderr, sign=True)
-        return f"{label(q.name)} stepped by {size} {unit} {between} ({_chance(q.adjusted['step'])})"
+        p = _chance(q.adjusted["step"])
+        advice = "if its cause is known and over, chart the calibrations after it alone"
+        return f"{label(q.name)} stepped by {size} {unit} {between} ({p}); {advice}"
     if q.trend is not None and q.significant("trend"):
         rate = f"{with_error(scale * abs(q.trend.per_year), scale * q.trend.stderr)} {unit}/year"
         falls = q.trend.per_year < 0
@@ -92,6 +94,11 @@ def _change(q: QuantityChart, dates: Sequence[str], sensitivity: float) -> str:
             f"can do that as well ({_chance(q.trend.p_walk)}), so it may not go on"
         )
     if q.significant("homogeneity"):
+        if len(q.series) == 2:
+            apart = scale * abs(float(q.series.values[1] - q.series.values[0]))
+            p = _chance(q.adjusted["homogeneity"])
+            beyond = f"{apart:.2g} {unit}, more than their own error ({p}); a trend needs three"
+            return f"{label(q.name)} differs between the two calibrations by {beyond}"
         beyond = f"{scale * q.homogeneity.between_sd:.2g} {unit}"
         return (
             f"{label(q.name)} differs between calibrations by {beyond} (standard deviation) beyond their own error "

@@ -24,6 +24,7 @@ from rig.errors import UsageError
 from rig.tables import Table, attitude_data
 
 FAMILY, TUMBLE = "fraction", "tumble"
+_DESIGN_T = ("T", "T6", "T4")
 
 _FEWEST_ROWS, _FEWEST_COLUMNS = 5, 7
 """The coarsest of the paper's grids: 5 x 13 and 13 x 7. Coarser ones show no pattern with two periods of pitch."""
@@ -110,7 +111,7 @@ def compare_fractions(table: Table, which: str, *, temperature: bool | None = No
 
 
 def _parts(measured: MeasuredGrid, which: str, *, roll: bool) -> Sequence[Part]:
-    if which == TUMBLE:
+    if which.upper() in _DESIGN_T or which == TUMBLE:
         return [tumble_of(measured, roll=roll)]
     if which == FAMILY:
         return family(measured)
@@ -126,9 +127,12 @@ def _chosen(
 ) -> tuple[Mapping[str, Any], str]:
     if which == FAMILY:
         return advised(full, fractions)
-    return fractions[
-        0
-    ], f"is the fraction nearest to {which} points" if which.isdecimal() else "was measured on the way"
+    if not which.isdecimal():
+        return fractions[0], "was measured on the way"
+    least = fractions[0]["points"] > int(which)
+    return fractions[0], f"is the fraction nearest to {which} points" + (
+        f"; {fractions[0]['points']} is the least that keeps both edges of this grid" if least else ""
+    )
 
 
 def family(measured: MeasuredGrid) -> list[Part]:

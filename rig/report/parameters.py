@@ -66,6 +66,7 @@ def parameters(traced: AttitudeTraced, sensor: str) -> list[Parameter]:
         output = found.residual_after_V + found.fit.predict(h)
         own_errors, df = errors_of(found.fit, h, output, data.replicate_index, found.after)
     beside = _rows(_converted(before, found.fit.coefficients, own_errors), df, after, found.fit.df)
+    beside = beside if found.effects else alone  # what other sensors' effects do to this one is too little to name
     return [Parameter(LABELS[name], _text(alone[name]), _text(beside[name])) for name in shown(alone)]
 
 
