@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -18,19 +19,41 @@ def write_whole(path: Path, write: Callable[[IO[str]], object]) -> None:
         write: called with the open file.
 
     Raises:
-        UsageError: the disk or the folder refuses; nothing is left behind and an older file stays as it was.
+        UsageError: the disk or the folder refuses, or there is something there that is no file of ours to replace;
+            nothing is left behind and an older file stays as it was.
 
     """
-    if _is_run_file(path):
-        raise UsageError(f"{path} is a run file and is not overwritten; choose another name")
+
+    def text(file: IO[bytes]) -> None:
+        with io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True) as wrapped:
+            write(wrapped)
+
+    write_whole_bytes(path, text)
+
+
+def write_whole_bytes(path: Path, write: Callable[[IO[bytes]], object]) -> None:
+    """The same of a file that is not text."""
+    check_writable(path)
     temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")
     try:
-        with temporary.open("w", encoding="utf-8", newline="") as file:
+        with temporary.open("wb") as file:
             write(file)
         os.replace(temporary, path)
     except OSError as error:
         temporary.unlink(missing_ok=True)
         raise UsageError(f"{path} cannot be written: {error.strerror}; nothing is left behind") from error
+
+
+def check_writable(path: Path) -> None:
+    """Refuse what cannot become a file, before the work that is to go into it. Raises `UsageError`."""
+    if _is_run_file(path):
+        raise UsageError(f"{path} is a run file and is not overwritten; choose another name")
+    if path.is_dir():
+        raise UsageError(f"{path} is a folder; name a file in it")
+    if path.exists() and not path.is_file():
+        raise UsageError(f"{path} is no ordinary file; choose another name")
+    if not path.parent.is_dir():
+        raise UsageError(f"{path} cannot be written: there is no folder {path.parent}")
 
 
 def check_not_input(written: Sequence[Path | None], read: Sequence[Path | None]) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from fitter import attitude_columns, variance_function
+from fitter.quantiles import t_limit
 from procedures import PitchRollProcedure, Procedure, RunList, WholePlotProcedure
 from rig.errors import ConfigurationError
 
@@ -66,13 +67,15 @@ def _of_angles(procedure: PitchRollProcedure, run_list: RunList) -> Precision:
     at = attitude_columns(np.array(angles), np.zeros(len(angles)), roll=roll)
     sigma = procedure.expect.sigma_deg
     sd = sigma * np.sqrt(variance_function(design, at))
+    df = len(design) - design.shape[1]
+    reach = t_limit(0.95, df) if df > 0 else float("nan")
     return Precision(
         ("pitch / deg", "sd of the calibrated output / deg", "95 % interval / deg"),
         [
-            {"pitch_deg": a, "sd_deg": float(s), "interval95_deg": 1.96 * float(s)}
+            {"pitch_deg": a, "sd_deg": float(s), "interval95_deg": reach * float(s)}
             for a, s in zip(angles, sd, strict=True)
         ],
-        [(f"{a:g}", f"{s:.2e}", f"+-{1.96 * s:.2e}") for a, s in zip(angles, sd, strict=True)],
+        [(f"{a:g}", f"{s:.2e}", f"+-{reach * s:.2e}") for a, s in zip(angles, sd, strict=True)],
         f"if one observation has a standard error of {sigma:.1e} deg, expect.sigma_deg",
     )
 

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import json
-import os
 import re
-import subprocess
-import sys
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
+import command
 import pytest
 from dry import LAB, SHORT, dry
 
@@ -62,10 +60,8 @@ def tables(runs, tmp_path_factory):
     return named
 
 
-def rig(*arguments):
-    command = [sys.executable, "-m", "rig", "chart", *map(str, arguments)]
-    environment = {**os.environ, "COLUMNS": "80"}
-    return subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+def rig(*arguments, cwd=None):
+    return command.rig("chart", *arguments, cwd=cwd, env={"COLUMNS": "80"})
 
 
 def test_the_drift_is_found_and_named(charted):
@@ -219,3 +215,18 @@ def test_report_holds_charts_tests_and_where_everything_is_from(charted):
     assert all(one.provenance["run_id"] in html for one in charted.given)
     assert charted.to_json()["sensors"]["x_V"]["sentences"][0] in html
     assert "the earlier of both" in html.lower()
+
+
+@pytest.mark.parametrize("date", ["0001-01-01", "9999-12-31", "2026-13-01", "0001-01-01T00:00+14:00"])
+def test_a_date_that_is_none_is_one_message(tmp_path, date):
+    (tmp_path / "a.csv").write_text("x\n1\n")
+    done = rig("a.csv@" + date, "a.csv@2026-01-01", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "is no date" in done.stderr
+
+
+def test_the_report_is_not_written_over_a_table_named_with_its_date(tmp_path):
+    (tmp_path / "a.csv").write_text("x\n1\n")
+    done = rig("a.csv@2026-01-01", "a.csv@2026-02-01", "--report", "a.csv", cwd=tmp_path)
+    assert done.returncode == 2
+    assert (tmp_path / "a.csv").read_text() == "x\n1\n"

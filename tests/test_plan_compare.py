@@ -94,3 +94,12 @@ def test_procedures_of_one_name_are_told_apart_by_their_files(tmp_path):
     alone = plan(tmp_path, "--plot", "plot.png")
     assert alone.returncode == 2
     assert "--compare" in alone.stderr
+
+
+def test_nothing_that_is_read_is_drawn_over(tmp_path):
+    for target in ("narrow.toml", "short.toml", "."):
+        done = plan(tmp_path, "--compare", "narrow.toml", "--plot", target)
+        assert done.returncode == 2
+        assert "not overwritten" in done.stderr or "is a folder" in done.stderr
+        assert "rehearsing" not in done.stderr
+    assert (tmp_path / "narrow.toml").read_text() == WIDE

@@ -280,8 +280,10 @@ class AttitudeCalibration:
 
 def _checked(given: FloatArray, size: int) -> FloatArray:
     covariance = np.array(given, np.float64)
-    if covariance.shape != (size, size) or not np.all(np.isfinite(covariance)):
-        raise ValueError(f"expected a finite covariance of {size} by {size}, found shape {covariance.shape}")
+    if covariance.shape != (size, size):
+        raise ValueError(f"expected a covariance of {size} by {size}, found shape {covariance.shape}")
+    if not np.all(np.isfinite(covariance)):
+        raise ValueError("the covariance has entries that are no numbers")
     values = np.linalg.eigvalsh((covariance + covariance.T) / 2)
     scale = np.abs(covariance).max(initial=0.0)
     if np.abs(covariance - covariance.T).max() > 1e-9 * scale or values[0] < -1e-9 * scale:
@@ -305,5 +307,7 @@ def _common(ranges: Sequence[Range]) -> Range:
 
 
 def _pair(values: Sequence[float]) -> Range:
-    low, high = values
-    return float(low), float(high)
+    low, high = (float(value) for value in values)
+    if not low <= high:
+        raise ValueError(f"a range from {low:g} to {high:g} is none")
+    return low, high

@@ -11,7 +11,7 @@ import typer
 from rich.markup import escape
 from rich.table import Table as RichTable
 
-from rig.atomic import check_not_input
+from rig.atomic import check_not_input, check_writable
 from rig.cli import app
 from rig.cli.run import JsonOption
 from rig.cli.show import err, mark, out, print_json
@@ -61,9 +61,11 @@ def chart(
     Example: `rig chart runs/2026*.sqlite --tolerance 5e-4 --usage 30 --report chart.html`
     """
     from rig.closed_loop.chart import chart_calibrations  # noqa: PLC0415
-    from rig.closed_loop.chart_inputs import read_all  # noqa: PLC0415
+    from rig.closed_loop.chart_inputs import path_of, read_all  # noqa: PLC0415
 
-    check_not_input([report], [Path(source) for source in calibrations])
+    check_not_input([report], [path_of(source) for source in calibrations])
+    if report is not None:
+        check_writable(report)
     charted = chart_calibrations(
         read_all(calibrations, formula), _today(today), sensors=sensor or (), tolerance=tolerance, usage_deg=usage
     )

@@ -14,6 +14,7 @@ from rich.table import Table
 from fitter.merit import Comparison, Usage, compare, curve, recommend
 from procedures import PitchRollProcedure
 from procedures.advice import design_points, usage_of
+from rig.atomic import check_not_input, check_writable, write_whole_bytes
 from rig.cli.show import err, number, out, print_json, run_progress
 from rig.controller import Plan, load_plan
 from rig.errors import ConfigurationError, UsageError
@@ -30,6 +31,9 @@ def compare_files(
     """
     from rig.forecast import rehearse  # noqa: PLC0415
 
+    check_not_input([plot], [bench, *files])
+    if plot is not None:
+        check_writable(plot)
     plans, hours = {path: _load(path, bench) for path in files}, []
     for path, plan in plans.items():
         err.print(f"rehearsing {escape(str(path))}", soft_wrap=True)
@@ -110,7 +114,9 @@ def compare_plans(
             out.print(f"  [yellow]{escape(row.name)}:[/] {escape(row.undetermined)}", soft_wrap=True)
         elif row.extrapolated:
             out.print(f"  [yellow]{escape(row.name)}[/] is not calibrated over all of that range", soft_wrap=True)
-    if best is not None:
+    if best is None:
+        out.print("  none of them determines the sensors over that range: none is recommended", soft_wrap=True)
+    else:
         out.print(f"  [bold]recommended: {escape(best.name)}[/]; {escape(best.why)}", soft_wrap=True)
 
 
@@ -157,7 +163,4 @@ def _plot(curves: Sequence[Any], path: Path) -> None:
     axis.grid(color="0.9", linewidth=0.6)
     axis.set_ylim(bottom=0)
     axis.legend(fontsize=8, frameon=False)
-    try:
-        figure.savefig(path, format="png", metadata={"Software": None})
-    except OSError as error:
-        raise UsageError(f"{path} cannot be written: {error.strerror}") from error
+    write_whole_bytes(path, lambda file: figure.savefig(file, format="png", metadata={"Software": None}))

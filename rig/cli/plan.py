@@ -14,7 +14,6 @@ from rich.table import Table
 
 from drivers.roles import Chamber
 from procedures import PitchRollProcedure
-from rig.atomic import check_not_input
 from rig.bench import driver_class
 from rig.cli import app
 from rig.cli.run import BenchOption, JsonOption, ProcedureArgument
@@ -56,7 +55,6 @@ def plan(
     from rig.forecast import ALLOWANCE, SOAK_ALLOWANCE, rehearse  # noqa: PLC0415
     from rig.precision import precision  # noqa: PLC0415
 
-    check_not_input([plot], [procedure, bench, *(compare or [])])
     if plot is not None and not compare:
         raise UsageError("--plot shows designs side by side: it goes with --compare")
     if compare:
@@ -69,6 +67,7 @@ def plan(
         precise = precision(planned.procedure, planned.run_list)
     except ConfigurationError as error:
         raise ConfigurationError(f"{procedure}: {error}") from error
+    advice = _advice(planned, usage)
     with run_progress(simulated=True) as show:
         forecast = rehearse(planned, show)
     now = datetime.fromtimestamp(RealClock().utc(), UTC).astimezone()
@@ -77,7 +76,6 @@ def plan(
     existing = next(p for p in (out_dir, *out_dir.absolute().parents) if p.exists())
     free, needed = shutil.disk_usage(existing).free, len(planned.run_list) * BYTES_PER_POINT
     reach, limits = planned.run_list.extremes(), Guard(planned.bench.limits, planned.bench.factors).limits
-    advice = _advice(planned, usage)
     result: dict[str, Any] = {
         "procedure": planned.procedure.name,
         "bench": planned.bench.name,
@@ -147,6 +145,8 @@ def plan(
 def _advice(planned: Plan, usage_deg: float | None) -> list[dict[str, Any]]:
     """What the paper recommends held against a pitch-roll procedure, with numbers; [] for other kinds."""
     if not isinstance(planned.procedure, PitchRollProcedure):
+        if usage_deg is not None:
+            raise UsageError("--usage is for attitude sensors; this procedure is of kind " + planned.procedure.kind)
         return []
     from procedures.advice import advise, package_of, usage_of  # noqa: PLC0415
 

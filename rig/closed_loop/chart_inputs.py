@@ -23,6 +23,8 @@ from rig.inference import read_calibration
 from rig.report.words import incomplete
 from rig.tables import Table, attitude_data, read_table
 
+_EARLIEST, _LATEST = 1900, 2200
+"""Years between which a calibration may be dated; others are slips of the finger."""
 _ALIKE_DEGC = 0.5
 """Between the mean temperatures of calibrations: at 50 ppm a degC, 25 ppm."""
 
@@ -224,16 +226,31 @@ def _from_calibration_file(path: Path, told: datetime | None) -> Given:
     )
 
 
-def _path_and_date(source: str) -> tuple[Path, datetime | None]:
+def path_of(source: str) -> Path:
+    """The file of FILE@2026-01-15, or of FILE."""
     path = Path(source)
-    name, at, date = source.rpartition("@")
-    if path.exists() or not at:
+    return path if path.exists() or "@" not in source else Path(source.rpartition("@")[0])
+
+
+def _path_and_date(source: str) -> tuple[Path, datetime | None]:
+    path = path_of(source)
+    if str(path) == str(Path(source)):
         return path, None
+    date = source.rpartition("@")[2]
+    told = _moment(date)
+    if told is None:
+        raise UsageError(f"{source}: {date!r} is no date; write FILE@2026-01-15 or FILE@2026-01-15T18:00")
+    return path, told
+
+
+def _moment(text: object) -> datetime | None:
+    """A moment of this age in UTC, which is meant where no zone is told; None for anything else."""
     try:
-        told = datetime.fromisoformat(date)
-    except ValueError:
-        raise UsageError(f"{source}: {date!r} is no date; write FILE@2026-01-15 or FILE@2026-01-15T18:00") from None
-    return Path(name), told.replace(tzinfo=UTC) if told.tzinfo is None else told.astimezone(UTC)
+        moment = datetime.fromisoformat(str(text))
+        moment = moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
+    except (ValueError, OverflowError):
+        return None
+    return moment if _EARLIEST <= moment.year <= _LATEST else None
 
 
 def _when(path: Path, provenance: Mapping[str, Any], told: datetime | None) -> datetime:
@@ -244,8 +261,10 @@ def _when(path: Path, provenance: Mapping[str, Any], told: datetime | None) -> d
         return told
     if told is not None:
         raise UsageError(f"{path} says itself when it was measured, {began}: leave @ and the date away")
-    first = datetime.fromisoformat(began)
-    return first + (datetime.fromisoformat(provenance.get("last_observation_utc", began)) - first) / 2
+    first, last = _moment(began), _moment(provenance.get("last_observation_utc", began))
+    if first is None or last is None:
+        raise UsageError(f"{path} does not say when it was measured: {began!r} is no date")
+    return first + (last - first) / 2
 
 
 def _check_once(given: Sequence[Given]) -> None:

@@ -39,6 +39,8 @@ def infer_attitudes(
         UsageError: a column is missing, or the sensors cannot tell what is asked.
 
     """
+    if roll_sd_deg and measured_roll is None:
+        raise UsageError("--roll-sd is of a roll that was measured: name its column with --roll")
     try:
         calibration = calibration if sensors is None else calibration.only(sensors)
     except ValueError as error:
@@ -67,6 +69,7 @@ def infer_attitudes(
         )
     except ValueError as error:
         hint = "; name its column: --roll roll_deg" if len(calibration.sensors) == 1 else ""
+        hint = ": --near PITCH ROLL" if "near which attitude" in str(error) else hint
         raise UsageError(f"{data}: {error}{hint}") from error
     added = _columns(
         table, "pitch_deg", found.pitch_deg, found.pitch_sd_deg, found.pitch_lo95_deg, found.pitch_hi95_deg

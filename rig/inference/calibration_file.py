@@ -65,5 +65,7 @@ def read_calibration(path: Path) -> CalibrationFile:
         raise UsageError(f"there is no file {path}") from None
     except OSError as error:
         raise UsageError(f"{path} cannot be read: {error.strerror}") from error
+    except RecursionError:
+        raise UsageError(f"{path} is nested too deeply to be a calibration file") from None
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise UsageError(f"{path} is not a calibration file of `rig fit --out`: {error}") from error
