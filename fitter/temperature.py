@@ -4,8 +4,8 @@ The temperature correction of NASA/TP-1999-209835, section 9, which takes row 28
 
     v = b + b' (T - T_0) + S (1 + S'/S (T - T_0)) (sensitive axis . g_M)
 
-Along the sensitive axis that the model without temperature finds, this is linear in b' and S'. T_0 is the mean
-temperature of the calibration, so b and S are those at T_0.
+Along a given sensitive axis this is linear in b' and S'; the axis is that of the fit itself, found in a few rounds from
+that of the model without temperature. T_0 is the mean temperature of the calibration, so b and S are those at T_0.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from fitter.data import AttitudeData
 from fitter.linear import LinearFit, least_squares
 
 TERMS = ("temperature", "temperature*gravity")
+ROUNDS, SETTLED = 8, 1e-10
 CHANGES_degC = 1e-3
 """Temperatures that vary by less than this say nothing of what a sensor makes of temperature."""
 
@@ -43,10 +44,17 @@ class Temperature:
     covariance: FloatArray
 
     @classmethod
-    def of(cls, data: AttitudeData, plain: LinearFit) -> Self:
-        """About the data's mean temperature, along the sensitive axis of a fit without; coefficients not yet known.
+    def of(cls, data: AttitudeData, h: FloatArray, output: FloatArray, plain: LinearFit) -> Self:
+        """About the data's mean temperature, along the sensitive axis that the output has there; fitted to it.
+
+        Args:
+            data: the run.
+            h: (n, k) rows of the model without temperature.
+            output: (n,) volts.
+            plain: the model without temperature, fitted to it.
 
         Raises:
+            fitter.linear.RankError: the observations do not determine every coefficient.
             ValueError: no sensor temperature was recorded, or it never changed.
 
         """
@@ -56,7 +64,14 @@ class Temperature:
         if np.ptp(degC) < CHANGES_degC:
             raise ValueError(f"the sensor temperature never changed ({degC[0]:g} degC): its effect cannot be fitted")
         m = plain.coefficients[1:]
-        return cls(float(np.mean(degC)), m / np.linalg.norm(m), np.full(2, np.nan), np.full((2, 2), np.nan))
+        own = cls(float(np.mean(degC)), m / np.linalg.norm(m), np.full(2, np.nan), np.full((2, 2), np.nan))
+        for _ in range(ROUNDS):
+            fit, own = own.fitted(h, data, output, plain.names)
+            m = fit.coefficients[1:] / np.linalg.norm(fit.coefficients[1:])
+            if np.linalg.norm(m - own.direction) < SETTLED:
+                break
+            own = replace(own, direction=m)
+        return own
 
     def columns(self, h: FloatArray, data: AttitudeData) -> FloatArray:
         """(n, 2) columns of `TERMS`: warmth in degC, and warmth times gravity along the sensitive axis in degC g.

@@ -86,9 +86,10 @@ class Prediction:
     def bound(self, level: float) -> FloatArray:
         """(T,) what the error is below, to either side, with this probability."""
         low, high = np.zeros(self.mean.shape[1]), np.max(np.abs(self.mean) + 10.0 * self.sd, axis=0)
+        sd = np.maximum(self.sd, np.finfo(float).tiny)
         for _ in range(24):
             middle = 0.5 * (low + high)
-            inside = special.ndtr((middle - self.mean) / self.sd) - special.ndtr((-middle - self.mean) / self.sd)
+            inside = special.ndtr((middle - self.mean) / sd) - special.ndtr((-middle - self.mean) / sd)
             below = inside.mean(axis=0) < level
             low, high = np.where(below, middle, low), np.where(below, high, middle)
         return np.asarray(0.5 * (low + high))

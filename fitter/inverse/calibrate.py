@@ -74,7 +74,7 @@ def calibrate_package(
         plain = fit_columns(base, y)
         shapes = {e: np.asarray(by[name], np.float64) for e, by in (effects or {}).items() if name in by}
         if temperature:
-            own = Temperature.of(data, plain).columns(base, data)
+            own = Temperature.of(data, base, y, plain).columns(base, data)
             shapes |= {OFFSET: own[:, 0], SENSITIVITY: own[:, 1]}
         shapes = {e: v for e, v in shapes.items() if np.any(v)}
         wrong = [e for e, v in shapes.items() if v.shape != (len(data),)]

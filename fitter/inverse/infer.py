@@ -63,6 +63,7 @@ class _Question:
     near_roll: FloatArray
     roll: FloatArray | None
     roll_variance: FloatArray
+    weighed: bool
 
 
 def infer_attitude(
@@ -141,6 +142,7 @@ def infer_attitude(
                 near_roll[p],
                 None if roll is None else roll[p],
                 spread[p] ** 2,
+                weighted and len(calibration.sensors) > 1 and (roll is not None or three is not None),
             )
             part = InferredAttitude(**{f.name: getattr(out, f.name)[p] for f in fields(InferredAttitude)})
             if question.roll is not None:
@@ -197,7 +199,7 @@ def _tangent_errors(q: _Question, g: FloatArray, out: InferredAttitude) -> Float
     up, along, c = directions(g)
     by_up, by_along = tangent(q.calibration.matrix, q.weights, up, along)
     errors = Propagation.at(q.calibration, q.noise, g, q.warmth)
-    of_pitch, of_roll = errors.spread(by_up), errors.spread(by_along)
+    of_pitch, of_roll = (errors.spread(gains, weighed=q.weighed) for gains in (by_up, by_along))
     pitch, roll = angles(g)
     out.df[:] = of_pitch.df
     put(out, "pitch", pitch, np.sqrt(of_pitch.variance), t_limits(of_pitch.df))
@@ -279,7 +281,7 @@ def _known_roll(q: _Question, out: InferredAttitude) -> None:
     gains, information = problem.gains(pitch)
     of_roll = problem.roll_errors(pitch, gains, information)
     errors = Propagation.at(q.calibration, q.noise, g, q.warmth)
-    spread = errors.spread(gains, of_roll)
+    spread = errors.spread(gains, of_roll, weighed=q.weighed)
     sd = np.sqrt(spread.variance)
     out.df[:] = spread.df
     limit = t_limits(spread.df)

@@ -98,12 +98,15 @@ class Propagation:
         rows = tuple(s.rows(g, warmth) if base is None else base for s in calibration.sensors)
         return Propagation(calibration, noise, rows)
 
-    def spread(self, gains: FloatArray, of_roll: FloatArray | None = None) -> Spread:
+    def spread(self, gains: FloatArray, of_roll: FloatArray | None = None, *, weighed: bool = False) -> Spread:
         """Of gains @ errors of outputs.
 
         Args:
             gains: (S, n) change per volt of each output.
             of_roll: (n,) further variance, known, from measured roll.
+            weighed: whether the gains are those of weights that were estimated with the noise. They favour the sensor
+                whose noise came out too small, so the variance is larger by 1 + 4 sum p (1 - p) / df, p being each
+                sensor's share of it (P. Meier, Biometrics 9, 59, 1953).
 
         """
         noise = gains * gains * self.noise.variance[:, None]
@@ -111,6 +114,11 @@ class Propagation:
         turned = self.calibration.root.T @ moved
         calibrated = np.einsum("kn,kn->n", turned, turned)
         total = noise.sum(axis=0)
+        if weighed and self.noise.of_fit:
+            with np.errstate(invalid="ignore", divide="ignore"):
+                share = noise / total
+                more = 1.0 + 4.0 * np.einsum("sn,s->n", share * (1.0 - share), 1.0 / self.calibration.sigma_df)
+            noise, total, calibrated = noise * more, total * more, calibrated * more
         variance = total + calibrated
         from_fit = variance if self.noise.of_fit else calibrated
         df, drift = self.calibration.sigma_df, self.calibration.drift

@@ -25,6 +25,8 @@ from rig.tables import Table, attitude_data, read_table
 
 _EARLIEST, _LATEST = 1900, 2200
 """Years between which a calibration may be dated; others are slips of the finger."""
+_TURNED_DEG = 45.0
+"""Between the sensitive axes of one sensor: no misalignment is as large, a remounted or exchanged sensor is."""
 _ALIKE_DEGC = 0.5
 """Between the mean temperatures of calibrations: at 50 ppm a degC, 25 ppm."""
 
@@ -267,6 +269,27 @@ def _when(path: Path, provenance: Mapping[str, Any], told: datetime | None) -> d
     return first + (last - first) / 2
 
 
+def _check_another(name: str, before: Given, after: Given) -> None:
+    """A calibration is another one of the same sensor: not the same data again, nor a sensor that was turned."""
+    old, new = before.sensors[name], after.sensors[name]
+    if not (isinstance(old, Calibrated) and isinstance(new, Calibrated)):
+        return
+    if old.coefficients.shape != new.coefficients.shape:
+        return
+    if np.array_equal(old.coefficients, new.coefficients):
+        raise UsageError(
+            f"{before.source} and {after.source} are of the same data: {name} has the same coefficients to the last "
+            f"digit; leave one of them out"
+        )
+    a, b = old.coefficients[1:], new.coefficients[1:]
+    turned = np.degrees(np.arccos(np.clip(a @ b / (np.linalg.norm(a) * np.linalg.norm(b)), -1.0, 1.0)))
+    if turned > _TURNED_DEG:
+        raise UsageError(
+            f"{name}: its sensitive axis was turned by {turned:.0f} deg between {before.source} and {after.source}: it "
+            f"was mounted otherwise, or is another sensor; chart them apart"
+        )
+
+
 def _check_once(given: Sequence[Given]) -> None:
     runs: dict[str, str] = {}
     for one in given:
@@ -276,6 +299,8 @@ def _check_once(given: Sequence[Given]) -> None:
         if run is not None:
             runs[run] = one.source
     for before, after in pairwise(given):
+        for name in before.sensors.keys() & after.sensors.keys():
+            _check_another(name, before, after)
         if after.when == before.when:
             raise UsageError(
                 f"{before.source} and {after.source} are of the same time, {after.when:%Y-%m-%d %H:%M}: one sensor is "
