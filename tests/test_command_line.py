@@ -281,3 +281,14 @@ def test_the_evening_question(tmp_path):
     assert answer["seconds"]["total"] < answer["seconds"]["latest"]
     assert answer["overdue"] == [] or "calibration is due" in answer["overdue"][0]
     assert files(tmp_path) == set()
+
+
+def test_a_reader_that_has_seen_enough_is_no_fault(tmp_path):
+    path = dry(tmp_path)
+    command = [sys.executable, "-m", "rig", "fit", str(path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        process.stdout.close()
+        said = process.stderr.read().decode()
+        assert process.wait() == 0, said
+    assert "Traceback" not in said
+    assert "unforeseen" not in said

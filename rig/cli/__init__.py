@@ -47,8 +47,8 @@ def main() -> None:
     except SystemExit as ended:
         code = ExitCode.INTERRUPTED if ended.code == _BY_SIGINT else ended.code
     except BrokenPipeError:
-        # Whoever read our output has gone; there is nobody to tell.
-        sys.stderr.close()
+        # Whoever read our output has gone; there is nobody to tell, not even when Python flushes at its end.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = ExitCode.DONE
     except OSError as error:
         print(f"rig: {error}", file=sys.stderr)

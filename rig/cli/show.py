@@ -19,8 +19,14 @@ from rig.report.words import incomplete
 if TYPE_CHECKING:
     from rig.tables import Table
 
-out = Console(highlight=False)
-err = Console(stderr=True, highlight=False)
+class _Console(Console):
+    def on_broken_pipe(self) -> None:
+        """Leave it to `rig.cli.main`: whoever read our output has seen enough, which is no fault."""
+        raise BrokenPipeError
+
+
+out = _Console(highlight=False)
+err = _Console(stderr=True, highlight=False)
 
 
 def duration(seconds: float) -> str:
