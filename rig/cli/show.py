@@ -19,6 +19,7 @@ from rig.report.words import incomplete
 if TYPE_CHECKING:
     from rig.tables import Table
 
+
 class _Console(Console):
     def on_broken_pipe(self) -> None:
         """Leave it to `rig.cli.main`: whoever read our output has seen enough, which is no fault."""
