@@ -1,0 +1,5 @@
+"""From a residual to the effect behind it, for tables of any kind: docs/trace_tables.md."""
+
+from fitter.trace.tables.run import TableData
+
+__all__ = ["TableData"]

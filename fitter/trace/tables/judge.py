@@ -1,0 +1,141 @@
+"""What stands out of a table: candidates judged beside one another, each with the noise that is left beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.trace.aliases import Rival
+from fitter.trace.family import ALPHA, Family
+from fitter.trace.tables.family import family_of
+from fitter.trace.tables.likelihood import Beside, Grid
+from fitter.trace.tables.problem import Candidate, Problem
+from fitter.trace.tables.rivals import rivals
+from fitter.trace.tables.robust import excess
+from fitter.trace.tables.score import Scores, View, score
+
+SHORTLIST = 8
+"""Effects that are looked at more closely at each step, by what they remove."""
+
+Key = tuple[int, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class TableJudge:
+    """A `fitter.trace.search.Judge` of tables.
+
+    Attributes:
+        problem: the table.
+        families: simulated so far, by covariance; shared with the judges of parts of the table.
+
+    """
+
+    problem: Problem
+    families: dict[int, Family] = field(default_factory=dict)
+    _views: dict[int, View] = field(default_factory=dict)
+    _held: dict[Key, FloatArray] = field(default_factory=dict)
+    _grids: dict[Key, Grid] = field(default_factory=dict)
+    _besides: dict[Key, Beside] = field(default_factory=dict)
+
+    @property
+    def candidates(self) -> tuple[Candidate, ...]:
+        """All there are, cheapest first."""
+        return self.problem.candidates
+
+    def best(self, chosen: tuple[int, ...]) -> int | None:
+        """The candidate with most evidence beside those `chosen`, of those that stand out."""
+        ranked = self._ranked(chosen)
+        return next((j for j in ranked if self._adjusted(chosen, j) <= ALPHA), None)
+
+    def p_adjusted(self, chosen: tuple[int, ...], j: int) -> float:
+        """Probability that the best of the family looks as good as `j` beside the other `chosen` by chance."""
+        return self._adjusted(tuple(k for k in chosen if k != j), j)
+
+    def rivals(self, chosen: tuple[int, ...], effect: str) -> tuple[Rival, ...]:
+        """All explanations of what the terms of `effect` among `chosen` explain, best first."""
+        at = self.beside(chosen).best
+        return rivals(self.candidates, self.view(at), self.white(at, chosen), chosen, effect)
+
+    def beside(self, chosen: tuple[int, ...]) -> Beside:
+        """How much noise rows share beside the declared columns and those `chosen`."""
+        key = tuple(sorted(chosen))
+        if key not in self._besides:
+            self._besides[key] = self._grid(key).beside()
+        return self._besides[key]
+
+    def view(self, at: int) -> View:
+        """The problem whitened by covariance `at`."""
+        if at not in self._views:
+            self._views[at] = View.of(self.problem, at)
+        return self._views[at]
+
+    def held(self, chosen: tuple[int, ...]) -> FloatArray:
+        """(n,) the response, readings that stand alone beside those `chosen` brought back."""
+        key = tuple(sorted(chosen))
+        if key not in self._held:
+            view = self.view(0)
+            taken = view.taken(key)
+            off = excess(view.y - taken @ (taken.T @ view.y), ordered=self.problem.ordered)
+            self._held[key] = self.problem.y - off * self.problem.sd
+        return self._held[key]
+
+    def white(self, at: int, chosen: tuple[int, ...]) -> FloatArray:
+        """(n,) `held`, whitened by covariance `at`."""
+        column = (self.held(chosen) / self.problem.sd)[:, None]
+        return np.asarray(self.problem.noise.whiten(np.array([at]), column)[0, :, 0])
+
+    def family(self, at: int) -> Family:
+        """What the best of all scores by chance under covariance `at`."""
+        if at not in self.families:
+            self.families[at] = family_of(self.view(at), seed=1 + at)
+        return self.families[at]
+
+    def score(self, chosen: tuple[int, ...], j: int) -> tuple[Scores, int, float]:
+        """Score of `j` beside those `chosen`, the covariance it was judged by, and what its uncertainty adds."""
+        beside = self._beside_with(chosen, j)
+        at = beside.best
+        scores, found = score(self.view(at), self.white(at, chosen), chosen, (j,))
+        return scores, at, beside.inflation(at, found.units) if found.units.shape[1] else 1.0
+
+    def _adjusted(self, chosen: tuple[int, ...], j: int) -> float:
+        scores, at, inflation = self.score(chosen, j)
+        return float(self.family(at).adjust(float(scores.p(inflation)[0])))
+
+    def _ranked(self, chosen: tuple[int, ...]) -> Iterable[int]:
+        """The best term of each effect that promises anything, most evidence less the price of its columns first."""
+        if not self.candidates:
+            return ()
+        beside = self.beside(chosen)
+        per_column = float(np.log(self.problem.n))
+        shortlist: dict[int, float] = {}
+        for at in dict.fromkeys((0, beside.best)):
+            scores, _ = score(self.view(at), self.white(at, chosen), chosen)
+            worth = scores.evidence - per_column * self._price
+            best: dict[str, int] = {}
+            for j in np.argsort(-worth, kind="stable").tolist():
+                if scores.ratio[j] > 0 and len(best) < SHORTLIST:
+                    best.setdefault(self.candidates[j].effect.name, j)
+            shortlist.update({j: float(worth[j]) for j in best.values() if worth[j] > -per_column})
+        if len(beside.ml) > 1:
+            for j in shortlist:
+                gained = self._beside_with(chosen, j).ml.max() - beside.ml.max()
+                shortlist[j] = 2.0 * float(gained) - per_column * float(self._price[j])
+        return sorted(shortlist, key=lambda j: -shortlist[j])
+
+    @property
+    def _price(self) -> FloatArray:
+        return np.array([c.term.price for c in self.candidates], np.float64)
+
+    def _grid(self, key: Key) -> Grid:
+        if key not in self._grids:
+            problem, sd = self.problem, self.problem.sd
+            self._grids[key] = Grid.of(problem.noise, self.held(key) / sd, problem.model(key) / sd[:, None])
+        return self._grids[key]
+
+    def _beside_with(self, chosen: tuple[int, ...], j: int) -> Beside:
+        """Noise beside those `chosen` and `j`, readings held back as beside those `chosen` alone."""
+        grid = self._grid(tuple(sorted(chosen)))
+        return grid.beside(self.problem.of((j,)) / self.problem.sd[:, None])
