@@ -17,7 +17,7 @@ KNOTS, STEPS, LAGS, DECAYS = 24, 60, 10, 5
 CYCLES_MOST, OVERSAMPLED = 40, 2
 """Waves go up to so many periods over the span, in steps of 1/OVERSAMPLED of a period."""
 HARMONICS = 12
-FEWEST_FOR_WAVE, FEWEST_BESIDE_STEP = 24, 5
+FEWEST_FOR_KNOT, FEWEST_FOR_WAVE, FEWEST_BESIDE_STEP = 12, 24, 5
 
 Terms = Sequence[TableTerm]
 
@@ -67,7 +67,7 @@ def reciprocal(scene: TableScene, name: str) -> Terms:
 def saturation(scene: TableScene, name: str) -> Terms:
     """exp(-(v - lowest)/s) and exp(-(highest - v)/s) for a few s."""
     v = scene.of(name)
-    if len(np.unique(v)) < 6:
+    if len(np.unique(v)) < 10 or len(v) < FEWEST_FOR_KNOT:
         return ()
     low, high, span = float(v.min()), float(v.max()), float(np.ptp(v))
     scales = np.geomspace(0.06, 0.6, DECAYS) * span
@@ -85,7 +85,7 @@ def kink(scene: TableScene, name: str) -> Terms:
     """max(v - k, 0) with at least three values and four rows on either side of the knot k."""
     v = scene.of(name)
     distinct = np.unique(v)
-    if len(distinct) < 8 or len(v) < 12:
+    if len(distinct) < 8 or len(v) < FEWEST_FOR_KNOT:
         return ()
     inner = distinct[2:-2]
     wanted = np.linspace(0, len(inner) - 1, min(KNOTS, len(inner)))
@@ -187,6 +187,11 @@ def previous(scene: TableScene, name: str) -> Terms:
 def side(scene: TableScene, name: str) -> Terms:
     """The direction itself."""
     return () if scene.direction is None else (TableTerm((name,), scene.direction[1][:, None]),)
+
+
+def speed(scene: TableScene, name: str) -> Terms:
+    """The velocity itself."""
+    return () if scene.speed is None else (TableTerm((name,), scene.speed[1][:, None]),)
 
 
 def side_times(scene: TableScene, name: str, variable: str) -> Terms:

@@ -68,12 +68,15 @@ class Timeline:
         name: of the column, or "row" where the order of rows stands in for it.
         values: (n,) in units of the column.
         unit_s: seconds per unit; None where unknown.
+        presumed: nobody said that rows stand in the order of taking, or the column only counts them; a simple drift or
+            step can be looked for then, not what takes a clock.
 
     """
 
     name: str
     values: FloatArray
     unit_s: float | None = None
+    presumed: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +89,7 @@ class TableScene:
         groups: groupings whose offset or gain may be missing, and the declared model's categories.
         time: None where nobody knows when rows were taken.
         direction: name and (n,) +1, -1 or 0 for the side a setting was approached from; None where not told.
+        speed: name and (n,) velocity, where the direction was told by one.
 
     """
 
@@ -94,6 +98,7 @@ class TableScene:
     groups: Mapping[str, Grouping]
     time: Timeline | None
     direction: tuple[str, FloatArray] | None
+    speed: tuple[str, FloatArray] | None = None
 
     @property
     def variables(self) -> dict[str, FloatArray]:

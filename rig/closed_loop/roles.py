@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +18,11 @@ from fitter.trace.tables import TableData
 from rig.errors import UsageError
 from rig.tables import Table, read_any_csv
 
-_TIMES = (
-    re.compile(r"time|elapsed|date|^years?$|^t_?(s|sec|min|h|hours|days)$|^t_start|^hours?$|^days?$", re.IGNORECASE),
-    re.compile(r"^(seq|sequence|order|block|index|row|reading|n|no|nr|number|run_order)$", re.IGNORECASE),
+_CLOCKS = re.compile(
+    r"time|elapsed|date|^years?$|^t$|^t_?(s|sec|min|h|hours|days)$|^t_start|^hours?$|^days?$", re.IGNORECASE
 )
-"""Names of columns taken for the time if nobody names one: clocks first, then counters."""
+_COUNTERS = re.compile(r"^(seq|sequence|order|block|index|row|reading|n|no|nr|number|run_order)$", re.IGNORECASE)
+"""Names of columns taken for the time if nobody names one."""
 _SAME = 0.9999
 
 
@@ -76,20 +76,28 @@ def read_roles(path: Path, roles: Roles) -> tuple[Table, TableData, tuple[str, .
     missing = [name for name in roles.ignore if name not in {**table.columns, **table.text}]
     if missing:
         raise UsageError(f"{path}: --ignore: there is no column {missing[0]!r} without gaps; leave it away")
+    return (table, *roles_of(table, roles))
+
+
+def roles_of(table: Table, roles: Roles) -> tuple[TableData, tuple[str, ...]]:
+    """`read_roles` of a table that was read; errors as there."""
+    formula = _parse("--formula", roles.formula)
+    response = _parse("--response", f"0 + I({roles.response})")
     try:
-        return (table, *_roles(table, roles, formula, response))
+        return _roles(table, roles, formula, response)
     except (ValueError, KeyError) as error:
-        raise UsageError(f"{path}: {error.args[0] if error.args else error}") from error
+        raise UsageError(f"{table.source}: {error.args[0] if error.args else error}") from error
 
 
 def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> tuple[TableData, tuple[str, ...]]:
     notes: list[str] = []
     free = _free(table, roles, (*formula.names, *response.names))
     time = _time(table, roles, formula, free, notes)
+    given = _subtracted(response)
     order = np.arange(len(table)) if time is None else np.argsort(time.values, kind="stable")
     columns: dict[str, Any] = {name: v[order] for name, v in {**table.columns, **table.text}.items()}
     if time is not None:
-        time = Timeline(time.name, time.values[order], time.unit_s)
+        time = replace(time, values=time.values[order])
         free = [name for name in free if name != time.name and not _alike(columns[name], time, notes, name)]
     y = response.columns(columns)[1][:, 0]
     if roles.wrap is not None:
@@ -100,18 +108,18 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
     if len(y) <= len(names):
         raise ValueError(f"{len(y)} rows are not enough for {len(names)} coefficients and an error")
     scene = TableScene(
-        settings=_settings(formula, columns),
+        settings={
+            **_settings(formula, columns),
+            **{name: np.asarray(columns[name], np.float64) for name in given if np.ptp(columns[name]) > 0},
+        },
         covariates={name: columns[name] for name in free if np.ptp(columns[name]) > 0},
         groups={
             **{name: _grouping(columns[name], declared=False) for name in roles.group},
-            **{
-                c.name: _grouping(columns[c.name], declared=True)
-                for term in formula.terms
-                for c in term.categories
-            },
+            **{c.name: _grouping(columns[c.name], declared=True) for term in formula.terms for c in term.categories},
         },
         time=time,
         direction=_direction(roles, formula, columns, time),
+        speed=_speed(roles, formula, columns),
     )
     shared = roles.whole_plot or ((roles.replicate,) if roles.replicate else ())
     hi, lo = exact.hi, exact.lo
@@ -151,20 +159,22 @@ def _free(table: Table, roles: Roles, used: Sequence[str]) -> list[str]:
     return [name for name in table.columns if name not in taken]
 
 
-def _time(
-    table: Table, roles: Roles, formula: Formula, free: Sequence[str], notes: list[str]
-) -> Timeline | None:
+def _time(table: Table, roles: Roles, formula: Formula, free: Sequence[str], notes: list[str]) -> Timeline | None:
     """The column of time: as told, else by its name if its values go up, else the order of rows if that can be it."""
     if roles.time is not None:
         if roles.time not in table.columns:
-            raise ValueError(f"--time: {roles.time} is text; give a column of numbers, such as seconds or decimal years")
+            raise ValueError(
+                f"--time: {roles.time} is text; give a column of numbers, such as seconds or decimal years"
+            )
         return Timeline(roles.time, table.columns[roles.time], seconds_per_unit(roles.time))
-    for pattern in _TIMES:
+    for pattern in (_CLOCKS, _COUNTERS):
         for name in free:
             v = table.columns[name]
             if pattern.search(name) and len(np.unique(v)) > 0.5 * len(v) and np.mean(np.diff(v) >= 0) > 0.95:
-                notes.append(f"{name} was taken for the time; --time names another column, --ignore {name} leaves it out")
-                return Timeline(name, v, seconds_per_unit(name))
+                notes.append(
+                    f"{name} was taken for the time; --time names another column, --ignore {name} leaves it out"
+                )
+                return Timeline(name, v, seconds_per_unit(name), presumed=pattern is _COUNTERS)
     by = _sorted_by(table, roles, formula, free)
     if by is not None:
         notes.append(
@@ -173,7 +183,7 @@ def _time(
         )
         return None
     notes.append("no column of time was given: rows were taken to stand in the order of taking")
-    return Timeline("row", np.arange(1.0, len(table) + 1.0))
+    return Timeline("row", np.arange(1.0, len(table) + 1.0), presumed=True)
 
 
 def _sorted_by(table: Table, roles: Roles, formula: Formula, free: Sequence[str]) -> str | None:
@@ -183,7 +193,11 @@ def _sorted_by(table: Table, roles: Roles, formula: Formula, free: Sequence[str]
         if name in table.columns and name not in categories and _rises(table.columns[name]):
             return name
     for name in dict.fromkeys((*roles.group, *roles.whole_plot, *categories)):
-        blocks = 1 + int(np.sum(_codes({**table.columns, **table.text}[name])[1:] != _codes({**table.columns, **table.text}[name])[:-1]))
+        blocks = 1 + int(
+            np.sum(
+                _codes({**table.columns, **table.text}[name])[1:] != _codes({**table.columns, **table.text}[name])[:-1]
+            )
+        )
         if blocks == len(np.unique(_codes({**table.columns, **table.text}[name]))):
             return name
     for name in free:
@@ -221,6 +235,13 @@ def _settings(formula: Formula, columns: Mapping[str, Any]) -> dict[str, FloatAr
     return found
 
 
+def _subtracted(response: Formula) -> tuple[str, ...]:
+    """What a response is the difference to: a setting whose coefficient is declared to be one."""
+    expression = response.terms[0].numeric[0].expression
+    right = expression.of[1] if expression.operation == "-" else None
+    return right.of if right is not None and right.operation == "name" else ()
+
+
 def _base(expression: Expression) -> Expression:
     """What is raised to a power; everything else as it is."""
     if expression.operation == "^" and expression.of[1].operation == "number":
@@ -250,9 +271,19 @@ def _direction(
     return f"side({roles.direction})", change
 
 
+def _speed(roles: Roles, formula: Formula, columns: Mapping[str, Any]) -> tuple[str, FloatArray] | None:
+    """The column of direction, where it is a velocity and not only a sign."""
+    name = roles.direction
+    if name is None or name in formula.names or len(np.unique(np.abs(columns[name]))) < 3:
+        return None
+    return name, np.asarray(columns[name], np.float64)
+
+
 def _grouping(values: Any, *, declared: bool) -> Grouping:
     levels, index = np.unique(values, return_inverse=True)
-    return Grouping(tuple(f"{v:g}" if levels.dtype.kind == "f" else str(v) for v in levels), index.astype(np.int64), declared)
+    return Grouping(
+        tuple(f"{v:g}" if levels.dtype.kind == "f" else str(v) for v in levels), index.astype(np.int64), declared
+    )
 
 
 def _codes(values: Any) -> IntArray:

@@ -20,6 +20,9 @@ from fitter.trace.tables.score import Scores, View, score
 SHORTLIST = 8
 """Effects that are looked at more closely at each step, by what they remove."""
 
+MOST_TERMS = 3
+"""Of one effect with a constant that is searched: more knots or waves are not a description."""
+
 Key = tuple[int, ...]
 
 
@@ -39,6 +42,7 @@ class TableJudge:
     _held: dict[Key, FloatArray] = field(default_factory=dict)
     _grids: dict[Key, Grid] = field(default_factory=dict)
     _besides: dict[Key, Beside] = field(default_factory=dict)
+    _with: dict[tuple[Key, int], Beside] = field(default_factory=dict)
 
     @property
     def candidates(self) -> tuple[Candidate, ...]:
@@ -47,8 +51,17 @@ class TableJudge:
 
     def best(self, chosen: tuple[int, ...]) -> int | None:
         """The candidate with most evidence beside those `chosen`, of those that stand out."""
-        ranked = self._ranked(chosen)
+        ranked = [j for j in self._ranked(chosen) if not self._crowded(chosen, j)]
         return next((j for j in ranked if self._adjusted(chosen, j) <= ALPHA), None)
+
+    def _crowded(self, chosen: tuple[int, ...], j: int) -> bool:
+        """Whether an effect has as many terms as can be believed, or one next to `j` on the grid of its constant."""
+        own, profile = self.candidates[j], self.candidates[j].term.profile
+        same = [self.candidates[k] for k in chosen if self.candidates[k].effect.name == own.effect.name]
+        if profile is None or not same:
+            return False
+        near = any(k.term.profile and profile.low <= k.term.profile.value <= profile.high for k in same)
+        return near or len(same) >= MOST_TERMS
 
     def p_adjusted(self, chosen: tuple[int, ...], j: int) -> float:
         """Probability that the best of the family looks as good as `j` beside the other `chosen` by chance."""
@@ -137,5 +150,8 @@ class TableJudge:
 
     def _beside_with(self, chosen: tuple[int, ...], j: int) -> Beside:
         """Noise beside those `chosen` and `j`, readings held back as beside those `chosen` alone."""
-        grid = self._grid(tuple(sorted(chosen)))
-        return grid.beside(self.problem.of((j,)) / self.problem.sd[:, None])
+        key = tuple(sorted(chosen))
+        if (key, j) not in self._with:
+            columns = self.problem.of((j,)) / self.problem.sd[:, None]
+            self._with[key, j] = self._grid(key).beside(columns)
+        return self._with[key, j]

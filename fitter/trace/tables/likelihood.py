@@ -7,11 +7,12 @@ from functools import cached_property
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.linear import orthonormal
+from fitter.arrays import FloatArray
 from fitter.trace.tables.noise import Noise
 
 _TINY = np.finfo(float).tiny
+_ALIKE = 1e-6
+"""A column of which less is left beside the others adds nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,58 +58,48 @@ class Grid:
 
     Attributes:
         noise: the grid.
-        which: (G',) the covariances looked at.
-        basis: for each an orthonormal basis of the model's columns.
-        left: (G', n) what the model leaves of the response.
-        log_det: (G',) of the covariance, and of the model's columns whitened by it.
+        basis: (G, n, k) for each an orthonormal basis of the model's columns.
+        left: (G, n) what the model leaves of the response.
+        log_det_x: (G,) of the model's columns whitened.
 
     """
 
     noise: Noise
-    which: IntArray
-    basis: tuple[FloatArray, ...]
+    basis: FloatArray
     left: FloatArray
-    log_det: tuple[FloatArray, FloatArray]
+    log_det_x: FloatArray
 
     @classmethod
     def of(cls, noise: Noise, y: FloatArray, model: FloatArray) -> Grid:
         """Whiten response (n,) and columns (n, k), already over each row's own sd."""
-        which = np.arange(len(noise.prior))
-        white = noise.whiten(which, np.column_stack([model, y]))
-        basis, left, det = [], [], []
-        for one in white:
-            q = orthonormal(one[:, :-1])
-            basis.append(q)
-            left.append(one[:, -1] - q @ (q.T @ one[:, -1]))
-            det.append(_log_det(one[:, :-1]))
-        return cls(noise, which, tuple(basis), np.array(left), (noise.log_det, np.array(det)))
+        white = noise.whiten(np.arange(len(noise.prior)), np.column_stack([model, y]))
+        basis, det = _bases(white[:, :, :-1], np.linalg.norm(white[:, :, :-1], axis=1))
+        return cls(noise, basis, _off(basis, white[:, :, -1:])[:, :, 0], det)
 
     def beside(self, extra: FloatArray | None = None) -> Beside:
         """Likelihoods beside the model and further columns (n, d), already over each row's own sd."""
-        n, used = self.left.shape[1], self.basis[0].shape[1]
-        rss = np.sum(self.left**2, axis=1)
-        det_v, det_x = self.log_det
+        n, df = self.left.shape[1], self.left.shape[1] - self.basis.shape[2]
+        rss, det_x = np.sum(self.left**2, axis=1), self.log_det_x
         if extra is not None and extra.shape[1]:
-            det_x = det_x.copy()
-            rss = rss.copy()
-            white = self.noise.whiten(self.which, extra)
-            for i, (one, q) in enumerate(zip(white, self.basis, strict=True)):
-                own = one - q @ (q.T @ one)
-                units = orthonormal(own, np.linalg.norm(one, axis=0), 1e-4)
-                rss[i] -= float(np.sum((units.T @ self.left[i]) ** 2))
-                det_x[i] += _log_det(own)
-            used += extra.shape[1]
-        rss = np.maximum(rss, _TINY)
-        df = max(n - used, 1)
-        reml = -0.5 * (df * np.log(rss) + det_v + det_x)
-        ml = -0.5 * (n * np.log(rss) + det_v)
+            white = self.noise.whiten(np.arange(len(self.left)), extra)
+            units, det = _bases(_off(self.basis, white), np.linalg.norm(white, axis=1))
+            rss = rss - np.sum(np.matmul(units.transpose(0, 2, 1), self.left[:, :, None])[:, :, 0] ** 2, axis=1)
+            det_x, df = det_x + det, df - extra.shape[1]
+        rss, df = np.maximum(rss, _TINY), max(df, 1)
+        reml = -0.5 * (df * np.log(rss) + self.noise.log_det + det_x)
+        ml = -0.5 * (n * np.log(rss) + self.noise.log_det)
         return Beside(self.noise, reml, ml, rss / df)
 
 
-def _log_det(columns: FloatArray) -> float:
-    """log |X'X|, of columns scaled to length one and back; columns that add nothing count alike everywhere."""
-    if not columns.shape[1]:
-        return 0.0
-    length = np.maximum(np.linalg.norm(columns, axis=0), _TINY)
-    values = np.linalg.svd(columns / length, compute_uv=False)
-    return float(2.0 * np.sum(np.log(np.maximum(values, 1e-8))) + 2.0 * np.sum(np.log(length)))
+def _off(basis: FloatArray, columns: FloatArray) -> FloatArray:
+    """(G, n, d) columns less what lies in the bases (G, n, k)."""
+    return np.asarray(columns - np.matmul(basis, np.matmul(basis.transpose(0, 2, 1), columns)))
+
+
+def _bases(columns: FloatArray, length: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(G, n, d) orthonormal bases of columns (G, n, d), zero for those that add nothing, and (G,) log |X'X|."""
+    q, r = np.linalg.qr(columns / np.maximum(length, _TINY)[:, None, :])
+    own = np.abs(np.diagonal(r, axis1=1, axis2=2))
+    kept = own > _ALIKE
+    det = 2.0 * np.sum(np.log(np.maximum(own, _ALIKE)) + np.log(np.maximum(length, _TINY)), axis=1)
+    return q * kept[:, None, :], det

@@ -32,7 +32,12 @@ def refined(judge: TableJudge, chosen: tuple[int, ...]) -> Problem:
                 units = orthonormal(own - basis @ (basis.T @ own), np.linalg.norm(own, axis=0), 1e-5)  # noqa: B023
                 return -float(np.sum((units.T @ left) ** 2))  # noqa: B023
 
-            best = minimize_scalar(rss, bounds=(profile.low, profile.high), method="bounded", options={"xatol": 1e-4 * (profile.high - profile.low)})
+            best = minimize_scalar(
+                rss,
+                bounds=(profile.low, profile.high),
+                method="bounded",
+                options={"xatol": 1e-4 * (profile.high - profile.low)},
+            )
             if best.fun < rss(profile.value) - 1e-9 * float(left @ left):
                 problem = problem.with_terms({j: _held(profile, float(best.x))})
                 moved = True

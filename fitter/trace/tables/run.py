@@ -66,6 +66,11 @@ def problem_of(data: TableData) -> Problem:
     )
 
 
+def search_table(data: TableData) -> Found:
+    """All that the declared model of a table lacks."""
+    return look(TableJudge(problem_of(data)), data)
+
+
 def drivers(data: TableData, fitted: FloatArray) -> dict[str, FloatArray]:
     """(n,) what the noise may grow with."""
     scene = data.scene

@@ -48,7 +48,7 @@ def growth_of(left: FloatArray, kept: FloatArray, drivers: Mapping[str, FloatArr
         drivers: (n,) what it may depend on.
 
     """
-    usable = {name: v for name, v in drivers.items() if np.ptp(v) > 0}
+    usable = {name: v for name, v in drivers.items() if np.ptp(v) > 1e-9 * np.max(np.abs(v))}
     if len(left) < FEWEST or not usable or not np.any(left):
         return None
     found = []

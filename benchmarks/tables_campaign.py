@@ -1,0 +1,122 @@
+"""Figures of the trace on tables of any kind, over many seeds; each by one command from the project's root.
+
+    python -m benchmarks.tables_campaign clean --seeds 100     anything reported where nothing is
+    python -m benchmarks.tables_campaign effects --seeds 20    every effect, at 0.25, 0.5 and 1 sd rms
+    python -m benchmarks.tables_campaign pairs --seeds 20      two effects at once, each at 1 sd rms
+    python -m benchmarks.tables_campaign real FOLDER           measured tables, as FOLDER/commands.toml says
+    python -m benchmarks.tables_campaign speed                 1,000 rows of six columns
+
+The laboratory is tests/table_truth.py, which shares no code with the fitter.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections import Counter
+from itertools import combinations
+from pathlib import Path
+from time import process_time
+from typing import Any
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+
+from table_truth import MISSING, Lab, options, simulate
+
+from fitter.trace.tables import search_table
+from rig.closed_loop.roles import Roles, roles_of
+from rig.tables import Table
+
+CLEAN = {
+    "8 rows, one covariate": Lab(8),
+    "20 rows, one covariate": Lab(20),
+    "20 rows, four covariates": Lab(20, 4),
+    "40 rows, group, side": Lab(40, 1, groups=4, sides=True),
+    "40 rows, clock": Lab(40, 2, clock=True),
+    "200 rows, four covariates, all": Lab(200, 4, groups=5, clock=True, sides=True),
+    "1000 rows, four, clock": Lab(1000, 4, clock=True),
+    "outliers 3 %, 40": Lab(40, 2, clock=True, outliers=0.03),
+    "outliers 5 %, 200": Lab(200, 2, groups=5, clock=True, outliers=0.05),
+    "AR 0.3, 40": Lab(40, 2, clock=True, ar=0.3),
+    "AR 0.7, 40": Lab(40, 2, clock=True, ar=0.7),
+    "AR 0.3, 200": Lab(200, 2, clock=True, ar=0.3),
+    "AR 0.7, 200": Lab(200, 2, clock=True, ar=0.7),
+    "sd grows five times, 40": Lab(40, 2, clock=True, growing=5.0),
+    "sd grows five times, 200": Lab(200, 2, groups=5, clock=True, growing=5.0),
+    "12 whole plots, 60": Lab(60, 2, plots=12),
+    "6 whole plots, 60": Lab(60, 2, plots=6),
+    "5 replications, 100": Lab(100, 2, repeats=5, clock=True),
+}
+
+
+def found(columns: dict[str, Any], told: dict[str, Any]) -> list[str]:
+    """Names of the effects that are reported, findings about the noise left out."""
+    data, _ = roles_of(Table("simulated", columns, True, {}), Roles(**told))
+    result = search_table(data)
+    return list(dict.fromkeys(result.judge.candidates[j].effect.name for j in result.chosen))
+
+
+def clean(seeds: range, only: str) -> None:
+    """How often anything is reported where nothing is missing."""
+    for name, lab in CLEAN.items():
+        if only not in name:
+            continue
+        began = process_time()
+        reported = [found(simulate(lab, seed), options(lab)) for seed in seeds]
+        which = Counter(effect for one in reported for effect in one)
+        took = (process_time() - began) / len(seeds)
+        print(f"{name:32s} {sum(map(bool, reported)):4d} of {len(seeds)}  {took:5.2f} s  {dict(which)}", flush=True)
+
+
+def effects(seeds: range, only: str) -> None:
+    """How often every effect is found by its name, and how often anything besides."""
+    for name, missing in MISSING.items():
+        if only not in name:
+            continue
+        row = []
+        for rms in (0.25, 0.5, 1.0):
+            hits = others = 0
+            for seed in seeds:
+                names = found(simulate(missing.lab, seed, missing.at(rms)), options(missing.lab))
+                right = [n for n in names if n.startswith(missing.named)]
+                hits += bool(right)
+                others += len(names) > len(right)
+            row.append(f"{hits:3d} ({others})")
+        print(
+            f"{name:16s} n {missing.lab.n:4d}  0.25: {row[0]}  0.5: {row[1]}  1: {row[2]}  of {len(seeds)}", flush=True
+        )
+
+
+def pairs(seeds: range, only: str) -> None:
+    """Two effects at once, each at one sd rms: both found, and anything besides."""
+    lab = Lab(160, 2, groups=4, clock=True, sides=True)
+    chosen = ("curvature", "temperature", "drift", "step", "direction", "carry-over", "wave")
+    for first, second in combinations(chosen, 2):
+        if only not in f"{first} {second}":
+            continue
+        both = others = 0
+        for seed in seeds:
+            adds = [MISSING[name].at(1.0) for name in (first, second)]
+            names = found(simulate(lab, seed, lambda c, r, adds=adds: sum(a(c, r) for a in adds)), options(lab))
+            expected = [MISSING[name].named for name in (first, second)]
+            both += all(any(n.startswith(e) for n in names) for e in expected)
+            others += any(not n.startswith(tuple(p for e in expected for p in e)) for n in names)
+        print(f"{first} and {second}: both {both}, besides {others} of {len(seeds)}", flush=True)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("what", choices=["clean", "effects", "pairs", "real", "speed"])
+    parser.add_argument("folder", nargs="?", type=Path)
+    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--only", default="")
+    given = parser.parse_args()
+    seeds = range(given.first, given.first + given.seeds)
+    {"clean": clean, "effects": effects, "pairs": pairs}[given.what](seeds, given.only)
+
+
+if __name__ == "__main__":
+    main()
