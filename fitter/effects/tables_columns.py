@@ -23,14 +23,14 @@ Terms = Sequence[TableTerm]
 
 
 def power(order: int) -> Callable[[TableScene, str], Terms]:
-    """(v - c)^order, c zero where the values come near it and else the middle of their range."""
+    """(v - c)^order, c the middle of the range, or zero where the values come near it; both for a cube and higher."""
 
     def terms(scene: TableScene, name: str) -> Terms:
         v = scene.of(name)
         if len(np.unique(v)) <= order:
             return ()
-        centre = _origin(v)
-        return (TableTerm((_power_text(name, centre, order),), ((v - centre) ** order)[:, None]),)
+        centres = dict.fromkeys((_origin(v), _middle(v)) if order > 2 else (_origin(v),))
+        return [TableTerm((_power_text(name, c, order),), ((v - c) ** order)[:, None]) for c in centres]
 
     return terms
 

@@ -144,6 +144,10 @@ class Profile:
     high: float
     at: Callable[[float], TableTerm]
 
+    def rows(self, kept: IntArray) -> Profile:
+        """The same for some of the rows."""
+        return Profile(self.value, self.low, self.high, lambda value: self.at(value).rows(kept))
+
 
 @dataclass(frozen=True, eq=False)
 class TableTerm:
@@ -164,6 +168,10 @@ class TableTerm:
     def name(self) -> str:
         """All its formulas."""
         return ", ".join(self.labels)
+
+    def rows(self, kept: IntArray) -> TableTerm:
+        """The same for some of the rows."""
+        return TableTerm(self.labels, self.columns[kept], self.profile and self.profile.rows(kept))
 
     @property
     def price(self) -> int:

@@ -137,6 +137,7 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
         scene=scene,
         shared=_identities(columns, shared) if shared else None,
         points=_points(formula, columns, roles.group),
+        numbers=order + 2,
     )
     return data, tuple(notes)
 

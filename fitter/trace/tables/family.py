@@ -9,18 +9,30 @@ from __future__ import annotations
 import numpy as np
 from scipy import special
 
+from numpy.typing import NDArray
+
 from fitter.arrays import FloatArray
 from fitter.trace.family import Family
 from fitter.trace.tables.problem import SPARED
-from fitter.trace.tables.score import Blocks, View
+from fitter.trace.tables.score import FEWEST_FOR_SCATTER, Blocks, View
 
-WORK = 3e8
+Single = NDArray[np.float32]
+
+WORK = 2e8
 """Multiplications a simulation may take."""
-FEWEST, MOST = 600, 4000
+FEWEST, MOST = 500, 4000
+_TINY = np.finfo(np.float32).tiny
 
 
-def family_of(view: View, seed: int) -> Family:
-    """Smallest p of all candidates beside the declared columns in runs with nothing but noise."""
+def family_of(view: View, handicap: FloatArray, seed: int) -> Family:
+    """Smallest p of all candidates beside the declared columns in runs with nothing but noise.
+
+    Args:
+        view: the table whitened.
+        handicap: (J,) that each candidate's p is multiplied by before they are compared.
+        seed: of the draws.
+
+    """
     found = view.blocks(())
     n, df = len(view.y), len(view.y) - view.basis.shape[1]
     judged = (found.rank > 0) & (df - found.rank >= SPARED)
@@ -31,15 +43,25 @@ def family_of(view: View, seed: int) -> Family:
     noise = rng.standard_normal((n, draws), dtype=np.float32)
     basis = view.basis.astype(np.float32)
     noise -= basis @ (basis.T @ noise)
-    rss = np.sum(noise**2, axis=0)
-    gains = Blocks(found.units.astype(np.float32), found.start).gains(noise)
+    ratio = _ratios(Blocks(found.units.astype(np.float32), found.start), noise, df)
     smallest = np.ones(draws)
-    for rank in np.unique(found.rank[judged]):
-        best = np.minimum(gains[judged & (found.rank == rank)].max(axis=0), rss)
-        smallest = np.minimum(smallest, _p(best, rss, int(rank), df))
+    for rank, times in {(int(r), float(h)) for r, h in zip(found.rank[judged], handicap[judged], strict=True)}:
+        alike = judged & (found.rank == rank) & (handicap == times)
+        best = ratio[alike].max(axis=0).astype(np.float64)
+        smallest = np.minimum(smallest, times * special.fdtrc(rank, df - rank, best))
     return Family(np.sort(smallest))
 
 
-def _p(gain: FloatArray, rss: FloatArray, rank: int, df: int) -> FloatArray:
-    after = np.maximum(rss - gain, np.finfo(float).tiny)
-    return np.asarray(special.fdtrc(rank, df - rank, gain / rank / (after / (df - rank))))
+def _ratios(found: Blocks, noise: Single, df: int) -> Single:
+    """(J, draws) F of every candidate in every draw, over what single rows say if that is more, as `score` has it."""
+    rank = np.maximum(found.rank, 1)[:, None].astype(np.float32)
+    gains = found.gains(noise)
+    variance = np.maximum(np.sum(noise**2, axis=0) - gains, _TINY) / np.maximum(df - rank, 1)
+    ratio = gains / rank / variance
+    if len(noise) < FEWEST_FOR_SCATTER:
+        return ratio
+    dots, squares = found.units.T @ noise, found.squares
+    own = squares.T @ noise**2
+    own -= 2.0 * dots * ((squares * found.units).T @ noise)
+    own += dots**2 * np.sum(squares**2, axis=0)[:, None]
+    return np.asarray(ratio / np.maximum(found.sums(own) / rank / variance, 1.0))

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from fitter.arrays import FloatArray
-from fitter.trace.aliases import Rival
+from fitter.trace.aliases import PER_COLUMN, Rival
 from fitter.trace.family import ALPHA, Family
 from fitter.trace.tables.family import family_of
 from fitter.trace.tables.likelihood import Beside, Grid
@@ -20,6 +20,12 @@ from fitter.trace.tables.score import Scores, View, score
 SHORTLIST = 8
 """Effects that are looked at more closely at each step, by what they remove."""
 
+SEARCHED = 5.0
+"""Handicap of a term with a constant that is searched, so that knots, waves and steps, of which there are many, do not
+hide the simple effects, of which there are few (weighted family-wise error: Genovese, Roeder and Wasserman, Biometrika
+93 (2006) 509)."""
+ALIKE = 4.0
+"""Difference of twice the log-likelihood up to which the order of the catalogue decides."""
 MOST_TERMS = 3
 """Of one effect with a constant that is searched: more knots or waves are not a description."""
 
@@ -72,6 +78,16 @@ class TableJudge:
         at = self.beside(chosen).best
         return rivals(self.candidates, self.view(at), self.white(at, chosen), chosen, effect)
 
+    def lead(self, found: Sequence[Rival]) -> Rival:
+        """Of the explanations the data cannot tell apart the most probable, columns paid for by Schwarz' criterion.
+
+        Of those about as probable the first in the catalogue.
+        """
+        extra = np.log(self.problem.n) - PER_COLUMN
+        cost = {r: r.sigmas**2 + extra * sum(self.candidates[j].term.price for j in r.terms) for r in found if r.alias}
+        least = min(cost.values())
+        return min((r for r in cost if cost[r] - least < ALIKE), key=lambda r: min(r.terms))
+
     def beside(self, chosen: tuple[int, ...]) -> Beside:
         """How much noise rows share beside the declared columns and those `chosen`."""
         key = tuple(sorted(chosen))
@@ -103,7 +119,7 @@ class TableJudge:
     def family(self, at: int) -> Family:
         """What the best of all scores by chance under covariance `at`."""
         if at not in self.families:
-            self.families[at] = family_of(self.view(at), seed=1 + at)
+            self.families[at] = family_of(self.view(at), self._handicap, seed=1 + at)
         return self.families[at]
 
     def score(self, chosen: tuple[int, ...], j: int) -> tuple[Scores, int, float]:
@@ -115,7 +131,7 @@ class TableJudge:
 
     def _adjusted(self, chosen: tuple[int, ...], j: int) -> float:
         scores, at, inflation = self.score(chosen, j)
-        return float(self.family(at).adjust(float(scores.p(inflation)[0])))
+        return float(self.family(at).adjust(float(self._handicap[j] * scores.p(inflation)[0])))
 
     def _ranked(self, chosen: tuple[int, ...]) -> Iterable[int]:
         """The best term of each effect that promises anything, most evidence less the price of its columns first."""
@@ -137,6 +153,11 @@ class TableJudge:
                 gained = self._beside_with(chosen, j).ml.max() - beside.ml.max()
                 shortlist[j] = 2.0 * float(gained) - per_column * float(self._price[j])
         return sorted(shortlist, key=lambda j: -shortlist[j])
+
+    @property
+    def _handicap(self) -> FloatArray:
+        """(J,) what p is multiplied by: terms that were searched among many take a small part of the family."""
+        return np.array([1.0 if c.term.profile is None else SEARCHED for c in self.candidates])
 
     @property
     def _price(self) -> FloatArray:

@@ -75,9 +75,7 @@ class Problem:
 
     def rows(self, kept: IntArray) -> Problem:
         """The same for some of the rows."""
-        candidates = tuple(
-            replace(c, term=TableTerm(c.term.labels, c.term.columns[kept], c.term.profile)) for c in self.candidates
-        )
+        candidates = tuple(replace(c, term=c.term.rows(kept)) for c in self.candidates)
         noise = self.noise.rows(kept)
         return Problem(self.y[kept], self.declared[kept], candidates, noise, self.sd[kept], self.ordered)
 

@@ -34,6 +34,7 @@ class TableData:
         scene: the parts the other columns play.
         shared: (n,) whole plot or replication whose error the declared model has; None without.
         points: (n,) which rows repeat one setting; None where nothing is set.
+        numbers: (n,) row of the file each stands in; None for 1, 2, 3.
 
     """
 
@@ -46,6 +47,12 @@ class TableData:
     scene: TableScene
     shared: IntArray | None = None
     points: IntArray | None = None
+    numbers: IntArray | None = None
+
+    @property
+    def rows(self) -> list[int]:
+        """Number of each row in the file."""
+        return (np.arange(len(self.y)) + 1 if self.numbers is None else self.numbers).tolist()
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +87,7 @@ def drivers(data: TableData, fitted: FloatArray) -> dict[str, FloatArray]:
 
 def look(judge: TableJudge, data: TableData, rows: IntArray | None = None) -> Found:
     """Search, refine what is searched, weigh rows by the noise beside the effects, and again until nothing moves."""
-    chosen, growth = search_and_name(judge), None
+    chosen, growth = search_and_name(judge, lead=judge.lead), None
     for _ in range(ROUNDS):
         problem = refined(judge, chosen)
         judge = TableJudge(problem, judge.families) if problem is not judge.problem else judge
@@ -90,7 +97,7 @@ def look(judge: TableJudge, data: TableData, rows: IntArray | None = None) -> Fo
             sd = new.sd(_driver(judge, chosen, data, rows, new.driver))
             judge = TableJudge(replace(problem, sd=sd / np.exp(np.mean(np.log(sd)))))
         growth = new
-        again = search_and_name(judge, prune(judge, chosen))
+        again = search_and_name(judge, prune(judge, chosen), judge.lead)
         if set(again) == set(chosen) and settled:
             break
         chosen = again

@@ -50,11 +50,14 @@ class Blocks:
 
     def gains(self, outputs: FloatArray) -> FloatArray:
         """(J,) or (J, m): what each removes of the sum of squares of outputs (n,) or (n, m)."""
-        dots = (self.units.T @ outputs) ** 2
-        out = np.zeros((len(self.rank), *dots.shape[1:]), dots.dtype)
+        return self.sums((self.units.T @ outputs) ** 2)
+
+    def sums(self, values: FloatArray) -> FloatArray:
+        """(J,) or (J, m): sums over each block of values (D,) or (D, m) of its columns."""
+        out = np.zeros((len(self.rank), *values.shape[1:]), values.dtype)
         filled = self.rank > 0
         if np.any(filled):
-            out[filled] = np.add.reduceat(dots, self.start[:-1][filled], axis=0)
+            out[filled] = np.add.reduceat(values, self.start[:-1][filled], axis=0)
         return out
 
 
