@@ -53,7 +53,7 @@ def _columns_for(of: Of, scene: TableScene) -> Iterator[tuple[str, ...]]:
     bits = (",".join(scene.bits),) if scene.bits else ()
     pairs: dict[Of, Any] = {
         "group": ((g,) for g in groups),
-        "group of variable": ((g, v) for g in groups for v in scene.variables),
+        "group of variable": ((g, v) for g in groups for v in (settings or covariates)),
         "pair of groups": combinations(groups, 2),
         "setting": ((s,) for s in settings),
         "pair of settings": combinations(settings, 2),
@@ -61,6 +61,7 @@ def _columns_for(of: Of, scene: TableScene) -> Iterator[tuple[str, ...]]:
         "covariate of setting": ((c, s) for c in covariates for s in settings),
         "time": ((t,) for t in time),
         "clock": ((t,) for t in clock),
+        "setting by the clock": ((s,) for s in settings if clock),
         "clock of setting": ((t, s) for t in clock for s in settings),
         "direction": ((d,) for d in side),
         "speed": ((v,) for v in speed),
@@ -81,6 +82,7 @@ _SOURCES: dict[Of, Source] = {
     "covariate of setting": "covariate",
     "time": "time",
     "clock": "time",
+    "setting by the clock": "time",
     "clock of setting": "time",
     "direction": "direction",
     "speed": "direction",

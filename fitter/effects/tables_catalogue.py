@@ -172,7 +172,7 @@ TABLE_CATALOGUE: tuple[TableKind, ...] = (
     TableKind(
         "carry-over",
         "carry-over",
-        "setting",
+        "setting by the clock",
         "part of the previous {0} is still there: creep, outgassing, memory",
         "point-by-replication",
         "{y} per unit of {0}",
@@ -228,7 +228,7 @@ TABLE_CATALOGUE: tuple[TableKind, ...] = (
     TableKind(
         "step",
         "step",
-        "time",
+        "clock",
         "the offset jumps at a certain {0}: a part was exchanged, a knock, a new zero",
         "point-by-replication",
         "{y}",
@@ -251,7 +251,7 @@ TABLE_CATALOGUE: tuple[TableKind, ...] = (
     TableKind(
         "setting-lag",
         "lag",
-        "setting",
+        "setting by the clock",
         "{y} follows {0} late",
         "point-by-replication",
         "{y} per unit of {0}",

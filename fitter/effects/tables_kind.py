@@ -19,6 +19,7 @@ Of = Literal[
     "covariate of setting",
     "time",
     "clock",
+    "setting by the clock",
     "clock of setting",
     "direction",
     "speed",

@@ -1,4 +1,4 @@
-"""What the columns of effects in a table of any kind are reckoned from: settings, covariates, groups, time, direction."""
+"""What the columns of effects in a table are reckoned from: settings, covariates, groups, time, direction."""
 
 from __future__ import annotations
 
@@ -68,8 +68,8 @@ class Timeline:
         name: of the column, or "row" where the order of rows stands in for it.
         values: (n,) in units of the column.
         unit_s: seconds per unit; None where unknown.
-        presumed: nobody said that rows stand in the order of taking, or the column only counts them; a simple drift or
-            step can be looked for then, not what takes a clock.
+        presumed: nobody said that rows stand in the order of taking, or the column only counts them; a drift can be
+            looked for then and neighbours that are alike, not what takes a clock.
 
     """
 
@@ -176,4 +176,4 @@ class TableTerm:
     @property
     def price(self) -> int:
         """Columns it spends, a searched constant counted as one."""
-        return self.columns.shape[1] + (self.profile is not None)
+        return int(self.columns.shape[1]) + (self.profile is not None)

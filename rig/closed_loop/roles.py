@@ -23,6 +23,7 @@ _CLOCKS = re.compile(
 )
 _COUNTERS = re.compile(r"^(seq|sequence|order|block|index|row|reading|n|no|nr|number|run_order)$", re.IGNORECASE)
 """Names of columns taken for the time if nobody names one."""
+_MORE = "steps, oscillations, carry-over and drifting sensitivity are looked for then too"
 _SAME = 0.9999
 
 
@@ -172,9 +173,10 @@ def _time(table: Table, roles: Roles, formula: Formula, free: Sequence[str], not
         for name in free:
             v = table.columns[name]
             if pattern.search(name) and len(np.unique(v)) > 0.5 * len(v) and np.mean(np.diff(v) >= 0) > 0.95:
-                notes.append(
-                    f"{name} was taken for the time; --time names another column, --ignore {name} leaves it out"
-                )
+                counts = pattern is _COUNTERS
+                more = f"; --time {name} vouches for it: {_MORE}" if counts else ""
+                what = "the order of taking" if counts else "the time"
+                notes.append(f"{name} was taken for {what}; --ignore {name} leaves it out{more}")
                 return Timeline(name, v, seconds_per_unit(name), presumed=pattern is _COUNTERS)
     by = _sorted_by(table, roles, formula, free)
     if by is not None:
@@ -183,7 +185,7 @@ def _time(table: Table, roles: Roles, formula: Formula, free: Sequence[str], not
             "drift, steps, carry-over, lags and correlation of neighbours were not looked for; --time names the column"
         )
         return None
-    notes.append("no column of time was given: rows were taken to stand in the order of taking")
+    notes.append(f"rows were taken to stand in the order of taking; --time names a column that tells: {_MORE}")
     return Timeline("row", np.arange(1.0, len(table) + 1.0), presumed=True)
 
 

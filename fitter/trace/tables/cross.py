@@ -25,22 +25,25 @@ def left_out(problem: Problem, judge: TableJudge, chosen: tuple[int, ...]) -> tu
 
     Args:
         problem: the table as it was before searched constants were refined.
-        judge: that ended the search; its weights and simulated families are used again.
+        judge: that ended the search; its noise, weights and simulated families are used again.
         chosen: what it found.
 
     Returns:
         None where too few rows would be left.
 
     """
-    fold, words = _folds(problem, judge.beside(chosen).best)
+    at = judge.beside(chosen).best
+    fold, words = _folds(problem, at)
+    held = replace(problem, sd=judge.problem.sd, noise=problem.noise.only(at))
+    families = {0: judge.family(at)}
     errors = np.zeros((2, problem.n))
     for one in range(int(fold.max()) + 1):
         kept, out = np.flatnonzero(fold != one), np.flatnonzero(fold == one)
         if len(kept) - orthonormal(problem.declared[kept]).shape[1] < FEWEST_SPARE:
             return None
-        own = TableJudge(replace(problem, sd=judge.problem.sd).rows(kept), judge.families)
+        own = TableJudge(held.rows(kept), families)
         found = search_and_name(own, lead=own.lead)
-        fitted = TableJudge(refined(own, found), judge.families)
+        fitted = TableJudge(refined(own, found), families)
         moved = problem.with_terms({j: _whole(problem, fitted, j) for j in found})
         for i, terms in enumerate(((), found)):
             errors[i, out] = problem.y[out] - moved.model(terms)[out] @ estimate(fitted, terms).coefficients

@@ -7,9 +7,8 @@ errors, whitened rows, under the covariance at hand; run at `fitter.trace.family
 from __future__ import annotations
 
 import numpy as np
-from scipy import special
-
 from numpy.typing import NDArray
+from scipy import special
 
 from fitter.arrays import FloatArray
 from fitter.trace.family import Family
@@ -57,7 +56,7 @@ def _ratios(found: Blocks, noise: Single, df: int) -> Single:
     rank = np.maximum(found.rank, 1)[:, None].astype(np.float32)
     gains = found.gains(noise)
     variance = np.maximum(np.sum(noise**2, axis=0) - gains, _TINY) / np.maximum(df - rank, 1)
-    ratio = gains / rank / variance
+    ratio: Single = np.asarray(gains / rank / variance)
     if len(noise) < FEWEST_FOR_SCATTER:
         return ratio
     dots, squares = found.units.T @ noise, found.squares

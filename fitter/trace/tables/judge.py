@@ -73,6 +73,10 @@ class TableJudge:
         """Probability that the best of the family looks as good as `j` beside the other `chosen` by chance."""
         return self._adjusted(tuple(k for k in chosen if k != j), j)
 
+    def is_bound(self, p: float) -> bool:
+        """Whether none of the simulated tables had the like."""
+        return any(p == family.least for family in self.families.values())
+
     def rivals(self, chosen: tuple[int, ...], effect: str) -> tuple[Rival, ...]:
         """All explanations of what the terms of `effect` among `chosen` explain, best first."""
         at = self.beside(chosen).best

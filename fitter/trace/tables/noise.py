@@ -11,6 +11,7 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
+from scipy.linalg.lapack import dtbtrs
 
 from fitter.arrays import FloatArray, IntArray
 
@@ -51,6 +52,9 @@ class Noise(Protocol):
     def rows(self, kept: IntArray) -> Noise:
         """The same for some of the rows."""
 
+    def only(self, at: int) -> Noise:
+        """A grid of one covariance."""
+
 
 @dataclass(frozen=True, eq=False)
 class Independent:
@@ -80,6 +84,10 @@ class Independent:
         """See `Noise`."""
         return Independent(len(kept))
 
+    def only(self, at: int) -> Independent:
+        """See `Noise`."""
+        return self
+
 
 @dataclass(frozen=True, eq=False)
 class Wandering:
@@ -89,10 +97,12 @@ class Wandering:
 
     Attributes:
         when: (n,) times of the rows in units of the usual gap, ascending.
+        picked: the only covariance of the grid there is; None for all.
 
     """
 
     when: FloatArray
+    picked: int | None = None
 
     @cached_property
     def _grid(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -103,7 +113,8 @@ class Wandering:
                 white = max(1.0 - share, LEAST_WHITE)
                 rows.append((c, share, 0.0, white))
         rows += [(1.0, 0.0, q, 1.0) for q in WALKS]
-        correlation, share, step, white = np.array(rows).T
+        wanted = rows if self.picked is None else rows[self.picked : self.picked + 1]
+        correlation, share, step, white = np.array(wanted).T
         return correlation, share, step, white
 
     @property
@@ -140,44 +151,36 @@ class Wandering:
 
     def whiten(self, which: IntArray, columns: FloatArray) -> FloatArray:
         """See `Noise`."""
-        decay, gain, sd = (part[:, which, None] for part in self._filter)
+        decay, gain, sd = self._filter
         out = np.empty((len(which), *columns.shape))
-        if len(which) == 1 and which[0] == 0:
-            out[0] = columns
-            return out
-        state = np.zeros((len(which), columns.shape[1]))
-        for t, row in enumerate(columns):
-            state *= decay[t]
-            innovation = row - state
-            out[:, t] = innovation / sd[t]
-            state += gain[t] * innovation
+        for i, g in enumerate(which.tolist()):
+            if self._grid[0][g] == 0.0:
+                out[i] = columns
+                continue
+            state = _recursion(decay[:, g] * (1.0 - gain[:, g]), gain[:, g, None] * columns)
+            out[i, 0] = columns[0] / sd[0, g]
+            out[i, 1:] = (columns[1:] - decay[1:, g, None] * state[:-1]) / sd[1:, g, None]
         return out
 
     def variance(self, at: int, units: FloatArray) -> FloatArray:
         """See `Noise`. By the adjoint of the filter: no covariance matrix is formed."""
-        weights = self._adjoint(at, units)
         decay, gain, sd = self._filter
-        ahead = np.zeros((decay.shape[1], units.shape[1]))
-        total = np.zeros(decay.shape[1])
-        for t in range(len(weights) - 1, -1, -1):
-            own = sd[t, :, None] * (weights[t] + gain[t, :, None] * ahead)
-            total += np.sum(own**2, axis=1)
-            ahead = decay[t, :, None] * (weights[t] + ahead)
+        own = units / sd[:, at, None]
+        ahead = _recursion(decay[:, at] * (1.0 - gain[:, at]), -_next(decay[:, at, None] * own), back=True)
+        weights = own + gain[:, at, None] * ahead
+        total = np.empty(decay.shape[1])
+        for g in range(len(total)):
+            ahead = _recursion(decay[:, g], _next(decay[:, g, None] * weights), back=True)
+            total[g] = np.sum((sd[:, g, None] * (weights + gain[:, g, None] * ahead)) ** 2)
         return np.asarray(total / units.shape[1])
-
-    def _adjoint(self, at: int, units: FloatArray) -> FloatArray:
-        """(n, d) what rows count in sums of whitened rows."""
-        decay, gain, sd = (part[:, at] for part in self._filter)
-        out, ahead = np.empty_like(units), np.zeros(units.shape[1])
-        for t in range(len(units) - 1, -1, -1):
-            own = units[t] / sd[t]
-            out[t] = own + gain[t] * ahead
-            ahead = decay[t] * ((1.0 - gain[t]) * ahead - own)
-        return out
 
     def rows(self, kept: IntArray) -> Wandering:
         """See `Noise`."""
-        return Wandering(self.when[kept])
+        return Wandering(self.when[kept], self.picked)
+
+    def only(self, at: int) -> Noise:
+        """See `Noise`."""
+        return Independent(len(self.when)) if at == 0 else Wandering(self.when, at)
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,14 +189,17 @@ class Shared:
 
     Attributes:
         group: (n,) group of each row, from zero.
+        picked: the only ratio of the grid there is; None for all.
 
     """
 
     group: IntArray
+    picked: int | None = None
 
     @cached_property
     def _ratio(self) -> FloatArray:
-        return np.array([0.0, *RATIOS])
+        every = np.array([0.0, *RATIOS])
+        return every if self.picked is None else every[self.picked : self.picked + 1]
 
     @cached_property
     def _count(self) -> FloatArray:
@@ -224,10 +230,27 @@ class Shared:
 
     def rows(self, kept: IntArray) -> Shared:
         """See `Noise`."""
-        return Shared(np.asarray(np.unique(self.group[kept], return_inverse=True)[1], np.int64))
+        return Shared(np.asarray(np.unique(self.group[kept], return_inverse=True)[1], np.int64), self.picked)
+
+    def only(self, at: int) -> Shared:
+        """See `Noise`."""
+        return Shared(self.group, at)
 
     def _means(self, columns: FloatArray) -> FloatArray:
         """(groups, m)."""
         sums = np.zeros((len(self._count), columns.shape[1]))
         np.add.at(sums, self.group, columns)
         return np.asarray(sums / self._count[:, None])
+
+
+def _recursion(factor: FloatArray, given: FloatArray, *, back: bool = False) -> FloatArray:
+    """(n, m) s with s[t] = factor[t] s[t - 1] + given[t]; backwards s[t] = factor[t + 1] s[t + 1] + given[t]."""
+    band = np.ones((2, len(factor)))
+    band[1, :-1] = -factor[1:]
+    solved, _ = dtbtrs(band, given, uplo="L", trans="T" if back else "N", diag="U")
+    return np.asarray(solved)
+
+
+def _next(values: FloatArray) -> FloatArray:
+    """Each row's successor; zeros for the last."""
+    return np.concatenate([values[1:], np.zeros_like(values[:1])])

@@ -45,7 +45,7 @@ def trace_general(data: TableData) -> TableTrace:
         unnamed=rest,
         remarks=_remarks(found),
         y=data.y,
-        variables=_variables(data),
+        variables=_variables(data) | _others(data),
         left_out=None if crossed is None else crossed[1],
     )
 
@@ -54,6 +54,13 @@ def _variables(data: TableData) -> dict[str, FloatArray]:
     scene = data.scene
     time = {} if scene.time is None else {scene.time.name: scene.time.values}
     return {**scene.variables, **time}
+
+
+def _others(data: TableData) -> dict[str, FloatArray]:
+    """Groups, direction and speed as numbers, for plots."""
+    scene = data.scene
+    parts = dict(part for part in (scene.direction, scene.speed) if part is not None)
+    return {name: g.index.astype(np.float64) for name, g in scene.groups.items()} | parts
 
 
 def _effect(judge: TableJudge, after: Estimate, name: str, data: TableData) -> FoundTableEffect:
@@ -71,7 +78,6 @@ def _effect(judge: TableJudge, after: Estimate, name: str, data: TableData) -> F
     whole = problem.of(mine) @ values
     own = whole - basis @ (basis.T @ whole)
     p = min(judge.p_adjusted(chosen, j) for j in mine)
-    scores, at, _ = judge.score(tuple(j for j in chosen if j != mine[0]), mine[0])
     experiments = dict.fromkeys((effect.separate_by, *(other.separate_by for other in alike[:2])))
     return FoundTableEffect(
         effect=name,
@@ -83,7 +89,7 @@ def _effect(judge: TableJudge, after: Estimate, name: str, data: TableData) -> F
         unit=effect.unit,
         size=f"{np.sqrt(np.mean(own**2)):.3g} rms, {np.ptp(own):.3g} from end to end, in units of {data.response}",
         p_adjusted=p,
-        p_adjusted_is_bound=p == judge.family(at).least,
+        p_adjusted_is_bound=judge.is_bound(p),
         share=_share(judge, chosen, mine),
         aliases=tuple(other.name for other in alike),
         separation={r.effect: round(max(r.sigmas - best.sigmas, 0.0), 2) for r in explanations if r.effect != name},
@@ -117,15 +123,21 @@ def _stratum(judge: TableJudge, mine: list[int], usual: str) -> str:
 
 
 def _share(judge: TableJudge, chosen: tuple[int, ...], mine: list[int]) -> float:
-    """Of the declared model's residual beyond what is left in the end, the part that goes with the terms `mine`."""
-    at = judge.beside(chosen).best
-    view, white = judge.view(at), judge.white(at, chosen)
+    """Of the declared model's residual beyond what is left in the end, what the terms `mine` take, in the order found.
+
+    Effects that overlap share what they overlap in with the one found first; all shares together make one.
+    """
+    view, white = judge.view(0), judge.white(0, chosen)
+    names = names_of(judge.candidates, chosen)
+    name = judge.candidates[mine[0]].effect.name
+    earlier = names[: names.index(name)]
+    ahead = tuple(j for j in chosen if judge.candidates[j].effect.name in earlier)
     rss = []
-    for terms in ((), tuple(j for j in chosen if j not in mine), chosen):
+    for terms in ((), ahead, (*ahead, *mine), chosen):
         taken = view.taken(terms)
         left = white - taken @ (taken.T @ white)
         rss.append(float(left @ left))
-    variance = rss[2] / max(len(white) - taken.shape[1], 1)
+    variance = rss[3] / max(len(white) - taken.shape[1], 1)
     excess = rss[0] - (len(white) - view.basis.shape[1]) * variance
     return float(np.clip((rss[1] - rss[2]) / excess, 0.0, 1.0)) if excess > 0 else 0.0
 

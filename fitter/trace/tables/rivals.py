@@ -87,7 +87,8 @@ class _Path:
         """Up to `most` terms of the effect that `first` is of, each the one that removes most, with their price."""
         name = self.candidates[first].effect.name
         terms = [j for j, c in enumerate(self.candidates) if c.effect.name == name]
-        steps, held = [], (first,)
+        steps: list[tuple[tuple[int, ...], float]] = []
+        held: tuple[int, ...] = (first,)
         while len(held) < min(most, len(terms)):
             taken = self.view.taken((*self.rest, *held))
             others = [j for j in terms if j not in held]

@@ -52,7 +52,8 @@ class TableData:
     @property
     def rows(self) -> list[int]:
         """Number of each row in the file."""
-        return (np.arange(len(self.y)) + 1 if self.numbers is None else self.numbers).tolist()
+        numbers = np.arange(len(self.y)) + 1 if self.numbers is None else self.numbers
+        return [int(number) for number in numbers]
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,14 +10,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import special
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.linear import orthonormal
 from fitter.trace.tables.problem import SPARED, Problem
 
+Floats = NDArray[Any]
+"""Double or single precision: a simulation does with less than a score."""
 NOTHING_LEFT = 1e-3
 """A column of which less than this is left beside the model cannot be judged."""
 RESOLVED = 1e-12
@@ -35,7 +39,7 @@ class Blocks:
 
     """
 
-    units: FloatArray
+    units: Floats
     start: IntArray
 
     @property
@@ -44,15 +48,15 @@ class Blocks:
         return np.diff(self.start)
 
     @cached_property
-    def squares(self) -> FloatArray:
+    def squares(self) -> Floats:
         """(n, D)."""
         return np.asarray(self.units**2)
 
-    def gains(self, outputs: FloatArray) -> FloatArray:
+    def gains(self, outputs: Floats) -> Floats:
         """(J,) or (J, m): what each removes of the sum of squares of outputs (n,) or (n, m)."""
         return self.sums((self.units.T @ outputs) ** 2)
 
-    def sums(self, values: FloatArray) -> FloatArray:
+    def sums(self, values: Floats) -> Floats:
         """(J,) or (J, m): sums over each block of values (D,) or (D, m) of its columns."""
         out = np.zeros((len(self.rank), *values.shape[1:]), values.dtype)
         filled = self.rank > 0

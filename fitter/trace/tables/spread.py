@@ -1,4 +1,4 @@
-"""Noise that grows with the reading, a setting or anything else recorded: found beside the effects, and used as weights."""
+"""Noise that grows with the reading or anything else recorded: found beside the effects, and used as weights."""
 
 from __future__ import annotations
 
