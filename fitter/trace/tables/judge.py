@@ -15,7 +15,7 @@ from fitter.trace.tables.likelihood import Beside, Grid
 from fitter.trace.tables.problem import Candidate, Problem
 from fitter.trace.tables.rivals import rivals
 from fitter.trace.tables.robust import excess
-from fitter.trace.tables.score import Scores, View, score
+from fitter.trace.tables.score import View, score
 
 SHORTLIST = 8
 """Effects that are looked at more closely at each step, by what they remove."""
@@ -126,16 +126,12 @@ class TableJudge:
             self.families[at] = family_of(self.view(at), self._handicap, seed=1 + at)
         return self.families[at]
 
-    def score(self, chosen: tuple[int, ...], j: int) -> tuple[Scores, int, float]:
-        """Score of `j` beside those `chosen`, the covariance it was judged by, and what its uncertainty adds."""
+    def _adjusted(self, chosen: tuple[int, ...], j: int) -> float:
         beside = self._beside_with(chosen, j)
         at = beside.best
         scores, found = score(self.view(at), self.white(at, chosen), chosen, (j,))
-        return scores, at, beside.inflation(at, found.units) if found.units.shape[1] else 1.0
-
-    def _adjusted(self, chosen: tuple[int, ...], j: int) -> float:
-        scores, at, inflation = self.score(chosen, j)
-        return float(self.family(at).adjust(float(self._handicap[j] * scores.p(inflation)[0])))
+        p = float(scores.p(beside.inflation(at, found.units), beside.posterior)[0])
+        return float(self.family(at).adjust(float(self._handicap[j]) * p))
 
     def _ranked(self, chosen: tuple[int, ...]) -> Iterable[int]:
         """The best term of each effect that promises anything, most evidence less the price of its columns first."""

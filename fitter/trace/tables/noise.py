@@ -119,9 +119,9 @@ class Wandering:
 
     @property
     def prior(self) -> FloatArray:
-        """(G,) as much for independence as for a tenth of all others together; slow ones count less."""
+        """(G,) independence counts as four others, slow ones less."""
         correlation = self._grid[0]
-        return np.where(correlation == 0.0, 6.0, np.where(correlation > 0.95, 0.3, 1.0))
+        return np.where(correlation == 0.0, 4.0, np.where(correlation > 0.95, 0.3, 1.0))
 
     @property
     def correlation(self) -> FloatArray:

@@ -2,7 +2,8 @@
 
 A candidate is a block of columns. Its score is the F ratio of what it removes, exact for independent normal errors,
 over the largest of three: one; what single rows contribute to it (unequal variances; Eicker and White's estimate with
-leverage taken out, MacKinnon and White, J. Econometrics 29 (1985) 305); what the uncertainty of shared noise adds.
+leverage taken out, MacKinnon and White, J. Econometrics 29 (1985) 305); the variance it has if shared noise is other
+than estimated, its probability averaged over what that noise may be.
 """
 
 from __future__ import annotations
@@ -114,10 +115,17 @@ class Scores:
     rank: IntArray
     df: IntArray
 
-    def p(self, inflation: float = 1.0) -> FloatArray:
-        """(J,) probability of so high a ratio by chance, each taken alone, where variances may be larger still."""
-        ratio = self.ratio / np.maximum(self.scatter, inflation)
-        return np.where(self.ratio > 0, special.fdtrc(np.maximum(self.rank, 1), self.df, ratio), 1.0)
+    def p(self, inflation: FloatArray, weight: FloatArray) -> FloatArray:
+        """(J,) probability of so high a ratio by chance, each taken alone.
+
+        Args:
+            inflation: (G,) what the variance may be more than is thought.
+            weight: (G,) how probable that is.
+
+        """
+        ratio = self.ratio[:, None] / np.maximum(self.scatter[:, None], inflation)
+        p = special.fdtrc(np.maximum(self.rank, 1)[:, None], self.df[:, None], ratio) @ weight
+        return np.where(self.ratio > 0, p, 1.0)
 
     @property
     def evidence(self) -> FloatArray:
