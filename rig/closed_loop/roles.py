@@ -74,9 +74,6 @@ def read_roles(path: Path, roles: Roles) -> tuple[Table, TableData, tuple[str, .
     response = _parse("--response", f"0 + I({roles.response})")
     needed = dict.fromkeys([*response.names, *formula.names, *roles.named, *(roles.candidates or ())])
     table = read_any_csv(path, needed)
-    missing = [name for name in roles.ignore if name not in {**table.columns, **table.text}]
-    if missing:
-        raise UsageError(f"{path}: --ignore: there is no column {missing[0]!r} without gaps; leave it away")
     return (table, *roles_of(table, roles))
 
 
@@ -91,6 +88,9 @@ def roles_of(table: Table, roles: Roles) -> tuple[TableData, tuple[str, ...]]:
 
 
 def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> tuple[TableData, tuple[str, ...]]:
+    missing = [name for name in roles.ignore if name not in {**table.columns, **table.text}]
+    if missing:
+        raise ValueError(f"--ignore: there is no column {missing[0]!r} without gaps; leave it away")
     notes: list[str] = []
     free = _free(table, roles, (*formula.names, *response.names))
     time = _time(table, roles, formula, free, notes)

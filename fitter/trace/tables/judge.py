@@ -20,10 +20,10 @@ from fitter.trace.tables.score import View, score
 SHORTLIST = 8
 """Effects that are looked at more closely at each step, by what they remove."""
 
-SEARCHED = 5.0
+SMALL_PART = 5.0
 """Handicap of a term with a constant that is searched, so that knots, waves and steps, of which there are many, do not
-hide the simple effects, of which there are few (weighted family-wise error: Genovese, Roeder and Wasserman, Biometrika
-93 (2006) 509)."""
+hide the simple effects, of which there are few; and of a drift over an order that nobody vouches for (weighted
+family-wise error: Genovese, Roeder and Wasserman, Biometrika 93 (2006) 509)."""
 ALIKE = 4.0
 """Difference of twice the log-likelihood up to which the order of the catalogue decides."""
 MOST_TERMS = 3
@@ -72,6 +72,14 @@ class TableJudge:
     def p_adjusted(self, chosen: tuple[int, ...], j: int) -> float:
         """Probability that the best of the family looks as good as `j` beside the other `chosen` by chance."""
         return self._adjusted(tuple(k for k in chosen if k != j), j)
+
+    def suspects(self, chosen: tuple[int, ...]) -> tuple[tuple[str, float], ...]:
+        """Effects that come nearest to standing out beside those `chosen`, with their p, nearest first."""
+        tried = [(self.candidates[j].effect.name, self._adjusted(chosen, j)) for j in self._ranked(chosen)]
+        best: dict[str, float] = {}
+        for name, p in tried:
+            best[name] = min(p, best.get(name, 1.0))
+        return tuple(sorted(best.items(), key=lambda item: item[1]))
 
     def is_bound(self, p: float) -> bool:
         """Whether none of the simulated tables had the like."""
@@ -156,8 +164,10 @@ class TableJudge:
 
     @property
     def _handicap(self) -> FloatArray:
-        """(J,) what p is multiplied by: terms that were searched among many take a small part of the family."""
-        return np.array([1.0 if c.term.profile is None else SEARCHED for c in self.candidates])
+        """(J,) what p is multiplied by: what is searched among many, or doubtful, takes a small part of the family."""
+        doubtful = self.problem.presumed
+        small = [c.term.profile is not None or (doubtful and c.effect.source == "time") for c in self.candidates]
+        return np.where(small, SMALL_PART, 1.0) if small else np.empty(0)
 
     @property
     def _price(self) -> FloatArray:

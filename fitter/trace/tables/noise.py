@@ -129,6 +129,11 @@ class Wandering:
         correlation, share, step, _ = self._grid
         return np.where(step > 0, 1.0, correlation * share)
 
+    @property
+    def memory(self) -> FloatArray:
+        """(G,) correlation between neighbours of what wanders, independent errors left out; zero where nothing does."""
+        return self._grid[0]
+
     @cached_property
     def _filter(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(n, G) decay from the row before, gain and innovation's standard deviation."""

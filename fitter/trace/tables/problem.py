@@ -37,6 +37,7 @@ class Problem:
         noise: that rows may share.
         sd: (n,) standard deviation of each row's own error over the usual one.
         ordered: whether rows stand in the order they were taken in.
+        presumed: whether nobody vouches for that order.
 
     """
 
@@ -46,6 +47,7 @@ class Problem:
     noise: Noise
     sd: FloatArray
     ordered: bool
+    presumed: bool = False
 
     @property
     def n(self) -> int:
@@ -76,8 +78,14 @@ class Problem:
     def rows(self, kept: IntArray) -> Problem:
         """The same for some of the rows."""
         candidates = tuple(replace(c, term=c.term.rows(kept)) for c in self.candidates)
-        noise = self.noise.rows(kept)
-        return Problem(self.y[kept], self.declared[kept], candidates, noise, self.sd[kept], self.ordered)
+        return replace(
+            self,
+            y=self.y[kept],
+            declared=self.declared[kept],
+            candidates=candidates,
+            noise=self.noise.rows(kept),
+            sd=self.sd[kept],
+        )
 
     def with_terms(self, terms: dict[int, TableTerm]) -> Problem:
         """The same with other terms in the place of some candidates."""

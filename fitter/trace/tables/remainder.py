@@ -5,15 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from scipy import special
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.quantiles import f_tail
 from fitter.trace.result import Unnamed
 from fitter.trace.tables.judge import TableJudge
+from fitter.trace.tables.noise import Wandering
 from fitter.trace.tables.score import NOTHING_LEFT, blocks
 
 UNEXPLAINED = 1e-3
 """What is left counts as left below this probability, over all places looked at."""
+SLOW = 0.9
+"""Correlation between neighbours of what wanders, from which a wander is slow."""
+SUSPECTS = 2
 BINS, FEWEST_IN_BIN = 8, 4
 
 
@@ -40,10 +45,12 @@ def unnamed(judge: TableJudge, chosen: tuple[int, ...], variables: Mapping[str, 
     left = white - taken @ (taken.T @ white)
     df = problem.n - taken.shape[1]
     rss = float(left @ left)
+    if rss <= view.rounding:
+        return ()
     found: list[tuple[float, str, float]] = []
     for name, v in variables.items():
         member = _bins(v)
-        if member.shape[1] < 3 or rss <= 0:
+        if member.shape[1] < 3:
             continue
         whitened = problem.noise.whiten(np.array([at]), member / problem.sd[:, None])[0]
         start, length = np.array([0, member.shape[1]]), np.linalg.norm(whitened, axis=0)
@@ -56,10 +63,25 @@ def unnamed(judge: TableJudge, chosen: tuple[int, ...], variables: Mapping[str, 
         worst = int(np.argmax(np.abs(means)))
         rows = v[member[:, worst] > 0]
         found.append((p, f"over {name}, most between {rows.min():.4g} and {rows.max():.4g}", gain / rss))
+    slow = _slow(judge, chosen)
     if not found:
-        return ()
+        return slow
     p, where, share = min(found)
-    return (Unnamed(where, share),) if p * len(found) < UNEXPLAINED else ()
+    return (*slow, Unnamed(where, share)) if p * len(found) < UNEXPLAINED else slow
+
+
+def _slow(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[Unnamed, ...]:
+    """A wander so slow that it is as likely an effect in time as noise, with the effects that come nearest to it."""
+    noise, beside = judge.problem.noise, judge.beside(chosen)
+    at = beside.best
+    if not isinstance(noise, Wandering) or noise.memory[at] < SLOW:
+        return ()
+    if special.chdtrc(2, 2.0 * max(float(beside.reml[at] - beside.reml[0]), 0.0)) > UNEXPLAINED:
+        return ()
+    names = [f"{name} (p {p:.2g})" for name, p in judge.suspects(chosen)[:SUSPECTS] if p < 0.5]
+    near = f"; nearest to it come {' and '.join(names)}" if names else ""
+    share = 1.0 - float(np.min(beside.sigma2 * np.exp(noise.log_det / judge.problem.n)) / beside.sigma2[0])
+    return (Unnamed(f"in the order of taking, as a slow wander{near}", float(np.clip(share, 0.0, 1.0))),)
 
 
 def _bins(v: FloatArray) -> FloatArray:

@@ -8,6 +8,8 @@ from fitter.arrays import FloatArray
 
 ALONE = 4.5
 """Robust standard deviations from which a reading counts as standing alone."""
+FEW = 8.0
+"""Rows at which the limit is twice as high: a few rows do not tell their scale well."""
 HELD = 3.0
 """Standard deviations it is brought back to."""
 NEIGHBOURS = 3
@@ -45,5 +47,6 @@ def running_median(values: FloatArray) -> FloatArray:
 def _beyond(deviation: FloatArray) -> FloatArray:
     """What of each deviation is beyond `HELD`, where it is beyond `ALONE`."""
     sd = scale(deviation)
+    limit = ALONE * (1.0 + FEW / len(deviation)) * sd
     held = np.clip(deviation, -HELD * sd, HELD * sd)
-    return np.where(np.abs(deviation) > ALONE * sd, deviation - held, 0.0)
+    return np.where(np.abs(deviation) > limit, deviation - held, 0.0)

@@ -69,8 +69,15 @@ def problem_of(data: TableData) -> Problem:
     """The table ready to be searched."""
     left = len(data.y) - orthonormal(data.columns).shape[1]
     candidates = candidates_of(data.scene, data.response, left)
+    time = data.scene.time
     return Problem(
-        data.y, data.columns, candidates, _noise(data), np.ones(len(data.y)), ordered=data.scene.time is not None
+        y=data.y,
+        declared=data.columns,
+        candidates=candidates,
+        noise=_noise(data),
+        sd=np.ones(len(data.y)),
+        ordered=time is not None,
+        presumed=time is not None and time.presumed,
     )
 
 

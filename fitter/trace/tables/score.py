@@ -152,6 +152,11 @@ class View:
     length: FloatArray
     start: IntArray
 
+    @property
+    def rounding(self) -> float:
+        """Sum of squares that is rounding and no error."""
+        return len(self.y) * (RESOLVED * max(float(np.ptp(self.y)), np.finfo(float).tiny)) ** 2
+
     @classmethod
     def of(cls, problem: Problem, at: int) -> View:
         """Whiten a problem by covariance `at` of its noise."""
@@ -191,7 +196,7 @@ def score(view: View, y: FloatArray, chosen: Sequence[int], of: Sequence[int] | 
     found = view.blocks(chosen, of)
     rss, df = float(left @ left), len(y) - taken.shape[1]
     gain, rank = found.gains(left), found.rank
-    floor = len(y) * (RESOLVED * max(float(np.ptp(view.y)), np.finfo(float).tiny)) ** 2
+    floor = view.rounding
     can = (rank > 0) & (df - rank >= SPARED) & (rss > floor)
     after = np.maximum(rss - gain, floor)
     df_after = np.where(can, df - rank, 1)
