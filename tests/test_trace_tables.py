@@ -55,9 +55,9 @@ CLEAN = {
 
 @pytest.mark.parametrize("name", CLEAN)
 def test_nothing_is_found_where_nothing_is_missing(name):
-    """At most one table in twenty may say something; of six one at most is 0.97 probable even then."""
+    """At most one table in twenty may say something; of four, one at most is 0.986 probable even then."""
     lab = CLEAN[name]
-    assert sum(bool(found(simulate(lab, seed), **options(lab))) for seed in range(6)) <= 1
+    assert sum(bool(found(simulate(lab, seed), **options(lab))) for seed in range(4)) <= 1
 
 
 def test_pontius_is_quadratic_and_as_certified():

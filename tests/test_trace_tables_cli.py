@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import csv
 import json
-import subprocess
-import sys
 
 import pytest
 from table_truth import MISSING, simulate
+
+from rig.cli import main
 
 EFFECT_KEYS = {
     "effect", "cause", "stratum", "term", "terms", "coefficients", "stderr", "unit", "size", "p_adjusted",
@@ -32,16 +32,26 @@ def table(tmp_path):
     return path
 
 
-def rig(*arguments):
-    command = [sys.executable, "-m", "rig", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
+@pytest.fixture
+def rig(monkeypatch, capsys):
+    """The command in this process: exit code, what it printed, what it complained of."""
+
+    def run(*arguments):
+        monkeypatch.setattr("sys.argv", ["rig", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        return (ended.value.code, *capsys.readouterr())
+
+    return run
 
 
-def test_json_report_and_keys(table, tmp_path):
+def test_json_report_and_keys(rig, table, tmp_path):
     page = tmp_path / "cells.html"
-    done = rig("trace", table, "--response", "y", "--formula", "1 + x", "--time", "t_s", "--report", page, "--json")
-    assert done.returncode == 0, done.stderr
-    result = json.loads(done.stdout)
+    code, printed, complaint = rig(
+        "trace", table, "--response", "y", "--formula", "1 + x", "--time", "t_s", "--report", page, "--json"
+    )
+    assert code == 0, complaint
+    result = json.loads(printed)
     assert result["data"] == {"file": "cells.csv", "points": 120, "kind": "general"}
     found = result["sensors"]["y"]
     assert {"declared", "verdict", "before", "effects", "after", "unnamed", "notes", "fitted", "sentence"} <= set(found)
@@ -58,11 +68,11 @@ def test_json_report_and_keys(table, tmp_path):
     assert "drift:t_s" in text
 
 
-def test_text_tells_what_was_taken_for_what(table):
-    done = rig("trace", table, "--response", "y", "--formula", "1 + x", "--ignore", "temp_c")
-    assert done.returncode == 0, done.stderr
-    assert "drift:t_s" in done.stdout
-    assert "t_s was taken for the time" in done.stdout
+def test_text_tells_what_was_taken_for_what(rig, table):
+    code, printed, complaint = rig("trace", table, "--response", "y", "--formula", "1 + x", "--ignore", "temp_c")
+    assert code == 0, complaint
+    assert "drift:t_s" in printed
+    assert "t_s was taken for the time" in printed
 
 
 @pytest.mark.parametrize(
@@ -73,7 +83,7 @@ def test_text_tells_what_was_taken_for_what(table):
         (("--response", "y", "--formula", "1 + x", "--time", "nothing"), "nothing"),
     ],
 )
-def test_refusals_say_what_to_do(table, options, words):
-    done = rig("trace", table, *options)
-    assert done.returncode == 2
-    assert words in done.stderr
+def test_refusals_say_what_to_do(rig, table, options, words):
+    code, printed, complaint = rig("trace", table, *options)
+    assert code == 2
+    assert words in complaint
