@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+import tomllib
 from collections import Counter
 from itertools import combinations
 from pathlib import Path
@@ -25,7 +26,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from table_truth import MISSING, Lab, options, simulate
 
-from fitter.trace.tables import search_table
+from fitter.trace.tables import search_table, trace_general
+from rig.closed_loop.general_trace import trace_general_table
 from rig.closed_loop.roles import Roles, roles_of
 from rig.tables import Table
 
@@ -106,6 +108,44 @@ def pairs(seeds: range, only: str) -> None:
         print(f"{first} and {second}: both {both}, besides {others} of {len(seeds)}", flush=True)
 
 
+def real(folder: Path, only: str) -> None:
+    """Measured tables: verdict, error before and after, effects; against the error that is to be reached.
+
+    FOLDER/commands.toml has a table for each: `file`, the options of `rig trace` (response, formula, group, ...) and
+    `sigma`, the standard error that the effects known of it lead to.
+    """
+    for name, entry in tomllib.loads((folder / "commands.toml").read_text()).items():
+        if only not in name:
+            continue
+        told = {key: tuple(v) if isinstance(v, list) else v for key, v in entry.items() if key not in ("file", "sigma")}
+        began = process_time()
+        traced = trace_general_table(folder / entry["file"], Roles(**told))
+        trace, took = traced.trace, process_time() - began
+        before, after = trace.before, trace.after
+        print(
+            f"{name}: {trace.verdict}; sigma {before.fit.sigma_E:.4g} -> {after.fit.sigma_E:.4g}, "
+            f"{after.fit.sigma_E / entry['sigma']:.2f} of {entry['sigma']:.4g}; left out {before.cv_rms or 0:.4g} -> "
+            f"{after.cv_rms or 0:.4g}; {took:.1f} s"
+        )
+        for effect in trace.effects:
+            print(
+                f"    {effect.effect} ({effect.share:.1%}, p {effect.p_adjusted:.2g}) {', '.join(effect.aliases[:3])}"
+            )
+        for rest in trace.unnamed:
+            print(f"    left: {rest.where}", flush=True)
+
+
+def speed() -> None:
+    """Processor time of a whole trace, left-out error included: 1,000 rows of six columns."""
+    lab = Lab(1000, 4, clock=True)
+    for name, effect in (("nothing missing", None), ("temperature", MISSING["temperature"].at(1.0))):
+        columns = simulate(lab, 1, effect)
+        began = process_time()
+        data, _ = roles_of(Table("simulated", columns, True, {}), Roles(**options(lab)))
+        verdict = trace_general(data).verdict
+        print(f"{name}: {verdict}, {process_time() - began:.1f} s", flush=True)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("what", choices=["clean", "effects", "pairs", "real", "speed"])
@@ -115,7 +155,14 @@ def main() -> None:
     parser.add_argument("--only", default="")
     given = parser.parse_args()
     seeds = range(given.first, given.first + given.seeds)
-    {"clean": clean, "effects": effects, "pairs": pairs}[given.what](seeds, given.only)
+    if given.what == "speed":
+        speed()
+    elif given.what == "real":
+        if given.folder is None:
+            parser.error("real needs the folder of the tables")
+        real(given.folder, given.only)
+    else:
+        {"clean": clean, "effects": effects, "pairs": pairs}[given.what](seeds, given.only)
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ from table_truth import MISSING, simulate
 
 from rig.cli import main
 
+DECLARED = ("--response", "y", "--formula", "1 + x")
 EFFECT_KEYS = {
     "effect", "cause", "stratum", "term", "terms", "coefficients", "stderr", "unit", "size", "p_adjusted",
     "p_adjusted_is_bound", "share", "aliases", "separation_sigmas", "separate_by",
@@ -47,9 +48,7 @@ def rig(monkeypatch, capsys):
 
 def test_json_report_and_keys(rig, table, tmp_path):
     page = tmp_path / "cells.html"
-    code, printed, complaint = rig(
-        "trace", table, "--response", "y", "--formula", "1 + x", "--time", "t_s", "--report", page, "--json"
-    )
+    code, printed, complaint = rig("trace", table, *DECLARED, "--time", "t_s", "--report", page, "--json")
     assert code == 0, complaint
     result = json.loads(printed)
     assert result["data"] == {"file": "cells.csv", "points": 120, "kind": "general"}
@@ -84,6 +83,6 @@ def test_text_tells_what_was_taken_for_what(rig, table):
     ],
 )
 def test_refusals_say_what_to_do(rig, table, options, words):
-    code, printed, complaint = rig("trace", table, *options)
+    code, _, complaint = rig("trace", table, *options)
     assert code == 2
     assert words in complaint
