@@ -60,6 +60,14 @@ def found(columns: dict[str, Any], told: dict[str, Any]) -> list[str]:
     return list(dict.fromkeys(result.judge.candidates[j].effect.name for j in result.chosen))
 
 
+def found_or_alike(columns: dict[str, Any], told: dict[str, Any]) -> dict[str, list[str]]:
+    """The same with the aliases of each."""
+    data, _ = roles_of(Table("simulated", columns, True, {}), Roles(**told))
+    result = search_table(data)
+    names = dict.fromkeys(result.judge.candidates[j].effect.name for j in result.chosen)
+    return {name: [r.effect for r in result.judge.rivals(result.chosen, name) if r.alias] for name in names}
+
+
 def clean(seeds: range, only: str) -> None:
     """How often anything is reported where nothing is missing."""
     for name, lab in CLEAN.items():
@@ -73,19 +81,21 @@ def clean(seeds: range, only: str) -> None:
 
 
 def effects(seeds: range, only: str) -> None:
-    """How often every effect is found by its name, and how often anything besides."""
+    """How often every effect is found by its name + as an alias of what was named (and anything besides)."""
     for name, missing in MISSING.items():
         if only not in name:
             continue
         row = []
         for rms in (0.25, 0.5, 1.0):
-            hits = others = 0
+            hits = stood_in = others = 0
             for seed in seeds:
-                names = found(simulate(missing.lab, seed, missing.at(rms)), options(missing.lab))
+                names = found_or_alike(simulate(missing.lab, seed, missing.at(rms)), options(missing.lab))
                 right = [n for n in names if n.startswith(missing.named)]
+                alike = [n for n, a in names.items() if n not in right and any(b.startswith(missing.named) for b in a)]
                 hits += bool(right)
-                others += len(names) > len(right)
-            row.append(f"{hits:3d} ({others})")
+                stood_in += bool(alike) and not right
+                others += len(names) > len(right) + len(alike)
+            row.append(f"{hits:3d} + {stood_in} ({others})")
         print(
             f"{name:16s} n {missing.lab.n:4d}  0.25: {row[0]}  0.5: {row[1]}  1: {row[2]}  of {len(seeds)}", flush=True
         )

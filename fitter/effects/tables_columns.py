@@ -1,4 +1,4 @@
-"""Columns of the effects that are looked for in tables: powers, kinks, waves, steps, lags, groups, directions.
+"""Columns of the effects that are looked for in tables: powers, kinks, waves, steps, lags, directions.
 
 Each function gives the terms of one kind of effect; a constant that is searched gives a term for each of its values.
 """
@@ -6,7 +6,6 @@ Each function gives the terms of one kind of effect; a constant that is searched
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from itertools import combinations
 
 import numpy as np
 
@@ -17,7 +16,7 @@ KNOTS, STEPS, LAGS, DECAYS = 24, 60, 10, 5
 CYCLES_MOST, OVERSAMPLED = 40, 2
 """Waves go up to so many periods over the span, in steps of 1/OVERSAMPLED of a period."""
 HARMONICS = 12
-FEWEST_FOR_KNOT, FEWEST_FOR_WAVE, FEWEST_BESIDE_STEP = 12, 24, 5
+FEWEST_FOR_KNOT, FEWEST_FOR_WAVE, FEWEST_BESIDE_STEP = 10, 24, 5
 
 Terms = Sequence[TableTerm]
 
@@ -29,7 +28,7 @@ def power(order: int) -> Callable[[TableScene, str], Terms]:
         v = scene.of(name)
         if len(np.unique(v)) <= order:
             return ()
-        centres = dict.fromkeys((_origin(v), _middle(v)) if order > 2 else (_origin(v),))
+        centres = dict.fromkeys((origin(v), _middle(v)) if order > 2 else (origin(v),))
         return [TableTerm((_power_text(name, c, order),), ((v - c) ** order)[:, None]) for c in centres]
 
     return terms
@@ -48,8 +47,8 @@ def product(scene: TableScene, first: str, second: str) -> Terms:
     a, b = scene.of(first), scene.of(second)
     if np.ptp(a) == 0.0 or np.ptp(b) == 0.0:
         return ()
-    text = f"{_power_text(first, _origin(a), 1)} * {_power_text(second, _origin(b), 1)}"
-    return (TableTerm((text,), ((a - _origin(a)) * (b - _origin(b)))[:, None]),)
+    text = f"{_power_text(first, origin(a), 1)} * {_power_text(second, origin(b), 1)}"
+    return (TableTerm((text,), ((a - origin(a)) * (b - origin(b)))[:, None]),)
 
 
 def logarithm(scene: TableScene, name: str) -> Terms:
@@ -67,7 +66,7 @@ def reciprocal(scene: TableScene, name: str) -> Terms:
 def saturation(scene: TableScene, name: str) -> Terms:
     """exp(-(v - lowest)/s) and exp(-(highest - v)/s) for a few s."""
     v = scene.of(name)
-    if len(np.unique(v)) < 10 or len(v) < FEWEST_FOR_KNOT:
+    if len(np.unique(v)) < FEWEST_FOR_KNOT:
         return ()
     low, high, span = float(v.min()), float(v.max()), float(np.ptp(v))
     scales = np.geomspace(0.06, 0.6, DECAYS) * span
@@ -82,7 +81,7 @@ def saturation(scene: TableScene, name: str) -> Terms:
 
 
 def kink(scene: TableScene, name: str) -> Terms:
-    """max(v - k, 0) with at least three values and four rows on either side of the knot k."""
+    """max(v - k, 0) with at least three rows on either side of the knot k."""
     v = scene.of(name)
     distinct = np.unique(v)
     if len(distinct) < 8 or len(v) < FEWEST_FOR_KNOT:
@@ -199,7 +198,7 @@ def side_times(scene: TableScene, name: str, variable: str) -> Terms:
     if scene.direction is None:
         return ()
     v = scene.of(variable)
-    return (TableTerm((f"{name} * {variable}",), (scene.direction[1] * (v - _origin(v)))[:, None]),)
+    return (TableTerm((f"{name} * {variable}",), (scene.direction[1] * (v - origin(v)))[:, None]),)
 
 
 def loop(scene: TableScene, name: str, variable: str) -> Terms:
@@ -210,60 +209,6 @@ def loop(scene: TableScene, name: str, variable: str) -> Terms:
     u = (v - _middle(v)) / (0.5 * np.ptp(v))
     text = f"{name} * (1 - ((({variable}) - {_middle(v):.6g})/{0.5 * np.ptp(v):.6g})^2)"
     return (TableTerm((text,), (scene.direction[1] * (1.0 - u**2))[:, None]),)
-
-
-def offsets(scene: TableScene, group: str) -> Terms:
-    """One column for each level but the first."""
-    g = scene.groups[group]
-    if g.declared or not 1 < len(g.levels) <= len(g.index) // 2:
-        return ()
-    return (TableTerm(tuple(f"C({group})[{level}]" for level in g.levels[1:]), g.indicators[:, 1:]),)
-
-
-def gains(scene: TableScene, group: str, variable: str) -> Terms:
-    """A slope over a variable for each level but the first."""
-    g, v = scene.groups[group], scene.of(variable)
-    if not 1 < len(g.levels) <= len(g.index) // 3 or np.ptp(v) == 0.0:
-        return ()
-    labels = tuple(f"C({group})[{level}]:{variable}" for level in g.levels[1:])
-    return (TableTerm(labels, g.indicators[:, 1:] * (v - _origin(v))[:, None]),)
-
-
-def combined(scene: TableScene, first: str, second: str) -> Terms:
-    """One column for each pair of levels, beyond those of either grouping."""
-    a, b = scene.groups[first], scene.groups[second]
-    if len(a.levels) < 2 or len(b.levels) < 2 or len(a.levels) * len(b.levels) > len(a.index) // 3:
-        return ()
-    pairs = [(i, j) for i in range(1, len(a.levels)) for j in range(1, len(b.levels))]
-    columns = [a.indicators[:, i] * b.indicators[:, j] for i, j in pairs]
-    kept = [k for k, column in enumerate(columns) if column.any()]
-    if not kept:
-        return ()
-    labels = [f"C({first})[{a.levels[pairs[k][0]]}]:C({second})[{b.levels[pairs[k][1]]}]" for k in kept]
-    return (TableTerm(tuple(labels), np.column_stack([columns[k] for k in kept])),)
-
-
-def bit_weights(scene: TableScene, _names: str) -> Terms:
-    """All bits, each with a weight of its own."""
-    return (TableTerm(scene.bits, np.column_stack([scene.of(name) for name in scene.bits])),)
-
-
-def bit_pairs(scene: TableScene, _names: str) -> Terms:
-    """Products of two bits."""
-    pairs = list(combinations(scene.bits, 2))
-    columns = np.column_stack([scene.of(a) * scene.of(b) for a, b in pairs])
-    return (TableTerm(tuple(f"{a}:{b}" for a, b in pairs), columns),) if len(pairs) <= scene.n // 4 else ()
-
-
-def bit_weights_by(scene: TableScene, _names: str, group: str) -> Terms:
-    """A weight of each bit for each level but the first."""
-    g = scene.groups[group]
-    count = (len(g.levels) - 1) * len(scene.bits)
-    if not 0 < count <= len(g.index) // 3:
-        return ()
-    labels = [f"C({group})[{level}]:{bit}" for bit in scene.bits for level in g.levels[1:]]
-    columns = [g.indicators[:, 1:] * scene.of(bit)[:, None] for bit in scene.bits]
-    return (TableTerm(tuple(labels), np.column_stack(columns)),)
 
 
 def _searched(values: Sequence[float] | FloatArray, at: Callable[[float], TableTerm], *, log: bool = False) -> Terms:
@@ -296,14 +241,14 @@ def _lagging(v: FloatArray, gap: FloatArray, tau: float) -> FloatArray:
 
 
 def _both_sides(v: FloatArray, knot: float) -> bool:
-    return min(int(np.sum(v > knot)), int(np.sum(v < knot))) >= 4
+    return min(int(np.sum(v > knot)), int(np.sum(v < knot))) >= 3
 
 
 def _middle(v: FloatArray) -> float:
     return float(0.5 * (v.min() + v.max()))
 
 
-def _origin(v: FloatArray) -> float:
+def origin(v: FloatArray) -> float:
     """Zero where the values come near it, else the middle of their range: powers from afar are all alike."""
     return 0.0 if abs(_middle(v)) <= 0.75 * float(np.ptp(v)) else _middle(v)
 

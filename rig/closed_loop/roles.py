@@ -119,7 +119,7 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
             **{c.name: _grouping(columns[c.name], declared=True) for term in formula.terms for c in term.categories},
         },
         time=time,
-        direction=_direction(roles, formula, columns, time),
+        direction=_direction(roles, formula, columns),
         speed=_speed(roles, formula, columns),
     )
     shared = roles.whole_plot or ((roles.replicate,) if roles.replicate else ())
@@ -179,7 +179,7 @@ def _time(table: Table, roles: Roles, formula: Formula, free: Sequence[str], not
                 notes.append(f"{name} was taken for {what}; --ignore {name} leaves it out{more}")
                 return Timeline(name, v, seconds_per_unit(name), presumed=pattern is _COUNTERS)
     by = _sorted_by(table, roles, formula, free)
-    if by is not None:
+    if by is not None and roles.direction not in formula.names:
         notes.append(
             f"rows are sorted by {by} and no column of time was given, so nobody knows in what order they were taken: "
             "drift, steps, carry-over, lags and correlation of neighbours were not looked for; --time names the column"
@@ -252,9 +252,7 @@ def _base(expression: Expression) -> Expression:
     return expression
 
 
-def _direction(
-    roles: Roles, formula: Formula, columns: Mapping[str, Any], time: Timeline | None
-) -> tuple[str, FloatArray] | None:
+def _direction(roles: Roles, formula: Formula, columns: Mapping[str, Any]) -> tuple[str, FloatArray] | None:
     if roles.direction is None:
         return None
     v = columns[roles.direction]
@@ -265,8 +263,6 @@ def _direction(
         if len(np.unique(side)) < 2:
             raise ValueError(f"--direction: {roles.direction} has one sign only; there is nothing to compare")
         return f"sign({roles.direction})", side
-    if time is None:
-        raise ValueError(f"--direction {roles.direction}: sides follow from the order of taking; give --time too")
     change = np.sign(np.diff(v, prepend=v[:1]))
     for i in range(1, len(change)):
         if change[i] == 0:
