@@ -195,13 +195,10 @@ def _sorted_by(table: Table, roles: Roles, formula: Formula, free: Sequence[str]
     for name in formula.names:
         if name in table.columns and name not in categories and _rises(table.columns[name]):
             return name
+    every = {**table.columns, **table.text}
     for name in dict.fromkeys((*roles.group, *roles.whole_plot, *categories)):
-        blocks = 1 + int(
-            np.sum(
-                _codes({**table.columns, **table.text}[name])[1:] != _codes({**table.columns, **table.text}[name])[:-1]
-            )
-        )
-        if blocks == len(np.unique(_codes({**table.columns, **table.text}[name]))):
+        codes = _codes(every[name])
+        if np.count_nonzero(np.diff(codes)) == codes.max():
             return name
     for name in free:
         v = table.columns[name]

@@ -24,6 +24,8 @@ SMALL_PART = 5.0
 """Handicap of a term with a constant that is searched, so that knots, waves and steps, of which there are many, do not
 hide the simple effects, of which there are few; and of a drift over an order that nobody vouches for (weighted
 family-wise error: Genovese, Roeder and Wasserman, Biometrika 93 (2006) 509)."""
+RETRIED = 1.2
+"""Times that p counts, because the search is begun again with other weights, constants and readings held back."""
 ALIKE = 4.0
 """Difference of twice the log-likelihood up to which the order of the catalogue decides."""
 MOST_TERMS = 3
@@ -139,7 +141,7 @@ class TableJudge:
         at = beside.best
         scores, found = score(self.view(at), self.white(at, chosen), chosen, (j,))
         p = float(scores.p(beside.inflation(at, found.units), beside.posterior)[0])
-        return float(self.family(at).adjust(float(self._handicap[j]) * p))
+        return float(self.family(at).adjust(float(self._handicap[j]) * RETRIED * p))
 
     def _ranked(self, chosen: tuple[int, ...]) -> Iterable[int]:
         """The best term of each effect that promises anything, most evidence less the price of its columns first."""
