@@ -45,6 +45,8 @@ CLEAN = {
     "AR 0.7, 40": Lab(40, 2, clock=True, ar=0.7),
     "AR 0.3, 200": Lab(200, 2, clock=True, ar=0.3),
     "AR 0.7, 200": Lab(200, 2, clock=True, ar=0.7),
+    "random walk to 3 sd, 200": Lab(200, 2, clock=True, walk=3.0),
+    "random walk to 10 sd, 200": Lab(200, 2, clock=True, walk=10.0),
     "sd grows five times, 40": Lab(40, 2, clock=True, growing=5.0),
     "sd grows five times, 200": Lab(200, 2, groups=5, clock=True, growing=5.0),
     "12 whole plots, 60": Lab(60, 2, plots=12),

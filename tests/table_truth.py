@@ -24,6 +24,7 @@ class Lab:
         sides: whether settings are approached from both sides.
         outliers: share of readings that are off by 10 sd.
         ar: correlation of neighbouring errors.
+        walk: sd at the end of a random walk that is added; not in `CLEAN` tests, it is what looks most like a drift.
         growing: sd at the highest setting over that at the lowest.
         plots: whole plots, whose errors are as large as the readings'; 0 for none.
         repeats: replications with offsets of one sd; 0 for none.
@@ -37,6 +38,7 @@ class Lab:
     sides: bool = False
     outliers: float = 0.0
     ar: float = 0.0
+    walk: float = 0.0
     growing: float = 1.0
     plots: int = 0
     repeats: int = 0
@@ -68,6 +70,8 @@ def simulate(lab: Lab, seed: int, effect: Callable[[Columns, Rng], Any] | None =
     if lab.ar:
         for i in range(1, n):
             error[i] = lab.ar * error[i - 1] + np.sqrt(1.0 - lab.ar**2) * error[i]
+    if lab.walk:
+        error += _walk(rng, n, lab.walk / np.sqrt(n))
     error *= 1.0 + (lab.growing - 1.0) * c["x"] / 10.0
     for name in ("plot", "rep"):
         if name in c:

@@ -12,6 +12,7 @@ from fitter.trace.aliases import PER_COLUMN, Rival
 from fitter.trace.family import ALPHA, Family
 from fitter.trace.tables.family import family_of
 from fitter.trace.tables.likelihood import Beside, Grid
+from fitter.trace.tables.noise import BoolArray
 from fitter.trace.tables.problem import Candidate, Problem
 from fitter.trace.tables.rivals import rivals
 from fitter.trace.tables.robust import excess
@@ -138,10 +139,24 @@ class TableJudge:
 
     def _adjusted(self, chosen: tuple[int, ...], j: int) -> float:
         beside = self._beside_with(chosen, j)
-        at = beside.best
+        possible = self._possible(chosen, j)
+        at = beside.best_of(possible)
         scores, found = score(self.view(at), self.white(at, chosen), chosen, (j,))
-        p = float(scores.p(beside.inflation(at, found.units), beside.posterior)[0])
+        p = float(scores.p(beside.inflation(at, found.units), beside.posterior(possible))[0])
         return float(self.family(at).adjust(float(self._handicap[j]) * RETRIED * p))
+
+    def _possible(self, chosen: tuple[int, ...], j: int) -> BoolArray:
+        """(G,) covariances that `j` has to stand up to: slow wanders are out if it beats them.
+
+        It does if with errors that forget soon it is more probable, its columns paid for by Schwarz' criterion, than
+        the best slow wander without it. Otherwise part of every drift and step would be put down to a wander.
+        """
+        slow = self.problem.noise.slow
+        if not np.any(slow) or np.all(slow):
+            return np.ones(len(slow), np.bool_)
+        gained = self._beside_with(chosen, j).ml[~slow].max() - self.beside(chosen).ml[slow].max()
+        beaten = 2.0 * gained > np.log(self.problem.n) * self.candidates[j].term.price
+        return np.asarray(~slow if beaten else np.ones(len(slow), np.bool_))
 
     def _ranked(self, chosen: tuple[int, ...]) -> Iterable[int]:
         """The best term of each effect that promises anything, most evidence less the price of its columns first."""

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from fitter.arrays import FloatArray
-from fitter.trace.tables.noise import Noise
+from fitter.trace.tables.noise import BoolArray, Noise
 
 SHARP = 2.0
 """Power of the posterior. As it is, covariances hardly anything speaks for would hide all effects in time: calibrated
@@ -40,12 +39,15 @@ class Beside:
         """The covariance that has most for it, the prior counted."""
         return int(np.argmax(self.reml + np.log(self.noise.prior)))
 
-    @cached_property
-    def posterior(self) -> FloatArray:
-        """(G,) how probable each is."""
-        log = self.reml + np.log(self.noise.prior)
+    def posterior(self, possible: BoolArray) -> FloatArray:
+        """(G,) how probable each is of those that are `possible` (G,)."""
+        log = np.where(possible, self.reml + np.log(self.noise.prior), -np.inf)
         weight = np.exp(SHARP * (log - log.max()))
         return np.asarray(weight / weight.sum())
+
+    def best_of(self, possible: BoolArray) -> int:
+        """The one of those `possible` (G,) that has most for it."""
+        return int(np.argmax(np.where(possible, self.reml + np.log(self.noise.prior), -np.inf)))
 
     def inflation(self, at: int, units: FloatArray) -> FloatArray:
         """(G,) variance of sums of whitened rows under each covariance over what `at` says, not below one."""

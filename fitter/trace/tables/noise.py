@@ -11,6 +11,7 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg.lapack import dtbtrs
 
 from fitter.arrays import FloatArray, IntArray
@@ -24,6 +25,11 @@ WALKS = (0.001, 0.01, 0.1, 1.0, 30.0)
 RATIOS = (0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.2, 2.0, 4.0, 8.0, 16.0, 40.0, 100.0, 400.0)
 """Variance that rows of a group share over that of a row in it."""
 LEAST_WHITE = 0.01
+SLOW = 0.9
+"""Correlation between neighbours of what wanders, from which a wander is slow."""
+
+
+BoolArray = NDArray[np.bool_]
 
 
 class Noise(Protocol):
@@ -36,6 +42,10 @@ class Noise(Protocol):
     @property
     def log_det(self) -> FloatArray:
         """(G,) logarithm of each determinant."""
+
+    @property
+    def slow(self) -> BoolArray:
+        """(G,) whether errors are remembered so long that they look like an effect in time."""
 
     def whiten(self, which: IntArray, columns: FloatArray) -> FloatArray:
         """(len(which), n, m) `columns` (n, m) as they are where errors are independent with one variance."""
@@ -71,6 +81,11 @@ class Independent:
     def log_det(self) -> FloatArray:
         """See `Noise`."""
         return np.zeros(1)
+
+    @property
+    def slow(self) -> BoolArray:
+        """See `Noise`."""
+        return np.zeros(1, np.bool_)
 
     def whiten(self, which: IntArray, columns: FloatArray) -> FloatArray:
         """See `Noise`."""
@@ -130,9 +145,9 @@ class Wandering:
         return np.where(step > 0, 1.0, correlation * share)
 
     @property
-    def memory(self) -> FloatArray:
-        """(G,) correlation between neighbours of what wanders, independent errors left out; zero where nothing does."""
-        return self._grid[0]
+    def slow(self) -> BoolArray:
+        """See `Noise`."""
+        return np.asarray(self._grid[0] > SLOW)
 
     @cached_property
     def _filter(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -214,6 +229,11 @@ class Shared:
     def prior(self) -> FloatArray:
         """See `Noise`."""
         return np.ones(len(self._ratio))
+
+    @property
+    def slow(self) -> BoolArray:
+        """See `Noise`."""
+        return np.zeros(len(self._ratio), np.bool_)
 
     @cached_property
     def log_det(self) -> FloatArray:

@@ -16,8 +16,6 @@ from fitter.trace.tables.score import NOTHING_LEFT, blocks
 
 UNEXPLAINED = 1e-3
 """What is left counts as left below this probability, over all places looked at."""
-SLOW = 0.9
-"""Correlation between neighbours of what wanders, from which a wander is slow."""
 SUSPECTS = 2
 BINS, FEWEST_IN_BIN = 8, 4
 
@@ -74,7 +72,7 @@ def _slow(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[Unnamed, ...]:
     """A wander so slow that it is as likely an effect in time as noise, with the effects that come nearest to it."""
     noise, beside = judge.problem.noise, judge.beside(chosen)
     at = beside.best
-    if not isinstance(noise, Wandering) or noise.memory[at] < SLOW:
+    if not isinstance(noise, Wandering) or not noise.slow[at]:
         return ()
     if special.chdtrc(2, 2.0 * max(float(beside.reml[at] - beside.reml[0]), 0.0)) > UNEXPLAINED:
         return ()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from fitter.arrays import FloatArray
@@ -31,7 +33,8 @@ def trace_general(data: TableData) -> TableTrace:
     pure = pure_error(data.y, data.points)
     effects = [_effect(judge, after, name, data) for name in names_of(judge.candidates, chosen)]
     effects.sort(key=lambda effect: -effect.share)
-    rest = unnamed(judge, chosen, _variables(data))
+    left = 1.0 if not effects else float(after.sigma_E**2 * after.df / (before.sigma_E**2 * before.df))
+    rest = tuple(replace(r, share=r.share * min(left, 1.0)) for r in unnamed(judge, chosen, _variables(data)))
     cv = (None, None) if crossed is None else crossed[0]
     noise = noise_findings(judge, chosen, found.growth, data.response, data.rows)
     return TableTrace(
