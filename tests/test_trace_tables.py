@@ -210,6 +210,12 @@ def test_what_cannot_be_is_refused_in_words(told, words):
         roles_of(table, Roles(**{"response": "y", "formula": "1 + x", **told}))
 
 
+def test_a_line_through_zero_lacks_its_offset():
+    rng = np.random.default_rng(3)
+    x = rng.uniform(0, 10, 40)
+    assert found({"x": x, "y": 5.0 + x + rng.standard_normal(40)}, response="y", formula="0 + x") == ["offset:1"]
+
+
 def test_a_perfect_fit_has_nothing_to_add():
     x = np.random.default_rng(0).permutation(np.arange(30.0))
     result = trace_general(prepare({"x": x, "y": 2.0 + 3.0 * x}, response="y", formula="1 + x")[0])

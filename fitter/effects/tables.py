@@ -52,6 +52,7 @@ def _columns_for(of: Of, scene: TableScene) -> Iterator[tuple[str, ...]]:
     speed = () if scene.speed is None else (scene.speed[0],)
     bits = (",".join(scene.bits),) if scene.bits else ()
     pairs: dict[Of, Any] = {
+        "constant": (("1",) for _ in settings[:1]),
         "group": ((g,) for g in groups),
         "group of variable": ((g, v) for g in groups for v in (settings or covariates)),
         "pair of groups": combinations(groups, 2),
@@ -73,6 +74,7 @@ def _columns_for(of: Of, scene: TableScene) -> Iterator[tuple[str, ...]]:
 
 
 _SOURCES: dict[Of, Source] = {
+    "constant": "setting",
     "group": "group",
     "group of variable": "group",
     "pair of groups": "group",

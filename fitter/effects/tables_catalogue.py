@@ -28,6 +28,7 @@ from fitter.effects.tables_of_settings import (
     HARMONIC,
     KINK,
     LOGARITHM,
+    OFFSET,
     PERIODIC,
     PRODUCT,
     RECIPROCAL,
@@ -49,6 +50,7 @@ from fitter.effects.tables_of_time import (
 )
 
 TABLE_CATALOGUE: tuple[TableKind, ...] = (
+    OFFSET,
     GROUP_OFFSET,
     COVARIATE,
     SECOND_ORDER,

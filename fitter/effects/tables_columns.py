@@ -34,6 +34,11 @@ def power(order: int) -> Callable[[TableScene, str], Terms]:
     return terms
 
 
+def constant(scene: TableScene, name: str) -> Terms:
+    """One everywhere, for a declared model without an intercept."""
+    return (TableTerm((name,), np.ones((scene.n, 1))),)
+
+
 def linear(scene: TableScene, name: str) -> Terms:
     """The variable itself, from the middle of its range."""
     v = scene.of(name)

@@ -10,6 +10,7 @@ from fitter.effects.effect import Entry, Stratum
 from fitter.effects.tables_scene import TableScene, TableTerm
 
 Of = Literal[
+    "constant",
     "group",
     "group of variable",
     "pair of groups",

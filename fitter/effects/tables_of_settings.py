@@ -7,6 +7,18 @@ from fitter.effects.tables_kind import TableKind
 
 _AT_TWO = "measure the whole range of {1} at two values of {0}"
 
+OFFSET = TableKind(
+    "offset",
+    "nonlinearity",
+    "constant",
+    "{y} is not zero where the declared model says so",
+    "between-point",
+    "{y}",
+    "read zero: short the input, take the load off, close the valve",
+    "a few times the resolution",
+    columns.constant,
+)
+
 SECOND_ORDER = TableKind(
     "second-order",
     "nonlinearity",

@@ -227,5 +227,9 @@ def _scatter(found: Blocks, left: FloatArray, variance: FloatArray) -> FloatArra
 
 
 def _about(columns: FloatArray) -> FloatArray:
-    """(D,) lengths of columns about their means: what a constant takes of them says nothing about them."""
-    return np.asarray(np.linalg.norm(columns - columns.mean(axis=0), axis=0))
+    """(D,) lengths of columns about their means: what a constant takes of them says nothing about them.
+
+    Of a constant itself a millionth of its length, or its rounding errors would pass for a column.
+    """
+    about = np.linalg.norm(columns - columns.mean(axis=0), axis=0)
+    return np.asarray(np.maximum(about, 1e-6 * np.linalg.norm(columns, axis=0)))
