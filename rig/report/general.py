@@ -46,7 +46,7 @@ def general_report(traced: GeneralTraced) -> str:
                 for key, label, meaning in _ROWS
                 if before[key] is not None
             ],
-            "effects": [effect_rows(effect) for effect in found["effects"]],
+            "effects": [_effect(effect) for effect in found["effects"]],
             "unnamed": unnamed(found),
             "plots": _plots(traced),
             "coefficients": [
@@ -55,6 +55,14 @@ def general_report(traced: GeneralTraced) -> str:
             ],
         },
     )
+
+
+def _effect(effect: dict[str, Any]) -> dict[str, Any]:
+    """An effect as the template takes it; what is found about the noise has no standard errors."""
+    shown = effect_rows(effect)
+    for term in shown["terms"]:
+        term["stderr"] = "-" if term["stderr"] == "nan" else term["stderr"]
+    return shown
 
 
 def _plots(traced: GeneralTraced) -> list[dict[str, Any]]:
