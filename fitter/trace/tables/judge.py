@@ -84,6 +84,19 @@ class TableJudge:
             best[name] = min(p, best.get(name, 1.0))
         return tuple(sorted(best.items(), key=lambda item: item[1]))
 
+    def beats_wander(self, chosen: tuple[int, ...], effect: str) -> float | None:
+        """Twice the log-likelihood by which an effect found is ahead of a slow wander in its place, columns paid for.
+
+        None where no slow wander is possible.
+        """
+        slow = self.problem.noise.slow
+        if not np.any(slow) or np.all(slow):
+            return None
+        mine = [j for j in chosen if self.candidates[j].effect.name == effect]
+        rest = tuple(j for j in chosen if j not in mine)
+        price = float(np.log(self.problem.n)) * sum(self.candidates[j].term.price for j in mine)
+        return float(2.0 * (self.beside(chosen).ml.max() - self.beside(rest).ml[slow].max()) - price)
+
     def is_bound(self, p: float) -> bool:
         """Whether none of the simulated tables had the like."""
         return any(p == family.least for family in self.families.values())

@@ -9,6 +9,7 @@ import numpy as np
 from fitter.arrays import FloatArray
 from fitter.linear import orthonormal
 from fitter.split_plot import fit_split_plot
+from fitter.trace.aliases import DELTA
 from fitter.trace.result import verdict
 from fitter.trace.search import names_of
 from fitter.trace.tables.cross import left_out
@@ -20,6 +21,8 @@ from fitter.trace.tables.remainder import pure_error, unnamed
 from fitter.trace.tables.result import FoundTableEffect, TableSide, TableTrace
 from fitter.trace.tables.run import Found, TableData, problem_of, search_table
 
+WANDER = "slow-wander"
+"""Alias of an effect in time that noise which remembers long explains as well."""
 CONSTANT = 0.99
 """Share of a column that lies between whole plots from which it counts as constant in them."""
 
@@ -82,6 +85,14 @@ def _effect(judge: TableJudge, after: Estimate, name: str, data: TableData) -> F
     own = whole - basis @ (basis.T @ whole)
     p = min(judge.p_adjusted(chosen, j) for j in mine)
     experiments = dict.fromkeys((effect.separate_by, *(other.separate_by for other in alike[:2])))
+    aliases = tuple(other.name for other in alike)
+    separation = {r.effect: round(max(r.sigmas - best.sigmas, 0.0), 2) for r in explanations if r.effect != name}
+    ahead = judge.beats_wander(chosen, name)
+    if ahead is not None and effect.source == "time":
+        separation[WANDER] = round(float(np.sqrt(max(ahead, 0.0))), 2)
+        if ahead <= DELTA:
+            aliases = (*aliases, WANDER)
+            experiments["go on for as long again: a wander goes elsewhere"] = None
     return FoundTableEffect(
         effect=name,
         cause=effect.cause,
@@ -94,8 +105,8 @@ def _effect(judge: TableJudge, after: Estimate, name: str, data: TableData) -> F
         p_adjusted=p,
         p_adjusted_is_bound=judge.is_bound(p),
         share=_share(judge, chosen, mine),
-        aliases=tuple(other.name for other in alike),
-        separation={r.effect: round(max(r.sigmas - best.sigmas, 0.0), 2) for r in explanations if r.effect != name},
+        aliases=aliases,
+        separation=separation,
         separate_by="; ".join(experiments),
         against=effect.against,
         family=effect.family,
