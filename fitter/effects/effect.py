@@ -16,7 +16,19 @@ from fitter.effects.sizes import Size
 Stratum = Literal["between-point", "point-by-replication", "replication", "whole-plot", "subplot", "noise"]
 
 Source = Literal[
-    "package", "pitch axis", "roll axis", "line", "chamber", "temperature", "time", "interruption", "sensor"
+    "package",
+    "pitch axis",
+    "roll axis",
+    "line",
+    "chamber",
+    "temperature",
+    "time",
+    "interruption",
+    "sensor",
+    "setting",
+    "covariate",
+    "group",
+    "direction",
 ]
 
 Scope = Literal["package", "line", "sensor"]

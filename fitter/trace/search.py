@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -57,20 +57,22 @@ def prune(judge: Judge, chosen: tuple[int, ...]) -> tuple[int, ...]:
     return chosen
 
 
-def search_and_name(judge: Judge, chosen: tuple[int, ...] = ()) -> tuple[int, ...]:
-    """Search, then put the simplest of each alias class in the place of what was found first, until nothing moves.
+def search_and_name(
+    judge: Judge, chosen: tuple[int, ...] = (), lead: Callable[[Sequence[Rival]], Rival] = simplest
+) -> tuple[int, ...]:
+    """Search, then put the `lead` of each alias class in the place of what was found first, until nothing moves.
 
-    The simplest has to stand out by itself too.
+    The lead, the simplest if not told otherwise, has to stand out by itself too.
     """
     for _ in range(ROUNDS):
         chosen = search(judge, chosen)
         settled = chosen
         for name in names_of(judge.candidates, chosen):
             if name in names_of(judge.candidates, settled):
-                lead = simplest(judge.rivals(settled, name))
+                first = lead(judge.rivals(settled, name))
                 others = tuple(j for j in settled if judge.candidates[j].effect.name != name)
-                named = (*others, *lead.terms)
-                if all(judge.p_adjusted(named, j) <= ALPHA for j in lead.terms):
+                named = (*others, *first.terms)
+                if all(judge.p_adjusted(named, j) <= ALPHA for j in first.terms):
                     settled = named
         if frozenset(settled) == frozenset(chosen):
             break

@@ -13,6 +13,18 @@ from rich.markup import escape
 
 from rig.atomic import check_not_input, write_whole
 from rig.cli import app
+from rig.cli.general import (
+    CandidatesOption,
+    DirectionOption,
+    GroupOption,
+    IgnoreOption,
+    ReplicateOption,
+    TimeOption,
+    WholePlotOption,
+    WrapOption,
+    check_no_parts,
+    trace_any,
+)
 from rig.cli.run import JsonOption
 from rig.cli.show import err, headline, print_json
 from rig.errors import ExitCode, UsageError
@@ -225,20 +237,48 @@ def trace(
         str | None,
         typer.Option(
             "--formula",
-            help="whole plots: the declared model, instead of the full second order (II.C, eq10, or a formula)",
+            help="the declared model: of any table with --response ('1 + x'); of whole plots instead of the full "
+            "second order (II.C, eq10, or a formula)",
             show_default=False,
         ),
     ] = None,
     temperature: TemperatureOption = None,
+    response: Annotated[
+        str | None,
+        typer.Option(help="any table: the column to be explained, or arithmetic of columns", show_default=False),
+    ] = None,
+    group: GroupOption = None,
+    whole_plot: WholePlotOption = None,
+    replicate: ReplicateOption = None,
+    time: TimeOption = None,
+    direction: DirectionOption = None,
+    candidates: CandidatesOption = None,
+    ignore: IgnoreOption = None,
+    wrap: WrapOption = None,
 ) -> int:
     """Find what the declared model lacks: residual, effect, error before and after.
 
-    Example: `rig trace runs/20260115T180000-night-1a2b.sqlite --report night.html`
+    Examples: `rig trace runs/20260115T180000-night-1a2b.sqlite --report night.html`,
+    `rig trace table.csv --response y --formula "1 + x" --group batch --time t_s`
     """
     from rig.closed_loop import trace_table  # noqa: PLC0415
     from rig.tables import read_table  # noqa: PLC0415
 
     check_not_input([report], [data])
+    parts: dict[str, Any] = {
+        "group": group,
+        "whole_plot": whole_plot,
+        "replicate": replicate,
+        "time": time,
+        "direction": direction,
+    }
+    parts |= {"candidates": candidates, "ignore": ignore, "wrap": wrap}
+    if response is not None:
+        if temperature is not None:
+            raise UsageError("--temperature is for attitude sensors; in any other table name its column as a candidate")
+        trace_any(data, response, formula, parts, as_json=as_json, report=report)
+        return ExitCode.DONE
+    check_no_parts(parts)
     table = read_table(data)
     if temperature and table.kind != "pitch-roll":
         raise UsageError(f"--temperature is for attitude sensors; {data} is no pitch-roll calibration")

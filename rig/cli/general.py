@@ -1,14 +1,134 @@
-"""How the command line shows fits of tables of any kind."""
+"""Tables of any kind on the command line: the parts columns play, and how fits and traces are shown."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any
 
+import typer
 from rich.markup import escape
 from rich.table import Table
 
-from rig.cli.show import number, out
+from rig.cli.show import err, number, out, print_json
+from rig.errors import UsageError
+from rig.report.words import chance, share, unnamed
+
+_SHOWN = 6
+"""Coefficients of an effect that are shown; the others are in the JSON and the report."""
+
+
+def _columns(text: str) -> Any:
+    return typer.Option(help=f"any table: {text}", show_default=False)
+
+
+GroupOption = Annotated[
+    list[str] | None, _columns("column(s) whose levels may have offsets or gains of their own; repeatable, or a,b")
+]
+WholePlotOption = Annotated[str | None, _columns("column(s, comma between) of whole plots, whose error is declared")]
+ReplicateOption = Annotated[str | None, _columns("column of repeats, whose offsets are declared")]
+TimeOption = Annotated[str | None, _columns("column of the time, in any unit")]
+DirectionOption = Annotated[
+    str | None, _columns("column of +-1 or of a velocity; or a setting, for the side it was approached from")
+]
+CandidatesOption = Annotated[list[str] | None, _columns("the only other columns to look at; repeatable, or a,b")]
+IgnoreOption = Annotated[list[str] | None, _columns("column(s) not to look at; repeatable, or a,b")]
+WrapOption = Annotated[
+    float | None, _columns("the response is an angle: bring it to half a turn of this size either side")
+]
+
+
+def check_no_parts(parts: Mapping[str, Any]) -> None:
+    """Refuse options that only go with --response."""
+    for name, value in parts.items():
+        if value is not None:
+            raise UsageError(
+                f"--{name.replace('_', '-')} names columns of any table; it goes with --response and --formula"
+            )
+
+
+def trace_any(
+    path: Path, response: str, formula: str | None, parts: Mapping[str, Any], *, as_json: bool, report: Path | None
+) -> None:
+    """Trace a table of any kind and show what was found."""
+    from rig.closed_loop.general_trace import trace_general_table  # noqa: PLC0415
+    from rig.closed_loop.roles import Roles  # noqa: PLC0415
+
+    if formula is None:
+        raise UsageError("--response needs --formula, the declared model, such as --formula '1 + x'")
+    candidates = parts["candidates"]
+    traced = trace_general_table(
+        path,
+        Roles(
+            response,
+            formula,
+            group=_names(parts["group"]),
+            whole_plot=_names([parts["whole_plot"]] if parts["whole_plot"] else None),
+            replicate=parts["replicate"],
+            time=parts["time"],
+            direction=parts["direction"],
+            candidates=None if candidates is None else _names(candidates),
+            ignore=_names(parts["ignore"]),
+            wrap=parts["wrap"],
+        ),
+    )
+    result = traced.to_json()
+    if report is not None:
+        from rig.report.general import write_general_report  # noqa: PLC0415
+
+        write_general_report(report, traced)
+        err.print(f"report: {escape(str(report))}", soft_wrap=True)
+    if as_json:
+        print_json(result)
+    else:
+        show_general_trace(result)
+
+
+def _names(given: Sequence[str] | None) -> tuple[str, ...]:
+    """Names from repeated options, each of which may hold several with commas between."""
+    return tuple(name for text in given or () for part in text.split(",") if (name := part.strip()))
+
+
+def show_general_trace(result: Mapping[str, Any]) -> None:
+    """Error before and after, the effects found, what remains, and what was taken for what."""
+    out.print(f"[bold]{escape(result['data']['file'])}[/]: {result['data']['points']} rows", soft_wrap=True)
+    for name, found in result["sensors"].items():
+        out.print(f"[bold]{escape(name)}[/] (declared {escape(found['declared'])}): [bold]{found['verdict']}[/]")
+        table = Table("", "before", "after")
+        for key, label in (
+            ("sigma_E", "standard error of one row"),
+            ("sigma_pure", "of rows that repeat one setting"),
+            ("sigma_subplot", "within whole plots"),
+            ("sigma_wholeplot", "between whole plots"),
+            ("cv_rms", "left-out error"),
+        ):
+            if found["before"][key] is not None:
+                table.add_row(label, *(number(found[side][key], 4) for side in ("before", "after")))
+        out.print(table)
+        for effect in found["effects"]:
+            _show_effect(effect)
+        for line in unnamed(found):
+            out.print(f"  [yellow]{escape(line)}[/]", soft_wrap=True)
+        for note in found["notes"]:
+            out.print(f"  [dim]{escape(note)}[/]", soft_wrap=True)
+
+
+def _show_effect(effect: Mapping[str, Any]) -> None:
+    out.print(
+        f"  [green]{escape(effect['effect'])}[/] ({effect['stratum']}): {share(effect)}, p {chance(effect)}",
+        soft_wrap=True,
+    )
+    out.print(f"    {escape(effect['cause'])}; {escape(effect['size'])}", soft_wrap=True)
+    if effect["stratum"] == "noise":
+        return
+    rows = list(zip(effect["terms"], effect["coefficients"], effect["stderr"], strict=True))
+    for term, value, error in rows[:_SHOWN]:
+        out.print(f"    {value:.5g} +- {error:.2g} {escape(effect['unit'])}  {escape(term)}", soft_wrap=True)
+    if len(rows) > _SHOWN:
+        out.print(f"    and {len(rows) - _SHOWN} more coefficients (--json)", soft_wrap=True)
+    if effect["aliases"]:
+        out.print(f"    these data cannot tell it from: {escape(', '.join(effect['aliases']))}", soft_wrap=True)
+    out.print(f"    to tell: {escape(effect['separate_by'])}", soft_wrap=True)
 
 
 def show_general_fit(file: str, result: Mapping[str, Any]) -> None:

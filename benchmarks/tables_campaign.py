@@ -1,0 +1,181 @@
+"""Figures of the trace on tables of any kind, over many seeds; each by one command from the project's root.
+
+    python -m benchmarks.tables_campaign clean --seeds 100     anything reported where nothing is
+    python -m benchmarks.tables_campaign effects --seeds 20    every effect, at 0.25, 0.5 and 1 sd rms
+    python -m benchmarks.tables_campaign pairs --seeds 20      two effects at once, each at 1 sd rms
+    python -m benchmarks.tables_campaign real FOLDER           measured tables, as FOLDER/commands.toml says
+    python -m benchmarks.tables_campaign speed                 1,000 rows of six columns
+
+The laboratory is tests/table_truth.py, which shares no code with the fitter.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import tomllib
+from collections import Counter
+from itertools import combinations
+from pathlib import Path
+from time import process_time
+from typing import Any
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+
+from table_truth import MISSING, Lab, options, simulate
+
+from fitter.trace.tables import search_table, trace_general
+from rig.closed_loop.general_trace import trace_general_table
+from rig.closed_loop.roles import Roles, roles_of
+from rig.tables import Table
+
+CLEAN = {
+    "8 rows, one covariate": Lab(8),
+    "20 rows, one covariate": Lab(20),
+    "20 rows, four covariates": Lab(20, 4),
+    "40 rows, group, side": Lab(40, 1, groups=4, sides=True),
+    "40 rows, clock": Lab(40, 2, clock=True),
+    "200 rows, four covariates, all": Lab(200, 4, groups=5, clock=True, sides=True),
+    "1000 rows, four, clock": Lab(1000, 4, clock=True),
+    "outliers 3 %, 40": Lab(40, 2, clock=True, outliers=0.03),
+    "outliers 5 %, 200": Lab(200, 2, groups=5, clock=True, outliers=0.05),
+    "AR 0.3, 40": Lab(40, 2, clock=True, ar=0.3),
+    "AR 0.7, 40": Lab(40, 2, clock=True, ar=0.7),
+    "AR 0.3, 200": Lab(200, 2, clock=True, ar=0.3),
+    "AR 0.7, 200": Lab(200, 2, clock=True, ar=0.7),
+    "random walk to 3 sd, 200": Lab(200, 2, clock=True, walk=3.0),
+    "random walk to 10 sd, 200": Lab(200, 2, clock=True, walk=10.0),
+    "sd grows five times, 40": Lab(40, 2, clock=True, growing=5.0),
+    "sd grows five times, 200": Lab(200, 2, groups=5, clock=True, growing=5.0),
+    "12 whole plots, 60": Lab(60, 2, plots=12),
+    "6 whole plots, 60": Lab(60, 2, plots=6),
+    "5 replications, 100": Lab(100, 2, repeats=5, clock=True),
+}
+
+
+def found(columns: dict[str, Any], told: dict[str, Any]) -> list[str]:
+    """Names of the effects that are reported, findings about the noise left out."""
+    data, _ = roles_of(Table("simulated", columns, True, {}), Roles(**told))
+    result = search_table(data)
+    return list(dict.fromkeys(result.judge.candidates[j].effect.name for j in result.chosen))
+
+
+def found_or_alike(columns: dict[str, Any], told: dict[str, Any]) -> dict[str, list[str]]:
+    """The same with the aliases of each."""
+    data, _ = roles_of(Table("simulated", columns, True, {}), Roles(**told))
+    result = search_table(data)
+    names = dict.fromkeys(result.judge.candidates[j].effect.name for j in result.chosen)
+    return {name: [r.effect for r in result.judge.rivals(result.chosen, name) if r.alias] for name in names}
+
+
+def clean(seeds: range, only: str) -> None:
+    """How often anything is reported where nothing is missing."""
+    for name, lab in CLEAN.items():
+        if only not in name:
+            continue
+        began = process_time()
+        reported = [found(simulate(lab, seed), options(lab)) for seed in seeds]
+        which = Counter(effect for one in reported for effect in one)
+        took = (process_time() - began) / len(seeds)
+        print(f"{name:32s} {sum(map(bool, reported)):4d} of {len(seeds)}  {took:5.2f} s  {dict(which)}", flush=True)
+
+
+def effects(seeds: range, only: str) -> None:
+    """How often every effect is found by its name + as an alias of what was named (and anything besides)."""
+    for name, missing in MISSING.items():
+        if only not in name:
+            continue
+        row = []
+        for rms in (0.25, 0.5, 1.0):
+            hits = stood_in = others = 0
+            for seed in seeds:
+                names = found_or_alike(simulate(missing.lab, seed, missing.at(rms)), options(missing.lab))
+                right = [n for n in names if n.startswith(missing.named)]
+                alike = [n for n, a in names.items() if n not in right and any(b.startswith(missing.named) for b in a)]
+                hits += bool(right)
+                stood_in += bool(alike) and not right
+                others += len(names) > len(right) + len(alike)
+            row.append(f"{hits:3d} + {stood_in} ({others})")
+        print(
+            f"{name:16s} n {missing.lab.n:4d}  0.25: {row[0]}  0.5: {row[1]}  1: {row[2]}  of {len(seeds)}", flush=True
+        )
+
+
+def pairs(seeds: range, only: str) -> None:
+    """Two effects at once, each at one sd rms: both found, and anything besides."""
+    lab = Lab(160, 2, groups=4, clock=True, sides=True)
+    chosen = ("curvature", "temperature", "drift", "step", "direction", "carry-over", "wave")
+    for first, second in combinations(chosen, 2):
+        if only not in f"{first} {second}":
+            continue
+        both = others = 0
+        for seed in seeds:
+            adds = [MISSING[name].at(1.0) for name in (first, second)]
+            names = found(simulate(lab, seed, lambda c, r, adds=adds: sum(a(c, r) for a in adds)), options(lab))
+            expected = [MISSING[name].named for name in (first, second)]
+            both += all(any(n.startswith(e) for n in names) for e in expected)
+            others += any(not n.startswith(tuple(p for e in expected for p in e)) for n in names)
+        print(f"{first} and {second}: both {both}, besides {others} of {len(seeds)}", flush=True)
+
+
+def real(folder: Path, only: str) -> None:
+    """Measured tables: verdict, error before and after, effects; against the error that is to be reached.
+
+    FOLDER/commands.toml has a table for each: `file`, the options of `rig trace` (response, formula, group, ...) and
+    `sigma`, the standard error that the effects known of it lead to.
+    """
+    for name, entry in tomllib.loads((folder / "commands.toml").read_text()).items():
+        if only not in name:
+            continue
+        told = {key: tuple(v) if isinstance(v, list) else v for key, v in entry.items() if key not in ("file", "sigma")}
+        began = process_time()
+        traced = trace_general_table(folder / entry["file"], Roles(**told))
+        trace, took = traced.trace, process_time() - began
+        before, after = trace.before, trace.after
+        print(
+            f"{name}: {trace.verdict}; sigma {before.fit.sigma_E:.4g} -> {after.fit.sigma_E:.4g}, "
+            f"{after.fit.sigma_E / entry['sigma']:.2f} of {entry['sigma']:.4g}; left out {before.cv_rms or 0:.4g} -> "
+            f"{after.cv_rms or 0:.4g}; {took:.1f} s"
+        )
+        for effect in trace.effects:
+            print(
+                f"    {effect.effect} ({effect.share:.1%}, p {effect.p_adjusted:.2g}) {', '.join(effect.aliases[:3])}"
+            )
+        for rest in trace.unnamed:
+            print(f"    left: {rest.where}", flush=True)
+
+
+def speed() -> None:
+    """Processor time of a whole trace, left-out error included: 1,000 rows of six columns."""
+    lab = Lab(1000, 4, clock=True)
+    for name, effect in (("nothing missing", None), ("temperature", MISSING["temperature"].at(1.0))):
+        columns = simulate(lab, 1, effect)
+        began = process_time()
+        data, _ = roles_of(Table("simulated", columns, True, {}), Roles(**options(lab)))
+        verdict = trace_general(data).verdict
+        print(f"{name}: {verdict}, {process_time() - began:.1f} s", flush=True)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("what", choices=["clean", "effects", "pairs", "real", "speed"])
+    parser.add_argument("folder", nargs="?", type=Path)
+    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--only", default="")
+    given = parser.parse_args()
+    seeds = range(given.first, given.first + given.seeds)
+    if given.what == "speed":
+        speed()
+    elif given.what == "real":
+        if given.folder is None:
+            parser.error("real needs the folder of the tables")
+        real(given.folder, given.only)
+    else:
+        {"clean": clean, "effects": effects, "pairs": pairs}[given.what](seeds, given.only)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,267 @@
+"""Columns of the effects that are looked for in tables: powers, kinks, waves, steps, lags, directions.
+
+Each function gives the terms of one kind of effect; a constant that is searched gives a term for each of its values.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.effects.tables_scene import CYCLES, Profile, TableScene, TableTerm, is_angle
+
+KNOTS, STEPS, LAGS, DECAYS = 24, 60, 10, 5
+CYCLES_MOST, OVERSAMPLED = 40, 2
+"""Waves go up to so many periods over the span, in steps of 1/OVERSAMPLED of a period."""
+HARMONICS = 12
+FEWEST_FOR_KNOT, FEWEST_FOR_WAVE, FEWEST_BESIDE_STEP = 10, 24, 5
+
+Terms = Sequence[TableTerm]
+
+
+def power(order: int) -> Callable[[TableScene, str], Terms]:
+    """(v - c)^order, c the middle of the range, or zero where the values come near it; both for a cube and higher."""
+
+    def terms(scene: TableScene, name: str) -> Terms:
+        v = scene.of(name)
+        if len(np.unique(v)) <= order:
+            return ()
+        centres = dict.fromkeys((origin(v), _middle(v)) if order > 2 else (origin(v),))
+        return [TableTerm((_power_text(name, c, order),), ((v - c) ** order)[:, None]) for c in centres]
+
+    return terms
+
+
+def constant(scene: TableScene, name: str) -> Terms:
+    """One everywhere, for a declared model without an intercept."""
+    return (TableTerm((name,), np.ones((scene.n, 1))),)
+
+
+def linear(scene: TableScene, name: str) -> Terms:
+    """The variable itself, from the middle of its range."""
+    v = scene.of(name)
+    if np.ptp(v) == 0.0:
+        return ()
+    return (TableTerm((name,), (v - _middle(v))[:, None]),)
+
+
+def product(scene: TableScene, first: str, second: str) -> Terms:
+    """The product of two variables, each from its origin."""
+    a, b = scene.of(first), scene.of(second)
+    if np.ptp(a) == 0.0 or np.ptp(b) == 0.0:
+        return ()
+    text = f"{_power_text(first, origin(a), 1)} * {_power_text(second, origin(b), 1)}"
+    return (TableTerm((text,), ((a - origin(a)) * (b - origin(b)))[:, None]),)
+
+
+def logarithm(scene: TableScene, name: str) -> Terms:
+    """log v, where all values are positive and span a factor of three."""
+    v = scene.of(name)
+    return (TableTerm((f"log({name})",), np.log(v)[:, None]),) if _spans(v) else ()
+
+
+def reciprocal(scene: TableScene, name: str) -> Terms:
+    """1/v, where all values are positive and span a factor of three."""
+    v = scene.of(name)
+    return (TableTerm((f"1/{name}",), (1.0 / v)[:, None]),) if _spans(v) else ()
+
+
+def saturation(scene: TableScene, name: str) -> Terms:
+    """exp(-(v - lowest)/s) and exp(-(highest - v)/s) for a few s."""
+    v = scene.of(name)
+    if len(np.unique(v)) < FEWEST_FOR_KNOT:
+        return ()
+    low, high, span = float(v.min()), float(v.max()), float(np.ptp(v))
+    scales = np.geomspace(0.06, 0.6, DECAYS) * span
+
+    def rising(s: float) -> TableTerm:
+        return TableTerm((f"exp(-({name} - {low:.6g})/{s:.4g})",), np.exp(-(v - low) / s)[:, None])
+
+    def falling(s: float) -> TableTerm:
+        return TableTerm((f"exp(-({high:.6g} - {name})/{s:.4g})",), np.exp(-(high - v) / s)[:, None])
+
+    return [*_searched(scales, rising, log=True), *_searched(scales, falling, log=True)]
+
+
+def kink(scene: TableScene, name: str) -> Terms:
+    """max(v - k, 0) with at least three rows on either side of the knot k."""
+    v = scene.of(name)
+    distinct = np.unique(v)
+    if len(distinct) < 8 or len(v) < FEWEST_FOR_KNOT:
+        return ()
+    inner = distinct[2:-2]
+    wanted = np.linspace(0, len(inner) - 1, min(KNOTS, len(inner)))
+    knots = np.array([k for k in np.unique(np.interp(wanted, np.arange(len(inner)), inner)) if _both_sides(v, k)])
+
+    def at(k: float) -> TableTerm:
+        return TableTerm((f"max({name} - {k:.6g}, 0)",), np.maximum(v - k, 0.0)[:, None])
+
+    return _searched(knots, at)
+
+
+def wave(scene: TableScene, name: str) -> Terms:
+    """Sine and cosine of a searched period; not of an angle, which has `harmonic`."""
+    v = scene.of(name)
+    distinct = len(np.unique(v))
+    if len(v) < FEWEST_FOR_WAVE or distinct < 16 or is_angle(name, v):
+        return ()
+    span, most = float(np.ptp(v)), min(CYCLES_MOST, distinct // 3)
+    cycles = np.arange(OVERSAMPLED, most * OVERSAMPLED + 1) / OVERSAMPLED
+
+    def at(c: float) -> TableTerm:
+        phase = 2.0 * np.pi * c * (v - v.min()) / span
+        text = f"2 pi {_power_text(name, float(v.min()), 1)} / {span / c:.5g}"
+        return TableTerm((f"sin({text})", f"cos({text})"), np.column_stack([np.sin(phase), np.cos(phase)]))
+
+    return _searched(cycles, at)
+
+
+def harmonic(scene: TableScene, name: str) -> Terms:
+    """Sine and cosine of once to `HARMONICS` times an angle in degrees."""
+    v = scene.of(name)
+    if not is_angle(name, v):
+        return ()
+    most = min(HARMONICS, len(np.unique(v)) // 3)
+    phases = [(k, np.radians(k * v)) for k in range(1, most + 1)]
+    return [
+        TableTerm((f"sin({k} {name})", f"cos({k} {name})"), np.column_stack([np.sin(p), np.cos(p)])) for k, p in phases
+    ]
+
+
+def cycle(which: str) -> Callable[[TableScene, str], Terms]:
+    """The year's or the day's wave, where time covers one and a half of them."""
+
+    def terms(scene: TableScene, name: str) -> Terms:
+        time = scene.time
+        if time is None or time.unit_s is None or np.ptp(time.values) * time.unit_s < 1.5 * CYCLES[which]:
+            return ()
+        period = CYCLES[which] / time.unit_s
+        if np.median(np.diff(np.unique(time.values))) > period / 3.0:
+            return ()
+        phase = 2.0 * np.pi * time.values / period
+        text = f"2 pi {name} / {period:.6g}"
+        return (TableTerm((f"sin({text})", f"cos({text})"), np.column_stack([np.sin(phase), np.cos(phase)])),)
+
+    return terms
+
+
+def step(scene: TableScene, name: str) -> Terms:
+    """One from a searched time on, with at least five rows on either side."""
+    v = scene.of(name)
+    positions = np.flatnonzero(np.diff(v) > 0) + 1
+    positions = positions[(positions >= FEWEST_BESIDE_STEP) & (positions <= len(v) - FEWEST_BESIDE_STEP)]
+    if len(positions) > STEPS:
+        positions = positions[np.unique(np.linspace(0, len(positions) - 1, STEPS).round().astype(int))]
+    dates = 0.5 * (v[positions - 1] + v[positions])
+
+    def at(date: float) -> TableTerm:
+        return TableTerm((f"({name} > {date:.6g})",), np.asarray(v > date, np.float64)[:, None])
+
+    return _searched(dates, at)
+
+
+def lag(scene: TableScene, name: str) -> Terms:
+    """The variable through a first-order lag, for time constants from half a reading to a third of the time."""
+    v, time = scene.of(name), scene.time
+    if time is None or len(v) < 20 or np.ptp(v) == 0.0:
+        return ()
+    t = time.values
+    gap = np.diff(t)
+    if not np.any(gap > 0):
+        return ()
+    constants = np.geomspace(0.5 * float(np.median(gap[gap > 0])), float(np.ptp(t)) / 3.0, LAGS)
+
+    def at(tau: float) -> TableTerm:
+        return TableTerm((f"lag({name}, {tau:.4g})",), _lagging(v - _middle(v), gap, tau)[:, None])
+
+    return _searched(constants, at, log=True)
+
+
+def previous(scene: TableScene, name: str) -> Terms:
+    """The setting before less this one, where the order of taking is known."""
+    v = scene.of(name)
+    if scene.time is None:
+        return ()
+    before = np.concatenate([v[:1], v[:-1]])
+    return (TableTerm((f"previous({name}) - {name}",), (before - v)[:, None]),)
+
+
+def side(scene: TableScene, name: str) -> Terms:
+    """The direction itself."""
+    return () if scene.direction is None else (TableTerm((name,), scene.direction[1][:, None]),)
+
+
+def speed(scene: TableScene, name: str) -> Terms:
+    """The velocity itself."""
+    return () if scene.speed is None else (TableTerm((name,), scene.speed[1][:, None]),)
+
+
+def side_times(scene: TableScene, name: str, variable: str) -> Terms:
+    """The direction times a setting."""
+    if scene.direction is None:
+        return ()
+    v = scene.of(variable)
+    return (TableTerm((f"{name} * {variable}",), (scene.direction[1] * (v - origin(v)))[:, None]),)
+
+
+def loop(scene: TableScene, name: str, variable: str) -> Terms:
+    """The direction times a parabola that is zero at both ends of a setting's range: a hysteresis loop."""
+    if scene.direction is None:
+        return ()
+    v = scene.of(variable)
+    u = (v - _middle(v)) / (0.5 * np.ptp(v))
+    text = f"{name} * (1 - ((({variable}) - {_middle(v):.6g})/{0.5 * np.ptp(v):.6g})^2)"
+    return (TableTerm((text,), (scene.direction[1] * (1.0 - u**2))[:, None]),)
+
+
+def _searched(values: Sequence[float] | FloatArray, at: Callable[[float], TableTerm], *, log: bool = False) -> Terms:
+    """A term for each value, each responsible for the values up to its neighbours."""
+    grid = np.asarray(values, np.float64)
+    if not len(grid):
+        return ()
+
+    def held(value: float, low: float, high: float) -> TableTerm:
+        term = at(value)
+        return TableTerm(term.labels, term.columns, Profile(value, low, high, lambda v: held(v, low, high)))
+
+    scale = np.log(grid) if log else grid
+    padded = np.concatenate([scale[:1], scale, scale[-1:]])
+    bounds = np.exp(padded) if log else padded
+    return [held(float(g), float(bounds[i]), float(bounds[i + 2])) for i, g in enumerate(grid)]
+
+
+def _lagging(v: FloatArray, gap: FloatArray, tau: float) -> FloatArray:
+    """(n,) v through a first-order lag, in equilibrium at the start and linear between rows."""
+    out, state = np.empty_like(v), float(v[0])
+    out[0] = state
+    for i, dt in enumerate(gap):
+        r = dt / tau
+        decay = float(np.exp(-r))
+        slope = (1.0 - decay) / r if r > 1e-9 else 1.0
+        state = decay * state + (slope - decay) * v[i] + (1.0 - slope) * v[i + 1]
+        out[i + 1] = state
+    return out
+
+
+def _both_sides(v: FloatArray, knot: float) -> bool:
+    return min(int(np.sum(v > knot)), int(np.sum(v < knot))) >= 3
+
+
+def _middle(v: FloatArray) -> float:
+    return float(0.5 * (v.min() + v.max()))
+
+
+def origin(v: FloatArray) -> float:
+    """Zero where the values come near it, else the middle of their range: powers from afar are all alike."""
+    return 0.0 if abs(_middle(v)) <= 0.75 * float(np.ptp(v)) else _middle(v)
+
+
+def _power_text(name: str, centre: float, order: int) -> str:
+    base = name if centre == 0.0 else f"({name} - {centre:.6g})"
+    return base if order == 1 else f"{base}^{order}"
+
+
+def _spans(v: FloatArray) -> bool:
+    return bool(v.min() > 0 and v.max() >= 3.0 * v.min() and len(np.unique(v)) > 2)

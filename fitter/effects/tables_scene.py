@@ -1,0 +1,179 @@
+"""What the columns of effects in a table are reckoned from: settings, covariates, groups, time, direction."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from fitter.arrays import FloatArray, IntArray
+
+_TEMPERATURE = re.compile(r"temp|deg_?c$|(^|[_.])t_?c$|_c$|_k$|oven|ambient|^t[0-9]?$", re.IGNORECASE)
+_ANGLE = re.compile(r"deg(?!_?[cfk]$)|angle|azimuth|theta|phi$", re.IGNORECASE)
+_UNITS = (
+    (re.compile(r"year|(^|_)yr$|(^|_)a$", re.IGNORECASE), 365.25 * 86400.0),
+    (re.compile(r"day|(^|_)d$|date", re.IGNORECASE), 86400.0),
+    (re.compile(r"hour|(^|_)hr?$", re.IGNORECASE), 3600.0),
+    (re.compile(r"min(utes?)?$", re.IGNORECASE), 60.0),
+    (re.compile(r"sec|(^|_)s$", re.IGNORECASE), 1.0),
+)
+CYCLES = {"annual": 365.25 * 86400.0, "daily": 86400.0}
+"""Periods that are looked for by name where the time covers them, s."""
+
+
+def is_temperature(name: str) -> bool:
+    """Whether a column's name says that it is a temperature."""
+    return bool(_TEMPERATURE.search(name))
+
+
+def is_angle(name: str, values: FloatArray) -> bool:
+    """Whether a column is an angle in degrees that goes round most of a turn, by its name and range."""
+    return bool(_ANGLE.search(name)) and 270.0 <= float(np.ptp(values)) <= 4000.0
+
+
+def seconds_per_unit(name: str) -> float | None:
+    """What a column of time counts in, by its name; None where that does not say."""
+    return next((unit for pattern, unit in _UNITS if pattern.search(name)), None)
+
+
+@dataclass(frozen=True, eq=False)
+class Grouping:
+    """A column that says which rows belong together.
+
+    Attributes:
+        levels: ascending.
+        index: (n,) level of each row.
+        declared: whether the declared model has it as a category.
+
+    """
+
+    levels: tuple[str, ...]
+    index: IntArray
+    declared: bool = False
+
+    @cached_property
+    def indicators(self) -> FloatArray:
+        """(n, levels) one where a row is at that level."""
+        return np.asarray(self.index[:, None] == np.arange(len(self.levels)), np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class Timeline:
+    """When rows were taken, ascending.
+
+    Attributes:
+        name: of the column, or "row" where the order of rows stands in for it.
+        values: (n,) in units of the column.
+        unit_s: seconds per unit; None where unknown.
+        presumed: nobody said that rows stand in the order of taking, or the column only counts them; a drift can be
+            looked for then and neighbours that are alike, not what takes a clock.
+
+    """
+
+    name: str
+    values: FloatArray
+    unit_s: float | None = None
+    presumed: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class TableScene:
+    """A table by the parts its columns play.
+
+    Attributes:
+        settings: (n,) variables of the declared model, and logarithms and the like that stand in it.
+        covariates: (n,) other columns of numbers.
+        groups: groupings whose offset or gain may be missing, and the declared model's categories.
+        time: None where nobody knows when rows were taken.
+        direction: name and (n,) +1, -1 or 0 for the side a setting was approached from; None where not told.
+        speed: name and (n,) velocity, where the direction was told by one.
+
+    """
+
+    settings: Mapping[str, FloatArray]
+    covariates: Mapping[str, FloatArray]
+    groups: Mapping[str, Grouping]
+    time: Timeline | None
+    direction: tuple[str, FloatArray] | None
+    speed: tuple[str, FloatArray] | None = None
+
+    @property
+    def variables(self) -> dict[str, FloatArray]:
+        """Settings and covariates."""
+        return {**self.settings, **self.covariates}
+
+    def of(self, name: str) -> FloatArray:
+        """(n,) values of a setting, a covariate or the time."""
+        if self.time is not None and name == self.time.name:
+            return self.time.values
+        return self.variables[name]
+
+    @cached_property
+    def bits(self) -> tuple[str, ...]:
+        """Settings and covariates that are zero or one; () for fewer than two."""
+        names = tuple(name for name, v in self.variables.items() if set(np.unique(v)) == {0.0, 1.0})
+        return names if len(names) > 1 else ()
+
+    @property
+    def n(self) -> int:
+        """Number of rows."""
+        for values in (*self.variables.values(), *(g.index for g in self.groups.values())):
+            return len(values)
+        if self.time is None:
+            raise ValueError("the table has nothing but its response")
+        return len(self.time.values)
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """A constant that a term depends on and that is searched.
+
+    Attributes:
+        value: of this term.
+        low: and
+        high: between which the next terms of the search take over.
+        at: the term for another value.
+
+    """
+
+    value: float
+    low: float
+    high: float
+    at: Callable[[float], TableTerm]
+
+    def rows(self, kept: IntArray) -> Profile:
+        """The same for some of the rows."""
+        return Profile(self.value, self.low, self.high, lambda value: self.at(value).rows(kept))
+
+
+@dataclass(frozen=True, eq=False)
+class TableTerm:
+    """One block of columns.
+
+    Attributes:
+        labels: a formula for each column.
+        columns: (n, d).
+        profile: the constant it was searched over; None where it has none.
+
+    """
+
+    labels: tuple[str, ...]
+    columns: FloatArray
+    profile: Profile | None = None
+
+    @property
+    def name(self) -> str:
+        """All its formulas."""
+        return ", ".join(self.labels)
+
+    def rows(self, kept: IntArray) -> TableTerm:
+        """The same for some of the rows."""
+        return TableTerm(self.labels, self.columns[kept], self.profile and self.profile.rows(kept))
+
+    @property
+    def price(self) -> int:
+        """Columns it spends, a searched constant counted as one."""
+        return int(self.columns.shape[1]) + (self.profile is not None)

@@ -1,0 +1,110 @@
+"""How much noise rows share, estimated beside a model by restricted maximum likelihood on a grid."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.trace.tables.noise import BoolArray, Noise
+
+SHARP = 2.0
+"""Power of the posterior. As it is, covariances hardly anything speaks for would hide all effects in time: calibrated
+with `python -m benchmarks.tables_campaign clean`, tables with a correlation of 0.3 and 0.7, and `effects`."""
+_TINY = np.finfo(float).tiny
+_ALIKE = 1e-6
+"""A column of which less is left beside the others adds nothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class Beside:
+    """What the grid's covariances say beside a model.
+
+    Attributes:
+        noise: the grid.
+        reml: (G,) restricted log-likelihood of each.
+        ml: (G,) log-likelihood of each.
+        sigma2: (G,) variance of one row, in the covariance's unit.
+
+    """
+
+    noise: Noise
+    reml: FloatArray
+    ml: FloatArray
+    sigma2: FloatArray
+
+    @property
+    def best(self) -> int:
+        """The covariance that has most for it, the prior counted."""
+        return int(np.argmax(self.reml + np.log(self.noise.prior)))
+
+    def posterior(self, possible: BoolArray) -> FloatArray:
+        """(G,) how probable each is of those that are `possible` (G,)."""
+        log = np.where(possible, self.reml + np.log(self.noise.prior), -np.inf)
+        weight = np.exp(SHARP * (log - log.max()))
+        return np.asarray(weight / weight.sum())
+
+    def best_of(self, possible: BoolArray) -> int:
+        """The one of those `possible` (G,) that has most for it."""
+        return int(np.argmax(np.where(possible, self.reml + np.log(self.noise.prior), -np.inf)))
+
+    def inflation(self, at: int, units: FloatArray) -> FloatArray:
+        """(G,) variance of sums of whitened rows under each covariance over what `at` says, not below one."""
+        if len(self.reml) == 1 or not units.shape[1]:
+            return np.ones(len(self.reml))
+        scale = self.sigma2 / self.sigma2[at]
+        return np.asarray(np.maximum(scale * self.noise.variance(at, units), 1.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Response and model whitened by every covariance of the grid, to be asked about further columns.
+
+    Attributes:
+        noise: the grid.
+        basis: (G, n, k) for each an orthonormal basis of the model's columns.
+        left: (G, n) what the model leaves of the response.
+        log_det_x: (G,) of the model's columns whitened.
+
+    """
+
+    noise: Noise
+    basis: FloatArray
+    left: FloatArray
+    log_det_x: FloatArray
+
+    @classmethod
+    def of(cls, noise: Noise, y: FloatArray, model: FloatArray) -> Grid:
+        """Whiten response (n,) and columns (n, k), already over each row's own sd."""
+        white = noise.whiten(np.arange(len(noise.prior)), np.column_stack([model, y]))
+        basis, det = _bases(white[:, :, :-1], np.linalg.norm(white[:, :, :-1], axis=1))
+        return cls(noise, basis, _off(basis, white[:, :, -1:])[:, :, 0], det)
+
+    def beside(self, extra: FloatArray | None = None) -> Beside:
+        """Likelihoods beside the model and further columns (n, d), already over each row's own sd."""
+        n, df = self.left.shape[1], self.left.shape[1] - self.basis.shape[2]
+        rss, det_x = np.sum(self.left**2, axis=1), self.log_det_x
+        if extra is not None and extra.shape[1]:
+            white = self.noise.whiten(np.arange(len(self.left)), extra)
+            units, det = _bases(_off(self.basis, white), np.linalg.norm(white, axis=1))
+            rss = rss - np.sum(np.matmul(units.transpose(0, 2, 1), self.left[:, :, None])[:, :, 0] ** 2, axis=1)
+            det_x, df = det_x + det, df - extra.shape[1]
+        rss, df = np.maximum(rss, _TINY), max(df, 1)
+        reml = -0.5 * (df * np.log(rss) + self.noise.log_det + det_x)
+        ml = -0.5 * (n * np.log(rss) + self.noise.log_det)
+        return Beside(self.noise, reml, ml, rss / df)
+
+
+def _off(basis: FloatArray, columns: FloatArray) -> FloatArray:
+    """(G, n, d) columns less what lies in the bases (G, n, k)."""
+    return np.asarray(columns - np.matmul(basis, np.matmul(basis.transpose(0, 2, 1), columns)))
+
+
+def _bases(columns: FloatArray, length: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(G, n, d) orthonormal bases of columns (G, n, d), zero for those that add nothing, and (G,) log |X'X|."""
+    q, r = np.linalg.qr(columns / np.maximum(length, _TINY)[:, None, :])
+    own = np.abs(np.diagonal(r, axis1=1, axis2=2))
+    kept = own > _ALIKE
+    det = 2.0 * np.sum(np.log(np.maximum(own, _ALIKE)) + np.log(np.maximum(length, _TINY)), axis=1)
+    return q * kept[:, None, :], det

@@ -1,0 +1,281 @@
+"""Noise that rows of a table share: none, a slow wander in the order of taking, or an error for each group of rows.
+
+Each is a grid of covariance matrices, known up to a factor, so that how much there is of it can be estimated beside
+any candidate and its uncertainty counted. Nothing here is bigger than rows times columns.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg.lapack import dtbtrs
+
+from fitter.arrays import FloatArray, IntArray
+
+SHARES = (1.0, 0.7, 0.4, 0.15)
+"""Of the variance of one row, what wanders; the rest is drawn anew for every row."""
+CORRELATIONS = (0.2, 0.4, 0.6, 0.75, 0.87, 0.94, 0.97, 0.99)
+"""Of what wanders, between neighbouring rows."""
+WALKS = (0.001, 0.01, 0.1, 1.0, 30.0)
+"""Variance of a random walk's step over that of what is drawn anew for every row."""
+RATIOS = (0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.2, 2.0, 4.0, 8.0, 16.0, 40.0, 100.0, 400.0)
+"""Variance that rows of a group share over that of a row in it."""
+LEAST_WHITE = 0.01
+SLOW = 0.9
+"""Correlation between neighbours of what wanders, from which a wander is slow."""
+
+
+BoolArray = NDArray[np.bool_]
+
+
+class Noise(Protocol):
+    """A grid of covariance matrices; the first is that of independent rows."""
+
+    @property
+    def prior(self) -> FloatArray:
+        """(G,) what is thought of each before the data, not normalised."""
+
+    @property
+    def log_det(self) -> FloatArray:
+        """(G,) logarithm of each determinant."""
+
+    @property
+    def slow(self) -> BoolArray:
+        """(G,) whether errors are remembered so long that they look like an effect in time."""
+
+    def whiten(self, which: IntArray, columns: FloatArray) -> FloatArray:
+        """(len(which), n, m) `columns` (n, m) as they are where errors are independent with one variance."""
+
+    def variance(self, at: int, units: FloatArray) -> FloatArray:
+        """(G,) variance of sums of rows whitened by covariance `at`, if each of the grid's covariances were the truth.
+
+        Args:
+            at: which covariance rows are whitened by.
+            units: (n, d) weights of the sums, columns of length one; the variances of the d sums are averaged.
+
+        """
+
+    def rows(self, kept: IntArray) -> Noise:
+        """The same for some of the rows."""
+
+    def only(self, at: int) -> Noise:
+        """A grid of one covariance."""
+
+
+@dataclass(frozen=True, eq=False)
+class Independent:
+    """Rows share nothing."""
+
+    n: int
+
+    @property
+    def prior(self) -> FloatArray:
+        """See `Noise`."""
+        return np.ones(1)
+
+    @property
+    def log_det(self) -> FloatArray:
+        """See `Noise`."""
+        return np.zeros(1)
+
+    @property
+    def slow(self) -> BoolArray:
+        """See `Noise`."""
+        return np.zeros(1, np.bool_)
+
+    def whiten(self, which: IntArray, columns: FloatArray) -> FloatArray:
+        """See `Noise`."""
+        return columns[None][which]
+
+    def variance(self, at: int, units: FloatArray) -> FloatArray:
+        """See `Noise`."""
+        return np.ones(1)
+
+    def rows(self, kept: IntArray) -> Independent:
+        """See `Noise`."""
+        return Independent(len(kept))
+
+    def only(self, at: int) -> Independent:
+        """See `Noise`."""
+        return self
+
+
+@dataclass(frozen=True, eq=False)
+class Wandering:
+    """A wander in the order of taking and independent errors on top: exponentially correlated, or a random walk.
+
+    Whitened by the Kalman filter of the wander, one innovation a row.
+
+    Attributes:
+        when: (n,) times of the rows in units of the usual gap, ascending.
+        picked: the only covariance of the grid there is; None for all.
+
+    """
+
+    when: FloatArray
+    picked: int | None = None
+
+    @cached_property
+    def _grid(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """(G,) correlation over the usual gap, stationary variance, step variance of a walk, white variance."""
+        rows = [(0.0, 0.0, 0.0, 1.0)]
+        for c in CORRELATIONS:
+            for share in SHARES if c > 0.5 else SHARES[:2]:
+                white = max(1.0 - share, LEAST_WHITE)
+                rows.append((c, share, 0.0, white))
+        rows += [(1.0, 0.0, q, 1.0) for q in WALKS]
+        wanted = rows if self.picked is None else rows[self.picked : self.picked + 1]
+        correlation, share, step, white = np.array(wanted).T
+        return correlation, share, step, white
+
+    @property
+    def prior(self) -> FloatArray:
+        """(G,) independence counts as four others, slow ones less."""
+        correlation = self._grid[0]
+        return np.where(correlation == 0.0, 4.0, np.where(correlation > 0.95, 0.3, 1.0))
+
+    @property
+    def correlation(self) -> FloatArray:
+        """(G,) correlation of two neighbouring rows' errors; one for a walk."""
+        correlation, share, step, _ = self._grid
+        return np.where(step > 0, 1.0, correlation * share)
+
+    @property
+    def slow(self) -> BoolArray:
+        """See `Noise`."""
+        return np.asarray(self._grid[0] > SLOW)
+
+    @cached_property
+    def _filter(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(n, G) decay from the row before, gain and innovation's standard deviation."""
+        correlation, share, step, white = self._grid
+        gap = np.diff(self.when, prepend=self.when[:1])
+        decay = correlation[None, :] ** gap[:, None]
+        gain, sd = np.empty_like(decay), np.empty_like(decay)
+        state = share.copy()
+        for t in range(len(gap)):
+            state = decay[t] ** 2 * state + (1.0 - decay[t] ** 2) * share + step * gap[t]
+            total = state + white
+            gain[t], sd[t] = state / total, np.sqrt(total)
+            state = state * white / total
+        return decay, gain, sd
+
+    @cached_property
+    def log_det(self) -> FloatArray:
+        """See `Noise`."""
+        return np.asarray(2.0 * np.sum(np.log(self._filter[2]), axis=0))
+
+    def whiten(self, which: IntArray, columns: FloatArray) -> FloatArray:
+        """See `Noise`."""
+        decay, gain, sd = self._filter
+        out = np.empty((len(which), *columns.shape))
+        for i, g in enumerate(which.tolist()):
+            if self._grid[0][g] == 0.0:
+                out[i] = columns
+                continue
+            state = _recursion(decay[:, g] * (1.0 - gain[:, g]), gain[:, g, None] * columns)
+            out[i, 0] = columns[0] / sd[0, g]
+            out[i, 1:] = (columns[1:] - decay[1:, g, None] * state[:-1]) / sd[1:, g, None]
+        return out
+
+    def variance(self, at: int, units: FloatArray) -> FloatArray:
+        """See `Noise`. By the adjoint of the filter: no covariance matrix is formed."""
+        decay, gain, sd = self._filter
+        own = units / sd[:, at, None]
+        ahead = _recursion(decay[:, at] * (1.0 - gain[:, at]), -_next(decay[:, at, None] * own), back=True)
+        weights = own + gain[:, at, None] * ahead
+        total = np.empty(decay.shape[1])
+        for g in range(len(total)):
+            ahead = _recursion(decay[:, g], _next(decay[:, g, None] * weights), back=True)
+            total[g] = np.sum((sd[:, g, None] * (weights + gain[:, g, None] * ahead)) ** 2)
+        return np.asarray(total / units.shape[1])
+
+    def rows(self, kept: IntArray) -> Wandering:
+        """See `Noise`."""
+        return Wandering(self.when[kept], self.picked)
+
+    def only(self, at: int) -> Noise:
+        """See `Noise`."""
+        return Independent(len(self.when)) if at == 0 else Wandering(self.when, at)
+
+
+@dataclass(frozen=True, eq=False)
+class Shared:
+    """Rows of a group share an error: whole plots, or replications.
+
+    Attributes:
+        group: (n,) group of each row, from zero.
+        picked: the only ratio of the grid there is; None for all.
+
+    """
+
+    group: IntArray
+    picked: int | None = None
+
+    @cached_property
+    def _ratio(self) -> FloatArray:
+        every = np.array([0.0, *RATIOS])
+        return every if self.picked is None else every[self.picked : self.picked + 1]
+
+    @cached_property
+    def _count(self) -> FloatArray:
+        return np.bincount(self.group).astype(np.float64)
+
+    @property
+    def prior(self) -> FloatArray:
+        """See `Noise`."""
+        return np.ones(len(self._ratio))
+
+    @property
+    def slow(self) -> BoolArray:
+        """See `Noise`."""
+        return np.zeros(len(self._ratio), np.bool_)
+
+    @cached_property
+    def log_det(self) -> FloatArray:
+        """See `Noise`."""
+        return np.asarray(np.sum(np.log1p(self._ratio[:, None] * self._count), axis=1))
+
+    def whiten(self, which: IntArray, columns: FloatArray) -> FloatArray:
+        """See `Noise`."""
+        means = self._means(columns)
+        shrink = 1.0 - 1.0 / np.sqrt(1.0 + self._ratio[which, None] * self._count)
+        return np.asarray(columns[None] - (shrink[:, :, None] * means[None])[:, self.group])
+
+    def variance(self, at: int, units: FloatArray) -> FloatArray:
+        """See `Noise`."""
+        weights = self.whiten(np.array([at]), units)[0]
+        sums = self._means(weights) * self._count[:, None]
+        shared = self._ratio * float(np.sum(sums**2))
+        return np.asarray((float(np.sum(weights**2)) + shared) / units.shape[1])
+
+    def rows(self, kept: IntArray) -> Shared:
+        """See `Noise`."""
+        return Shared(np.asarray(np.unique(self.group[kept], return_inverse=True)[1], np.int64), self.picked)
+
+    def only(self, at: int) -> Shared:
+        """See `Noise`."""
+        return Shared(self.group, at)
+
+    def _means(self, columns: FloatArray) -> FloatArray:
+        """(groups, m)."""
+        sums = np.zeros((len(self._count), columns.shape[1]))
+        np.add.at(sums, self.group, columns)
+        return np.asarray(sums / self._count[:, None])
+
+
+def _recursion(factor: FloatArray, given: FloatArray, *, back: bool = False) -> FloatArray:
+    """(n, m) s with s[t] = factor[t] s[t - 1] + given[t]; backwards s[t] = factor[t + 1] s[t + 1] + given[t]."""
+    band = np.ones((2, len(factor)))
+    band[1, :-1] = -factor[1:]
+    solved, _ = dtbtrs(band, given, uplo="L", trans="T" if back else "N", diag="U")
+    return np.asarray(solved)
+
+
+def _next(values: FloatArray) -> FloatArray:
+    """Each row's successor; zeros for the last."""
+    return np.concatenate([values[1:], np.zeros_like(values[:1])])

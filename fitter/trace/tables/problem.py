@@ -1,0 +1,117 @@
+"""A table ready to be searched: response, declared columns, candidates' columns, and the noise rows may share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from fitter.arrays import FloatArray, IntArray
+from fitter.effects.tables import TableEffect, effects_of
+from fitter.effects.tables_scene import TableScene, TableTerm
+from fitter.trace.tables.noise import Noise
+
+SPARED = 2
+"""Degrees of freedom that a candidate has to leave."""
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """One term of an effect; the only response is its sensor."""
+
+    effect: TableEffect
+    term: TableTerm
+    sensor: None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What a search works on.
+
+    Attributes:
+        y: (n,) response.
+        declared: (n, k) columns of the declared model.
+        candidates: in catalogue order, cheapest first.
+        noise: that rows may share.
+        sd: (n,) standard deviation of each row's own error over the usual one.
+        ordered: whether rows stand in the order they were taken in.
+        presumed: whether nobody vouches for that order.
+
+    """
+
+    y: FloatArray
+    declared: FloatArray
+    candidates: tuple[Candidate, ...]
+    noise: Noise
+    sd: FloatArray
+    ordered: bool
+    presumed: bool = False
+
+    @property
+    def n(self) -> int:
+        """Number of rows."""
+        return len(self.y)
+
+    @cached_property
+    def columns(self) -> FloatArray:
+        """(n, D) columns of all candidates side by side."""
+        blocks = [c.term.columns for c in self.candidates]
+        return np.hstack(blocks) if blocks else np.empty((self.n, 0))
+
+    @cached_property
+    def start(self) -> IntArray:
+        """(J + 1,) where each candidate's columns begin."""
+        widths = [c.term.columns.shape[1] for c in self.candidates]
+        return np.concatenate([[0], np.cumsum(widths)]).astype(np.int64)
+
+    def of(self, terms: Sequence[int]) -> FloatArray:
+        """(n, d) columns of some candidates."""
+        blocks = [self.candidates[j].term.columns for j in terms]
+        return np.hstack(blocks) if blocks else np.empty((self.n, 0))
+
+    def model(self, chosen: Sequence[int]) -> FloatArray:
+        """(n, k + d) declared columns and those of some candidates."""
+        return np.hstack([self.declared, self.of(chosen)])
+
+    def rows(self, kept: IntArray) -> Problem:
+        """The same for some of the rows."""
+        candidates = tuple(replace(c, term=c.term.rows(kept)) for c in self.candidates)
+        return replace(
+            self,
+            y=self.y[kept],
+            declared=self.declared[kept],
+            candidates=candidates,
+            noise=self.noise.rows(kept),
+            sd=self.sd[kept],
+        )
+
+    def with_terms(self, terms: dict[int, TableTerm]) -> Problem:
+        """The same with other terms in the place of some candidates."""
+        candidates = list(self.candidates)
+        for j, term in terms.items():
+            candidates[j] = replace(candidates[j], term=term)
+        return replace(self, candidates=tuple(candidates))
+
+
+def candidates_of(scene: TableScene, response: str, left: int) -> tuple[Candidate, ...]:
+    """All that can be looked for in a table, cheapest first, then in catalogue order.
+
+    Args:
+        scene: the table.
+        response: its name.
+        left: rows less columns of the declared model.
+
+    """
+    found = [
+        Candidate(effect, term)
+        for effect in effects_of(scene, response)
+        for term in effect.terms(scene)
+        if term.columns.shape[1] + SPARED <= left
+    ]
+    cheapest: dict[str, int] = {}
+    for candidate in found:
+        name = candidate.effect.name
+        cheapest[name] = min(cheapest.get(name, candidate.term.price), candidate.term.price)
+    return tuple(sorted(found, key=lambda c: cheapest[c.effect.name]))

@@ -1,0 +1,179 @@
+"""What was found in a table, put together."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.linear import orthonormal
+from fitter.split_plot import fit_split_plot
+from fitter.trace.aliases import DELTA
+from fitter.trace.result import verdict
+from fitter.trace.search import names_of
+from fitter.trace.tables.cross import left_out
+from fitter.trace.tables.estimate import Estimate, estimate
+from fitter.trace.tables.findings import noise_findings
+from fitter.trace.tables.judge import TableJudge
+from fitter.trace.tables.noise import Shared, Wandering
+from fitter.trace.tables.remainder import pure_error, unnamed
+from fitter.trace.tables.result import FoundTableEffect, TableSide, TableTrace
+from fitter.trace.tables.run import Found, TableData, problem_of, search_table
+
+WANDER = "slow-wander"
+"""Alias of an effect in time that noise which remembers long explains as well."""
+CONSTANT = 0.99
+"""Share of a column that lies between whole plots from which it counts as constant in them."""
+
+
+def trace_general(data: TableData) -> TableTrace:
+    """Find what the declared model of a table lacks. How it decides: docs/trace_tables.md."""
+    found = search_table(data)
+    judge, chosen = found.judge, found.chosen
+    before, after = estimate(judge, (), data.tails), estimate(judge, chosen, data.tails)
+    crossed = left_out(problem_of(data), judge, chosen)
+    pure = pure_error(data.y, data.points)
+    effects = [_effect(judge, after, name, data) for name in names_of(judge.candidates, chosen)]
+    effects.sort(key=lambda effect: -effect.share)
+    left = 1.0 if not effects else float(after.sigma_E**2 * after.df / (before.sigma_E**2 * before.df))
+    rest = tuple(replace(r, share=r.share * min(left, 1.0)) for r in unnamed(judge, chosen, _variables(data)))
+    cv = (None, None) if crossed is None else crossed[0]
+    noise = noise_findings(judge, chosen, found.growth, data.response, data.rows)
+    return TableTrace(
+        response=data.response,
+        declared=data.formula,
+        names=data.names,
+        verdict=verdict(bool(effects), bool(rest)),
+        before=TableSide(before, cv[0], pure and pure[0], _shared(data, judge, ())),
+        after=TableSide(after, cv[1], pure and pure[0], _shared(data, judge, chosen)),
+        effects=(*effects, *noise),
+        unnamed=rest,
+        remarks=_remarks(found),
+        y=data.y,
+        variables=_variables(data) | _others(data),
+        left_out=None if crossed is None else crossed[1],
+    )
+
+
+def _variables(data: TableData) -> dict[str, FloatArray]:
+    scene = data.scene
+    time = {} if scene.time is None else {scene.time.name: scene.time.values}
+    return {**scene.variables, **time}
+
+
+def _others(data: TableData) -> dict[str, FloatArray]:
+    """Groups, direction and speed as numbers, for plots."""
+    scene = data.scene
+    parts = dict(part for part in (scene.direction, scene.speed) if part is not None)
+    return {name: g.index.astype(np.float64) for name, g in scene.groups.items()} | parts
+
+
+def _effect(judge: TableJudge, after: Estimate, name: str, data: TableData) -> FoundTableEffect:
+    problem, chosen = judge.problem, after.chosen
+    mine = [j for j in chosen if judge.candidates[j].effect.name == name]
+    effect = judge.candidates[mine[0]].effect
+    explanations = judge.rivals(chosen, name)
+    best = next(r for r in explanations if r.effect == name)
+    alike = [judge.candidates[r.terms[0]].effect for r in explanations if r.alias and r.effect != name]
+    spans = _spans(problem.declared.shape[1], judge, chosen)
+    picked = [i for j in mine for i in spans[j]]
+    labels = tuple(label for j in mine for label in judge.candidates[j].term.labels)
+    values, errors = after.coefficients[picked], after.stderr[picked]
+    basis = orthonormal(problem.declared)
+    whole = problem.of(mine) @ values
+    own = whole - basis @ (basis.T @ whole)
+    p = min(judge.p_adjusted(chosen, j) for j in mine)
+    experiments = dict.fromkeys((effect.separate_by, *(other.separate_by for other in alike[:2])))
+    aliases = tuple(other.name for other in alike)
+    separation = {r.effect: round(max(r.sigmas - best.sigmas, 0.0), 2) for r in explanations if r.effect != name}
+    ahead = judge.beats_wander(chosen, name)
+    if ahead is not None and effect.source == "time":
+        separation[WANDER] = round(float(np.sqrt(max(ahead, 0.0))), 2)
+        if ahead <= DELTA:
+            aliases = (*aliases, WANDER)
+            experiments["go on for as long again: a wander goes elsewhere"] = None
+    return FoundTableEffect(
+        effect=name,
+        cause=effect.cause,
+        stratum=_stratum(judge, mine, effect.stratum),
+        terms=labels,
+        coefficients=tuple(values.tolist()),
+        stderr=tuple(errors.tolist()),
+        unit=effect.unit,
+        size=f"{np.sqrt(np.mean(own**2)):.3g} rms, {np.ptp(own):.3g} from end to end, in units of {data.response}",
+        p_adjusted=p,
+        p_adjusted_is_bound=judge.is_bound(p),
+        share=_share(judge, chosen, mine),
+        aliases=aliases,
+        separation=separation,
+        separate_by="; ".join(experiments),
+        against=effect.against,
+        family=effect.family,
+        columns=effect.columns,
+        contribution=own,
+    )
+
+
+def _spans(declared: int, judge: TableJudge, chosen: tuple[int, ...]) -> dict[int, range]:
+    """Where the coefficients of each candidate stand."""
+    spans, start = {}, declared
+    for j in chosen:
+        width = judge.candidates[j].term.columns.shape[1]
+        spans[j] = range(start, start + width)
+        start += width
+    return spans
+
+
+def _stratum(judge: TableJudge, mine: list[int], usual: str) -> str:
+    noise = judge.problem.noise
+    if not isinstance(noise, Shared):
+        return usual
+    columns = judge.problem.of(mine) - judge.problem.of(mine).mean(axis=0)
+    sums = np.zeros((int(noise.group.max()) + 1, columns.shape[1]))
+    np.add.at(sums, noise.group, columns)
+    between = float(np.sum(sums**2 / np.bincount(noise.group)[:, None]))
+    return "whole-plot" if between > CONSTANT * float(np.sum(columns**2)) else "subplot"
+
+
+def _share(judge: TableJudge, chosen: tuple[int, ...], mine: list[int]) -> float:
+    """Of the declared model's residual beyond what is left in the end, what the terms `mine` take, in the order found.
+
+    Effects that overlap share what they overlap in with the one found first; all shares together make one.
+    """
+    view, white = judge.view(0), judge.white(0, chosen)
+    names = names_of(judge.candidates, chosen)
+    name = judge.candidates[mine[0]].effect.name
+    earlier = names[: names.index(name)]
+    ahead = tuple(j for j in chosen if judge.candidates[j].effect.name in earlier)
+    rss = []
+    for terms in ((), ahead, (*ahead, *mine), chosen):
+        taken = view.taken(terms)
+        left = white - taken @ (taken.T @ white)
+        rss.append(float(left @ left))
+    variance = rss[3] / max(len(white) - taken.shape[1], 1)
+    excess = rss[0] - (len(white) - view.basis.shape[1]) * variance
+    return float(np.clip((rss[1] - rss[2]) / excess, 0.0, 1.0)) if excess > 0 else 0.0
+
+
+def _shared(data: TableData, judge: TableJudge, chosen: tuple[int, ...]) -> tuple[float, float] | None:
+    """Standard deviations within whole plots and between them by REML, where the declared model has them."""
+    if data.shared is None:
+        return None
+    basis = orthonormal(judge.problem.model(chosen))
+    try:
+        fit = fit_split_plot(basis, data.y, data.shared, [str(i) for i in range(basis.shape[1])])
+    except ValueError:
+        return None
+    return fit.sigma_subplot, fit.sigma_wholeplot
+
+
+def _remarks(found: Found) -> tuple[str, ...]:
+    judge, remarks = found.judge, []
+    noise, at = judge.problem.noise, judge.beside(found.chosen).best
+    if found.growth is not None:
+        remarks.append("rows were weighted by the scatter found; sigma_E counts them alike")
+    if isinstance(noise, Wandering) and at > 0:
+        kind = "a random walk" if noise.correlation[at] == 1.0 else f"a correlation of {noise.correlation[at]:.2f}"
+        remarks.append(f"neighbouring rows are not independent: effects were judged against {kind}")
+    return tuple(remarks)

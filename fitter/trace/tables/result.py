@@ -1,0 +1,149 @@
+"""What a trace of a table found, ready to print or to plot."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.calibration import JsonValue
+from fitter.trace.result import CONFIRMED, Found, Unnamed
+from fitter.trace.tables.estimate import Estimate
+from fitter.trace.whole_plots.result import OF_ATTITUDE
+
+
+@dataclass(frozen=True, eq=False)
+class FoundTableEffect(Found):
+    """An effect as it shows in a table.
+
+    Attributes:
+        family: coarser word: "nonlinearity", "periodic", "temperature", "drift", "group", ...
+        columns: of the table, that it is of.
+        contribution: (n,) what it adds to the response, beyond what the declared model takes up; zero for noise.
+
+    """
+
+    family: str
+    columns: tuple[str, ...]
+    contribution: FloatArray
+
+    def to_json(self) -> dict[str, JsonValue]:
+        """As `rig trace --json` prints it."""
+        return {
+            **super().to_json(),
+            "family": self.family,
+            "columns": list(self.columns),
+            "rms": float(np.sqrt(np.mean(self.contribution**2))),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class TableSide:
+    """A table before the effects, or after.
+
+    Attributes:
+        fit: of the model.
+        cv_rms: rms error on rows left out of search and fit; None where too few would be left.
+        sigma_pure: of rows that repeat one setting; None where none do.
+        shared: standard deviations within and between whole plots, where the declared model has them.
+
+    """
+
+    fit: Estimate
+    cv_rms: float | None
+    sigma_pure: float | None
+    shared: tuple[float, float] | None
+
+    def to_json(self) -> dict[str, JsonValue]:
+        """As `rig trace --json` prints it, with the keys of other kinds of runs as null."""
+        within, between = self.shared or (None, None)
+        return {
+            **dict.fromkeys(OF_ATTITUDE),
+            "sigma_E": self.fit.sigma_E,
+            "df_E": self.fit.df,
+            "sigma_pure": self.sigma_pure,
+            "sigma_subplot": within,
+            "sigma_wholeplot": between,
+            "sigma_replicate": None,
+            "reading_error_pct": None,
+            "cv_rms": self.cv_rms,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class TableTrace:
+    """What was found in a table.
+
+    Attributes:
+        response: its name.
+        declared: the declared model.
+        names: of its columns.
+        verdict: "explained", "nothing to add", "partly explained" or "unexplained"; findings about the noise add
+            nothing to the model.
+        before: with the declared model.
+        after: with the effects.
+        effects: found, largest share first, findings about the noise last.
+        unnamed: what remains, if it is more than error.
+        remarks: about the noise and how the error was measured.
+        variables: (n,) columns to plot residuals against, by name.
+        left_out: what was left out together for `cv_rms`.
+
+    """
+
+    response: str
+    declared: str
+    names: tuple[str, ...]
+    verdict: str
+    before: TableSide
+    after: TableSide
+    effects: tuple[FoundTableEffect, ...]
+    unnamed: tuple[Unnamed, ...]
+    remarks: tuple[str, ...]
+    y: FloatArray
+    variables: Mapping[str, FloatArray]
+    left_out: str | None
+
+    @property
+    def added(self) -> tuple[FoundTableEffect, ...]:
+        """Effects that add to the model."""
+        return tuple(effect for effect in self.effects if effect.stratum != "noise")
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences that stand beside the numbers before and after."""
+        notes = list(self.remarks)
+        if self.added:
+            notes.append("standard errors of the effects are conditional on their having been selected on these data")
+        before, after = self.before.cv_rms, self.after.cv_rms
+        if self.left_out and before is not None and after is not None:
+            if self.added and after > CONFIRMED * before:
+                notes.append(
+                    f"not confirmed by {self.left_out} left out: with the effects found the error on those is "
+                    f"{after / before:.0%} of what it is without them"
+                )
+            notes.append(f"cv_rms: {self.left_out} in turn left out, the search repeated without them")
+        return tuple(notes)
+
+    def to_json(self) -> dict[str, JsonValue]:
+        """As `rig trace --json` prints it."""
+        return {
+            "declared": self.declared,
+            "verdict": self.verdict,
+            "before": self.before.to_json(),
+            "effects": [effect.to_json() for effect in self.effects],
+            "after": self.after.to_json(),
+            "unnamed": [rest.to_json() for rest in self.unnamed],
+            "notes": list(self.notes),
+            "fitted": {"coefficients": self._fitted()},
+        }
+
+    def _fitted(self) -> dict[str, JsonValue]:
+        fit, table = self.after.fit, dict[str, JsonValue]()
+        for name, value, error in zip(self.names, fit.coefficients, fit.stderr, strict=False):
+            table[name] = {"estimate": float(value), "stderr": float(error), "df": float(fit.df)}
+        for effect in self.added:
+            for term, value, error in zip(effect.terms, effect.coefficients, effect.stderr, strict=True):
+                table[f"{effect.effect}: {term}"] = {"estimate": value, "stderr": error, "unit": effect.unit}
+        return table

@@ -1,0 +1,153 @@
+"""From the residual to the effect, for tables of any kind: the whole of a trace."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fitter.arrays import FloatArray, IntArray
+from fitter.effects.tables_scene import TableScene
+from fitter.linear import orthonormal
+from fitter.trace.search import prune, search_and_name
+from fitter.trace.tables.judge import TableJudge
+from fitter.trace.tables.noise import Independent, Noise, Shared, Wandering
+from fitter.trace.tables.problem import Problem, candidates_of
+from fitter.trace.tables.refine import refined
+from fitter.trace.tables.spread import Growth, growth_of
+
+ROUNDS = 3
+FEWEST_FOR_WANDER = 20
+
+
+@dataclass(frozen=True, eq=False)
+class TableData:
+    """A table to be traced.
+
+    Attributes:
+        response: name of the column to be explained.
+        y: (n,) its values, in the order of taking where that is known.
+        formula: the declared model.
+        names: of its k columns.
+        columns: (n, k).
+        tails: (n, k) what the doubles in `columns` leave out.
+        scene: the parts the other columns play.
+        shared: (n,) whole plot or replication whose error the declared model has; None without.
+        points: (n,) which rows repeat one setting; None where nothing is set.
+        numbers: (n,) row of the file each stands in; None for 1, 2, 3.
+
+    """
+
+    response: str
+    y: FloatArray
+    formula: str
+    names: tuple[str, ...]
+    columns: FloatArray
+    tails: FloatArray
+    scene: TableScene
+    shared: IntArray | None = None
+    points: IntArray | None = None
+    numbers: IntArray | None = None
+
+    @property
+    def rows(self) -> list[int]:
+        """Number of each row in the file."""
+        numbers = np.arange(len(self.y)) + 1 if self.numbers is None else self.numbers
+        return [int(number) for number in numbers]
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What a search ends with."""
+
+    judge: TableJudge
+    chosen: tuple[int, ...]
+    growth: Growth | None
+
+
+def problem_of(data: TableData) -> Problem:
+    """The table ready to be searched."""
+    left = len(data.y) - orthonormal(data.columns).shape[1]
+    candidates = candidates_of(data.scene, data.response, left)
+    time = data.scene.time
+    return Problem(
+        y=data.y,
+        declared=data.columns,
+        candidates=candidates,
+        noise=_noise(data),
+        sd=np.ones(len(data.y)),
+        ordered=time is not None,
+        presumed=time is not None and time.presumed,
+    )
+
+
+def search_table(data: TableData) -> Found:
+    """All that the declared model of a table lacks."""
+    return look(TableJudge(problem_of(data)), data)
+
+
+def drivers(data: TableData, fitted: FloatArray) -> dict[str, FloatArray]:
+    """(n,) what the noise may grow with."""
+    scene = data.scene
+    time = {} if scene.time is None else {scene.time.name: scene.time.values}
+    return {**scene.settings, **scene.covariates, **time, "fitted": np.abs(fitted)}
+
+
+def look(judge: TableJudge, data: TableData, rows: IntArray | None = None) -> Found:
+    """Search, refine what is searched, weigh rows by the noise beside the effects, and again until nothing moves."""
+    chosen, growth = search_and_name(judge, lead=judge.lead), None
+    for _ in range(ROUNDS):
+        problem = refined(judge, chosen)
+        judge = TableJudge(problem, judge.families) if problem is not judge.problem else judge
+        new = _growth(judge, chosen, data, rows)
+        settled = problem is judge.problem and (new is None) == (growth is None)
+        if new is not None:
+            sd = new.sd(_driver(judge, chosen, data, rows, new.driver))
+            judge = TableJudge(replace(problem, sd=sd / np.exp(np.mean(np.log(sd)))))
+        growth = new
+        again = search_and_name(judge, prune(judge, chosen), judge.lead)
+        if set(again) == set(chosen) and settled:
+            break
+        chosen = again
+    return Found(judge, chosen, growth)
+
+
+def _growth(judge: TableJudge, chosen: tuple[int, ...], data: TableData, rows: IntArray | None) -> Growth | None:
+    left, kept, fitted = _left(judge, chosen)
+    every = drivers(data, np.zeros(1))
+    picked = {name: v if rows is None else v[rows] for name, v in every.items() if name != "fitted"}
+    return growth_of(left, kept, {**picked, "fitted": np.abs(fitted)})
+
+
+def _driver(
+    judge: TableJudge, chosen: tuple[int, ...], data: TableData, rows: IntArray | None, name: str
+) -> FloatArray:
+    if name == "fitted":
+        return np.abs(_left(judge, chosen)[2])
+    values = drivers(data, np.zeros(1))[name]
+    return values if rows is None else values[rows]
+
+
+def _left(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(n,) residuals free of what rows share, what the fit left in each, and the fitted response."""
+    problem, at = judge.problem, judge.beside(chosen).best
+    view = judge.view(at)
+    taken = view.taken(chosen)
+    white = judge.white(at, chosen)
+    left = (white - taken @ (taken.T @ white)) * problem.sd
+    basis = orthonormal(problem.model(chosen) / problem.sd[:, None])
+    scaled = problem.y / problem.sd
+    return left, 1.0 - np.sum(taken**2, axis=1), (basis @ (basis.T @ scaled)) * problem.sd
+
+
+def _noise(data: TableData) -> Noise:
+    n, time = len(data.y), data.scene.time
+    if data.shared is not None:
+        return Shared(data.shared)
+    if time is None or n < FEWEST_FOR_WANDER:
+        return Independent(n)
+    gaps = np.diff(time.values)
+    usual = float(np.median(gaps[gaps > 0])) if np.any(gaps > 0) else 0.0
+    if usual == 0.0 or np.mean(gaps > 0) < 0.5:
+        return Wandering(np.arange(n, dtype=np.float64))
+    return Wandering(np.concatenate([[0.0], np.cumsum(np.clip(gaps / usual, 0.1, 50.0))]))

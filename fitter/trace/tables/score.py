@@ -1,0 +1,235 @@
+"""How far each candidate stands out beside the declared columns and the candidates already in the model.
+
+A candidate is a block of columns. Its score is the F ratio of what it removes, exact for independent normal errors,
+over the largest of three: one; what single rows contribute to it (unequal variances; Eicker and White's estimate with
+leverage taken out, MacKinnon and White, J. Econometrics 29 (1985) 305); the variance it has if shared noise is other
+than estimated, its probability averaged over what that noise may be.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from fitter.arrays import FloatArray, IntArray
+from fitter.linear import orthonormal
+from fitter.trace.tables.problem import SPARED, Problem
+
+Floats = NDArray[Any]
+"""Double or single precision: a simulation does with less than a score."""
+NOTHING_LEFT = 1e-3
+"""A column of which less than this is left beside the model cannot be judged."""
+RESOLVED = 1e-12
+"""Of the response's swing: what is smaller is rounding."""
+FEWEST_FOR_SCATTER = 20
+
+
+@dataclass(frozen=True, eq=False)
+class Blocks:
+    """Whitened candidates with the model's columns taken out, each an orthonormal basis of its own.
+
+    Attributes:
+        units: (n, D) the bases side by side.
+        start: (J + 1,) where each begins; an empty one cannot be judged.
+
+    """
+
+    units: Floats
+    start: IntArray
+
+    @property
+    def rank(self) -> IntArray:
+        """(J,) columns of each."""
+        return np.diff(self.start)
+
+    @cached_property
+    def squares(self) -> Floats:
+        """(n, D)."""
+        return np.asarray(self.units**2)
+
+    def gains(self, outputs: Floats) -> Floats:
+        """(J,) or (J, m): what each removes of the sum of squares of outputs (n,) or (n, m)."""
+        return self.sums((self.units.T @ outputs) ** 2)
+
+    def sums(self, values: Floats) -> Floats:
+        """(J,) or (J, m): sums over each block of values (D,) or (D, m) of its columns."""
+        out = np.zeros((len(self.rank), *values.shape[1:]), values.dtype)
+        filled = self.rank > 0
+        if np.any(filled):
+            out[filled] = np.add.reduceat(values, self.start[:-1][filled], axis=0)
+        return out
+
+
+def blocks(columns: FloatArray, start: IntArray, length: FloatArray, taken: FloatArray) -> Blocks:
+    """Orthonormal bases of candidates beside columns already in the model.
+
+    Args:
+        columns: (n, D) whitened.
+        start: (J + 1,) where each candidate's begin.
+        length: (D,) what they are measured by.
+        taken: (n, q) orthonormal basis of the model.
+
+    """
+    own = columns - taken @ (taken.T @ columns)
+    own -= taken @ (taken.T @ own)
+    norm = np.linalg.norm(own, axis=0)
+    kept = norm > NOTHING_LEFT * length
+    widths = np.diff(start)
+    parts: list[FloatArray] = []
+    ranks = np.zeros(len(widths), np.int64)
+    unit = np.divide(own, norm, out=np.zeros_like(own), where=kept)
+    for j in range(len(widths)):
+        if widths[j] == 1:
+            if kept[start[j]]:
+                parts.append(unit[:, start[j], None])
+                ranks[j] = 1
+        else:
+            span = slice(int(start[j]), int(start[j + 1]))
+            basis = orthonormal(own[:, span], length[span], NOTHING_LEFT)
+            parts.append(basis)
+            ranks[j] = basis.shape[1]
+    units = np.hstack(parts) if parts else np.empty((len(columns), 0))
+    return Blocks(units, np.concatenate([[0], np.cumsum(ranks)]).astype(np.int64))
+
+
+@dataclass(frozen=True, eq=False)
+class Scores:
+    """One entry a candidate; zero and one where it is in the model or cannot be judged.
+
+    Attributes:
+        ratio: F, over the variance of independent rows.
+        scatter: what single rows contribute to the variance of its sums, over that; not below one.
+        rank: columns it adds.
+        df: degrees of freedom left beside it.
+
+    """
+
+    ratio: FloatArray
+    scatter: FloatArray
+    rank: IntArray
+    df: IntArray
+
+    def p(self, inflation: FloatArray, weight: FloatArray) -> FloatArray:
+        """(J,) probability of so high a ratio by chance, each taken alone.
+
+        Args:
+            inflation: (G,) what the variance may be more than is thought.
+            weight: (G,) how probable that is.
+
+        """
+        ratio = self.ratio[:, None] / np.maximum(self.scatter[:, None], inflation)
+        p = special.fdtrc(np.maximum(self.rank, 1)[:, None], self.df[:, None], ratio) @ weight
+        return np.where(self.ratio > 0, p, 1.0)
+
+    @property
+    def evidence(self) -> FloatArray:
+        """(J,) twice the gain of the log-likelihood, each by itself, noise as it is."""
+        return np.asarray(self.df * np.log1p(self.ratio * self.rank / self.df))
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A problem under one covariance: everything whitened, the declared columns' basis, candidates' columns.
+
+    Attributes:
+        y: (n,) whitened response.
+        basis: (n, k) orthonormal, of the declared columns.
+        columns: (n, D) whitened candidates.
+        length: (D,) their lengths.
+        start: (J + 1,).
+
+    """
+
+    y: FloatArray
+    basis: FloatArray
+    columns: FloatArray
+    length: FloatArray
+    start: IntArray
+
+    @property
+    def rounding(self) -> float:
+        """Sum of squares that is rounding and no error."""
+        return len(self.y) * (RESOLVED * max(float(np.ptp(self.y)), np.finfo(float).tiny)) ** 2
+
+    @classmethod
+    def of(cls, problem: Problem, at: int) -> View:
+        """Whiten a problem by covariance `at` of its noise."""
+        k = problem.declared.shape[1]
+        every = np.column_stack([problem.y, problem.declared, problem.columns]) / problem.sd[:, None]
+        white = problem.noise.whiten(np.array([at]), every)[0]
+        basis, columns = orthonormal(white[:, 1 : 1 + k]), white[:, 1 + k :]
+        return cls(white[:, 0], basis, columns, _about(columns), problem.start)
+
+    def taken(self, chosen: Sequence[int]) -> FloatArray:
+        """(n, q) orthonormal basis of the declared columns and some candidates."""
+        if not chosen:
+            return self.basis
+        picked = self.picked(chosen)
+        own = self.columns[:, picked] - self.basis @ (self.basis.T @ self.columns[:, picked])
+        extra = orthonormal(own, self.length[picked], NOTHING_LEFT)
+        return np.hstack([self.basis, extra])
+
+    def picked(self, chosen: Sequence[int]) -> IntArray:
+        """Columns of some candidates."""
+        ranges = [np.arange(self.start[j], self.start[j + 1]) for j in chosen]
+        return np.concatenate(ranges) if ranges else np.empty(0, np.int64)
+
+    def blocks(self, chosen: Sequence[int], of: Sequence[int] | None = None) -> Blocks:
+        """Bases of candidates beside the declared columns and the `chosen`."""
+        if of is None:
+            return blocks(self.columns, self.start, self.length, self.taken(chosen))
+        picked = self.picked(of)
+        start = np.concatenate([[0], np.cumsum(np.diff(self.start)[list(of)])]).astype(np.int64)
+        return blocks(self.columns[:, picked], start, self.length[picked], self.taken(chosen))
+
+
+def score(view: View, y: FloatArray, chosen: Sequence[int], of: Sequence[int] | None = None) -> tuple[Scores, Blocks]:
+    """Score candidates beside the `chosen`; a whitened response `y` (n,) stands in for the view's own."""
+    taken = view.taken(chosen)
+    left = y - taken @ (taken.T @ y)
+    found = view.blocks(chosen, of)
+    rss, df = float(left @ left), len(y) - taken.shape[1]
+    gain, rank = found.gains(left), found.rank
+    floor = view.rounding
+    can = (rank > 0) & (df - rank >= SPARED) & (rss > floor)
+    after = np.maximum(rss - gain, floor)
+    df_after = np.where(can, df - rank, 1)
+    variance = np.maximum(after / df_after, np.finfo(float).tiny)
+    scatter = _scatter(found, left, variance) if len(y) >= FEWEST_FOR_SCATTER else np.ones(len(rank))
+    ratio = np.where(can, gain / np.maximum(rank, 1) / variance, 0.0)
+    return Scores(ratio, scatter, rank, df_after), found
+
+
+def _scatter(found: Blocks, left: FloatArray, variance: FloatArray) -> FloatArray:
+    """(J,) variance of a block's sums from what single rows contribute, over that from the variance of all; not < 1."""
+    out = np.ones(len(found.rank))
+    single = np.flatnonzero(found.rank == 1)
+    at = found.start[:-1]
+    units = found.units[:, at[single]]
+    after = left[:, None] - units * (units.T @ left)
+    squares = found.squares[:, at[single]]
+    free = np.maximum(1.0 - squares, 0.2)
+    out[single] = np.sum(squares * after**2 / free, axis=0) / variance[single]
+    for j in np.flatnonzero(found.rank > 1):
+        span = slice(int(at[j]), int(at[j] + found.rank[j]))
+        block, squared = found.units[:, span], found.squares[:, span]
+        leverage = squared.sum(axis=1)
+        rest = left - block @ (block.T @ left)
+        own = rest**2 / np.maximum(1.0 - leverage, 0.2)
+        out[j] = float(leverage @ own) / found.rank[j] / variance[j]
+    return np.asarray(np.maximum(out, 1.0))
+
+
+def _about(columns: FloatArray) -> FloatArray:
+    """(D,) lengths of columns about their means: what a constant takes of them says nothing about them.
+
+    Of a constant itself a millionth of its length, or its rounding errors would pass for a column.
+    """
+    about = np.linalg.norm(columns - columns.mean(axis=0), axis=0)
+    return np.asarray(np.maximum(about, 1e-6 * np.linalg.norm(columns, axis=0)))

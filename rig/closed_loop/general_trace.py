@@ -1,0 +1,77 @@
+"""Tables of any kind: what the declared model lacks, in JSON and in words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from fitter.trace.tables import TableTrace, trace_general
+from rig.closed_loop.roles import Roles, read_roles
+from rig.errors import UsageError
+from rig.tables import Table
+
+
+@dataclass(frozen=True, eq=False)
+class GeneralTraced:
+    """A table and what was traced in it.
+
+    Attributes:
+        table: as it was read.
+        roles: what the user said of its columns.
+        trace: what was found.
+        taken: sentences about what was taken for what.
+
+    """
+
+    table: Table
+    roles: Roles
+    trace: TableTrace
+    taken: tuple[str, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """What `rig trace --json` prints."""
+        found = self.trace.to_json()
+        found["notes"] = [*self.taken, *self.trace.notes]
+        found["sentence"] = general_sentence(self.trace)
+        return {
+            "data": {"file": Path(self.table.source).name, "points": len(self.table), "kind": "general"},
+            "sensors": {self.roles.response: found},
+        }
+
+
+def trace_general_table(path: Path, roles: Roles) -> GeneralTraced:
+    """Trace what the declared model lacks in a CSV table of any kind.
+
+    Raises:
+        UsageError: a column is missing, the formula cannot be read, or rows are too few for it.
+
+    """
+    table, data, taken = read_roles(path, roles)
+    try:
+        return GeneralTraced(table, roles, trace_general(data), taken)
+    except ValueError as error:
+        raise UsageError(f"{path}: {error}") from error
+
+
+def general_sentence(found: TableTrace) -> str:
+    """What was found, in words that can go into a certificate."""
+    before, after = found.before.fit.sigma_E, found.after.fit.sigma_E
+    start = f"{found.response}: the declared model ({found.declared}) leaves a standard error of {before:.4g}"
+    noise = [effect.cause for effect in found.effects if effect.stratum == "noise"]
+    more = f" Of the noise: {'; '.join(noise)}." if noise else ""
+    if not found.added:
+        return f"{start}; {found.verdict}.{more}"
+    effects = " and ".join(f"{e.effect} ({e.share:.0%} of the excess)" for e in found.added)
+    text = f"{start}; it lacks {effects}. With that the standard error is {after:.4g}"
+    if found.before.cv_rms is not None and found.after.cv_rms is not None:
+        text += (
+            f", and the error on {found.left_out} left out goes from {found.before.cv_rms:.4g} to "
+            f"{found.after.cv_rms:.4g}"
+        )
+    doubtful = [e for e in found.added if e.aliases]
+    if doubtful:
+        text += "; these data cannot tell " + ", nor ".join(
+            f"{e.effect} from {' or '.join(e.aliases[:3])}" for e in doubtful
+        )
+    return f"{text}.{more}"

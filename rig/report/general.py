@@ -1,0 +1,84 @@
+"""The report of a trace in a table of any kind: what was found, error before and after, residuals."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rig.atomic import write_whole
+from rig.report.effects import effect_rows
+from rig.report.frame import render
+from rig.report.general_plots import residuals_over
+from rig.report.words import unnamed
+
+if TYPE_CHECKING:
+    from rig.closed_loop.general_trace import GeneralTraced
+
+_ROWS = (
+    ("sigma_E", "standard error of one row", "of least squares, every row counted alike"),
+    ("sigma_pure", "of rows that repeat one setting", "what no model of the settings can go below"),
+    ("sigma_subplot", "within whole plots", "by restricted maximum likelihood"),
+    ("sigma_wholeplot", "between whole plots", "of the error that rows of a whole plot share"),
+    ("cv_rms", "left-out error", "rms error at rows that neither search nor fit have seen"),
+)
+_PLOTS = 6
+
+
+def write_general_report(path: Path, traced: GeneralTraced) -> None:
+    """Write a self-contained HTML report, whole or not at all. Raises `UsageError` if the disk refuses."""
+    text = general_report(traced)
+    write_whole(path, lambda file: file.write(text))
+
+
+def general_report(traced: GeneralTraced) -> str:
+    """The report as HTML; everything that came from a file is escaped."""
+    name, found = next(iter(traced.to_json()["sensors"].items()))
+    before, after = found["before"], found["after"]
+    return render(
+        "general.html.j2",
+        traced.table,
+        span_s=0.0,
+        name=name,
+        **{
+            **found,
+            "rows": [
+                {"label": label, "before": _number(before[key]), "after": _number(after[key]), "meaning": meaning}
+                for key, label, meaning in _ROWS
+                if before[key] is not None
+            ],
+            "effects": [_effect(effect) for effect in found["effects"]],
+            "unnamed": unnamed(found),
+            "plots": _plots(traced),
+            "coefficients": [
+                {"name": term, "estimate": _number(value["estimate"], 6), "stderr": _number(value["stderr"], 3)}
+                for term, value in found["fitted"]["coefficients"].items()
+            ],
+        },
+    )
+
+
+def _effect(effect: dict[str, Any]) -> dict[str, Any]:
+    """An effect as the template takes it; what is found about the noise has no standard errors."""
+    shown = effect_rows(effect)
+    for term in shown["terms"]:
+        term["stderr"] = "-" if term["stderr"] == "nan" else term["stderr"]
+    return shown
+
+
+def _plots(traced: GeneralTraced) -> list[dict[str, Any]]:
+    """Residuals before and after, over each effect's own variable; over all there are where nothing was found."""
+    trace = traced.trace
+    wanted = dict.fromkeys(effect.against for effect in trace.added if effect.against in trace.variables)
+    shown = list(wanted or trace.variables)[:_PLOTS]
+    left = trace.y - trace.before.fit.fitted, trace.y - trace.after.fit.fitted
+    return [
+        {
+            "alt": f"residuals of {trace.response} over {name}, before and after",
+            "png": residuals_over(name, trace.variables[name], left, trace.response),
+        }
+        for name in shown
+    ]
+
+
+def _number(value: float | None, digits: int = 4) -> str:
+    return "-" if value is None or value != value else f"{value:.{digits}g}"  # noqa: PLR0124 - NaN is not itself

@@ -1,0 +1,88 @@
+"""`rig trace TABLE --response`: JSON with the keys of every trace, text, report, refusals."""
+
+from __future__ import annotations
+
+import csv
+import json
+
+import pytest
+from table_truth import MISSING, simulate
+
+from rig.cli import main
+
+DECLARED = ("--response", "y", "--formula", "1 + x")
+EFFECT_KEYS = {
+    "effect", "cause", "stratum", "term", "terms", "coefficients", "stderr", "unit", "size", "p_adjusted",
+    "p_adjusted_is_bound", "share", "aliases", "separation_sigmas", "separate_by",
+}  # fmt: skip
+SIDE_KEYS = {
+    "sigma_E", "sigma_bias", "sigma_prec", "T_bias", "F_bias_95", "T_b", "T_S", "F_bS_95", "cv_rms",
+    "sigma_subplot", "sigma_wholeplot", "reading_error_pct",
+}  # fmt: skip
+
+
+@pytest.fixture
+def table(tmp_path):
+    missing = MISSING["drift"]
+    columns = simulate(missing.lab, 1, missing.at(2.0))
+    path = tmp_path / "cells.csv"
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(columns)
+        writer.writerows(zip(*columns.values(), strict=True))
+    return path
+
+
+@pytest.fixture
+def rig(monkeypatch, capsys):
+    """The command in this process: exit code, what it printed, what it complained of."""
+
+    def run(*arguments):
+        monkeypatch.setattr("sys.argv", ["rig", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        return (ended.value.code, *capsys.readouterr())
+
+    return run
+
+
+def test_json_report_and_keys(rig, table, tmp_path):
+    page = tmp_path / "cells.html"
+    code, printed, complaint = rig("trace", table, *DECLARED, "--time", "t_s", "--report", page, "--json")
+    assert code == 0, complaint
+    result = json.loads(printed)
+    assert result["data"] == {"file": "cells.csv", "points": 120, "kind": "general"}
+    found = result["sensors"]["y"]
+    assert {"declared", "verdict", "before", "effects", "after", "unnamed", "notes", "fitted", "sentence"} <= set(found)
+    assert found["verdict"] == "explained"
+    assert set(found["before"]) == set(found["after"]) >= SIDE_KEYS
+    effect = found["effects"][0]
+    assert set(effect) >= EFFECT_KEYS
+    assert effect["effect"] == "drift:t_s"
+    assert effect["family"] == "drift"
+    assert found["fitted"]["coefficients"]["x"]["estimate"] == pytest.approx(2.0, abs=0.2)
+    assert "drift:t_s" in found["sentence"]
+    text = page.read_text()
+    assert text.count("data:image/png;base64,") == 1
+    assert "drift:t_s" in text
+
+
+def test_text_tells_what_was_taken_for_what(rig, table):
+    code, printed, complaint = rig("trace", table, "--response", "y", "--formula", "1 + x", "--ignore", "temp_c")
+    assert code == 0, complaint
+    assert "drift:t_s" in printed
+    assert "t_s was taken for the time" in printed
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--response", "y"), "--formula"),
+        (("--group", "unit"), "--response"),
+        (("--response", "y", "--formula", "1 + x", "--time", "nothing"), "nothing"),
+    ],
+)
+def test_refusals_say_what_to_do(rig, table, options, words):
+    code, _, complaint = rig("trace", table, *options)
+    assert code == 2
+    assert words in complaint

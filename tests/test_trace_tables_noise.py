@@ -1,0 +1,80 @@
+"""Noise that rows share, held against matrices written out; the family, against draws."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fitter.effects.tables_scene import TableScene
+from fitter.trace.tables.family import family_of
+from fitter.trace.tables.noise import RATIOS, Shared, Wandering
+from fitter.trace.tables.problem import Problem, candidates_of
+from fitter.trace.tables.robust import excess
+from fitter.trace.tables.score import View, score
+
+N = 14
+WHEN = np.cumsum(np.random.default_rng(2).uniform(0.3, 2.0, N))
+GROUP = np.array([0, 0, 0, 1, 1, 2, 2, 2, 2, 3, 3, 3, 4, 4])
+
+
+def wandering_covariances():
+    """Every covariance of the grid, entry by entry: share c^|t - s|, or q min(t, s) for a walk, and white noise."""
+    correlation, share, step, white = Wandering(WHEN)._grid
+    apart, since = np.abs(WHEN[:, None] - WHEN), np.minimum(WHEN[:, None], WHEN) - WHEN[0]
+    for c, s, q, w in zip(correlation, share, step, white, strict=True):
+        yield (q * since if q else s * c**apart if c else 0.0 * apart) + w * np.eye(N)
+
+
+def shared_covariances():
+    together = (GROUP[:, None] == GROUP).astype(float)
+    return [np.eye(N) + ratio * together for ratio in (0.0, *RATIOS)]
+
+
+@pytest.mark.parametrize(
+    ("noise", "covariances"),
+    [(Wandering(WHEN), list(wandering_covariances())), (Shared(GROUP), shared_covariances())],
+    ids=["wandering", "shared"],
+)
+def test_whitening_and_variances_are_those_of_the_matrices(noise, covariances):
+    every = np.arange(len(covariances))
+    white = noise.whiten(every, np.eye(N))
+    units = np.linalg.qr(np.random.default_rng(3).standard_normal((N, 2)))[0]
+    for g, v in enumerate(covariances):
+        np.testing.assert_allclose(white[g] @ v @ white[g].T, np.eye(N), atol=1e-10)
+        assert noise.log_det[g] == pytest.approx(np.linalg.slogdet(v)[1], abs=1e-9)
+    for at in (0, len(covariances) // 2, len(covariances) - 1):
+        sums = units.T @ white[at]
+        expected = [np.trace(sums @ v @ sums.T) / 2.0 for v in covariances]
+        np.testing.assert_allclose(noise.variance(at, units), expected, rtol=1e-9)
+
+
+def test_the_family_holds_what_it_promises():
+    """400 tables of noise: the best of all candidates is below 5 % adjusted in 5 % of them, within 3 sd of counting."""
+    rng = np.random.default_rng(5)
+    x, c = rng.uniform(0, 10, 30), rng.standard_normal(30)
+    scene = TableScene({"x": x}, {"c": c}, {}, None, None)
+    declared = np.column_stack([np.ones(30), x])
+    problem = Problem(
+        y=rng.standard_normal(30),
+        declared=declared,
+        candidates=candidates_of(scene, "y", 28),
+        noise=Shared(np.arange(30)),
+        sd=np.ones(30),
+        ordered=False,
+    )
+    view = View.of(problem, 0)
+    family = family_of(view, np.ones(len(problem.candidates)), seed=1)
+    one = np.ones(1)
+    best = [score(view, rng.standard_normal(30), ())[0].p(one, one).min() for _ in range(400)]
+    raw = family.adjust(np.array(best)) * 6 / 7  # a seventh of the family is kept for other tests
+    assert 0.05 * 400 - 3 * np.sqrt(19) < np.sum(raw <= 0.05) < 0.05 * 400 + 3 * np.sqrt(19)
+
+
+def test_a_reading_alone_is_held_back_and_a_level_is_not():
+    rng = np.random.default_rng(6)
+    left = rng.standard_normal(100)
+    spike, level = left.copy(), left.copy()
+    spike[40] += 12.0
+    level[60:70] += 12.0
+    assert np.flatnonzero(excess(spike, ordered=True)).tolist() == [40]
+    assert not np.any(excess(level, ordered=True))
