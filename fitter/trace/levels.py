@@ -11,6 +11,7 @@ no offset of a replication, however it wanders from one to the next, and no lack
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -72,6 +73,35 @@ class Levels:
             return left
         basis = orthonormal(self.leave(beside, level), np.linalg.norm(beside, axis=0))
         return np.asarray(left - basis @ (basis.T @ left))
+
+    def products(self, columns: FloatArray, beside: FloatArray) -> dict[Level, FloatArray]:
+        """(q, q) products of what each level leaves of `columns` (n, q), one sensor's further columns (n, p) taken out.
+
+        From products of the columns themselves, less those of what is taken out: nothing is projected.
+        """
+        whole, out = columns.T @ columns, dict[Level, FloatArray]()
+        for level in LEVELS:
+            taken = [self._basis(level).T @ columns]
+            if level == "points":
+                visits = np.sqrt(self._visits)[:, None]
+                taken.append(np.add.reduceat(columns[self._by_point], self._first, axis=0) / visits)
+            if beside.shape[1]:
+                taken.append(orthonormal(self.leave(beside, level), np.linalg.norm(beside, axis=0)).T @ columns)
+            basis = np.concatenate(taken)
+            out[level] = whole - basis.T @ basis
+        return out
+
+    @cached_property
+    def _by_point(self) -> IntArray:
+        return np.argsort(self.point, kind="stable")
+
+    @cached_property
+    def _visits(self) -> IntArray:
+        return np.bincount(self.point)
+
+    @cached_property
+    def _first(self) -> IntArray:
+        return np.concatenate([[0], np.cumsum(self._visits)[:-1]])
 
     def _basis(self, level: Level) -> FloatArray:
         return {"declared": self.declared, "replications": self.replications, "points": self.points}[level]

@@ -4,6 +4,9 @@ Each replication's own parameters are one observation here, and there are only n
 to them is a direction in the space of parameters and a size for each replication; the parameters along that
 direction are regressed on that size twice, as if replications wandered independently and as if they took a random
 walk. The less favourable answer counts: a trend in six offsets that a random walk explains is no trend.
+
+A package that slips turns all sensors alike. What their axes do beside that, 9 numbers a replication for three sensors,
+is error enough to judge it by.
 """
 
 from __future__ import annotations
@@ -13,16 +16,19 @@ from numpy.typing import NDArray
 
 from fitter.arrays import FloatArray
 from fitter.attitude import attitude_columns
-from fitter.quantiles import t_tail
+from fitter.linear import orthonormal
+from fitter.quantiles import f_tail, t_tail
 from fitter.trace.problem import Problem
-from fitter.trace.score import rounding
+from fitter.trace.score import errors, rounding
 
 FEWEST = 4
 """Replications without which nothing can be said at this level."""
 
 
 def p_between_replications(problem: Problem, chosen: tuple[int, ...], gamma: FloatArray) -> FloatArray:
-    """(J,) probability of so good a relation between replications by chance; one where there is none to test.
+    """(U,) probability of so good a relation between replications by chance; one where there is none to test.
+
+    Tested are single columns without a searched constant, each by itself, and units of stratum "replication".
 
     Args:
         problem: the run.
@@ -30,29 +36,73 @@ def p_between_replications(problem: Problem, chosen: tuple[int, ...], gamma: Flo
         gamma: their coefficients.
 
     """
-    p = np.ones(len(problem.candidates))
+    p = np.ones(len(problem.units))
     data = problem.scene.data
-    if data.replicates.size < FEWEST:
+    tested = [u for u, unit in enumerate(problem.units) if _tested(problem, unit) and not set(unit) & set(chosen)]
+    if data.replicates.size < FEWEST or not tested:
         return p
-    e = problem.outputs["declared"] - problem.columns["declared"][:, :, list(chosen)] @ gamma
-    scale = np.maximum(e.std(axis=1), rounding(problem))[:, None]
-    own_outputs, own_columns = (
-        _own(problem, (e / scale)[:, :, None]),
-        _own(problem, problem.columns["declared"] / scale[:, :, None]),
-    )
-    y = own_outputs[:, :, 0]
-    length2 = np.sum((problem.length / scale) ** 2, axis=0)
-    for j, candidate in enumerate(problem.candidates):
-        if j in chosen or candidate.effect.stratum == "between-point":
+    e = problem.outputs - problem.columns_at("declared", chosen) @ gamma
+    scale = np.maximum(e.std(axis=1), rounding(problem))
+    picked = [j for u in tested for j in problem.units[u]]
+    both = np.concatenate([e[:, :, None], problem.columns_at("declared", picked)], axis=2) / scale[:, None, None]
+    own = _own(problem, both)
+    y, own_columns = own[:, :, 0], own[:, :, 1:]
+    length2 = np.sum((problem.length[:, picked] / scale[:, None]) ** 2, axis=0)
+    pure = errors(problem, chosen) / scale
+    first = 0
+    for u in tested:
+        at = slice(first, first + len(problem.units[u]))
+        first = at.stop
+        moves = own_columns[:, :, at] - own_columns[:, :, at].mean(axis=0)
+        if np.sum(moves**2) < 1e-4 * np.max(length2[at]):
             continue
-        moves = own_columns[:, :, j] - own_columns[:, :, j].mean(axis=0)
-        if np.sum(moves**2) < 1e-4 * length2[j]:
+        if problem.candidates[problem.units[u][0]].effect.stratum == "replication":
+            p[u] = _p_turn(moves, y - y.mean(axis=0), np.repeat(pure, y.shape[1] // pure.size))
             continue
+        moves = moves[:, :, 0]
         direction = np.linalg.svd(moves)[2][0]
-        x, u = moves @ direction, y @ direction
+        x, v = moves @ direction, y @ direction
         df = x.size - 2
-        p[j] = max(_p_slope(x - x.mean(), u - u.mean(), df), _p_slope(np.diff(x), np.diff(u), df))
+        p[u] = max(_p_slope(x - x.mean(), v - v.mean(), df), _p_slope(np.diff(x), np.diff(v), df))
     return p
+
+
+def _tested(problem: Problem, unit: tuple[int, ...]) -> bool:
+    effect = problem.candidates[unit[0]].effect
+    if effect.stratum == "replication":
+        return problem.judged_at[unit[0]] == "replications"
+    return effect.stratum != "between-point" and not effect.searched and len(unit) == 1
+
+
+def _p_turn(moves: FloatArray, y: FloatArray, pure: FloatArray) -> float:
+    """P of a unit that moves several parameters of all sensors in a common proportion from one replication on.
+
+    What else those parameters do is the error, if it is more than the scatter of readings explains. Tested on the
+    parameters themselves, as if replications differed independently, and on their changes, as if they took a random
+    walk; the worse counts.
+
+    Args:
+        moves: (n_rep, m, q) what each of the unit's columns does to the m parameters, centred.
+        y: (n_rep, m) the parameters, in units that readings know them by, centred.
+        pure: (m,) scatter of readings in the same units.
+
+    """
+    moved = np.linalg.norm(moves, axis=(0, 2))
+    concerned = moved > 0.05 * moved.max()
+    worst = 0.0
+    for columns, values, each in (
+        (moves, y, y.shape[0] - 1),
+        (np.diff(moves, axis=0) / np.sqrt(2), np.diff(y, axis=0) / np.sqrt(2), y.shape[0] - 1),
+    ):
+        x = (columns / pure[:, None])[:, concerned].reshape(-1, columns.shape[2])
+        v = (values / pure)[:, concerned].reshape(-1)
+        basis = orthonormal(x)
+        explained, df = float(np.sum((basis.T @ v) ** 2)), each * int(concerned.sum()) - basis.shape[1]
+        if df <= 0 or not basis.shape[1]:
+            return 1.0
+        error = max((float(v @ v) - explained) / df, 1.0)
+        worst = max(worst, f_tail(explained / basis.shape[1] / error, basis.shape[1], df))
+    return worst
 
 
 def _own(problem: Problem, columns: FloatArray) -> FloatArray:

@@ -48,9 +48,9 @@ def trace(
     """
     problem = pose(data, catalogue, temperature=temperature)
     family = family_of(problem, score(problem, ()), seed)
-    problem, found = _settle(problem, family)
+    judge, found = _settle(problem, family)
+    problem = judge.problem
     before, after = estimate(problem, ()), estimate(problem, found)
-    judge = AttitudeJudge(problem, family)
     classes = {name: judge.rivals(found, name) for name in names_of(problem.candidates, found)}
     cv = left_out(data, catalogue, family, temperature=temperature)
     sensors = {
@@ -78,7 +78,8 @@ def left_out(
             problem = pose(rest, catalogue, temperature=temperature)
         except ValueError:
             return None
-        problem, found = _settle(problem, family)
+        judge, found = _settle(problem, family)
+        problem = judge.problem
         h = attitude_columns(aside.pitch_deg, aside.roll_deg, roll=problem.scene.roll)
         outputs = np.stack([aside.outputs[s] for s in aside.sensors])
         for i, fitted in enumerate((estimate(problem, ()), estimate(problem, found))):
@@ -91,24 +92,23 @@ def left_out(
     return np.asarray(np.sqrt(squares / count))
 
 
-def _settle(problem: Problem, family: Family) -> tuple[Problem, tuple[int, ...]]:
+def _settle(problem: Problem, family: Family) -> tuple[AttitudeJudge, tuple[int, ...]]:
     """Search; then judge what was found against the random walk that is left, until nothing changes.
 
     A walk is looked for beside the effects and not before them: an effect of temperature not yet in the model looks
     like one, and would be judged against itself.
     """
-    chosen = search_and_name(AttitudeJudge(problem, family))
+    judge, chosen = search_and_name(AttitudeJudge(problem, family))
     by = expected(problem)
     if by is None:
-        return problem, chosen
+        return judge, chosen
     for _ in range(ROUNDS):
-        walking = with_wander(problem, chosen, by)
-        if np.all((walking.wander > 0) == (problem.wander > 0)):
+        walking = with_wander(judge.problem, chosen, by)
+        if np.all((walking.wander > 0) == (judge.problem.wander > 0)):
             break
-        problem = walking
-        judge = AttitudeJudge(problem, family)
-        chosen = search_and_name(judge, prune(judge, chosen))
-    return problem, chosen
+        judge = AttitudeJudge(walking, family)
+        judge, chosen = search_and_name(judge, prune(judge, chosen))
+    return judge, chosen
 
 
 def _sensor(
@@ -165,7 +165,7 @@ def _found(
     if not shown:
         return None
     effect = problem.candidates[picked[shown[0]]].effect
-    contribution = problem.raw[i][:, [picked[k] for k in mine]] @ after.gamma[mine]
+    contribution = raw_columns(problem.scene, [problem.candidates[picked[k]] for k in mine])[i] @ after.gamma[mine]
     formulas = [problem.candidates[picked[k]].term.as_formula(problem.scene, sensor) for k in shown]
     parts = {k: problem.candidates[picked[k]] for k in mine}
     own = {part.term.name: float(after.gamma[k]) for k, part in parts.items() if part.sensor in (None, sensor)}
@@ -207,9 +207,10 @@ def _experiments(effect: Effect, aliases: Iterable[Effect]) -> str:
 
 def _size(problem: Problem, after: Estimate, k: int, i: int) -> float:
     """Standard errors that term `k` of the model amounts to in sensor `i` by itself."""
-    column = problem.columns["declared"][i][:, after.chosen[k]]
+    j = after.chosen[k]
+    length = np.sqrt(problem.products["declared"].columns[i, j, j])
     sigma = np.sqrt(_pure_variance(after.tables[i]))
-    return float(abs(after.gamma[k]) * np.linalg.norm(column) / sigma) if concerns(problem, after.chosen[k])[i] else 0.0
+    return float(abs(after.gamma[k]) * length / sigma) if concerns(problem, after.chosen[k])[i] else 0.0
 
 
 def _pure_variance(table: Replication) -> float:

@@ -17,6 +17,7 @@ from fitter.arrays import FloatArray, IntArray
 from fitter.trace.levels import stretches
 from fitter.trace.problem import Problem
 from fitter.trace.score import errors, whiten
+from fitter.trace.whitened import Whitened
 
 OBSERVATIONS = 24
 """In one stretch: long enough for a slow walk to stand out of the scatter, short enough to have many."""
@@ -26,9 +27,7 @@ SHORTEST = 16
 """Observations of a replication below which no walk is looked for."""
 SURE = 3.0
 """Standard deviations of the null by which the sums over stretches must be too large."""
-MARGIN = 3.0
-"""Natural log of the likelihood ratio that effects in time need over a random walk."""
-STEPS = tuple(np.logspace(-6, 0, 13))
+STEPS = (0.0, *np.logspace(-6, 0, 13).tolist())
 """Mean square steps of a walk tried, over the variance of the scatter."""
 DRAWS = 100
 SEED = 1
@@ -72,40 +71,66 @@ def expected(problem: Problem) -> Expected | None:
 
 def with_wander(problem: Problem, chosen: tuple[int, ...], by: Expected) -> Problem:
     """The problem with the random walk that is left in each sensor beside the `chosen` candidates, if any is."""
-    sigma = errors(problem, chosen)
-    left = whiten(problem, "points", chosen, sigma, ()).outputs
-    found = _walk(left, by)
-    in_time = tuple(j for j in chosen if problem.judged_at[j] == "points")
-    if in_time:
-        bare = whiten(problem, "points", [j for j in chosen if j not in in_time], sigma, ()).outputs
-        instead = np.array([likelier_a_walk(*pair, problem) for pair in zip(bare, left, strict=True)])
-        found = np.where(instead, np.maximum(found, _walk(bare, by)), found)
-    return replace(problem, wander=found)
+    left = whiten(problem, "points", chosen, errors(problem, chosen)).outputs
+    return replace(problem, wander=_walk(left, by))
 
 
-def likelier_a_walk(bare: FloatArray, left: FloatArray, problem: Problem) -> bool:
-    """Whether a random walk explains `bare` (n,) better than scatter alone explains `left` (n,).
+def likelihood_ratio(problem: Problem, white: Whitened, gamma: FloatArray) -> float:
+    """Twice the logarithm of how much likelier outputs are with some columns than without, a random walk beside both.
 
-    `left` is what effects in time leave of `bare`. A walk that explains a smooth effect has to be wide enough to take
-    many other courses too, and its likelihood pays for them.
+    The walk of each sensor is as wide as makes the outputs likeliest, with the columns and without: what a walk explains
+    as well as the columns gives them no credit. Chi squared where there is nothing but scatter and a walk.
+
+    Args:
+        problem: the run.
+        white: outputs (S, n) and columns (S, n, q) at the level "points".
+        gamma: (q,) coefficients to start from.
+
     """
-    firsts = np.diff(problem.scene.data.replicate_index[problem.levels.executed]) != 0
-    scatter, walk = (np.diff(e[problem.levels.executed]) for e in (left, bare))
-    best = max(_log_likelihood(walk, firsts, step) for step in STEPS)
-    return best > _log_likelihood(scatter, firsts, 0.0) - MARGIN
+    rows = problem.levels.executed
+    moved = np.any(white.columns != 0, axis=(1, 2))
+    white = Whitened(white.outputs[moved], white.columns[moved])
+    firsts = np.diff(problem.scene.data.replicate_index[rows]) != 0
+    both = np.concatenate([white.outputs[:, :, None], white.columns], axis=2)[:, rows]
+    moves = np.where(firsts[:, None], 0.0, np.diff(both, axis=1))
+    count = firsts.size - int(firsts.sum())
+    squares, determinant = _filtered(moves, firsts)
+
+    def likelihood(coefficients: FloatArray) -> FloatArray:
+        combined = np.concatenate([[1.0], -coefficients])
+        rss = np.maximum(np.einsum("j,tsjk,k->ts", combined, squares, combined), np.finfo(float).tiny)
+        return np.asarray(-0.5 * count * np.log(rss / count) - determinant[:, None])
+
+    without, at = likelihood(np.zeros_like(gamma)).max(axis=0), np.arange(len(white.outputs))
+    for _ in range(2):
+        step = likelihood(gamma).argmax(axis=0)
+        picked = squares[step, at]
+        combined = np.concatenate([[1.0], -gamma])
+        weight = 1.0 / np.maximum(np.einsum("j,sjk,k->s", combined, picked, combined), np.finfo(float).tiny)
+        total = np.einsum("s,sjk->jk", weight, picked)
+        gamma = np.linalg.lstsq(total[1:, 1:], total[1:, 0], rcond=1e-9)[0]
+    return float(2.0 * np.sum(likelihood(gamma)[step, at] - without))
 
 
-def _log_likelihood(moves: FloatArray, firsts: NDArray[np.bool_], step: float) -> float:
-    """Of differences between consecutive observations: scatter, plus a walk of mean square `step` over its variance.
+def _filtered(moves: FloatArray, firsts: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
+    """Products (T, S, q, q) of differences between consecutive observations, made white for each of T widths of a walk.
 
-    The differences' covariance has three diagonals; those across the start of a replication say nothing.
+    Scatter and a walk of mean square `step` over its variance give differences a covariance of three diagonals; those
+    across the start of a replication say nothing. With it (T,) half the logarithm of the covariance's determinant.
     """
-    moves = np.where(firsts, 0.0, moves)
-    below = np.where(firsts[:-1] | firsts[1:], 0.0, -1.0)
-    factor = cholesky_banded(np.stack([np.where(firsts, 1.0, 2.0 + step), np.append(below, 0.0)]), lower=True)
-    count = moves.size - int(firsts.sum())
-    white = solve_banded((1, 0), factor, moves)
-    return float(-0.5 * count * np.log(np.sum(white**2) / count) - np.sum(np.log(factor[0])))
+    sensors, n, q = moves.shape
+    flat = np.moveaxis(moves, 0, 1).reshape(n, sensors * q)
+    below = np.append(np.where(firsts[:-1] | firsts[1:], 0.0, -1.0), 0.0)
+    squares, determinant = np.empty((len(STEPS), sensors, q, q)), np.empty(len(STEPS))
+    for k, step in enumerate(STEPS):
+        factor = cholesky_banded(
+            np.stack([np.where(firsts, 1.0, 2.0 + step), below]), lower=True, overwrite_ab=True, check_finite=False
+        )
+        white = solve_banded((1, 0), factor, flat, check_finite=False).reshape(n, sensors, q)
+        by_sensor = np.moveaxis(white, 1, 0)
+        squares[k] = np.swapaxes(by_sensor, 1, 2) @ by_sensor
+        determinant[k] = np.sum(np.log(factor[0]))
+    return squares, determinant
 
 
 def _walk(left: FloatArray, by: Expected) -> FloatArray:
