@@ -18,6 +18,9 @@ from fitter.trace.replications import p_between_replications
 from fitter.trace.robust import second_thoughts
 from fitter.trace.score import Scores, beside, errors, score
 
+TOGETHER = 0.05
+"""P between replications above which what happens within them is not asked for: together they would be too much."""
+
 
 @dataclass(frozen=True, eq=False)
 class AttitudeJudge:
@@ -104,8 +107,17 @@ class AttitudeJudge:
         return {}
 
     def _between(self, chosen: tuple[int, ...]) -> FloatArray:
-        """(U,) p between replications, each multiplied by the number of tests over their share of the family."""
+        """(U,) p between replications, each multiplied by the number of tests over their share of the family.
+
+        What varies within replications too says something there, of which what it does between them knows nothing: the
+        two are put together as Fisher does.
+        """
         gamma = coefficients(self.problem, chosen, "declared")[0]
         p = p_between_replications(self.problem, chosen, gamma)
         tests = max(int(np.sum(p < 1.0)), 1)
+        both = [u for u in np.flatnonzero(p < TOGETHER) if self.problem.judged_at[self.problem.units[u][0]] == "points"]
+        scores = score(self.problem, chosen, both)
+        for u in both:
+            product = max(p[u] * second_thoughts(self.problem, chosen, u, scores, 1.0), np.finfo(float).tiny)
+            p[u] = product * (1.0 - np.log(product))
         return np.asarray(np.minimum(p * tests / COUNTED, 1.0))

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import special
 from scipy.linalg import cholesky_banded, solve_banded
 
 from fitter.arrays import FloatArray, IntArray
@@ -110,6 +111,25 @@ def likelihood_ratio(problem: Problem, white: Whitened, gamma: FloatArray) -> fl
         total = np.einsum("s,sjk->jk", weight, picked)
         gamma = np.linalg.lstsq(total[1:, 1:], total[1:, 0], rcond=1e-9)[0]
     return float(2.0 * np.sum(likelihood(gamma)[step, at] - without))
+
+
+def walk_evidence(problem: Problem, left: FloatArray) -> tuple[float, float]:
+    """P of so likely a random walk in one sensor's residual by chance, and its mean square step over the scatter's.
+
+    Args:
+        problem: the run.
+        left: (n,) the residual at the level "points".
+
+    """
+    rows = problem.levels.executed
+    firsts = np.diff(problem.scene.data.replicate_index[rows]) != 0
+    moves = np.where(firsts, 0.0, np.diff(left[rows]))[None, :, None]
+    count = max(firsts.size - int(firsts.sum()), 1)
+    squares, determinant = _filtered(moves, firsts)
+    rss = np.maximum(squares[:, 0, 0, 0], np.finfo(float).tiny)
+    likelihood = -0.5 * count * np.log(rss / count) - determinant
+    best = int(np.argmax(likelihood))
+    return 0.5 * float(special.chdtrc(1, 2.0 * (likelihood[best] - likelihood[0]))), STEPS[best]
 
 
 def _filtered(moves: FloatArray, firsts: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
