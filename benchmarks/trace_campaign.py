@@ -1,15 +1,16 @@
 """How far the attitude tracer can be trusted: every effect of the catalogue alone and with others, clean runs, noise.
 
-    python -m benchmarks.trace_campaign singles [seeds] [rms]   each effect alone: named, anything besides, error ratio
-    python -m benchmarks.trace_campaign pairs [runs] [rms]      two effects at once, drawn at random; triples likewise
-    python -m benchmarks.trace_campaign clean [runs]            nothing missing: each order of running, several designs
-    python -m benchmarks.trace_campaign power [seeds]           smallest size found, against a test told what to look for
+    python -m benchmarks.trace_campaign singles [seeds] [rms]   each effect alone: named, error ratio
+    python -m benchmarks.trace_campaign pairs [runs] [rms]      two effects at once, drawn at random
+    python -m benchmarks.trace_campaign triples [runs] [rms]    three
+    python -m benchmarks.trace_campaign clean [runs]            nothing missing: several designs and orders
+    python -m benchmarks.trace_campaign power [seeds]           smallest size found
     python -m benchmarks.trace_campaign wander [runs]           an offset that takes a random walk through the night
-    python -m benchmarks.trace_campaign outliers [runs]         a few readings far off: with and without an effect
+    python -m benchmarks.trace_campaign outliers [runs]         a few readings far off, with and without an effect
     python -m benchmarks.trace_campaign speed                   time and memory
 
-The bench is the one of the fitter's tests (tests/attitude_truth.py), written from rotations; pitch and roll 25 x 13 over
-+-180 deg, six replications, three sensors, unless said otherwise.
+The bench is the one of the fitter's tests (tests/attitude_truth.py), written from rotations; pitch and roll 25 x 13
+over +-180 deg, six replications, three sensors, unless said otherwise.
 """
 
 import os
@@ -77,7 +78,10 @@ def singles(seeds=20, rms=0.5, only=""):
             f"error ratio {np.median(own):5.2f} {np.quantile(own, 0.95):5.2f}  {dict(besides)}",
             flush=True,
         )
-    print(f"all: named {good} of {total}, more than hidden in {more}; error ratio median {np.median(ratios):.2f}, ", end="")
+    print(
+        f"all: named {good} of {total}, more than hidden in {more}; error ratio median {np.median(ratios):.2f}, ",
+        end="",
+    )
     print(f"95 % below {np.quantile(ratios, 0.95):.2f}")
 
 
@@ -143,7 +147,16 @@ def _count(label, bench, plan, runs, options):
 
 def power(seeds=20):
     """Sizes in standard errors of a test told what to look for; such a test finds 3.60 of them in 95 % of runs."""
-    for name in ("pads", "square", "cube", "product", "gear, pitch", "creep", "backlash, roll", "sensitivity, temperature"):
+    for name in (
+        "pads",
+        "square",
+        "cube",
+        "product",
+        "gear, pitch",
+        "creep",
+        "backlash, roll",
+        "sensitivity, temperature",
+    ):
         hidden, found = HIDDEN[name], {}
         for sigmas in (4.5, 5.0, 5.5, 6.0, 6.5):
             rms = sigmas / np.sqrt(len(simulate(CLEAN, GRID, 0)[0]) * witnesses(name))
@@ -187,7 +200,10 @@ def outliers(runs=20):
 
 def speed():
     plan = D1(180, 37, 13)
-    for label, bench in (("nothing to add", CLEAN), ("two effects", together([sized("pads", 2, plan), sized("cube", 2, plan)]))):
+    for label, bench in (
+        ("nothing to add", CLEAN),
+        ("two effects", together([sized("pads", 2, plan), sized("cube", 2, plan)])),
+    ):
         data, _ = simulate(bench, plan, 0)
         start = time.process_time()
         trace(data)

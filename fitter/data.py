@@ -156,7 +156,7 @@ class AttitudeData:
         return _number(pair)
 
     def take(self, rows: IntArray) -> AttitudeData:
-        """The observations at `rows` (indices or a mask); sides, blocks and what went before as they are in the whole."""
+        """The observations at `rows` (indices or a mask); sides, blocks, what went before: as in the whole."""
         given = {f.name: getattr(self, f.name) for f in fields(self) if f.init}
         picked: dict[str, Any] = {name: v[rows] if isinstance(v, np.ndarray) else v for name, v in given.items()}
         picked["outputs"] = {name: v[rows] for name, v in self.outputs.items()}

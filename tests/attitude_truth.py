@@ -304,9 +304,7 @@ def told_the_truth(bench, without, data, sensor):
     hours = data.elapsed_s / 3600.0
     recorded = (data.pitch_deg, data.roll_deg, data.sensor_temperature_degC, hours, data.pitch_side, data.roll_side)
     before = data.previous_pitch_deg, data.previous_roll_deg
-    full, *less = (
-        b.outputs(*recorded, data.block, before, data.replicate)[sensor] for b in (bench, *without)
-    )
+    full, *less = (b.outputs(*recorded, data.block, before, data.replicate)[sensor] for b in (bench, *without))
     a, r = np.radians(data.pitch_deg), np.radians(data.roll_deg)
     model = [np.ones_like(a), np.sin(a), np.cos(a) * np.sin(r), np.cos(a) * np.cos(r)]
     shapes = [full - one for one in less]

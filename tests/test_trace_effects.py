@@ -121,9 +121,7 @@ def test_effect_of_one_standard_deviation_is_named_and_predicted(name):
     assert classes
     assert all(hidden.effect in one for one in classes)
     predicted, told = found.predict(data), {s: told_the_truth(bench, [CLEAN], data, s) for s in data.sensors}
-    wrong, least = (
-        np.sqrt(np.mean([(p[s] - truth[s]) ** 2 for s in data.sensors])) for p in (predicted, told)
-    )
+    wrong, least = (np.sqrt(np.mean([(p[s] - truth[s]) ** 2 for s in data.sensors])) for p in (predicted, told))
     assert wrong < 1.6 * least
 
 

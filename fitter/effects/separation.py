@@ -35,13 +35,21 @@ _LAG = "step the enclosure's temperature once and read one point until nothing c
 _AUTOCOLLIMATOR = (
     "read an autocollimator on the package at one command before and after: a package or a head that moved shows there"
 )
-_EVEN = "visit points where gravity along the sensor is the same but the angles are not: an error of the head differs there"
+_EVEN = (
+    "visit points where gravity along the sensor is the same but the angles are not: an error of the head differs there"
+)
 _SAME_RANGE = "read a voltage standard at several voltages on a fixed range, in the evening and in the morning"
 _AT_REST = {"settling-pitch", "settling-roll", "creep"}
-_SIDES_OR_TIME = "visit some points from both sides within the same hour: what depends on the side shows, what drifts does not"
+_SIDES_OR_TIME = (
+    "visit some points from both sides within the same hour: what depends on the side shows, what drifts does not"
+)
 _BETWEEN_POINTS = {
-    frozenset({"pitch axis"}): "go beyond +-30 deg of pitch, and between the pitches of the design: other periods part there",
-    frozenset({"roll axis"}): "go beyond +-30 deg of roll, and between the rolls of the design: other periods part there",
+    frozenset(
+        {"pitch axis"}
+    ): "go beyond +-30 deg of pitch, and between the pitches of the design: other periods part there",
+    frozenset(
+        {"roll axis"}
+    ): "go beyond +-30 deg of roll, and between the rolls of the design: other periods part there",
     frozenset({"pitch axis", "roll axis"}): _AXES,
     frozenset({"pitch axis", "package"}): _HEAD,
     frozenset({"pitch axis", "sensor"}): _HEAD,

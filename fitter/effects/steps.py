@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-
 from fitter.arrays import FloatArray
 from fitter.data import AttitudeData
 from fitter.effects.effect import Alias, Effect, Scene, Term

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitter.arrays import FloatArray
+from fitter.arrays import FloatArray, IntArray
 from fitter.data import AttitudeData
 from fitter.effects.effect import Alias, Effect, Scene, Term, fixed
 from fitter.effects.sizes import each, micro
@@ -16,7 +16,7 @@ UP, DOWN = 1.2, 1.0
 """Of a range: where autoranging leaves it upwards, and where it comes back to it (10 % of the next one)."""
 
 
-def _upper(v: FloatArray, order: FloatArray, low: float, high: float) -> FloatArray:
+def _upper(v: FloatArray, order: IntArray, low: float, high: float) -> FloatArray:
     """(n,) one where the meter is on the upper range: since |v| passed `high` until it falls below `low`."""
     ahead = np.argsort(order)
     size = np.abs(v[ahead])

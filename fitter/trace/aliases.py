@@ -124,7 +124,10 @@ class Products:
     def price(self, terms: tuple[int, ...]) -> float:
         """Residual sum of squares with `terms` fitted, less that without them, plus the price of the columns."""
         picked = list(terms)
-        gram, dot = self.columns[np.ix_(picked, picked)], self.outputs[picked]
+        if len(picked) == 1:
+            (j,) = picked
+            return PER_COLUMN - float(self.outputs[j]) ** 2 / max(float(self.columns[j, j]), np.finfo(float).tiny)
+        gram, dot = self.columns[picked][:, picked], self.outputs[picked]
         length = np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
         weights = np.linalg.lstsq(gram / np.outer(length, length), dot / length, rcond=1e-10)[0]
         return float(-weights @ (dot / length)) + PER_COLUMN * len(terms)

@@ -75,9 +75,7 @@ def family_of(problem: Problem, scores: Scores, seed: int) -> Family:
     return Family(np.sort(np.concatenate(smallest)))
 
 
-def _alike(
-    problem: Problem, units: list[tuple[int, int, int]], scores: Scores
-) -> dict[tuple[float, int], np.ndarray]:
+def _alike(problem: Problem, units: list[tuple[int, int, int]], scores: Scores) -> dict[tuple[float, int], np.ndarray]:
     """First columns of units that have one level's degrees of freedom and as many columns, by both."""
     groups: dict[tuple[float, int], list[int]] = {}
     most = {

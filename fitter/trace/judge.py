@@ -115,7 +115,11 @@ class AttitudeJudge:
         gamma = coefficients(self.problem, chosen, "declared")[0]
         p = p_between_replications(self.problem, chosen, gamma)
         tests = max(int(np.sum(p < 1.0)), 1)
-        both = [u for u in np.flatnonzero(p < TOGETHER) if self.problem.judged_at[self.problem.units[u][0]] == "points"]
+        both = [
+            u
+            for u in np.flatnonzero(p < TOGETHER).tolist()
+            if self.problem.judged_at[self.problem.units[u][0]] == "points"
+        ]
         scores = score(self.problem, chosen, both)
         for u in both:
             product = max(p[u] * second_thoughts(self.problem, chosen, u, scores, 1.0), np.finfo(float).tiny)

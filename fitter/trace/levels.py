@@ -21,6 +21,7 @@ from fitter.attitude import attitude_columns
 from fitter.data import AttitudeData
 from fitter.linear import orthonormal
 from fitter.replication import centred, own_parameters
+from fitter.trace.walks import Walks, walks_of
 
 Level = Literal["declared", "replications", "points"]
 LEVELS: tuple[Level, ...] = ("declared", "replications", "points")
@@ -37,6 +38,7 @@ class Levels:
         point: (n,) point of the design.
         stretch: (n,) which stretch of consecutive observations, a quarter of a replication, a row belongs to.
         executed: (n,) rows in the order of running, replication by replication.
+        replicate: (n,) replication of each row, from 0.
         beside: further columns of the declared model that are taken out for each sensor; they cost degrees of freedom.
 
     """
@@ -47,6 +49,7 @@ class Levels:
     point: IntArray
     stretch: IntArray
     executed: IntArray
+    replicate: IntArray
     beside: int = 0
 
     @property
@@ -91,6 +94,18 @@ class Levels:
             out[level] = whole - basis.T @ basis
         return out
 
+    def walks(self, level: Level) -> Walks:
+        """Likelihoods, of what a level leaves, under random walks of the offset."""
+        if level not in self._walks:
+            self._walks[level] = walks_of(
+                self.executed, self.replicate, self._basis(level), float(max(self.df(level), 1))
+            )
+        return self._walks[level]
+
+    @cached_property
+    def _walks(self) -> dict[Level, Walks]:
+        return {}
+
     @cached_property
     def _by_point(self) -> IntArray:
         return np.argsort(self.point, kind="stable")
@@ -118,6 +133,7 @@ def levels_of(data: AttitudeData, beside: int = 0) -> Levels:
         point=data.point,
         stretch=stretches(data, -(-len(data) // (4 * data.replicates.size))),
         executed=np.lexsort((data.order, data.replicate_index)),
+        replicate=data.replicate_index,
         beside=beside,
     )
 

@@ -1,6 +1,6 @@
-"""What is found of the noise: an offset that walks, scatter that grows with something, readings that stand out.
+"""What is found of the noise: an offset that walks, scatter that grows, readings that stand out.
 
-These are findings of stratum "noise". They say how far the other findings and the intervals can be trusted; no column is
+These are findings of stratum "noise". They say how far other findings and the intervals can be trusted; no column is
 added to the model for them.
 """
 
@@ -99,7 +99,9 @@ def _growth(problem: Problem, left: FloatArray, sigma: float, i: int) -> Found |
     )
 
 
-def outlier_finding(problem: Problem, whole: AttitudeData, rows: IntArray, sd: FloatArray, moved: float, i: int) -> Found:
+def outlier_finding(
+    problem: Problem, whole: AttitudeData, rows: IntArray, sd: FloatArray, moved: float, i: int
+) -> Found:
     """The readings of sensor `i` that stand out.
 
     Args:
@@ -122,8 +124,8 @@ def outlier_finding(problem: Problem, whole: AttitudeData, rows: IntArray, sd: F
         terms=where,
         coefficients=tuple(float(sd[r] * scale) for r in worst),
         unit="V",
-        size=f"{rows.size} of {len(whole)} readings, up to {np.max(np.abs(sd[rows])):.3g} sd; with them the fit moves by "
-        f"up to {moved:.2g} of its standard errors",
+        size=f"{rows.size} of {len(whole)} readings, up to {np.max(np.abs(sd[rows])):.3g} sd; with them the fit moves "
+        f"by up to {moved:.2g} of its standard errors",
         p_adjusted=float(min(sd.size * len(problem.sensors) * 2 * special.ndtr(-np.min(np.abs(sd[rows]))), 1.0)),
         separate_by="repeat these points",
         against="elapsed_s",

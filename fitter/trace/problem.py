@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.calibration import AttitudeFit, fit_all
@@ -107,7 +108,9 @@ class Problem:
         """(S, n, q) what a level leaves of some candidates' columns, V per unit coefficient."""
         out = np.zeros((len(self.sensors), len(self.scene.data), len(picked)))
         for i, own in enumerate(self.concerned):
-            at = [(k, p) for k, j in enumerate(picked) if (p := int(np.searchsorted(own, j))) < own.size and own[p] == j]
+            at = [
+                (k, p) for k, j in enumerate(picked) if (p := int(np.searchsorted(own, j))) < own.size and own[p] == j
+            ]
             if at:
                 k, p = np.array(at).T
                 own_columns = self.blocks[i][:, p]
@@ -148,12 +151,10 @@ class Problem:
                 for level in LEVELS:
                     left, to = self.left(i, columns, level), products[level]
                     cross = blocks[i].T @ left
-                    to.columns[i][np.ix_(own, picked)] = cross
-                    to.columns[i][np.ix_(picked, own)] = cross.T
+                    to.columns[i][own[:, None], picked] = cross
+                    to.columns[i][np.array(picked)[:, None], own] = cross.T
                     to.outputs[i, picked] = self.outputs[i] @ left
-        return replace(
-            self, candidates=tuple(candidates), blocks=tuple(blocks), products=products, length=length
-        )
+        return replace(self, candidates=tuple(candidates), blocks=tuple(blocks), products=products, length=length)
 
 
 def _copied(products: Products) -> Products:
@@ -197,7 +198,10 @@ def pose(data: AttitudeData, catalogue: Sequence[Effect], *, temperature: bool =
     blocks = [block[:, useful[own]] for block, own in zip(blocks, owns, strict=True)]
     concerned = tuple(number[own[useful[own]]] for own in owns)
     outputs = np.stack(
-        [levels.leave_beside(data.outputs[s][:, None], b, level="declared")[:, 0] for s, b in zip(data.sensors, beside, strict=True)]
+        [
+            levels.leave_beside(data.outputs[s][:, None], b, level="declared")[:, 0]
+            for s, b in zip(data.sensors, beside, strict=True)
+        ]
     )
     products = _products(levels, blocks, concerned, outputs, beside, len(candidates))
     length, units = length[:, useful], _units(candidates)
@@ -280,13 +284,14 @@ def raw_columns(scene: Scene, candidates: Sequence[Candidate]) -> FloatArray:
     return out
 
 
-def _useful(candidates: Sequence[Candidate], length: FloatArray, left: FloatArray) -> np.ndarray:
+def _useful(candidates: Sequence[Candidate], length: FloatArray, left: FloatArray) -> NDArray[np.bool_]:
     """(J,) whether a candidate adds something to the declared model, and moves the sensors directly."""
-    own, strongest = np.linalg.norm(length, axis=0), {}
+    own = np.linalg.norm(length, axis=0)
+    strongest: dict[tuple[str, str | None], float] = {}
     for candidate, size in zip(candidates, own, strict=True):
         strongest[candidate.cause] = max(float(size), strongest.get(candidate.cause, 0.0))
-    direct = [c.effect.scope != "package" or size > REACHES * strongest[c.cause] for c, size in zip(candidates, own, strict=True)]
-    return (np.linalg.norm(left, axis=0) > IS_THE_MODEL * own) & np.array(direct, bool)
+    least = np.array([REACHES * strongest[c.cause] if c.effect.scope == "package" else -1.0 for c in candidates])
+    return np.asarray((np.linalg.norm(left, axis=0) > IS_THE_MODEL * own) & (own > least))
 
 
 def _candidates(data: AttitudeData, catalogue: Sequence[Effect]) -> tuple[Candidate, ...]:

@@ -1,4 +1,4 @@
-"""Constants that the catalogue searches on a coarse grid, the moment of a step say, placed as closely as the data allow."""
+"""Constants searched on a coarse grid, the moment of a step say, placed as closely as the data allow."""
 
 from __future__ import annotations
 

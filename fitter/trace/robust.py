@@ -7,8 +7,8 @@ Its score is taken again with the errors
 - for what varies in time, from the scatter over stretches of the run, which holds where the noise wanders slowly;
 - from the random walk of the offset, where the residual shows one (`wander.py`);
 
-and what varies in time has to explain the residual better than a random walk that is as free to fit it, by the ratio of
-their likelihoods: a walk too small to be seen beside the scatter still looks like drift.
+and it has to explain the residual better than a random walk that is as free to fit it, by the ratio of their restricted
+likelihoods (`walks.py`): a walk too small to be seen beside the scatter still looks like drift.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from scipy import special
 from fitter.arrays import FloatArray
 from fitter.trace.problem import Problem
 from fitter.trace.score import Scores, errors, inverse, whiten
-from fitter.trace.wander import likelihood_ratio
+from fitter.trace.walks import likelihood_ratio
 
 
 def second_thoughts(problem: Problem, chosen: tuple[int, ...], u: int, scores: Scores, critical: float) -> float:
@@ -53,13 +53,15 @@ def second_thoughts(problem: Problem, chosen: tuple[int, ...], u: int, scores: S
         meats.append(products * plain + walked(problem, columns))
     f = min(scores.f[u], *(float(d @ inverse(meat, length2, rank) @ d) / rank for meat in meats))
     p = float(special.fdtrc(rank, scores.df[u], max(f, 0.0)))
-    if level != "points" or p > critical:
+    if p > critical or problem.levels.df("points") <= 0:
         return p
-    return max(p, float(special.chdtrc(rank, max(likelihood_ratio(problem, white, gamma), 0.0))))
+    moved = np.flatnonzero(np.any(columns != 0, axis=(1, 2)))
+    ratio = likelihood_ratio(problem.levels.walks(level), list(white.outputs[moved]), list(columns[moved]))
+    return max(p, float(special.chdtrc(rank, max(ratio, 0.0))))
 
 
 def walked(problem: Problem, columns: FloatArray) -> FloatArray:
-    """(q, q) what the random walk in the offsets adds to the covariance of columns' (S, n, q) products with the outputs.
+    """(q, q) what the walk in the offsets adds to the covariance of columns' (S, n, q) products with the outputs.
 
     The columns are free of every replication's offset, so the walk may start anew in each.
     """

@@ -64,21 +64,18 @@ def trace(
 def _without_outliers(
     data: AttitudeData, catalogue: Sequence[Effect], seed: int, *, temperature: bool
 ) -> tuple[IntArray, AttitudeJudge, tuple[int, ...], Family]:
-    """Search without the readings that stand out, and look again beside what was found, until none is to be added.
+    """Search; again without the readings that stand out beside what was found; until none is to be added.
 
     A reading that stood out only of what was not yet in the model comes back.
     """
     aside = np.zeros(0, np.int64)
     for last in (False, False, True):
-        problem = pose(data.take(np.setdiff1d(np.arange(len(data)), aside)), catalogue, temperature=temperature)
-        if not aside.size and not last:
-            aside = outliers(data, problem.outputs)[0]
-            if aside.size:
-                problem = pose(data.take(np.setdiff1d(np.arange(len(data)), aside)), catalogue, temperature=temperature)
+        kept = data if not aside.size else data.take(np.setdiff1d(np.arange(len(data)), aside))
+        problem = pose(kept, catalogue, temperature=temperature)
         family = family_of(problem, score(problem, ()), seed)
         judge, found = _settle(problem, family)
         again = outliers(data, residual_of(judge.problem, estimate(judge.problem, found), data))[0]
-        if np.array_equal(again, aside) or last:
+        if last or np.array_equal(again, aside):
             break
         aside = again
     return aside, judge, found, family
@@ -103,8 +100,8 @@ def left_out(
 ) -> FloatArray | None:
     """(2, S) rms error on replications left out, V, before and after; None where fewer than two can be.
 
-    The search is repeated without the replication that is left out, whose own offset is predicted as zero. Where nothing
-    was found in the whole, there is nothing to repeat.
+    The search is repeated without the replication that is left out, whose own offset is predicted as zero. Where
+    nothing was found in the whole, there is nothing to repeat.
     """
     if data.replicates.size < 2:
         return None
@@ -185,9 +182,7 @@ def _sensor(
     )
 
 
-def _outliers(
-    problem: Problem, whole: AttitudeData, aside: IntArray, after: Estimate, i: int
-) -> tuple[Found, ...]:
+def _outliers(problem: Problem, whole: AttitudeData, aside: IntArray, after: Estimate, i: int) -> tuple[Found, ...]:
     """The readings of sensor `i` that were left out, and what the fit would be with them."""
     if not aside.size:
         return ()

@@ -1,8 +1,8 @@
 """How much each unit of candidates removes beyond the present model, against the error of its own stratum.
 
 Outputs are divided by their own point-by-replication error, so that sensors count alike. A unit is one column, or
-several that are judged together (sine and cosine of one frequency); its score is what Wald's F is to several columns and
-the square of Student's t to one, with the largest of several errors:
+several that are judged together (sine and cosine of one frequency). Its score is Wald's F, the square of Student's t
+for one column, with the largest of several errors:
 
 - the point-by-replication error; between points the lack of fit instead, wherever more than error is left there after
   the unit, so that an unknown cause cannot bring in whatever slightly resembles it;
@@ -190,9 +190,7 @@ class _Units:
 
 
 def _of_units(left: Beside, length2: FloatArray, at: IntArray) -> _Units:
-    return _Units(
-        left.columns[:, at[:, :, None], at[:, None, :]], left.outputs[:, at], left.square, length2[at]
-    )
+    return _Units(left.columns[:, at[:, :, None], at[:, None, :]], left.outputs[:, at], left.square, length2[at])
 
 
 def _judge(

@@ -10,15 +10,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
-from scipy.linalg import cholesky_banded, solve_banded
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.trace.levels import stretches
 from fitter.trace.problem import Problem
 from fitter.trace.score import errors, whiten
-from fitter.trace.whitened import Whitened
+from fitter.trace.walks import STEPS
 
 OBSERVATIONS = 24
 """In one stretch: long enough for a slow walk to stand out of the scatter, short enough to have many."""
@@ -28,8 +26,6 @@ SHORTEST = 16
 """Observations of a replication below which no walk is looked for."""
 SURE = 3.0
 """Standard deviations of the null by which the sums over stretches must be too large."""
-STEPS = (0.0, *np.logspace(-6, 0, 13).tolist())
-"""Mean square steps of a walk tried, over the variance of the scatter."""
 DRAWS = 100
 SEED = 1
 
@@ -76,43 +72,6 @@ def with_wander(problem: Problem, chosen: tuple[int, ...], by: Expected) -> Prob
     return replace(problem, wander=_walk(left, by))
 
 
-def likelihood_ratio(problem: Problem, white: Whitened, gamma: FloatArray) -> float:
-    """Twice the logarithm of how much likelier outputs are with some columns than without, a random walk beside both.
-
-    The walk of each sensor is as wide as makes the outputs likeliest, with the columns and without: what a walk explains
-    as well as the columns gives them no credit. Chi squared where there is nothing but scatter and a walk.
-
-    Args:
-        problem: the run.
-        white: outputs (S, n) and columns (S, n, q) at the level "points".
-        gamma: (q,) coefficients to start from.
-
-    """
-    rows = problem.levels.executed
-    moved = np.any(white.columns != 0, axis=(1, 2))
-    white = Whitened(white.outputs[moved], white.columns[moved])
-    firsts = np.diff(problem.scene.data.replicate_index[rows]) != 0
-    both = np.concatenate([white.outputs[:, :, None], white.columns], axis=2)[:, rows]
-    moves = np.where(firsts[:, None], 0.0, np.diff(both, axis=1))
-    count = firsts.size - int(firsts.sum())
-    squares, determinant = _filtered(moves, firsts)
-
-    def likelihood(coefficients: FloatArray) -> FloatArray:
-        combined = np.concatenate([[1.0], -coefficients])
-        rss = np.maximum(np.einsum("j,tsjk,k->ts", combined, squares, combined), np.finfo(float).tiny)
-        return np.asarray(-0.5 * count * np.log(rss / count) - determinant[:, None])
-
-    without, at = likelihood(np.zeros_like(gamma)).max(axis=0), np.arange(len(white.outputs))
-    for _ in range(2):
-        step = likelihood(gamma).argmax(axis=0)
-        picked = squares[step, at]
-        combined = np.concatenate([[1.0], -gamma])
-        weight = 1.0 / np.maximum(np.einsum("j,sjk,k->s", combined, picked, combined), np.finfo(float).tiny)
-        total = np.einsum("s,sjk->jk", weight, picked)
-        gamma = np.linalg.lstsq(total[1:, 1:], total[1:, 0], rcond=1e-9)[0]
-    return float(2.0 * np.sum(likelihood(gamma)[step, at] - without))
-
-
 def walk_evidence(problem: Problem, left: FloatArray) -> tuple[float, float]:
     """P of so likely a random walk in one sensor's residual by chance, and its mean square step over the scatter's.
 
@@ -121,36 +80,10 @@ def walk_evidence(problem: Problem, left: FloatArray) -> tuple[float, float]:
         left: (n,) the residual at the level "points".
 
     """
-    rows = problem.levels.executed
-    firsts = np.diff(problem.scene.data.replicate_index[rows]) != 0
-    moves = np.where(firsts, 0.0, np.diff(left[rows]))[None, :, None]
-    count = max(firsts.size - int(firsts.sum()), 1)
-    squares, determinant = _filtered(moves, firsts)
-    rss = np.maximum(squares[:, 0, 0, 0], np.finfo(float).tiny)
-    likelihood = -0.5 * count * np.log(rss / count) - determinant
+    walks = problem.levels.walks("points")
+    likelihood = walks.log_likelihood(walks.products(left[:, None])[:, 0, 0])
     best = int(np.argmax(likelihood))
     return 0.5 * float(special.chdtrc(1, 2.0 * (likelihood[best] - likelihood[0]))), STEPS[best]
-
-
-def _filtered(moves: FloatArray, firsts: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
-    """Products (T, S, q, q) of differences between consecutive observations, made white for each of T widths of a walk.
-
-    Scatter and a walk of mean square `step` over its variance give differences a covariance of three diagonals; those
-    across the start of a replication say nothing. With it (T,) half the logarithm of the covariance's determinant.
-    """
-    sensors, n, q = moves.shape
-    flat = np.moveaxis(moves, 0, 1).reshape(n, sensors * q)
-    below = np.append(np.where(firsts[:-1] | firsts[1:], 0.0, -1.0), 0.0)
-    squares, determinant = np.empty((len(STEPS), sensors, q, q)), np.empty(len(STEPS))
-    for k, step in enumerate(STEPS):
-        factor = cholesky_banded(
-            np.stack([np.where(firsts, 1.0, 2.0 + step), below]), lower=True, overwrite_ab=True, check_finite=False
-        )
-        white = solve_banded((1, 0), factor, flat, check_finite=False).reshape(n, sensors, q)
-        by_sensor = np.moveaxis(white, 1, 0)
-        squares[k] = np.swapaxes(by_sensor, 1, 2) @ by_sensor
-        determinant[k] = np.sum(np.log(factor[0]))
-    return squares, determinant
 
 
 def _walk(left: FloatArray, by: Expected) -> FloatArray:

@@ -31,7 +31,7 @@ class WholePlotJudge:
         """Every candidate by itself."""
         return (j,)
 
-    def refined(self, chosen: tuple[int, ...]) -> WholePlotJudge:  # noqa: ARG002 - constants are searched by candidates
+    def refined(self, chosen: tuple[int, ...]) -> WholePlotJudge:
         """Itself: the constants searched are those of the catalogue."""
         return self
 
