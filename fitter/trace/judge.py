@@ -107,14 +107,18 @@ class AttitudeJudge:
         return {}
 
     def _between(self, chosen: tuple[int, ...]) -> FloatArray:
-        """(U,) p between replications, each multiplied by the number of tests over their share of the family.
+        """(U,) p between replications, each multiplied by the number of its kind over their share of the family.
+
+        Searched time constants are a kind of their own, or they would take the power from all others.
 
         What varies within replications too says something there, of which what it does between them knows nothing: the
         two are put together as Fisher does.
         """
         gamma = coefficients(self.problem, chosen, "declared")[0]
         p = p_between_replications(self.problem, chosen, gamma)
-        tests = max(int(np.sum(p < 1.0)), 1)
+        effects = [self.candidates[unit[0]].effect for unit in self.problem.units]
+        sought = np.array([e.searched and e.stratum != "replication" for e in effects], bool)
+        tests = np.where(sought, max(int(np.sum(p[sought] < 1.0)), 1), max(int(np.sum(p[~sought] < 1.0)), 1))
         both = [
             u
             for u in np.flatnonzero(p < TOGETHER).tolist()

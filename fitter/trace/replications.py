@@ -28,7 +28,7 @@ FEWEST = 4
 def p_between_replications(problem: Problem, chosen: tuple[int, ...], gamma: FloatArray) -> FloatArray:
     """(U,) probability of so good a relation between replications by chance; one where there is none to test.
 
-    Tested are single columns without a searched constant, each by itself, and units of stratum "replication".
+    Tested are single columns, of searched ones those of temperature, and units of stratum "replication".
 
     Args:
         problem: the run.
@@ -71,7 +71,8 @@ def _tested(problem: Problem, unit: tuple[int, ...]) -> bool:
     effect = problem.candidates[unit[0]].effect
     if effect.stratum == "replication":
         return problem.judged_at[unit[0]] == "replications"
-    return effect.stratum != "between-point" and not effect.searched and len(unit) == 1
+    slow = not effect.searched or effect.source == "temperature"
+    return effect.stratum != "between-point" and slow and len(unit) == 1
 
 
 def _p_turn(moves: FloatArray, y: FloatArray, pure: FloatArray) -> float:
