@@ -3,8 +3,8 @@
 Each replication's own parameters are one observation here, and there are only n of them. What a candidate would do
 to them is a direction in the space of parameters and a size for each replication; the parameters along that direction
 are regressed on that size twice, as if replications wandered independently and as if they took a random walk. The less
-favourable answer counts: a trend in six offsets that a random walk explains is no trend. What the same parameters of all
-sensors do beside their own slopes is the error: six replications of one sensor are too few to know it by.
+favourable answer counts: a trend in six offsets that a random walk explains is no trend. What the same parameters of
+all sensors do beside their own slopes is the error: six replications of one sensor are too few to know it by.
 
 A package that slips turns all sensors alike. What their axes do beside that, 9 numbers a replication for three sensors,
 is error enough to judge it by.

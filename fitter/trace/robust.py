@@ -19,7 +19,7 @@ from scipy import special
 from fitter.arrays import FloatArray
 from fitter.trace.problem import Problem
 from fitter.trace.score import Scores, errors, inverse, whiten
-from fitter.trace.walks import likelihood_ratio
+from fitter.trace.walks import SPREAD, likelihood_ratio
 
 
 def second_thoughts(problem: Problem, chosen: tuple[int, ...], u: int, scores: Scores, critical: float) -> float:
@@ -56,7 +56,9 @@ def second_thoughts(problem: Problem, chosen: tuple[int, ...], u: int, scores: S
     if p > critical or problem.levels.df("points") <= 0:
         return p
     moved = np.flatnonzero(np.any(columns != 0, axis=(1, 2)))
-    ratio = likelihood_ratio(problem.levels.walks(level), list(white.outputs[moved]), list(columns[moved]))
+    # a shape that comes back in every replication is no walk's: it need not be the clearer for being smooth in time
+    spread = SPREAD if level == "points" else 1.0
+    ratio = likelihood_ratio(problem.levels.walks(level), list(white.outputs[moved]), list(columns[moved]), spread)
     return max(p, float(special.chdtrc(rank, max(ratio, 0.0))))
 
 

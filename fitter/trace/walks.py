@@ -96,7 +96,9 @@ def walks_of(rows: IntArray, replicate: IntArray, taken: FloatArray, df: float) 
     return Walks(rows, across, tuple(widths), df)
 
 
-def likelihood_ratio(walks: Walks, outputs: Sequence[FloatArray], columns: Sequence[FloatArray]) -> float:
+def likelihood_ratio(
+    walks: Walks, outputs: Sequence[FloatArray], columns: Sequence[FloatArray], spread: float = SPREAD
+) -> float:
     """Twice the logarithm of how much likelier outputs are with some columns than without, a random walk beside both.
 
     The walk of each sensor is as wide as makes its outputs likeliest, with the columns and without: what it explains
@@ -106,6 +108,7 @@ def likelihood_ratio(walks: Walks, outputs: Sequence[FloatArray], columns: Seque
         walks: of the level.
         outputs: of each sensor concerned, (n,), what the level leaves.
         columns: of each of them, (n, q).
+        spread: what the ratio is divided by where the outputs are likeliest with a walk.
 
     """
     squares = np.stack([walks.products(np.column_stack([y, x])) for y, x in zip(outputs, columns, strict=True)], axis=1)
@@ -122,4 +125,4 @@ def likelihood_ratio(walks: Walks, outputs: Sequence[FloatArray], columns: Seque
         within = walks.log_likelihood(np.einsum("j,tsjk,k->ts", combined, squares, combined))
         step = within.argmax(axis=0)
     walking = bool(np.any(without.argmax(axis=0) > 0))
-    return float(2.0 * np.sum(within.max(axis=0) - without.max(axis=0))) / (SPREAD if walking else 1.0)
+    return float(2.0 * np.sum(within.max(axis=0) - without.max(axis=0))) / (spread if walking else 1.0)
