@@ -29,8 +29,9 @@ def noise_findings(problem: Problem, after: Estimate, i: int) -> tuple[Found, ..
     if sigma[i] <= 10 * rounding(problem)[i]:
         return ()
     left = whiten(problem, "points", after.chosen, sigma).outputs[i]
-    found = (_walk(problem, left, float(sigma[i]), i), _growth(problem, left, float(sigma[i]), i))
-    return tuple(one for one in found if one is not None)
+    # beside a walk squared residuals are no independent witnesses of the scatter
+    found = _walk(problem, left, float(sigma[i]), i) or _growth(problem, left, float(sigma[i]), i)
+    return () if found is None else (found,)
 
 
 def _walk(problem: Problem, left: FloatArray, sigma: float, i: int) -> Found | None:
