@@ -17,10 +17,8 @@ from fitter.effects.head import (
     ROLL_HEAD_ONCE,
     ROLL_HEAD_TWICE,
     ROLL_WOBBLE,
-    SETTLING_PITCH,
-    SETTLING_ROLL,
 )
-from fitter.effects.memory import CREEP, HYSTERESIS_PITCH, HYSTERESIS_ROLL
+from fitter.effects.memory import CREEP, HYSTERESIS_PITCH, HYSTERESIS_ROLL, SETTLING_PITCH, SETTLING_ROLL
 from fitter.effects.package import ISOLATION_PADS, MOUNTING_SLIP
 from fitter.effects.pressure import GROWING_NOISE, PRESSURE_CATALOGUE
 from fitter.effects.pressure_scene import PressureEffect, PressureScene, PressureTerm

@@ -1,10 +1,11 @@
-"""What a sensor remembers of where it was before: hysteresis by the side of approach, and creep."""
+"""What depends on where head and sensor were before: hysteresis, creep, and an axis that is not yet at rest."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from fitter.effects.effect import Alias, Effect, Term, fixed
+from fitter.effects.head import pitch_error, roll_error
 from fitter.effects.sizes import micro, relative
 
 _FLAT = "read both sides where the output hardly depends on the angle: backlash is gone there, hysteresis is not"
@@ -63,4 +64,41 @@ CREEP = Effect(
     usual_size="1e-5 of the change",
     known_aliases={},
     needs=("pitch sides",),
+)
+
+SETTLING_PITCH = Effect(
+    name="settling-pitch",
+    cause="the pitch axis has not come to rest: it still lags by a share of its last move",
+    source="pitch axis",
+    scope="package",
+    stratum="point-by-replication",
+    unit="deg/deg",
+    size=lambda values, _S_V: f"{1e6 * next(iter(values.values())):.3g} ppm of the move",
+    against="elapsed_s",
+    terms=fixed(pitch_error("(previous-present)", lambda s: s.data.previous_pitch_deg - s.data.pitch_deg)),
+    separate_by="settle twice as long at some points after large moves of pitch",
+    usual_size="1e-5 of the move",
+    known_aliases={},
+    needs=("pitch sides",),
+)
+
+SETTLING_ROLL = Effect(
+    name="settling-roll",
+    cause="the roll axis has not come to rest: it still lags by a share of its last move",
+    source="roll axis",
+    scope="package",
+    stratum="point-by-replication",
+    unit="deg/deg",
+    size=lambda values, _S_V: f"{1e6 * next(iter(values.values())):.3g} ppm of the move",
+    against="elapsed_s",
+    terms=fixed(roll_error("(previous-present)", lambda s: s.data.previous_roll_deg - s.data.roll_deg)),
+    separate_by="settle twice as long at some points after large moves of roll",
+    usual_size="1e-5 of the move",
+    known_aliases={
+        "backlash-roll": Alias(
+            "where all steps of roll are equally large",
+            "reach some points by a step of another size from the same side: backlash stays, settling grows with it",
+        )
+    },
+    needs=("roll sides",),
 )
