@@ -21,7 +21,7 @@ import resource
 import sys
 import time
 from collections import Counter
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -102,11 +102,25 @@ def several(count, runs, rms):
 
 
 def draw(rng, count):
-    """Hidden effects that do not share a field of the bench, drawn at random."""
+    """Names of hidden effects that do not share a field of the bench, drawn at random."""
     while True:
-        names = list(rng.choice(list(HIDDEN), count, replace=False))
-        if len({HIDDEN[name].effect for name in names}) == count:
+        names = [str(name) for name in rng.choice(list(HIDDEN), count, replace=False)]
+        touched = [field for name in names for field in fields_of(HIDDEN[name].bench(HIDDEN[name].unit))]
+        if len(set(touched)) == len(touched):
             return names
+
+
+def fields_of(bench):
+    """Names of what differs from a clean bench, the sensor's own errors included."""
+    own = [
+        f"{sensor.axis} {f.name}"
+        for sensor, clean in zip(bench.sensors, CLEAN.sensors, strict=True)
+        for f in fields(sensor)
+        if getattr(sensor, f.name) != getattr(clean, f.name)
+    ]
+    return own + [
+        f.name for f in fields(bench) if f.name != "sensors" and getattr(bench, f.name) != getattr(CLEAN, f.name)
+    ]
 
 
 def pairs(runs=100, rms=0.5):
