@@ -32,6 +32,9 @@ class AttitudeData:
         outputs: volts by column name.
         pitch_side: (n,) +1 arrived moving up, -1 moving down, 0 unknown. Left out: from the executed order.
         roll_side: (n,) the same for roll.
+        previous_pitch_deg: (n,) angles at the observation executed before; at the first one its own. Left out: from the
+            executed order.
+        previous_roll_deg: (n,) the same for roll.
         block: (n,) counts up where an interruption or a replaced instrument may have left a step. Left out: one block.
         axes: "x", "y" or "z" by column name, the nominal axis a sensor is mounted along. For outputs not in it: the
             first letter of the name ("x_V"), else the axis it is most sensitive to.
@@ -51,8 +54,12 @@ class AttitudeData:
     outputs: Mapping[str, FloatArray]
     pitch_side: IntArray = field(default=None)  # type: ignore[arg-type]  # None only until __post_init__
     roll_side: IntArray = field(default=None)  # type: ignore[arg-type]  # None only until __post_init__
+    previous_pitch_deg: FloatArray = field(default=None)  # type: ignore[arg-type]  # None only until __post_init__
+    previous_roll_deg: FloatArray = field(default=None)  # type: ignore[arg-type]  # None only until __post_init__
     block: IntArray = field(default=None)  # type: ignore[arg-type]  # None only until __post_init__
     axes: Mapping[str, str] | None = None
+    temperatures: tuple[FloatArray, FloatArray] | None = field(init=False, default=None)
+    """Seconds, ascending, and degC of the whole run, also where these rows are part of one: what a lag remembers."""
 
     def __post_init__(self) -> None:
         count = np.size(self.order)
@@ -74,6 +81,12 @@ class AttitudeData:
         for name, angle in (("pitch_side", self.pitch_deg), ("roll_side", self.roll_deg)):
             given = getattr(self, name)
             put(self, name, self._side_from_order(angle) if given is None else np.sign(whole(name, given, count)))
+        for name, angle in (("previous_pitch_deg", self.pitch_deg), ("previous_roll_deg", self.roll_deg)):
+            given = getattr(self, name)
+            put(self, name, self._previous(angle) if given is None else finite(name, given, count))
+        if self.sensor_temperature_degC is not None:
+            ahead = np.argsort(self.elapsed_s, kind="stable")
+            put(self, "temperatures", (self.elapsed_s[ahead], self.sensor_temperature_degC[ahead]))
         put(self, "block", np.zeros(count, np.int64) if self.block is None else whole("block", self.block, count))
         if self.axes is not None:
             put(self, "axes", MappingProxyType(_axes(self.axes, self.outputs)))
@@ -143,11 +156,19 @@ class AttitudeData:
         return _number(pair)
 
     def take(self, rows: IntArray) -> AttitudeData:
-        """The observations at `rows` (indices or a mask), sides and blocks as they are in the whole."""
-        given = {f.name: getattr(self, f.name) for f in fields(self)}
+        """The observations at `rows` (indices or a mask); sides, blocks, what went before: as in the whole."""
+        given = {f.name: getattr(self, f.name) for f in fields(self) if f.init}
         picked: dict[str, Any] = {name: v[rows] if isinstance(v, np.ndarray) else v for name, v in given.items()}
         picked["outputs"] = {name: v[rows] for name, v in self.outputs.items()}
-        return AttitudeData(**picked)
+        part = AttitudeData(**picked)
+        object.__setattr__(part, "temperatures", self.temperatures)
+        return part
+
+    def _previous(self, angle: FloatArray) -> FloatArray:
+        executed = np.argsort(self.order)
+        before = np.empty_like(angle)
+        before[executed] = angle[np.concatenate([executed[:1], executed[:-1]])]
+        return before
 
     def _side_from_order(self, angle: FloatArray) -> IntArray:
         executed = np.argsort(self.order)

@@ -7,7 +7,7 @@ package by its azimuth and coning angle and reads the component of gravity along
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -51,9 +51,26 @@ class Sensor:
     cubic: float = 0.0
     cross: float = 0.0
     b_step: float = 0.0
+    """At the recorded interruption."""
+    S_step: float = 0.0
+    b_unrecorded: float = 0.0
+    """From `Bench.unrecorded_h` on."""
+    Omega_deg_per_degC: float = 0.0
+    b_per_lagged_degC: float = 0.0
+    b_per_degC_per_h: float = 0.0
+    b_daily: float = 0.0
+    b_pitch_side: float = 0.0
+    """From one side of approach to the other."""
+    b_roll_side: float = 0.0
+    creep: float = 0.0
+    """Share of the change of acceleration since the point before that is still to come."""
 
-    def gravity_along(self, g):
+    def gravity_along(self, g, warmth=0.0):
         """(n,) component along the sensitive axis, in g; eqs. (114) to (116)."""
+        if self.Omega_deg_per_degC:
+            aside = replace(self, Omega_deg=self.Omega_deg + 1.0, Omega_deg_per_degC=0.0).gravity_along(g)
+            still = replace(self, Omega_deg_per_degC=0.0).gravity_along(g)
+            return still + (aside - still) * self.Omega_deg_per_degC * warmth
         A, Om = np.radians(np.array([self.A_deg])), np.radians(np.array([self.Omega_deg]))
         if self.axis == "x":
             turned = turn_yaw(Om) @ turn_roll(A)
@@ -84,6 +101,34 @@ class Bench:
     pitch_error_deg: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     """Of the head's own scale: sin, cos once per turn, sin, cos twice per turn."""
     roll_error_deg: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    pitch_gear_deg: tuple[float, float] = (0.0, 0.0)
+    """Sine and cosine of `pitch_teeth` periods a turn."""
+    pitch_teeth: float = 5.0
+    roll_gear_deg: tuple[float, float] = (0.0, 0.0)
+    roll_teeth: float = 4.0
+    pitch_zero_deg: float = 0.0
+    lean_deg: float = 0.0
+    """Of the pitch axis out of the level."""
+    not_square_deg: float = 0.0
+    """Of the roll axis to the pitch axis."""
+    wobble_deg: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    """Pitch error: sin, cos once per turn of roll, sin, cos twice."""
+    pitch_unsettled: float = 0.0
+    """Share of the last move that is still to come."""
+    roll_unsettled: float = 0.0
+    slip_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Turn of the package about its axes from replication `since` on."""
+    pitch_shift_deg: float = 0.0
+    """Of the head's zero, from replication `since` on."""
+    since: int = 4
+    range_V: tuple[float, float] = (0.0, 0.0)
+    """Zero and gain that the voltmeter's upper range has beside those of the lower, up at 1.2 V, down at 1 V."""
+    v_squared: float = 0.0
+    v_cubed: float = 0.0
+    meter_per_h: tuple[float, float] = (0.0, 0.0)
+    """Drift of the voltmeter's zero, V/h, and gain, 1/h."""
+    unrecorded_h: float = 17.3
+    lag_h: float = 1.2
     degC_daily: float = 0.5
     degC_phase: float = 0.9
     hours: float = 28.0
@@ -91,31 +136,78 @@ class Bench:
     def temperature(self, hours):
         return 23.0 + self.degC_daily * np.sin(2 * np.pi * hours / 24.0 + self.degC_phase)
 
-    def outputs(self, pitch_deg, roll_deg, temperature, hours, pitch_side, roll_side, block):
-        """Noise-free outputs in volts, by column name."""
-        a = _head(pitch_deg, self.pitch_error_deg) + np.radians(self.pitch_backlash_deg) * pitch_side / 2
-        r = _head(roll_deg, self.roll_error_deg) + np.radians(self.roll_backlash_deg) * roll_side / 2
-        g = np.einsum("nij,njk,k->ni", turn_roll(r), turn_pitch(a), GRAVITY)
-        rotation = np.zeros_like(g)
+    def lagged(self, hours):
+        """What a body of one time constant has of it, at rest at the start; solved by hand for a sine."""
+        w, tau = 2 * np.pi / 24.0, self.lag_h
+        behind = self.degC_daily / np.hypot(1, w * tau) * np.sin(w * hours + self.degC_phase - np.arctan(w * tau))
+        start = self.degC_daily * np.sin(self.degC_phase)
+        first = self.degC_daily / np.hypot(1, w * tau) * np.sin(self.degC_phase - np.arctan(w * tau))
+        return 23.0 + behind + (start - first) * np.exp(-hours / tau)
+
+    def outputs(
+        self, pitch_deg, roll_deg, temperature, hours, pitch_side, roll_side, block, before=None, replicate=None
+    ):
+        """Noise-free outputs in volts, by column name; `before` are pitch and roll of the points before."""
+        replicate = np.ones_like(pitch_deg) if replicate is None else replicate
+        pitch_before, roll_before = (pitch_deg, roll_deg) if before is None else before
+        late = (replicate >= self.since).astype(float)
+        still = pitch_deg + self.pitch_unsettled * (pitch_before - pitch_deg) + self.pitch_shift_deg * late
+        turned = roll_deg + self.roll_unsettled * (roll_before - roll_deg)
+        a = _head(still, self.pitch_error_deg) + np.radians(self.pitch_backlash_deg) * pitch_side / 2
+        r = _head(turned, self.roll_error_deg) + np.radians(self.roll_backlash_deg) * roll_side / 2
+        a = a + _teeth(pitch_deg, self.pitch_teeth, self.pitch_gear_deg)
+        r = r + _teeth(roll_deg, self.roll_teeth, self.roll_gear_deg)
+        a = a + np.radians(self.pitch_zero_deg) + _head(roll_deg, self.wobble_deg) - np.radians(roll_deg)
+        down = turn_roll(np.array([np.radians(self.lean_deg)]))[0] @ GRAVITY
+        square = turn_yaw(np.array([np.radians(self.not_square_deg)]))[0]
+        g = np.einsum("nij,jk,nkl,l->ni", turn_roll(r), square, turn_pitch(a), down)
+        rotation = np.radians(np.array(self.slip_deg)) * late[:, None]
         for (about, along), degrees in self.compliance.items():
             rotation["xyz".index(about) == np.arange(3)[None, :].repeat(len(g), 0)] += (
                 np.radians(degrees) * g[:, "xyz".index(along)]
             )
         g = g - np.cross(rotation, g)
+        back = np.einsum(
+            "nij,njk,k->ni", turn_roll(np.radians(roll_before)), turn_pitch(np.radians(pitch_before)), GRAVITY
+        )
         out = {}
         for s in self.sensors:
-            u = s.gravity_along(g)
-            i = "xyz".index(s.axis)
             dt = temperature - 23.0
-            gain = s.S * (1 + s.S_per_degC * dt + s.S_per_h * (hours - 14.0))
-            out[f"{s.axis}_V"] = (
+            u = s.gravity_along(g, dt)
+            i = "xyz".index(s.axis)
+            if s.creep:
+                u = u + s.creep * (s.gravity_along(back) - u)
+            gain = s.S * (1 + s.S_per_degC * dt + s.S_per_h * (hours - 14.0)) + s.S_step * (block > 0)
+            v = (
                 s.b
                 + s.b_per_degC * dt
+                + s.b_per_lagged_degC * (self.lagged(hours) - 23.0)
+                + s.b_per_degC_per_h * self.degC_daily * np.pi / 12 * np.cos(np.pi / 12 * hours + self.degC_phase)
+                + s.b_daily * np.sin(np.pi / 12 * hours + 2.5)
                 + s.b_per_h * (hours - 14.0)
                 + s.b_step * (block > 0)
+                + s.b_unrecorded * (hours >= self.unrecorded_h)
+                + s.b_pitch_side * pitch_side / 2
+                + s.b_roll_side * roll_side / 2
                 + gain * (u + s.quadratic * u**2 + s.cubic * u**3 + s.cross * g[:, (i + 1) % 3] * g[:, (i + 2) % 3])
             )
+            out[f"{s.axis}_V"] = self._read(v, hours)
         return out
+
+    def _read(self, v, hours):
+        """What the voltmeter makes of them, in the order they are read."""
+        upper, state = np.zeros_like(v), 0.0
+        for k, size in enumerate(np.abs(v)):
+            state = 1.0 if size > 1.2 else 0.0 if size < 1.0 else state
+            upper[k] = state
+        zero, gain = self.range_V
+        drift = self.meter_per_h[0] * (hours - 14.0) + self.meter_per_h[1] * (hours - 14.0) * v
+        return v + upper * (zero + gain * v) + self.v_squared * v**2 + self.v_cubed * v**3 + drift
+
+
+def _teeth(angle_deg, teeth, sin_cos):
+    t = np.radians(angle_deg * teeth)
+    return np.radians(sin_cos[0] * np.sin(t) + sin_cos[1] * np.cos(t))
 
 
 def _head(angle_deg, error_deg):
@@ -165,7 +257,8 @@ def simulate(bench, plan, seed, *, break_at=None, drop=0.0):
     hours = np.linspace(0, bench.hours, n)
     block = np.zeros(n, int) if break_at is None else (np.arange(n) >= break_at * n).astype(int)
     temperature = bench.temperature(hours)
-    truth = bench.outputs(pitch, roll, temperature, hours, pitch_side, roll_side, block)
+    before = [np.concatenate([angle[:1], angle[:-1]]) for angle in (pitch, roll)]
+    truth = bench.outputs(pitch, roll, temperature, hours, pitch_side, roll_side, block, before, replicate)
     shaken = bench.outputs(
         pitch + rng.normal(0, bench.jitter_deg, n),
         roll + rng.normal(0, bench.jitter_deg, n),
@@ -174,6 +267,8 @@ def simulate(bench, plan, seed, *, break_at=None, drop=0.0):
         pitch_side,
         roll_side,
         block,
+        before,
+        replicate,
     )
     noisy = {}
     for s in bench.sensors:
@@ -208,7 +303,8 @@ def told_the_truth(bench, without, data, sensor):
     """
     hours = data.elapsed_s / 3600.0
     recorded = (data.pitch_deg, data.roll_deg, data.sensor_temperature_degC, hours, data.pitch_side, data.roll_side)
-    full, *less = (b.outputs(*recorded, data.block)[sensor] for b in (bench, *without))
+    before = data.previous_pitch_deg, data.previous_roll_deg
+    full, *less = (b.outputs(*recorded, data.block, before, data.replicate)[sensor] for b in (bench, *without))
     a, r = np.radians(data.pitch_deg), np.radians(data.roll_deg)
     model = [np.ones_like(a), np.sin(a), np.cos(a) * np.sin(r), np.cos(a) * np.cos(r)]
     shapes = [full - one for one in less]

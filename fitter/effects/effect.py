@@ -29,9 +29,10 @@ Source = Literal[
     "covariate",
     "group",
     "direction",
+    "voltmeter",
 ]
 
-Scope = Literal["package", "line", "sensor"]
+Scope = Literal["package", "line", "voltmeter", "sensor"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +42,7 @@ class Scene:
     Attributes:
         data: the observations.
         axes: (3,) sensitive axis times sensitivity of each sensor, V/g, from the declared model.
+        offsets: offset of each sensor, V, from the declared model.
         nominal: nominal axis of each sensor, 0, 1, 2.
         roll: whether the declared model has roll; without it the package's axes are those at zero roll.
         temperature_degC: reference temperature; temperature effects are zero there. None where none was recorded.
@@ -50,6 +52,7 @@ class Scene:
 
     data: AttitudeData
     axes: Mapping[str, FloatArray]
+    offsets: Mapping[str, float]
     nominal: Mapping[str, int]
     roll: bool
     temperature_degC: float | None
@@ -72,8 +75,13 @@ class Scene:
     @cached_property
     def g(self) -> FloatArray:
         """(n, 3) gravity in package axes."""
-        a, r = self.pitch, self.rolled
-        return np.column_stack([np.sin(a), -np.sin(r) * np.cos(a), -np.cos(r) * np.cos(a)])
+        return _gravity(self.pitch, self.rolled)
+
+    @cached_property
+    def g_before(self) -> FloatArray:
+        """(n, 3) gravity in package axes at the observation executed before."""
+        before = np.radians(self.data.previous_roll_deg) if self.roll else np.zeros(len(self.data))
+        return _gravity(np.radians(self.data.previous_pitch_deg), before)
 
     @cached_property
     def g_per_pitch(self) -> FloatArray:
@@ -92,6 +100,33 @@ class Scene:
         m = self.axes[sensor]
         return np.asarray(self.g @ (m / np.linalg.norm(m)))
 
+    def volts(self, sensor: str) -> FloatArray:
+        """(n,) output by the declared model, V."""
+        return np.asarray(self.offsets[sensor] + self.g @ self.axes[sensor])
+
+    def per_pitch(self, sensor: str) -> FloatArray:
+        """(n,) output per degree of pitch, V/deg."""
+        return self._slopes(sensor)[0]
+
+    def per_roll(self, sensor: str) -> FloatArray:
+        """(n,) output per degree of roll, V/deg."""
+        return self._slopes(sensor)[1]
+
+    def _slopes(self, sensor: str) -> tuple[FloatArray, FloatArray]:
+        if sensor not in self._kept:
+            m = np.radians(self.axes[sensor])
+            self._kept[sensor] = self.g_per_pitch @ m, self.g_per_roll @ m
+        return self._kept[sensor]
+
+    @cached_property
+    def lagged(self) -> dict[float, FloatArray]:
+        """Lagged temperatures that were reckoned, by time constant."""
+        return {}
+
+    @cached_property
+    def _kept(self) -> dict[str, tuple[FloatArray, FloatArray]]:
+        return {}
+
     def warmth(self) -> FloatArray:
         """(n,) sensor temperature above the reference, degC.
 
@@ -108,6 +143,10 @@ class Scene:
         return (self.data.elapsed_s - self.elapsed_s) / 3600.0
 
 
+def _gravity(a: FloatArray, r: FloatArray) -> FloatArray:
+    return np.column_stack([np.sin(a), -np.sin(r) * np.cos(a), -np.cos(r) * np.cos(a)])
+
+
 Column = Callable[[Scene, str], FloatArray]
 
 
@@ -120,12 +159,18 @@ class Term:
         column: (n,) volts for a coefficient of one, for a given sensor.
         shown: for a given sensor, the term as a formula and the factor from the coefficient to that formula's, in
             the effect's unit; without it the name is the formula and the factor is one.
+        group: terms of one effect with the same group are judged together, as sine and cosine of one frequency are;
+            a term without one is judged by itself.
+        finer: where a constant in the column is searched: groups of terms that try it about this one's value, more
+            closely than the catalogue does.
 
     """
 
     name: str
     column: Column
     shown: Callable[[Scene, str], tuple[str, float]] | None = None
+    group: str = ""
+    finer: Callable[[AttitudeData], tuple[tuple[Term, ...], ...]] | None = None
 
     def as_formula(self, scene: Scene, sensor: str) -> tuple[str, float]:
         """Formula and factor for one sensor."""
@@ -154,8 +199,8 @@ class Entry:
         name: as reported.
         cause: what happens physically.
         source: what it comes from; effects of different sources are told apart by changing one of them.
-        scope: "package" or "line" if one cause moves all sensors together (one coefficient for all), "sensor" if each
-            sensor has its own coefficient.
+        scope: "package", "line" or "voltmeter" if one cause moves all sensors together (one coefficient for all),
+            "sensor" if each sensor has its own coefficient.
         stratum: where it varies when the order of the run is balanced. Pitch-roll: between the points of the design,
             or point by replication, that is with time, temperature or direction. Whole plots: from one whole plot to
             the next, or within them.
@@ -188,11 +233,14 @@ class Effect(Entry):
     Attributes:
         terms: its columns, given the observations (an effect may have as many as there were interruptions).
         needs: what the observations must have: a key of `PREREQUISITES` each.
+        searched: whether its terms are one another's alternatives, for as many values of a constant that is searched.
+            A value counts as a coefficient in comparisons with other effects.
 
     """
 
     terms: Callable[[AttitudeData], tuple[Term, ...]]
     needs: tuple[str, ...] = ()
+    searched: bool = False
 
     def applies_to(self, data: AttitudeData) -> bool:
         """Whether these observations have what it takes to look for it."""
@@ -208,6 +256,9 @@ PREREQUISITES: Mapping[str, Callable[[AttitudeData], bool]] = {
     "pitch sides": lambda data: bool(np.ptp(data.pitch_side) > 0),
     "roll sides": lambda data: bool(np.ptp(data.roll_side) > 0) and data.has_roll,
     "blocks": lambda data: bool(np.ptp(data.block) > 0),
+    "starts": lambda data: data.replicates.size > 1 or bool(np.ptp(data.block) > 0),
+    "several sensors": lambda data: len(data.sensors) > 1,
+    "a night": lambda data: bool(np.ptp(data.elapsed_s) > 6 * 3600.0),
 }
 
 

@@ -1,31 +1,21 @@
-"""Effects that turn the package, so that all its sensors see them together.
+"""Effects that turn the package in its mounting, so that all its sensors see them together.
 
 A small rotation w of the package, in package axes, changes gravity there by -w x g and a sensor's output by
--m . (w x g); an error of a head angle changes it by dv/d(angle) times the error. One coefficient, in degrees, holds
-for all sensors at once.
+-m . (w x g). One coefficient, in degrees, holds for all sensors at once.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from fitter.arrays import FloatArray
+from fitter.data import AttitudeData
 from fitter.effects.effect import Alias, Effect, Scene, Term, fixed
-from fitter.effects.sizes import amplitude, arcsec, each
+from fitter.effects.head import REVERSED
+from fitter.effects.moments import Moment, starts
+from fitter.effects.sizes import arcsec, each
 
 _DEGREE = np.radians(1.0)
-
-_BOTH_SIDES = "visit some points twice in one replication, once from each side"
-_OTHER_INDEX = (
-    "start the scale from another index, turned a quarter turn against the sensor: an error of the head moves"
-)
-_REVERSED = (
-    "mount the package reversed, turned half a turn about its own x axis: what a sag adds to the x output in sin 2a "
-    "changes sign, what the head adds does not"
-)
-_REMOUNTED = "remount the package turned by a known roll angle: an error of the head stays with the head"
 
 _PRODUCTS = {
     (0, 0): ("sin(pitch)^2", 1.0),
@@ -62,26 +52,10 @@ def _sag(about: int, along: int) -> Term:
     return Term(f"about {'xyz'[about]} by weight along {'xyz'[along]}", column, shown)
 
 
-def _pitch_error(name: str, error: Callable[[Scene], FloatArray]) -> Term:
-    """The head stands at another pitch than it says, by `error` (n,) degrees for a coefficient of one."""
-    return Term(
-        f"dv/dpitch*{name}",
-        lambda scene, sensor: np.asarray(_DEGREE * (scene.g_per_pitch @ scene.axes[sensor]) * error(scene)),
-    )
-
-
-def _roll_error(name: str, error: Callable[[Scene], FloatArray]) -> Term:
-    """The head stands at another roll than it says, by `error` (n,) degrees for a coefficient of one."""
-    return Term(
-        f"dv/droll*{name}",
-        lambda scene, sensor: np.asarray(_DEGREE * (scene.g_per_roll @ scene.axes[sensor]) * error(scene)),
-    )
-
-
 ISOLATION_PADS = Effect(
     name="isolation-pad-deflection",
-    cause="the isolation pads give way under the weight of the package, which turns by compliance times the "
-    "component of its weight along one of its own axes",
+    cause="the isolation pads give way under the weight of the package, or the roll axis under an off-centre mass: the "
+    "package turns by compliance times the component of its weight along one of its own axes",
     source="package",
     scope="package",
     stratum="between-point",
@@ -99,126 +73,39 @@ ISOLATION_PADS = Effect(
         ),
         "head-once-per-turn": Alias(
             "without roll, exactly (sin 2a); with roll its cosine phase is two equal sags",
-            _REVERSED,
+            REVERSED,
         ),
         "sensor-third-order": Alias("without roll, within +-30 deg of pitch", "go beyond +-60 deg of pitch"),
     },
 )
 
-BACKLASH_PITCH = Effect(
-    name="backlash-pitch",
-    cause="the pitch axis stops short by half the backlash, on the side it arrived from",
-    source="pitch axis",
+
+def _turns(data: AttitudeData) -> tuple[Term, ...]:
+    return tuple(_turn(axis, since) for since in starts(data) for axis in range(3))
+
+
+def _turn(axis: int, since: Moment) -> Term:
+    """The package stands turned about one of its axes from some moment on; all three axes are judged together."""
+
+    def column(scene: Scene, sensor: str) -> FloatArray:
+        return np.asarray(-_DEGREE * (np.cross(np.eye(3)[axis], scene.g) @ scene.axes[sensor]) * since.passed(scene))
+
+    return Term(f"about {'xyz'[axis]} {since.name}", column, group=since.name)
+
+
+MOUNTING_SLIP = Effect(
+    name="mounting-slip",
+    cause="the package slipped in its mounting between two replications or at an interruption, and stands turned since",
+    source="package",
     scope="package",
-    stratum="point-by-replication",
+    stratum="replication",
     unit="deg",
     size=arcsec,
-    against="pitch_deg",
-    terms=fixed(_pitch_error("side/2", lambda scene: scene.data.pitch_side.astype(np.float64) / 2)),
-    separate_by=_BOTH_SIDES,
-    usual_size="arc seconds, 1e-3 deg",
-    known_aliases={
-        "offset-drift": Alias("where direction alternates with the replication and there is no roll", _BOTH_SIDES)
-    },
-    needs=("pitch sides",),
-)
-
-BACKLASH_ROLL = Effect(
-    name="backlash-roll",
-    cause="the roll axis stops short by half the backlash, on the side it arrived from",
-    source="roll axis",
-    scope="package",
-    stratum="point-by-replication",
-    unit="deg",
-    size=arcsec,
-    against="roll_deg",
-    terms=fixed(_roll_error("side/2", lambda scene: scene.data.roll_side.astype(np.float64) / 2)),
-    separate_by=_BOTH_SIDES,
-    usual_size="arc seconds, 1e-3 deg",
-    known_aliases={"roll-head-once-per-turn": Alias("where every replication walks the same path", _BOTH_SIDES)},
-    needs=("roll sides",),
-)
-
-HEAD_ONCE = Effect(
-    name="head-once-per-turn",
-    cause="eccentric scale of the pitch axis, or an overhung load that bends it: an error with one period a turn",
-    source="pitch axis",
-    scope="package",
-    stratum="between-point",
-    unit="deg",
-    size=amplitude,
-    against="pitch_deg",
-    terms=fixed(
-        _pitch_error("sin(pitch)", lambda scene: np.sin(scene.pitch)),
-        _pitch_error("cos(pitch)", lambda scene: np.cos(scene.pitch)),
-    ),
-    separate_by="compare commands that share an attitude, (a, R) and (180 - a, R + 180), or two sensors on the head",
-    usual_size="seconds of arc, 5e-4 deg",
-    known_aliases={
-        "sensor-second-order": Alias(
-            "the cosine phase, for an x sensor by itself",
-            "mount the package end for end: a sensor's own square keeps its sign in the output, an error of the head "
-            "changes it with the slope",
-        ),
-        "isolation-pad-deflection": Alias(
-            "the sine phase without roll; the cosine phase is two equal sags",
-            f"{_REVERSED}; lock the pads",
-        ),
-    },
-)
-
-HEAD_TWICE = Effect(
-    name="head-twice-per-turn",
-    cause="elliptic scale of the pitch axis: an error with two periods a turn",
-    source="pitch axis",
-    scope="package",
-    stratum="between-point",
-    unit="deg",
-    size=amplitude,
-    against="pitch_deg",
-    terms=fixed(
-        _pitch_error("sin(2*pitch)", lambda scene: np.sin(2 * scene.pitch)),
-        _pitch_error("cos(2*pitch)", lambda scene: np.cos(2 * scene.pitch)),
-    ),
-    separate_by=_OTHER_INDEX,
-    usual_size="seconds of arc, 5e-4 deg",
-    known_aliases={"sensor-third-order": Alias("the sine phase, for an x sensor by itself", _OTHER_INDEX)},
-)
-
-ROLL_HEAD_ONCE = Effect(
-    name="roll-head-once-per-turn",
-    cause="eccentric scale of the roll axis: an error with one period a turn",
-    source="roll axis",
-    scope="package",
-    stratum="between-point",
-    unit="deg",
-    size=amplitude,
-    against="roll_deg",
-    terms=fixed(
-        _roll_error("sin(roll)", lambda scene: np.sin(scene.rolled)),
-        _roll_error("cos(roll)", lambda scene: np.cos(scene.rolled)),
-    ),
-    separate_by=_REMOUNTED,
-    usual_size="seconds of arc, 5e-4 deg",
-    known_aliases={"cross-axis": Alias("for a y or z sensor near zero pitch", _REMOUNTED)},
-    needs=("roll",),
-)
-
-ROLL_HEAD_TWICE = Effect(
-    name="roll-head-twice-per-turn",
-    cause="elliptic scale of the roll axis: an error with two periods a turn",
-    source="roll axis",
-    scope="package",
-    stratum="between-point",
-    unit="deg",
-    size=amplitude,
-    against="roll_deg",
-    terms=fixed(
-        _roll_error("sin(2*roll)", lambda scene: np.sin(2 * scene.rolled)),
-        _roll_error("cos(2*roll)", lambda scene: np.cos(2 * scene.rolled)),
-    ),
-    separate_by=_REMOUNTED,
-    usual_size="seconds of arc, 5e-4 deg",
-    known_aliases={"sensor-third-order": Alias("for a y or z sensor near zero pitch", _REMOUNTED)},
-    needs=("roll",),
+    against="elapsed_s",
+    terms=_turns,
+    separate_by="read an autocollimator on the package before and after the run",
+    usual_size="1e-3 deg",
+    known_aliases={},
+    needs=("starts",),
+    searched=True,
 )

@@ -5,48 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from fitter.arrays import FloatArray
-from fitter.data import AttitudeData
 from fitter.effects.effect import Alias, Effect, Scene, Term, fixed
 from fitter.effects.package import product_formula
 from fitter.effects.sizes import micro, relative
+from fitter.effects.thermal import OTHER_TEMPERATURE
 
 _ONE_WAY = "where the temperature went one way all night"
-_OTHER_TEMPERATURE = "repeat a few points at another enclosure temperature, at the same time of day"
 _END_FOR_END = (
     "mount the package end for end: a sensor's own square keeps its sign in the output, an error of the head changes "
     "it with the slope"
-)
-
-OFFSET_TEMPERATURE = Effect(
-    name="offset-temperature",
-    cause="the offset follows the sensor's temperature",
-    source="temperature",
-    scope="sensor",
-    stratum="point-by-replication",
-    unit="V/degC",
-    size=micro("uV/degC"),
-    against="sensor_temperature_degC",
-    terms=fixed(Term("temperature", lambda scene, _sensor: scene.warmth())),
-    separate_by=_OTHER_TEMPERATURE,
-    usual_size="5e-5 g/degC",
-    known_aliases={"offset-drift": Alias(_ONE_WAY, _OTHER_TEMPERATURE)},
-    needs=("temperature",),
-)
-
-SENSITIVITY_TEMPERATURE = Effect(
-    name="sensitivity-temperature",
-    cause="the sensitivity follows the sensor's temperature",
-    source="temperature",
-    scope="sensor",
-    stratum="point-by-replication",
-    unit="V/g/degC",
-    size=relative("ppm/degC"),
-    against="sensor_temperature_degC",
-    terms=fixed(Term("temperature*gravity", lambda scene, sensor: scene.warmth() * scene.along(sensor))),
-    separate_by=_OTHER_TEMPERATURE,
-    usual_size="1e-4 of the sensitivity per degC",
-    known_aliases={"sensitivity-drift": Alias(_ONE_WAY, _OTHER_TEMPERATURE)},
-    needs=("temperature",),
 )
 
 OFFSET_DRIFT = Effect(
@@ -61,7 +28,7 @@ OFFSET_DRIFT = Effect(
     terms=fixed(Term("time", lambda scene, _sensor: scene.hours())),
     separate_by="go on for some hours at constant temperature",
     usual_size="1e-5 g a day",
-    known_aliases={"offset-temperature": Alias(_ONE_WAY, _OTHER_TEMPERATURE)},
+    known_aliases={"offset-temperature": Alias(_ONE_WAY, OTHER_TEMPERATURE)},
     needs=("time",),
 )
 
@@ -77,35 +44,28 @@ SENSITIVITY_DRIFT = Effect(
     terms=fixed(Term("time*gravity", lambda scene, sensor: scene.hours() * scene.along(sensor))),
     separate_by="go on for some hours at constant temperature",
     usual_size="1e-5 of the sensitivity a day",
-    known_aliases={"sensitivity-temperature": Alias(_ONE_WAY, _OTHER_TEMPERATURE)},
+    known_aliases={"sensitivity-temperature": Alias(_ONE_WAY, OTHER_TEMPERATURE)},
     needs=("time",),
 )
 
 
-def _steps(data: AttitudeData) -> tuple[Term, ...]:
-    return tuple(_step(int(block)) for block in np.unique(data.block)[1:])
-
-
-def _step(block: int) -> Term:
-    return Term(f"from block {block}", lambda scene, _sensor: np.asarray(scene.data.block >= block, np.float64))
-
-
-OFFSET_STEP = Effect(
-    name="offset-step",
-    cause="the offset changed at an interruption of the run or when an instrument was replaced",
-    source="interruption",
+DAILY_CYCLE = Effect(
+    name="daily-cycle",
+    cause="the offset follows something of the laboratory that comes back every day, and was not recorded",
+    source="time",
     scope="sensor",
     stratum="point-by-replication",
     unit="V",
     size=micro("uV"),
     against="elapsed_s",
-    terms=_steps,
-    separate_by="repeat a few points of the earlier block",
-    usual_size="whatever the interruption did",
-    known_aliases={
-        "offset-drift": Alias("where there are few points on one side", "repeat points of the earlier block")
-    },
-    needs=("blocks",),
+    terms=fixed(
+        Term("sin(time/day)", lambda scene, _sensor: np.sin(np.pi / 12 * scene.hours()), group="day"),
+        Term("cos(time/day)", lambda scene, _sensor: np.cos(np.pi / 12 * scene.hours()), group="day"),
+    ),
+    separate_by="go on for a second day",
+    usual_size="1e-5 g",
+    known_aliases={"offset-temperature": Alias("where the temperature follows the day", OTHER_TEMPERATURE)},
+    needs=("a night",),
 )
 
 SECOND_ORDER = Effect(

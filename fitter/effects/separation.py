@@ -28,11 +28,28 @@ _PRODUCT = (
     "hold gravity along the sensor and change it across: a product of the components changes, a power of the one "
     "along the sensor does not"
 )
+_STANDARD = "read a voltage standard on a spare channel: an error of the voltmeter shows there, no other does"
+_WAIT = "wait twice as long before reading at some points: what is not yet at rest goes, what else there is stays"
+_SAME_MOVE = "reach some points by steps of another size from the same side: what lags grows with the step"
+_LAG = "step the enclosure's temperature once and read one point until nothing changes: a lag decays, the rest stays"
+_AUTOCOLLIMATOR = (
+    "read an autocollimator on the package at one command before and after: a package or a head that moved shows there"
+)
+_EVEN = (
+    "visit points where gravity along the sensor is the same but the angles are not: an error of the head differs there"
+)
+_SAME_RANGE = "read a voltage standard at several voltages on a fixed range, in the evening and in the morning"
+_AT_REST = {"settling-pitch", "settling-roll", "creep"}
+_SIDES_OR_TIME = (
+    "visit some points from both sides within the same hour: what depends on the side shows, what drifts does not"
+)
 _BETWEEN_POINTS = {
     frozenset(
         {"pitch axis"}
-    ): "go beyond +-30 deg of pitch: an error with one period a turn and one with two part there",
-    frozenset({"roll axis"}): "go beyond +-30 deg of roll: an error with one period a turn and one with two part there",
+    ): "go beyond +-30 deg of pitch, and between the pitches of the design: other periods part there",
+    frozenset(
+        {"roll axis"}
+    ): "go beyond +-30 deg of roll, and between the rolls of the design: other periods part there",
     frozenset({"pitch axis", "roll axis"}): _AXES,
     frozenset({"pitch axis", "package"}): _HEAD,
     frozenset({"pitch axis", "sensor"}): _HEAD,
@@ -46,6 +63,11 @@ _WITH_TIME = {
     frozenset({"time"}): _SAME_CAUSE,
     frozenset({"temperature", "time"}): _TIME,
     frozenset({"pitch axis", "roll axis"}): _AXES,
+    frozenset({"pitch axis"}): _SAME_MOVE,
+    frozenset({"roll axis"}): _SAME_MOVE,
+    frozenset({"sensor"}): _SAME_MOVE,
+    frozenset({"sensor", "pitch axis"}): _EVEN,
+    frozenset({"sensor", "roll axis"}): _EVEN,
 }
 
 
@@ -59,14 +81,24 @@ def separate(effect: Effect, alias: Effect) -> str:
     if effect.name in alias.known_aliases:
         return alias.known_aliases[effect.name].separate_by
     sources, strata = frozenset({effect.source, alias.source}), {effect.stratum, alias.stratum}
-    backlash = [e for e in (effect, alias) if e.stratum != "between-point" and e.source in ("pitch axis", "roll axis")]
-    if len(backlash) == 1:
+    names = {effect.name, alias.name}
+    if "voltmeter" in sources:
+        return _SAME_RANGE if len(sources) == 1 else _STANDARD
+    if any(one.stratum == "replication" or one.name == "index-shift" for one in (effect, alias)):
+        return _AUTOCOLLIMATOR
+    if len([one for one in (effect, alias) if one.name.startswith("backlash")]) == 1 and names & _AT_REST:
+        return _SAME_MOVE
+    if len([one for one in (effect, alias) if one.name.startswith("backlash")]) == 1:
         return _SIDES
-    if len(strata) == 2:
+    if len(names & _AT_REST) == 1:
+        return _WAIT
+    if names & {"thermal-lag", "thermal-gradient"} and sources <= {"temperature"}:
+        return _LAG
+    if "between-point" in strata and len(strata) == 2:
         return _ORDER
     if strata == {"between-point"}:
-        across = "cross-axis" in (effect.name, alias.name) and sources == {"sensor"}
+        across = "cross-axis" in names and sources == {"sensor"}
         return _PRODUCT if across else _BETWEEN_POINTS.get(sources, alias.separate_by)
     if "interruption" in sources:
         return _STEP
-    return _WITH_TIME.get(sources, alias.separate_by)
+    return _WITH_TIME.get(sources, _SIDES_OR_TIME)

@@ -8,6 +8,7 @@ sensor or another order of running separate what a correlation only compares.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -21,7 +22,8 @@ DELTA = 9.0
 """Units of the error's variance; three standard errors. Calibrated: in 120 runs of 13 x 13 points the true cause lost
 its place to a luckier one with more columns 4 times at 6 and once at 9 (python -m benchmarks.bench_fit delta)."""
 PER_COLUMN = 2.0
-"""Price of a column in the same units, so that a cause with more columns is not better for having them."""
+"""Price of a column in the same units, so that a cause with more columns is not better for having them. A constant that
+is searched costs as much as a column."""
 
 
 class Named(Protocol):
@@ -44,12 +46,14 @@ class Rival:
         effect: its name.
         terms: indices of the candidates that make it up.
         sigmas: how far behind the best explanation it is, in standard errors.
+        searched: whether a constant in its columns was searched.
 
     """
 
     effect: str
     terms: tuple[int, ...]
     sigmas: float
+    searched: bool = False
 
     @property
     def alias(self) -> bool:
@@ -58,73 +62,93 @@ class Rival:
 
 
 def rivals(
-    candidates: Sequence[Named], white: Whitened, group: tuple[int, ...], rest: tuple[int, ...], sensors: Iterable[str]
+    candidates: Sequence[Named],
+    products: Products,
+    group: tuple[int, ...],
+    rest: tuple[int, ...],
+    sensors: Iterable[str],
+    units: Sequence[tuple[int, ...]] = (),
+    searched: AbstractSet[str] = frozenset(),
 ) -> tuple[Rival, ...]:
     """All explanations of what the candidates `group`, the terms of one effect, explain, itself included, best first.
 
     Args:
         candidates: of the run.
-        white: outputs and columns beside `rest`, where residual sums of squares are to be compared.
+        products: of their columns and the outputs beside `rest`, where residual sums of squares are to be compared.
         group: indices of the terms to be replaced.
         rest: indices of the other candidates in the model.
         sensors: those that `group` concerns; candidates of others cannot explain it.
+        units: candidates that come and go together; left out: each by itself.
+        searched: effects of whose units one at a time can explain something, because they are values of one constant.
 
     """
     effect, where = candidates[group[0]].effect.name, {None, *sensors}
-    products = _Products.of(white)
-    paths = [{group: products.price(group)}]
-    for name in dict.fromkeys(c.effect.name for c in candidates):
-        if name == effect or any(candidates[j].effect.name == name and candidates[j].sensor in where for j in rest):
-            continue
-        terms = [j for j, c in enumerate(candidates) if c.effect.name == name and c.sensor in where]
-        if terms:
-            paths.append(_path(products, terms))
+    units = units or [(j,) for j in range(len(candidates))]
+    of: dict[str, list[tuple[int, ...]]] = {}
+    for unit in units:
+        if candidates[unit[0]].sensor in where:
+            of.setdefault(candidates[unit[0]].effect.name, []).append(unit)
+    held = {candidates[j].effect.name for j in rest if candidates[j].sensor in where}
+    own = products.price(group) + PER_COLUMN * (effect in searched)
+    paths = [{group: own}]
+    for name, terms in of.items():
+        if name != effect and name not in held:
+            paths.append(_path(products, terms, searched=name in searched))
     best = min(min(path.values()) for path in paths)
     explanations = [_smallest(path, best) for path in paths]
     return tuple(
-        Rival(candidates[terms[0]].effect.name, terms, float(np.sqrt(price - best)))
+        Rival(name, terms, float(np.sqrt(price - best)), name in searched)
         for terms, price in sorted(explanations, key=lambda explanation: explanation[1])
+        for name in (candidates[terms[0]].effect.name,)
     )
 
 
 def simplest(candidates: Iterable[Rival]) -> Rival:
     """Of the explanations the data cannot tell apart the one with fewest columns, then first in the catalogue."""
-    return min((r for r in candidates if r.alias), key=lambda r: (len(r.terms), min(r.terms)))
+    return min((r for r in candidates if r.alias), key=lambda r: (len(r.terms) + r.searched, min(r.terms)))
 
 
 @dataclass(frozen=True, eq=False)
-class _Products:
+class Products:
     """All that refits need: products of the candidates' columns (J, J), and with the outputs (J,)."""
 
     columns: FloatArray
     outputs: FloatArray
 
     @classmethod
-    def of(cls, white: Whitened) -> _Products:
+    def of(cls, white: Whitened) -> Products:
+        """Of outputs and columns over all sensors together."""
         flat = white.columns.reshape(-1, white.columns.shape[2])
         return cls(flat.T @ flat, flat.T @ white.outputs.reshape(-1))
 
     def price(self, terms: tuple[int, ...]) -> float:
         """Residual sum of squares with `terms` fitted, less that without them, plus the price of the columns."""
         picked = list(terms)
-        gram, dot = self.columns[np.ix_(picked, picked)], self.outputs[picked]
+        if len(picked) == 1:
+            (j,) = picked
+            return PER_COLUMN - float(self.outputs[j]) ** 2 / max(float(self.columns[j, j]), np.finfo(float).tiny)
+        gram, dot = self.columns[picked][:, picked], self.outputs[picked]
         length = np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
         weights = np.linalg.lstsq(gram / np.outer(length, length), dot / length, rcond=1e-10)[0]
         return float(-weights @ (dot / length)) + PER_COLUMN * len(terms)
 
 
-def _path(products: _Products, terms: list[int]) -> dict[tuple[int, ...], float]:
-    """Price of the best term, of the best two, and so on, taken one after the other while the price falls."""
+def _path(
+    products: Products, units: Sequence[tuple[int, ...]], *, searched: bool = False
+) -> dict[tuple[int, ...], float]:
+    """Price of the best unit, of the best two, and so on, taken one after the other while the price falls."""
     path: dict[tuple[int, ...], float] = {}
     taken: tuple[int, ...] = ()
     price = np.inf
-    while len(taken) < len(terms):
-        tries = {j: products.price((*taken, j)) for j in terms if j not in taken}
-        best = min(tries, key=lambda j: tries[j])
+    while len(taken) < sum(map(len, units)):
+        tries = {unit: products.price((*taken, *unit)) for unit in units if unit[0] not in taken}
+        best = min(tries, key=lambda unit: tries[unit])
         if tries[best] >= price:
             break
-        taken, price = (*taken, best), tries[best]
-        path[tuple(sorted(taken))] = price
+        taken, price = (*taken, *best), tries[best]
+        path[tuple(sorted(taken))] = price + PER_COLUMN * searched
+        if searched:
+            break
     return path
 
 

@@ -12,7 +12,8 @@ from fitter.linear import LinearFit, least_squares
 from fitter.replication import Replication, analyse
 from fitter.temperature import Temperature
 from fitter.trace.levels import Level
-from fitter.trace.problem import Problem
+from fitter.trace.problem import Problem, raw_columns
+from fitter.trace.robust import walked
 from fitter.trace.score import NOTHING_LEFT, errors
 
 DRIFTS = 0.01
@@ -61,33 +62,31 @@ def coefficients(problem: Problem, chosen: tuple[int, ...], level: Level) -> tup
     if not chosen:
         return np.zeros(0), np.zeros((0, 0))
     picked, sigma = list(chosen), errors(problem, chosen)[:, None]
-    white = problem.columns[level][:, :, picked] / sigma[:, :, None]
+    white = problem.columns_at(level, picked) / sigma[:, :, None]
     columns = white.reshape(-1, len(picked))
     names = [f"{problem.candidates[j].effect.name} {problem.candidates[j].term.name}" for j in picked]
-    solved = least_squares(columns, (problem.outputs[level] / sigma).reshape(-1), names)
+    solved = least_squares(columns, (problem.outputs_at(level) / sigma).reshape(-1), names)
     spread = solved.root @ solved.root.T
-    ahead = np.cumsum(white[:, problem.levels.executed], axis=1)
-    walk = np.einsum("s,snj,snk->jk", problem.wander, ahead, ahead)
-    return solved.coefficients, spread + spread @ walk @ spread
+    return solved.coefficients, spread + spread @ walked(problem, white) @ spread
 
 
 def concerns(problem: Problem, j: int) -> FloatArray:
     """(S,) share of the information about candidate `j` that each sensor holds."""
     sigma = errors(problem, ())
-    length2 = (np.linalg.norm(problem.columns["declared"][:, :, j], axis=1) / sigma) ** 2
+    length2 = problem.products["declared"].columns[:, j, j] / sigma**2
     return np.asarray(length2 / length2.sum())
 
 
 def _left(problem: Problem, chosen: tuple[int, ...]) -> bool:
-    left = np.linalg.norm(problem.columns["replications"][:, :, list(chosen)], axis=(0, 1))
-    return bool(np.all(left > NOTHING_LEFT * np.linalg.norm(problem.length[:, list(chosen)], axis=0)))
+    left2 = np.einsum("sjj->j", problem.products["replications"].columns)[list(chosen)]
+    return bool(np.all(left2 > NOTHING_LEFT**2 * np.sum(problem.length[:, list(chosen)] ** 2, axis=0)))
 
 
 def _estimate_at(problem: Problem, chosen: tuple[int, ...], level: Level) -> Estimate:
     picked = list(chosen)
     gamma, covariance = coefficients(problem, chosen, level)
     data = problem.scene.data
-    effects = problem.raw[:, :, picked]
+    effects = raw_columns(problem.scene, [problem.candidates[j] for j in picked])
     corrected = np.stack([data.outputs[s] for s in problem.sensors]) - effects @ gamma
     h = attitude_columns(data.pitch_deg, data.roll_deg, roll=problem.scene.roll)
     fits, temperatures, tables = [], [], []

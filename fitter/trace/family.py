@@ -1,25 +1,28 @@
 """What the best of all candidates scores when there is nothing to find.
 
-The family is every candidate on every sensor at every level and step of one run. It holds 5 % by being run at
-3.5 %: most of it for the largest score of all, simulated under the fitted null; the rest for the tests between
-replications, which have few degrees of freedom and are counted one by one.
+The family is every unit of candidates on every sensor at every level and step of one run, with every value of a
+constant that is searched. It holds 5 % by being run at 3.5 %: most of it for the largest score of all, simulated under
+the fitted null; the rest for the tests between replications, which have few degrees of freedom and are counted one by
+one.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy import special
 
 from fitter.arrays import FloatArray
 from fitter.trace.problem import Problem
-from fitter.trace.score import NOTHING_LEFT, Scores, errors, whiten
+from fitter.trace.score import NOTHING_LEFT, Scores, errors
 
 ALPHA = 0.035
 COUNTED = 1 / 7
 """Share of ALPHA kept for tests that are counted one by one: those between replications."""
 DRAWS = 20_000
+AT_ONCE = 4_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +36,11 @@ class Family:
         """What `adjust` gives for p smaller than all simulated: a bound, the value is at most that."""
         return float(self.adjust(0.0))
 
+    @cached_property
+    def critical(self) -> float:
+        """The largest p that is significant; anything above it need not be looked at again."""
+        return float(self.smallest_p[np.searchsorted(self.adjust(self.smallest_p), ALPHA, side="right") - 1])
+
     def adjust(self, p: FloatArray | float) -> FloatArray:
         """Probability that the best of the family looks at least as good by chance; significant below `ALPHA`."""
         rank = np.searchsorted(self.smallest_p, p, side="right")
@@ -42,31 +50,79 @@ class Family:
 def family_of(problem: Problem, scores: Scores, seed: int) -> Family:
     """Simulate the family's smallest p under the null.
 
-    Scores of one run are correlated as their columns are. They are drawn as normal, each group that shares an error
-    over its own estimate of that error.
+    Scores of one run are correlated as their columns are. They are drawn as normal, sensor by sensor, each level's over
+    its own estimate of the error.
     """
-    sigma = errors(problem, ())
-    columns = np.zeros((problem.raw.shape[0] * problem.raw.shape[1], len(problem.candidates)))
-    for level in ("replications", "points"):
-        here = problem.at(level)
-        columns[:, here] = whiten(problem, level, (), sigma, here).columns.reshape(len(columns), here.size)
-    length = np.linalg.norm(columns, axis=0)
-    raw = np.sqrt(np.sum((problem.length / sigma[:, None]) ** 2, axis=0))
-    judged = length > NOTHING_LEFT * raw
-    if not np.any(judged):
+    units, products = _orthonormal_units(problem)
+    if not units:
         return Family(np.ones(1))
-    unit = columns[:, judged] / length[judged]
-    values, vectors = np.linalg.eigh(unit.T @ unit)
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
     rng = np.random.default_rng(seed)
-    z = np.abs(rng.standard_normal((DRAWS, root.shape[1]), dtype=np.float32) @ root.T.astype(np.float32))
-    group = np.isin(np.flatnonzero(judged), problem.at("points"))
-    smallest = np.ones(DRAWS)
-    for members in (group, ~group):
-        if not np.any(members):
-            continue
-        freedom = float(np.max(scores.df[judged][members]))
-        estimated = np.sqrt(rng.chisquare(freedom, DRAWS) / freedom)
-        best = z[:, members].max(axis=1) / estimated
-        smallest = np.minimum(smallest, 2.0 * special.stdtr(freedom, -best))
-    return Family(np.sort(smallest))
+    roots = [_root(one) for one in products]
+    groups = _alike(problem, units, scores)
+    smallest = []
+    for first in range(0, DRAWS, AT_ONCE):
+        count = min(AT_ONCE, DRAWS - first)
+        drawn = np.zeros((count, products.shape[1]), np.float32)
+        for own, root in roots:
+            drawn[:, own] += rng.standard_normal((count, root.shape[0]), dtype=np.float32) @ root
+        best = np.ones(count)
+        estimated = {df: rng.chisquare(df, count) / df for df in {df for df, _ in groups}}
+        for (df, rank), starts in groups.items():
+            square = sum(drawn[:, starts + k] ** 2 for k in range(rank))
+            f = np.max(square, axis=1) / rank / estimated[df]
+            best = np.minimum(best, special.fdtrc(rank, df, f))
+        smallest.append(best)
+    return Family(np.sort(np.concatenate(smallest)))
+
+
+def _alike(problem: Problem, units: list[tuple[int, int, int]], scores: Scores) -> dict[tuple[float, int], np.ndarray]:
+    """First columns of units that have one level's degrees of freedom and as many columns, by both."""
+    groups: dict[tuple[float, int], list[int]] = {}
+    most = {
+        level: max(float(scores.df[u]) for u, _, _ in units if problem.judged_at[problem.units[u][0]] == level)
+        for level in {problem.judged_at[problem.units[u][0]] for u, _, _ in units}
+    }
+    for u, start, rank in units:
+        groups.setdefault((most[problem.judged_at[problem.units[u][0]]], rank), []).append(start)
+    return {key: np.array(starts) for key, starts in groups.items()}
+
+
+def _orthonormal_units(problem: Problem) -> tuple[list[tuple[int, int, int]], FloatArray]:
+    """Units that can be judged, as (unit, first column, columns), and what their columns' products are.
+
+    The columns are combined, unit by unit, to ones that are orthonormal over all sensors together.
+
+    Returns:
+        The units, and (S, m, m) products of each sensor's share of their m columns.
+
+    """
+    weight = errors(problem, ()) ** -2.0
+    points = np.array([level == "points" for level in problem.judged_at])
+    products = np.where(
+        points[:, None] | points, problem.products["points"].columns, problem.products["replications"].columns
+    )
+    products = products * weight[:, None, None]
+    pooled, length2 = products.sum(axis=0), np.sum(problem.length**2 * weight[:, None], axis=0)
+    units, mix, start = [], [], 0
+    for u, unit in enumerate(map(list, problem.units)):
+        scale = 1.0 / np.sqrt(np.maximum(length2[unit], np.finfo(float).tiny))
+        values, vectors = np.linalg.eigh(pooled[np.ix_(unit, unit)] * np.outer(scale, scale))
+        kept = values > NOTHING_LEFT**2
+        if np.any(kept):
+            block = np.zeros((len(problem.candidates), int(kept.sum())))
+            block[unit] = scale[:, None] * vectors[:, kept] / np.sqrt(values[kept])
+            mix.append(block)
+            units.append((u, start, int(kept.sum())))
+            start += int(kept.sum())
+    if not units:
+        return [], products
+    combined = np.concatenate(mix, axis=1)
+    return units, np.swapaxes(combined, 0, 1) @ products @ combined
+
+
+def _root(products: FloatArray) -> tuple[np.ndarray, np.ndarray]:
+    """Columns that a sensor has a share in, and (r, q) whose square their products are, in single precision."""
+    own = np.flatnonzero(np.diag(products) > 1e-9)
+    values, vectors = np.linalg.eigh(products[np.ix_(own, own)])
+    kept = values > 1e-6
+    return own, (vectors[:, kept] * np.sqrt(values[kept])).T.astype(np.float32)

@@ -11,6 +11,7 @@ no offset of a replication, however it wanders from one to the next, and no lack
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -20,6 +21,7 @@ from fitter.attitude import attitude_columns
 from fitter.data import AttitudeData
 from fitter.linear import orthonormal
 from fitter.replication import centred, own_parameters
+from fitter.trace.walks import Walks, walks_of
 
 Level = Literal["declared", "replications", "points"]
 LEVELS: tuple[Level, ...] = ("declared", "replications", "points")
@@ -36,6 +38,7 @@ class Levels:
         point: (n,) point of the design.
         stretch: (n,) which stretch of consecutive observations, a quarter of a replication, a row belongs to.
         executed: (n,) rows in the order of running, replication by replication.
+        replicate: (n,) replication of each row, from 0.
         beside: further columns of the declared model that are taken out for each sensor; they cost degrees of freedom.
 
     """
@@ -46,6 +49,7 @@ class Levels:
     point: IntArray
     stretch: IntArray
     executed: IntArray
+    replicate: IntArray
     beside: int = 0
 
     @property
@@ -73,6 +77,47 @@ class Levels:
         basis = orthonormal(self.leave(beside, level), np.linalg.norm(beside, axis=0))
         return np.asarray(left - basis @ (basis.T @ left))
 
+    def products(self, columns: FloatArray, beside: FloatArray) -> dict[Level, FloatArray]:
+        """(q, q) products of what each level leaves of `columns` (n, q), one sensor's further columns (n, p) taken out.
+
+        From products of the columns themselves, less those of what is taken out: nothing is projected.
+        """
+        whole, out = columns.T @ columns, dict[Level, FloatArray]()
+        for level in LEVELS:
+            taken = [self._basis(level).T @ columns]
+            if level == "points":
+                visits = np.sqrt(self._visits)[:, None]
+                taken.append(np.add.reduceat(columns[self._by_point], self._first, axis=0) / visits)
+            if beside.shape[1]:
+                taken.append(orthonormal(self.leave(beside, level), np.linalg.norm(beside, axis=0)).T @ columns)
+            basis = np.concatenate(taken)
+            out[level] = whole - basis.T @ basis
+        return out
+
+    def walks(self, level: Level) -> Walks:
+        """Likelihoods, of what a level leaves, under random walks of the offset."""
+        if level not in self._walks:
+            self._walks[level] = walks_of(
+                self.executed, self.replicate, self._basis(level), float(max(self.df(level), 1))
+            )
+        return self._walks[level]
+
+    @cached_property
+    def _walks(self) -> dict[Level, Walks]:
+        return {}
+
+    @cached_property
+    def _by_point(self) -> IntArray:
+        return np.argsort(self.point, kind="stable")
+
+    @cached_property
+    def _visits(self) -> IntArray:
+        return np.bincount(self.point)
+
+    @cached_property
+    def _first(self) -> IntArray:
+        return np.concatenate([[0], np.cumsum(self._visits)[:-1]])
+
     def _basis(self, level: Level) -> FloatArray:
         return {"declared": self.declared, "replications": self.replications, "points": self.points}[level]
 
@@ -88,6 +133,7 @@ def levels_of(data: AttitudeData, beside: int = 0) -> Levels:
         point=data.point,
         stretch=stretches(data, -(-len(data) // (4 * data.replicates.size))),
         executed=np.lexsort((data.order, data.replicate_index)),
+        replicate=data.replicate_index,
         beside=beside,
     )
 

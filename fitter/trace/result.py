@@ -69,7 +69,7 @@ class Found:
             "term": ", ".join(self.terms),
             "terms": list(self.terms),
             "coefficients": list(self.coefficients),
-            "stderr": list(self.stderr),
+            "stderr": [error if np.isfinite(error) else None for error in self.stderr],
             "unit": self.unit,
             "size": self.size,
             "p_adjusted": self.p_adjusted,
@@ -144,6 +144,7 @@ class SensorTrace:
         residual_before_V: (n,) residual of the declared model, in the data's order of rows.
         residual_after_V: (n,) residual with the effects.
         temperature_recorded: whether effects of temperature could be tested at all.
+        noise: what was found of the noise; in JSON these are effects of stratum "noise".
 
     """
 
@@ -164,6 +165,7 @@ class SensorTrace:
     residual_before_V: FloatArray
     residual_after_V: FloatArray
     temperature_recorded: bool
+    noise: tuple[Found, ...] = ()
 
     def to_json(self) -> dict[str, JsonValue]:
         """As `rig trace --json` prints it."""
@@ -171,7 +173,7 @@ class SensorTrace:
             "declared": self.declared,
             "verdict": self.verdict,
             "before": self._side(self.before, self.cv_rms_before, self.shared_attitude_before),
-            "effects": [effect.to_json() for effect in self.effects],
+            "effects": [effect.to_json() for effect in (*self.effects, *self.noise)],
             "after": self._side(self.after, self.cv_rms_after, self.shared_attitude_after),
             "unnamed": [rest.to_json() for rest in self.unnamed],
             "notes": list(self.notes),
@@ -229,6 +231,7 @@ class Trace:
         chosen: the terms in the model.
         gamma: (q,) their coefficients, in the terms' own units.
         points: number of observations.
+        outliers: rows that stand out and were left out of search and fit.
 
     """
 
@@ -237,6 +240,7 @@ class Trace:
     chosen: tuple[Candidate, ...]
     gamma: FloatArray
     points: int
+    outliers: tuple[int, ...] = ()
 
     def predict(self, data: AttitudeData) -> dict[str, FloatArray]:
         """(n,) outputs in volts of each sensor for other observations, effects included."""

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from fitter.arrays import FloatArray
+from fitter.arrays import FloatArray, IntArray
 from fitter.attitude import attitude_columns
 from fitter.calibration import AttitudeFit
 from fitter.data import AttitudeData
@@ -16,9 +16,11 @@ from fitter.trace.aliases import Rival
 from fitter.trace.estimate import Estimate, concerns, estimate
 from fitter.trace.family import Family, family_of
 from fitter.trace.judge import AttitudeJudge
+from fitter.trace.noise import noise_findings, outlier_finding
+from fitter.trace.outliers import outliers
 from fitter.trace.problem import Problem, pose, raw_columns
 from fitter.trace.remainder import shared_attitude, strongest_wave
-from fitter.trace.result import FoundEffect, SensorTrace, Trace, Unnamed, predict, verdict
+from fitter.trace.result import Found, FoundEffect, SensorTrace, Trace, Unnamed, predict, verdict
 from fitter.trace.score import RESOLVED, score
 from fitter.trace.search import ROUNDS, names_of, prune, search_and_name
 from fitter.trace.wander import expected, with_wander
@@ -46,27 +48,60 @@ def trace(
         ValueError: the declared model has temperature, and none was recorded or it never changed.
 
     """
-    problem = pose(data, catalogue, temperature=temperature)
-    family = family_of(problem, score(problem, ()), seed)
-    problem, found = _settle(problem, family)
+    aside, judge, found, family = _without_outliers(data, catalogue, seed, temperature=temperature)
+    problem = judge.problem
     before, after = estimate(problem, ()), estimate(problem, found)
-    judge = AttitudeJudge(problem, family)
     classes = {name: judge.rivals(found, name) for name in names_of(problem.candidates, found)}
-    cv = left_out(data, catalogue, family, temperature=temperature)
+    cv = left_out(problem.scene.data, catalogue, family, temperature=temperature, anything=bool(found))
     sensors = {
-        sensor: _sensor(judge, before, after, classes, i, None if cv is None else cv[:, i])
+        sensor: _sensor(judge, data, aside, before, after, classes, i, None if cv is None else cv[:, i])
         for i, sensor in enumerate(problem.sensors)
     }
     chosen = tuple(problem.candidates[j] for j in after.chosen)
-    return Trace(sensors, problem.scene, chosen, after.gamma, len(data))
+    return Trace(sensors, problem.scene, chosen, after.gamma, len(data), tuple(aside.tolist()))
+
+
+def _without_outliers(
+    data: AttitudeData, catalogue: Sequence[Effect], seed: int, *, temperature: bool
+) -> tuple[IntArray, AttitudeJudge, tuple[int, ...], Family]:
+    """Search; again without the readings that stand out beside what was found; until none is to be added.
+
+    A reading that stood out only of what was not yet in the model comes back.
+    """
+    aside = np.zeros(0, np.int64)
+    for last in (False, False, True):
+        kept = data if not aside.size else data.take(np.setdiff1d(np.arange(len(data)), aside))
+        problem = pose(kept, catalogue, temperature=temperature)
+        family = family_of(problem, score(problem, ()), seed)
+        judge, found = _settle(problem, family)
+        again = outliers(data, residual_of(judge.problem, estimate(judge.problem, found), data))[0]
+        if last or np.array_equal(again, aside):
+            break
+        aside = again
+    return aside, judge, found, family
+
+
+def residual_of(problem: Problem, fitted: Estimate, data: AttitudeData) -> FloatArray:
+    """(S, n) outputs less what was fitted, V, of any observations."""
+    chosen = [problem.candidates[j] for j in fitted.chosen]
+    h = attitude_columns(data.pitch_deg, data.roll_deg, roll=problem.scene.roll)
+    model = [predict(h, data, *pair) for pair in zip(fitted.fits, fitted.temperatures, strict=True)]
+    effects = raw_columns(problem.scene.on(data), chosen) @ fitted.gamma
+    return np.stack([data.outputs[s] for s in data.sensors]) - effects - np.stack(model)
 
 
 def left_out(
-    data: AttitudeData, catalogue: Sequence[Effect], family: Family, *, temperature: bool = False
+    data: AttitudeData,
+    catalogue: Sequence[Effect],
+    family: Family,
+    *,
+    temperature: bool = False,
+    anything: bool = True,
 ) -> FloatArray | None:
     """(2, S) rms error on replications left out, V, before and after; None where fewer than two can be.
 
-    The search is repeated without the replication that is left out, whose own offset is predicted as zero.
+    The search is repeated without the replication that is left out, whose own offset is predicted as zero. Where
+    nothing was found in the whole, there is nothing to repeat.
     """
     if data.replicates.size < 2:
         return None
@@ -75,44 +110,42 @@ def left_out(
         inside = data.replicate != replicate
         rest, aside = data.take(np.flatnonzero(inside)), data.take(np.flatnonzero(~inside))
         try:
-            problem = pose(rest, catalogue, temperature=temperature)
+            problem = pose(rest, catalogue if anything else (), temperature=temperature)
         except ValueError:
             return None
-        problem, found = _settle(problem, family)
-        h = attitude_columns(aside.pitch_deg, aside.roll_deg, roll=problem.scene.roll)
-        outputs = np.stack([aside.outputs[s] for s in aside.sensors])
-        for i, fitted in enumerate((estimate(problem, ()), estimate(problem, found))):
-            chosen = [problem.candidates[j] for j in fitted.chosen]
-            effects = raw_columns(problem.scene.on(aside), chosen) @ fitted.gamma
-            model = [predict(h, aside, *pair) for pair in zip(fitted.fits, fitted.temperatures, strict=True)]
-            error = outputs - effects - np.stack(model)
-            squares[i] += np.sum(error**2, axis=1)
+        found: tuple[int, ...] = ()
+        if anything:
+            judge, found = _settle(problem, family)
+            problem = judge.problem
+        for i, chosen in enumerate(((), found)):
+            squares[i] += np.sum(residual_of(problem, estimate(problem, chosen), aside) ** 2, axis=1)
         count += len(aside)
     return np.asarray(np.sqrt(squares / count))
 
 
-def _settle(problem: Problem, family: Family) -> tuple[Problem, tuple[int, ...]]:
+def _settle(problem: Problem, family: Family) -> tuple[AttitudeJudge, tuple[int, ...]]:
     """Search; then judge what was found against the random walk that is left, until nothing changes.
 
     A walk is looked for beside the effects and not before them: an effect of temperature not yet in the model looks
     like one, and would be judged against itself.
     """
-    chosen = search_and_name(AttitudeJudge(problem, family))
+    judge, chosen = search_and_name(AttitudeJudge(problem, family))
     by = expected(problem)
     if by is None:
-        return problem, chosen
+        return judge, chosen
     for _ in range(ROUNDS):
-        walking = with_wander(problem, chosen, by)
-        if np.all((walking.wander > 0) == (problem.wander > 0)):
+        walking = with_wander(judge.problem, chosen, by)
+        if np.all((walking.wander > 0) == (judge.problem.wander > 0)):
             break
-        problem = walking
-        judge = AttitudeJudge(problem, family)
-        chosen = search_and_name(judge, prune(judge, chosen))
-    return problem, chosen
+        judge = AttitudeJudge(walking, family)
+        judge, chosen = search_and_name(judge, prune(judge, chosen))
+    return judge, chosen
 
 
 def _sensor(
     judge: AttitudeJudge,
+    whole: AttitudeData,
+    aside: IntArray,
     before: Estimate,
     after: Estimate,
     classes: dict[str, tuple[Rival, ...]],
@@ -123,10 +156,9 @@ def _sensor(
     sensor = problem.sensors[i]
     declared: AttitudeFit = problem.fits[sensor]
     effects = sorted(
-        (e for name in classes if (e := _found(judge, before, after, classes[name], name, i)) is not None),
+        (e for name in classes if (e := _found(judge, whole, before, after, classes[name], name, i)) is not None),
         key=lambda effect: -effect.share,
     )
-    h = declared.columns(problem.scene.data.pitch_deg, problem.scene.data.roll_deg)
     unnamed = _unnamed(problem, after, i)
     return SensorTrace(
         sensor=sensor,
@@ -143,14 +175,36 @@ def _sensor(
         fit=after.fits[i],
         temperature=after.temperatures[i],
         S_V=declared.parameters.S_V,
-        residual_before_V=before.corrected[i] - before.fits[i].predict(h),
-        residual_after_V=after.corrected[i] - after.fits[i].predict(h),
+        residual_before_V=residual_of(problem, before, whole)[i],
+        residual_after_V=residual_of(problem, after, whole)[i],
         temperature_recorded=problem.scene.temperature_degC is not None,
+        noise=(*noise_findings(problem, after, i), *_outliers(problem, whole, aside, after, i)),
     )
+
+
+def _outliers(problem: Problem, whole: AttitudeData, aside: IntArray, after: Estimate, i: int) -> tuple[Found, ...]:
+    """The readings of sensor `i` that were left out, and what the fit would be with them."""
+    if not aside.size:
+        return ()
+    sd = outliers(whole, residual_of(problem, after, whole))[1][i]
+    own = aside[np.abs(sd[aside]) > SHOWS]
+    if not own.size:
+        return ()
+    h = problem.fits[problem.sensors[i]].columns(whole.pitch_deg, whole.roll_deg)
+    effects = raw_columns(problem.scene.on(whole), [problem.candidates[j] for j in after.chosen])[i]
+    columns = np.column_stack([h, effects[:, np.any(effects != 0, axis=0)]])
+    kept = np.setdiff1d(np.arange(len(whole)), aside)
+    spread = np.linalg.pinv(columns[kept].T @ columns[kept])
+    y = whole.outputs[problem.sensors[i]]
+    with_all = np.linalg.lstsq(columns, y, rcond=None)[0]
+    without = np.linalg.lstsq(columns[kept], y[kept], rcond=None)[0]
+    error = np.sqrt(_pure_variance(after.tables[i]) * np.maximum(np.diag(spread), np.finfo(float).tiny))
+    return (outlier_finding(problem, whole, own, sd, float(np.max(np.abs(with_all - without) / error)), i),)
 
 
 def _found(
     judge: AttitudeJudge,
+    whole: AttitudeData,
     before: Estimate,
     after: Estimate,
     explanations: tuple[Rival, ...],
@@ -165,12 +219,13 @@ def _found(
     if not shown:
         return None
     effect = problem.candidates[picked[shown[0]]].effect
-    contribution = problem.raw[i][:, [picked[k] for k in mine]] @ after.gamma[mine]
+    contribution = raw_columns(problem.scene, [problem.candidates[picked[k]] for k in mine])[i] @ after.gamma[mine]
     formulas = [problem.candidates[picked[k]].term.as_formula(problem.scene, sensor) for k in shown]
     parts = {k: problem.candidates[picked[k]] for k in mine}
     own = {part.term.name: float(after.gamma[k]) for k, part in parts.items() if part.sensor in (None, sensor)}
     stderr = np.sqrt(np.diag(after.covariance))
     h = problem.fits[sensor].columns(problem.scene.data.pitch_deg, problem.scene.data.roll_deg)
+    shape = [problem.candidates[picked[k]] for k in mine]
     without = after.corrected[i] + contribution
     own_columns = np.column_stack([h, problem.fits[sensor].beside(problem.scene.data)])
     rss_without = float(np.sum((without - own_columns @ np.linalg.lstsq(own_columns, without, rcond=None)[0]) ** 2))
@@ -195,7 +250,7 @@ def _found(
         separation={r.effect: round(max(r.sigmas - best.sigmas, 0.0), 2) for r in explanations if r.effect != name},
         separate_by=f"{_experiments(effect, alike)}; it reaches {peak:.2g} V "
         f"({np.degrees(peak / problem.fits[sensor].parameters.S_V):.2g} deg) here",
-        contribution_V=contribution,
+        contribution_V=raw_columns(problem.scene.on(whole), shape)[i] @ after.gamma[mine],
         against=effect.against,
     )
 
@@ -207,9 +262,10 @@ def _experiments(effect: Effect, aliases: Iterable[Effect]) -> str:
 
 def _size(problem: Problem, after: Estimate, k: int, i: int) -> float:
     """Standard errors that term `k` of the model amounts to in sensor `i` by itself."""
-    column = problem.columns["declared"][i][:, after.chosen[k]]
+    j = after.chosen[k]
+    length = np.sqrt(problem.products["declared"].columns[i, j, j])
     sigma = np.sqrt(_pure_variance(after.tables[i]))
-    return float(abs(after.gamma[k]) * np.linalg.norm(column) / sigma) if concerns(problem, after.chosen[k])[i] else 0.0
+    return float(abs(after.gamma[k]) * length / sigma) if concerns(problem, after.chosen[k])[i] else 0.0
 
 
 def _pure_variance(table: Replication) -> float:

@@ -1,14 +1,12 @@
-"""How much each candidate removes beyond the present model, against the error of its own stratum.
+"""How much each unit of candidates removes beyond the present model, against the error of its own stratum.
 
-Outputs are divided by their own point-by-replication error, so that sensors count alike. A candidate's score is its
-coefficient over the largest of its standard errors:
+Outputs are divided by their own point-by-replication error, so that sensors count alike. A unit is one column, or
+several that are judged together (sine and cosine of one frequency). Its score is Wald's F, the square of Student's t
+for one column, with the largest of several errors:
 
-- from the point-by-replication error; between points from the lack of fit instead, wherever more than error is left
-  there after the candidate, so that an unknown cause cannot bring in whatever slightly resembles it;
-- from the scatter of each observation's own contribution, which holds for unequal variances and for head errors that
-  several sensors share;
-- for what varies in time, from the scatter over stretches of the run, which holds where the noise wanders slowly;
-- from a random walk of the offset, where the residual shows one (`wander.py`).
+- the point-by-replication error; between points the lack of fit instead, wherever more than error is left there after
+  the unit, so that an unknown cause cannot bring in whatever slightly resembles it;
+- for those that come near to standing out, also what `robust.py` has to say.
 """
 
 from __future__ import annotations
@@ -20,33 +18,32 @@ import numpy as np
 from scipy import special
 
 from fitter.arrays import FloatArray, IntArray
-from fitter.linear import orthonormal
 from fitter.quantiles import f_limit
 from fitter.trace.levels import Level
 from fitter.trace.problem import Problem
 from fitter.trace.whitened import Whitened
 
 NOTHING_LEFT = 1e-3
-"""A candidate of which less than this share is left beside the others at its level cannot be judged there."""
-
-
+"""A column of which less than this share is left beside the others at its level cannot be judged there."""
 RESOLVED = 1e-12
 """Of an output's swing: what is smaller than this is rounding, and data without noise are not tested against it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Scores:
-    """One entry a candidate, (J,); zero and one where a candidate is in the model or cannot be judged.
+    """One entry a unit, (U,); zero and one where a unit is in the model or cannot be judged.
 
     Attributes:
-        t: score in standard errors.
+        f: score, in squares of standard errors a column.
+        rank: columns that can be told apart beside the model.
         df: degrees of freedom of the error it was judged against.
-        p: probability of a larger score by chance, this candidate taken alone.
+        p: probability of a larger score by chance, this unit taken alone.
         gain: fall of the residual sum of squares, in units of the error's variance.
 
     """
 
-    t: FloatArray
+    f: FloatArray
+    rank: IntArray
     df: FloatArray
     p: FloatArray
     gain: FloatArray
@@ -58,14 +55,15 @@ def errors(problem: Problem, chosen: Sequence[int]) -> FloatArray:
     Without replications the residual of the model stands in for it.
     """
     level: Level = "points" if problem.levels.df("points") > 0 else "declared"
-    own, y = problem.columns[level][:, :, list(chosen)], problem.outputs[level]
-    sigma = np.empty(len(problem.sensors))
-    for i in range(len(sigma)):
-        basis = orthonormal(own[i], problem.length[i, list(chosen)], NOTHING_LEFT)
-        left = y[i] - basis @ (basis.T @ y[i])
-        df = problem.levels.df(level) - basis.shape[1]
-        sigma[i] = np.sqrt(np.sum(left**2) / df) if df > 0 else np.nan
-    return np.asarray(np.maximum(sigma, rounding(problem)))
+    known, picked = problem.products[level], np.array(chosen, np.int64)
+    left, df = known.square.copy(), np.full(len(problem.sensors), float(problem.levels.df(level)))
+    if picked.size:
+        taken, own = known.columns[:, picked[:, None], picked], known.outputs[:, picked]
+        known_apart = inverse(taken, problem.length[:, picked] ** 2)
+        left -= np.einsum("sj,sjk,sk->s", own, known_apart, own)
+        df -= np.rint(np.einsum("sjk,skj->s", known_apart, taken))
+    sigma = np.sqrt(np.maximum(left, 0.0) / np.where(df > 0, df, np.nan))
+    return np.asarray(np.fmax(sigma, rounding(problem)))
 
 
 def rounding(problem: Problem) -> FloatArray:
@@ -75,7 +73,7 @@ def rounding(problem: Problem) -> FloatArray:
 
 
 def whiten(
-    problem: Problem, level: Level, chosen: Sequence[int], sigma: FloatArray, of: Sequence[int] | IntArray | None = None
+    problem: Problem, level: Level, chosen: Sequence[int], sigma: FloatArray, of: Sequence[int] = ()
 ) -> Whitened:
     """Outputs and columns over `sigma` (S,), with the `chosen` candidates fitted and taken out of both.
 
@@ -84,97 +82,163 @@ def whiten(
         level: what else is taken out.
         chosen: candidates in the model.
         sigma: (S,) error of each sensor, V.
-        of: the candidates whose columns are wanted; all of them if left out.
+        of: the candidates whose columns are wanted.
 
     """
-    block = problem.columns[level]
-    picked, wanted = list(chosen), slice(None) if of is None else np.asarray(of, np.int64)
-    scale = sigma[:, None]
+    picked, scale = list(chosen), sigma[:, None]
     length = np.linalg.norm(problem.length[:, picked] / scale, axis=0)
-    taken, columns = block[:, :, picked] / scale[:, :, None], block[:, :, wanted] / scale[:, :, None]
-    return Whitened(problem.outputs[level] / scale, columns).beside(taken, length)
+    taken, columns = (problem.columns_at(level, which) / scale[:, :, None] for which in (picked, list(of)))
+    return Whitened(problem.outputs_at(level) / scale, columns).beside(taken, length)
+
+
+@dataclass(frozen=True, eq=False)
+class Beside:
+    """Products at one level over the sensors' errors, with chosen candidates taken out of all sensors together.
+
+    Attributes:
+        columns: (S, h, h) of h candidates.
+        outputs: (S, h).
+        square: (S,).
+
+    """
+
+    columns: FloatArray
+    outputs: FloatArray
+    square: FloatArray
+
+
+def beside(problem: Problem, level: Level, chosen: Sequence[int], here: IntArray, sigma: FloatArray) -> Beside:
+    """Products of the candidates `here` and of the outputs beside the `chosen` ones."""
+    known, weight = problem.products[level], sigma**-2.0
+    columns = known.columns[:, here[:, None], here] * weight[:, None, None]
+    outputs, square = known.outputs[:, here] * weight[:, None], known.square * weight
+    picked = np.array(chosen, np.int64)
+    if not picked.size:
+        return Beside(columns, outputs, square)
+    across = known.columns[:, picked[:, None], here] * weight[:, None, None]
+    taken = known.columns[:, picked[:, None], picked] * weight[:, None, None]
+    own = known.outputs[:, picked] * weight[:, None]
+    length2 = np.sum(problem.length[:, picked] ** 2 * weight[:, None], axis=0)
+    spread = inverse(taken.sum(axis=0), length2)
+    share, fitted = spread @ across.sum(axis=0), spread @ own.sum(axis=0)
+    cross = np.swapaxes(across, 1, 2) @ share
+    return Beside(
+        columns - cross - np.swapaxes(cross, 1, 2) + share.T @ taken @ share,
+        outputs - np.swapaxes(across, 1, 2) @ fitted - (own - taken @ fitted) @ share,
+        np.maximum(square - 2 * own @ fitted + (taken @ fitted) @ fitted, 0.0),
+    )
+
+
+def inverse(products: FloatArray, length2: FloatArray, rank: int | None = None) -> FloatArray:
+    """(..., q, q) inverse of products of columns, of what can be told apart of them.
+
+    Args:
+        products: (..., q, q).
+        length2: (..., q) squared lengths that columns are measured by.
+        rank: how many combinations of columns are told apart; without it those of which `NOTHING_LEFT` is left.
+
+    """
+    scale = 1.0 / np.sqrt(np.maximum(length2, np.finfo(float).tiny))
+    values, vectors = np.linalg.eigh(products * scale[..., :, None] * scale[..., None, :])
+    least = np.finfo(float).tiny if rank is not None else NOTHING_LEFT**2
+    kept = values > least
+    if rank is not None:
+        kept &= np.arange(values.shape[-1]) >= values.shape[-1] - rank
+    inverted = np.where(kept, 1.0 / np.maximum(values, least), 0.0)
+    out = (vectors * inverted[..., None, :]) @ np.swapaxes(vectors, -1, -2)
+    return np.asarray(out * scale[..., :, None] * scale[..., None, :])
 
 
 def score(problem: Problem, chosen: Sequence[int], of: Sequence[int] | None = None) -> Scores:
-    """Score candidates beside the `chosen` ones, each at the level it is judged at.
-
-    Args:
-        problem: the run.
-        chosen: candidates in the model.
-        of: the candidates to be scored; all of them if left out.
-
-    """
-    count = len(problem.candidates)
-    t, df, gain = np.zeros(count), np.ones(count), np.zeros(count)
+    """Score units (those `of` interest, or all) beside the `chosen` candidates, each at the level it is judged at."""
+    count = len(problem.units)
+    scores = Scores(np.zeros(count), np.zeros(count, np.int64), np.ones(count), np.ones(count), np.zeros(count))
     sigma = errors(problem, chosen)
     levels: tuple[Level, ...] = ("replications", "points")
+    wanted = [u for u in (range(count) if of is None else of) if not set(problem.units[u]) & set(chosen)]
     for level in levels:
-        here = problem.at(level) if of is None else np.intersect1d(problem.at(level), of)
-        if not here.size or problem.levels.df(level) <= len(chosen) + 1:
+        units = [u for u in wanted if problem.judged_at[problem.units[u][0]] == level]
+        if not units or problem.levels.df(level) <= len(chosen) + 1:
             continue
-        white = whiten(problem, level, chosen, sigma, here)
-        norm2, dot = np.sum(white.columns**2, axis=1), np.einsum("snj,sn->sj", white.columns, white.outputs)
+        here = np.array([j for u in units for j in problem.units[u]], np.int64)
+        left = beside(problem, level, chosen, here, sigma)
         length2 = np.sum((problem.length[:, here] / sigma[:, None]) ** 2, axis=0)
-        can = (norm2.sum(axis=0) > NOTHING_LEFT**2 * length2) & ~np.isin(here, chosen)
-        gamma = np.where(can, dot.sum(axis=0), 0.0) / np.where(can, norm2.sum(axis=0), 1.0)
-        after = np.sum(white.outputs**2, axis=1)[:, None] - 2 * gamma * dot + gamma**2 * norm2
-        inflation, df[here] = _lack_of_fit(problem, level, chosen, after, norm2, sigma)
-        variance = np.maximum(
-            np.sum(norm2 * inflation, axis=0) + walked(problem, white.columns),
-            _scatter(problem, level, white, gamma),
-        )
-        t[here] = gamma * norm2.sum(axis=0) / np.sqrt(np.where(can, variance, 1.0))
-        gain[here] = gamma * dot.sum(axis=0)
-    return Scores(t, df, 2.0 * special.stdtr(df, -np.abs(t)), gain)
+        within = beside(problem, "points", chosen, here[:0], sigma).square
+        at = np.cumsum([0] + [len(problem.units[u]) for u in units])
+        for size in {len(problem.units[u]) for u in units}:
+            same = [k for k, u in enumerate(units) if len(problem.units[u]) == size]
+            _judge(
+                problem,
+                level,
+                len(chosen),
+                scores,
+                np.array([units[k] for k in same]),
+                _of_units(left, length2, at[same][:, None] + np.arange(size)),
+                within,
+            )
+    return scores
 
 
-def walked(problem: Problem, columns: FloatArray) -> FloatArray:
-    """(J,) what the random walk in the offsets adds to the variance of columns' (S, n, J) products with the outputs.
+@dataclass(frozen=True, eq=False)
+class _Units:
+    """Products of the q columns of each of U units: (S, U, q, q), (S, U, q), (S,), and lengths squared (U, q)."""
 
-    The columns are free of every replication's offset, so the walk may start anew in each.
-    """
-    if not np.any(problem.wander):
-        return np.zeros(columns.shape[2])
-    ahead = np.cumsum(columns[:, problem.levels.executed], axis=1)
-    return np.asarray(problem.wander @ np.sum(ahead**2, axis=1))
+    columns: FloatArray
+    outputs: FloatArray
+    square: FloatArray
+    length2: FloatArray
 
 
-def _scatter(problem: Problem, level: Level, white: Whitened, gamma: FloatArray) -> FloatArray:
-    """(J,) variance of each column's product with the outputs, from the scatter of what observations contribute."""
-    own = np.sum(white.columns * (white.outputs[:, :, None] - gamma * white.columns), axis=0)
-    single = np.sum(own**2, axis=0)
-    if level != "points":
-        return np.asarray(single)
-    by_stretch = np.zeros((int(problem.levels.stretch.max()) + 1, own.shape[1]))
-    np.add.at(by_stretch, problem.levels.stretch, own)
-    return np.asarray(np.maximum(single, np.sum(by_stretch**2, axis=0)))
+def _of_units(left: Beside, length2: FloatArray, at: IntArray) -> _Units:
+    return _Units(left.columns[:, at[:, :, None], at[:, None, :]], left.outputs[:, at], left.square, length2[at])
+
+
+def _judge(
+    problem: Problem, level: Level, chosen: int, scores: Scores, units: IntArray, of: _Units, within: FloatArray
+) -> None:
+    """Fill in the scores of `units` that have as many columns each."""
+    spread = inverse(of.columns.sum(axis=0), of.length2)
+    d = of.outputs.sum(axis=0)
+    gamma = (spread @ d[:, :, None])[:, :, 0]
+    norm2 = np.einsum("sujj->su", of.columns)
+    rank = np.rint(np.einsum("ujk,ukj->u", spread, of.columns.sum(axis=0))).astype(np.int64)
+    can = rank > 0
+    after = of.square[:, None] - 2 * np.einsum("suj,uj->su", of.outputs, gamma)
+    after += np.einsum("uj,sujk,uk->su", gamma, of.columns, gamma)
+    inflation, df = _lack_of_fit(problem, level, chosen, after, norm2, within)
+    meat = np.einsum("su,sujk->ujk", inflation, of.columns)
+    wald = np.einsum("uj,ujk,uk->u", d, inverse(meat, of.length2), d)
+    gain = np.where(can, np.einsum("uj,uj->u", gamma, d), 0.0)
+    f = np.where(can, np.minimum(wald, gain) / np.maximum(rank, 1), 0.0)
+    scores.f[units], scores.rank[units], scores.df[units] = f, rank, df
+    scores.gain[units] = gain
+    scores.p[units] = np.where(can, special.fdtrc(np.maximum(rank, 1), df, np.maximum(f, 0.0)), 1.0)
 
 
 def _lack_of_fit(
-    problem: Problem, level: Level, chosen: Sequence[int], after: FloatArray, norm2: FloatArray, sigma: FloatArray
+    problem: Problem, level: Level, chosen: int, after: FloatArray, norm2: FloatArray, within: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """What candidates are judged against: pure error, or the lack of fit where more than error is left.
+    """What units are judged against: pure error, or the lack of fit where more than error is left.
 
     Args:
         problem: the run.
         level: at which they are judged.
-        chosen: candidates in the model.
-        after: (S, J) residual sum of squares beside each candidate, over each sensor's error.
-        norm2: (S, J) squared length of the candidates' columns.
-        sigma: (S,) error of each sensor, V.
+        chosen: how many candidates are in the model.
+        after: (S, U) residual sum of squares beside each unit, over each sensor's error.
+        norm2: (S, U) squared length of the units' columns.
+        within: (S,) residual sum of squares point by replication.
 
     Returns:
-        (S, J) mean square of that error over the pure error's, and (J,) its degrees of freedom.
+        (S, U) mean square of that error over the pure error's, and (U,) its degrees of freedom.
 
     """
-    count, j = norm2.shape
-    pure, plain = problem.levels.df("points"), np.ones((count, j))
+    count, units = norm2.shape
+    pure, plain = problem.levels.df("points"), np.ones((count, units))
     if pure <= 0:
-        return plain, np.full(j, float(problem.levels.df(level) - len(chosen) - 1))
-    lof = problem.levels.n_points - problem.levels.declared.shape[1] - len(chosen) - 1
+        return plain, np.full(units, float(problem.levels.df(level) - chosen - 1))
+    lof = problem.levels.n_points - problem.levels.declared.shape[1] - chosen - 1
     if level == "points" or lof <= 0:
-        return plain, np.full(j, float(pure * count))
-    within = np.sum(whiten(problem, "points", chosen, sigma, ()).outputs ** 2, axis=1)
+        return plain, np.full(units, float(pure * count))
     ratio = (after - within[:, None]) / lof
     inflation = np.where(ratio > f_limit(0.95, lof, pure), ratio, 1.0)
     concerned = norm2 > 0.05 * norm2.sum(axis=0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 import numpy as np
 
@@ -22,50 +22,61 @@ class Judge(Protocol):
     def candidates(self) -> Sequence[Named]:
         """All there are, in catalogue order."""
 
-    def best(self, chosen: tuple[int, ...]) -> int | None:
-        """The candidate that removes most beside those `chosen`, of those that stand out; None if none does."""
+    def unit(self, j: int) -> tuple[int, ...]:
+        """Candidates that come and go together, `j` among them: sine and cosine of one frequency."""
+
+    def best(self, chosen: tuple[int, ...]) -> tuple[int, ...]:
+        """The unit that removes most beside those `chosen`, of those that stand out; empty if none does."""
 
     def p_adjusted(self, chosen: tuple[int, ...], j: int) -> float:
-        """Probability that the best of the family looks as good as `j` beside the other `chosen` by chance."""
+        """Probability that the best of the family looks as good as `j`'s unit beside the other `chosen` by chance."""
 
     def rivals(self, chosen: tuple[int, ...], effect: str) -> tuple[Rival, ...]:
         """All explanations of what the terms of `effect` among `chosen` explain, best first."""
 
+    def refined(self: J, chosen: tuple[int, ...]) -> J:
+        """The judge with the searched constants of what is `chosen` placed more closely."""
 
-def search(judge: Judge, start: tuple[int, ...] = ()) -> tuple[int, ...]:
+
+J = TypeVar("J", bound=Judge)
+
+
+def search(judge: J, start: tuple[int, ...] = ()) -> tuple[J, tuple[int, ...]]:
     """Indices of the candidates that belong in the model, in the order found, from `start` on."""
     chosen, seen = start, {frozenset(start)}
     while len(chosen) < MOST:
         best = judge.best(chosen)
-        if best is None:
+        if not best:
             break
-        chosen = prune(judge, (*chosen, best))
+        judge = judge.refined((*chosen, *best))
+        chosen = prune(judge, (*chosen, *best))
         if frozenset(chosen) in seen:
             break
         seen.add(frozenset(chosen))
-    return chosen
+    return judge, chosen
 
 
 def prune(judge: Judge, chosen: tuple[int, ...]) -> tuple[int, ...]:
-    """`chosen` without those that are not significant beside the others, the weakest dropped first."""
+    """`chosen` without the units that are not significant beside the others, the weakest dropped first."""
     while chosen:
-        p = [judge.p_adjusted(chosen, j) for j in chosen]
+        units = list(dict.fromkeys(tuple(k for k in judge.unit(j) if k in chosen) for j in chosen))
+        p = [judge.p_adjusted(chosen, unit[0]) for unit in units]
         weakest = int(np.argmax(p))
         if p[weakest] <= ALPHA:
             break
-        chosen = chosen[:weakest] + chosen[weakest + 1 :]
+        chosen = tuple(j for j in chosen if j not in units[weakest])
     return chosen
 
 
 def search_and_name(
-    judge: Judge, chosen: tuple[int, ...] = (), lead: Callable[[Sequence[Rival]], Rival] = simplest
-) -> tuple[int, ...]:
+    judge: J, chosen: tuple[int, ...] = (), lead: Callable[[Sequence[Rival]], Rival] = simplest
+) -> tuple[J, tuple[int, ...]]:
     """Search, then put the `lead` of each alias class in the place of what was found first, until nothing moves.
 
     The lead, the simplest if not told otherwise, has to stand out by itself too.
     """
     for _ in range(ROUNDS):
-        chosen = search(judge, chosen)
+        judge, chosen = search(judge, chosen)
         settled = chosen
         for name in names_of(judge.candidates, chosen):
             if name in names_of(judge.candidates, settled):
@@ -77,7 +88,7 @@ def search_and_name(
         if frozenset(settled) == frozenset(chosen):
             break
         chosen = settled
-    return chosen
+    return judge, chosen
 
 
 def names_of(candidates: Sequence[Named], chosen: tuple[int, ...]) -> list[str]:

@@ -10,13 +10,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.linalg import cholesky_banded, solve_banded
+from scipy import special
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.trace.levels import stretches
 from fitter.trace.problem import Problem
 from fitter.trace.score import errors, whiten
+from fitter.trace.walks import STEPS
 
 OBSERVATIONS = 24
 """In one stretch: long enough for a slow walk to stand out of the scatter, short enough to have many."""
@@ -26,10 +26,6 @@ SHORTEST = 16
 """Observations of a replication below which no walk is looked for."""
 SURE = 3.0
 """Standard deviations of the null by which the sums over stretches must be too large."""
-MARGIN = 3.0
-"""Natural log of the likelihood ratio that effects in time need over a random walk."""
-STEPS = tuple(np.logspace(-6, 0, 13))
-"""Mean square steps of a walk tried, over the variance of the scatter."""
 DRAWS = 100
 SEED = 1
 
@@ -72,40 +68,22 @@ def expected(problem: Problem) -> Expected | None:
 
 def with_wander(problem: Problem, chosen: tuple[int, ...], by: Expected) -> Problem:
     """The problem with the random walk that is left in each sensor beside the `chosen` candidates, if any is."""
-    sigma = errors(problem, chosen)
-    left = whiten(problem, "points", chosen, sigma, ()).outputs
-    found = _walk(left, by)
-    in_time = tuple(j for j in chosen if problem.judged_at[j] == "points")
-    if in_time:
-        bare = whiten(problem, "points", [j for j in chosen if j not in in_time], sigma, ()).outputs
-        instead = np.array([likelier_a_walk(*pair, problem) for pair in zip(bare, left, strict=True)])
-        found = np.where(instead, np.maximum(found, _walk(bare, by)), found)
-    return replace(problem, wander=found)
+    left = whiten(problem, "points", chosen, errors(problem, chosen)).outputs
+    return replace(problem, wander=_walk(left, by))
 
 
-def likelier_a_walk(bare: FloatArray, left: FloatArray, problem: Problem) -> bool:
-    """Whether a random walk explains `bare` (n,) better than scatter alone explains `left` (n,).
+def walk_evidence(problem: Problem, left: FloatArray) -> tuple[float, float]:
+    """P of so likely a random walk in one sensor's residual by chance, and its mean square step over the scatter's.
 
-    `left` is what effects in time leave of `bare`. A walk that explains a smooth effect has to be wide enough to take
-    many other courses too, and its likelihood pays for them.
+    Args:
+        problem: the run.
+        left: (n,) the residual at the level "points".
+
     """
-    firsts = np.diff(problem.scene.data.replicate_index[problem.levels.executed]) != 0
-    scatter, walk = (np.diff(e[problem.levels.executed]) for e in (left, bare))
-    best = max(_log_likelihood(walk, firsts, step) for step in STEPS)
-    return best > _log_likelihood(scatter, firsts, 0.0) - MARGIN
-
-
-def _log_likelihood(moves: FloatArray, firsts: NDArray[np.bool_], step: float) -> float:
-    """Of differences between consecutive observations: scatter, plus a walk of mean square `step` over its variance.
-
-    The differences' covariance has three diagonals; those across the start of a replication say nothing.
-    """
-    moves = np.where(firsts, 0.0, moves)
-    below = np.where(firsts[:-1] | firsts[1:], 0.0, -1.0)
-    factor = cholesky_banded(np.stack([np.where(firsts, 1.0, 2.0 + step), np.append(below, 0.0)]), lower=True)
-    count = moves.size - int(firsts.sum())
-    white = solve_banded((1, 0), factor, moves)
-    return float(-0.5 * count * np.log(np.sum(white**2) / count) - np.sum(np.log(factor[0])))
+    walks = problem.levels.walks("points")
+    likelihood = walks.log_likelihood(walks.products(left[:, None])[:, 0, 0])
+    best = int(np.argmax(likelihood))
+    return 0.5 * float(special.chdtrc(1, 2.0 * (likelihood[best] - likelihood[0]))), STEPS[best]
 
 
 def _walk(left: FloatArray, by: Expected) -> FloatArray:

@@ -11,6 +11,7 @@ from fitter.arrays import FloatArray
 from fitter.calibration import parameter_table
 from fitter.inverse import AttitudeCalibration, calibrate_package
 from fitter.trace import SensorTrace, Trace, trace
+from rig.effects import attitude_catalogue
 from rig.errors import UsageError
 from rig.tables import Table, attitude_data
 
@@ -31,7 +32,7 @@ def fit_attitude_table(table: Table, *, traced: bool = False, temperature: bool 
     data, warm = attitude_data(table), with_temperature(table, temperature)
     try:
         fits = fit_all(data, temperature=warm)
-        effects = _effects(trace(data, temperature=warm)) if traced else {}
+        effects = _effects(trace(data, attitude_catalogue(), temperature=warm)) if traced else {}
         calibration = calibrate_package(data, effects=effects, temperature=warm)
     except ValueError as error:
         raise UsageError(f"{table.source}: {error}") from error
@@ -98,7 +99,7 @@ def trace_attitude_table(table: Table, *, temperature: bool | None = None) -> At
     """Trace what the declared model lacks in a pitch-roll table; arguments and errors as for `fit_attitude_table`."""
     data, warm = attitude_data(table), with_temperature(table, temperature)
     try:
-        return AttitudeTraced(table, data, trace(data, temperature=warm), warm)
+        return AttitudeTraced(table, data, trace(data, attitude_catalogue(), temperature=warm), warm)
     except ValueError as error:
         raise UsageError(f"{table.source}: {error}") from error
 

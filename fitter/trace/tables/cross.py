@@ -42,7 +42,7 @@ def left_out(problem: Problem, judge: TableJudge, chosen: tuple[int, ...]) -> tu
         if len(kept) - orthonormal(problem.declared[kept]).shape[1] < FEWEST_SPARE:
             return None
         own = TableJudge(held.rows(kept), families)
-        found = search_and_name(own, lead=own.lead)
+        _, found = search_and_name(own, lead=own.lead)
         fitted = TableJudge(refined(own, found), families)
         moved = problem.with_terms({j: _whole(problem, fitted, j) for j in found})
         for i, terms in enumerate(((), found)):

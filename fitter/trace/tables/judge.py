@@ -58,10 +58,18 @@ class TableJudge:
         """All there are, cheapest first."""
         return self.problem.candidates
 
-    def best(self, chosen: tuple[int, ...]) -> int | None:
+    def unit(self, j: int) -> tuple[int, ...]:
+        """Every candidate by itself."""
+        return (j,)
+
+    def refined(self, chosen: tuple[int, ...]) -> TableJudge:
+        """Itself: searched constants are placed more closely once the search is through."""
+        return self
+
+    def best(self, chosen: tuple[int, ...]) -> tuple[int, ...]:
         """The candidate with most evidence beside those `chosen`, of those that stand out."""
         ranked = [j for j in self._ranked(chosen) if not self._crowded(chosen, j)]
-        return next((j for j in ranked if self._adjusted(chosen, j) <= ALPHA), None)
+        return next(((j,) for j in ranked if self._adjusted(chosen, j) <= ALPHA), ())
 
     def _crowded(self, chosen: tuple[int, ...], j: int) -> bool:
         """Whether an effect has as many terms as can be believed, or one next to `j` on the grid of its constant."""

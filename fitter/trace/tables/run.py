@@ -95,7 +95,8 @@ def drivers(data: TableData, fitted: FloatArray) -> dict[str, FloatArray]:
 
 def look(judge: TableJudge, data: TableData, rows: IntArray | None = None) -> Found:
     """Search, refine what is searched, weigh rows by the noise beside the effects, and again until nothing moves."""
-    chosen, growth = search_and_name(judge, lead=judge.lead), None
+    growth = None
+    _, chosen = search_and_name(judge, lead=judge.lead)
     for _ in range(ROUNDS):
         problem = refined(judge, chosen)
         judge = TableJudge(problem, judge.families) if problem is not judge.problem else judge
@@ -105,7 +106,7 @@ def look(judge: TableJudge, data: TableData, rows: IntArray | None = None) -> Fo
             sd = new.sd(_driver(judge, chosen, data, rows, new.driver))
             judge = TableJudge(replace(problem, sd=sd / np.exp(np.mean(np.log(sd)))))
         growth = new
-        again = search_and_name(judge, prune(judge, chosen), judge.lead)
+        _, again = search_and_name(judge, prune(judge, chosen), judge.lead)
         if set(again) == set(chosen) and settled:
             break
         chosen = again

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fitter.trace.aliases import Rival, rivals
+from fitter.trace.aliases import Products, Rival, rivals
 from fitter.trace.family import ALPHA, Family
 from fitter.trace.whitened import Whitened
 from fitter.trace.whole_plots.problem import Candidate, Problem
@@ -27,13 +27,21 @@ class WholePlotJudge:
         """All there are, in catalogue order."""
         return self.problem.candidates
 
-    def best(self, chosen: tuple[int, ...]) -> int | None:
+    def unit(self, j: int) -> tuple[int, ...]:
+        """Every candidate by itself."""
+        return (j,)
+
+    def refined(self, chosen: tuple[int, ...]) -> WholePlotJudge:
+        """Itself: the constants searched are those of the catalogue."""
+        return self
+
+    def best(self, chosen: tuple[int, ...]) -> tuple[int, ...]:
         """The candidate that removes most beside those `chosen`, of those that stand out."""
         if not self.candidates:
-            return None
+            return ()
         scores = score(self.problem, chosen)
         found = np.flatnonzero(self.family.adjust(scores.p) <= ALPHA)
-        return int(found[np.argmax(scores.gain[found])]) if found.size else None
+        return (int(found[np.argmax(scores.gain[found])]),) if found.size else ()
 
     def p_adjusted(self, chosen: tuple[int, ...], j: int) -> float:
         """Probability that the best of the family looks as good as `j` beside the other `chosen` by chance."""
@@ -57,7 +65,7 @@ class WholePlotJudge:
         line = any(problem.candidates[j].sensor is None for j in group)
         sensors = problem.sensors if line else {str(problem.candidates[j].sensor) for j in group}
         elsewhere = tuple(j for j in named if j not in group)
-        found = rivals(problem.candidates, white, group, rest, sensors)
+        found = rivals(problem.candidates, Products.of(white), group, rest, sensors)
         return tuple(replace(rival, terms=(*rival.terms, *elsewhere)) for rival in found)
 
     def _judged(self, level: Level, stratum: Beside) -> NDArray[np.bool_]:

@@ -102,7 +102,7 @@ def left_out(problem: Problem, family: Family, found: tuple[int, ...]) -> FloatA
         rest = problem.take(inside)
         try:
             design = SplitPlotDesign(rest.declared, rest.whole_plot, rest.names)
-            chosen = search_and_name(WholePlotJudge(rest, family)) if found else ()
+            chosen = search_and_name(WholePlotJudge(rest, family))[1] if found else ()
             coefficients = coefficients_of(rest, chosen)
             plain = design.fit_many(rest.outputs.T).coefficients
             beside_effects = design.fit_many((rest.outputs - contributed(rest, coefficients)).T).coefficients
@@ -124,7 +124,7 @@ def _settle(
     at the highest pressures, and would pass for noise that grows.
     """
     plain, family = problem, family_of(problem, seed)
-    chosen = search_and_name(WholePlotJudge(problem, family))
+    _, chosen = search_and_name(WholePlotJudge(problem, family))
     known: tuple[bool, ...] = (False,) * len(problem.sensors)
     for _ in range(ROUNDS):
         noise = noises(plain, chosen, data.pressure_psia)
@@ -135,7 +135,7 @@ def _settle(
         problem, _ = weighted(plain, chosen, data.pressure_psia, noise, grows)
         family = family_of(problem, seed)
         judge = WholePlotJudge(problem, family)
-        chosen = search_and_name(judge, prune(judge, chosen))
+        _, chosen = search_and_name(judge, prune(judge, chosen))
     else:
         noise = noises(plain, chosen, data.pressure_psia)
     problem, noise = weighted(plain, chosen, data.pressure_psia, noise, known)

@@ -1,0 +1,65 @@
+"""A laboratory's own effects: written as formulas, found by their name, refused with a reason where they are wrong."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from attitude_truth import D1, Bench, simulate
+
+from fitter.effects import CATALOGUE
+from fitter.effects.own import own_effects
+from fitter.trace import trace
+from rig.effects import attitude_catalogue
+from rig.errors import ConfigurationError
+
+DRAUGHT = """
+[[effect]]
+name = "draught"
+cause = "a draught from the door"
+scope = "sensor"
+stratum = "between-point"
+unit = "V"
+columns = ["exp(cos(pitch))*sin(3*roll)"]
+separate_by = "close the door"
+usual_size = "1e-5 V"
+"""
+
+
+def test_what_a_laboratory_adds_is_found_by_its_name(tmp_path, monkeypatch):
+    file = tmp_path / "effects.toml"
+    file.write_text(DRAUGHT)
+    monkeypatch.setenv("RIG_EFFECTS", str(file))
+    data, _ = simulate(Bench(), D1(180, 13, 13), seed=1)
+    draught = 2e-5 * np.exp(np.cos(np.radians(data.pitch_deg))) * np.sin(3 * np.radians(data.roll_deg))
+    data = replace(data, outputs={**data.outputs, "x_V": data.outputs["x_V"] + draught})
+    (effect,) = trace(data, attitude_catalogue()).sensors["x_V"].effects
+    assert effect.effect == "draught"
+    assert effect.coefficients[0] == pytest.approx(2e-5, abs=4 * effect.stderr[0])
+    assert effect.separate_by.startswith("close the door")
+
+
+def test_without_a_file_the_catalogue_is_ours(monkeypatch):
+    monkeypatch.delenv("RIG_EFFECTS", raising=False)
+    assert attitude_catalogue() == CATALOGUE
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (("sin(3*roll)", "open('x')"), "not understood"),
+        (("sin(3*roll)", "sin(3*rool)"), "rool"),
+        (("sin(3*roll)", "sin(3*"), "no formula"),
+        (("sin(3*roll)", "roll.real"), "roll.real"),
+        (('scope = "sensor"', 'scope = "rig"'), "scope is sensor or package"),
+        (('unit = "V"', ""), "missing or unknown: unit"),
+        (('name = "draught"', 'name = "cross-axis"'), "two effects are called cross-axis"),
+        (("[[effect]]", "[[effects]]"), "nothing else"),
+    ],
+)
+def test_what_is_wrong_with_a_file_is_said(tmp_path, monkeypatch, change, says):
+    file = tmp_path / "effects.toml"
+    file.write_text(DRAUGHT.replace(*change))
+    monkeypatch.setenv("RIG_EFFECTS", str(file))
+    with pytest.raises(ConfigurationError, match=says):
+        attitude_catalogue()
+    assert own_effects(DRAUGHT)[0].name == "draught"

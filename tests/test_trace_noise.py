@@ -1,0 +1,96 @@
+"""What is found of the noise of attitude runs, and that it neither hides an effect nor makes one."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from attitude_hidden import CLEAN, sized
+from attitude_truth import D1, Bench, simulate
+
+from fitter.effects.head import periods
+from fitter.effects.thermal import lagged
+from fitter.trace import trace
+
+X = "x_V"
+PLAN = D1(180, 13, 7)
+SIGMA_V = np.radians(1.5e-4) * 5.0
+
+
+def names(found):
+    return {(s, e.effect) for s, t in found.sensors.items() for e in t.effects}
+
+
+def noise(found):
+    return {(s, e.effect) for s, t in found.sensors.items() for e in t.noise}
+
+
+def with_outliers(data, rows, sd):
+    y = data.outputs[X].copy()
+    y[rows] += np.array(sd) * SIGMA_V
+    return replace(data, outputs={**data.outputs, X: y})
+
+
+def test_readings_far_off_are_pointed_at_and_hide_nothing():
+    data, _ = simulate(sized("cube", 1.0, PLAN), PLAN, seed=3)
+    spoilt = with_outliers(data, [17, 311], [60.0, -25.0])
+    found, plain = trace(spoilt), trace(data)
+    assert names(found) == names(plain) == {(X, "sensor-third-order")}
+    assert set(found.outliers) == {17, 311}
+    assert plain.outliers == ()
+    (finding,) = [e for e in found.sensors[X].noise if e.effect == "outliers"]
+    assert finding.stratum == "noise"
+    assert finding.terms[0].startswith("order 17 at pitch")
+    assert finding.coefficients == pytest.approx((60 * SIGMA_V, -25 * SIGMA_V), abs=5 * SIGMA_V)
+    assert found.sensors[X].residual_after_V.size == len(data)
+    assert found.sensors[X].residual_after_V[17] == pytest.approx(60 * SIGMA_V, abs=5 * SIGMA_V)
+    kept, told = (one.sensors[X].effects[0] for one in (found, plain))
+    assert abs(kept.coefficients[0] - told.coefficients[0]) < told.stderr[0]
+    assert [e["effect"] for e in found.to_json()["sensors"][X]["effects"]] == ["sensor-third-order", "outliers"]
+
+
+def test_readings_far_off_make_no_effect():
+    data, _ = simulate(CLEAN, PLAN, seed=4)
+    found = trace(with_outliers(data, [5, 400], [120.0, 90.0]))
+    assert names(found) == set()
+    assert set(found.outliers) == {5, 400}
+
+
+def test_a_head_that_shakes_is_said_to_make_noise_that_grows_with_the_slope():
+    found = trace(simulate(Bench(jitter_deg=3e-4), D1(180, 13, 13), seed=1)[0])
+    assert names(found) == set()
+    (finding,) = [e for e in found.sensors[X].noise if e.effect == "noise-grows"]
+    assert "slope" in finding.cause
+    assert finding.coefficients[0] < 0.7 * finding.coefficients[1]
+
+
+def test_an_offset_that_walks_is_a_finding():
+    found = trace(simulate(Bench(wander=8.0), D1(180, 13, 13), seed=1)[0])
+    assert names(found) == set()
+    assert noise(found) == {(f"{axis}_V", "random-walk-drift") for axis in "xyz"}
+    (walk,) = found.sensors[X].noise
+    assert walk.coefficients[0] == pytest.approx(8 * SIGMA_V, rel=0.6)
+
+
+def test_nothing_is_said_of_ordinary_noise():
+    assert noise(trace(simulate(CLEAN, PLAN, seed=0)[0])) == set()
+
+
+def test_a_lag_is_that_of_a_body_of_one_time_constant():
+    bench = Bench(lag_h=1.2)
+    data, _ = simulate(bench, D1(180, 25, 13), seed=0)
+    np.testing.assert_allclose(lagged(data, 1.2), bench.lagged(data.elapsed_s / 3600.0), atol=2e-6)
+    part = data.take(np.arange(900, 1000))
+    np.testing.assert_array_equal(lagged(part, 1.2), lagged(data, 1.2)[900:1000])
+
+
+def test_periods_that_are_searched_end_where_half_a_period_is_a_step():
+    assert periods(np.arange(-180.0, 181, 30)) == (0.5, 1.5, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 5.5, 6.0)
+    assert periods(np.array([-30.0, 0, 30])) == ()
+    assert max(periods(np.linspace(-30, 30, 13))) == 36.0
+
+
+def test_the_point_before_is_that_of_the_order_of_running():
+    data, _ = simulate(CLEAN, PLAN, seed=0)
+    back = data.take(np.arange(len(data))[::-1])
+    np.testing.assert_array_equal(data.previous_pitch_deg[1:], data.pitch_deg[:-1])
+    np.testing.assert_array_equal(back.previous_roll_deg[::-1], data.previous_roll_deg)
