@@ -98,7 +98,7 @@ def test_same_data_same_answer(demo):
 
 def test_demo_on_a_smaller_design():
     """A bounded share of the 20-seed study; the whole of it: python -m benchmarks.bench_fit demo."""
-    found = [names(trace(simulate(DEMO, D1(180, 13, 13), seed)[0])) for seed in range(100, 105)]
+    found = [names(trace(simulate(DEMO, D1(180, 13, 13), seed)[0], validate=False)) for seed in range(100, 105)]
     assert all(one >= DEMO_NAMES for one in found)
     assert sum(one != DEMO_NAMES for one in found) <= 1
 
@@ -116,7 +116,7 @@ def test_demo_on_a_smaller_design():
 )
 def test_nothing_is_reported_where_nothing_is(bench):
     """Five runs of three sensors each, fixed seeds; the rates over many: python -m benchmarks.bench_fit clean."""
-    reported = [names(trace(simulate(bench, D1(90, 13, 13), seed)[0])) for seed in range(5)]
+    reported = [names(trace(simulate(bench, D1(90, 13, 13), seed)[0], validate=False)) for seed in range(5)]
     assert sum(bool(r) for r in reported) <= 1
 
 
@@ -244,10 +244,10 @@ def test_without_a_recorded_temperature_all_else_works():
     assert untested not in trace(data).sensors[X].notes
     # what is predicted does not need a temperature either, unless an effect of it was found
     np.testing.assert_array_equal(found.predict(data)[X], found.predict(cold)[X])
-    hot = trace(simulate(Bench(sensors=HOT), D1(180, 13, 13), seed=0)[0])
+    hot = trace(simulate(Bench(sensors=HOT), D1(180, 13, 13), seed=0)[0], validate=False)
     with pytest.raises(ValueError, match="no sensor temperature was recorded"):
         hot.predict(cold)
-    hidden = trace(replace(simulate(DEMO, D1(180, 13, 13), seed=0)[0], sensor_temperature_degC=None))
+    hidden = trace(replace(simulate(DEMO, D1(180, 13, 13), seed=0)[0], sensor_temperature_degC=None), validate=False)
     assert not any("temperature" in effect for _, effect in names(hidden))
 
 
@@ -291,5 +291,6 @@ def test_with_temperature_in_the_declared_model_row_28a_becomes_row_28b(demo):
 
 
 def test_a_temperature_that_was_declared_is_not_missed_where_there_is_none():
-    found = [trace(simulate(CLEAN, D1(90, 13, 13), seed)[0], temperature=True) for seed in range(5)]
+    clean = [simulate(CLEAN, D1(90, 13, 13), seed)[0] for seed in range(5)]
+    found = [trace(data, temperature=True, validate=False) for data in clean]
     assert [names(f) for f in found] == [set()] * 5

@@ -33,7 +33,12 @@ SHOWS = 3.0
 
 
 def trace(
-    data: AttitudeData, catalogue: Sequence[Effect] = CATALOGUE, seed: int = SEED, *, temperature: bool = False
+    data: AttitudeData,
+    catalogue: Sequence[Effect] = CATALOGUE,
+    seed: int = SEED,
+    *,
+    temperature: bool = False,
+    validate: bool = True,
 ) -> Trace:
     """Find what the declared attitude model lacks.
 
@@ -42,6 +47,7 @@ def trace(
         catalogue: effects to look for.
         seed: of the simulated null; the same data and seed give the same answer.
         temperature: whether offset and sensitivity follow the sensor's temperature in the declared model.
+        validate: repeat the search without each replication for the left-out error, which takes most of the time.
 
     Raises:
         fitter.linear.RankError: the points visited do not determine the declared model.
@@ -52,7 +58,9 @@ def trace(
     problem = judge.problem
     before, after = estimate(problem, ()), estimate(problem, found)
     classes = {name: judge.rivals(found, name) for name in names_of(problem.candidates, found)}
-    cv = left_out(problem.scene.data, catalogue, family, temperature=temperature, anything=bool(found))
+    cv = None
+    if validate:
+        cv = left_out(problem.scene.data, catalogue, family, temperature=temperature, anything=bool(found))
     sensors = {
         sensor: _sensor(judge, data, aside, before, after, classes, i, None if cv is None else cv[:, i])
         for i, sensor in enumerate(problem.sensors)

@@ -9,7 +9,7 @@ from rich.table import Table as RichTable
 
 from rig.cli.show import headline, number, out
 from rig.closed_loop import AttitudeTraced
-from rig.report.words import TESTS, chance, little_help, significant, unnamed
+from rig.report.words import TESTS, chance, little_help, significant, unnamed, with_error
 
 
 def show_attitude_fit(result: Mapping[str, Any]) -> None:
@@ -90,7 +90,8 @@ def show_attitude_trace(traced: AttitudeTraced) -> None:
             )
             out.print(f"    {effect['size']}, p {chance(effect)}")
             for term, value, error in zip(effect["terms"], effect["coefficients"], effect["stderr"], strict=True):
-                out.print(f"    {value:.4g} +- {error:.2g} {effect['unit']}  {term}")
+                shown = " +- ".join(with_error(value, error)).removesuffix(" +- -")
+                out.print(f"    {shown} {effect['unit']}  {term}")
             if effect["aliases"]:
                 out.print(f"    these data cannot tell it from: {', '.join(effect['aliases'])}")
                 out.print(f"    would separate them: {effect['separate_by']}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from rig.report.words import capitalised, chance, share, units
+from rig.report.words import capitalised, chance, share, units, with_error
 
 
 def effect_rows(effect: dict[str, Any]) -> dict[str, Any]:
@@ -17,7 +17,7 @@ def effect_rows(effect: dict[str, Any]) -> dict[str, Any]:
         "cause": capitalised(effect["cause"]),
         "aliases": ", ".join(effect["aliases"]),
         "terms": [
-            {"term": term, "value": f"{value:.4g}", "stderr": f"{error:.2g}", "unit": unit}
+            dict(zip(("term", "value", "stderr", "unit"), (term, *with_error(value, error), unit), strict=True))
             for term, value, error, unit in rows
         ],
     }

@@ -60,6 +60,11 @@ def little_help(sensor: Mapping[str, Any]) -> str:
     )
 
 
+def with_error(value: float, error: float | None) -> tuple[str, str]:
+    """A coefficient and its standard error as text; a dash for an error there is none of."""
+    return f"{value:.4g}", "-" if error is None else f"{error:.2g}"
+
+
 def capitalised(text: str) -> str:
     """A sentence's first letter as a capital; the rest as it is."""
     return text[:1].upper() + text[1:]
