@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import pty
+import select
 import socket
 import threading
 from types import SimpleNamespace
@@ -174,17 +175,19 @@ class Terminal:
     def __init__(self, answer):
         self.master, self._slave = pty.openpty()
         self.name = os.ttyname(self._slave)
+        self._gone = threading.Event()
         self._thread = threading.Thread(target=self._serve, args=(answer,), daemon=True)
         self._thread.start()
 
     def _serve(self, answer):
-        try:
-            while data := os.read(self.master, 1000):
-                os.write(self.master, answer(data))
-        except OSError:
-            pass
+        with contextlib.suppress(OSError):
+            while not self._gone.is_set():
+                if select.select([self.master], [], [], 0.01)[0]:
+                    os.write(self.master, answer(os.read(self.master, 1000)))
 
     def hang_up(self):
+        self._gone.set()
+        self._thread.join()  # a closed file's number is given to the next one opened
         os.close(self._slave)
         os.close(self.master)
 

@@ -8,6 +8,7 @@ import pytest
 from attitude_truth import D1, Bench, Plan, Sensor, simulate, told_the_truth
 
 from fitter.trace import trace
+from fitter.trace.aliases import PER_COLUMN, Products
 
 X, Y, Z = "x_V", "y_V", "z_V"
 NIGHT = D1(180, 37, 13)
@@ -294,3 +295,12 @@ def test_a_temperature_that_was_declared_is_not_missed_where_there_is_none():
     clean = [simulate(CLEAN, D1(90, 13, 13), seed)[0] for seed in range(5)]
     found = [trace(data, temperature=True, validate=False) for data in clean]
     assert [names(f) for f in found] == [set()] * 5
+
+
+def test_a_column_of_which_nothing_is_left_explains_nothing():
+    """Two replications, one up and one down: hysteresis is an offset of each, gone with these but for rounding."""
+    rounding = Products(np.diag([1.0, 1e-34]), np.array([3.0, 1e-15]))
+    assert rounding.price((1,)) < rounding.price((0,)), "1e-30 over 1e-34 passes for evidence"
+    left = rounding.without(np.ones(2))
+    assert left.price((1,)) == PER_COLUMN
+    assert left.price((0,)) == rounding.price((0,))

@@ -26,6 +26,10 @@ PER_COLUMN = 2.0
 is searched costs as much as a column."""
 
 
+NOTHING_LEFT = 1e-3
+"""A candidate of which less than this share is left beside the others at a level cannot be judged there."""
+
+
 class Named(Protocol):
     """A candidate: one term of an effect, on one sensor or (None) on all."""
 
@@ -120,6 +124,17 @@ class Products:
         """Of outputs and columns over all sensors together."""
         flat = white.columns.reshape(-1, white.columns.shape[2])
         return cls(flat.T @ flat, flat.T @ white.outputs.reshape(-1))
+
+    def without(self, length2: FloatArray) -> Products:
+        """The same in which a column explains nothing if next to nothing is left of it: that is rounding.
+
+        Args:
+            length2: (J,) squared length of each column before anything was taken out.
+
+        """
+        gone = np.diag(self.columns) <= NOTHING_LEFT**2 * length2
+        kept = np.where(gone, 0.0, 1.0)
+        return Products(self.columns * np.outer(kept, kept), self.outputs * kept)
 
     def price(self, terms: tuple[int, ...]) -> float:
         """Residual sum of squares with `terms` fitted, less that without them, plus the price of the columns."""

@@ -11,10 +11,11 @@ from fitter.attitude import attitude_columns
 from fitter.linear import LinearFit, least_squares
 from fitter.replication import Replication, analyse
 from fitter.temperature import Temperature
+from fitter.trace.aliases import NOTHING_LEFT
 from fitter.trace.levels import Level
 from fitter.trace.problem import Problem, raw_columns
 from fitter.trace.robust import walked
-from fitter.trace.score import NOTHING_LEFT, errors
+from fitter.trace.score import errors
 
 DRIFTS = 0.01
 """Replications are given parameters of their own where the joint drift test falls below this."""

@@ -15,8 +15,9 @@ import numpy as np
 from scipy import special
 
 from fitter.arrays import FloatArray
+from fitter.trace.aliases import NOTHING_LEFT
 from fitter.trace.problem import Problem
-from fitter.trace.score import NOTHING_LEFT, Scores, errors
+from fitter.trace.score import Scores, errors
 
 ALPHA = 0.035
 COUNTED = 1 / 7

@@ -78,8 +78,10 @@ class AttitudeJudge:
         group = tuple(j for j in chosen if problem.candidates[j].effect.name == effect)
         rest = tuple(j for j in chosen if j not in group)
         every = np.arange(len(problem.candidates))
-        left = beside(problem, estimate(problem, chosen).level, rest, every, errors(problem, chosen))
-        products = Products(left.columns.sum(axis=0), left.outputs.sum(axis=0))
+        sigma = errors(problem, chosen)
+        left = beside(problem, estimate(problem, chosen).level, rest, every, sigma)
+        length2 = np.sum((problem.length / sigma[:, None]) ** 2, axis=0)
+        products = Products(left.columns.sum(axis=0), left.outputs.sum(axis=0)).without(length2)
         sensors = {problem.sensors[i] for j in group for i in np.flatnonzero(concerns(problem, j) > 0.01)}
         return rivals(problem.candidates, products, group, rest, sensors, problem.units, self.searched)
 

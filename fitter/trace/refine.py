@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from fitter.trace.aliases import NOTHING_LEFT
 from fitter.trace.problem import Candidate, Problem, raw_columns
-from fitter.trace.score import NOTHING_LEFT, errors, whiten
+from fitter.trace.score import errors, whiten
 
 
 def refined(problem: Problem, chosen: tuple[int, ...]) -> Problem:

@@ -19,12 +19,11 @@ from scipy import special
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.quantiles import f_limit
+from fitter.trace.aliases import NOTHING_LEFT
 from fitter.trace.levels import Level
 from fitter.trace.problem import Problem
 from fitter.trace.whitened import Whitened
 
-NOTHING_LEFT = 1e-3
-"""A column of which less than this share is left beside the others at its level cannot be judged there."""
 RESOLVED = 1e-12
 """Of an output's swing: what is smaller than this is rounding, and data without noise are not tested against it."""
 
