@@ -40,7 +40,7 @@ def _walk(problem: Problem, left: FloatArray, sigma: float, i: int) -> Found | N
     if problem.wander[i] == 0 and p_adjusted > ALPHA:
         return None
     night = sigma * float(np.sqrt(max(step, problem.wander[i]) * len(left)))
-    return _finding(
+    return Found.of_noise(
         effect="random-walk-drift",
         cause="the offset takes a random walk: what it did so far says nothing of where it goes",
         terms=("sd of the walk over the run",),
@@ -87,7 +87,7 @@ def _growth(problem: Problem, left: FloatArray, sigma: float, i: int) -> Found |
     against, value = drivers[name]
     ends = squares.mean() + slope * (np.quantile(value, [0.02, 0.98]) - value.mean())
     low, high = (sigma * np.sqrt(np.maximum(ends / squares.mean(), 0.0))).tolist()
-    return _finding(
+    return Found.of_noise(
         effect="noise-grows",
         cause=f"the scatter of readings changes with the {name}",
         terms=(f"sd at the lowest {name}", f"sd at the highest {name}"),
@@ -119,7 +119,7 @@ def outlier_finding(
     where = tuple(
         f"order {whole.order[r]} at pitch {whole.pitch_deg[r]:g} deg, roll {whole.roll_deg[r]:g} deg" for r in worst
     )
-    return _finding(
+    return Found.of_noise(
         effect="outliers",
         cause="readings that no scatter of the others explains; they are left out of the search and of the fit",
         terms=where,
@@ -130,35 +130,4 @@ def outlier_finding(
         p_adjusted=float(min(sd.size * len(problem.sensors) * 2 * special.ndtr(-np.min(np.abs(sd[rows]))), 1.0)),
         separate_by="repeat these points",
         against="elapsed_s",
-    )
-
-
-def _finding(
-    *,
-    effect: str,
-    cause: str,
-    terms: tuple[str, ...],
-    coefficients: tuple[float, ...],
-    unit: str,
-    size: str,
-    p_adjusted: float,
-    separate_by: str,
-    against: str,
-) -> Found:
-    return Found(
-        effect=effect,
-        cause=cause,
-        stratum="noise",
-        terms=terms,
-        coefficients=coefficients,
-        stderr=(float("nan"),) * len(coefficients),
-        unit=unit,
-        size=size,
-        p_adjusted=p_adjusted,
-        p_adjusted_is_bound=False,
-        share=0.0,
-        aliases=(),
-        separation={},
-        separate_by=separate_by,
-        against=against,
     )

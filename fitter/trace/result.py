@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any, Self
 
 import numpy as np
 
@@ -59,6 +60,44 @@ class Found:
     separation: Mapping[str, float]
     separate_by: str
     against: str
+
+    @classmethod
+    def of_noise(
+        cls,
+        *,
+        effect: str,
+        cause: str,
+        terms: tuple[str, ...],
+        coefficients: tuple[float, ...],
+        unit: str,
+        size: str,
+        p_adjusted: float,
+        separate_by: str,
+        against: str,
+        **more: Any,
+    ) -> Self:
+        """A finding about the noise: no column of the model, so no share, alias or standard errors.
+
+        Arguments are the attributes of these names, and what a kind of run has `more` of.
+        """
+        return cls(
+            effect=effect,
+            cause=cause,
+            stratum="noise",
+            terms=terms,
+            coefficients=coefficients,
+            stderr=(float("nan"),) * len(coefficients),
+            unit=unit,
+            size=size,
+            p_adjusted=p_adjusted,
+            p_adjusted_is_bound=False,
+            share=0.0,
+            aliases=(),
+            separation={},
+            separate_by=separate_by,
+            against=against,
+            **more,
+        )
 
     def to_json(self) -> dict[str, JsonValue]:
         """As `rig trace --json` prints it."""

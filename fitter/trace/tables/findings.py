@@ -122,20 +122,14 @@ def _finding(
     p: float,
     separate_by: str,
 ) -> FoundTableEffect:
-    return FoundTableEffect(
+    return FoundTableEffect.of_noise(
         effect=name,
         cause=cause,
-        stratum="noise",
         terms=terms,
         coefficients=values,
-        stderr=(float("nan"),) * len(values),
         unit=unit,
         size=size,
         p_adjusted=p,
-        p_adjusted_is_bound=False,
-        share=0.0,
-        aliases=(),
-        separation={},
         separate_by=separate_by,
         against="",
         family="noise",
