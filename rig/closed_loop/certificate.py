@@ -15,6 +15,8 @@ from fitter.effects.sizes import Size, amplitude
 from rig.report.words import percent
 
 Interval = tuple[float, float] | None
+_SMALL = 1e-6
+"""Probabilities below it rest on tails of distributions that nobody has checked."""
 _NAMED = 4
 """Aliases that a sentence names."""
 
@@ -56,18 +58,19 @@ def size_95(size: Size, values: Mapping[str, float], halves: Mapping[str, float]
         halves: half-widths of their 95 % intervals.
         sensitivity: of the sensor, as `size` takes it.
 
+    Of an effect with several sizes an interval each, in the order of `size`.
+
     """
     if size is amplitude and len(values) > 1:  # of sine and cosine together, whose errors hardly correlate
         total = hypot(*values.values())
         part = hypot(*(value * halves[name] for name, value in values.items())) / total**2
-        ends = ({name: value * max(scale, 0.0) for name, value in values.items()} for scale in (1 - part, 1 + part))
-        return _between(*(size(end, sensitivity) for end in ends))
+        scaled = ({name: value * max(scale, 0.0) for name, value in values.items()} for scale in (1 - part, 1 + part))
+        return _between(*(size(end, sensitivity) for end in scaled))
     texts = []
     for name, value in values.items():
-        low, high = sorted((value - halves[name], value + halves[name]), key=abs)
-        own = _between(*(size({name: end}, sensitivity) for end in (low, high)))
-        texts.append(own if len(values) == 1 else f"{name}: {own}")
-    return "; ".join(texts)
+        ends = sorted((value - halves[name], value + halves[name]), key=abs)
+        texts.append(_between(*(size({name: end}, sensitivity) for end in ends)))
+    return ", ".join(texts)
 
 
 def _between(low: str, high: str) -> str:
@@ -141,5 +144,6 @@ def _borne_out(left_out: Change | None) -> str:
 
 
 def _chance(effect: Mapping[str, Any]) -> str:
-    sign = "below " if effect["p_adjusted_is_bound"] else ""
-    return f"the probability of the like by chance, over all that was searched, is {sign}{effect['p_adjusted']:.2g}"
+    p = max(effect["p_adjusted"], _SMALL)
+    sign = "below " if effect["p_adjusted_is_bound"] or p == _SMALL else ""
+    return f"the probability of the like by chance, over all that was searched, is {sign}{p:.2g}"

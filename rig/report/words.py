@@ -70,7 +70,7 @@ def little_help(sensor: Mapping[str, Any]) -> str:
         )
     return (
         f"The effects found matter little at replications the fit has not seen: the left-out error goes from "
-        f"{before:.3g} to {after:.3g} deg, which is mostly scatter."
+        f"{before:.3g} to {after:.3g} deg."
     )
 
 
