@@ -12,11 +12,9 @@ from math import hypot, isfinite
 from typing import Any
 
 from fitter.effects.sizes import Size, amplitude
-from rig.report.words import percent
+from rig.report.words import chance, percent
 
 Interval = tuple[float, float] | None
-_SMALL = 1e-6
-"""Probabilities below it rest on tails of distributions that nobody has checked."""
 _NAMED = 4
 """Aliases that a sentence names."""
 
@@ -144,6 +142,5 @@ def _borne_out(left_out: Change | None) -> str:
 
 
 def _chance(effect: Mapping[str, Any]) -> str:
-    p = max(effect["p_adjusted"], _SMALL)
-    sign = "below " if effect["p_adjusted_is_bound"] or p == _SMALL else ""
-    return f"the probability of the like by chance, over all that was searched, is {sign}{p:.2g}"
+    p = chance(effect).replace("= ", "").replace("< ", "below ")
+    return f"the probability of the like by chance, over all that was searched, is {p}"
