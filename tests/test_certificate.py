@@ -30,7 +30,14 @@ EFFECT = {
 
 def worded(effect=EFFECT, left_out=None, remains=(), size="1.9 to 2.1 ppm"):
     return with_words(
-        "x_V", {**effect}, [0.1, None], size, [Change("the error goes", 3e-4, 2e-4, "deg")], left_out, remains
+        "x_V",
+        {**effect},
+        [0.1, None],
+        size,
+        [Change("the error goes", 3e-4, 2e-4, "deg")],
+        left_out,
+        remains,
+        "1e-4 deg",
     )
 
 
@@ -56,7 +63,7 @@ def test_a_sentence_holds_what_a_certificate_needs():
         "explains less than 1 % of the error in excess of scatter",
         "over all that was searched, is 0.003",
         "the error goes from 0.0003 to 0.0002 deg, that left out from 0.00031 to 0.00022 deg.",
-        "What remains is no more than scatter. ",
+        "Beside that nothing stands out from the noise; readings that repeat one setting scatter by 1e-4 deg. ",
         "not confirmed by a measurement of its own.",
     ):
         assert part in said["sentence"]
@@ -72,7 +79,7 @@ def test_a_sentence_says_what_speaks_against_it():
     assert "or what these data cannot tell from it: drift, step. If it is the former, its size is" in said
     assert "is below 0.003" in said
     assert "from 0.00031 to 0.00032 deg, which does not bear it out." in said
-    assert "Unexplained remains: 40 % of the excess, between points." in said
+    assert "Unexplained remains: 40 % of the excess, between points;" in said
 
 
 def test_a_finding_about_the_noise_adds_nothing():

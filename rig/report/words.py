@@ -83,5 +83,6 @@ def with_error(value: float, error: float | None) -> tuple[str, str]:
 
 
 def capitalised(text: str) -> str:
-    """A sentence's first letter as a capital; the rest as it is."""
-    return text[:1].upper() + text[1:]
+    """A sentence's first letter as a capital; the rest as it is, and all of it where it begins with a column's name."""
+    first = text.partition(" ")[0]
+    return text[:1].upper() + text[1:] if first.isalpha() and first.islower() else text
