@@ -39,17 +39,24 @@ class GeneralTraced:
         found: dict[str, Any] = self.trace.to_json()
         found["notes"] = [*self.taken, *self.trace.notes]
         found["sentence"] = general_sentence(self.trace)
-        found["effects"] = [_worded(self.trace, effect) for effect in found["effects"]]
+        found["effects"] = [_worded(self.trace, effect, self._df(effect)) for effect in found["effects"]]
         return {
             "data": {"file": Path(self.table.source).name, "points": len(self.table), "kind": "general"},
             "sensors": {self.roles.response: found},
         }
 
+    def _df(self, effect: dict[str, Any]) -> int:
+        """Degrees of freedom of an effect's standard errors: of what is constant in whole plots, whole plots count."""
+        sharing = self.roles.whole_plot or ((self.roles.replicate,) if self.roles.replicate else ())
+        if effect["stratum"] != "whole-plot" or not sharing:
+            return self.trace.after.fit.df
+        plots = set(zip(*(np.asarray(self.table.columns[name]).tolist() for name in sharing), strict=True))
+        return max(len(plots) - 1 - len(effect["coefficients"]), 1)
 
-def _worded(found: TableTrace, effect: dict[str, Any]) -> dict[str, Any]:
-    """An effect's JSON with intervals and a sentence."""
-    before, after = found.before, found.after
-    t = t_limit(0.95, after.fit.df)
+
+def _worded(found: TableTrace, effect: dict[str, Any], df: int) -> dict[str, Any]:
+    """An effect's JSON with intervals and a sentence; `df` of its standard errors."""
+    before, after, t = found.before, found.after, t_limit(0.95, df)
     left_out = None
     if found.left_out and before.cv_rms is not None and after.cv_rms is not None:
         left_out = Change(f"that at {found.left_out} left out of search and fit", before.cv_rms, after.cv_rms, "")
