@@ -28,6 +28,7 @@ class Change:
         before: with the declared model.
         after: with the effects.
         unit: of both.
+        tells: whether it would fall if the effects are real, and so speaks against them where it does not.
 
     """
 
@@ -35,6 +36,7 @@ class Change:
     before: float
     after: float
     unit: str
+    tells: bool = True
 
     def __str__(self) -> str:
         """As part of a sentence."""
@@ -142,7 +144,8 @@ def _borne_out(left_out: Change | None) -> str:
     """The left-out error as part of a sentence, with a warning where it does not fall."""
     if left_out is None:
         return ""
-    return f", {left_out}" + (", which does not bear it out" if left_out.after >= left_out.before else "")
+    against = left_out.tells and left_out.after >= left_out.before
+    return f", {left_out}{', which does not bear it out' if against else ''}"
 
 
 def _chance(effect: Mapping[str, Any]) -> str:

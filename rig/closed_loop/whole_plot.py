@@ -184,15 +184,16 @@ def _worded(
     trace: WholePlotTrace, found: TransducerTrace, effect: FoundPressureEffect, result: dict[str, Any]
 ) -> dict[str, Any]:
     """An effect's JSON with intervals and a sentence."""
-    size, of = "", next((c.effect for c in trace.chosen if c.effect.name == effect.effect), None)
-    if of is not None:
+    size, entry = "", next((c.effect for c in trace.chosen if c.effect.name == effect.effect), None)
+    if entry is not None:
         values = dict(zip(effect.terms, effect.coefficients, strict=True))
         halves = dict(zip(effect.terms, effect.half_width_95, strict=True))
-        size = size_95(of.size, values, halves, found.sensitivity)
+        size = size_95(entry.size, values, halves, found.sensitivity)
     before, after = found.before, found.after
     left_out = None
     if before.cv_rms is not None and after.cv_rms is not None:
-        left_out = Change("that at whole plots left out of search and fit", before.cv_rms, after.cv_rms, "mV")
+        of = "that at whole plots left out of search and fit, their own error included,"
+        left_out = Change(of, before.cv_rms, after.cv_rms, "mV", tells=effect.stratum == "whole-plot")
     return with_words(
         found.sensor,
         result,

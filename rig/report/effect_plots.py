@@ -68,6 +68,7 @@ def effect_plot(view: EffectView) -> str:
     ends = np.array([view.adds.min(), view.adds.max()])
     added.plot(ends, ends, "-", color="C0", lw=1.2)
     _dress(added, "without it, over what it adds", f"what the effect adds / {view.unit}")
+    added.locator_params(axis="x", nbins=5)
     without.set_ylabel(f"residual / {view.unit}", fontsize=9)
     bound = 1.1 * float(np.percentile(np.abs(left), 99.5))
     without.set_ylim(-bound, bound)
