@@ -261,7 +261,8 @@ def _judged_at(
 
 def scene_of(data: AttitudeData, fits: Mapping[str, AttitudeFit]) -> Scene:
     """References of a run: mean temperature, middle of the time, each sensor's axis as the declared model has it."""
-    axes, temperature = {s: fit.sensitive_axis for s, fit in fits.items()}, data.sensor_temperature_degC
+    turned = np.eye(3) if data.mounting is None else data.mounting[0]
+    axes, temperature = {s: turned @ fit.sensitive_axis for s, fit in fits.items()}, data.sensor_temperature_degC
     return Scene(
         data=data,
         axes=axes,
