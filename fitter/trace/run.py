@@ -20,7 +20,7 @@ from fitter.trace.noise import noise_findings, outlier_finding
 from fitter.trace.outliers import outliers
 from fitter.trace.problem import Problem, pose, raw_columns
 from fitter.trace.remainder import shared_attitude, strongest_wave
-from fitter.trace.result import Found, FoundEffect, SensorTrace, Trace, Unnamed, predict, verdict
+from fitter.trace.result import Explanation, Found, FoundEffect, SensorTrace, Trace, Unnamed, predict, verdict
 from fitter.trace.score import RESOLVED, score
 from fitter.trace.search import ROUNDS, names_of, prune, search_and_name
 from fitter.trace.wander import expected, with_wander
@@ -66,7 +66,14 @@ def trace(
         for i, sensor in enumerate(problem.sensors)
     }
     chosen = tuple(problem.candidates[j] for j in after.chosen)
-    return Trace(sensors, problem.scene, chosen, after.gamma, len(data), tuple(aside.tolist()))
+    alternatives = {
+        name: tuple(
+            Explanation(r.effect, tuple(problem.candidates[j] for j in r.terms), r.sigmas, r.alias)
+            for r in explanations
+        )
+        for name, explanations in classes.items()
+    }
+    return Trace(sensors, problem.scene, chosen, after.gamma, len(data), tuple(aside.tolist()), alternatives)
 
 
 def _without_outliers(

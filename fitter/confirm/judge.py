@@ -1,0 +1,207 @@
+"""Judging the explanations of an effect on a run that had no part in naming it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.attitude import attitude_columns
+from fitter.confirm.question import Hypothesis, Question
+from fitter.confirm.together import Together, mountings
+from fitter.quantiles import f_tail, t_limit
+from fitter.trace.aliases import DELTA, PER_COLUMN
+from fitter.trace.problem import Candidate, raw_columns
+
+CHANGED = 1e-3
+"""Probability below which an explanation does not hold: its size in the later run is not that in the first."""
+
+
+@dataclass(frozen=True)
+class SensorError:
+    """Error of predicting the later run of one sensor from the first alone, V rms.
+
+    Attributes:
+        before: by the declared model.
+        after: with the effects found in it.
+        sigma_V: scatter of one reading, which no model goes below.
+        S_V: sensitivity, V/g.
+
+    """
+
+    before: float
+    after: float
+    sigma_V: float
+    S_V: float
+
+
+@dataclass(frozen=True, eq=False)
+class Member:
+    """One explanation after the later run.
+
+    Attributes:
+        effect: name in the catalogue.
+        sigmas: standard errors by which it falls behind the best, both runs together.
+        p_changed: probability of such a difference between its sizes in the two runs if it is the cause.
+        terms: names of its terms.
+        coefficients: of the terms, from the later run alone: they owe nothing to the selection.
+        intervals: 95 % intervals of them.
+        together: coefficients from both runs.
+        errors: of predicting the later run, by sensor.
+
+    """
+
+    effect: str
+    sigmas: float
+    p_changed: float
+    terms: tuple[str, ...]
+    coefficients: tuple[float, ...]
+    intervals: tuple[tuple[float, float], ...]
+    together: tuple[float, ...]
+    errors: Mapping[str, SensorError]
+
+    @property
+    def holds(self) -> bool:
+        """Whether nothing speaks against it: not behind another, and of one size in both runs."""
+        return self.sigmas**2 <= DELTA and self.p_changed >= CHANGED
+
+
+@dataclass(frozen=True, eq=False)
+class Confirmation:
+    """What became of one question.
+
+    Attributes:
+        effect: that the trace had named.
+        members: its explanations, the best first.
+        realigned: whether the later run was predicted with offset and sensitive axes of its own, because the package
+            was mounted anew or the first run does not determine them; else the first run's stand.
+
+    """
+
+    effect: str
+    members: tuple[Member, ...]
+    realigned: bool
+
+    @property
+    def holding(self) -> tuple[str, ...]:
+        """Explanations that nothing speaks against."""
+        return tuple(member.effect for member in self.members if member.holds)
+
+    @property
+    def verdict(self) -> str:
+        """One of "confirmed", "replaced" by another member, "undecided" between several, "none holds"."""
+        if not self.holding:
+            return "none holds"
+        if len(self.holding) > 1:
+            return "undecided"
+        return "confirmed" if self.holding == (self.effect,) else "replaced"
+
+
+def confirm(both: Together, question: Question) -> Confirmation:
+    """Judge the members of one question on both runs together, and on the later by itself."""
+    rest = both.columns_of(question.rest)
+    columns = [both.columns_of(member.terms) for member in question.members]
+    price = [
+        _rss(np.column_stack([own, rest]), both.outputs) + PER_COLUMN * (own.shape[1] + _searched(member))
+        for member, own in zip(question.members, columns, strict=True)
+    ]
+    realigned = _realigned(both)
+    members = [
+        _member(both, question, member, own, rest, np.sqrt(cost - min(price)), realigned=realigned)
+        for member, own, cost in zip(question.members, columns, price, strict=True)
+    ]
+    members.sort(key=lambda member: (not member.holds, member.sigmas, len(member.terms)))
+    return Confirmation(question.effect, tuple(members), realigned)
+
+
+def _searched(member: Hypothesis) -> bool:
+    return member.terms[0].effect.searched
+
+
+def _member(
+    both: Together,
+    question: Question,
+    member: Hypothesis,
+    own: FloatArray,
+    rest: FloatArray,
+    sigmas: float,
+    *,
+    realigned: bool,
+) -> Member:
+    fresh = np.tile(both.fresh, len(both.sensors))
+    q, model = own.shape[1], np.column_stack([own, rest])
+    together = np.linalg.lstsq(model, both.outputs, rcond=1e-10)[0]
+    changed = both.columns_in(member.terms, both.fresh)
+    shifted = np.zeros((len(fresh), 0)) if realigned else both.shifts
+    wider = np.column_stack([model, changed, shifted])
+    more = int(np.linalg.matrix_rank(wider, tol=1e-6 * np.linalg.norm(wider, 2)) - np.linalg.matrix_rank(model))
+    df = min(noise.df for noise in both.noise.values())
+    gain = _rss(model, both.outputs) - _rss(wider, both.outputs)
+    p = f_tail(gain / more, more, df) if more > 0 else 1.0
+    alone, error = _alone(both, member, question.rest)
+    t = t_limit(0.95, df)
+    return Member(
+        effect=member.effect,
+        sigmas=float(sigmas),
+        p_changed=float(p),
+        terms=tuple(term.term.name + ("" if term.sensor is None else f" ({term.sensor})") for term in member.terms),
+        coefficients=tuple(alone.tolist()),
+        intervals=tuple((float(a - t * e), float(a + t * e)) for a, e in zip(alone, error, strict=True)),
+        together=tuple(together[:q].tolist()),
+        errors=_errors(both, (*member.terms, *question.rest), realigned=realigned),
+    )
+
+
+def _alone(both: Together, member: Hypothesis, rest: tuple[Candidate, ...]) -> tuple[FloatArray, FloatArray]:
+    """(q,) coefficients of a member from the later run by itself, and their standard errors."""
+    later = both.only(both.fresh)
+    own, others = later.columns_of(member.terms), later.columns_of(rest)
+    model = np.column_stack([own, others])
+    inverse = np.linalg.pinv(model, rcond=1e-8)
+    seen = np.linalg.norm(own, axis=0) > 0
+    gamma, error = inverse @ later.outputs, np.linalg.norm(inverse, axis=1)
+    q = own.shape[1]
+    return np.where(seen, gamma[:q], np.nan), np.where(seen, error[:q], np.nan)
+
+
+def _errors(both: Together, terms: tuple[Candidate, ...], *, realigned: bool) -> dict[str, SensorError]:
+    """Error of predicting the later run by what the first alone gives, without and with `terms`."""
+    first = both.only(~both.fresh)
+    fitted = first.columns_of(terms)
+    gamma = np.linalg.lstsq(fitted, first.outputs, rcond=1e-10)[0]
+    data, raw = both.scene.data, raw_columns(both.scene, terms)
+    h = attitude_columns(data.pitch_deg, data.roll_deg, roll=both.scene.roll)
+    out = {}
+    for i, sensor in enumerate(both.sensors):
+        noise, y = both.noise[sensor], data.outputs[sensor]
+        rms = []
+        for effects in (np.zeros(len(y)), raw[i] @ gamma):
+            model, left = both.declared[i], y - effects
+            if realigned:
+                at = both.fresh
+                rest = left[at] - h[at] @ np.linalg.lstsq(h[at], left[at], rcond=1e-10)[0]
+                rms.append(float(np.sqrt(np.sum(rest**2) / max(rest.size - h.shape[1], 1))))
+            else:
+                beta = np.linalg.lstsq(model[~both.fresh], left[~both.fresh], rcond=1e-10)[0]
+                rms.append(float(np.sqrt(np.mean((left - model @ beta)[both.fresh] ** 2))))
+        S = float(np.linalg.norm(both.scene.axes[sensor]))
+        out[sensor] = SensorError(rms[0], rms[1], noise.sigma_V, S)
+    return out
+
+
+def _realigned(both: Together) -> bool:
+    """Whether the first run does not say what offset and axes are in the later one."""
+    data = both.scene.data
+    turned = mountings(data)
+    if not np.allclose(turned[both.fresh][:, None], turned[~both.fresh][None, :1], atol=1e-9):
+        return True
+    first = both.only(~both.fresh)
+    return bool(data.has_roll and not first.scene.data.has_roll)
+
+
+def _rss(columns: FloatArray, outputs: FloatArray) -> float:
+    if not columns.shape[1]:
+        return float(outputs @ outputs)
+    return float(np.sum((outputs - columns @ np.linalg.lstsq(columns, outputs, rcond=1e-10)[0]) ** 2))
