@@ -30,10 +30,10 @@ ONCE_COSINE = {"head_error": [{"axis": "pitch", "amplitude_arcsec": 1.5, "period
 TWICE = {"head_error": [{"axis": "pitch", "amplitude_arcsec": 2.0, "periods_per_turn": 2.0, "phase_deg": 0.0}]}
 SQUARE = {"second_order": {"ug_per_g2": 8.0}}
 CUBE = {"third_order": {"ug_per_g3": 20.0}}
-WARM = {"offset_temperature": {"uV_per_degC": 60.0}}
-DRIFT = {"offset_drift": {"uV_per_h": 4.0}}
-NIGHT = {"lab": {"daily_amplitude_degC": 1.0, "warmest_hour_utc": 18.0}, "enclosure": {"leak": 0.25}}
-"""A night in which the temperature only falls, from the start at 18:00 on: what it does looks like a drift."""
+WARM = {"offset_temperature": {"uV_per_degC": 200.0}}
+DRIFT = {"offset_drift": {"uV_per_h": 8.0}}
+NIGHT = {"lab": {"drift_degC_per_day": -2.0, "daily_amplitude_degC": 0.1}, "enclosure": {"leak": 0.5}}
+"""A cold spell: through the night the temperature falls evenly, and what it does looks like a drift."""
 
 NO_ROLL = {"type": "D", "pitch_deg": [-180.0 + 10.0 * i for i in range(37)], "roll_deg": [0.0]}
 SMALL = {"type": "D1", "pitch_max_deg": 180, "pitch_count": 13, "roll_count": 13}
@@ -59,6 +59,7 @@ def first_run(effects, world, seed, folder, design):
     bench["sensors"] = {"x": bench["sensors"]["x"]}
     procedure = parse_toml((LAB / "night.toml").read_text(), "procedure")
     procedure["design"] = design
+    procedure["environment"]["tolerance_degC"] = 5.0
     truth = {"seed": seed, "effects": effects, **world}
     documents = {"bench.toml": bench, "procedure.toml": procedure, "world.toml": truth}
     return dry(plan_of({name: toml_text(values) for name, values in documents.items()}, dry=True), folder)

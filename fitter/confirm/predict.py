@@ -14,6 +14,9 @@ from fitter.confirm.together import Together
 from fitter.trace.problem import Candidate
 
 
+NOTHING = "nothing"
+
+
 @dataclass(frozen=True)
 class Separation:
     """Of the explanations of one effect.
@@ -21,7 +24,7 @@ class Separation:
     Attributes:
         effect: the one that was named.
         sigmas: for each pair of members, standard errors by which the one would fall behind if the other were true,
-            whichever is less.
+            whichever is less. The member `NOTHING` is that what was found in the first run is not in the later one.
 
     """
 
@@ -30,8 +33,8 @@ class Separation:
 
     @property
     def least(self) -> float:
-        """Of the pair that would be nearest; infinite where there is only one member."""
-        return min(self.sigmas.values(), default=float("inf"))
+        """Of the pair that would be nearest."""
+        return min(self.sigmas.values())
 
 
 def separation(both: Together, questions: Sequence[Question]) -> tuple[Separation, ...]:
@@ -46,6 +49,7 @@ def separation(both: Together, questions: Sequence[Question]) -> tuple[Separatio
         columns = [both.columns_of(member.terms) for member in question.members]
         models = [np.column_stack([own, rest]) for own in columns]
         true = [own @ _size(first, m.terms, question.rest) for own, m in zip(columns, question.members, strict=True)]
+        gone = [_absent(both, m.terms, _size(first, m.terms, question.rest), rest) for m in question.members]
         pairs = itertools.combinations(range(len(columns)), 2)
         out.append(
             Separation(
@@ -55,7 +59,8 @@ def separation(both: Together, questions: Sequence[Question]) -> tuple[Separatio
                         _behind(true[i], models[j]), _behind(true[j], models[i])
                     )
                     for i, j in pairs
-                },
+                }
+                | {(m.effect, NOTHING): sigmas for m, sigmas in zip(question.members, gone, strict=True)},
             )
         )
     return tuple(out)
@@ -65,6 +70,11 @@ def _size(first: Together, terms: Sequence[Candidate], rest: Sequence[Candidate]
     """(q,) coefficients of an explanation by the first run."""
     model = np.column_stack([first.columns_of(terms), first.columns_of(rest)])
     return np.asarray(np.linalg.lstsq(model, first.outputs, rcond=1e-10)[0][: len(terms)])
+
+
+def _absent(both: Together, terms: Sequence[Candidate], size: FloatArray, rest: FloatArray) -> float:
+    """Standard errors by which an explanation would be missed in the later run."""
+    return _behind(both.columns_in(terms, both.fresh) @ size, rest)
 
 
 def _behind(true: FloatArray, columns: FloatArray) -> float:

@@ -100,6 +100,16 @@ class Proposal:
         return min((s.least for s in self.separations), default=float("inf"))
 
     @property
+    def told(self) -> float:
+        """How many pairs it would part, those that it would part by less than enough in proportion."""
+        return sum(min(v / ENOUGH, 1.0) for s in self.separations for v in s.sigmas.values())
+
+    @property
+    def rank(self) -> tuple[float, float]:
+        """The best is the least: what it tells comes before what it costs."""
+        return -round(self.told, 1), self.cost_h
+
+    @property
     def cost_h(self) -> float:
         """Hours, with those of a person."""
         return self.hours + TURN_H * self.variation.turned
@@ -150,7 +160,7 @@ def open_traced(path: Path) -> Traced:
 
 
 def propose(first: Traced) -> tuple[Proposal, ...]:
-    """The run that would tell most for least, of every kind there is; cheapest of those that tell enough first."""
+    """Of every kind of run the one that would tell most for least; the best of all first."""
     chamber = bool(playing(first.bench, Chamber))
     best: dict[str, Proposal] = {}
     for variation in variations(first.procedure, first.bench.limits, chamber=chamber):
@@ -161,9 +171,9 @@ def propose(first: Traced) -> tuple[Proposal, ...]:
         hours = _hours(first, run_list)
         separations = separation(first.beside(planned(first, variation, run_list), first.later_s), first.questions)
         proposal = Proposal(variation, separations, hours)
-        if known is None or proposal.least > 1.05 * known.least:
+        if known is None or proposal.rank < known.rank:
             best[variation.what] = proposal
-    return tuple(sorted(best.values(), key=lambda p: (p.least < ENOUGH, p.cost_h if p.least >= ENOUGH else -p.least)))
+    return tuple(sorted(best.values(), key=lambda proposal: proposal.rank))
 
 
 def planned(first: Traced, variation: Variation, run_list: RunList) -> AttitudeData:
