@@ -49,6 +49,8 @@ class Member:
         coefficients: of the terms, from the later run alone: they owe nothing to the selection.
         intervals: 95 % intervals of them.
         together: coefficients from both runs.
+        sizes: of the cause in the later run alone, in physical terms, by sensor; with a single term with its interval:
+            "5.0e-4 deg/g (4.1e-4 deg/g to 5.9e-4 deg/g)". Empty where that run does not tell.
         errors: of predicting the later run, by sensor.
 
     """
@@ -60,6 +62,7 @@ class Member:
     coefficients: tuple[float, ...]
     intervals: tuple[tuple[float, float], ...]
     together: tuple[float, ...]
+    sizes: Mapping[str, str]
     errors: Mapping[str, SensorError]
 
     @property
@@ -142,16 +145,37 @@ def _member(
     p = f_tail(gain / more, more, df) if more > 0 else 1.0
     alone, error = _alone(both, member, question.rest)
     t = t_limit(0.95, df)
+    intervals = tuple((float(a - t * e), float(a + t * e)) for a, e in zip(alone, error, strict=True))
     return Member(
         effect=member.effect,
         sigmas=float(sigmas),
         p_changed=float(p),
         terms=tuple(term.term.name + ("" if term.sensor is None else f" ({term.sensor})") for term in member.terms),
         coefficients=tuple(alone.tolist()),
-        intervals=tuple((float(a - t * e), float(a + t * e)) for a, e in zip(alone, error, strict=True)),
+        intervals=intervals,
         together=tuple(together[:q].tolist()),
+        sizes=_sizes(both, member, alone, intervals),
         errors=_errors(both, (*member.terms, *question.rest), realigned=realigned),
     )
+
+
+def _sizes(
+    both: Together, member: Hypothesis, alone: FloatArray, intervals: tuple[tuple[float, float], ...]
+) -> dict[str, str]:
+    """What a member amounts to in each sensor it concerns, by the later run alone."""
+    out = {}
+    for sensor in both.sensors:
+        mine = [k for k, term in enumerate(member.terms) if term.sensor in (None, sensor)]
+        if not mine or not np.all(np.isfinite(alone[mine])):
+            continue
+        effect, S = member.terms[0].effect, float(np.linalg.norm(both.scene.axes[sensor]))
+        names = [member.terms[k].term.name for k in mine]
+        text = effect.size(dict(zip(names, alone[mine].tolist(), strict=True)), S)
+        if len(mine) == 1:
+            low, high = (effect.size({names[0]: value}, S) for value in intervals[mine[0]])
+            text += f" ({low} to {high})"
+        out[sensor] = text
+    return out
 
 
 def _alone(both: Together, member: Hypothesis, rest: tuple[Candidate, ...]) -> tuple[FloatArray, FloatArray]:

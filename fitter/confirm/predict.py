@@ -13,7 +13,6 @@ from fitter.confirm.question import Question
 from fitter.confirm.together import Together
 from fitter.trace.problem import Candidate
 
-
 NOTHING = "nothing"
 
 

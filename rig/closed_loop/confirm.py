@@ -12,8 +12,18 @@ import numpy as np
 from drivers.roles import Chamber
 from fitter import AttitudeData
 from fitter.attitude import mounting_matrix
-from fitter.confirm import Confirmation, Question, Separation, Together, confirm, noise_of, questions_of, separation
-from fitter.effects import Scene
+from fitter.confirm import (
+    NOTHING,
+    Confirmation,
+    Question,
+    Separation,
+    Together,
+    confirm,
+    noise_of,
+    questions_of,
+    separation,
+)
+from fitter.effects import Scene, separate
 from procedures import PitchRollProcedure, RunList
 from procedures.separating import Variation, variations
 from rig.bench import playing
@@ -98,6 +108,18 @@ class Proposal:
     def least(self) -> float:
         """Expected separation of the pair that would be nearest, in standard errors."""
         return min((s.least for s in self.separations), default=float("inf"))
+
+    @property
+    def parts(self) -> tuple[float | None, float | None]:
+        """Expected separation of the nearest pair of look-alikes, None without any, and of the weakest from nothing."""
+        every = [(pair, v) for s in self.separations for pair, v in s.sigmas.items()]
+        alike = min((v for (_, other), v in every if other != NOTHING), default=None)
+        return alike, min((v for (_, other), v in every if other == NOTHING), default=None)
+
+    @property
+    def open_pairs(self) -> tuple[tuple[str, str], ...]:
+        """Pairs that it would not part by enough."""
+        return tuple(pair for s in self.separations for pair, v in s.sigmas.items() if v < ENOUGH)
 
     @property
     def told(self) -> float:
@@ -222,6 +244,16 @@ def _hours(first: Traced, run_list: RunList) -> float:
     return (len(run_list) * _point_s(first, run_list) + soak) / 3600.0
 
 
+def otherwise(first: Traced, proposal: Proposal) -> Iterator[str]:
+    """What else would tell apart the pairs of look-alikes that a proposal leaves, a sentence each."""
+    members = {m.effect: m.terms[0].effect for q in first.questions for m in q.members}
+    for one, other in proposal.open_pairs:
+        if other == NOTHING:
+            yield f"it would hardly show whether {one} is there at all: it is small for so short a run"
+        else:
+            yield f"it would hardly tell {one} from {other}; this would: {separate(members[one], members[other])}"
+
+
 def procedure_text(proposal: Proposal) -> str:
     """The procedure file of a proposal."""
     values = proposal.variation.procedure.model_dump(mode="json", exclude_defaults=True, exclude_none=True)
@@ -313,6 +345,7 @@ def _answer(answer: Confirmation) -> dict[str, Any]:
                 "coefficients": list(m.coefficients),
                 "interval_95": [list(i) for i in m.intervals],
                 "coefficients_both_runs": list(m.together),
+                "size": dict(m.sizes),
                 "error": {
                     name: {
                         "before_V": e.before,
@@ -345,15 +378,15 @@ def _sentence(answer: Confirmation) -> str:
     )
     if answer.verdict == "confirmed":
         others = [m.effect for m in answer.members[1:]]
-        excluded = f"; {_listed(others)} is excluded" if others else ""
+        excluded = f"; {_listed(others)} {'is' if len(others) == 1 else 'are'} excluded" if others else ""
         return f"{answer.effect} is confirmed by a further run{excluded}. {errors}"
     if answer.verdict == "replaced":
         return f"What was named {answer.effect} is {best.effect}: a further run tells them apart. {errors}"
     if answer.verdict == "undecided":
         return f"A further run leaves {_listed(answer.holding)} undecided. {errors}"
     return (
-        f"Neither {_listed([m.effect for m in answer.members])} is of one size in both runs: what was found is "
-        f"something else, or changed between them. {errors}"
+        f"{_listed([m.effect for m in answer.members])}: not of one size in both runs. What was found is something "
+        f"else, or it changed between them. {errors}"
     )
 
 
