@@ -1,4 +1,4 @@
-"""rig confirm: look-alikes that one run cannot tell apart, parted by a further one. The truth is the simulated world's."""
+"""rig confirm: look-alikes that one run cannot tell apart, parted by a further one; the world knows the truth."""
 
 from __future__ import annotations
 
