@@ -8,33 +8,35 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitter.arrays import FloatArray
-from fitter.attitude import attitude_columns
 from fitter.confirm.question import Hypothesis, Question
-from fitter.confirm.together import Together, mountings
+from fitter.confirm.together import Candidates, Together
 from fitter.quantiles import f_tail, t_limit
 from fitter.trace.aliases import DELTA, PER_COLUMN
-from fitter.trace.problem import Candidate, raw_columns
 
 CHANGED = 1e-3
 """Probability below which an explanation does not hold: its size in the later run is not that in the first."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SensorError:
-    """Error of predicting the later run of one sensor from the first alone, V rms.
+    """Error of predicting the later run of one sensor from the first alone, rms in units of the output.
 
     Attributes:
         before: by the declared model.
         after: with the effects found in it.
-        sigma_V: scatter of one reading, which no model goes below.
-        S_V: sensitivity, V/g.
+        sigma: scatter of one reading, which no model goes below.
+        slope: output per unit of what is inferred: V/g, or mV/psi.
+        residual_before: (m,) of the readings of the later run, by the declared model.
+        residual_after: (m,) with the effects.
 
     """
 
     before: float
     after: float
-    sigma_V: float
-    S_V: float
+    sigma: float
+    slope: float
+    residual_before: FloatArray
+    residual_after: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,17 +112,16 @@ def confirm(both: Together, question: Question) -> Confirmation:
         _rss(np.column_stack([own, rest]), both.outputs) + PER_COLUMN * (own.shape[1] + _searched(member))
         for member, own in zip(question.members, columns, strict=True)
     ]
-    realigned = _realigned(both)
     members = [
-        _member(both, question, member, own, rest, np.sqrt(cost - min(price)), realigned=realigned)
+        _member(both, question, member, own, rest, np.sqrt(cost - min(price)))
         for member, own, cost in zip(question.members, columns, price, strict=True)
     ]
     members.sort(key=lambda member: (not member.holds, member.sigmas, len(member.terms)))
-    return Confirmation(question.effect, tuple(members), realigned)
+    return Confirmation(question.effect, tuple(members), both.realigned)
 
 
 def _searched(member: Hypothesis) -> bool:
-    return member.terms[0].effect.searched
+    return bool(getattr(member.terms[0].effect, "searched", False))
 
 
 def _member(
@@ -130,17 +131,15 @@ def _member(
     own: FloatArray,
     rest: FloatArray,
     sigmas: float,
-    *,
-    realigned: bool,
 ) -> Member:
     fresh = np.tile(both.fresh, len(both.sensors))
     q, model = own.shape[1], np.column_stack([own, rest])
     together = np.linalg.lstsq(model, both.outputs, rcond=1e-10)[0]
     changed = both.columns_in(member.terms, both.fresh)
-    shifted = np.zeros((len(fresh), 0)) if realigned else both.shifts
+    shifted = np.zeros((len(fresh), 0)) if both.realigned else both.shifts
     wider = np.column_stack([model, changed, shifted])
     more = int(np.linalg.matrix_rank(wider, tol=1e-6 * np.linalg.norm(wider, 2)) - np.linalg.matrix_rank(model))
-    df = min(noise.df for noise in both.noise.values())
+    df = both.df
     gain = _rss(model, both.outputs) - _rss(wider, both.outputs)
     p = f_tail(gain / more, more, df) if more > 0 else 1.0
     alone, error = _alone(both, member, question.rest)
@@ -155,7 +154,7 @@ def _member(
         intervals=intervals,
         together=tuple(together[:q].tolist()),
         sizes=_sizes(both, member, alone, intervals),
-        errors=_errors(both, (*member.terms, *question.rest), realigned=realigned),
+        errors=_errors(both, (*member.terms, *question.rest)),
     )
 
 
@@ -164,21 +163,21 @@ def _sizes(
 ) -> dict[str, str]:
     """What a member amounts to in each sensor it concerns, by the later run alone."""
     out = {}
-    for sensor in both.sensors:
+    for sensor, slope in zip(both.sensors, both.slope.tolist(), strict=True):
         mine = [k for k, term in enumerate(member.terms) if term.sensor in (None, sensor)]
         if not mine or not np.all(np.isfinite(alone[mine])):
             continue
-        effect, S = member.terms[0].effect, float(np.linalg.norm(both.scene.axes[sensor]))
+        effect = member.terms[0].effect
         names = [member.terms[k].term.name for k in mine]
-        text = effect.size(dict(zip(names, alone[mine].tolist(), strict=True)), S)
+        text = effect.size(dict(zip(names, alone[mine].tolist(), strict=True)), slope)
         if len(mine) == 1:
-            low, high = (effect.size({names[0]: value}, S) for value in intervals[mine[0]])
+            low, high = (effect.size({names[0]: value}, slope) for value in intervals[mine[0]])
             text += f" ({low} to {high})"
         out[sensor] = text
     return out
 
 
-def _alone(both: Together, member: Hypothesis, rest: tuple[Candidate, ...]) -> tuple[FloatArray, FloatArray]:
+def _alone(both: Together, member: Hypothesis, rest: Candidates) -> tuple[FloatArray, FloatArray]:
     """(q,) coefficients of a member from the later run by itself, and their standard errors."""
     later = both.only(both.fresh)
     own, others = later.columns_of(member.terms), later.columns_of(rest)
@@ -190,39 +189,23 @@ def _alone(both: Together, member: Hypothesis, rest: tuple[Candidate, ...]) -> t
     return np.where(seen, gamma[:q], np.nan), np.where(seen, error[:q], np.nan)
 
 
-def _errors(both: Together, terms: tuple[Candidate, ...], *, realigned: bool) -> dict[str, SensorError]:
+def _errors(both: Together, terms: Candidates) -> dict[str, SensorError]:
     """Error of predicting the later run by what the first alone gives, without and with `terms`."""
     first = both.only(~both.fresh)
-    fitted = first.columns_of(terms)
-    gamma = np.linalg.lstsq(fitted, first.outputs, rcond=1e-10)[0]
-    data, raw = both.scene.data, raw_columns(both.scene, terms)
-    h = attitude_columns(data.pitch_deg, data.roll_deg, roll=both.scene.roll)
+    gamma = np.linalg.lstsq(first.columns_of(terms), first.outputs, rcond=1e-10)[0]
+    raw, outputs = both.raw(terms), both.raw_outputs
     out = {}
     for i, sensor in enumerate(both.sensors):
-        noise, y = both.noise[sensor], data.outputs[sensor]
-        rms = []
-        for effects in (np.zeros(len(y)), raw[i] @ gamma):
-            model, left = both.declared[i], y - effects
-            if realigned:
-                at = both.fresh
-                rest = left[at] - h[at] @ np.linalg.lstsq(h[at], left[at], rcond=1e-10)[0]
-                rms.append(float(np.sqrt(np.sum(rest**2) / max(rest.size - h.shape[1], 1))))
-            else:
-                beta = np.linalg.lstsq(model[~both.fresh], left[~both.fresh], rcond=1e-10)[0]
-                rms.append(float(np.sqrt(np.mean((left - model @ beta)[both.fresh] ** 2))))
-        S = float(np.linalg.norm(both.scene.axes[sensor]))
-        out[sensor] = SensorError(rms[0], rms[1], noise.sigma_V, S)
+        model, at = both.declared[i], both.fresh
+        learnt = at if both.realigned else ~at
+        left, lost = [], np.linalg.matrix_rank(model[at]) if both.realigned else 0
+        for effects in (np.zeros(outputs.shape[1]), raw[i] @ gamma):
+            y = outputs[i] - effects
+            left.append((y - model @ np.linalg.lstsq(model[learnt], y[learnt], rcond=1e-10)[0])[at])
+        before, after = (float(np.sqrt(np.sum(r**2) / max(r.size - lost, 1))) for r in left)
+        sigma = float(np.sqrt(np.mean(both.sigma[i][at] ** 2)))
+        out[sensor] = SensorError(before, after, sigma, float(both.slope[i]), left[0], left[1])
     return out
-
-
-def _realigned(both: Together) -> bool:
-    """Whether the first run does not say what offset and axes are in the later one."""
-    data = both.scene.data
-    turned = mountings(data)
-    if not np.allclose(turned[both.fresh][:, None], turned[~both.fresh][None, :1], atol=1e-9):
-        return True
-    first = both.only(~both.fresh)
-    return bool(data.has_roll and not first.scene.data.has_roll)
 
 
 def _rss(columns: FloatArray, outputs: FloatArray) -> float:

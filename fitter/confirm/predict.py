@@ -10,8 +10,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.confirm.question import Question
-from fitter.confirm.together import Together
-from fitter.trace.problem import Candidate
+from fitter.confirm.together import Candidates, Together
 
 NOTHING = "nothing"
 
@@ -65,13 +64,13 @@ def separation(both: Together, questions: Sequence[Question]) -> tuple[Separatio
     return tuple(out)
 
 
-def _size(first: Together, terms: Sequence[Candidate], rest: Sequence[Candidate]) -> FloatArray:
+def _size(first: Together, terms: Candidates, rest: Candidates) -> FloatArray:
     """(q,) coefficients of an explanation by the first run."""
     model = np.column_stack([first.columns_of(terms), first.columns_of(rest)])
     return np.asarray(np.linalg.lstsq(model, first.outputs, rcond=1e-10)[0][: len(terms)])
 
 
-def _absent(both: Together, terms: Sequence[Candidate], size: FloatArray, rest: FloatArray) -> float:
+def _absent(both: Together, terms: Candidates, size: FloatArray, rest: FloatArray) -> float:
     """Standard errors by which an explanation would be missed in the later run."""
     return _behind(both.columns_in(terms, both.fresh) @ size, rest)
 

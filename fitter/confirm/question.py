@@ -2,17 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
-import numpy as np
-
-from fitter.arrays import FloatArray
-from fitter.attitude import attitude_columns
-from fitter.data import AttitudeData
-from fitter.temperature import Temperature
-from fitter.trace import SensorTrace, Trace
-from fitter.trace.problem import Candidate
+from fitter.trace import Trace, WholePlotTrace
 
 
 @dataclass(frozen=True)
@@ -27,7 +20,7 @@ class Hypothesis:
     """
 
     effect: str
-    terms: tuple[Candidate, ...]
+    terms: tuple[Any, ...]
     sigmas: float
 
 
@@ -42,7 +35,7 @@ class Question:
     """
 
     members: tuple[Hypothesis, ...]
-    rest: tuple[Candidate, ...]
+    rest: tuple[Any, ...]
 
     @property
     def effect(self) -> str:
@@ -50,63 +43,16 @@ class Question:
         return self.members[0].effect
 
 
-@dataclass(frozen=True, eq=False)
-class Noise:
-    """How readings and replications of one sensor scatter beside the effects found.
-
-    Attributes:
-        sigma_V: standard deviation of one reading.
-        df: degrees of freedom it is known with.
-        spread: (k,) variance of a replication's own parameters, each over `sigma_V`^2; zero where they do not drift.
-        temperature: what temperature adds in the declared model; None where that has none.
-
-    """
-
-    sigma_V: float
-    df: int
-    spread: FloatArray
-    temperature: Temperature | None
-
-
-def questions_of(found: Trace) -> tuple[Question, ...]:
+def questions_of(found: Trace | WholePlotTrace) -> tuple[Question, ...]:
     """One for every effect that was found, in the order of its size."""
     shares: dict[str, float] = {}
     for sensor in found.sensors.values():
         for effect in sensor.effects:
-            shares[effect.effect] = max(effect.share, shares.get(effect.effect, 0.0))
+            if effect.stratum != "noise":
+                shares[effect.effect] = max(effect.share, shares.get(effect.effect, 0.0))
     asked = []
     for name in sorted(shares, key=lambda effect: -shares[effect]):
         alike = [Hypothesis(e.effect, e.terms, e.sigmas) for e in found.explanations[name] if e.alias]
         alike.sort(key=lambda member: (member.effect != name, member.sigmas))
         asked.append(Question(tuple(alike), tuple(c for c in found.chosen if c.effect.name != name)))
     return tuple(asked)
-
-
-def noise_of(found: Trace, data: AttitudeData) -> Mapping[str, Noise]:
-    """Of every sensor, from the run that was traced (`data`, all of its rows).
-
-    The variance of a replication's own parameters is what their scatter is beyond that of readings. It is no better
-    known than a variance on a few degrees of freedom; zero with a single replication.
-    """
-    kept = np.setdiff1d(np.arange(len(data)), found.outliers)
-    return {name: _noise(sensor, data, kept) for name, sensor in found.sensors.items()}
-
-
-def _noise(sensor: SensorTrace, data: AttitudeData, kept: np.ndarray[tuple[int], np.dtype[np.int64]]) -> Noise:
-    table = sensor.after
-    known = np.isfinite(table.sigma_pr)
-    sigma = table.sigma_pr if known else table.sigma_E
-    df = (table.n_replications - 1) * (table.n_points - len(sensor.fit.names)) if known else sensor.fit.df
-    h = attitude_columns(data.pitch_deg, data.roll_deg, roll=data.has_roll)[kept]
-    rest, replicate = sensor.residual_after_V[kept], data.replicate_index[kept]
-    own, spread = [], []
-    for index in np.unique(replicate):
-        rows = h[replicate == index]
-        if rows.shape[0] > rows.shape[1]:
-            inverse = np.linalg.pinv(rows)
-            own.append(inverse @ rest[replicate == index])
-            spread.append(np.sum(inverse**2, axis=1))
-    beyond = np.zeros(h.shape[1])
-    if len(own) > 1:
-        beyond = np.maximum(np.var(np.array(own), axis=0, ddof=1) / sigma**2 - np.mean(spread, axis=0), 0.0)
-    return Noise(float(sigma), max(int(df), 1), beyond, sensor.temperature)

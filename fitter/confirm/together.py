@@ -1,9 +1,10 @@
-"""Two runs as one problem: the declared model anew for every mounting, replications with errors of their own."""
+"""Two runs as one problem: what a comparison of explanations needs, whatever the instruments are."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Self
 
@@ -11,93 +12,93 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitter.arrays import FloatArray
-from fitter.attitude import attitude_columns
-from fitter.confirm.question import Noise
-from fitter.data import AttitudeData
-from fitter.effects import Scene
 from fitter.linear import orthonormal
 from fitter.trace.aliases import NOTHING_LEFT
-from fitter.trace.problem import Candidate, raw_columns
 
-_ADDED = {"replicate": 1, "order": 1, "block": 1}
-
-
-def join(first: AttitudeData, later: AttitudeData, after_s: float) -> AttitudeData:
-    """The observations of both runs, those of the first in front.
-
-    Args:
-        first: the run that was traced.
-        later: the one made to confirm it; with the same sensors.
-        after_s: how long after the first run's zero of elapsed time the later one's is.
-
-    Raises:
-        ValueError: the later run lacks a sensor of the first.
-
-    """
-    missing = [name for name in first.sensors if name not in later.outputs]
-    if missing:
-        raise ValueError(f"the run to confirm by has no {missing[0]}, which the run that was traced has")
-    given: dict[str, Any] = {}
-    for name in (f.name for f in fields(AttitudeData) if f.init and f.name not in ("outputs", "axes", "mounting")):
-        a, b = getattr(first, name), getattr(later, name)
-        if name in _ADDED:
-            b = b - b.min() + a.max() + _ADDED[name]
-        elif name == "elapsed_s":
-            b = b + after_s
-        given[name] = None if a is None or b is None else np.concatenate([a, b])
-    given["outputs"] = {name: np.concatenate([v, later.outputs[name]]) for name, v in first.outputs.items()}
-    given["mounting"] = np.concatenate([mountings(run) for run in (first, later)])
-    return AttitudeData(axes=first.axes, **given)
-
-
-def mountings(data: AttitudeData) -> FloatArray:
-    """(n, 3, 3) from table to package, the usual mounting written out."""
-    return np.broadcast_to(np.eye(3), (len(data), 3, 3)) if data.mounting is None else data.mounting
+Candidates = Sequence[Any]
+"""Terms of effects: `fitter.trace.problem.Candidate`, or that of whole plots; they meet in effect, term and sensor."""
 
 
 @dataclass(frozen=True, eq=False)
-class Together:
-    """A first run and what came later, with all that a comparison of explanations needs.
+class Own:
+    """What a group of observations (a replication, a whole plot) has of its own.
 
     Attributes:
-        scene: of all observations; its references are those of the first run's trace.
-        noise: by sensor.
+        rows: the observations.
+        basis: (m, q) orthonormal directions of it, in units of the error.
+        kept: (q,) by how much what lies along them is weighed down.
+
+    """
+
+    rows: NDArray[np.int64]
+    basis: FloatArray
+    kept: FloatArray
+
+    @classmethod
+    def of(cls, rows: NDArray[np.int64], columns: FloatArray) -> Own:
+        """Columns (m, q) whose coefficients are random with variance one, in units of the error."""
+        u, s, _ = np.linalg.svd(columns, full_matrices=False)
+        return cls(rows, u, 1.0 / np.sqrt(1.0 + s**2))
+
+
+@dataclass(frozen=True, eq=False)
+class Together(ABC):
+    """A first run and what came later.
+
+    Attributes:
         fresh: (n,) whether an observation is of the later run.
 
     """
 
-    scene: Scene
-    noise: Mapping[str, Noise]
     fresh: NDArray[np.bool_]
 
-    @classmethod
-    def of(
-        cls, first: AttitudeData, scene: Scene, noise: Mapping[str, Noise], later: AttitudeData, after_s: float
-    ) -> Self:
-        """A run (rows that were fitted), the references and noise of its trace, and a later run (see `join`)."""
-        both = join(first, later, after_s)
-        fresh = np.arange(len(both)) >= len(first)
-        return cls(replace(scene, data=both, roll=both.has_roll), noise, fresh)
+    @property
+    @abstractmethod
+    def sensors(self) -> tuple[str, ...]:
+        """Names of the S outputs."""
 
     @property
-    def sensors(self) -> tuple[str, ...]:
-        """Names of the outputs."""
-        return self.scene.data.sensors
+    @abstractmethod
+    def df(self) -> int:
+        """Degrees of freedom the error is known with."""
 
-    @cached_property
+    @property
+    @abstractmethod
+    def realigned(self) -> bool:
+        """Whether the first run does not say what the declared model's parameters are in the later one."""
+
+    @property
+    @abstractmethod
+    def raw_outputs(self) -> FloatArray:
+        """(S, n) outputs as they were read."""
+
+    @property
+    @abstractmethod
+    def sigma(self) -> FloatArray:
+        """(S, n) standard deviation of a reading."""
+
+    @property
+    @abstractmethod
+    def slope(self) -> FloatArray:
+        """(S,) output per unit of what is inferred from it: V/g, or mV/psi."""
+
+    @property
+    @abstractmethod
     def declared(self) -> tuple[FloatArray, ...]:
-        """For each sensor, (n, d) the declared model: anew for every mounting, since a package sits as it sits."""
-        data = self.scene.data
-        h = attitude_columns(data.pitch_deg, data.roll_deg, roll=self.scene.roll)
-        turned = np.unique(np.round(mountings(data).reshape(len(data), 9), 9), axis=0, return_inverse=True)[1]
-        own = [np.where((np.ravel(turned) == k)[:, None], h, 0.0) for k in range(int(turned.max()) + 1)]
-        columns = np.column_stack(own)
-        out = []
-        for sensor in self.sensors:
-            warm = self.noise[sensor].temperature
-            beside = [] if warm is None else [warm.columns(_narrow(h, warm.direction.size + 1), data)]
-            out.append(np.column_stack([columns, *beside]))
-        return tuple(out)
+        """For each sensor (n, d) the declared model."""
+
+    @property
+    @abstractmethod
+    def own(self) -> tuple[tuple[Own, ...], ...]:
+        """For each sensor what replications or whole plots have of their own."""
+
+    @abstractmethod
+    def raw(self, terms: Candidates) -> FloatArray:
+        """(S, n, q) columns of effects as they are, zero for the sensors that a term does not concern."""
+
+    @abstractmethod
+    def only(self, rows: NDArray[np.bool_]) -> Self:
+        """The same with some of the observations."""
 
     def stacked(self, columns: FloatArray) -> FloatArray:
         """(S n, q) weighed, the declared model taken out: columns (S, n, q) of all sensors under one another."""
@@ -106,19 +107,18 @@ class Together:
     @cached_property
     def outputs(self) -> FloatArray:
         """(S n,) the outputs so."""
-        data = self.scene.data
-        return self.stacked(np.stack([data.outputs[s] for s in self.sensors])[:, :, None])[:, 0]
+        return self.stacked(self.raw_outputs[:, :, None])[:, 0]
 
-    def columns_of(self, terms: Sequence[Candidate]) -> FloatArray:
+    def columns_of(self, terms: Candidates) -> FloatArray:
         """(S n, q) the columns of effects so; zero where next to nothing is left of one."""
-        raw = raw_columns(self.scene, terms)
+        raw = self.raw(terms)
         left = self.stacked(raw)
         whole = np.sqrt(sum(np.sum((self.weigh(i, own)) ** 2, axis=0) for i, own in enumerate(raw)))
         return np.where(np.linalg.norm(left, axis=0) > NOTHING_LEFT * whole, left, 0.0)
 
-    def columns_in(self, terms: Sequence[Candidate], where: NDArray[np.bool_]) -> FloatArray:
+    def columns_in(self, terms: Candidates, where: NDArray[np.bool_]) -> FloatArray:
         """(S n, q) the columns of effects as they are in some of the observations, zero in the others."""
-        return self.stacked(raw_columns(self.scene, terms) * where[:, None])
+        return self.stacked(self.raw(terms) * where[:, None])
 
     @property
     def shifts(self) -> FloatArray:
@@ -126,17 +126,12 @@ class Together:
         fresh = np.einsum("n,ij->inj", self.fresh.astype(np.float64), np.eye(len(self.sensors)))
         return self.stacked(fresh)
 
-    def only(self, rows: NDArray[np.bool_]) -> Together:
-        """The same with some of the observations."""
-        return replace(self, scene=self.scene.on(self.scene.data.take(np.flatnonzero(rows))), fresh=self.fresh[rows])
-
     def weigh(self, i: int, columns: FloatArray) -> FloatArray:
-        """(n, q) columns of sensor `i` in units of its error, what replications have of their own weighed down."""
-        noise = self.noise[self.sensors[i]]
-        weighed = columns / noise.sigma_V
-        for rows, basis, kept in self._own[i]:
-            part = weighed[rows]
-            weighed[rows] = part - basis @ ((1.0 - kept)[:, None] * (basis.T @ part))
+        """(n, q) columns of sensor `i` in units of its error, what groups have of their own weighed down."""
+        weighed = columns / self.sigma[i][:, None]
+        for own in self.own[i]:
+            part = weighed[own.rows]
+            weighed[own.rows] = part - own.basis @ ((1.0 - own.kept)[:, None] * (own.basis.T @ part))
         return np.asarray(weighed)
 
     def _left(self, i: int, columns: FloatArray) -> FloatArray:
@@ -146,25 +141,3 @@ class Together:
     @cached_property
     def _bases(self) -> tuple[FloatArray, ...]:
         return tuple(orthonormal(self.weigh(i, own)) for i, own in enumerate(self.declared))
-
-    @cached_property
-    def _own(self) -> tuple[list[tuple[NDArray[np.int64], FloatArray, FloatArray]], ...]:
-        """For each sensor and replication: its rows, directions of its own parameters, and what is kept of them."""
-        data = self.scene.data
-        h = attitude_columns(data.pitch_deg, data.roll_deg, roll=self.scene.roll)
-        out = []
-        for sensor in self.sensors:
-            spread, parts = self.noise[sensor].spread, []
-            if spread.any():
-                own = _narrow(h, spread.size)
-                for index in range(data.replicates.size):
-                    rows = np.flatnonzero(data.replicate_index == index)
-                    u, s, _ = np.linalg.svd(own[rows] * np.sqrt(spread), full_matrices=False)
-                    parts.append((rows, u, 1.0 / np.sqrt(1.0 + s**2)))
-            out.append(parts)
-        return tuple(out)
-
-
-def _narrow(h: FloatArray, width: int) -> FloatArray:
-    """(n, width) rows `h` for what was fitted without roll, where the later run has some."""
-    return h if h.shape[1] == width else h[:, [0, 1, 3]]

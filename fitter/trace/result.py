@@ -266,14 +266,14 @@ class Explanation:
 
     Attributes:
         effect: name in the catalogue.
-        terms: of the effect, that it takes.
+        terms: candidates of the effect that it takes, of the kind of run.
         sigmas: standard errors by which it falls behind the best explanation.
         alias: whether the data cannot tell it from the best.
 
     """
 
     effect: str
-    terms: tuple[Candidate, ...]
+    terms: tuple[Any, ...]
     sigmas: float
     alias: bool
 

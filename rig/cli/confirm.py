@@ -207,7 +207,7 @@ def _show(confirmed: Confirmed, proposals: Sequence[Proposal], *, as_json: bool)
         errors = Table("error on the further run", "declared model", "with the effects", "scatter of a reading")
         best = answer.members[0]
         for name, e in best.errors.items():
-            errors.add_row(name, *(f"{v / e.S_V * 572957.795:.3g}e-4 deg" for v in (e.before, e.after, e.sigma_V)))
+            errors.add_row(name, *(f"{v / e.slope * 572957.795:.3g}e-4 deg" for v in (e.before, e.after, e.sigma)))
         out.print(errors)
         if answer.realigned:
             out.print("  offset and sensitive axes are the further run's own in both models", soft_wrap=True)

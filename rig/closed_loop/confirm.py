@@ -14,12 +14,12 @@ from fitter import AttitudeData
 from fitter.attitude import mounting_matrix
 from fitter.confirm import (
     NOTHING,
+    AttitudeTogether,
     Confirmation,
     Question,
     Separation,
     Together,
     confirm,
-    noise_of,
     questions_of,
     separation,
 )
@@ -85,8 +85,7 @@ class Traced:
 
     def beside(self, later: AttitudeData, after_s: float) -> Together:
         """This run and a later one, `after_s` from its start."""
-        noise = noise_of(self.traced.trace, self.traced.data)
-        return Together.of(self.data, self.scene, noise, later, after_s)
+        return AttitudeTogether.of(self.traced.trace, self.traced.data, later, after_s)
 
 
 @dataclass(frozen=True, eq=False)
@@ -350,9 +349,9 @@ def _answer(answer: Confirmation) -> dict[str, Any]:
                     name: {
                         "before_V": e.before,
                         "after_V": e.after,
-                        "before_deg": float(np.degrees(e.before / e.S_V)),
-                        "after_deg": float(np.degrees(e.after / e.S_V)),
-                        "reading_deg": float(np.degrees(e.sigma_V / e.S_V)),
+                        "before_deg": float(np.degrees(e.before / e.slope)),
+                        "after_deg": float(np.degrees(e.after / e.slope)),
+                        "reading_deg": float(np.degrees(e.sigma / e.slope)),
                     }
                     for name, e in m.errors.items()
                 },
@@ -371,7 +370,7 @@ def sentences(confirmed: Confirmed) -> Iterator[str]:
 def _sentence(answer: Confirmation) -> str:
     best = answer.members[0]
     name, error = max(best.errors.items(), key=lambda item: item[1].before / max(item[1].after, 1e-300))
-    before, after = (float(np.degrees(v / error.S_V)) for v in (error.before, error.after))
+    before, after = (float(np.degrees(v / error.slope)) for v in (error.before, error.after))
     errors = (
         f"On data that neither model has seen the error of {name} is {before:.3g} deg rms with the declared model and "
         f"{after:.3g} deg with the effects."

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from fitter.calibration import JsonValue
 from fitter.effects import PressureScene
 from fitter.formula import Formula
 from fitter.split_plot import SplitPlotFit
-from fitter.trace.result import CONFIRMED, Found, Unnamed
+from fitter.trace.result import CONFIRMED, Explanation, Found, Unnamed
 from fitter.trace.whole_plots.noise import Noise
 from fitter.trace.whole_plots.problem import Candidate, raw_columns
 from fitter.whole_plot_data import WholePlotData
@@ -180,6 +180,7 @@ class WholePlotTrace:
         chosen: the terms in the model.
         gamma: (q,) their coefficients, in the terms' own units.
         points: number of readings.
+        explanations: all of them for each effect found, best first.
 
     """
 
@@ -189,6 +190,7 @@ class WholePlotTrace:
     chosen: tuple[Candidate, ...]
     gamma: FloatArray
     points: int
+    explanations: Mapping[str, tuple[Explanation, ...]] = field(default_factory=dict)
 
     def predict(self, data: WholePlotData) -> dict[str, FloatArray]:
         """(n,) outputs of each transducer for other readings, effects included, whole-plot errors zero, mV."""

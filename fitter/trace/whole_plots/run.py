@@ -13,6 +13,7 @@ from fitter.linear import RankError
 from fitter.pressure.models import HIERARCHICAL, check_determined, named_formula
 from fitter.split_plot import SplitPlotDesign
 from fitter.trace.family import Family
+from fitter.trace.result import Explanation
 from fitter.trace.search import prune, search_and_name
 from fitter.trace.whole_plots.estimate import coefficients_of, contributed, estimate
 from fitter.trace.whole_plots.judge import WholePlotJudge
@@ -70,9 +71,14 @@ def trace_whole_plots(
     )
     sensors = {sensor: transducer(finding, i) for i, sensor in enumerate(problem.sensors)}
     chosen = tuple(problem.candidates[j] for j in found)
-    return WholePlotTrace(
-        sensors, formula, scene, chosen, np.array([after.coefficients[j].value for j in found]), len(data)
-    )
+    explanations = {
+        name: tuple(
+            Explanation(r.effect, tuple(problem.candidates[j] for j in r.terms), r.sigmas, r.alias) for r in rivals
+        )
+        for name, rivals in finding.classes.items()
+    }
+    gamma = np.array([after.coefficients[j].value for j in found])
+    return WholePlotTrace(sensors, formula, scene, chosen, gamma, len(data), explanations)
 
 
 def scene_of(data: WholePlotData) -> PressureScene:
