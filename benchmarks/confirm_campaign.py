@@ -73,7 +73,7 @@ def loop(hidden, world, seed):
         if not first.questions:
             return classes, None, "nothing found", ()
         proposal = propose(first)[0]
-        plan = plan_for(first, proposal, dry=True, bench=None, world=None)
+        plan = plan_for(first, proposal.variation, dry=True)
         later = dry(plan, Path(folder), first.world_s + first.later_s)
         answers = judge(first, later).answers
         return classes, proposal, {a.holding for a in answers}, answers

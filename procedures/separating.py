@@ -5,12 +5,14 @@ Which of them does is for the fitter to say (`fitter.confirm.separation`); here 
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from procedures.designs import uniform
 from procedures.pitch_roll import DesignSettings, PitchRollProcedure
+from procedures.whole_plot import WholePlotProcedure
 
 LEAST_PITCH, LEAST_ROLL = 9, 5
 """Angles that a thinned design keeps: fewer show no shape."""
@@ -36,16 +38,18 @@ class Variation:
         procedure: the run.
         turned: whether a person has to mount the package anew first.
         warmer_degC: how much warmer the sensors will be.
+        by_weather: whether nothing on the bench can make them so.
 
     """
 
     what: str
-    procedure: PitchRollProcedure
+    procedure: PitchRollProcedure | WholePlotProcedure
     turned: bool = False
     warmer_degC: float = 0.0
+    by_weather: bool = False
 
 
-def variations(first: PitchRollProcedure, limits: Limits, *, chamber: bool) -> Iterator[Variation]:
+def variations(first: PitchRollProcedure | WholePlotProcedure, limits: Limits, *, chamber: bool) -> Iterator[Variation]:
     """Runs to follow `first`, grouped by what they change, each group from the smallest to the largest.
 
     Args:
@@ -54,7 +58,8 @@ def variations(first: PitchRollProcedure, limits: Limits, *, chamber: bool) -> I
         chamber: whether the bench holds the package's temperature.
 
     """
-    for variation in _all(first, limits, chamber=chamber):
+    every = _of_whole_plots(first) if isinstance(first, WholePlotProcedure) else _all(first, limits, chamber=chamber)
+    for variation in every:
         if next(variation.procedure.expand().beyond(limits), None) is None:
             yield variation
 
@@ -73,7 +78,7 @@ def _all(first: PitchRollProcedure, limits: Limits, *, chamber: bool) -> Iterato
         around = uniform(-WHOLE_TURN_DEG, WHOLE_TURN_DEG, count)
         yield from _sizes("over the whole turn in pitch", _over(first, around, design.build().roll_deg))
     if not chamber or first.environment is None:
-        yield from _sizes(f"on a night {WARMER_DEGC:g} degC warmer", first, warmer_degC=WARMER_DEGC)
+        yield from _sizes(f"on a night {WARMER_DEGC:g} degC warmer", first, warmer_degC=WARMER_DEGC, by_weather=True)
     else:
         low, high = limits.get("enclosure_degC", (-80.0, 200.0))
         for by in (WARMER_DEGC, -WARMER_DEGC):
@@ -90,6 +95,43 @@ def _all(first: PitchRollProcedure, limits: Limits, *, chamber: bool) -> Iterato
         if _rolls(design) == 1:
             rolled = _over(turned, pitches, [0.0, 90.0, 180.0])
             yield from _sizes(f"at roll 0, 90 and 180 deg with the package turned {words}", rolled, turned=True)
+
+
+def _of_whole_plots(first: WholePlotProcedure) -> Iterator[Variation]:
+    """The temperatures of the design, few of them or all, with other pressures."""
+    pressures = sorted(first.design.pressures_psia)
+    between = [round((low + high) / 2, 6) for low, high in itertools.pairwise(pressures)]
+    for what, levels, repeated in (
+        ("the same pressures in another order", pressures, first.design.repeated_psia),
+        ("every pressure twice in a whole plot", pressures, pressures),
+        ("pressures between those of the first run too", sorted({*pressures, *between}), []),
+    ):
+        for pairs in _temperatures(first):
+            design = first.design.model_copy(
+                update={
+                    "type": "list",
+                    "temperatures_degC": pairs,
+                    "pressures_psia": levels,
+                    "repeated_psia": list(repeated),
+                }
+            )
+            run = first.model_copy(
+                update={
+                    "design": design,
+                    "replications": 1,
+                    "seed": first.seed + 1,
+                    "name": f"{first.name}: {what}"[:80],
+                }
+            )
+            yield Variation(what, run)
+
+
+def _temperatures(first: WholePlotProcedure) -> Iterator[list[tuple[float, float]]]:
+    """Centre and extremes twice, every temperature once, and the whole design again."""
+    every = sorted(set(first.design.pairs()))
+    ends = sorted({every[0], every[len(every) // 2], every[-1]})
+    for pairs in (2 * ends, every, 2 * every, first.design.pairs()):
+        yield list(pairs)
 
 
 def _sizes(what: str, whole: PitchRollProcedure, **more: Any) -> Iterator[Variation]:

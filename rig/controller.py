@@ -36,7 +36,7 @@ from rig.matching import check_match
 BYTES_PER_POINT = 6000
 """What an observation takes in the run file, with its share of indexes and log; measured, rounded up."""
 
-_WORLD_START = "world_start_s"
+WORLD_START = "world_start_s"
 """In the first record of a dry run: how old its world was when the run began, if it was not new."""
 
 _VIRTUAL = "virtual"
@@ -181,7 +181,7 @@ def start_run(
         path = folder / f"{run_id}.sqlite"
         about = {"dry": plan.dry, "software": versions(), "procedure": plan.procedure.name, "bench": plan.bench.name}
         if world_start_s:
-            about[_WORLD_START] = world_start_s
+            about[WORLD_START] = world_start_s
         genesis = Genesis(run_id, plan.documents, plan.run_list, plan.dry or plan.bench.simulated, about)
         create(path, genesis, elapsed_s=0.0, utc_s=clock.utc())
         announce(path)
@@ -233,7 +233,7 @@ def resume_run(
 
 
 def _world_start(run: RunReader) -> float:
-    return float(run.genesis().data.get(_WORLD_START, 0.0))
+    return float(run.genesis().data.get(WORLD_START, 0.0))
 
 
 def _losses(run: RunWriter, state: RunState, told: int) -> Iterator[str]:

@@ -91,7 +91,7 @@ def test_the_procedure_can_be_had_and_run_by_hand(tmp_path: Path, sagging: Path)
     assert rig("confirm", first, "--dry", "--take", turned, "--write", written).returncode == 0
     procedure = parse_procedure(written.read_text(), "confirm.toml")
     assert procedure.mounting.turned
-    assert len(procedure.expand()) == listed[turned - 1]["points"] * listed[turned - 1]["replications"]
+    assert len(procedure.expand()) == listed[turned - 1]["points"]
 
 
 def test_nothing_found_is_nothing_to_confirm(tmp_path: Path) -> None:
@@ -120,7 +120,7 @@ def test_a_further_dry_run_is_made_in_the_same_worlds_next_night(tmp_path: Path)
     """Interrupted and resumed too: the world goes on where it was, and a drift is not begun anew."""
     first = open_traced(make(tmp_path, {"offset_drift": {"uV_per_h": 100.0}}))
     again = next(p for p in propose(first) if p.variation.what == "the same again")
-    plan = plan_for(first, again, dry=True, bench=None, world=None)
+    plan = plan_for(first, again.variation, dry=True)
     signals, paths = Signals(), []
 
     def stop_halfway(news) -> None:
@@ -154,7 +154,7 @@ def test_what_is_predicted_of_a_run_is_what_it_does(tmp_path: Path, sagging: Pat
         == proposal.separations
     )
     later = run(
-        plan_for(first, proposal, dry=True, bench=None, world=None),
+        plan_for(first, proposal.variation, dry=True),
         tmp_path,
         world_start_s=first.world_s + first.later_s,
     )

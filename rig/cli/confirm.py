@@ -24,7 +24,7 @@ SHOWN = 5
 """Proposals shown where nobody asked for all."""
 
 if TYPE_CHECKING:
-    from rig.closed_loop.confirm import Confirmed, Proposal, Traced
+    from rig.closed_loop.confirm import Confirmed, First, Proposal
 
 
 @app.command(rich_help_panel="Data")
@@ -85,7 +85,7 @@ def confirm(
         _show_proposals(first, proposals, take, every=only_list)
     if only_list or write is not None:
         if write is not None:
-            write_whole(write, lambda file: file.write(procedure_text(chosen)))
+            write_whole(write, lambda file: file.write(procedure_text(chosen.variation.procedure)))
             err.print(f"procedure: {escape(str(write))}", soft_wrap=True)
         if as_json:
             print_json({"first": str(run_file), "proposals": [p.to_json() for p in proposals]})
@@ -93,7 +93,7 @@ def confirm(
     texts = {"bench": bench, "world": world}
     plan = plan_for(
         first,
-        chosen,
+        chosen.variation,
         dry=dry,
         **{name: None if path is None else read_text(path, name) for name, path in texts.items()},
     )
@@ -124,10 +124,10 @@ def confirm(
     return _show(judge(first, paths[0]), proposals, as_json=as_json)
 
 
-def _check_kind(first: Traced, *, dry: bool, rehearsed: bool) -> None:
+def _check_kind(first: First, *, dry: bool, rehearsed: bool) -> None:
     if first.dry and not dry:
         raise UsageError(f"{first.path} is a dry run; the run that confirms it is one too: add --dry")
-    if rehearsed and not first.traced.table.simulated:
+    if rehearsed and not first.simulated:
         raise UsageError(
             f"{first.path} was made on real instruments: simulated readings say nothing about it. Leave --dry away, or "
             f"rehearse with --write FILE and `rig run FILE --dry`"
@@ -144,7 +144,7 @@ def _wait_for_mounting(chosen: Proposal, *, dry: bool, yes: bool) -> None:
     typer.confirm(f"{words}, and confirm that it is", abort=True, err=True)
 
 
-def _show_proposals(first: Traced, proposals: Sequence[Proposal], take: int, *, every: bool) -> None:
+def _show_proposals(first: First, proposals: Sequence[Proposal], take: int, *, every: bool) -> None:
     from rig.closed_loop.confirm import otherwise  # noqa: PLC0415
 
     for question in first.questions:
@@ -154,11 +154,10 @@ def _show_proposals(first: Traced, proposals: Sequence[Proposal], take: int, *, 
     table = Table("", "run", "points", "bench time", "parts look-alikes by", "shows them by", title_justify="left")
     shown = proposals if every else proposals[: max(take, SHOWN)]
     for number, proposal in enumerate(shown, start=1):
-        run = proposal.variation.procedure
         table.add_row(
             f"[green]{number}[/]" if number == take else str(number),
             proposal.variation.what,
-            f"{len(run.design.build())} x {run.replications}",
+            proposal.size,
             duration(proposal.hours * 3600.0),
             *(_sigmas(values) for values in proposal.parts),
         )
@@ -187,9 +186,7 @@ def _show(confirmed: Confirmed, proposals: Sequence[Proposal], *, as_json: bool)
         told = {"first": str(confirmed.first.path), "proposals": [p.to_json() for p in proposals]}
         print_json(told | confirmed.to_json())
         return code
-    out.print(
-        f"\n{mark(confirmed.first.traced.table.simulated)}judged by {escape(str(confirmed.path))}", soft_wrap=True
-    )
+    out.print(f"\n{mark(confirmed.first.simulated)}judged by {escape(str(confirmed.path))}", soft_wrap=True)
     for answer in confirmed.answers:
         out.print(f"\n[bold]{answer.effect}[/]: [bold]{answer.verdict}[/]")
         table = Table("cause", "behind by", "same size in both", "size in the further run alone, 95 %")
@@ -204,10 +201,11 @@ def _show(confirmed: Confirmed, proposals: Sequence[Proposal], *, as_json: bool)
                 "\n".join(sizes) or "not told",
             )
         out.print(table)
-        errors = Table("error on the further run", "declared model", "with the effects", "scatter of a reading")
+        columns = ("declared model", "with the effects", "scatter of a reading")
+        errors = Table(f"error on the further run / {confirmed.unit}", *columns)
         best = answer.members[0]
         for name, e in best.errors.items():
-            errors.add_row(name, *(f"{v / e.slope * 572957.795:.3g}e-4 deg" for v in (e.before, e.after, e.sigma)))
+            errors.add_row(name, *(f"{confirmed.inferred(e, v):.3g}" for v in (e.before, e.after, e.sigma)))
         out.print(errors)
         if answer.realigned:
             out.print("  offset and sensitive axes are the further run's own in both models", soft_wrap=True)
