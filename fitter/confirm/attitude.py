@@ -116,6 +116,11 @@ class AttitudeTogether(Together):
         return bool(self.data.has_roll and not self.data.take(np.flatnonzero(~self.fresh)).has_roll)
 
     @property
+    def loose(self) -> FloatArray:
+        """(n, 0) or, where the package sits anew, (n, 4) its offset and axes."""
+        return self._h if self.realigned else np.empty((len(self.data), 0))
+
+    @property
     def raw_outputs(self) -> FloatArray:
         """(S, n) V."""
         return np.stack([self.data.outputs[s] for s in self.sensors])

@@ -190,18 +190,21 @@ def _alone(both: Together, member: Hypothesis, rest: Candidates) -> tuple[FloatA
 
 
 def _errors(both: Together, terms: Candidates) -> dict[str, SensorError]:
-    """Error of predicting the later run by what the first alone gives, without and with `terms`."""
+    """Error of predicting the later run by what the first alone gives, without and with `terms`.
+
+    What is the later run's own (`Together.loose`) is taken out for both.
+    """
     first = both.only(~both.fresh)
     gamma = np.linalg.lstsq(first.columns_of(terms), first.outputs, rcond=1e-10)[0]
     raw, outputs = both.raw(terms), both.raw_outputs
-    out = {}
+    out, at, own = {}, both.fresh, both.loose[both.fresh]
+    lost = int(np.linalg.matrix_rank(own)) if own.shape[1] else 0
     for i, sensor in enumerate(both.sensors):
-        model, at = both.declared[i], both.fresh
-        learnt = at if both.realigned else ~at
-        left, lost = [], np.linalg.matrix_rank(model[at]) if both.realigned else 0
+        model, left = both.declared[i], []
         for effects in (np.zeros(outputs.shape[1]), raw[i] @ gamma):
             y = outputs[i] - effects
-            left.append((y - model @ np.linalg.lstsq(model[learnt], y[learnt], rcond=1e-10)[0])[at])
+            rest = (y - model @ np.linalg.lstsq(model[~at], y[~at], rcond=1e-10)[0])[at]
+            left.append(rest - own @ np.linalg.lstsq(own, rest, rcond=1e-10)[0] if lost else rest)
         before, after = (float(np.sqrt(np.sum(r**2) / max(r.size - lost, 1))) for r in left)
         sigma = float(np.sqrt(np.mean(both.sigma[i][at] ** 2)))
         out[sensor] = SensorError(before, after, sigma, float(both.slope[i]), left[0], left[1])

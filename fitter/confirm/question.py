@@ -52,7 +52,9 @@ def questions_of(found: Trace | WholePlotTrace) -> tuple[Question, ...]:
                 shares[effect.effect] = max(effect.share, shares.get(effect.effect, 0.0))
     asked = []
     for name in sorted(shares, key=lambda effect: -shares[effect]):
-        alike = [Hypothesis(e.effect, e.terms, e.sigmas) for e in found.explanations[name] if e.alias]
+        alike = [
+            Hypothesis(e.effect, e.terms, e.sigmas) for e in found.explanations[name] if e.alias or e.effect == name
+        ]
         alike.sort(key=lambda member: (member.effect != name, member.sigmas))
         asked.append(Question(tuple(alike), tuple(c for c in found.chosen if c.effect.name != name)))
     return tuple(asked)

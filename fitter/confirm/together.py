@@ -69,6 +69,11 @@ class Together(ABC):
 
     @property
     @abstractmethod
+    def loose(self) -> FloatArray:
+        """(n, l) what is the later run's own and taken from it when it is predicted; none, a zero, or an alignment."""
+
+    @property
+    @abstractmethod
     def raw_outputs(self) -> FloatArray:
         """(S, n) outputs as they were read."""
 

@@ -63,6 +63,11 @@ class WholePlotTogether(Together):
         return False
 
     @property
+    def loose(self) -> FloatArray:
+        """(n, W) an offset of every whole plot, as if each were zeroed once (the papers' in-flight zero)."""
+        return np.eye(self.data.whole_plots.size)[self.data.whole_plot_index]
+
+    @property
     def raw_outputs(self) -> FloatArray:
         """(S, n) mV."""
         return np.stack([self.data.outputs[s] for s in self.sensors])

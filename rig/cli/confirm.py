@@ -51,6 +51,10 @@ def confirm(
         Path | None, typer.Option(help="judge by this run, made already, and run nothing", show_default=False)
     ] = None,
     yes: Annotated[bool, typer.Option("--yes", help="the package is mounted as the run asks for: do not wait")] = False,
+    formula: Annotated[
+        str | None,
+        typer.Option(help="whole plots: the declared model, where not the full second order", show_default=False),
+    ] = None,
     as_json: JsonOption = False,
 ) -> int:
     """Confirm what a trace found by a further run: which of the causes that look alike holds, on data nobody has seen.
@@ -66,7 +70,7 @@ def confirm(
     check_not_input([write], [run_file, *filter(None, (bench, world, by))])
     if world is not None and not dry:
         raise UsageError("--world describes a simulated bench; it goes with --dry")
-    first = open_traced(run_file)
+    first = open_traced(run_file, formula)
     if not as_json:
         headline(run_file.name, first.traced.table)
     if not first.questions:
@@ -207,8 +211,8 @@ def _show(confirmed: Confirmed, proposals: Sequence[Proposal], *, as_json: bool)
         for name, e in best.errors.items():
             errors.add_row(name, *(f"{confirmed.inferred(e, v):.3g}" for v in (e.before, e.after, e.sigma)))
         out.print(errors)
-        if answer.realigned:
-            out.print("  offset and sensitive axes are the further run's own in both models", soft_wrap=True)
+        if own := confirmed.own(answer):
+            out.print(f"  of both models: {own}", soft_wrap=True)
     out.print()
     for sentence in sentences(confirmed):
         out.print(sentence, soft_wrap=True)

@@ -42,6 +42,12 @@ class Confirmed:
         """Of what is inferred: errors are said in it."""
         return "deg" if isinstance(self.first.traced, AttitudeTraced) else "psi"
 
+    def own(self, answer: Confirmation) -> str:
+        """What is taken from the further run itself when it is predicted, in words; "" where nothing is."""
+        if self.unit == "psi":
+            return "an offset of each whole plot is taken out, as by a zero in flight"
+        return "offset and sensitive axes are the further run's own" if answer.realigned else ""
+
     def inferred(self, error: SensorError, value: float) -> float:
         """An error of the output as one of what is inferred from it, in `unit`."""
         return float(np.degrees(value / error.slope)) if self.unit == "deg" else abs(value / error.slope)
@@ -56,7 +62,7 @@ class Confirmed:
             "named": answer.effect,
             "verdict": answer.verdict,
             "holds": list(answer.holding),
-            "own_alignment": answer.realigned,
+            "taken_out": self.own(answer),
             "members": [
                 {
                     "effect": m.effect,
