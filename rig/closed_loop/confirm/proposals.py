@@ -17,6 +17,8 @@ from rig.closed_loop.confirm.plans import hours, planned
 
 ENOUGH = 6.0
 """Standard errors by which look-alikes should be expected to part: three tell them apart, luck takes up to three."""
+USELESS = 3.0
+"""So many will hardly tell anything apart."""
 TURN_H = 0.5
 """What mounting the package anew costs beside bench time."""
 
@@ -55,8 +57,9 @@ class Proposal:
 
     @property
     def rank(self) -> tuple[float, float]:
-        """The best is the least: how many pairs it parts (weak ones in proportion) comes before what it costs."""
-        told = sum(min(v / ENOUGH, 1.0) for s in self.separations for v in s.sigmas.values())
+        """The best is the least: how many pairs it parts (half parted in proportion) comes before what it costs."""
+        sigmas = [v for s in self.separations for v in s.sigmas.values()]
+        told = sum(min(max(v - USELESS, 0.0) / (ENOUGH - USELESS), 1.0) for v in sigmas)
         return -round(told, 1), self.hours + TURN_H * self.variation.turned
 
     @property
