@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from command import rig
 
-from fitter.confirm import separation
+from fitter.confirm import confirm, separation
 from rig.closed_loop.confirm import judge, open_traced, plan_for, planned, propose
 from rig.config import parse_procedure, parse_toml
 from rig.controller import plan_of, resume_run, start_run
 from rig.engine.session import Outcome, Signals
 from rig.examples import example
-from rig.tables import run_table
+from rig.tables import attitude_data, run_table
 from rig.toml_text import toml_text
 
 LAB = example("attitude-lab")
@@ -162,3 +163,19 @@ def test_what_is_predicted_of_a_run_is_what_it_does(tmp_path: Path, sagging: Pat
     behind = {m.effect: m.sigmas for m in answer.members}["head-once-per-turn"]
     expected = proposal.separations[0].sigmas["isolation-pad-deflection", "head-once-per-turn"]
     assert abs(behind - expected) < 3.5
+
+
+def test_a_reading_that_went_wrong_does_not_decide(tmp_path: Path, sagging: Path) -> None:
+    """One reading off by 300 sd in the further run: pointed at, left out, and the answer is the same."""
+    first = open_traced(sagging)
+    later = run(
+        plan_for(first, propose(first)[0].variation, dry=True), tmp_path, world_start_s=first.world_s + first.later_s
+    )
+    data = attitude_data(run_table(later))
+    wrong = data.outputs["x_V"].copy()
+    wrong[7] += 300 * 17e-6
+    for values, aside in ((data.outputs["x_V"], ()), (wrong, (7,))):
+        both = first.beside(replace(data, outputs={"x_V": values}), first.later_s)
+        answer = confirm(both, first.questions[0])
+        assert answer.verdict == "confirmed"
+        assert answer.outliers == aside

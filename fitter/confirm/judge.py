@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fitter.arrays import FloatArray
 from fitter.confirm.question import Hypothesis, Question
@@ -13,6 +14,7 @@ from fitter.confirm.together import Candidates, Together
 from fitter.quantiles import f_tail, t_limit
 from fitter.trace.aliases import DELTA, PER_COLUMN
 
+STANDS_OUT, MOST_OUTLIERS = 6.0, 0.02
 CHANGED = 1e-3
 """Probability below which an explanation does not hold: its size in the later run is not that in the first."""
 
@@ -82,12 +84,15 @@ class Confirmation:
         members: its explanations, the best first.
         realigned: whether the later run was predicted with offset and sensitive axes of its own, because the package
             was mounted anew or the first run does not determine them; else the first run's stand.
+        outliers: readings of the later run that stand out whichever explanation is true, and were left out, by their
+            position in that run.
 
     """
 
     effect: str
     members: tuple[Member, ...]
     realigned: bool
+    outliers: tuple[int, ...] = ()
 
     @property
     def holding(self) -> tuple[str, ...]:
@@ -106,6 +111,12 @@ class Confirmation:
 
 def confirm(both: Together, question: Question) -> Confirmation:
     """Judge the members of one question on both runs together, and on the later by itself."""
+    standing_out = _outliers(both, question)
+    aside = tuple((standing_out - int(np.flatnonzero(both.fresh)[0])).tolist())
+    if aside:
+        kept = np.ones(both.fresh.size, np.bool_)
+        kept[standing_out] = False
+        both = both.only(kept)
     rest = both.columns_of(question.rest)
     columns = [both.columns_of(member.terms) for member in question.members]
     price = [
@@ -117,7 +128,33 @@ def confirm(both: Together, question: Question) -> Confirmation:
         for member, own, cost in zip(question.members, columns, price, strict=True)
     ]
     members.sort(key=lambda member: (not member.holds, member.sigmas, len(member.terms)))
-    return Confirmation(question.effect, tuple(members), both.realigned)
+    return Confirmation(question.effect, tuple(members), both.realigned, aside)
+
+
+def _outliers(both: Together, question: Question) -> NDArray[np.int64]:
+    """Rows of the later run whose residual is beyond `STANDS_OUT` in some sensor, whichever member is true.
+
+    One after the other, the worst first, since it draws the fit away from the rest. More than `MOST_OUTLIERS` of them
+    are no outliers but something that no member explains.
+    """
+    most = max(int(MOST_OUTLIERS * np.sum(both.fresh)), 2)
+    whole, rows = both.fresh.size, np.arange(both.fresh.size)
+    for _ in range(most + 1):
+        worst = np.where(
+            both.fresh, np.min([_standing(both, m.terms, question.rest) for m in question.members], 0), 0.0
+        )
+        if worst.max() <= STANDS_OUT:
+            return np.setdiff1d(np.arange(whole), rows)
+        kept = np.arange(rows.size) != np.argmax(worst)
+        both, rows = both.only(kept), rows[kept]
+    return rows[:0]
+
+
+def _standing(both: Together, terms: Candidates, rest: Candidates) -> FloatArray:
+    """(n,) largest residual of any sensor beside these effects, in standard deviations."""
+    model = np.column_stack([both.columns_of(terms), both.columns_of(rest)])
+    left = both.outputs - model @ np.linalg.lstsq(model, both.outputs, rcond=1e-10)[0]
+    return np.asarray(np.max(np.abs(left.reshape(len(both.sensors), -1)), axis=0))
 
 
 def _searched(member: Hypothesis) -> bool:

@@ -211,6 +211,11 @@ def _show(confirmed: Confirmed, proposals: Sequence[Proposal], *, as_json: bool)
         for name, e in best.errors.items():
             errors.add_row(name, *(f"{confirmed.inferred(e, v):.3g}" for v in (e.before, e.after, e.sigma)))
         out.print(errors)
+        if answer.outliers:
+            which = ", ".join(str(row + 1) for row in answer.outliers)
+            out.print(
+                f"  [yellow]observations {which} of the further run stand out and were left out[/]", soft_wrap=True
+            )
         if own := confirmed.own(answer):
             out.print(f"  of both models: {own}", soft_wrap=True)
     out.print()

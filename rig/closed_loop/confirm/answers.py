@@ -9,7 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from fitter import AttitudeData
 from fitter.confirm import Confirmation, SensorError, confirm
+from fitter.whole_plot_data import WholePlotData
 from rig.closed_loop import AttitudeTraced
 from rig.closed_loop.confirm.first import First, read_later
 from rig.errors import UsageError
@@ -22,14 +24,14 @@ class Confirmed:
     Attributes:
         first: the run that was traced.
         path: the later run file.
-        points: observations in it.
+        data: its observations.
         answers: a question each.
 
     """
 
     first: First
     path: Path
-    points: int
+    data: AttitudeData | WholePlotData
     answers: tuple[Confirmation, ...]
 
     @property
@@ -55,7 +57,7 @@ class Confirmed:
     def to_json(self) -> dict[str, Any]:
         """For `--json`."""
         told = [self._answer(a) | {"sentence": _sentence(self, a)} for a in self.answers]
-        return {"run": str(self.path), "points": self.points, "effects": told}
+        return {"run": str(self.path), "points": len(self.data), "effects": told}
 
     def _answer(self, answer: Confirmation) -> dict[str, Any]:
         return {
@@ -63,6 +65,7 @@ class Confirmed:
             "verdict": answer.verdict,
             "holds": list(answer.holding),
             "taken_out": self.own(answer),
+            "outliers": list(answer.outliers),
             "members": [
                 {
                     "effect": m.effect,
@@ -97,9 +100,10 @@ def judge(first: First, later: Path) -> Confirmed:
     data, after_s = read_later(first, later)
     try:
         both = first.beside(data, after_s)
+        answers = tuple(confirm(both, question) for question in first.questions)
     except ValueError as error:
         raise UsageError(f"{later}: {error}") from error
-    return Confirmed(first, later, len(data), tuple(confirm(both, question) for question in first.questions))
+    return Confirmed(first, later, data, answers)
 
 
 def sentences(confirmed: Confirmed) -> Iterator[str]:
