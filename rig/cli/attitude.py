@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from rich.markup import escape
 from rich.table import Table as RichTable
 
+from rig.cli.effects import paragraph, show_effect
 from rig.cli.show import headline, number, out
 from rig.closed_loop import AttitudeTraced
-from rig.report.words import TESTS, chance, little_help, significant, unnamed, with_error
+from rig.report.words import TESTS, little_help, significant, unnamed
 
 
 def show_attitude_fit(result: Mapping[str, Any]) -> None:
@@ -85,19 +87,10 @@ def show_attitude_trace(traced: AttitudeTraced) -> None:
             out.print("  * above its 95 % limit")
         _show_parameters(traced, name)
         for effect in sensor["effects"]:
-            out.print(
-                f"  [green]{effect['effect']}[/] ({effect['stratum']}): {effect['share']:.0%} of the excess error"
-            )
-            out.print(f"    {effect['size']}, p {chance(effect)}")
-            for term, value, error in zip(effect["terms"], effect["coefficients"], effect["stderr"], strict=True):
-                shown = " +- ".join(with_error(value, error)).removesuffix(" +- -")
-                out.print(f"    {shown} {effect['unit']}  {term}")
-            if effect["aliases"]:
-                out.print(f"    these data cannot tell it from: {', '.join(effect['aliases'])}")
-                out.print(f"    would separate them: {effect['separate_by']}")
+            show_effect(effect)
         for line in (*unnamed(sensor), little_help(sensor)):
             if line:
-                out.print(f"  [yellow]{line}[/]")
+                paragraph(f"[yellow]{escape(line)}[/]", 2)
 
 
 _MARKED = ("T_bias", "T_b", "T_S")

@@ -10,12 +10,10 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
+from rig.cli.effects import paragraph, show_effect
 from rig.cli.show import err, number, out, print_json
 from rig.errors import UsageError
-from rig.report.words import chance, share, unnamed
-
-_SHOWN = 6
-"""Coefficients of an effect that are shown; the others are in the JSON and the report."""
+from rig.report.words import unnamed
 
 
 def _columns(text: str) -> Any:
@@ -106,29 +104,11 @@ def show_general_trace(result: Mapping[str, Any]) -> None:
                 table.add_row(label, *(number(found[side][key], 4) for side in ("before", "after")))
         out.print(table)
         for effect in found["effects"]:
-            _show_effect(effect)
+            show_effect(effect)
         for line in unnamed(found):
-            out.print(f"  [yellow]{escape(line)}[/]", soft_wrap=True)
+            paragraph(f"[yellow]{escape(line)}[/]", 2)
         for note in found["notes"]:
-            out.print(f"  [dim]{escape(note)}[/]", soft_wrap=True)
-
-
-def _show_effect(effect: Mapping[str, Any]) -> None:
-    out.print(
-        f"  [green]{escape(effect['effect'])}[/] ({effect['stratum']}): {share(effect)}, p {chance(effect)}",
-        soft_wrap=True,
-    )
-    out.print(f"    {escape(effect['cause'])}; {escape(effect['size'])}", soft_wrap=True)
-    if effect["stratum"] == "noise":
-        return
-    rows = list(zip(effect["terms"], effect["coefficients"], effect["stderr"], strict=True))
-    for term, value, error in rows[:_SHOWN]:
-        out.print(f"    {value:.5g} +- {error:.2g} {escape(effect['unit'])}  {escape(term)}", soft_wrap=True)
-    if len(rows) > _SHOWN:
-        out.print(f"    and {len(rows) - _SHOWN} more coefficients (--json)", soft_wrap=True)
-    if effect["aliases"]:
-        out.print(f"    these data cannot tell it from: {escape(', '.join(effect['aliases']))}", soft_wrap=True)
-    out.print(f"    to tell: {escape(effect['separate_by'])}", soft_wrap=True)
+            paragraph(f"[dim]{escape(note)}[/]", 2)
 
 
 def show_general_fit(file: str, result: Mapping[str, Any]) -> None:

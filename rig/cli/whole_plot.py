@@ -8,10 +8,11 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
+from rig.cli.effects import paragraph, show_effect
 from rig.cli.show import headline, number, out
 from rig.closed_loop import WholePlotTraced
 from rig.closed_loop.whole_plot import errors_in_words, low_pressure
-from rig.report.words import chance, share, units, unnamed
+from rig.report.words import unnamed
 
 _MEASURES = (
     ("max_pct", "largest reading error / %; in-flight zero: without the zero's own error"),
@@ -110,9 +111,9 @@ def show_whole_plot_trace(traced: WholePlotTraced) -> None:
         out.print(f"\n[bold]{name}[/] (declared {escape(sensor['declared'])}): [bold]{sensor['verdict']}[/]")
         out.print(_before_after(sensor))
         for effect in sensor["effects"]:
-            _show_effect(effect)
+            show_effect(effect)
         for line in unnamed(sensor):
-            out.print(f"  [yellow]{escape(line)}[/]", soft_wrap=True)
+            paragraph(f"[yellow]{escape(line)}[/]", 2)
 
 
 def _before_after(sensor: Mapping[str, Any]) -> Table:
@@ -133,20 +134,3 @@ def _before_after(sensor: Mapping[str, Any]) -> Table:
 
 _SHOWN = 3
 """Reading errors of the lowest pressures stand in the table; the others are in the JSON and the report."""
-
-
-def _show_effect(effect: Mapping[str, Any]) -> None:
-    out.print(
-        f"  [green]{effect['effect']}[/] ({effect['stratum']}): {share(effect)}, p {chance(effect)}",
-        soft_wrap=True,
-    )
-    out.print(f"    {escape(effect['size'])}", soft_wrap=True)
-    rows = zip(effect["terms"], effect["coefficients"], effect["stderr"], units(effect), strict=True)
-    for term, value, error, unit in rows:
-        out.print(f"    {value:.4g} +- {error:.2g} {unit}  {escape(term)}", soft_wrap=True)
-    if effect["formulas"]:
-        options = " ".join(f"--add '{text}'" for text in effect["formulas"])
-        out.print(f"    to calibrate with it: rig fit ... {escape(options)}", soft_wrap=True)
-    if effect["aliases"]:
-        out.print(f"    these data cannot tell it from: {', '.join(effect['aliases'])}", soft_wrap=True)
-        out.print(f"    would separate them: {effect['separate_by']}", soft_wrap=True)

@@ -6,13 +6,21 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from fitter import AttitudeData, fit_all
 from fitter.arrays import FloatArray
+from fitter.attitude import attitude_columns
 from fitter.calibration import parameter_table
 from fitter.inverse import AttitudeCalibration, calibrate_package
+from fitter.linear import orthonormal
+from fitter.quantiles import t_limit
 from fitter.trace import SensorTrace, Trace, trace
+from fitter.trace.result import FoundEffect
+from rig.closed_loop.certificate import Change, size_95, with_words
 from rig.effects import attitude_catalogue
 from rig.errors import UsageError
+from rig.report.words import percent
 from rig.tables import Table, attitude_data
 
 
@@ -91,8 +99,74 @@ class AttitudeTraced:
         result: dict[str, Any] = self.trace.to_json(self.table.source)
         result["data"] |= {"simulated": self.table.simulated, **self.table.provenance, "file": self.table.source}
         for name, sensor in self.trace.sensors.items():
-            result["sensors"][name]["sentence"] = attitude_sentence(name, sensor)
+            shown = result["sensors"][name]
+            shown["sentence"] = attitude_sentence(name, sensor)
+            shown["effects"] = [_worded(self.trace, sensor, effect) for effect in shown["effects"]]
         return result
+
+
+def _worded(found: Trace, sensor: SensorTrace, effect: dict[str, Any]) -> dict[str, Any]:
+    """An effect's JSON with intervals and a sentence."""
+    of = next((e for e in sensor.effects if e.effect == effect["effect"]), None)
+    t = t_limit(0.95, sensor.fit.df)
+    if effect["stratum"] == "replication" and of is not None:
+        t = t_limit(0.95, max(found.scene.data.replicates.size - 2, 1)) * _apart(found, of.effect)
+    of_one = _change("the standard error of one observation goes", sensor.before.sigma_E, sensor.after.sigma_E, sensor)
+    left_out, rms = None, (sensor.cv_rms_before, sensor.cv_rms_after)
+    if rms[0] is not None and rms[1] is not None:
+        left_out = _change("that at replications left out of search and fit", rms[0], rms[1], sensor)
+    return with_words(
+        sensor.sensor,
+        effect,
+        [None if error is None else t * error for error in effect["stderr"]],
+        "" if of is None else _size(found, sensor, of, t),
+        [of_one],
+        left_out,
+        [rest.to_json() for rest in sensor.unnamed],
+    )
+
+
+def _change(of: str, before_V: float, after_V: float, sensor: SensorTrace) -> Change:
+    before, after = (float(np.degrees(volts / sensor.S_V)) for volts in (before_V, after_V))
+    return Change(of, before, after, "deg")
+
+
+def _apart(found: Trace, name: str) -> float:
+    """How many times as much replications differ along an effect as readings would have them, one at least.
+
+    What is constant within replications is known no better than replications agree, however many readings they hold.
+    """
+    own = [(e, s) for s in found.sensors.values() for e in s.effects if e.effect == name]
+    replicate = found.scene.data.replicate_index
+    count = found.scene.data.replicates.size
+    moved, expected = np.zeros(count), 0.0
+    for effect, sensor in own:
+        h = attitude_columns(found.scene.data.pitch_deg, found.scene.data.roll_deg, roll=found.scene.roll)
+        basis, kept = orthonormal(h), np.setdiff1d(np.arange(found.points), found.outliers)
+        column = effect.contribution_V[kept] / sensor.after.sigma_E
+        column = column - basis @ (basis.T @ column)
+        residual = sensor.residual_after_V[kept] / sensor.after.sigma_E
+        moved += np.bincount(replicate, column * residual, count)
+        expected += float(column @ column)
+    return max(1.0, float(np.sqrt(moved @ moved * count / max(count - 2, 1) / expected)))
+
+
+def _size(found: Trace, sensor: SensorTrace, effect: FoundEffect, t: float) -> str:
+    """95 % interval of an effect's size in words."""
+    known = dict(zip(effect.terms, effect.stderr, strict=True))
+    values: dict[str, float] = {}
+    halves: dict[str, float] = {}
+    of = next(candidate.effect for candidate in found.chosen if candidate.effect.name == effect.effect)
+    for candidate, gamma in zip(found.chosen, found.gamma.tolist(), strict=True):
+        if candidate.effect.name == effect.effect and candidate.sensor in (None, sensor.sensor):
+            formula, factor = candidate.term.as_formula(found.scene, sensor.sensor)
+            values[candidate.term.name] = gamma
+            if formula in known and factor:
+                halves[candidate.term.name] = t * known[formula] / abs(factor)
+    if not halves:
+        return ""
+    widest = max(halves.values())  # a term that hardly shows in this sensor has no error of its own here
+    return size_95(of.size, values, {n: halves.get(n, widest) for n in values}, sensor.S_V)
 
 
 def trace_attitude_table(table: Table, *, temperature: bool | None = None) -> AttitudeTraced:
@@ -109,7 +183,7 @@ def attitude_sentence(name: str, found: SensorTrace) -> str:
     before, after = (_degrees(side.sigma_E, found.S_V) for side in (found.before, found.after))
     if not found.effects:
         return f"{name}: the declared model ({found.declared}) leaves a standard error of {before}; {found.verdict}."
-    effects = " and ".join(f"{e.effect} ({e.share:.0%} of the excess over scatter)" for e in found.effects)
+    effects = " and ".join(f"{e.effect} ({percent(e.share)} of the excess over scatter)" for e in found.effects)
     text = (
         f"{name}: the declared model ({found.declared}) leaves a standard error of {before}; it lacks {effects}. "
         f"With that the standard error is {after}"
@@ -121,4 +195,4 @@ def attitude_sentence(name: str, found: SensorTrace) -> str:
 
 
 def _degrees(volts: float, sensitivity: float) -> str:
-    return f"{volts / sensitivity * 57.29577951308232:.3g} deg"
+    return f"{np.degrees(volts / sensitivity):.3g} deg"

@@ -6,9 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from fitter.quantiles import t_limit
 from fitter.trace.tables import TableTrace, trace_general
+from rig.closed_loop.certificate import Change, with_words
 from rig.closed_loop.roles import Roles, read_roles
 from rig.errors import UsageError
+from rig.report.words import percent
 from rig.tables import Table
 
 
@@ -31,13 +34,32 @@ class GeneralTraced:
 
     def to_json(self) -> dict[str, Any]:
         """What `rig trace --json` prints."""
-        found = self.trace.to_json()
+        found: dict[str, Any] = self.trace.to_json()
         found["notes"] = [*self.taken, *self.trace.notes]
         found["sentence"] = general_sentence(self.trace)
+        found["effects"] = [_worded(self.trace, effect) for effect in found["effects"]]
         return {
             "data": {"file": Path(self.table.source).name, "points": len(self.table), "kind": "general"},
             "sensors": {self.roles.response: found},
         }
+
+
+def _worded(found: TableTrace, effect: dict[str, Any]) -> dict[str, Any]:
+    """An effect's JSON with intervals and a sentence."""
+    before, after = found.before, found.after
+    t = t_limit(0.95, after.fit.df)
+    left_out = None
+    if found.left_out and before.cv_rms is not None and after.cv_rms is not None:
+        left_out = Change(f"that at {found.left_out} left out of search and fit", before.cv_rms, after.cv_rms, "")
+    halves = [None if error is None else t * error for error in effect["stderr"]]
+    size = ""
+    if len(halves) == 1 and halves[0] is not None:
+        part, rms = halves[0] / abs(effect["coefficients"][0]), effect["rms"]
+        size = f"{rms * max(1.0 - part, 0.0):.3g} to {rms * (1.0 + part):.3g} rms"
+    changes = [Change("the standard error of one row goes", before.fit.sigma_E, after.fit.sigma_E, "")]
+    return with_words(
+        found.response, effect, halves, size, changes, left_out, [rest.to_json() for rest in found.unnamed]
+    )
 
 
 def trace_general_table(path: Path, roles: Roles) -> GeneralTraced:
@@ -62,7 +84,7 @@ def general_sentence(found: TableTrace) -> str:
     more = f" Of the noise: {'; '.join(noise)}." if noise else ""
     if not found.added:
         return f"{start}; {found.verdict}.{more}"
-    effects = " and ".join(f"{e.effect} ({e.share:.0%} of the excess)" for e in found.added)
+    effects = " and ".join(f"{e.effect} ({percent(e.share)} of the excess)" for e in found.added)
     text = f"{start}; it lacks {effects}. With that the standard error is {after:.4g}"
     if found.before.cv_rms is not None and found.after.cv_rms is not None:
         text += (

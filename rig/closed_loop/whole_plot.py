@@ -10,7 +10,9 @@ import numpy as np
 
 from fitter.pressure import PressureFit, fit_transducers, variance_inflation
 from fitter.trace import TransducerTrace, WholePlotTrace, trace_whole_plots
+from fitter.trace.whole_plots.result import FoundPressureEffect
 from fitter.whole_plot_data import WholePlotData
+from rig.closed_loop.certificate import Change, size_95, with_words
 from rig.errors import UsageError
 from rig.tables import Table, whole_plot_data
 
@@ -171,8 +173,38 @@ class WholePlotTraced:
         result: dict[str, Any] = self.trace.to_json(self.table.source)
         result["data"] |= {"simulated": self.table.simulated, **self.table.provenance, "file": self.table.source}
         for name, found in self.trace.sensors.items():
-            result["sensors"][name]["sentence"] = whole_plot_sentence(name, found)
+            shown = result["sensors"][name]
+            shown["sentence"] = whole_plot_sentence(name, found)
+            pairs = zip(found.effects, shown["effects"], strict=True)
+            shown["effects"] = [_worded(self.trace, found, effect, of) for effect, of in pairs]
         return {**result, "left_out": dict(self.dead)}
+
+
+def _worded(
+    trace: WholePlotTrace, found: TransducerTrace, effect: FoundPressureEffect, result: dict[str, Any]
+) -> dict[str, Any]:
+    """An effect's JSON with intervals and a sentence."""
+    size, of = "", next((c.effect for c in trace.chosen if c.effect.name == effect.effect), None)
+    if of is not None:
+        values = dict(zip(effect.terms, effect.coefficients, strict=True))
+        halves = dict(zip(effect.terms, effect.half_width_95, strict=True))
+        size = size_95(of.size, values, halves, found.sensitivity)
+    before, after = found.before, found.after
+    left_out = None
+    if before.cv_rms is not None and after.cv_rms is not None:
+        left_out = Change("that at whole plots left out of search and fit", before.cv_rms, after.cv_rms, "mV")
+    return with_words(
+        found.sensor,
+        result,
+        effect.half_width_95,
+        size,
+        [
+            Change("the error within whole plots goes", before.fit.sigma_subplot, after.fit.sigma_subplot, "mV"),
+            Change("that between them", before.fit.sigma_wholeplot, after.fit.sigma_wholeplot, "mV"),
+        ],
+        left_out,
+        [rest.to_json() for rest in found.unnamed],
+    )
 
 
 def trace_whole_plot_table(table: Table, model: str = "full") -> WholePlotTraced:

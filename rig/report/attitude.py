@@ -6,7 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rig.report.attitude_plots import Picture, residual_map, residuals_against
+from fitter import fit_attitude
+from fitter.linear import orthonormal
+from fitter.trace.result import FoundEffect
+from rig.report.attitude_plots import SCALE, UNIT, Picture, residual_map, residuals_against
+from rig.report.effect_plots import EffectView, effect_plot, noise_plot
 from rig.report.effects import effect_rows
 from rig.report.frame import render
 from rig.report.parameters import LABELS, NO_DIRECTION, parameters
@@ -41,7 +45,7 @@ def attitude_report(traced: AttitudeTraced) -> str:
 
 def _sensor(name: str, result: dict[str, Any], traced: AttitudeTraced) -> dict[str, Any]:
     before, after = result["before"], result["after"]
-    estimates = parameters(traced, name)
+    estimates, plots = parameters(traced, name), _effect_plots(traced, name)
     return {
         **result,
         "name": name,
@@ -57,12 +61,40 @@ def _sensor(name: str, result: dict[str, Any], traced: AttitudeTraced) -> dict[s
         ],
         "parameters": estimates,
         "no_direction": NO_DIRECTION if LABELS["mx_V"] in {p.name for p in estimates} else "",
-        "effects": [effect_rows(effect) for effect in result["effects"]],
+        "effects": [effect_rows(effect, plots.get(effect["effect"], "")) for effect in result["effects"]],
         "unnamed": unnamed(result),
         "little_help": little_help(result),
         "notes": result.get("notes", []),
         "plots": _plots(name, _picture(traced, name)),
     }
+
+
+_VARIABLES = {
+    "pitch_deg": ("pitch / deg", 1.0),
+    "roll_deg": ("roll / deg", 1.0),
+    "elapsed_s": ("bench time / h", 1 / 3600.0),
+    "sensor_temperature_degC": ("sensor temperature / degC", 1.0),
+}
+"""Label and scale of the fields of the data that effects are looked at against."""
+
+
+def _effect_plots(traced: AttitudeTraced, name: str) -> dict[str, str]:
+    """A figure for every effect and finding of one sensor, by its name."""
+    data, found = traced.data, traced.trace.sensors[name]
+    to_unit = np.degrees(1.0 / found.S_V) * SCALE
+    residual = found.residual_after_V * to_unit
+    fit = fit_attitude(data, name, temperature=traced.temperature)
+    basis = orthonormal(np.column_stack([fit.columns(data.pitch_deg, data.roll_deg), fit.beside(data)]))
+    plots = {}
+    for effect in (*found.effects, *found.noise):
+        label, scale = _VARIABLES.get(effect.against, _VARIABLES["elapsed_s"])
+        values = getattr(data, effect.against if effect.against in _VARIABLES else "elapsed_s") * scale
+        if isinstance(effect, FoundEffect):
+            adds = (effect.contribution_V - basis @ (basis.T @ effect.contribution_V)) * to_unit
+            plots[effect.effect] = effect_plot(EffectView(values, label, adds, residual, UNIT))
+        else:
+            plots[effect.effect] = noise_plot(values, label, residual, UNIT)
+    return plots
 
 
 def _picture(traced: AttitudeTraced, name: str) -> Picture:

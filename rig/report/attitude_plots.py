@@ -12,8 +12,9 @@ from rig.report.pictures import png, side_by_side
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
-_SCALE = 1e4
-_UNIT = "1e-4 deg"
+SCALE = 1e4
+"""From degrees to the unit of the plots."""
+UNIT = "1e-4 deg"
 _MARKS = "osD^v<>ph*"
 
 
@@ -52,14 +53,14 @@ def residuals_against(picture: Picture, x: Array, label: str, *, legend: bool) -
     ):
         _by_replication(axis, x, residual, picture.replicate)
         for side in (-half, half):
-            axis.axhline(side * _SCALE, color="0.35", linewidth=0.9, linestyle="-.")
+            axis.axhline(side * SCALE, color="0.35", linewidth=0.9, linestyle="-.")
         axis.set_title(title, fontsize=9)
         axis.set_xlabel(label, fontsize=9)
-    axes[0].set_ylabel(f"residual / {_UNIT}", fontsize=9)
+    axes[0].set_ylabel(f"residual / {UNIT}", fontsize=9)
     if legend:
         handles, labels = axes[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=10, fontsize=7, frameon=False, markerscale=2)
-    bound = 1.15 * _SCALE * float(np.percentile(np.abs(picture.before_deg), 99.8))
+    bound = 1.15 * SCALE * float(np.percentile(np.abs(picture.before_deg), 99.8))
     axes[0].set_ylim(-bound, bound)
     return png(figure)
 
@@ -69,7 +70,7 @@ def _by_replication(axis: Axes, x: Array, residual: Array, replicate: np.ndarray
         rows = replicate == r
         axis.plot(
             x[rows],
-            residual[rows] * _SCALE,
+            residual[rows] * SCALE,
             _MARKS[i % len(_MARKS)],
             markersize=2.2,
             alpha=0.55,
@@ -92,7 +93,7 @@ def residual_map(picture: Picture) -> str:
     for residual in (picture.before_deg, picture.after_deg):
         total = np.bincount(cell, residual, minlength=shape[0] * shape[1])
         with np.errstate(invalid="ignore"):
-            means.append((_SCALE * total / np.where(count, count, np.nan)).reshape(shape))
+            means.append((SCALE * total / np.where(count, count, np.nan)).reshape(shape))
     bound = float(np.nanmax(np.abs(means[0])))
     for axis, mean, title in zip(axes, means, ("before", "after"), strict=True):
         mesh = axis.pcolormesh(pitch, roll, mean, vmin=-bound, vmax=bound, cmap="RdBu_r", shading="nearest")
@@ -100,5 +101,5 @@ def residual_map(picture: Picture) -> str:
         axis.set_xlabel("pitch / deg", fontsize=9)
         axis.tick_params(labelsize=8)
     axes[0].set_ylabel("roll / deg", fontsize=9)
-    figure.colorbar(mesh, ax=axes, label=_UNIT)
+    figure.colorbar(mesh, ax=axes, label=UNIT)
     return png(figure)

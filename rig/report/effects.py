@@ -7,17 +7,34 @@ from typing import Any
 from rig.report.words import capitalised, chance, share, units, with_error
 
 
-def effect_rows(effect: dict[str, Any]) -> dict[str, Any]:
-    """An effect's JSON with numbers as text and a row a term."""
-    rows = zip(effect["terms"], effect["coefficients"], effect["stderr"], units(effect), strict=True)
+def effect_rows(effect: dict[str, Any], plot: str = "") -> dict[str, Any]:
+    """An effect's JSON with numbers as text and a row a term.
+
+    Args:
+        effect: as `rig trace --json` has it.
+        plot: before and after, base64 PNG; "" where the report shows that elsewhere.
+
+    """
+    columns = (effect["terms"], effect["coefficients"], effect["stderr"], effect["interval_95"], units(effect))
     return {
         **effect,
         "share": share(effect),
         "p": chance(effect),
         "cause": capitalised(effect["cause"]),
         "aliases": ", ".join(effect["aliases"]),
+        "plot": plot,
         "terms": [
-            dict(zip(("term", "value", "stderr", "unit"), (term, *with_error(value, error), unit), strict=True))
-            for term, value, error, unit in rows
+            dict(
+                zip(
+                    ("term", "value", "stderr", "interval", "unit"),
+                    (term, *with_error(value, error), _interval(pair), unit),
+                    strict=True,
+                )
+            )
+            for term, value, error, pair, unit in zip(*columns, strict=True)
         ],
     }
+
+
+def _interval(pair: tuple[float, float] | None) -> str:
+    return "-" if pair is None else f"{pair[0]:.4g} to {pair[1]:.4g}"

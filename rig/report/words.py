@@ -35,7 +35,14 @@ def chance(effect: Mapping[str, Any]) -> str:
 
 def share(effect: Mapping[str, Any]) -> str:
     """How much of the excess error an effect explains; a finding about the noise explains none, and needs to."""
-    return "a finding about the noise" if effect["stratum"] == "noise" else f"{effect['share']:.0%} of the excess error"
+    if effect["stratum"] == "noise":
+        return "a finding about the noise"
+    return f"{percent(effect['share'])} of the excess error"
+
+
+def percent(part: float) -> str:
+    """A share in whole percent; what would round to nothing is "less than 1 %", for it is something."""
+    return "less than 1 %" if 0 < part < 0.005 else f"{100 * part:.0f} %"
 
 
 def units(effect: Mapping[str, Any]) -> list[str]:
@@ -46,7 +53,9 @@ def units(effect: Mapping[str, Any]) -> list[str]:
 
 def unnamed(sensor: Mapping[str, Any]) -> list[str]:
     """What no effect of the catalogue explains, a sentence each."""
-    return [f"Unexplained: {rest['share']:.0%} of the excess error, {rest['where']}." for rest in sensor["unnamed"]]
+    return [
+        f"Unexplained: {percent(rest['share'])} of the excess error, {rest['where']}." for rest in sensor["unnamed"]
+    ]
 
 
 def little_help(sensor: Mapping[str, Any]) -> str:
@@ -54,9 +63,14 @@ def little_help(sensor: Mapping[str, Any]) -> str:
     before, after = sensor["before"]["cv_rms_deg"], sensor["after"]["cv_rms_deg"]
     if not sensor["effects"] or not before or after is None or after <= _CARRIES_OVER * before:
         return ""
+    if after >= before:
+        return (
+            f"The effects found do not help at replications the fit has not seen: the left-out error goes from "
+            f"{before:.3g} to {after:.3g} deg. Measure again before relying on them."
+        )
     return (
-        f"The effects found hardly help at replications the fit has not seen: the left-out error goes from "
-        f"{before:.3g} to {after:.3g} deg. Measure again before relying on them."
+        f"The effects found matter little at replications the fit has not seen: the left-out error goes from "
+        f"{before:.3g} to {after:.3g} deg."
     )
 
 

@@ -1,0 +1,133 @@
+"""One effect before and after, over its own variable and over what it adds: a figure an effect and sensor."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from rig.report.pictures import png, three_panels
+
+Array = np.ndarray[Any, np.dtype[np.float64]]
+Groups = np.ndarray[Any, np.dtype[np.int64]]
+
+_DISTINCT = 40
+"""Values of a variable up to which each has a mean of its own."""
+_PARTS = 20
+_OWN = 0.5
+"""Share of an effect that its own variable must show when all else is averaged; below, it is shown on both sides."""
+
+
+@dataclass(frozen=True)
+class EffectView:
+    """What is drawn of one effect in one sensor.
+
+    Attributes:
+        x: (n,) its own variable.
+        label: of that, with unit.
+        adds: (n,) what it adds, beyond what the declared model takes up.
+        after: (n,) residual with all effects found.
+        unit: of both, for the axis.
+
+    """
+
+    x: Array
+    label: str
+    adds: Array
+    after: Array
+    unit: str
+
+
+def effect_plot(view: EffectView) -> str:
+    """Residual without and with an effect over its own variable, and over what the effect adds; base64 PNG.
+
+    Dots are observations; marks their means with 95 % intervals; lines what was fitted. An effect that cancels in the
+    means over its own variable, as one does whose sign goes by direction or by a second angle, is shown apart where it
+    adds and where it takes away.
+    """
+    figure, (without, having, added) = three_panels(3.1)
+    bins = _bins(view.x)
+    series = _series(view, bins)
+    left = view.after + view.adds
+    for axis, residual, title in (
+        (without, left, "without this effect"),
+        (having, view.after, "with it"),
+    ):
+        axis.plot(view.x, residual, ".", ms=2, alpha=0.25, color="0.6", zorder=1)
+        for rows, colour, name in series:
+            _means(axis, view.x[rows], residual[rows], bins[rows], colour, name)
+            if axis is without:
+                axis.plot(*_averaged(view.x[rows], view.adds[rows], bins[rows])[:2], "-", lw=1.2, color=colour)
+        _dress(axis, title, view.label)
+    if len(series) > 1:
+        without.legend(fontsize=7, frameon=False)
+    added.plot(view.adds, left, ".", ms=2, alpha=0.25, color="0.6", zorder=1)
+    _means(added, view.adds, left, _bins(view.adds), "C0", "")
+    ends = np.array([view.adds.min(), view.adds.max()])
+    added.plot(ends, ends, "-", color="C0", lw=1.2)
+    _dress(added, "without it, over what it adds", f"what the effect adds / {view.unit}")
+    without.set_ylabel(f"residual / {view.unit}", fontsize=9)
+    bound = 1.1 * float(np.percentile(np.abs(left), 99.5))
+    without.set_ylim(-bound, bound)
+    return png(figure)
+
+
+def noise_plot(x: Array, label: str, residual: Array, unit: str) -> str:
+    """Residual over the variable that a finding about the noise goes by: readings, means and scatter; base64 PNG."""
+    figure, (readings, means, scatter) = three_panels(2.9, share_y=False)
+    bins = _bins(x)
+    readings.plot(x, residual, ".", ms=2.5, alpha=0.5, color="C0")
+    _means(means, x, residual, bins, "C0", "")
+    at, mean, count = _averaged(x, residual, bins)
+    variance = (_averaged(x, residual**2, bins)[1] - mean**2) * count / np.maximum(count - 1, 1)
+    sd, several = np.sqrt(np.maximum(variance, 0.0)), count > 2
+    half = 1.96 * sd / np.sqrt(2.0 * np.maximum(count - 1, 1))
+    scatter.errorbar(at[several], sd[several], yerr=half[several], fmt="o", ms=3, lw=0.9, color="C0")
+    scatter.set_ylim(bottom=0)
+    for axis, title in ((readings, "readings"), (means, "their means"), (scatter, "their standard deviation")):
+        _dress(axis, title, label)
+    readings.set_ylabel(f"residual / {unit}", fontsize=9)
+    return png(figure)
+
+
+def _bins(x: Array) -> Groups:
+    """(n,) index of the value of x, or of the part of its range with about as many rows as the others."""
+    distinct, index = np.unique(np.round(x, 9), return_inverse=True)
+    if len(distinct) > _DISTINCT:
+        edges = np.unique(np.quantile(x, np.linspace(0, 1, _PARTS + 1)))
+        index = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, max(len(edges) - 2, 0))
+    return np.asarray(np.unique(index, return_inverse=True)[1], np.int64)
+
+
+def _series(view: EffectView, bins: Groups) -> list[tuple[np.ndarray[Any, np.dtype[np.bool_]], str, str]]:
+    """(rows, colour, name): all, or those where the effect adds and those where it takes away."""
+    mean = (np.bincount(bins, view.adds) / np.bincount(bins))[bins]
+    everything = np.ones(len(bins), np.bool_)
+    if np.sum(mean**2) >= _OWN * np.sum(view.adds**2):
+        return [(everything, "C0", "")]
+    less = view.adds < 0
+    return [(~less, "C0", "where it adds"), (less, "C1", "where it takes away")]
+
+
+def _means(axis: Axes, x: Array, y: Array, bins: Groups, colour: str, name: str) -> None:
+    at, mean, count = _averaged(x, y, bins)
+    left = y - (np.bincount(bins, y) / np.maximum(np.bincount(bins), 1))[bins]
+    sd = np.sqrt(np.sum(left**2) / max(len(y) - len(count), 1))
+    axis.errorbar(at, mean, yerr=1.96 * sd / np.sqrt(count), fmt="o", ms=3, lw=0.9, color=colour, label=name or None)
+
+
+def _averaged(x: Array, y: Array, bins: Groups) -> tuple[Array, Array, Array]:
+    """Means of x and of y in each bin that holds anything, and how many there are."""
+    count = np.bincount(bins).astype(np.float64)
+    kept = count > 0
+    return np.bincount(bins, x)[kept] / count[kept], np.bincount(bins, y)[kept] / count[kept], count[kept]
+
+
+def _dress(axis: Axes, title: str, label: str) -> None:
+    axis.set_title(title, fontsize=9)
+    axis.set_xlabel(label, fontsize=9)
+    axis.grid(color="0.9", linewidth=0.6)
+    axis.tick_params(labelsize=8)
+    axis.axhline(0, color="0.5", linewidth=0.7)
