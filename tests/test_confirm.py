@@ -179,3 +179,13 @@ def test_a_reading_that_went_wrong_does_not_decide(tmp_path: Path, sagging: Path
         answer = confirm(both, first.questions[0])
         assert answer.verdict == "confirmed"
         assert answer.outliers == aside
+
+
+def test_the_report_shows_both_models_on_the_further_run(tmp_path: Path, sagging: Path) -> None:
+    page = tmp_path / "confirm.html"
+    done = rig("confirm", sagging, "--dry", "--out", tmp_path, "--report", page)
+    assert done.returncode == 0, done.stderr
+    text = page.read_text()
+    assert "isolation-pad-deflection is confirmed by a further run" in text
+    assert "SIMULATED" in text
+    assert text.count("data:image/png") == 1

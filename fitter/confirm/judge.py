@@ -56,6 +56,7 @@ class Member:
         sizes: of the cause in the later run alone, in physical terms, by sensor; with a single term with its interval:
             "5.0e-4 deg/g (4.1e-4 deg/g to 5.9e-4 deg/g)". Empty where that run does not tell.
         errors: of predicting the later run, by sensor.
+        against: field of the data that its residual is best looked at against.
 
     """
 
@@ -68,6 +69,7 @@ class Member:
     together: tuple[float, ...]
     sizes: Mapping[str, str]
     errors: Mapping[str, SensorError]
+    against: str
 
     @property
     def holds(self) -> bool:
@@ -192,6 +194,7 @@ def _member(
         together=tuple(together[:q].tolist()),
         sizes=_sizes(both, member, alone, intervals),
         errors=_errors(both, (*member.terms, *question.rest)),
+        against=member.terms[0].effect.against,
     )
 
 

@@ -50,6 +50,7 @@ def confirm(
     by: Annotated[
         Path | None, typer.Option(help="judge by this run, made already, and run nothing", show_default=False)
     ] = None,
+    report: Annotated[Path | None, typer.Option(help="write a self-contained HTML report", show_default=False)] = None,
     yes: Annotated[bool, typer.Option("--yes", help="the package is mounted as the run asks for: do not wait")] = False,
     formula: Annotated[
         str | None,
@@ -67,7 +68,7 @@ def confirm(
     """
     from rig.closed_loop.confirm import judge, open_traced, plan_for, procedure_text, propose  # noqa: PLC0415
 
-    check_not_input([write], [run_file, *filter(None, (bench, world, by))])
+    check_not_input([write, report], [run_file, *filter(None, (bench, world, by))])
     if world is not None and not dry:
         raise UsageError("--world describes a simulated bench; it goes with --dry")
     first = open_traced(run_file, formula)
@@ -79,7 +80,7 @@ def confirm(
             print_json({"first": str(run_file), "proposals": [], "run": None, "effects": []})
         return ExitCode.DONE
     if by is not None:
-        return _show(judge(first, by), (), as_json=as_json)
+        return _show(judge(first, by), (), report, as_json=as_json)
     _check_kind(first, dry=dry or only_list or write is not None, rehearsed=dry)
     proposals = propose(first)
     if take > len(proposals):
@@ -125,7 +126,7 @@ def confirm(
             soft_wrap=True,
         )
         return code
-    return _show(judge(first, paths[0]), proposals, as_json=as_json)
+    return _show(judge(first, paths[0]), proposals, report, as_json=as_json)
 
 
 def _check_kind(first: First, *, dry: bool, rehearsed: bool) -> None:
@@ -182,9 +183,14 @@ def _sigmas(value: float | None) -> str:
     return f"[green]{text}[/]" if value >= ENOUGH else text
 
 
-def _show(confirmed: Confirmed, proposals: Sequence[Proposal], *, as_json: bool) -> int:
+def _show(confirmed: Confirmed, proposals: Sequence[Proposal], report: Path | None, *, as_json: bool) -> int:
     from rig.closed_loop.confirm import sentences  # noqa: PLC0415
 
+    if report is not None:
+        from rig.report.confirm import write_confirm_report  # noqa: PLC0415
+
+        write_confirm_report(report, confirmed)
+        err.print(f"report: {escape(str(report))}", soft_wrap=True)
     code = ExitCode.DONE if confirmed.settled else ExitCode.OUTSIDE_ACCEPTANCE
     if as_json:
         told = {"first": str(confirmed.first.path), "proposals": [p.to_json() for p in proposals]}

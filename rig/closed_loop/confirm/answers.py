@@ -5,16 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from fitter import AttitudeData
+from fitter.arrays import FloatArray
 from fitter.confirm import Confirmation, SensorError, confirm
 from fitter.whole_plot_data import WholePlotData
 from rig.closed_loop import AttitudeTraced
 from rig.closed_loop.confirm.first import First, read_later
 from rig.errors import UsageError
+
+Value = TypeVar("Value", float, FloatArray)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,9 +53,9 @@ class Confirmed:
             return "an offset of each whole plot is taken out, as by a zero in flight"
         return "offset and sensitive axes are the further run's own" if answer.realigned else ""
 
-    def inferred(self, error: SensorError, value: float) -> float:
-        """An error of the output as one of what is inferred from it, in `unit`."""
-        return float(np.degrees(value / error.slope)) if self.unit == "deg" else abs(value / error.slope)
+    def inferred(self, error: SensorError, value: Value) -> Value:
+        """An error of the output as one of what is inferred from it, in `unit`; small angles."""
+        return value * (float(np.degrees(1.0)) if self.unit == "deg" else 1.0) / abs(error.slope)
 
     def to_json(self) -> dict[str, Any]:
         """For `--json`."""
