@@ -126,7 +126,7 @@ def stlsq(columns, y, fold):
     from pysindy import STLSQ
 
     x, unit = standardised(columns, y)
-    thresholds, alpha = np.geomspace(0.02, 0.3, 6), 0.1 * len(y)
+    thresholds, alpha = np.geomspace(0.02, 0.3, 5), 0.1 * len(y)
     errors = np.ones((len(thresholds), int(fold.max()) + 1))
     for f in np.unique(fold):
         inside, outside = fold != f, fold == f
@@ -166,13 +166,13 @@ def gam(variables, y, fold):
 
 
 def symbolic(variables, y, fold):
-    """gplearn: 2,000 expressions, 20 generations. Counts as found if it says something of a fold it has not seen."""
+    """gplearn: 1,000 expressions, 20 generations. Counts as found if it says something of a fold it has not seen."""
     from gplearn.genetic import SymbolicRegressor
 
     x, unit = standardised(variables[0] - variables[0].mean(axis=0), y)
     inside = fold != fold.max()
     model = SymbolicRegressor(
-        population_size=2000,
+        population_size=1000,
         generations=20,
         function_set=("add", "sub", "mul", "sin", "cos"),
         metric="pearson",

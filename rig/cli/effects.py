@@ -21,8 +21,7 @@ def show_effect(effect: Mapping[str, Any]) -> None:
     paragraph(f"[green]{name}[/] ({effect['stratum']}): {share(effect)}, p {chance(effect)}", 2)
     interval = "" if not effect["size_95"] else f" (95 %: {escape(effect['size_95'])}, conditional on the selection)"
     paragraph(f"{escape(effect['size'])}{interval}", 4)
-    if effect["stratum"] != "noise" or any(effect["interval_95"]):
-        _show_coefficients(effect)
+    _show_coefficients(effect)
     if formulas := effect.get("formulas"):
         options = " ".join(f"--add '{text}'" for text in formulas)
         paragraph(f"to calibrate with it: rig fit ... {escape(options)}", 4)

@@ -123,6 +123,7 @@ def _worded(found: Trace, sensor: SensorTrace, effect: dict[str, Any]) -> dict[s
         [of_one],
         left_out,
         [rest.to_json() for rest in sensor.unnamed],
+        _degrees(sensor.after.sigma_pr, sensor.S_V) if np.isfinite(sensor.after.sigma_pr) else "",
     )
 
 

@@ -12,11 +12,9 @@ from math import hypot, isfinite
 from typing import Any
 
 from fitter.effects.sizes import Size, amplitude
-from rig.report.words import percent
+from rig.report.words import chance, percent
 
 Interval = tuple[float, float] | None
-_SMALL = 1e-6
-"""Probabilities below it rest on tails of distributions that nobody has checked."""
 _NAMED = 4
 """Aliases that a sentence names."""
 
@@ -88,6 +86,7 @@ def with_words(
     changes: Iterable[Change],
     left_out: Change | None,
     remains: Iterable[Mapping[str, Any]],
+    floor: str = "",
 ) -> dict[str, Any]:
     """An effect's JSON with `interval_95` of its coefficients, `size_95` and `sentence`.
 
@@ -99,6 +98,7 @@ def with_words(
         changes: errors before and after.
         left_out: the error on what was left out of search and fit.
         remains: what is left unnamed.
+        floor: pure error with its unit, below which no model of the settings comes; "" where nothing is repeated.
 
     """
     words = {
@@ -108,7 +108,7 @@ def with_words(
     if effect["stratum"] == "noise":
         sentence = f"{sensor}: {effect['cause']} ({effect['size']}; {_chance(effect)}); nothing is added to the model"
         return {**effect, **words, "sentence": f"{sentence} for it."}
-    return {**effect, **words, "sentence": _sentence(sensor, effect, size, changes, left_out, remains)}
+    return {**effect, **words, "sentence": _sentence(sensor, effect, size, changes, left_out, remains, floor)}
 
 
 def _sentence(
@@ -118,6 +118,7 @@ def _sentence(
     changes: Iterable[Change],
     left_out: Change | None,
     remains: Iterable[Mapping[str, Any]],
+    floor: str,
 ) -> str:
     name, others = effect["effect"], effect["aliases"]
     lacks = f"{sensor}: the declared model lacks {name} ({effect['cause']})"
@@ -130,7 +131,8 @@ def _sentence(
         f"{'If it is the former, its' if others else 'Its'} size is {effect['size']}{interval}; it explains "
         f"{percent(effect['share'])} of the error in excess of scatter; {_chance(effect)}",
         f"With all that was found, {', '.join(map(str, changes))}{_borne_out(left_out)}",
-        f"Unexplained remains: {'; '.join(left)}" if left else "What remains is no more than scatter",
+        (f"Unexplained remains: {'; '.join(left)}" if left else "Beside that nothing stands out from the noise")
+        + (f"; readings that repeat one setting scatter by {floor}" if floor else ""),
         "Found and sized on the same data; not confirmed by a measurement of its own",
     ]
     return ". ".join(texts) + "."
@@ -144,6 +146,5 @@ def _borne_out(left_out: Change | None) -> str:
 
 
 def _chance(effect: Mapping[str, Any]) -> str:
-    p = max(effect["p_adjusted"], _SMALL)
-    sign = "below " if effect["p_adjusted_is_bound"] or p == _SMALL else ""
-    return f"the probability of the like by chance, over all that was searched, is {sign}{p:.2g}"
+    p = chance(effect).replace("= ", "").replace("< ", "below ")
+    return f"the probability of the like by chance, over all that was searched, is {p}"

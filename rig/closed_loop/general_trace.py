@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from fitter.quantiles import t_limit
 from fitter.trace.tables import TableTrace, trace_general
 from rig.closed_loop.certificate import Change, with_words
@@ -52,14 +54,15 @@ def _worded(found: TableTrace, effect: dict[str, Any]) -> dict[str, Any]:
     if found.left_out and before.cv_rms is not None and after.cv_rms is not None:
         left_out = Change(f"that at {found.left_out} left out of search and fit", before.cv_rms, after.cv_rms, "")
     halves = [None if error is None else t * error for error in effect["stderr"]]
-    size = ""
-    if len(halves) == 1 and halves[0] is not None:
-        part, rms = halves[0] / abs(effect["coefficients"][0]), effect["rms"]
-        size = f"{rms * max(1.0 - part, 0.0):.3g} to {rms * (1.0 + part):.3g} rms"
+    size, known = "", [(c, e) for c, e in zip(effect["coefficients"], effect["stderr"], strict=True) if e]
+    if known and effect["stratum"] != "noise":  # of several columns as if they were at right angles
+        part, rms = t / float(np.sqrt(sum((c / e) ** 2 for c, e in known))), effect["rms"]
+        about = "about " if len(known) > 1 else ""
+        size = f"{about}{rms * max(1.0 - part, 0.0):.3g} to {rms * (1.0 + part):.3g} rms"
     changes = [Change("the standard error of one row goes", before.fit.sigma_E, after.fit.sigma_E, "")]
-    return with_words(
-        found.response, effect, halves, size, changes, left_out, [rest.to_json() for rest in found.unnamed]
-    )
+    rest = [rest.to_json() for rest in found.unnamed]
+    floor = "" if after.sigma_pure is None else f"{after.sigma_pure:.3g}"
+    return with_words(found.response, effect, halves, size, changes, left_out, rest, floor)
 
 
 def trace_general_table(path: Path, roles: Roles) -> GeneralTraced:

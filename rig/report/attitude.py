@@ -85,16 +85,25 @@ def _effect_plots(traced: AttitudeTraced, name: str) -> dict[str, str]:
     residual = found.residual_after_V * to_unit
     fit = fit_attitude(data, name, temperature=traced.temperature)
     basis = orthonormal(np.column_stack([fit.columns(data.pitch_deg, data.roll_deg), fit.beside(data)]))
+    every = np.arange(len(data))
+    kept = np.setdiff1d(every, traced.trace.outliers)
     plots = {}
     for effect in (*found.effects, *found.noise):
-        label, scale = _VARIABLES.get(effect.against, _VARIABLES["elapsed_s"])
-        values = getattr(data, effect.against if effect.against in _VARIABLES else "elapsed_s") * scale
+        name, (label, scale) = _variable(effect.against)
+        rows = every if effect.effect == "outliers" else kept
+        x, left = getattr(data, name)[rows] * scale, residual[rows]
         if isinstance(effect, FoundEffect):
             adds = (effect.contribution_V - basis @ (basis.T @ effect.contribution_V)) * to_unit
-            plots[effect.effect] = effect_plot(EffectView(values, label, adds, residual, UNIT))
+            plots[effect.effect] = effect_plot(EffectView(x, label, adds[rows], left, UNIT))
         else:
-            plots[effect.effect] = noise_plot(values, label, residual, UNIT)
+            plots[effect.effect] = noise_plot(x, label, left, UNIT)
     return plots
+
+
+def _variable(against: str) -> tuple[str, tuple[str, float]]:
+    """Field of the data to plot an effect against, with label and scale; the time for one that has no label here."""
+    name = against if against in _VARIABLES else "elapsed_s"
+    return name, _VARIABLES[name]
 
 
 def _picture(traced: AttitudeTraced, name: str) -> Picture:

@@ -8,6 +8,9 @@ from typing import Any
 TESTS = {"T_bias": "F_bias_95", "T_b": "F_bS_95", "T_S": "F_bS_95", "T_drift": "F_drift_95"}
 """Every test of Table 2 with the 95 % limit it is held against."""
 
+SMALLEST = 1e-6
+"""Probabilities below it rest on tails of distributions that nobody has checked; they are told as below it."""
+
 _CARRIES_OVER = 0.8
 """Left-out error after over before; above this the effects found are of little use to data not seen."""
 
@@ -29,8 +32,8 @@ def significant(table: Mapping[str, Any], test: str) -> bool:
 
 def chance(effect: Mapping[str, Any]) -> str:
     """Family-wise p of an effect: "= 0.003", or "< 5.8e-05" where the simulation that gave it goes no lower."""
-    sign = "<" if effect.get("p_adjusted_is_bound") else "="
-    return f"{sign} {effect['p_adjusted']:.2g}"
+    p = max(effect["p_adjusted"], SMALLEST)
+    return f"{'<' if effect.get('p_adjusted_is_bound') or p == SMALLEST else '='} {p:.2g}"
 
 
 def share(effect: Mapping[str, Any]) -> str:
@@ -80,5 +83,6 @@ def with_error(value: float, error: float | None) -> tuple[str, str]:
 
 
 def capitalised(text: str) -> str:
-    """A sentence's first letter as a capital; the rest as it is."""
-    return text[:1].upper() + text[1:]
+    """A sentence's first letter as a capital; the rest as it is, and all of it where it begins with a column's name."""
+    first = text.partition(" ")[0]
+    return text[:1].upper() + text[1:] if first.isalpha() and first.islower() else text
