@@ -37,6 +37,7 @@ from fitter.effects.tables_of_settings import (
     THIRD_ORDER,
 )
 from fitter.effects.tables_of_time import (
+    AGEING,
     ANNUAL_CYCLE,
     CARRY_OVER,
     DAILY_CYCLE,
@@ -47,6 +48,7 @@ from fitter.effects.tables_of_time import (
     SENSITIVITY_DRIFT,
     SETTING_LAG,
     STEP,
+    WARM_UP,
 )
 
 TABLE_CATALOGUE: tuple[TableKind, ...] = (
@@ -68,6 +70,8 @@ TABLE_CATALOGUE: tuple[TableKind, ...] = (
     CARRY_OVER,
     COVARIATE_SECOND_ORDER,
     DRIFT_SECOND_ORDER,
+    WARM_UP,
+    AGEING,
     FOURTH_ORDER,
     FIFTH_ORDER,
     STEP,

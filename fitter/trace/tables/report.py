@@ -39,12 +39,12 @@ def trace_general(data: TableData) -> TableTrace:
     left = 1.0 if not effects else float(after.sigma_E**2 * after.df / (before.sigma_E**2 * before.df))
     rest = tuple(replace(r, share=r.share * min(left, 1.0)) for r in unnamed(judge, chosen, _variables(data)))
     cv = (None, None) if crossed is None else crossed[0]
-    noise = noise_findings(judge, chosen, found.growth, data.response, data.rows)
+    noise = noise_findings(judge, chosen, found.growth, data)
     return TableTrace(
         response=data.response,
         declared=data.formula,
         names=data.names,
-        verdict=verdict(bool(effects), bool(rest)),
+        verdict=verdict(bool(effects), any(r.stratum != "noise" for r in rest)),
         before=TableSide(before, cv[0], pure and pure[0], _shared(data, judge, ())),
         after=TableSide(after, cv[1], pure and pure[0], _shared(data, judge, chosen)),
         effects=(*effects, *noise),
