@@ -178,6 +178,8 @@ MISSING = {
     ),
     "lag": Missing(lambda c: _lagging(c["temp_c"], 12.0), ("thermal-lag:temp_c",), Lab(200, clock=True)),
     "drift": Missing(lambda c: c["t_s"], ("drift:t_s",), CLOCKED),
+    "warm-up": Missing(lambda c: np.exp(-c["t_s"] / 900.0), ("warm-up:t_s",), CLOCKED),
+    "square root": Missing(lambda c: np.sqrt(c["x"]), ("square-root:",), Lab(60)),
     "step": Missing(lambda c: c["t_s"] > 0.37 * c["t_s"].max(), ("step:t_s",), CLOCKED),
     "oscillation": Missing(lambda c: np.sin(2 * np.pi * c["t_s"] / 900.0), ("oscillation:t_s",), CLOCKED),
     "group offset": Missing(

@@ -34,6 +34,7 @@ from fitter.effects.tables_of_settings import (
     RECIPROCAL,
     SATURATION,
     SECOND_ORDER,
+    SQUARE_ROOT,
     THIRD_ORDER,
 )
 from fitter.effects.tables_of_time import (
@@ -66,6 +67,7 @@ TABLE_CATALOGUE: tuple[TableKind, ...] = (
     HYSTERESIS,
     SENSITIVITY_DRIFT,
     LOGARITHM,
+    SQUARE_ROOT,
     RECIPROCAL,
     CARRY_OVER,
     COVARIATE_SECOND_ORDER,

@@ -65,6 +65,13 @@ def logarithm(scene: TableScene, name: str) -> Terms:
     return (TableTerm((f"log({name})",), np.log(v)[:, None]),) if _spans(v) else ()
 
 
+def square_root(scene: TableScene, name: str) -> Terms:
+    """sqrt v, where no value is negative and they span a factor of three."""
+    v = scene.of(name)
+    spans = v.min() >= 0.0 and v.max() >= 3.0 * v.min() and len(np.unique(v)) > 2
+    return (TableTerm((f"sqrt({name})",), np.sqrt(v)[:, None]),) if spans else ()
+
+
 def reciprocal(scene: TableScene, name: str) -> Terms:
     """1/v, where all values are positive and span a factor of three."""
     v = scene.of(name)
@@ -232,17 +239,21 @@ def side(scene: TableScene, name: str) -> Terms:
 
 
 def speed(scene: TableScene, name: str) -> Terms:
-    """The velocity itself, and the rate of every setting that moves with it, from the row before and its time."""
+    """The velocity itself, and the rate of every setting that moves with it, from the row before and its time.
+
+    What comes late by less than a row is off by the way since then: at rest before the first row, as in `previous`.
+    """
     if scene.speed is None:
         return ()
     velocity, time = scene.speed[1], scene.time
     terms = [TableTerm((name,), velocity[:, None])]
-    if time is not None and np.all(np.diff(time.values) > 0):
-        for setting, v in scene.settings.items():
-            rate = np.diff(v) / np.diff(time.values)
-            rate = np.concatenate([rate[:1], rate])
-            if np.ptp(rate) > 0 and abs(np.corrcoef(rate, velocity)[0, 1]) > MOVES_WITH:
-                terms.append(TableTerm((f"rate({setting})",), rate[:, None]))
+    gap = np.zeros(0) if time is None else np.diff(time.values)
+    if not len(gap) or np.any(gap <= 0):
+        return terms
+    for setting, v in scene.settings.items():
+        rate = np.concatenate([[0.0], np.diff(v) / gap])
+        if np.ptp(rate) > 0 and abs(np.corrcoef(rate, velocity)[0, 1]) > MOVES_WITH:
+            terms.append(TableTerm((f"rate({setting})",), rate[:, None]))
     return terms
 
 

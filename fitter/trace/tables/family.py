@@ -172,8 +172,7 @@ def _ratios(problem: Problem, which: IntArray, drawn: FloatArray, rank: IntArray
         np.minimum(beside, gains, out=beside)
     beside -= (without - log_det[which[0]]).astype(np.float32)
     ranks = np.maximum(rank, 1)[:, None].astype(np.float32)
-    out: Single = np.expm1(np.maximum(-beside, 0.0) / n) * (np.maximum(df - ranks, 1.0) / ranks)
-    return out
+    return np.asarray(np.expm1(np.maximum(-beside, 0.0) / n) * (np.maximum(df - ranks, 1.0) / ranks), np.float32)
 
 
 def _scatter(found: Blocks, noise: Single, df: int) -> Single:

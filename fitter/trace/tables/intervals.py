@@ -49,7 +49,7 @@ def understated(judge: TableJudge, chosen: tuple[int, ...], *, at: int, weighted
     taken = float(np.sum(problem.noise.root(at, sd * basis) ** 2))
     stated = max(total - taken, _TINY) / (problem.n - basis.shape[1]) * np.diag(inverse)
     k = problem.declared.shape[1]
-    return np.sqrt(np.sum(sums**2, axis=0) / stated)[:k]
+    return np.asarray(np.sqrt(np.sum(sums**2, axis=0) / stated)[:k])
 
 
 def moved(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[FloatArray, float] | None:

@@ -25,6 +25,9 @@ DOUBTFUL, USUAL = 5.0, 0.2
 """Weights of p of a drift over an order that nobody vouches for, and of drift and step over a clock: the most usual
 effects there are and those that a wander hides best (weighted family-wise error: Genovese, Roeder and Wasserman,
 Biometrika 93 (2006) 509). All others count as one."""
+PAIRED = 3
+"""Effects in time beside which another is tried where none stands out by itself. That each of two has to stand out
+beside the other outweighs that several are tried: python -m benchmarks.tables_campaign noise --only walk."""
 RETRIED = 1.2
 """Times that p counts, because the search is begun again with other weights, constants and readings held back."""
 ALIKE = 4.0
@@ -90,7 +93,20 @@ class TableJudge:
     def best(self, chosen: tuple[int, ...]) -> tuple[int, ...]:
         """The candidate with most evidence beside those `chosen`, of those that stand out."""
         ranked = [j for j in self._ranked(chosen) if not self._crowded(chosen, j)]
-        return next(((j,) for j in ranked if self._adjusted(chosen, j) <= ALPHA), ())
+        single = next(((j,) for j in ranked if self._adjusted(chosen, j) <= ALPHA), ())
+        return single or self._pair(chosen, ranked)
+
+    def _pair(self, chosen: tuple[int, ...], ranked: Sequence[int]) -> tuple[int, ...]:
+        """Two effects in time that stand out beside each other only, of which either alone passes for a wander."""
+        if not self.problem.noise.slow[self.beside(chosen).best]:
+            return ()
+        for j in [j for j in ranked if self.candidates[j].effect.source == "time"][:PAIRED]:
+            for k in self._ranked((*chosen, j)):
+                if self.candidates[k].effect.name != self.candidates[j].effect.name and all(
+                    self._adjusted((*chosen, one), other) <= ALPHA for one, other in ((j, k), (k, j))
+                ):
+                    return (j, k)
+        return ()
 
     def _crowded(self, chosen: tuple[int, ...], j: int) -> bool:
         """Whether an effect has as many terms as can be believed, or one next to `j` on the grid of its constant."""

@@ -22,7 +22,7 @@ from fitter.trace.tables.result import FoundTableEffect, TableSide, TableTrace
 from fitter.trace.tables.run import Found, TableData, problem_of, search_table
 
 WANDER = "slow-wander"
-"""Alias of an effect in time that noise which remembers long explains as well."""
+"""Alias of an effect that noise which remembers long explains as well."""
 CONSTANT = 0.99
 """Share of a column that lies between whole plots from which it counts as constant in them."""
 
@@ -88,7 +88,7 @@ def _effect(judge: TableJudge, after: Estimate, name: str, data: TableData) -> F
     aliases = tuple(other.name for other in alike)
     separation = {r.effect: round(max(r.sigmas - best.sigmas, 0.0), 2) for r in explanations if r.effect != name}
     ahead = judge.beats_wander(chosen, name)
-    if ahead is not None and effect.source == "time":
+    if ahead is not None:
         separation[WANDER] = round(float(np.sqrt(max(ahead, 0.0))), 2)
         if ahead <= DELTA:
             aliases = (*aliases, WANDER)

@@ -97,9 +97,16 @@ def drivers(data: TableData, fitted: FloatArray) -> dict[str, FloatArray]:
 
 
 def look(judge: TableJudge, data: TableData, rows: IntArray | None = None) -> Found:
-    """Search, refine what is searched, weigh rows by the noise beside the effects, and again until nothing moves."""
+    """Search, refine what is searched, weigh rows by the noise beside the effects, and again until nothing moves.
+
+    Rows sorted by a setting, in an order of taking that nobody knows: once a nonlinearity stands out from errors that
+    are alike along the rows, what remains along them is far more likely to be the rest of it than a wander.
+    """
     growth = None
     _, chosen = search_and_name(judge, lead=judge.lead)
+    if data.order_unknown and any(judge.candidates[j].effect.source == "setting" for j in chosen):
+        judge = TableJudge(replace(judge.problem, noise=Independent(judge.problem.n)))
+        chosen = search_and_name(judge, prune(judge, chosen), judge.lead)[1]
     for _ in range(ROUNDS):
         problem = refined(judge, chosen)
         judge = TableJudge(problem, judge.families) if problem is not judge.problem else judge

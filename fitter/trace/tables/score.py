@@ -92,9 +92,7 @@ def blocks(columns: FloatArray, start: IntArray, length: FloatArray, taken: Floa
     return Blocks(unit[:, kept], np.concatenate([[0], np.cumsum(ranks)]).astype(np.int64))
 
 
-def _pairs(
-    own: FloatArray, length: FloatArray, first: IntArray
-) -> tuple[FloatArray, FloatArray, BoolArray, BoolArray]:
+def _pairs(own: FloatArray, length: FloatArray, first: IntArray) -> tuple[FloatArray, FloatArray, BoolArray, BoolArray]:
     """Orthonormal bases of pairs of columns, the longer of each first, and which of the two add anything."""
     scale = np.maximum(length, np.finfo(float).tiny)
     a, b = own[:, first] / scale[first], own[:, first + 1] / scale[first + 1]
