@@ -1,7 +1,6 @@
 """Figures of the trace on tables of any kind, over many seeds; each by one command from the project's root.
 
-    python -m benchmarks.tables_campaign clean --seeds 100     anything reported where nothing is
-    python -m benchmarks.tables_campaign noise --seeds 200     the same, every kind of noise in tables of many shapes
+    python -m benchmarks.tables_campaign noise --seeds 200     anything reported where nothing is, any noise and shape
     python -m benchmarks.tables_campaign effects --seeds 20    every effect, at 0.25, 0.5 and 1 sd rms
     python -m benchmarks.tables_campaign pairs --seeds 20      two effects at once, each at 1 sd rms
     python -m benchmarks.tables_campaign real FOLDER           measured tables, as FOLDER/commands.toml says
@@ -34,28 +33,6 @@ from rig.closed_loop.general_trace import trace_general_table
 from rig.closed_loop.roles import Roles, roles_of
 from rig.tables import Table
 
-CLEAN = {
-    "8 rows, one covariate": Lab(8),
-    "20 rows, one covariate": Lab(20),
-    "20 rows, four covariates": Lab(20, 4),
-    "40 rows, group, side": Lab(40, 1, groups=4, sides=True),
-    "40 rows, clock": Lab(40, 2, clock=True),
-    "200 rows, four covariates, all": Lab(200, 4, groups=5, clock=True, sides=True),
-    "1000 rows, four, clock": Lab(1000, 4, clock=True),
-    "outliers 3 %, 40": Lab(40, 2, clock=True, outliers=0.03),
-    "outliers 5 %, 200": Lab(200, 2, groups=5, clock=True, outliers=0.05),
-    "AR 0.3, 40": Lab(40, 2, clock=True, ar=0.3),
-    "AR 0.7, 40": Lab(40, 2, clock=True, ar=0.7),
-    "AR 0.3, 200": Lab(200, 2, clock=True, ar=0.3),
-    "AR 0.7, 200": Lab(200, 2, clock=True, ar=0.7),
-    "random walk to 3 sd, 200": Lab(200, 2, clock=True, walk=3.0),
-    "random walk to 10 sd, 200": Lab(200, 2, clock=True, walk=10.0),
-    "sd grows five times, 40": Lab(40, 2, clock=True, growing=5.0),
-    "sd grows five times, 200": Lab(200, 2, groups=5, clock=True, growing=5.0),
-    "12 whole plots, 60": Lab(60, 2, plots=12),
-    "6 whole plots, 60": Lab(60, 2, plots=6),
-    "5 replications, 100": Lab(100, 2, repeats=5, clock=True),
-}
 NOISE: dict[str, dict[str, Any]] = {
     "white": {},
     "outliers 3 %": {"outliers": 0.03},
@@ -69,14 +46,15 @@ NOISE: dict[str, dict[str, Any]] = {
     "5 replications": {"repeats": 5},
     "6 whole plots": {"plots": 6},
 }
-SIZES = (12, 16, 24, 40, 80, 160, 300, 1000)
+SIZES = {8: 0.08, 12: 0.14, 16: 0.14, 24: 0.14, 40: 0.14, 80: 0.14, 160: 0.1, 300: 0.08, 1000: 0.04}
+"""Rows of tables, and how often each is drawn."""
 
 
 def shape(seed: int) -> Lab:
     """A table of any shape, no two alike: rows, columns, order of the settings, with and without a clock."""
     rng = np.random.default_rng([11, seed])
     return Lab(
-        n=int(rng.choice(SIZES, p=(0.14, 0.14, 0.14, 0.14, 0.14, 0.14, 0.12, 0.04))),
+        n=int(rng.choice(list(SIZES), p=list(SIZES.values()))),
         covariates=int(rng.integers(7)),
         groups=int(rng.choice([0, 4])),
         clock=bool(rng.random() < 0.6),
@@ -100,18 +78,6 @@ def found_or_alike(columns: dict[str, Any], told: dict[str, Any]) -> dict[str, l
     return {name: [r.effect for r in result.judge.rivals(result.chosen, name) if r.alias] for name in names}
 
 
-def clean(seeds: range, only: str) -> None:
-    """How often anything is reported where nothing is missing."""
-    for name, lab in CLEAN.items():
-        if only not in name:
-            continue
-        began = process_time()
-        reported = [found(simulate(lab, seed), options(lab)) for seed in seeds]
-        which = Counter(effect for one in reported for effect in one)
-        took = (process_time() - began) / len(seeds)
-        print(f"{name:32s} {sum(map(bool, reported)):4d} of {len(seeds)}  {took:5.2f} s  {dict(which)}", flush=True)
-
-
 def noise(seeds: range, only: str) -> None:
     """How often anything is reported where nothing is missing, by noise, and by number of rows, order and clock."""
     by: dict[str, list[bool]] = {}
@@ -128,7 +94,8 @@ def noise(seeds: range, only: str) -> None:
                 by.setdefault(part, []).append(bool(names))
         took = (process_time() - began) / len(seeds)
         print(f"{name:20s} {hits:4d} of {len(seeds)}  {took:5.2f} s  {dict(which.most_common(6))}", flush=True)
-    for part, hit in by.items():
+    every = [hit for part in ("clock", "no clock") for hit in by.get(part, [])]
+    for part, hit in (("all", every), *sorted(by.items())):
         print(f"    {part:12s} {sum(hit):4d} of {len(hit)}", flush=True)
 
 
@@ -210,7 +177,7 @@ def speed() -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser()
-    parser.add_argument("what", choices=["clean", "noise", "effects", "pairs", "real", "speed"])
+    parser.add_argument("what", choices=["noise", "effects", "pairs", "real", "speed"])
     parser.add_argument("folder", nargs="?", type=Path)
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--first", type=int, default=0)
@@ -224,7 +191,7 @@ def main() -> None:
             parser.error("real needs the folder of the tables")
         real(given.folder, given.only)
     else:
-        {"clean": clean, "noise": noise, "effects": effects, "pairs": pairs}[given.what](seeds, given.only)
+        {"noise": noise, "effects": effects, "pairs": pairs}[given.what](seeds, given.only)
 
 
 if __name__ == "__main__":

@@ -84,11 +84,11 @@ class TableFamily:
         """What `adjust` gives for p smaller than all simulated: a bound, the value is at most that."""
         return self._rank(0.0)
 
-    def adjust(self, effect: str, p: float, times: float = 1.0) -> float:
-        """Probability that the best of the family looks at least as good by chance as `p` does, `times` counted."""
+    def adjust(self, effect: str, p: float) -> float:
+        """Probability that the best of the family looks at least as good by chance as an effect of this `p` does."""
         if effect not in self.tails:
             return 1.0
-        return self._rank(times * float(self.tails[effect].p(np.array(-np.log(max(p, _LEAST))))))
+        return self._rank(float(self.tails[effect].p(np.array(-np.log(max(p, _LEAST))))))
 
     def _rank(self, p: float) -> float:
         rank = int(np.searchsorted(self.smallest_p, p, side="right"))

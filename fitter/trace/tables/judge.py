@@ -28,8 +28,6 @@ Biometrika 93 (2006) 509). All others count as one."""
 PAIRED = 3
 """Effects in time beside which another is tried where none stands out by itself. That each of two has to stand out
 beside the other outweighs that several are tried: python -m benchmarks.tables_campaign noise --only walk."""
-RETRIED = 1.2
-"""Times that p counts, because the search is begun again with other weights, constants and readings held back."""
 ALIKE = 4.0
 """Difference of twice the log-likelihood up to which the order of the catalogue decides."""
 MOST_TERMS = 3
@@ -210,7 +208,7 @@ class TableJudge:
             return 1.0
         rank, df = int(scores.rank[0]), int(scores.df[0])
         p = float(special.fdtrc(rank, df, ratio(without, beside, rank, df) / float(scores.scatter[0])))
-        return self.family(without.best).adjust(self.candidates[j].effect.name, p, RETRIED)
+        return self.family(without.best).adjust(self.candidates[j].effect.name, p)
 
     def _ranked(self, chosen: tuple[int, ...]) -> Iterable[int]:
         """The best term of each effect that promises anything, most evidence less the price of its columns first."""

@@ -88,7 +88,7 @@ def _slow(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[Smooth, ...]:
 
 def _told(rest: Smooth) -> Smooth:
     """With the curve that is on offer in words."""
-    period = f", period {rest.period:.4g}" if rest.period is not None else ""
+    period = f" (period {rest.period:.4g})" if rest.period is not None else ""
     text = (
         f"{rest.where}; a smooth curve of order {rest.order} over {rest.variable}{period} would take the standard "
         f"error from {rest.sigma_E[0]:.4g} to {rest.sigma_E[1]:.4g}, at random rows left out from "
