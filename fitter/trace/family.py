@@ -23,7 +23,7 @@ ALPHA = 0.035
 COUNTED = 1 / 7
 """Share of ALPHA kept for tests that are counted one by one: those between replications."""
 DRAWS = 20_000
-AT_ONCE = 4_000
+AT_ONCE = 1_000
 
 
 @dataclass(frozen=True, eq=False)

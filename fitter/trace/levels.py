@@ -87,7 +87,7 @@ class Levels:
             taken = [self._basis(level).T @ columns]
             if level == "points":
                 visits = np.sqrt(self._visits)[:, None]
-                taken.append(np.add.reduceat(columns[self._by_point], self._first, axis=0) / visits)
+                taken.append(np.stack([np.bincount(self.point, one) for one in columns.T], axis=1) / visits)
             if beside.shape[1]:
                 taken.append(orthonormal(self.leave(beside, level), np.linalg.norm(beside, axis=0)).T @ columns)
             basis = np.concatenate(taken)
@@ -107,16 +107,8 @@ class Levels:
         return {}
 
     @cached_property
-    def _by_point(self) -> IntArray:
-        return np.argsort(self.point, kind="stable")
-
-    @cached_property
     def _visits(self) -> IntArray:
         return np.bincount(self.point)
-
-    @cached_property
-    def _first(self) -> IntArray:
-        return np.concatenate([[0], np.cumsum(self._visits)[:-1]])
 
     def _basis(self, level: Level) -> FloatArray:
         return {"declared": self.declared, "replications": self.replications, "points": self.points}[level]

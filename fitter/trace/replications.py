@@ -71,8 +71,8 @@ def p_between_replications(problem: Problem, chosen: tuple[int, ...], gamma: Flo
     e = problem.outputs - problem.columns_at("declared", chosen) @ gamma
     pure = errors(problem, chosen)
     picked = [j for u in tested for j in problem.units[u]]
-    both = np.concatenate([e[:, :, None], problem.columns_at("declared", picked)], axis=2) / pure[:, None, None]
-    own = _own(problem, both)
+    moved = (e[:, :, None], problem.columns_at("declared", picked))
+    own = np.concatenate([_own(problem, columns, pure) for columns in moved], axis=2)
     own -= own.mean(axis=0)
     length2 = np.sum((problem.length[:, picked] / pure[:, None]) ** 2, axis=0)
     at = {j: k for k, j in enumerate(picked)}
@@ -171,11 +171,11 @@ def _p_turn(moves: FloatArray, y: FloatArray) -> float:
     return worst
 
 
-def _own(problem: Problem, columns: FloatArray) -> FloatArray:
-    """(n_rep, S L, q) parameters of each replication's own fit to `columns` (S, n, q), scaled alike."""
+def _own(problem: Problem, columns: FloatArray, pure: FloatArray) -> FloatArray:
+    """(n_rep, S L, q) parameters of each replication's own fit to `columns` (S, n, q) over errors (S,)."""
     data = problem.scene.data
     h = attitude_columns(data.pitch_deg, data.roll_deg, roll=problem.scene.roll)
     metric = np.linalg.qr(h, mode="r") / np.sqrt(data.replicates.size)
     rows: list[NDArray[np.bool_]] = [data.replicate_index == r for r in range(data.replicates.size)]
-    own = [metric @ np.linalg.pinv(h[picked]) @ columns[:, picked] for picked in rows]
+    own = [metric @ np.linalg.pinv(h[picked]) @ columns[:, picked] / pure[:, None, None] for picked in rows]
     return np.stack([block.reshape(-1, columns.shape[2]) for block in own])

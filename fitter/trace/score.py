@@ -120,9 +120,12 @@ def beside(problem: Problem, level: Level, chosen: Sequence[int], here: IntArray
     length2 = np.sum(problem.length[:, picked] ** 2 * weight[:, None], axis=0)
     spread = inverse(taken.sum(axis=0), length2)
     share, fitted = spread @ across.sum(axis=0), spread @ own.sum(axis=0)
-    cross = np.swapaxes(across, 1, 2) @ share
+    for i, over in enumerate(across):
+        cross = over.T @ share - share.T @ (0.5 * taken[i] @ share)
+        columns[i] -= cross
+        columns[i] -= cross.T
     return Beside(
-        columns - cross - np.swapaxes(cross, 1, 2) + share.T @ taken @ share,
+        columns,
         outputs - np.swapaxes(across, 1, 2) @ fitted - (own - taken @ fitted) @ share,
         np.maximum(square - 2 * own @ fitted + (taken @ fitted) @ fitted, 0.0),
     )
