@@ -78,6 +78,8 @@ class Problem:
         concerned: for each sensor, indices of the candidates that concern it.
         outputs: (S, n) what it leaves of the outputs.
         products: of both, by level.
+        own: (n_rep, S, L, J) what each column does to the parameters of each replication's own fit, centred.
+        own_outputs: (n_rep, S, L) these parameters.
         length: (S, J) length of each column as it is.
         judged_at: for each candidate, the level it is tested at.
         wander: (S,) mean square step, a row, of the random walk in each sensor's offset, over its error's variance;
@@ -93,6 +95,8 @@ class Problem:
     concerned: tuple[IntArray, ...]
     outputs: FloatArray
     products: Mapping[Level, Products]
+    own: FloatArray
+    own_outputs: FloatArray
     length: FloatArray
     judged_at: tuple[Level, ...]
     wander: FloatArray
@@ -139,13 +143,14 @@ class Problem:
         for j, term in zip(picked, terms, strict=True):
             candidates[j] = replace(candidates[j], term=term)
         raw = raw_columns(self.scene, [candidates[j] for j in picked])
-        length = self.length.copy()
+        length, moves = self.length.copy(), self.own.copy()
         length[:, picked] = np.linalg.norm(raw, axis=1)
         products = {level: _copied(self.products[level]) for level in LEVELS}
         for i, own in enumerate(self.concerned):
             if picked[0] not in own:
                 continue
             columns = self.left(i, raw[i], "declared")
+            moves[:, i][..., picked] = self.levels.own(columns)
             left = np.concatenate([self.left(i, columns, level) for level in LEVELS], axis=1)
             sensor, every = self.sensors[i], [candidates[j] for j in own]
             across = np.concatenate([_columns(self.scene, some, sensor).T @ left for some in _batches(every)])
@@ -154,7 +159,7 @@ class Problem:
                 to.columns[i][own[:, None], picked] = cross
                 to.columns[i][np.array(picked)[:, None], own] = cross.T
                 to.outputs[i, picked] = self.outputs[i] @ self.left(i, columns, level)
-        return replace(self, candidates=tuple(candidates), products=products, length=length)
+        return replace(self, candidates=tuple(candidates), products=products, own=moves, length=length)
 
 
 def _copied(products: Products) -> Products:
@@ -181,6 +186,7 @@ def pose(data: AttitudeData, catalogue: Sequence[Effect], *, temperature: bool =
     every = _candidates(data, catalogue)
     length = np.zeros((len(data.sensors), len(every)))
     left = np.zeros_like(length)
+    moves = np.zeros((data.replicates.size, len(data.sensors), levels.declared.shape[1], len(every) + 1))
     outputs, owns, known = [], [], []
     for i, sensor in enumerate(data.sensors):
         own = np.array([j for j, c in enumerate(every) if c.sensor in (None, sensor)], np.int64)
@@ -190,6 +196,7 @@ def pose(data: AttitudeData, catalogue: Sequence[Effect], *, temperature: bool =
         length[i, own] = np.linalg.norm(both[:, :-1], axis=0)
         both = levels.leave_beside(both, beside[i], level="declared")
         left[i, own] = np.linalg.norm(both[:, :-1], axis=0)
+        moves[:, i][..., [*own, -1]] = levels.own(both)
         outputs.append(both[:, -1].copy())
         owns.append(own)
         known.append(levels.products(both, beside[i]))
@@ -206,6 +213,8 @@ def pose(data: AttitudeData, catalogue: Sequence[Effect], *, temperature: bool =
         concerned=tuple((np.cumsum(useful) - 1)[own[useful[own]]] for own in owns),
         outputs=np.stack(outputs),
         products=products,
+        own=moves[..., :-1][..., useful],
+        own_outputs=moves[..., -1],
         length=length,
         judged_at=_judged_at(candidates, units, products, length),
         wander=np.zeros(len(data.sensors)),
