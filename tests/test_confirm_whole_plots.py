@@ -28,7 +28,7 @@ def together(first_bench: Bench, later_bench: Bench) -> tuple[WholePlotTogether,
 
 
 def test_a_cubic_that_is_there_is_confirmed_with_its_size() -> None:
-    bench = Bench(transducers=(Transducer(cubic=CUBIC),))
+    bench = Bench(transducers=(Transducer(cubic=CUBIC), Transducer()))
     both, (question,) = together(bench, bench)
     answer = confirm(both, question)
     assert answer.verdict == "confirmed"
@@ -36,7 +36,7 @@ def test_a_cubic_that_is_there_is_confirmed_with_its_size() -> None:
     assert best.effect == "pressure-third-order"
     low, high = best.intervals[0]
     assert low < CUBIC < high
-    (error,) = best.errors.values()
+    error = best.errors["bridge_1_mV"]
     assert error.after < error.before
 
 
