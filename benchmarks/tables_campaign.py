@@ -1,6 +1,6 @@
 """Figures of the trace on tables of any kind, over many seeds; each by one command from the project's root.
 
-    python -m benchmarks.tables_campaign clean --seeds 100     anything reported where nothing is
+    python -m benchmarks.tables_campaign noise --seeds 200     anything reported where nothing is, any noise and shape
     python -m benchmarks.tables_campaign effects --seeds 20    every effect, at 0.25, 0.5 and 1 sd rms
     python -m benchmarks.tables_campaign pairs --seeds 20      two effects at once, each at 1 sd rms
     python -m benchmarks.tables_campaign real FOLDER           measured tables, as FOLDER/commands.toml says
@@ -16,6 +16,7 @@ import os
 import sys
 import tomllib
 from collections import Counter
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 from time import process_time
@@ -24,6 +25,7 @@ from typing import Any
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
+import numpy as np
 from table_truth import MISSING, Lab, options, simulate
 
 from fitter.trace.tables import search_table, trace_general
@@ -31,28 +33,34 @@ from rig.closed_loop.general_trace import trace_general_table
 from rig.closed_loop.roles import Roles, roles_of
 from rig.tables import Table
 
-CLEAN = {
-    "8 rows, one covariate": Lab(8),
-    "20 rows, one covariate": Lab(20),
-    "20 rows, four covariates": Lab(20, 4),
-    "40 rows, group, side": Lab(40, 1, groups=4, sides=True),
-    "40 rows, clock": Lab(40, 2, clock=True),
-    "200 rows, four covariates, all": Lab(200, 4, groups=5, clock=True, sides=True),
-    "1000 rows, four, clock": Lab(1000, 4, clock=True),
-    "outliers 3 %, 40": Lab(40, 2, clock=True, outliers=0.03),
-    "outliers 5 %, 200": Lab(200, 2, groups=5, clock=True, outliers=0.05),
-    "AR 0.3, 40": Lab(40, 2, clock=True, ar=0.3),
-    "AR 0.7, 40": Lab(40, 2, clock=True, ar=0.7),
-    "AR 0.3, 200": Lab(200, 2, clock=True, ar=0.3),
-    "AR 0.7, 200": Lab(200, 2, clock=True, ar=0.7),
-    "random walk to 3 sd, 200": Lab(200, 2, clock=True, walk=3.0),
-    "random walk to 10 sd, 200": Lab(200, 2, clock=True, walk=10.0),
-    "sd grows five times, 40": Lab(40, 2, clock=True, growing=5.0),
-    "sd grows five times, 200": Lab(200, 2, groups=5, clock=True, growing=5.0),
-    "12 whole plots, 60": Lab(60, 2, plots=12),
-    "6 whole plots, 60": Lab(60, 2, plots=6),
-    "5 replications, 100": Lab(100, 2, repeats=5, clock=True),
+NOISE: dict[str, dict[str, Any]] = {
+    "white": {},
+    "outliers 3 %": {"outliers": 0.03},
+    "AR 0.3": {"ar": 0.3},
+    "AR 0.6": {"ar": 0.6},
+    "AR 0.9": {"ar": 0.9},
+    "walk to 3 sd": {"walk": 3.0},
+    "walk to 10 sd": {"walk": 10.0},
+    "1/f of 2 sd": {"flicker": 2.0},
+    "sd grows five times": {"growing": 5.0},
+    "5 replications": {"repeats": 5},
+    "6 whole plots": {"plots": 6},
 }
+SIZES = {8: 0.08, 12: 0.14, 16: 0.14, 24: 0.14, 40: 0.14, 80: 0.14, 160: 0.1, 300: 0.08, 1000: 0.04}
+"""Rows of tables, and how often each is drawn."""
+
+
+def shape(seed: int) -> Lab:
+    """A table of any shape, no two alike: rows, columns, order of the settings, with and without a clock."""
+    rng = np.random.default_rng([11, seed])
+    return Lab(
+        n=int(rng.choice(list(SIZES), p=list(SIZES.values()))),
+        covariates=int(rng.integers(7)),
+        groups=int(rng.choice([0, 4])),
+        clock=bool(rng.random() < 0.6),
+        sides=bool(rng.random() < 0.2),
+        design=str(rng.choice(["random", "sweeps", "rising"])),
+    )
 
 
 def found(columns: dict[str, Any], told: dict[str, Any]) -> list[str]:
@@ -70,16 +78,25 @@ def found_or_alike(columns: dict[str, Any], told: dict[str, Any]) -> dict[str, l
     return {name: [r.effect for r in result.judge.rivals(result.chosen, name) if r.alias] for name in names}
 
 
-def clean(seeds: range, only: str) -> None:
-    """How often anything is reported where nothing is missing."""
-    for name, lab in CLEAN.items():
+def noise(seeds: range, only: str) -> None:
+    """How often anything is reported where nothing is missing, by noise, and by number of rows, order and clock."""
+    by: dict[str, list[bool]] = {}
+    for name, more in NOISE.items():
         if only not in name:
             continue
-        began = process_time()
-        reported = [found(simulate(lab, seed), options(lab)) for seed in seeds]
-        which = Counter(effect for one in reported for effect in one)
+        began, which, hits = process_time(), Counter[str](), 0
+        for seed in seeds:
+            lab = replace(shape(seed), **more)
+            names = found(simulate(lab, seed), options(lab))
+            which.update(one.split(":")[0] for one in names)
+            hits += bool(names)
+            for part in (f"{lab.n} rows", lab.design, "clock" if lab.clock else "no clock"):
+                by.setdefault(part, []).append(bool(names))
         took = (process_time() - began) / len(seeds)
-        print(f"{name:32s} {sum(map(bool, reported)):4d} of {len(seeds)}  {took:5.2f} s  {dict(which)}", flush=True)
+        print(f"{name:20s} {hits:4d} of {len(seeds)}  {took:5.2f} s  {dict(which.most_common(6))}", flush=True)
+    every = [hit for part in ("clock", "no clock") for hit in by.get(part, [])]
+    for part, hit in (("all", every), *sorted(by.items())):
+        print(f"    {part:12s} {sum(hit):4d} of {len(hit)}", flush=True)
 
 
 def effects(seeds: range, only: str) -> None:
@@ -160,7 +177,7 @@ def speed() -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser()
-    parser.add_argument("what", choices=["clean", "effects", "pairs", "real", "speed"])
+    parser.add_argument("what", choices=["noise", "effects", "pairs", "real", "speed"])
     parser.add_argument("folder", nargs="?", type=Path)
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--first", type=int, default=0)
@@ -174,7 +191,7 @@ def main() -> None:
             parser.error("real needs the folder of the tables")
         real(given.folder, given.only)
     else:
-        {"clean": clean, "effects": effects, "pairs": pairs}[given.what](seeds, given.only)
+        {"noise": noise, "effects": effects, "pairs": pairs}[given.what](seeds, given.only)
 
 
 if __name__ == "__main__":

@@ -48,6 +48,22 @@ def attitude_columns(pitch_deg: FloatArray, roll_deg: FloatArray, *, roll: bool 
     return np.column_stack([ones, sin_a, cos_a * sin_r, cos_a * cos_r])
 
 
+def mounting_matrix(x_deg: float, y_deg: float, z_deg: float) -> FloatArray:
+    """(3, 3) rotation from axes of the head's table to those of a package mounted turned.
+
+    Args:
+        x_deg: turn about the package's x axis, first; adds to roll as seen by the package.
+        y_deg: about its y axis, second; at zero roll it adds to pitch.
+        z_deg: about its z axis, last; 180 deg is end for end.
+
+    """
+    (sx, cx), (sy, cy), (sz, cz) = (np.ravel(sin_cos(np.array([angle]))) for angle in (x_deg, y_deg, z_deg))
+    about_x = np.array([[1.0, 0.0, 0.0], [0.0, cx, sx], [0.0, -sx, cx]])
+    about_y = np.array([[cy, 0.0, -sy], [0.0, 1.0, 0.0], [sy, 0.0, cy]])
+    about_z = np.array([[cz, sz, 0.0], [-sz, cz, 0.0], [0.0, 0.0, 1.0]])
+    return np.asarray(about_z @ about_y @ about_x)
+
+
 def variance_function(design: FloatArray, at: FloatArray) -> FloatArray:
     """(m,) variance of a predicted output over the variance of one observation, h' (H'H)^-1 h.
 

@@ -38,6 +38,9 @@ class AttitudeData:
         block: (n,) counts up where an interruption or a replaced instrument may have left a step. Left out: one block.
         axes: "x", "y" or "z" by column name, the nominal axis a sensor is mounted along. For outputs not in it: the
             first letter of the name ("x_V"), else the axis it is most sensitive to.
+        mounting: (n, 3, 3) rotation from the axes of the head's table to those of the package, where the package was
+            mounted turned on purpose; None where the two are the same. The declared model is in axes of the table,
+            whatever the mounting; effects of package and sensors are in those of the package.
 
     Raises:
         ValueError: lengths differ, a value is not finite, an order is used twice, there is nothing to fit, or an axis
@@ -58,6 +61,7 @@ class AttitudeData:
     previous_roll_deg: FloatArray = field(default=None)  # type: ignore[arg-type]  # None only until __post_init__
     block: IntArray = field(default=None)  # type: ignore[arg-type]  # None only until __post_init__
     axes: Mapping[str, str] | None = None
+    mounting: FloatArray | None = None
     temperatures: tuple[FloatArray, FloatArray] | None = field(init=False, default=None)
     """Seconds, ascending, and degC of the whole run, also where these rows are part of one: what a lag remembers."""
 
@@ -90,6 +94,8 @@ class AttitudeData:
         put(self, "block", np.zeros(count, np.int64) if self.block is None else whole("block", self.block, count))
         if self.axes is not None:
             put(self, "axes", MappingProxyType(_axes(self.axes, self.outputs)))
+        if self.mounting is not None and np.shape(self.mounting) != (count, 3, 3):
+            raise ValueError(f"mounting: {np.shape(self.mounting)} is not one rotation, 3 by 3, for each observation")
 
     def __len__(self) -> int:
         return int(self.order.size)

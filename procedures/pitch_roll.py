@@ -162,6 +162,25 @@ class UsageSettings(Strict):
     pitch_sd_deg: Positive | None = Field(None, description="standard deviation wanted of inferred pitch")
 
 
+class MountingSettings(Strict):
+    """How the package is turned on the head's table against its usual mounting; a person turns it before the run.
+
+    Turned first about its own x axis, then about its y axis, then about its z axis. Errors of the head stay with the
+    head, those of package and sensors turn along: that is what tells them apart (`rig confirm`).
+    """
+
+    x_deg: float = Field(0.0, gt=-180, le=180, description="about its x axis: the package sees this much more roll")
+    y_deg: float = Field(
+        0.0, gt=-180, le=180, description="about its y axis: at zero roll it sees this much more pitch"
+    )
+    z_deg: float = Field(0.0, gt=-180, le=180, description="about its z axis; 180 is end for end")
+
+    @property
+    def turned(self) -> bool:
+        """Whether it is another mounting than the usual one."""
+        return bool(self.x_deg or self.y_deg or self.z_deg)
+
+
 class ModelSettings(Strict):
     """What the declared model has beside attitude; `rig fit` and `rig trace` take it from the run file."""
 
@@ -189,6 +208,7 @@ class PitchRollProcedure(Strict):
     environment: EnvironmentSettings | None = None
     recovery: RecoverySettings = RecoverySettings()
     faults: FaultSettings = FaultSettings()
+    mounting: MountingSettings = MountingSettings()
     model: ModelSettings = ModelSettings()
     expect: ExpectSettings = ExpectSettings()
     usage: UsageSettings = UsageSettings()

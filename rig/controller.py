@@ -36,6 +36,9 @@ from rig.matching import check_match
 BYTES_PER_POINT = 6000
 """What an observation takes in the run file, with its share of indexes and log; measured, rounded up."""
 
+WORLD_START = "world_start_s"
+"""In the first record of a dry run: how old its world was when the run began, if it was not new."""
+
 _VIRTUAL = "virtual"
 """Stands for the boot id where time is virtual: its clock continues across sessions by construction."""
 
@@ -102,6 +105,19 @@ def _plan(documents: Mapping[str, str], dry: bool, where: Mapping[str, str]) -> 
     return Plan(documents, config, procedure, run_list, dry, truth)
 
 
+def plan_of(documents: Mapping[str, str], *, dry: bool) -> Plan:
+    """Check what decides a run, from the texts of its files by document name. Raises `ConfigurationError`."""
+    return _plan(documents, dry, {name: name for name in documents})
+
+
+def _mounted(plan: Plan) -> Mapping[str, Any]:
+    """The world of a dry run, in which the package is mounted as the procedure asks for."""
+    mounting = getattr(plan.procedure, "mounting", None)
+    if mounting is None or not mounting.turned:
+        return plan.truth
+    return {**plan.truth, "mounting": {**plan.truth.get("mounting", {}), **mounting.model_dump()}}
+
+
 @contextlib.contextmanager
 def opened(plan: Plan, *, start: float = 0.0) -> Iterator[tuple[Bench, Clock, str]]:
     """The bench of a plan, opened and locked, with its clock and the name of this boot of it.
@@ -114,7 +130,7 @@ def opened(plan: Plan, *, start: float = 0.0) -> Iterator[tuple[Bench, Clock, st
     if plan.dry:
         from rig.simulated.dry_run import DryBench  # noqa: PLC0415 - a real run never loads the simulation
 
-        dry = DryBench(plan.bench, plan.truth, start=start)
+        dry = DryBench(plan.bench, _mounted(plan), start=start)
         bench = open_bench(dry.config, check_options(dry.config, "bench"), dry.world, dry.wires)
         try:
             yield bench, dry.world, _VIRTUAL
@@ -142,14 +158,16 @@ def start_run(
     signals: Signals,
     announce: Callable[[Path], None],
     on_progress: Callable[[Progress], None],
+    world_start_s: float = 0.0,
 ) -> Result:
     """Create a run in `folder` and carry it out.
 
     Every instrument is asked who it is before the run file is made, so that a bench that is not there leaves
-    nothing behind. `announce` gets the run file's path as soon as it exists.
+    nothing behind. `announce` gets the run file's path as soon as it exists. A dry run's world may be older than the
+    run: `world_start_s` is its time, in seconds, when the run begins.
     """
     _check_space(folder, len(plan.run_list))
-    with opened(plan) as (bench, clock, boot):
+    with opened(plan, start=world_start_s) as (bench, clock, boot):
         guard = Guard(plan.bench.limits, plan.bench.factors)
         guard.check_run_list(plan.run_list, own_limits(bench, plan.run_list))
         if isinstance(plan.procedure, PitchRollProcedure) and plan.procedure.environment is not None:
@@ -162,6 +180,8 @@ def start_run(
         run_id = _new_id(plan.procedure.name)
         path = folder / f"{run_id}.sqlite"
         about = {"dry": plan.dry, "software": versions(), "procedure": plan.procedure.name, "bench": plan.bench.name}
+        if world_start_s:
+            about[WORLD_START] = world_start_s
         genesis = Genesis(run_id, plan.documents, plan.run_list, plan.dry or plan.bench.simulated, about)
         create(path, genesis, elapsed_s=0.0, utc_s=clock.utc())
         announce(path)
@@ -208,8 +228,12 @@ def resume_run(
             known = ", ".join(sorted(plan.bench.instruments))
             raise UsageError(f"--accept {unknown[0]}: there is no such instrument on this bench ({known})")
         _check_space(path.parent, state.remaining)
-        with opened(plan, start=state.elapsed_s + dry_gap_s) as (opened_bench, clock, boot):
+        with opened(plan, start=_world_start(run) + state.elapsed_s + dry_gap_s) as (opened_bench, clock, boot):
             return _session(run, plan, opened_bench, clock, boot, accept, signals, on_progress)
+
+
+def _world_start(run: RunReader) -> float:
+    return float(run.genesis().data.get(WORLD_START, 0.0))
 
 
 def _losses(run: RunWriter, state: RunState, told: int) -> Iterator[str]:
@@ -259,7 +283,7 @@ def _session(
     on_progress: Callable[[Progress], None],
 ) -> Result:
     state = fold(run.records())
-    origin, certain = _elapsed_origin(state, clock, boot)
+    origin, certain = (_world_start(run), True) if boot == _VIRTUAL else _elapsed_origin(state, clock, boot)
     session = Session(
         elapsed_origin=origin,
         number=state.sessions + 1,
@@ -285,8 +309,6 @@ def _session(
 
 def _elapsed_origin(state: RunState, clock: Clock, boot: str) -> tuple[float, bool]:
     """Clock reading at which elapsed time was zero, and whether the clock itself says so (no reboot between)."""
-    if boot == _VIRTUAL:
-        return 0.0, True
     if not state.sessions:
         return clock.now() - state.elapsed_s, True
     before = state.session

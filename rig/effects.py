@@ -1,8 +1,9 @@
-"""The catalogue of effects that `rig trace` looks for in attitude runs: ours, and the laboratory's own.
+"""The catalogues of effects that `rig trace` looks for in runs: ours, and the laboratory's own.
 
 A laboratory adds effects without touching this project, by either or both of
 
-- an installed package with entry points of the group `rig.effects`, each an `fitter.effects.Effect` or a tuple of them;
+- an installed package with entry points of the group `rig.effects`, each an `fitter.effects.Effect` (of attitude
+  sensors) or `PressureEffect` (of transducers in whole plots), or a tuple of them;
 - a TOML file named by the environment variable `RIG_EFFECTS` (`fitter/effects/own.py` says how it is written).
 """
 
@@ -13,7 +14,7 @@ from collections import Counter
 from importlib.metadata import entry_points
 from pathlib import Path
 
-from fitter.effects import CATALOGUE, Effect
+from fitter.effects import CATALOGUE, PRESSURE_CATALOGUE, Effect, PressureEffect
 from fitter.effects.own import own_effects
 from rig.errors import ConfigurationError
 
@@ -22,33 +23,48 @@ VARIABLE = "RIG_EFFECTS"
 
 
 def attitude_catalogue() -> tuple[Effect, ...]:
-    """Our catalogue first: of explanations that are equally good the first is named.
+    """Of attitude sensors, ours first: of explanations that are equally good the first is named.
 
     Raises:
         ConfigurationError: an entry point or the file is not what it should be, or a name is used twice.
 
     """
-    effects = (*CATALOGUE, *_installed(), *_written())
-    twice = [name for name, count in Counter(effect.name for effect in effects).items() if count > 1]
-    if twice:
-        raise ConfigurationError(f"two effects are called {twice[0]}: rename the one of your own ({GROUP}, {VARIABLE})")
+    effects = (*CATALOGUE, *(effect for effect in _own() if isinstance(effect, Effect)))
+    _check_names([effect.name for effect in effects])
     return effects
 
 
-def _installed() -> tuple[Effect, ...]:
-    found: list[Effect] = []
+def pressure_catalogue() -> tuple[PressureEffect, ...]:
+    """The same of pressure transducers in whole plots."""
+    effects = (*PRESSURE_CATALOGUE, *(effect for effect in _own() if isinstance(effect, PressureEffect)))
+    _check_names([effect.name for effect in effects])
+    return effects
+
+
+def _check_names(names: list[str]) -> None:
+    twice = [name for name, count in Counter(names).items() if count > 1]
+    if twice:
+        raise ConfigurationError(f"two effects are called {twice[0]}: rename the one of your own ({GROUP}, {VARIABLE})")
+
+
+def _own() -> tuple[Effect | PressureEffect, ...]:
+    return (*_installed(), *_written())
+
+
+def _installed() -> tuple[Effect | PressureEffect, ...]:
+    found: list[Effect | PressureEffect] = []
     for point in entry_points(group=GROUP):
         given = point.load()
         effects = given if isinstance(given, tuple) else (given,)
-        if not all(isinstance(effect, Effect) for effect in effects):
+        if not all(isinstance(effect, Effect | PressureEffect) for effect in effects):
             raise ConfigurationError(
-                f"entry point {point.name} of {GROUP} is no effect: give an Effect or a tuple of them"
+                f"entry point {point.name} of {GROUP} is no effect: give an Effect, a PressureEffect or a tuple"
             )
         found += effects
     return tuple(found)
 
 
-def _written() -> tuple[Effect, ...]:
+def _written() -> tuple[Effect | PressureEffect, ...]:
     path = os.environ.get(VARIABLE)
     if not path:
         return ()

@@ -24,10 +24,12 @@ class Lab:
         sides: whether settings are approached from both sides.
         outliers: share of readings that are off by 10 sd.
         ar: correlation of neighbouring errors.
-        walk: sd at the end of a random walk that is added; not in `CLEAN` tests, it is what looks most like a drift.
+        walk: sd at the end of a random walk that is added.
+        flicker: sd of 1/f noise that is added.
         growing: sd at the highest setting over that at the lowest.
         plots: whole plots, whose errors are as large as the readings'; 0 for none.
         repeats: replications with offsets of one sd; 0 for none.
+        design: "random" order of the settings, "sweeps" up and down over eight levels, or "rising" once.
 
     """
 
@@ -39,22 +41,29 @@ class Lab:
     outliers: float = 0.0
     ar: float = 0.0
     walk: float = 0.0
+    flicker: float = 0.0
     growing: float = 1.0
     plots: int = 0
     repeats: int = 0
+    design: str = "random"
 
 
 def simulate(lab: Lab, seed: int, effect: Callable[[Columns, Rng], Any] | None = None) -> Columns:
     """y = 3 + 2 x + error of sd one, x in random order from 0 to 10, plus what an effect adds in units of the sd."""
     rng = np.random.default_rng([seed, lab.n])
     n = lab.n
-    c: Columns = {"x": rng.permutation(np.round(np.linspace(0.0, 10.0, n), 3))}
+    c: Columns = {"x": _settings(lab.design, n, rng)}
     recorded = {
         "temp_c": 22.0 + _walk(rng, n, 0.15),
         "humidity": 45.0 + 3.0 * rng.standard_normal(n) + 4.0 * np.sin(np.arange(n) / max(n, 2) * 7.0),
         "supply_V": 12.0 + 0.01 * rng.standard_normal(n),
         "load": rng.choice([0.0, 1.0, 2.0, 5.0], n),
     }
+    if lab.covariates > len(recorded):
+        recorded |= {
+            "pressure_hPa": 1013.0 + 2.0 * _walk(rng, n, 1.0) / np.sqrt(n),
+            "room_c": 21.0 + np.sin(np.arange(n) / n * 9.0 + rng.uniform(0.0, 6.0)) + 0.05 * rng.standard_normal(n),
+        }
     c |= dict(list(recorded.items())[: lab.covariates])
     if lab.groups:
         c["unit"] = rng.permutation(np.arange(n) % lab.groups)
@@ -72,6 +81,8 @@ def simulate(lab: Lab, seed: int, effect: Callable[[Columns, Rng], Any] | None =
             error[i] = lab.ar * error[i - 1] + np.sqrt(1.0 - lab.ar**2) * error[i]
     if lab.walk:
         error += _walk(rng, n, lab.walk / np.sqrt(n))
+    if lab.flicker:
+        error += lab.flicker * _flicker(rng, n)
     error *= 1.0 + (lab.growing - 1.0) * c["x"] / 10.0
     for name in ("plot", "rep"):
         if name in c:
@@ -101,6 +112,23 @@ def options(lab: Lab) -> dict[str, Any]:
 
 def _walk(rng: Rng, n: int, step: float) -> Any:
     return np.cumsum(step * rng.standard_normal(n))
+
+
+def _flicker(rng: Rng, n: int) -> Any:
+    """1/f noise of sd one, by its spectrum."""
+    spectrum = np.fft.rfft(rng.standard_normal(4 * n))
+    spectrum[1:] /= np.sqrt(np.arange(1, len(spectrum)))
+    spectrum[0] = 0.0
+    wave = np.fft.irfft(spectrum)[:n]
+    return wave / np.std(wave)
+
+
+def _settings(design: str, n: int, rng: Rng) -> Any:
+    """(n,) from 0 to 10 in the order of taking."""
+    if design == "sweeps":
+        return np.abs((np.arange(n) + 7) % 14 - 7) / 0.7
+    rising = np.round(np.linspace(0.0, 10.0, n), 3)
+    return rising if design == "rising" else rng.permutation(rising)
 
 
 def _scaled(column: Any, x: Any, rms: float) -> Any:
@@ -150,6 +178,8 @@ MISSING = {
     ),
     "lag": Missing(lambda c: _lagging(c["temp_c"], 12.0), ("thermal-lag:temp_c",), Lab(200, clock=True)),
     "drift": Missing(lambda c: c["t_s"], ("drift:t_s",), CLOCKED),
+    "warm-up": Missing(lambda c: np.exp(-c["t_s"] / 900.0), ("warm-up:t_s",), CLOCKED),
+    "square root": Missing(lambda c: np.sqrt(c["x"]), ("square-root:",), Lab(60)),
     "step": Missing(lambda c: c["t_s"] > 0.37 * c["t_s"].max(), ("step:t_s",), CLOCKED),
     "oscillation": Missing(lambda c: np.sin(2 * np.pi * c["t_s"] / 900.0), ("oscillation:t_s",), CLOCKED),
     "group offset": Missing(

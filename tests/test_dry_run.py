@@ -9,9 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from dry import LAB, SHORT, dry, fingerprint
+from dry import LAB, SHORT, dry, fingerprint, write_short
 
+from rig.controller import load_plan, resume_run, start_run
 from rig.engine.run_file import RunReader
+from rig.engine.session import Outcome, Signals
 from rig.tables import run_table
 
 
@@ -57,3 +59,18 @@ def test_other_orders_run_too(tmp_path, order):
     path = dry(tmp_path, text=SHORT + f'[order]\ntype = "{order}"\n')
     expected = 30 * (2 if order == "up-and-down" else 1)
     assert len(run_table(path)) == expected
+
+
+def test_a_power_cut_after_the_last_point_leaves_a_run_that_can_be_finished(tmp_path):
+    """All is observed, and the axes have lost their zeros: nothing is worth homing them for."""
+    plan = load_plan(write_short(tmp_path), LAB / "bench.toml", dry=True, world=LAB / "world.toml")
+    signals, paths = Signals(), []
+
+    def cut(news):
+        signals.interrupt = "SIGTERM" if news.done == len(plan.run_list) else ""
+
+    broken = start_run(plan, tmp_path, signals=signals, announce=paths.append, on_progress=cut)
+    assert broken.outcome is Outcome.INTERRUPTED
+    resumed = resume_run(paths[0], signals=Signals(), on_progress=lambda _: None)
+    assert resumed.outcome is Outcome.COMPLETE, resumed.message
+    assert len(run_table(paths[0])) == len(plan.run_list)

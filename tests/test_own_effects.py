@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from attitude_truth import D1, Bench, simulate
+from whole_plot_truth import simulate as simulate_pressure
 
-from fitter.effects import CATALOGUE
+from fitter.effects import CATALOGUE, PRESSURE_CATALOGUE
 from fitter.effects.own import own_effects
-from fitter.trace import trace
-from rig.effects import attitude_catalogue
+from fitter.trace import trace, trace_whole_plots
+from rig.effects import attitude_catalogue, pressure_catalogue
 from rig.errors import ConfigurationError
 
 DRAUGHT = """
@@ -63,3 +64,33 @@ def test_what_is_wrong_with_a_file_is_said(tmp_path, monkeypatch, change, says):
     with pytest.raises(ConfigurationError, match=says):
         attitude_catalogue()
     assert own_effects(DRAUGHT)[0].name == "draught"
+
+
+STICKING = """
+[[effect]]
+name = "sticking-diaphragm"
+cause = "the diaphragm gives way in waves"
+scope = "sensor"
+stratum = "subplot"
+unit = "mV"
+columns = ["sin(6.2832*P/1.7)"]
+separate_by = "read pressures in steps of 0.1 psi"
+usual_size = "1e-2 mV"
+"""
+
+
+def test_an_effect_of_transducers_can_be_added_too(tmp_path, monkeypatch):
+    file = tmp_path / "effects.toml"
+    file.write_text(DRAUGHT + STICKING)
+    monkeypatch.setenv("RIG_EFFECTS", str(file))
+    assert [effect.name for effect in attitude_catalogue()[len(CATALOGUE) :]] == ["draught"]
+    assert [effect.name for effect in pressure_catalogue()[len(PRESSURE_CATALOGUE) :]] == ["sticking-diaphragm"]
+    data = simulate_pressure(seed=2)
+    (name,) = data.transducers
+    waves = 0.03 * np.sin(2 * np.pi * data.pressure_psia / 1.7)
+    data = replace(data, outputs={name: data.outputs[name] + waves})
+    (effect,) = trace_whole_plots(data, "full", pressure_catalogue()).sensors[name].effects
+    assert effect.effect == "sticking-diaphragm"
+    assert effect.coefficients[0] == pytest.approx(0.03, abs=4 * effect.stderr[0])
+    with pytest.raises(ValueError, match="scope is sensor or line"):
+        own_effects(STICKING.replace('scope = "sensor"', 'scope = "package"'))

@@ -31,8 +31,8 @@ from rig.study.paper.printed import TABLE_2
 from rig.study.paper.statement import about, above, below, digits
 from rig.study.paper.table_1 import table_1
 from rig.study.paper.table_2 import EXPERIMENTS, FRACTION_53, FRACTION_73, UNDER, Measured, bias_limit, identities
-from rig.study.paper.toml_text import toml_text
 from rig.study.paper.words import NOT_ALIKE
+from rig.toml_text import toml_text
 
 DOCUMENT = Path(__file__).parent.parent / "docs" / "paper.md"
 SEED = 20260523

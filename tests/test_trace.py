@@ -104,6 +104,12 @@ def test_demo_on_a_smaller_design():
     assert sum(one != DEMO_NAMES for one in found) <= 1
 
 
+def test_two_replications_do_not_end_in_a_crowd_of_stand_ins():
+    """There and back again, temperature is nearly a function of the point: errors of the head take it up first."""
+    for seed in (0, 1):
+        assert names(trace(simulate(DEMO, D1(90, 13, 13, replications=2), seed)[0], validate=False)) == DEMO_NAMES
+
+
 @pytest.mark.parametrize(
     "bench",
     [

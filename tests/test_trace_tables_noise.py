@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.special import fdtrc
 
 from fitter.effects.tables_scene import TableScene
 from fitter.trace.tables.family import family_of
@@ -35,17 +36,16 @@ def shared_covariances():
     [(Wandering(WHEN), list(wandering_covariances())), (Shared(GROUP), shared_covariances())],
     ids=["wandering", "shared"],
 )
-def test_whitening_and_variances_are_those_of_the_matrices(noise, covariances):
+def test_whitening_and_colouring_are_those_of_the_matrices(noise, covariances):
     every = np.arange(len(covariances))
     white = noise.whiten(every, np.eye(N))
-    units = np.linalg.qr(np.random.default_rng(3).standard_normal((N, 2)))[0]
     for g, v in enumerate(covariances):
         np.testing.assert_allclose(white[g] @ v @ white[g].T, np.eye(N), atol=1e-10)
         assert noise.log_det[g] == pytest.approx(np.linalg.slogdet(v)[1], abs=1e-9)
-    for at in (0, len(covariances) // 2, len(covariances) - 1):
-        sums = units.T @ white[at]
-        expected = [np.trace(sums @ v @ sums.T) / 2.0 for v in covariances]
-        np.testing.assert_allclose(noise.variance(at, units), expected, rtol=1e-9)
+        colour = noise.colour(g, np.eye(N))
+        np.testing.assert_allclose(colour @ colour.T, v, atol=1e-10)
+        np.testing.assert_allclose(noise.root(g, np.eye(N)), colour.T, atol=1e-10)
+        np.testing.assert_allclose(noise.variances(g), np.diag(v), rtol=1e-9)
 
 
 def test_the_family_holds_what_it_promises():
@@ -62,12 +62,14 @@ def test_the_family_holds_what_it_promises():
         sd=np.ones(30),
         ordered=False,
     )
-    view = View.of(problem, 0)
-    family = family_of(view, np.ones(len(problem.candidates)), seed=1)
-    one = np.ones(1)
-    best = [score(view, rng.standard_normal(30), ())[0].p(one, one).min() for _ in range(400)]
-    raw = family.adjust(np.array(best)) * 6 / 7  # a seventh of the family is kept for other tests
-    assert 0.05 * 400 - 3 * np.sqrt(19) < np.sum(raw <= 0.05) < 0.05 * 400 + 3 * np.sqrt(19)
+    names = [candidate.effect.name for candidate in problem.candidates]
+    family = family_of(problem, 0, np.ones(len(names)), seed=1)
+    view, best = View.of(problem, 0), []
+    for _ in range(400):
+        found, _ = score(view, rng.standard_normal(30), ())
+        p = fdtrc(found.rank, found.df, found.ratio / found.scatter)
+        best.append(min(family.adjust(name, one) for name, one in zip(names, p, strict=True)))
+    assert 0.05 * 400 - 3 * np.sqrt(19) < np.sum(np.array(best) <= 0.05) < 0.05 * 400 + 3 * np.sqrt(19)
 
 
 def test_a_reading_alone_is_held_back_and_a_level_is_not():

@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from whole_plot_hidden import HIDDEN, hide
 from whole_plot_truth import (
     CUBIC,
-    EFFECTS,
     GROWING,
     PAIRS,
     SUBPLOT,
@@ -30,27 +30,33 @@ from fitter.trace.whole_plots.run import scene_of
 from fitter.trace.whole_plots.score import score
 
 ONE = "bridge_1_mV"
-# the truth's coefficient, where it has one in the unit of the effect
+# the truth's coefficient at the amplitude in HIDDEN, where it has one in the unit of the effect
 TRUE = {
     "cubic": 1e-3,
-    "bend and sensor temperature": 4e-5,
-    "bend and electronics' temperature": 5e-5,
-    "sensitivity and temperature squared": 2e-6,
-    "sensor temperature cubed": 3e-6,
-    "electronics' temperature cubed": 5e-6,
+    "bend, sensor": 4e-5,
+    "bend, electronics": 5e-5,
+    "gain, sensor squared": 2e-6,
+    "sensor cubed": 3e-6,
+    "electronics cubed": 5e-6,
     "hysteresis": 5e-3,
-    "creep, one transducer": 1.2e-3 / 2.0,
-    "creep of one of three": 1.2e-3,
-    "carry-over, three transducers": 4e-4,
-    "sensor lags": 3e-4,
-    "electronics lag": 4e-4,
+    "creep": 1.2e-3,
+    "carry-over": 4e-4,
     "interruption": 0.08,
+    "interruption, gain": 3e-3,
     "drift of whole plots": 4e-3,
     "drift within": 8e-3,
-    "sensitivity of one drifts": 1e-4,
-    "reference drifts, three": 4e-5,
-    "reference zero drifts, three": 1.5e-3,
-    "leak, three": 8e-3,
+    "gain drifts": 1e-4,
+    "reference drifts": 4e-5,
+    "reference zero drifts": 1.5e-3,
+    "head": 5.0,
+    "leak": 8e-3,
+}
+# the data cannot tell these from others, which are simpler or more usual and lead their class
+LED_BY = {
+    "sensor by electronics squared": "sensor-temperature-third-order",
+    "electronics by sensor squared": "sse-temperature-third-order",
+    "supply, time": "reference-drift",
+    "reference bends": "pressure-third-order",
 }
 # a declared model, and what the ordinary transducer has beyond it
 UNDECLARED = {
@@ -71,27 +77,30 @@ def problem_of(data, model="full", catalogue=PRESSURE_CATALOGUE):
     return pose(data, names, columns, scene_of(data), catalogue)
 
 
-@pytest.mark.parametrize("name", EFFECTS)
+@pytest.mark.parametrize("name", HIDDEN)
 def test_effect_is_named(name):
-    bench, run, expected = EFFECTS[name]
-    found = trace_whole_plots(simulate(bench, run, seed=3))
-    assert {effect for _, effect in effects_of(found)} == {expected}
+    """Three transducers; 0.6 sd of a reading within whole plots, 2.5 of a whole plot between them."""
+    one = HIDDEN[name]
+    hidden = hide([name], [2.5 if one.between else 0.6], seed=3)
+    found = trace_whole_plots(hidden.data, hidden.model, validate=False)
+    assert {effect for _, effect in effects_of(found)} == {LED_BY.get(name, one.expected)}
     trace = found.sensors[ONE]
     effect = trace.effects[0]
+    assert one.expected in (effect.effect, *effect.aliases)
     assert trace.verdict == "explained"
     assert effect.p_adjusted <= ALPHA
-    assert effect.share > 0.8
+    assert effect.share > 0.7
     assert effect.separate_by
-    assert effect.stratum in ("whole-plot", "subplot")
+    assert effect.stratum == ("whole-plot" if one.between else "subplot")
     if name in TRUE:
-        assert effect.coefficients[0] == pytest.approx(TRUE[name], abs=4 * effect.stderr[0])
+        assert effect.coefficients[0] == pytest.approx(TRUE[name] * hidden.scales[0], abs=4 * effect.stderr[0])
         assert effect.half_width_95[0] > 1.95 * effect.stderr[0]
 
 
 @pytest.mark.parametrize("model", UNDECLARED)
 def test_terms_a_declared_model_lacks_are_named(model):
     bench = Bench((Transducer(offset_warm2=(3e-5, 0.0, 0.0), offset_warm=(2e-3, 0.0), bend=-2e-3),))
-    found = trace_whole_plots(simulate(bench, seed=1), model)
+    found = trace_whole_plots(simulate(bench, seed=1), model, validate=False)
     assert (found.sensors[ONE].declared, found.sensors[ONE].verdict) == (model, "explained")
     by_name = {e.effect: e for e in found.sensors[ONE].effects}
     name, terms = UNDECLARED[model]
@@ -99,13 +108,13 @@ def test_terms_a_declared_model_lacks_are_named(model):
     assert by_name[name].formulas == tuple(term.replace("*", ":") for term in terms)
     # declared from then on, nothing is left to name
     extended = " + ".join([str(named_formula(model)), *(f for e in by_name.values() for f in e.formulas)])
-    assert effects_of(trace_whole_plots(simulate(bench, seed=1), extended)) == set()
+    assert effects_of(trace_whole_plots(simulate(bench, seed=1), extended, validate=False)) == set()
 
 
-def test_every_effect_has_a_scenario():
-    tested = {expected for *_, expected in EFFECTS.values()} | {name for name, _ in UNDECLARED.values()}
-    same_here = {"sensor-by-sse-squared", "sse-by-sensor-squared"}  # exactly, on this design
-    assert tested | same_here == {effect.name for effect in PRESSURE_CATALOGUE}
+def test_every_effect_is_hidden_somewhere():
+    assert {e.expected for e in HIDDEN.values()} | {n for n, _ in UNDECLARED.values()} == {
+        effect.name for effect in PRESSURE_CATALOGUE
+    }
 
 
 def test_third_order_temperature_is_a_class_of_two():
@@ -114,7 +123,7 @@ def test_third_order_temperature_is_a_class_of_two():
         (Transducer(offset_warm3=(3e-6, 0.0)), "sensor-temperature-third-order", "sensor-by-sse-squared"),
         (Transducer(offset_mixed=(0.0, 5e-6)), "sse-temperature-third-order", "sse-by-sensor-squared"),
     ):
-        (effect,) = trace_whole_plots(simulate(Bench((truth,)), seed=2)).sensors[ONE].effects
+        (effect,) = trace_whole_plots(simulate(Bench((truth,)), seed=2), validate=False).sensors[ONE].effects
         assert (effect.effect, effect.stratum) == (cubed, "whole-plot")
         assert mixed in effect.aliases
         assert effect.separation[mixed] < 0.5  # readbacks scatter by 0.05 degC
@@ -137,14 +146,14 @@ def test_third_order_temperature_is_a_class_of_two():
 )
 def test_nothing_is_reported_where_nothing_is(bench, run):
     """Five runs each, fixed seeds; the rates over 100: python -m benchmarks.whole_plot_campaign clean."""
-    reported = [effects_of(trace_whole_plots(simulate(bench, run, seed))) for seed in range(200, 205)]
+    reported = [effects_of(trace_whole_plots(simulate(bench, run, seed), validate=False)) for seed in range(200, 205)]
     assert sum(map(bool, reported)) <= 1
 
 
 def test_the_cubic_of_the_paper_and_nothing_else():
     """Scatter growing as 0.4 + 0.3 P; 20 seeds: python -m benchmarks.whole_plot_campaign cubic."""
     for seed in range(5):
-        found = trace_whole_plots(simulate(Bench((Transducer(cubic=CUBIC),), GROWING), seed=seed))
+        found = trace_whole_plots(simulate(Bench((Transducer(cubic=CUBIC),), GROWING), seed=seed), validate=False)
         assert effects_of(found) == {(ONE, "pressure-third-order")}
         (cubic, noise) = found.sensors[ONE].effects
         assert cubic.coefficients[0] == pytest.approx(CUBIC, abs=4 * cubic.stderr[0])
@@ -156,7 +165,7 @@ def test_the_cubic_of_the_paper_and_nothing_else():
 
 
 def test_noise_that_does_not_grow_is_not_said_to():
-    runs = [trace_whole_plots(simulate(seed=seed)).sensors[ONE] for seed in range(20, 27)]
+    runs = [trace_whole_plots(simulate(seed=seed), validate=False).sensors[ONE] for seed in range(20, 27)]
     assert not any(t.effects for t in runs)
     assert np.median([t.before.fit.sigma_subplot for t in runs]) == pytest.approx(SUBPLOT, rel=0.1)
     assert np.median([t.before.fit.sigma_wholeplot for t in runs]) == pytest.approx(WHOLE_PLOT, rel=0.25)
@@ -244,7 +253,7 @@ def test_transducers_tell_the_line_from_themselves():
         (Bench(3 * (Transducer(),), carry_over=6e-4), {(f"bridge_{k}_mV", "carry-over") for k in (1, 2, 3)}),
         (Bench((Transducer(), Transducer(creep=1.5e-3), Transducer())), {("bridge_2_mV", "creep")}),
     ):
-        found = trace_whole_plots(simulate(bench, seed=1))
+        found = trace_whole_plots(simulate(bench, seed=1), validate=False)
         assert effects_of(found) == expected
         (effect,) = found.sensors["bridge_2_mV"].effects
         # three creeps that happen to be alike take two columns more than one line
@@ -256,10 +265,12 @@ def test_transducers_tell_the_line_from_themselves():
 
 def test_what_all_transducers_show_alike_may_be_the_reference():
     alike = Bench(tuple(Transducer(offset=k, cubic=CUBIC) for k in range(3)))
-    notes = trace_whole_plots(simulate(alike, seed=1)).sensors["bridge_3_mV"].notes
+    notes = trace_whole_plots(simulate(alike, seed=1), validate=False).sensors["bridge_3_mV"].notes
     assert any("the same in all 3 transducers" in note and "reference" in note for note in notes)
     different = Bench(tuple(Transducer(cubic=k * CUBIC) for k in (1.0, -1.0, 2.0)))
-    assert not any("same in all" in n for n in trace_whole_plots(simulate(different, seed=1)).sensors[ONE].notes)
+    assert not any(
+        "same in all" in n for n in trace_whole_plots(simulate(different, seed=1), validate=False).sensors[ONE].notes
+    )
 
 
 def test_json_is_the_object_the_design_promises():
@@ -324,9 +335,34 @@ def test_a_reading_that_stands_out_is_pointed_at():
     spoilt = data.outputs[ONE].copy()
     spoilt[17] += 0.2
     one = trace_whole_plots(replace(data, outputs={ONE: spoilt})).sensors[ONE]
-    assert (one.effects, one.verdict) == ((), "unexplained")
-    assert one.unnamed[0].where.startswith("in one reading, order 17 at ")
-    assert one.unnamed[0].share > 0.8
+    (effect,) = one.effects
+    assert (effect.effect, effect.stratum) == ("outliers", "noise")
+    assert effect.terms[0].startswith("order 17 at ")
+    assert effect.coefficients[0] == pytest.approx(0.2, abs=4 * SUBPLOT)
+    assert one.after.residual_mV[17] == pytest.approx(0.2, abs=4 * (SUBPLOT + WHOLE_PLOT))
+    json.dumps(effect.to_json(), allow_nan=False)
+
+
+def test_readings_that_stand_out_neither_hide_nor_make_an_effect():
+    bench = Bench((Transducer(cubic=1e-3),), outliers=4, outliers_sd=50.0)
+    trace = trace_whole_plots(simulate(bench, seed=2), validate=False).sensors[ONE]
+    assert [e.effect for e in trace.effects] == ["pressure-third-order", "outliers"]
+    assert len(trace.effects[1].terms) == 4
+    assert any("left out of everything" in note for note in trace.notes)
+
+
+@pytest.mark.parametrize("pressures", ["random", "ascending"])
+def test_errors_that_are_remembered_are_no_effect(pressures):
+    """Correlation 0.8 from reading to reading; the rates: python -m benchmarks.whole_plot_campaign clean."""
+    found = trace_whole_plots(simulate(Bench(remembered=0.8), Run(pressures=pressures), seed=4), validate=False)
+    (effect,) = found.sensors[ONE].effects
+    assert (effect.effect, effect.stratum) == ("autocorrelation", "noise")
+    assert effect.coefficients[0] == pytest.approx(0.8, abs=0.2)
+
+
+def test_temperatures_still_settling_are_no_effect():
+    run = Run(unsettled=0.1)
+    assert not any(effects_of(trace_whole_plots(simulate(Bench(), run, s), validate=False)) for s in range(4))
 
 
 def test_two_replications_have_offsets_of_their_own():

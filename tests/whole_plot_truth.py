@@ -21,6 +21,7 @@ PAIRS = (
     + 6 * [(0.0, 0.0)]
 )
 SENSOR_DEGC, SSE_DEGC, HALF_RANGE_DEGC = -90.0, 0.0, 40.0
+SETTLES_H = 0.35
 # sd of a reading and of a whole plot, mV: ten times in variance, together 12 % of reading at 0.12 psia and 2 mV/psi
 SUBPLOT, WHOLE_PLOT = 0.0049, 0.0155
 # undeclared cubic that with a sd growing as 0.4 + 0.3 P gives the paper's 12, 11.5, 3.1 and 2.2 % with its four methods
@@ -45,12 +46,16 @@ class Transducer:
     offset_mixed: tuple[float, float] = (0.0, 0.0)  # by sensor x SSE^2, SSE x sensor^2
     hysteresis: float = 0.0  # half the loop's width in its middle
     creep: float = 0.0  # mV per psi of the last step that is still to come
+    creep_h: float = 0.0  # time constant of that; zero: none of the steps before the last is remembered
     lag: tuple[float, float] = (0.0, 0.0)  # mV per degC of the last step of each temperature
     lag_h: float = 1.0
     drift: float = 0.0  # mV/h from whole plot to whole plot
     settling: float = 0.0  # mV/h within each
     sensitivity_drift: float = 0.0  # mV/psi/h
     step: float = 0.0  # mV from the interruption on
+    sensitivity_step: float = 0.0  # mV/psi from the interruption on
+    shift: float = 0.0  # mV from `Run.shifted_at` on, which nobody noted
+    gradient: float = 0.0  # mV per degC/h at which the transducer's temperature changes
 
 
 @dataclass(frozen=True)
@@ -68,6 +73,14 @@ class Bench:
     sensitivity_sd: float = 0.0  # drawn anew in every whole plot, of one
     shared_sd: float = 0.0  # psi, error of the pressure in each reading that all transducers see
     long_tails: bool = False
+    reference_cubic: float = 0.0  # psi per psi^3, of the gauge that all transducers are compared with
+    head_m: float = 0.0  # transducers below the reference level, in air as cold as they are
+    supply_per_h: float = 0.0  # of all bridges' excitation, a part of itself per hour
+    supply_per_degC: float = 0.0  # the same, with the electronics' temperature
+    remembered: float = 0.0  # correlation of a reading's error with the one before, in its whole plot
+    outliers: int = 0  # readings of the first transducer that are off
+    outliers_sd: float = 12.0
+    apart_mV: float = 0.0  # one whole plot's error beside the others', in the first transducer
 
 
 @dataclass(frozen=True)
@@ -82,12 +95,22 @@ class Run:
     reading_h: float = 0.08
     uneven: float = 0.3  # of the time a reading takes
     interrupted: bool = False  # a new block half way
+    shifted_at: float = 0.6  # part of the whole plots before something happens that nobody notes
+    unsettled: float = 0.0  # part of the temperatures' step that is left when a whole plot begins, gone with `SETTLES_H`
+    plots: str = "random"  # or "ascending" in temperature, or "fixed": as the design lists them
+    pressures: str = "random"  # or "ascending", "up and down", or "fixed": the same shuffle in every whole plot
 
 
 def simulate(bench: Bench = Bench(), run: Run = Run(), seed: int = 0) -> WholePlotData:
     """One run: shuffled whole plots, shuffled pressures, temperatures that hold to 0.05 degC."""
     rng = np.random.default_rng([20261121, seed])
     order = rng.permutation(len(run.pairs))
+    if run.plots == "ascending":
+        order = np.array(sorted(range(len(run.pairs)), key=lambda which: run.pairs[which]))
+    elif run.plots == "fixed":
+        order = np.arange(len(run.pairs))
+    once = rng.permutation(PRESSURES) if run.pressures == "fixed" else np.array(PRESSURES)
+    climbing = {"ascending": once, "up and down": np.concatenate([once[::2], once[::-1][len(once) % 2 :: 2]])}
     plots = []
     for position, which in enumerate(order):
         if position in run.broken:
@@ -95,7 +118,10 @@ def simulate(bench: Bench = Bench(), run: Run = Run(), seed: int = 0) -> WholePl
         plots.append((which, len(PRESSURES)))
     pair = np.repeat([run.pairs[which] for which, _ in plots], [count for _, count in plots], axis=0)
     plot = np.repeat(np.arange(len(plots)), [count for _, count in plots])
-    p = np.concatenate([rng.permutation(PRESSURES)[:count] for _, count in plots])
+    visits = climbing.get(run.pressures, once)
+    p = np.concatenate(
+        [(rng.permutation(PRESSURES) if run.pressures == "random" else visits)[:count] for _, count in plots]
+    )
     n = p.size
     first = np.diff(plot, prepend=-1) != 0
     waits = run.reading_h * (1.0 + run.uneven * rng.uniform(-1, 1, n))
@@ -113,6 +139,10 @@ def simulate(bench: Bench = Bench(), run: Run = Run(), seed: int = 0) -> WholePl
     for i in range(n):
         side[i] = 0.0 if first[i] else (np.sign(p[i] - p[i - 1]) if p[i] != p[i - 1] else side[i - 1])
 
+    left = run.unsettled * stepped * np.exp(-since / SETTLES_H)[:, None]
+    at = at - left
+    rate = left[:, 0] / SETTLES_H
+
     applied = p + bench.carry_over * (before - p) + bench.leak_per_h * (14.7 - p) * waits
     applied = applied * (1.0 + bench.reference_per_h * (hours - hours.mean()))
     applied = applied + bench.reference_zero_per_h * hours
@@ -120,6 +150,9 @@ def simulate(bench: Bench = Bench(), run: Run = Run(), seed: int = 0) -> WholePl
         x = p / bench.transpiration_psia
         cold = np.sqrt((at[:, 0] + 273.15) / 295.0)
         applied = applied * (x**2 + x + cold) / (x**2 + x + 1.0)
+    # molar mass 28.96 g/mol, g = 9.81 m/s^2, R = 8.314 J/mol/K
+    applied = applied * np.exp(0.02896 * 9.81 * bench.head_m / 8.314 / (at[:, 0] + 273.15))
+    applied = applied + bench.reference_cubic * p**3
     applied = applied + bench.shared_sd * rng.standard_normal(n)
 
     outputs = {}
@@ -127,7 +160,7 @@ def simulate(bench: Bench = Bench(), run: Run = Run(), seed: int = 0) -> WholePl
         a, b = at[:, 0] - SENSOR_DEGC, at[:, 1] - SSE_DEGC
         gain = truth.sensitivity + truth.sensitivity_warm[0] * a + truth.sensitivity_warm[1] * b
         gain = gain + np.column_stack([a * a, a * b, b * b]) @ truth.sensitivity_warm2
-        gain = gain + truth.sensitivity_drift * (hours - hours.mean())
+        gain = gain + truth.sensitivity_drift * (hours - hours.mean()) + truth.sensitivity_step * block
         gain = gain * (1.0 + bench.sensitivity_sd * rng.standard_normal(len(plots))[plot])
         zero = truth.offset + np.column_stack([a, b]) @ truth.offset_warm
         zero = zero + np.column_stack([a * a, a * b, b * b]) @ truth.offset_warm2
@@ -135,10 +168,23 @@ def simulate(bench: Bench = Bench(), run: Run = Run(), seed: int = 0) -> WholePl
         zero = zero + np.column_stack([a * b**2, b * a**2]) @ truth.offset_mixed
         bend = truth.bend + np.column_stack([a, b]) @ truth.bend_warm
         mV = zero + gain * applied + bend * applied**2 + truth.cubic * applied**3
-        mV = mV + truth.hysteresis * side * 4 * (p - 0.01) * (5.0 - p) / 4.99**2 + truth.creep * (before - p)
+        mV = (
+            mV
+            + truth.hysteresis * side * 4 * (p - 0.01) * (5.0 - p) / 4.99**2
+            + truth.creep * (_behind(p, waits, first, truth.creep_h) if truth.creep_h else before - p)
+        )
         mV = mV + stepped @ truth.lag * np.exp(-since / truth.lag_h)
         mV = mV + truth.drift * hours + truth.settling * since + truth.step * block
+        mV = mV + truth.shift * (plot >= run.shifted_at * len(plots)) + truth.gradient * rate
+        mV = mV * (1.0 + bench.supply_per_h * (hours - hours.mean()) + bench.supply_per_degC * b)
         noise = rng.standard_t(5, n) / np.sqrt(5 / 3) if bench.long_tails else rng.standard_normal(n)
+        if bench.remembered:
+            noise = _remembering(noise, first, bench.remembered)
+        if bench.outliers and k == 0:
+            off = rng.choice(n, bench.outliers, replace=False)
+            noise[off] += bench.outliers_sd * rng.choice([-1.0, 1.0], bench.outliers)
+        if bench.apart_mV and k == 0:
+            mV = mV + bench.apart_mV * (plot == rng.integers(len(plots)))
         mV = mV + (bench.subplot[0] + bench.subplot[1] * p) * noise
         mV = mV + bench.whole_plot * rng.standard_normal(len(plots))[plot]
         outputs[f"bridge_{k + 1}_mV"] = mV
@@ -154,68 +200,19 @@ def simulate(bench: Bench = Bench(), run: Run = Run(), seed: int = 0) -> WholePl
     )
 
 
-# every effect of the catalogue at the size it must be found at: bench, run, and what it is to be called
-EFFECTS: dict[str, tuple[Bench, Run, str]] = {
-    "cubic": (Bench((Transducer(cubic=1e-3),)), Run(), "pressure-third-order"),
-    "bend and sensor temperature": (
-        Bench((Transducer(bend_warm=(4e-5, 0.0)),)),
-        Run(),
-        "pressure-squared-temperature",
-    ),
-    "bend and electronics' temperature": (
-        Bench((Transducer(bend_warm=(0.0, 5e-5)),)),
-        Run(),
-        "pressure-squared-temperature",
-    ),
-    "sensitivity and temperature squared": (
-        Bench((Transducer(sensitivity_warm2=(2e-6, 0.0, 0.0)),)),
-        Run(),
-        "pressure-temperature-squared",
-    ),
-    "sensor temperature cubed": (
-        Bench((Transducer(offset_warm3=(3e-6, 0.0)),)),
-        Run(),
-        "sensor-temperature-third-order",
-    ),
-    "electronics' temperature cubed": (
-        Bench((Transducer(offset_warm3=(0.0, 5e-6)),)),
-        Run(),
-        "sse-temperature-third-order",
-    ),
-    "sensor by electronics squared": (
-        Bench((Transducer(offset_mixed=(5e-6, 0.0)),)),
-        Run(),
-        "sensor-temperature-third-order",  # on this design the same: the first in the catalogue leads
-    ),
-    "electronics by sensor squared": (
-        Bench((Transducer(offset_mixed=(0.0, 5e-6)),)),
-        Run(),
-        "sse-temperature-third-order",
-    ),
-    "hysteresis": (Bench((Transducer(hysteresis=5e-3),)), Run(), "hysteresis"),
-    "creep, one transducer": (Bench((Transducer(creep=1.2e-3),)), Run(), "carry-over"),
-    "creep of one of three": (
-        Bench((Transducer(creep=1.2e-3), Transducer(), Transducer())),
-        Run(),
-        "creep",
-    ),
-    "carry-over, three transducers": (Bench(3 * (Transducer(),), carry_over=4e-4), Run(), "carry-over"),
-    "sensor lags": (Bench((Transducer(lag=(3e-4, 0.0)),)), Run(), "thermal-lag"),
-    "electronics lag": (Bench((Transducer(lag=(0.0, 4e-4)),)), Run(), "sse-thermal-lag"),
-    "transpiration": (Bench(3 * (Transducer(),), transpiration_psia=0.15), Run(), "thermal-transpiration"),
-    "interruption": (Bench((Transducer(step=0.08),)), Run(interrupted=True), "offset-step"),
-    "drift of whole plots": (Bench((Transducer(drift=4e-3),)), Run(), "whole-plot-drift"),
-    "drift within": (Bench((Transducer(settling=8e-3),)), Run(), "subplot-drift"),
-    "sensitivity of one drifts": (
-        Bench((Transducer(sensitivity_drift=1e-4), Transducer(), Transducer())),
-        Run(),
-        "sensitivity-drift",
-    ),
-    "reference drifts, three": (Bench(3 * (Transducer(),), reference_per_h=4e-5), Run(), "reference-drift"),
-    "reference zero drifts, three": (
-        Bench(3 * (Transducer(),), reference_zero_per_h=1.5e-3),
-        Run(),
-        "reference-zero-drift",
-    ),
-    "leak, three": (Bench(3 * (Transducer(),), leak_per_h=8e-3), Run(uneven=0.6), "line-leak"),
-}
+def _behind(p: np.ndarray, waits: np.ndarray, first: np.ndarray, tau_h: float) -> np.ndarray:
+    """What a first-order element still lacks of the pressure, having been at rest when each whole plot began."""
+    state, out = p[0], np.zeros_like(p)
+    for i in range(p.size):
+        state = p[i] if first[i] else p[i] + (state - p[i]) * np.exp(-waits[i] / tau_h)
+        out[i] = state - p[i]
+    return out
+
+
+def _remembering(noise: np.ndarray, first: np.ndarray, rho: float) -> np.ndarray:
+    """The same noise with a first-order memory within whole plots, its variance unchanged."""
+    out = noise.copy()
+    for i in range(1, noise.size):
+        if not first[i]:
+            out[i] = rho * out[i - 1] + np.sqrt(1.0 - rho**2) * noise[i]
+    return out

@@ -41,7 +41,7 @@ class Scene:
 
     Attributes:
         data: the observations.
-        axes: (3,) sensitive axis times sensitivity of each sensor, V/g, from the declared model.
+        axes: (3,) sensitive axis times sensitivity of each sensor, V/g in package axes, from the declared model.
         offsets: offset of each sensor, V, from the declared model.
         nominal: nominal axis of each sensor, 0, 1, 2.
         roll: whether the declared model has roll; without it the package's axes are those at zero roll.
@@ -75,25 +75,36 @@ class Scene:
     @cached_property
     def g(self) -> FloatArray:
         """(n, 3) gravity in package axes."""
-        return _gravity(self.pitch, self.rolled)
+        return self.mounted(_gravity(self.pitch, self.rolled))
+
+    def mounted(self, vectors: FloatArray) -> FloatArray:
+        """(n, 3) in package axes what is (n, 3) in axes of the head's table."""
+        turned = self.data.mounting
+        return vectors if turned is None else np.asarray(np.einsum("nij,nj->ni", turned, vectors))
 
     @cached_property
     def g_before(self) -> FloatArray:
         """(n, 3) gravity in package axes at the observation executed before."""
         before = np.radians(self.data.previous_roll_deg) if self.roll else np.zeros(len(self.data))
-        return _gravity(np.radians(self.data.previous_pitch_deg), before)
+        return self.mounted(_gravity(np.radians(self.data.previous_pitch_deg), before))
 
     @cached_property
     def g_per_pitch(self) -> FloatArray:
         """(n, 3) derivative of `g` with respect to pitch, 1/rad."""
         a, r = self.pitch, self.rolled
-        return np.column_stack([np.cos(a), np.sin(r) * np.sin(a), np.cos(r) * np.sin(a)])
+        return self.mounted(np.column_stack([np.cos(a), np.sin(r) * np.sin(a), np.cos(r) * np.sin(a)]))
 
     @cached_property
     def g_per_roll(self) -> FloatArray:
         """(n, 3) derivative of `g` with respect to roll, 1/rad."""
         a, r = self.pitch, self.rolled
-        return np.column_stack([np.zeros_like(a), -np.cos(r) * np.cos(a), np.sin(r) * np.cos(a)])
+        return self.mounted(np.column_stack([np.zeros_like(a), -np.cos(r) * np.cos(a), np.sin(r) * np.cos(a)]))
+
+    @cached_property
+    def sideways(self) -> FloatArray:
+        """(n, 3) direction of the pitch axis in package axes."""
+        r = self.rolled
+        return self.mounted(np.column_stack([np.zeros_like(r), np.cos(r), -np.sin(r)]))
 
     def along(self, sensor: str) -> FloatArray:
         """(n,) gravity along the sensitive axis, in g."""
@@ -173,8 +184,9 @@ class Term:
     finer: Callable[[AttitudeData], tuple[tuple[Term, ...], ...]] | None = None
 
     def as_formula(self, scene: Scene, sensor: str) -> tuple[str, float]:
-        """Formula and factor for one sensor."""
-        return self.shown(scene, sensor) if self.shown else (self.name, 1.0)
+        """Formula and factor for one sensor; on a turned package the name, since formulas are in angles of the head."""
+        text, factor = self.shown(scene, sensor) if self.shown else (self.name, 1.0)
+        return (text, factor) if scene.data.mounting is None else (self.name, factor)
 
 
 @dataclass(frozen=True)

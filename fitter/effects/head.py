@@ -242,8 +242,7 @@ def _sideways(name: str, arm: Callable[[Scene], FloatArray]) -> Term:
     """Gravity seems to lean along the pitch axis by `arm` (n,) degrees for a coefficient of one."""
 
     def column(scene: Scene, sensor: str) -> FloatArray:
-        m, r = scene.axes[sensor], scene.rolled
-        return np.asarray(_DEGREE * arm(scene) * (m[1] * np.cos(r) - m[2] * np.sin(r)))
+        return np.asarray(_DEGREE * arm(scene) * (scene.sideways @ scene.axes[sensor]))
 
     return Term(name, column)
 

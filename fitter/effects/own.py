@@ -1,4 +1,4 @@
-"""A laboratory's own effects, written as formulas in a TOML text; they join the catalogue without touching it.
+"""A laboratory's own effects, written as formulas in a TOML text; they join the catalogues without touching them.
 
     [[effect]]
     name = "draught"
@@ -10,21 +10,28 @@
     separate_by = "close the door"
     usual_size = "1e-5 V"
 
-A column is volts for a coefficient of one. It may use the names in `NAMES`, numbers, + - * / **, and `FUNCTIONS`.
+An effect of pressure transducers has the stratum "whole-plot" or "subplot", and the scope "sensor" (columns are mV for
+a coefficient of one) or "line" (psi, in all transducers):
+
+    stratum = "subplot"
+    unit = "mV"
+    columns = ["sin(6.2832*P)"]
+
+A column may use the names in `NAMES`, for transducers `PRESSURE_NAMES`, numbers, + - * / ** and a few functions.
 """
 
 from __future__ import annotations
 
-import ast
-import operator
 import tomllib
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.effects.effect import Effect, Scene, Term, fixed
+from fitter.effects.own_formula import OwnFormula
+from fitter.effects.pressure_scene import PressureEffect, PressureScene, PressureTerm
 from fitter.effects.sizes import each
 
 NAMES: Mapping[str, Callable[[Scene, str], FloatArray]] = {
@@ -45,27 +52,23 @@ NAMES: Mapping[str, Callable[[Scene, str], FloatArray]] = {
     "previous_roll": lambda scene, _sensor: np.radians(scene.data.previous_roll_deg),
 }
 """What a column may be reckoned from: angles in rad, degC and hours from the middle of the run, g, V."""
-FUNCTIONS: Mapping[str, Callable[[Any], Any]] = {
-    "sin": np.sin,
-    "cos": np.cos,
-    "exp": np.exp,
-    "sqrt": np.sqrt,
-    "abs": np.abs,
-    "sign": np.sign,
+PRESSURE_NAMES: Mapping[str, Callable[[PressureScene], FloatArray]] = {
+    "P": lambda scene: scene.p,
+    "T_sensor": lambda scene: scene.sensor,
+    "T_SSE": lambda scene: scene.sse,
+    "hours": lambda scene: scene.hours,
+    "since": lambda scene: scene.since_h,
+    "step": lambda scene: scene.change_psia,
+    "side": lambda scene: scene.data.pressure_side.astype(np.float64),
 }
-_OPERATORS: Mapping[type[ast.AST], Callable[..., Any]] = {
-    ast.Add: operator.add,
-    ast.Sub: operator.sub,
-    ast.Mult: operator.mul,
-    ast.Div: operator.truediv,
-    ast.Pow: operator.pow,
-    ast.USub: operator.neg,
-}
+"""The same of pressure transducers: psia, degC from the run's mean, hours from its middle and from the first reading of
+a whole plot, the last step of pressure and its sign."""
 _NEEDS = {"temperature": "temperature", "roll": "roll", "pitch_side": "pitch sides", "roll_side": "roll sides"}
 _WORDS = ("name", "cause", "scope", "stratum", "unit", "columns", "separate_by", "usual_size")
+_ATTITUDE, _PRESSURE = ("between-point", "point-by-replication"), ("whole-plot", "subplot")
 
 
-def own_effects(text: str) -> tuple[Effect, ...]:
+def own_effects(text: str) -> tuple[Effect | PressureEffect, ...]:
     """Effects written in TOML.
 
     Raises:
@@ -78,67 +81,37 @@ def own_effects(text: str) -> tuple[Effect, ...]:
     return tuple(_effect(table) for table in tables["effect"])
 
 
-def _effect(table: Mapping[str, Any]) -> Effect:
+def _effect(table: Mapping[str, Any]) -> Effect | PressureEffect:
     name = table.get("name", "without a name")
     if set(table) != set(_WORDS):
         wrong = sorted(set(table) ^ set(_WORDS))
         raise ValueError(f"effect {name}: missing or unknown: {', '.join(wrong)}; it has {', '.join(_WORDS)}")
-    for field, allowed in (("scope", ("sensor", "package")), ("stratum", ("between-point", "point-by-replication"))):
+    of_pressure = table["stratum"] in _PRESSURE
+    scopes = ("sensor", "line") if of_pressure else ("sensor", "package")
+    for field, allowed in (("stratum", (*_ATTITUDE, *_PRESSURE)), ("scope", scopes)):
         if table[field] not in allowed:
             raise ValueError(f"effect {name}: {field} is {' or '.join(allowed)}, not {table[field]!r}")
-    formulas = [_formula(name, column) for column in table["columns"]]
-    used = {node.id for formula in formulas for node in ast.walk(formula) if isinstance(node, ast.Name)}
+    names = PRESSURE_NAMES if of_pressure else NAMES
+    formulas = [OwnFormula.of(name, column, names) for column in table["columns"]]
+    given: dict[str, Any] = {key: table[key] for key in _WORDS if key != "columns"}
+    given |= {"size": each(table["unit"]), "known_aliases": {}}
+    if of_pressure:
+        columns = tuple(PressureTerm(formula.text, _of_pressure(formula)) for formula in formulas)
+        where: Literal["line", "sensor"] = "line" if table["scope"] == "line" else "sensor"
+        against = "pressure_psia" if table["stratum"] == "subplot" else "elapsed_s"
+        return PressureEffect(**given, source=where, against=against, terms=lambda _data: columns)
     return Effect(
-        name=name,
-        cause=table["cause"],
+        **given,
         source="package" if table["scope"] == "package" else "sensor",
-        scope=table["scope"],
-        stratum=table["stratum"],
-        unit=table["unit"],
-        size=each(table["unit"]),
         against="pitch_deg" if table["stratum"] == "between-point" else "elapsed_s",
-        separate_by=table["separate_by"],
-        usual_size=table["usual_size"],
-        known_aliases={},
-        terms=fixed(*(_term(text, formula) for text, formula in zip(table["columns"], formulas, strict=True))),
-        needs=tuple(need for word, need in _NEEDS.items() if word in used),
+        terms=fixed(*(Term(formula.text, _of_attitude(formula)) for formula in formulas)),
+        needs=tuple(need for word, need in _NEEDS.items() if any(word in formula.used for formula in formulas)),
     )
 
 
-def _formula(effect: str, text: str) -> ast.expr:
-    try:
-        formula = ast.parse(text, mode="eval").body
-    except SyntaxError as error:
-        raise ValueError(f"effect {effect}: {text!r} is no formula: {error.msg}") from error
-    for node in ast.walk(formula):
-        called = isinstance(node, ast.Name) and (node.id in NAMES or node.id in FUNCTIONS)
-        number = isinstance(node, ast.Constant) and isinstance(node.value, int | float)
-        call = isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in FUNCTIONS
-        call = call and len(getattr(node, "args", ())) == 1 and not getattr(node, "keywords", ())
-        if not (called or number or call or isinstance(node, (ast.BinOp, ast.UnaryOp, ast.Load, *_OPERATORS))):
-            raise ValueError(
-                f"effect {effect}: {ast.unparse(node) or type(node).__name__} in {text!r} is not understood; a column "
-                f"has numbers, + - * / **, {', '.join(FUNCTIONS)} of one value, and {', '.join(NAMES)}"
-            )
-    return formula
+def _of_attitude(formula: OwnFormula) -> Callable[[Scene, str], FloatArray]:
+    return lambda scene, sensor: formula.column(lambda name: NAMES[name](scene, sensor), len(scene.data))
 
 
-def _term(text: str, formula: ast.expr) -> Term:
-    def column(scene: Scene, sensor: str) -> FloatArray:
-        return np.broadcast_to(_value(formula, scene, sensor), (len(scene.data),)).astype(np.float64)
-
-    return Term(text, column)
-
-
-def _value(node: ast.expr, scene: Scene, sensor: str) -> Any:
-    if isinstance(node, ast.Constant):
-        return node.value
-    if isinstance(node, ast.Name):
-        return NAMES[node.id](scene, sensor)
-    if isinstance(node, ast.Call):
-        assert isinstance(node.func, ast.Name)
-        return FUNCTIONS[node.func.id](_value(node.args[0], scene, sensor))
-    if isinstance(node, ast.UnaryOp):
-        return _OPERATORS[type(node.op)](_value(node.operand, scene, sensor))
-    assert isinstance(node, ast.BinOp)
-    return _OPERATORS[type(node.op)](_value(node.left, scene, sensor), _value(node.right, scene, sensor))
+def _of_pressure(formula: OwnFormula) -> Callable[[PressureScene], FloatArray]:
+    return lambda scene: formula.column(lambda name: PRESSURE_NAMES[name](scene), len(scene.data))

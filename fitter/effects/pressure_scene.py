@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -13,12 +14,24 @@ from fitter.effects.effect import Entry
 from fitter.whole_plot_data import WholePlotData
 
 AMBIENT_PSIA = 14.7
+_FOR_A_CUBIC = 6
 ROOM_K = 295.0
 """Temperature of the pressure controller's end of the line."""
 _ZERO_DEGC_K = 273.15
 _TORR_PER_PSI = 51.7149
 _NITROGEN = 12e5, 10e2, 14.0
 """Takaishi and Sensui's constants: K^2/(Torr mm)^2, K/(Torr mm), sqrt(K/(Torr mm))."""
+
+
+_WEIGHT_K_PER_M = 0.02896 * 9.80665 / 8.314463
+"""Of air: molar mass times gravity over the gas constant."""
+
+AT_EASE = "wait at one pressure of a whole plot and go on reading: what follows the last step fades, a loop stays"
+SOAK = "soak twice as long at a few temperatures: a lag is gone by then"
+SECOND_GAUGE = (
+    "read a second gauge at the transducers' end of the line: an error of the line shows in both, one of a transducer "
+    "does not"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +44,7 @@ class PressureScene:
         sse_degC: the same of the electronics.
         elapsed_s: reference time; drifts are zero there.
         sensitivity: of each transducer, mV/psi.
+        zero: its output at zero pressure, mV.
 
     """
 
@@ -39,6 +53,7 @@ class PressureScene:
     sse_degC: float
     elapsed_s: float
     sensitivity: Mapping[str, float]
+    zero: Mapping[str, float]
 
     @property
     def p(self) -> FloatArray:
@@ -86,6 +101,39 @@ class PressureScene:
         wait[executed] = np.diff(self.hours[executed], prepend=self.hours[executed][0])
         first = np.isnan(data.previous_pressure_psia)
         return np.where(first, np.median(wait[~first]) if np.any(~first) else 0.0, wait)
+
+    def behind(self, tau_h: float) -> FloatArray:
+        """(n,) what an element with this time constant still lacks of the pressure, psi.
+
+        It was at rest at the first pressure of a whole plot, and every pressure was set right after the reading before.
+        """
+        index, missing = self.data.whole_plot_index, np.zeros(len(self.data))
+        fading = np.exp(-np.maximum(self.waited_h, 0.0) / tau_h)
+        executed = np.lexsort((self.data.order, index))
+        for last, row in pairwise(executed.tolist()):
+            if index[last] == index[row]:
+                missing[row] = (missing[last] + self.p[last] - self.p[row]) * fading[row]
+        return missing
+
+    @property
+    def weight_per_m(self) -> FloatArray:
+        """(n,) error of the pressure for every metre of air between reference and transducers, psi.
+
+        The barometric formula's first order, P M g / (R T), with the air as cold as the transducers.
+        """
+        cold = np.maximum(self.data.sensor_temperature_degC + _ZERO_DEGC_K, 1.0)
+        return self.p * _WEIGHT_K_PER_M / cold
+
+    def rate(self, temperature: FloatArray) -> FloatArray:
+        """(n,) how fast a temperature changes, degC/h: slope of a cubic through each whole plot's readings."""
+        index, out = self.data.whole_plot_index, np.zeros(len(self.data))
+        for plot in range(int(index.max()) + 1):
+            rows = np.flatnonzero(index == plot)
+            if rows.size >= _FOR_A_CUBIC:
+                t = self.since_h[rows] - self.since_h[rows].mean()
+                slope = np.linalg.lstsq(np.column_stack([t**0, t, t**2, t**3]), temperature[rows], rcond=None)[0]
+                out[rows] = np.column_stack([0.0 * t, t**0, 2.0 * t, 3.0 * t**2]) @ slope
+        return out
 
     @property
     def pull(self) -> FloatArray:
@@ -139,12 +187,26 @@ class PressureEffect(Entry):
     """An entry of the catalogue of whole-plot runs.
 
     An effect of scope "line" is an error of the pressure: a coefficient of one makes an error of its column, in psi,
-    in all transducers, which each shows by its own sensitivity. One of scope "sensor" is of one transducer, in mV.
+    in all transducers, which each shows by its own sensitivity. One of scope "voltmeter" is a part of every
+    transducer's output. One of scope "sensor" is of one transducer, in mV.
     Columns that are zero, or that the declared model holds already, are left out by the search.
 
     Attributes:
         terms: its columns, given the observations.
+        searched: whether its terms are one another's alternatives, for as many values of a constant that is searched:
+            together they have the share of the family's level that another effect's terms have each.
+        at_most: the largest coefficient that the cause can have; what would take a larger one is something else.
+        on_suspicion: whether it is named only where nothing else explains the data, and else among the aliases.
 
     """
 
     terms: Callable[[WholePlotData], tuple[PressureTerm, ...]]
+    searched: bool = False
+    at_most: float = float("inf")
+    on_suspicion: bool = False
+
+
+def fixed(*terms: tuple[str, Callable[[PressureScene], FloatArray]]) -> Callable[..., tuple[PressureTerm, ...]]:
+    """The same terms whatever the observations."""
+    entries = tuple(PressureTerm(*term) for term in terms)
+    return lambda _data: entries

@@ -34,9 +34,11 @@ from fitter.effects.tables_of_settings import (
     RECIPROCAL,
     SATURATION,
     SECOND_ORDER,
+    SQUARE_ROOT,
     THIRD_ORDER,
 )
 from fitter.effects.tables_of_time import (
+    AGEING,
     ANNUAL_CYCLE,
     CARRY_OVER,
     DAILY_CYCLE,
@@ -47,6 +49,7 @@ from fitter.effects.tables_of_time import (
     SENSITIVITY_DRIFT,
     SETTING_LAG,
     STEP,
+    WARM_UP,
 )
 
 TABLE_CATALOGUE: tuple[TableKind, ...] = (
@@ -64,10 +67,13 @@ TABLE_CATALOGUE: tuple[TableKind, ...] = (
     HYSTERESIS,
     SENSITIVITY_DRIFT,
     LOGARITHM,
+    SQUARE_ROOT,
     RECIPROCAL,
     CARRY_OVER,
     COVARIATE_SECOND_ORDER,
     DRIFT_SECOND_ORDER,
+    WARM_UP,
+    AGEING,
     FOURTH_ORDER,
     FIFTH_ORDER,
     STEP,

@@ -12,10 +12,13 @@ import numpy as np
 from fitter.arrays import FloatArray
 from fitter.effects.tables_scene import CYCLES, Profile, TableScene, TableTerm, is_angle
 
-KNOTS, STEPS, LAGS, DECAYS = 24, 60, 10, 5
-CYCLES_MOST, OVERSAMPLED = 40, 2
-"""Waves go up to so many periods over the span, in steps of 1/OVERSAMPLED of a period."""
+KNOTS, STEPS, LAGS, DECAYS, SETTLINGS = 24, 60, 10, 5, 12
+CYCLES_MOST, OVERSAMPLED, PER_CYCLE = 120, 2, 2.5
+"""Waves go up to so many periods over the span, in steps of 1/OVERSAMPLED of a period, at least PER_CYCLE values of
+the variable in each."""
 HARMONICS = 12
+MOVES_WITH = 0.9
+"""Correlation with the velocity told from which a setting's rate is one."""
 FEWEST_FOR_KNOT, FEWEST_FOR_WAVE, FEWEST_BESIDE_STEP = 10, 24, 5
 
 Terms = Sequence[TableTerm]
@@ -60,6 +63,13 @@ def logarithm(scene: TableScene, name: str) -> Terms:
     """log v, where all values are positive and span a factor of three."""
     v = scene.of(name)
     return (TableTerm((f"log({name})",), np.log(v)[:, None]),) if _spans(v) else ()
+
+
+def square_root(scene: TableScene, name: str) -> Terms:
+    """sqrt v, where no value is negative and they span a factor of three."""
+    v = scene.of(name)
+    spans = v.min() >= 0.0 and v.max() >= 3.0 * v.min() and len(np.unique(v)) > 2
+    return (TableTerm((f"sqrt({name})",), np.sqrt(v)[:, None]),) if spans else ()
 
 
 def reciprocal(scene: TableScene, name: str) -> Terms:
@@ -107,7 +117,7 @@ def wave(scene: TableScene, name: str) -> Terms:
     distinct = len(np.unique(v))
     if len(v) < FEWEST_FOR_WAVE or distinct < 16 or is_angle(name, v):
         return ()
-    span, most = float(np.ptp(v)), min(CYCLES_MOST, distinct // 3)
+    span, most = float(np.ptp(v)), min(CYCLES_MOST, int(distinct / PER_CYCLE))
     cycles = np.arange(OVERSAMPLED, most * OVERSAMPLED + 1) / OVERSAMPLED
 
     def at(c: float) -> TableTerm:
@@ -145,6 +155,41 @@ def cycle(which: str) -> Callable[[TableScene, str], Terms]:
         return (TableTerm((f"sin({text})", f"cos({text})"), np.column_stack([np.sin(phase), np.cos(phase)])),)
 
     return terms
+
+
+def warm_up(scene: TableScene, name: str) -> Terms:
+    """exp(-t/tau) from the first row on, for a few tau."""
+
+    def column(since: FloatArray, tau: float) -> FloatArray:
+        return np.exp(-since / tau)
+
+    return _settling(scene, name, "exp(-({since})/{tau:.4g})", column, 0.5)
+
+
+def ageing(scene: TableScene, name: str) -> Terms:
+    """log(1 + t/tau) from the first row on, for a few tau."""
+
+    def column(since: FloatArray, tau: float) -> FloatArray:
+        return np.log1p(since / tau)
+
+    return _settling(scene, name, "log(1 + ({since})/{tau:.4g})", column, 1.0)
+
+
+def _settling(
+    scene: TableScene, name: str, text: str, column: Callable[[FloatArray, float], FloatArray], longest: float
+) -> Terms:
+    """A curve from the first row on for constants from a few rows to a part of the span."""
+    v = scene.of(name)
+    if len(np.unique(v)) < FEWEST_FOR_KNOT:
+        return ()
+    since, span = v - v.min(), float(np.ptp(v))
+    shortest = min(2.0 * span / len(v), 0.1 * span)
+    formula = _power_text(name, float(v.min()), 1)
+
+    def at(tau: float) -> TableTerm:
+        return TableTerm((text.format(since=formula, tau=tau),), column(since, tau)[:, None])
+
+    return _searched(np.geomspace(shortest, longest * span, SETTLINGS), at, log=True)
 
 
 def step(scene: TableScene, name: str) -> Terms:
@@ -194,8 +239,22 @@ def side(scene: TableScene, name: str) -> Terms:
 
 
 def speed(scene: TableScene, name: str) -> Terms:
-    """The velocity itself."""
-    return () if scene.speed is None else (TableTerm((name,), scene.speed[1][:, None]),)
+    """The velocity itself, and the rate of every setting that moves with it, from the row before and its time.
+
+    What comes late by less than a row is off by the way since then: at rest before the first row, as in `previous`.
+    """
+    if scene.speed is None:
+        return ()
+    velocity, time = scene.speed[1], scene.time
+    terms = [TableTerm((name,), velocity[:, None])]
+    gap = np.zeros(0) if time is None else np.diff(time.values)
+    if not len(gap) or np.any(gap <= 0):
+        return terms
+    for setting, v in scene.settings.items():
+        rate = np.concatenate([[0.0], np.diff(v) / gap])
+        if np.ptp(rate) > 0 and abs(np.corrcoef(rate, velocity)[0, 1]) > MOVES_WITH:
+            terms.append(TableTerm((f"rate({setting})",), rate[:, None]))
+    return terms
 
 
 def side_times(scene: TableScene, name: str, variable: str) -> Terms:

@@ -67,6 +67,18 @@ LOGARITHM = TableKind(
     columns.logarithm,
 )
 
+SQUARE_ROOT = TableKind(
+    "square-root",
+    "nonlinearity",
+    "setting",
+    "the response has a part that goes with the root of {0}: flow through an orifice, heat carried off a wire",
+    "between-point",
+    "{y} per root of the unit of {0}",
+    "add points at the low end of {0}",
+    "0.1 to 1 % of range",
+    columns.square_root,
+)
+
 RECIPROCAL = TableKind(
     "reciprocal",
     "nonlinearity",

@@ -55,6 +55,30 @@ DRIFT_SECOND_ORDER = TableKind(
     columns.power(2),
 )
 
+WARM_UP = TableKind(
+    "warm-up",
+    "drift",
+    "clock",
+    "the offset settles after the start, by one time constant",
+    "point-by-replication",
+    "{y}",
+    "switch off, wait and start again: a warm-up comes back, a drift goes on",
+    "ppm to percent, over minutes to hours",
+    columns.warm_up,
+)
+
+AGEING = TableKind(
+    "ageing",
+    "drift",
+    "clock",
+    "the offset drifts with the logarithm of {0}: ageing, creep, stress that relaxes",
+    "point-by-replication",
+    "{y} per factor of e in {0}",
+    "go on for several times as long: a logarithm gains as much with every doubling of {0}",
+    "1e-9 to 1e-7 of an oscillator's frequency, ppm of a resistor",
+    columns.ageing,
+)
+
 STEP = TableKind(
     "step",
     "step",

@@ -6,20 +6,22 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy import special
 
 from fitter.arrays import FloatArray
 from fitter.effects import Stratum
 from fitter.trace.aliases import Products, Rival, rivals
 from fitter.trace.estimate import coefficients, concerns, estimate
-from fitter.trace.family import ALPHA, COUNTED, Family
+from fitter.trace.family import ALPHA, Family
 from fitter.trace.problem import Candidate, Problem
 from fitter.trace.refine import refined
-from fitter.trace.replications import p_between_replications
+from fitter.trace.replications import Between, Slow, between_replications, slow_of
 from fitter.trace.robust import second_thoughts
 from fitter.trace.score import Scores, beside, errors, score
 
-TOGETHER = 0.05
-"""P between replications above which what happens within them is not asked for: together they would be too much."""
+BETWEEN = 5 / 7, 1 / 7
+"""Of ALPHA, for tests between replications without and with a constant that is searched: 2.5 % and 0.5 % of runs,
+beside the 3 % of all others. Second thoughts let less than half of either through."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,26 +110,41 @@ class AttitudeJudge:
     def _known(self) -> dict[tuple[frozenset[int], int], float]:
         return {}
 
-    def _between(self, chosen: tuple[int, ...]) -> FloatArray:
-        """(U,) p between replications, each multiplied by the number of its kind over their share of the family.
+    @cached_property
+    def _slow(self) -> Slow:
+        return slow_of(self.problem)
 
-        Searched time constants are a kind of their own, or they would take the power from all others.
+    def _between(self, chosen: tuple[int, ...]) -> FloatArray:
+        """(U,) p of what replications say, multiplied by the number of tests over their share of the family.
 
         What varies within replications too says something there, of which what it does between them knows nothing: the
-        two are put together as Fisher does.
+        two are put together, each with the weight of what it knows of the coefficient.
         """
         gamma = coefficients(self.problem, chosen, "declared")[0]
-        p = p_between_replications(self.problem, chosen, gamma)
-        effects = [self.candidates[unit[0]].effect for unit in self.problem.units]
-        sought = np.array([e.searched and e.stratum != "replication" for e in effects], bool)
-        tests = np.where(sought, max(int(np.sum(p[sought] < 1.0)), 1), max(int(np.sum(p[~sought] < 1.0)), 1))
-        both = [
-            u
-            for u in np.flatnonzero(p < TOGETHER).tolist()
-            if self.problem.judged_at[self.problem.units[u][0]] == "points"
-        ]
-        scores = score(self.problem, chosen, both)
+        between = between_replications(self.problem, self._slow, chosen, gamma)
+        tested = np.flatnonzero(between.p < 1.0).tolist()
+        both = [u for u in tested if self.problem.judged_at[self.problem.units[u][0]] == "points"]
+        scores, price = score(self.problem, chosen, both), self._price
+        p = between.p.copy()
         for u in both:
-            product = max(p[u] * second_thoughts(self.problem, chosen, u, scores, 1.0), np.finfo(float).tiny)
-            p[u] = product * (1.0 - np.log(product))
-        return np.asarray(np.minimum(p * tests / COUNTED, 1.0))
+            p[u] = _together(between, u, scores.p[u], scores.sign[u])
+            if p[u] * price[u] <= ALPHA:
+                p[u] = _together(between, u, second_thoughts(self.problem, chosen, u, scores, 1.0), scores.sign[u])
+        return np.asarray(np.minimum(p * price, 1.0))
+
+    @cached_property
+    def _price(self) -> FloatArray:
+        """(U,) number of tests of a unit's kind over their share of the family."""
+        given, sought = (count / share for count, share in zip(self.family.between, BETWEEN, strict=True))
+        effects = [self.candidates[unit[0]].effect for unit in self.problem.units]
+        return np.array([sought if e.searched and e.stratum != "replication" else given for e in effects])
+
+
+def _together(between: Between, u: int, within: float, sign: float) -> float:
+    """P of what a unit does between and within replications: by weight and sign; of several columns as Fisher does."""
+    p = np.clip([between.p[u], within], np.finfo(float).tiny, 1.0)
+    if between.sign[u] == 0.0:
+        product = float(np.prod(p))
+        return product * (1.0 - float(np.log(product)))
+    z = -special.ndtri(0.5 * p) * np.sqrt([between.share[u], 1.0 - between.share[u]])
+    return float(min(2.0 * special.ndtr(-(z[0] + z[1] * sign * between.sign[u])), 1.0))

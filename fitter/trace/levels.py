@@ -39,6 +39,8 @@ class Levels:
         stretch: (n,) which stretch of consecutive observations, a quarter of a replication, a row belongs to.
         executed: (n,) rows in the order of running, replication by replication.
         replicate: (n,) replication of each row, from 0.
+        alone: for each replication, (L, n_r) from its rows to the parameters of its own fit, scaled so that scatter of
+            readings gives all of them its own standard deviation.
         beside: further columns of the declared model that are taken out for each sensor; they cost degrees of freedom.
 
     """
@@ -50,6 +52,7 @@ class Levels:
     stretch: IntArray
     executed: IntArray
     replicate: IntArray
+    alone: tuple[FloatArray, ...]
     beside: int = 0
 
     @property
@@ -87,12 +90,17 @@ class Levels:
             taken = [self._basis(level).T @ columns]
             if level == "points":
                 visits = np.sqrt(self._visits)[:, None]
-                taken.append(np.add.reduceat(columns[self._by_point], self._first, axis=0) / visits)
+                taken.append(np.stack([np.bincount(self.point, one) for one in columns.T], axis=1) / visits)
             if beside.shape[1]:
                 taken.append(orthonormal(self.leave(beside, level), np.linalg.norm(beside, axis=0)).T @ columns)
             basis = np.concatenate(taken)
             out[level] = whole - basis.T @ basis
         return out
+
+    def own(self, columns: FloatArray) -> FloatArray:
+        """(n_rep, L, q) parameters of each replication's own fit to `columns` (n, q), less their means."""
+        each = np.stack([fit @ columns[self.replicate == r] for r, fit in enumerate(self.alone)])
+        return np.asarray(each - each.mean(axis=0))
 
     def walks(self, level: Level) -> Walks:
         """Likelihoods, of what a level leaves, under random walks of the offset."""
@@ -107,16 +115,8 @@ class Levels:
         return {}
 
     @cached_property
-    def _by_point(self) -> IntArray:
-        return np.argsort(self.point, kind="stable")
-
-    @cached_property
     def _visits(self) -> IntArray:
         return np.bincount(self.point)
-
-    @cached_property
-    def _first(self) -> IntArray:
-        return np.concatenate([[0], np.cumsum(self._visits)[:-1]])
 
     def _basis(self, level: Level) -> FloatArray:
         return {"declared": self.declared, "replications": self.replications, "points": self.points}[level]
@@ -134,8 +134,15 @@ def levels_of(data: AttitudeData, beside: int = 0) -> Levels:
         stretch=stretches(data, -(-len(data) // (4 * data.replicates.size))),
         executed=np.lexsort((data.order, data.replicate_index)),
         replicate=data.replicate_index,
+        alone=_alone(h, data.replicate_index),
         beside=beside,
     )
+
+
+def _alone(h: FloatArray, replicate: IntArray) -> tuple[FloatArray, ...]:
+    count = int(replicate.max()) + 1
+    metric = np.linalg.qr(h, mode="r") / np.sqrt(count)
+    return tuple(metric @ np.linalg.pinv(h[replicate == r]) for r in range(count))
 
 
 def stretches(data: AttitudeData, length: int) -> IntArray:

@@ -1,12 +1,13 @@
 """A run made ready for the search: every candidate's column for every sensor, and their products at every level.
 
 Products are all that least squares needs, whatever is in the model: a search over hundreds of columns then never
-touches the observations again, except for the few candidates that come near to standing out.
+touches the observations again, except for the few candidates that come near to standing out. Their columns are reckoned
+again when they are wanted, which is quicker than it sounds and takes a third of the memory of keeping all of them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -17,16 +18,21 @@ from fitter.arrays import FloatArray, IntArray
 from fitter.calibration import AttitudeFit, fit_all
 from fitter.data import AttitudeData
 from fitter.effects import Effect, Scene, Term
+from fitter.trace.aliases import NOTHING_LEFT
 from fitter.trace.levels import LEVELS, Level, Levels, levels_of
 
-KEPT = 1e-3
-"""A candidate is judged point by replication if this share of it varies there; in other orders of running time and
-direction are functions of the point, and it is judged between points."""
+KEPT = 0.05
+"""A candidate is judged point by replication if this share of what replications leave of it varies there. In other
+orders of running time and direction are functions of the point, and it is judged between points: by so small a share
+an effect could only be found when it is large enough to have been given other names between points before."""
 IS_THE_MODEL = 1e-4
 """A column of which no larger share than this is left beside the declared model adds nothing to it."""
 REACHES = 0.05
 """A term must move the sensors by this share of what the strongest term of its effect does. Others reach them only
 through small misalignments and would need absurd coefficients."""
+
+AT_ONCE = 64
+"""Columns that are reckoned at a time where only their products are wanted."""
 
 
 @dataclass(frozen=True)
@@ -70,9 +76,10 @@ class Problem:
         units: candidates that are judged together, by index; every candidate is in one.
         levels: projections.
         concerned: for each sensor, indices of the candidates that concern it.
-        blocks: for each sensor, (n, J_s) what the declared model leaves of their columns.
         outputs: (S, n) what it leaves of the outputs.
         products: of both, by level.
+        own: (n_rep, S, L, J) what each column does to the parameters of each replication's own fit, centred.
+        own_outputs: (n_rep, S, L) these parameters.
         length: (S, J) length of each column as it is.
         judged_at: for each candidate, the level it is tested at.
         wander: (S,) mean square step, a row, of the random walk in each sensor's offset, over its error's variance;
@@ -86,9 +93,10 @@ class Problem:
     units: tuple[tuple[int, ...], ...]
     levels: Levels
     concerned: tuple[IntArray, ...]
-    blocks: tuple[FloatArray, ...]
     outputs: FloatArray
     products: Mapping[Level, Products]
+    own: FloatArray
+    own_outputs: FloatArray
     length: FloatArray
     judged_at: tuple[Level, ...]
     wander: FloatArray
@@ -106,16 +114,12 @@ class Problem:
 
     def columns_at(self, level: Level, picked: Sequence[int]) -> FloatArray:
         """(S, n, q) what a level leaves of some candidates' columns, V per unit coefficient."""
-        out = np.zeros((len(self.sensors), len(self.scene.data), len(picked)))
-        for i, own in enumerate(self.concerned):
-            at = [
-                (k, p) for k, j in enumerate(picked) if (p := int(np.searchsorted(own, j))) < own.size and own[p] == j
-            ]
-            if at:
-                k, p = np.array(at).T
-                own_columns = self.blocks[i][:, p]
-                out[i][:, k] = own_columns if level == "declared" else self.left(i, own_columns, level)
-        return out
+        raw = raw_columns(self.scene, [self.candidates[j] for j in picked])
+        for i, columns in enumerate(raw):
+            own = np.flatnonzero(np.any(columns != 0.0, axis=0))
+            left = self.left(i, columns[:, own], "declared")
+            columns[:, own] = left if level == "declared" else self.left(i, left, level)
+        return raw
 
     def outputs_at(self, level: Level) -> FloatArray:
         """(S, n) what a level leaves of the outputs, V."""
@@ -139,22 +143,23 @@ class Problem:
         for j, term in zip(picked, terms, strict=True):
             candidates[j] = replace(candidates[j], term=term)
         raw = raw_columns(self.scene, [candidates[j] for j in picked])
-        blocks, length = list(self.blocks), self.length.copy()
+        length, moves = self.length.copy(), self.own.copy()
         length[:, picked] = np.linalg.norm(raw, axis=1)
         products = {level: _copied(self.products[level]) for level in LEVELS}
         for i, own in enumerate(self.concerned):
-            here = np.searchsorted(own, picked)
-            if here[0] < own.size and own[here[0]] == picked[0]:
-                columns = self.left(i, raw[i], "declared")
-                blocks[i] = blocks[i].copy()
-                blocks[i][:, here] = columns
-                for level in LEVELS:
-                    left, to = self.left(i, columns, level), products[level]
-                    cross = blocks[i].T @ left
-                    to.columns[i][own[:, None], picked] = cross
-                    to.columns[i][np.array(picked)[:, None], own] = cross.T
-                    to.outputs[i, picked] = self.outputs[i] @ left
-        return replace(self, candidates=tuple(candidates), blocks=tuple(blocks), products=products, length=length)
+            if picked[0] not in own:
+                continue
+            columns = self.left(i, raw[i], "declared")
+            moves[:, i][..., picked] = self.levels.own(columns)
+            left = np.concatenate([self.left(i, columns, level) for level in LEVELS], axis=1)
+            sensor, every = self.sensors[i], [candidates[j] for j in own]
+            across = np.concatenate([_columns(self.scene, some, sensor).T @ left for some in _batches(every)])
+            for level, cross in zip(LEVELS, np.split(across, len(LEVELS), axis=1), strict=True):
+                to = products[level]
+                to.columns[i][own[:, None], picked] = cross
+                to.columns[i][np.array(picked)[:, None], own] = cross.T
+                to.outputs[i, picked] = self.outputs[i] @ self.left(i, columns, level)
+        return replace(self, candidates=tuple(candidates), products=products, own=moves, length=length)
 
 
 def _copied(products: Products) -> Products:
@@ -181,29 +186,23 @@ def pose(data: AttitudeData, catalogue: Sequence[Effect], *, temperature: bool =
     every = _candidates(data, catalogue)
     length = np.zeros((len(data.sensors), len(every)))
     left = np.zeros_like(length)
-    blocks, owns = [], []
+    moves = np.zeros((data.replicates.size, len(data.sensors), levels.declared.shape[1], len(every) + 1))
+    outputs, owns, known = [], [], []
     for i, sensor in enumerate(data.sensors):
         own = np.array([j for j, c in enumerate(every) if c.sensor in (None, sensor)], np.int64)
-        block = np.empty((len(data), own.size), order="F")
-        for k, j in enumerate(own):
-            block[:, k] = every[j].term.column(scene, sensor)
-        length[i, own] = np.linalg.norm(block, axis=0)
-        block = levels.leave_beside(block, beside[i], level="declared")
-        left[i, own] = np.linalg.norm(block, axis=0)
-        blocks.append(block)
+        both = np.empty((len(data), own.size + 1), order="F")
+        both[:, -1] = data.outputs[sensor]
+        _columns(scene, [every[j] for j in own], sensor, both)
+        length[i, own] = np.linalg.norm(both[:, :-1], axis=0)
+        both = levels.leave_beside(both, beside[i], level="declared")
+        left[i, own] = np.linalg.norm(both[:, :-1], axis=0)
+        moves[:, i][..., [*own, -1]] = levels.own(both)
+        outputs.append(both[:, -1].copy())
         owns.append(own)
+        known.append(levels.products(both, beside[i]))
     useful = _useful(every, length, left)
-    number = np.cumsum(useful) - 1
     candidates = tuple(c for c, use in zip(every, useful, strict=True) if use)
-    blocks = [block[:, useful[own]] for block, own in zip(blocks, owns, strict=True)]
-    concerned = tuple(number[own[useful[own]]] for own in owns)
-    outputs = np.stack(
-        [
-            levels.leave_beside(data.outputs[s][:, None], b, level="declared")[:, 0]
-            for s, b in zip(data.sensors, beside, strict=True)
-        ]
-    )
-    products = _products(levels, blocks, concerned, outputs, beside, len(candidates))
+    products = _products(known, owns, useful)
     length, units = length[:, useful], _units(candidates)
     return Problem(
         scene=scene,
@@ -211,32 +210,45 @@ def pose(data: AttitudeData, catalogue: Sequence[Effect], *, temperature: bool =
         candidates=candidates,
         units=units,
         levels=levels,
-        concerned=concerned,
-        blocks=tuple(blocks),
-        outputs=outputs,
+        concerned=tuple((np.cumsum(useful) - 1)[own[useful[own]]] for own in owns),
+        outputs=np.stack(outputs),
         products=products,
+        own=moves[..., :-1][..., useful],
+        own_outputs=moves[..., -1],
         length=length,
-        judged_at=_judged_at(candidates, units, products["points"], length),
+        judged_at=_judged_at(candidates, units, products, length),
         wander=np.zeros(len(data.sensors)),
     )
 
 
+def _columns(scene: Scene, candidates: Sequence[Candidate], sensor: str, out: FloatArray | None = None) -> FloatArray:
+    """(n, q) columns of one sensor, in the first q columns of `out` if it is given."""
+    out = np.empty((len(scene.data), len(candidates)), order="F") if out is None else out
+    for k, candidate in enumerate(candidates):
+        out[:, k] = candidate.term.column(scene, sensor)
+    return out
+
+
+def _batches(candidates: Sequence[Candidate]) -> Iterator[Sequence[Candidate]]:
+    return (candidates[k : k + AT_ONCE] for k in range(0, len(candidates), AT_ONCE))
+
+
 def _products(
-    levels: Levels,
-    blocks: Sequence[FloatArray],
-    concerned: Sequence[IntArray],
-    outputs: FloatArray,
-    beside: Sequence[FloatArray],
-    count: int,
+    known: list[dict[Level, FloatArray]], owns: Sequence[IntArray], useful: NDArray[np.bool_]
 ) -> dict[Level, Products]:
+    """Of the useful ones of all candidates, from products of each sensor's own with its output last."""
+    sensors, count, number = len(known), int(useful.sum()), np.cumsum(useful) - 1
     out = {
-        level: Products(np.zeros((len(blocks), count, count)), np.zeros((len(blocks), count)), np.zeros(len(blocks)))
+        level: Products(np.zeros((sensors, count, count)), np.zeros((sensors, count)), np.zeros(sensors))
         for level in LEVELS
     }
-    for i, (block, own, y) in enumerate(zip(blocks, concerned, outputs, strict=True)):
-        for level, both in levels.products(np.column_stack([block, y]), beside[i]).items():
-            out[level].columns[i][np.ix_(own, own)] = both[:-1, :-1]
-            out[level].outputs[i, own], out[level].square[i] = both[:-1, -1], max(both[-1, -1], 0.0)
+    for i, own in enumerate(owns):
+        kept = np.flatnonzero(useful[own])
+        at = number[own[kept]]
+        for level in LEVELS:
+            both = known[i].pop(level)
+            out[level].columns[i][np.ix_(at, at)] = both[np.ix_(kept, kept)]
+            out[level].outputs[i, at], out[level].square[i] = both[kept, -1], max(float(both[-1, -1]), 0.0)
     return out
 
 
@@ -248,12 +260,16 @@ def _units(candidates: Sequence[Candidate]) -> tuple[tuple[int, ...], ...]:
 
 
 def _judged_at(
-    candidates: Sequence[Candidate], units: Sequence[tuple[int, ...]], points: Products, length: FloatArray
+    candidates: Sequence[Candidate],
+    units: Sequence[tuple[int, ...]],
+    products: Mapping[Level, Products],
+    length: FloatArray,
 ) -> tuple[Level, ...]:
-    left2, length2 = np.einsum("sjj->j", points.columns), np.sum(length**2, axis=0)
+    within, both = (np.einsum("sjj->j", products[level].columns) for level in ("points", "replications"))
+    least = np.maximum(KEPT * both, NOTHING_LEFT**2 * np.sum(length**2, axis=0))
     level: list[Level] = ["replications"] * len(candidates)
     for unit in map(list, units):
-        if candidates[unit[0]].effect.stratum != "between-point" and np.any(left2[unit] > KEPT * length2[unit]):
+        if candidates[unit[0]].effect.stratum != "between-point" and np.any(within[unit] > least[unit]):
             for j in unit:
                 level[j] = "points"
     return tuple(level)
@@ -261,7 +277,8 @@ def _judged_at(
 
 def scene_of(data: AttitudeData, fits: Mapping[str, AttitudeFit]) -> Scene:
     """References of a run: mean temperature, middle of the time, each sensor's axis as the declared model has it."""
-    axes, temperature = {s: fit.sensitive_axis for s, fit in fits.items()}, data.sensor_temperature_degC
+    turned = np.eye(3) if data.mounting is None else data.mounting[0]
+    axes, temperature = {s: turned @ fit.sensitive_axis for s, fit in fits.items()}, data.sensor_temperature_degC
     return Scene(
         data=data,
         axes=axes,

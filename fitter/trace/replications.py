@@ -2,9 +2,8 @@
 
 Each replication's own parameters are one observation here, and there are only n of them. What a candidate would do
 to them is a direction in the space of parameters and a size for each replication; the parameters along that direction
-are regressed on that size twice, as if replications wandered independently and as if they took a random walk. The less
-favourable answer counts: a trend in six offsets that a random walk explains is no trend. What the same parameters of
-all sensors do beside their own slopes is the error: six replications of one sensor are too few to know it by.
+are regressed on that size. Beside the scatter that readings give them, which is known, replications may differ
+independently and may take a random walk (`offsets.py`): a trend in six offsets that a random walk explains is no trend.
 
 A package that slips turns all sensors alike. What their axes do beside that, 9 numbers a replication for three sensors,
 is error enough to judge it by.
@@ -17,133 +16,149 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fitter.arrays import FloatArray
-from fitter.attitude import attitude_columns
+from fitter.arrays import FloatArray, IntArray
 from fitter.linear import orthonormal
-from fitter.quantiles import f_tail, t_tail
+from fitter.quantiles import f_tail
+from fitter.trace.offsets import slopes
 from fitter.trace.problem import Problem
 from fitter.trace.score import errors
 
 FEWEST = 4
 """Replications without which nothing can be said at this level."""
+SHOWS = 0.25
+"""What a column does between replications, in squares of the errors there, over what it does within them: below this
+share nothing is gained by asking."""
+REACHES = 0.05
+"""Share of what a column does that it must do to a sensor, for that sensor to have a part in it."""
+MOVES = 1e-4
+"""Share of a column's square that must be a move of replications' own parameters."""
 
 
 @dataclass(frozen=True, eq=False)
-class _Slow:
-    """What one column does to a sensor's own parameters of each replication, and what they did.
+class Slow:
+    """What candidates do to the own parameters of n replications of S sensors: Q columns that show there, and slips.
 
     Attributes:
-        x: (n_rep,) size of the move, along the direction in which the column moves the parameters, centred.
-        v: (n_rep,) the parameters along it, over the scatter that readings give them, centred.
+        columns: (Q,) the candidates.
+        searched: (Q,) whether they have a constant that is searched.
+        x: (S, n, Q) size of the move along the direction in which a column moves a sensor's parameters most, centred;
+            for the sensors that a column does not concern, that of the same term on them.
+        direction: (S, L, Q) these directions.
+        tested: (S, Q) sensors that the column concerns.
+        others: (S, Q) sensors that the same term concerns, and this column does not.
+        share: (Q,) of what is known of a column's coefficient, how much is known from between replications.
+        slips: units of stratum "replication".
 
     """
 
+    columns: IntArray
+    searched: NDArray[np.bool_]
     x: FloatArray
-    v: FloatArray
-
-    def steps(self) -> _Slow:
-        """The same of changes from one replication to the next."""
-        return _Slow(np.diff(self.x), np.diff(self.v))
-
-    @property
-    def left(self) -> float:
-        """Sum of squares beside its own slope."""
-        return float(self.v @ self.v - (self.x @ self.v) ** 2 / (self.x @ self.x))
+    direction: FloatArray
+    tested: NDArray[np.bool_]
+    others: NDArray[np.bool_]
+    share: FloatArray
+    slips: tuple[int, ...]
 
 
-def p_between_replications(problem: Problem, chosen: tuple[int, ...], gamma: FloatArray) -> FloatArray:
-    """(U,) probability of so good a relation between replications by chance; one where there is none to test.
+@dataclass(frozen=True, eq=False)
+class Between:
+    """What replications say of each unit, (U,); p is one where there is nothing to test.
 
-    Tested are units without a searched constant, of searched ones those of temperature, and those of stratum
-    "replication".
+    Attributes:
+        p: probability of so good a relation by chance.
+        sign: of the coefficient; zero for units of several columns.
+        share: see `Slow`.
+
+    """
+
+    p: FloatArray
+    sign: FloatArray
+    share: FloatArray
+
+
+def slow_of(problem: Problem) -> Slow:
+    """What is tested between replications: what is not between points, and shows there enough to be worth asking."""
+    n, sensors, size = problem.own.shape[:3]
+    picked = [j for j, c in enumerate(problem.candidates) if c.effect.stratum not in ("between-point", "replication")]
+    if n < FEWEST:
+        picked = []
+    sigma = errors(problem, ())
+    own = problem.own[..., picked] / sigma[:, None, None]
+    moved = np.sum(own**2, axis=(0, 2))
+    both = np.moveaxis(own, 0, 2).transpose(0, 3, 2, 1)
+    direction = np.linalg.svd(both, full_matrices=False)[2][:, :, 0] if picked else np.zeros((sensors, 0, size))
+    x = np.einsum("sqnl,sql->snq", both, direction)
+    within = np.einsum("sjj,s->j", problem.products["points"].columns[:, picked][:, :, picked], sigma**-2.0)
+    length2 = np.einsum("sj,s->j", problem.length[:, picked] ** 2, sigma**-2.0)
+    between = moved.sum(axis=0)
+    tested = moved > REACHES * between
+    shows = (between > MOVES * length2) & (between > SHOWS * within)
+    others = np.zeros_like(tested)
+    named = [(problem.candidates[j].effect.name, problem.candidates[j].term.name) for j in picked]
+    alike: dict[tuple[str, str], list[int]] = {}
+    for q, name in enumerate(named):
+        alike.setdefault(name, []).append(q)
+    for q, name in enumerate(named):
+        for other in alike[name]:
+            if other != q and np.sum(tested[:, q]) == 1:
+                at = tested[:, other] & ~tested[:, q]
+                others[at, q], x[at, :, q], direction[at, q] = True, x[at, :, other], direction[at, other]
+    slips = tuple(
+        u
+        for u, unit in enumerate(problem.units)
+        if n >= FEWEST
+        and problem.candidates[unit[0]].effect.stratum == "replication"
+        and problem.judged_at[unit[0]] == "replications"
+        and np.sum((problem.own[..., unit] / sigma[:, None, None]) ** 2)
+        > MOVES * np.max(problem.length[:, unit] ** 2 / sigma[:, None] ** 2)
+    )
+    kept = np.flatnonzero(shows)
+    columns = np.array(picked, np.int64)[kept]
+    return Slow(
+        columns=columns,
+        searched=np.array([problem.candidates[j].effect.searched for j in columns], np.bool_),
+        x=x[..., kept],
+        direction=np.moveaxis(direction, 1, 2)[..., kept],
+        tested=tested[:, kept],
+        others=others[:, kept],
+        share=between[kept] / (between + within)[kept],
+        slips=slips,
+    )
+
+
+def between_replications(problem: Problem, slow: Slow, chosen: tuple[int, ...], gamma: FloatArray) -> Between:
+    """What replications say of every unit beside the `chosen` candidates.
 
     Args:
         problem: the run.
+        slow: what is tested.
         chosen: candidates already in the model.
         gamma: their coefficients.
 
     """
-    p = np.ones(len(problem.units))
-    data = problem.scene.data
-    tested = [u for u, unit in enumerate(problem.units) if _tested(problem, unit) and not set(unit) & set(chosen)]
-    if data.replicates.size < FEWEST or not tested:
-        return p
-    e = problem.outputs - problem.columns_at("declared", chosen) @ gamma
-    pure = errors(problem, chosen)
-    picked = [j for u in tested for j in problem.units[u]]
-    both = np.concatenate([e[:, :, None], problem.columns_at("declared", picked)], axis=2) / pure[:, None, None]
-    own = _own(problem, both)
-    own -= own.mean(axis=0)
-    length2 = np.sum((problem.length[:, picked] / pure[:, None]) ** 2, axis=0)
-    at = {j: k for k, j in enumerate(picked)}
-    slow = {j: _slow(own[:, :, 0], own[:, :, 1 + k], len(problem.sensors), 1e-4 * length2[k]) for j, k in at.items()}
-    alike: dict[tuple[str, str], list[_Slow]] = {}
-    for j, parts in slow.items():
-        candidate = problem.candidates[j]
-        if candidate.sensor is not None:
-            alike.setdefault((candidate.effect.name, candidate.term.name), []).extend(parts)
-    for u in tested:
-        unit = problem.units[u]
-        if problem.candidates[unit[0]].effect.stratum == "replication":
-            moves = own[:, :, [1 + at[j] for j in unit]]
-            if np.sum(moves**2) > 1e-4 * np.max(length2[[at[j] for j in unit]]):
-                p[u] = _p_turn(moves, own[:, :, 0])
-            continue
-        for j in unit:
-            candidate = problem.candidates[j]
-            others = alike[candidate.effect.name, candidate.term.name] if candidate.sensor is not None else slow[j]
-            if slow[j]:
-                p[u] = min(p[u], len(unit) * _p_slope(slow[j], others))
-    return p
-
-
-def _slow(y: FloatArray, moves: FloatArray, sensors: int, least: float) -> list[_Slow]:
-    """One column's part in every sensor it moves; none if it hardly moves the parameters, `least` being their squares.
-
-    Args:
-        y: (n_rep, S L) every sensor's own parameters, centred.
-        moves: (n_rep, S L) what the column does to them, centred.
-        sensors: S.
-        least: sum of squares.
-
-    """
-    if np.sum(moves**2) < least:
-        return []
-    parts = []
-    for own, move in zip(np.split(y, sensors, axis=1), np.split(moves, sensors, axis=1), strict=True):
-        if np.sum(move**2) > 0.05 * np.sum(moves**2):
-            direction = np.linalg.svd(move)[2][0]
-            parts.append(_Slow(move @ direction, own @ direction))
-    return parts
-
-
-def _p_slope(parts: list[_Slow], alike: list[_Slow]) -> float:
-    """P of one slope that all `parts` have in common, as if replications differed independently and as if they walked.
-
-    The error is what is left beside their slopes of the same parameters of all sensors, or of these `parts` alone, or
-    what readings scatter, whichever is most.
-    """
-    worst = 0.0
-    for of, others in ((parts, alike), ([part.steps() for part in parts], [part.steps() for part in alike])):
-        lost = 2 if of is parts else 1
-        xx = sum(float(part.x @ part.x) for part in of)
-        if xx <= 0 or any(float(other.x @ other.x) <= 0 for other in others):
-            return 1.0
-        slope = sum(float(part.x @ part.v) for part in of) / xx
-        own = sum(float(np.sum((part.v - slope * part.x) ** 2)) for part in of)
-        own_df = sum(part.x.size - lost + 1 for part in of) - 1
-        pooled_df = sum(other.x.size - lost for other in others)
-        error = max(1.0, own / own_df, sum(other.left for other in others) / pooled_df)
-        worst = max(worst, t_tail(slope * float(np.sqrt(xx / error)), max(pooled_df, own_df)))
-    return worst
-
-
-def _tested(problem: Problem, unit: tuple[int, ...]) -> bool:
-    effect = problem.candidates[unit[0]].effect
-    if effect.stratum == "replication":
-        return problem.judged_at[unit[0]] == "replications"
-    slow = not effect.searched or effect.source == "temperature"
-    return effect.stratum != "between-point" and slow
+    out = Between(*(np.full(len(problem.units), value) for value in (1.0, 0.0, 0.0)))
+    sigma = errors(problem, chosen)
+    own = (problem.own_outputs - problem.own[..., list(chosen)] @ gamma) / sigma[:, None]
+    in_model = {problem.unit_of[j] for j in chosen}
+    known = errors(problem, ())
+    scale = (known / sigma)[:, None, None]
+    values = np.einsum("nsl,slq->snq", own, slow.direction)
+    # only the offset walks, the first of the parameters; a row's step, in squares of a replication's own error
+    walk = slow.direction[:, 0] ** 2 * problem.wander[:, None] * (len(problem.scene.data) / len(own)) ** 2
+    p, sign = slopes(slow.x * scale, values, slow.tested, slow.others, walk)
+    for q, j in enumerate(slow.columns.tolist()):
+        u = problem.unit_of[j]
+        columns = len(problem.units[u])
+        if u not in in_model and columns * p[q] <= out.p[u]:
+            out.p[u], out.share[u] = min(columns * p[q], 1.0), slow.share[q]
+            out.sign[u] = sign[q] if columns == 1 else 0.0
+    for u in slow.slips:
+        if u not in in_model:
+            moves = problem.own[..., problem.units[u]] / sigma[:, None, None]
+            out.p[u] = _p_turn(moves.reshape(len(own), -1, moves.shape[3]), own.reshape(len(own), -1))
+            out.share[u] = 1.0
+    return out
 
 
 def _p_turn(moves: FloatArray, y: FloatArray) -> float:
@@ -169,13 +184,3 @@ def _p_turn(moves: FloatArray, y: FloatArray) -> float:
         error = max((float(v @ v) - explained) / df, 1.0)
         worst = max(worst, f_tail(explained / basis.shape[1] / error, basis.shape[1], df))
     return worst
-
-
-def _own(problem: Problem, columns: FloatArray) -> FloatArray:
-    """(n_rep, S L, q) parameters of each replication's own fit to `columns` (S, n, q), scaled alike."""
-    data = problem.scene.data
-    h = attitude_columns(data.pitch_deg, data.roll_deg, roll=problem.scene.roll)
-    metric = np.linalg.qr(h, mode="r") / np.sqrt(data.replicates.size)
-    rows: list[NDArray[np.bool_]] = [data.replicate_index == r for r in range(data.replicates.size)]
-    own = [metric @ np.linalg.pinv(h[picked]) @ columns[:, picked] for picked in rows]
-    return np.stack([block.reshape(-1, columns.shape[2]) for block in own])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Self
 
 import numpy as np
@@ -260,6 +260,24 @@ class SensorTrace:
         return table
 
 
+@dataclass(frozen=True)
+class Explanation:
+    """One explanation of something that was found.
+
+    Attributes:
+        effect: name in the catalogue.
+        terms: candidates of the effect that it takes, of the kind of run.
+        sigmas: standard errors by which it falls behind the best explanation.
+        alias: whether the data cannot tell it from the best.
+
+    """
+
+    effect: str
+    terms: tuple[Any, ...]
+    sigmas: float
+    alias: bool
+
+
 @dataclass(frozen=True, eq=False)
 class Trace:
     """What was found in a run.
@@ -271,6 +289,7 @@ class Trace:
         gamma: (q,) their coefficients, in the terms' own units.
         points: number of observations.
         outliers: rows that stand out and were left out of search and fit.
+        explanations: all of them for each effect found, best first.
 
     """
 
@@ -280,6 +299,7 @@ class Trace:
     gamma: FloatArray
     points: int
     outliers: tuple[int, ...] = ()
+    explanations: Mapping[str, tuple[Explanation, ...]] = field(default_factory=dict)
 
     def predict(self, data: AttitudeData) -> dict[str, FloatArray]:
         """(n,) outputs in volts of each sensor for other observations, effects included."""

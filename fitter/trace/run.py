@@ -20,7 +20,8 @@ from fitter.trace.noise import noise_findings, outlier_finding
 from fitter.trace.outliers import outliers
 from fitter.trace.problem import Problem, pose, raw_columns
 from fitter.trace.remainder import shared_attitude, strongest_wave
-from fitter.trace.result import Found, FoundEffect, SensorTrace, Trace, Unnamed, predict, verdict
+from fitter.trace.restarts import search_with_restarts
+from fitter.trace.result import Explanation, Found, FoundEffect, SensorTrace, Trace, Unnamed, predict, verdict
 from fitter.trace.score import RESOLVED, score
 from fitter.trace.search import ROUNDS, names_of, prune, search_and_name
 from fitter.trace.wander import expected, with_wander
@@ -66,7 +67,14 @@ def trace(
         for i, sensor in enumerate(problem.sensors)
     }
     chosen = tuple(problem.candidates[j] for j in after.chosen)
-    return Trace(sensors, problem.scene, chosen, after.gamma, len(data), tuple(aside.tolist()))
+    alternatives = {
+        name: tuple(
+            Explanation(r.effect, tuple(problem.candidates[j] for j in r.terms), r.sigmas, r.alias)
+            for r in explanations
+        )
+        for name, explanations in classes.items()
+    }
+    return Trace(sensors, problem.scene, chosen, after.gamma, len(data), tuple(aside.tolist()), alternatives)
 
 
 def _without_outliers(
@@ -113,7 +121,7 @@ def left_out(
     """
     if data.replicates.size < 2:
         return None
-    squares, count = np.zeros((2, len(data.sensors))), 0
+    squares = np.zeros((2, len(data.sensors)))
     for replicate in data.replicates:
         inside = data.replicate != replicate
         rest, aside = data.take(np.flatnonzero(inside)), data.take(np.flatnonzero(~inside))
@@ -121,14 +129,18 @@ def left_out(
             problem = pose(rest, catalogue if anything else (), temperature=temperature)
         except ValueError:
             return None
-        found: tuple[int, ...] = ()
-        if anything:
-            judge, found = _settle(problem, family)
-            problem = judge.problem
-        for i, chosen in enumerate(((), found)):
-            squares[i] += np.sum(residual_of(problem, estimate(problem, chosen), aside) ** 2, axis=1)
-        count += len(aside)
-    return np.asarray(np.sqrt(squares / count))
+        squares += _squares_aside(problem, family, aside, anything=anything)
+        del problem  # or the next one would be built beside it
+    return np.asarray(np.sqrt(squares / len(data)))
+
+
+def _squares_aside(problem: Problem, family: Family, aside: AttitudeData, *, anything: bool) -> FloatArray:
+    """(2, S) sums of squared errors on data that were set `aside`, before and after a search of the rest."""
+    found: tuple[int, ...] = ()
+    if anything:
+        judge, found = _settle(problem, family)
+        problem = judge.problem
+    return np.stack([np.sum(residual_of(problem, estimate(problem, one), aside) ** 2, axis=1) for one in ((), found)])
 
 
 def _settle(problem: Problem, family: Family) -> tuple[AttitudeJudge, tuple[int, ...]]:
@@ -137,7 +149,7 @@ def _settle(problem: Problem, family: Family) -> tuple[AttitudeJudge, tuple[int,
     A walk is looked for beside the effects and not before them: an effect of temperature not yet in the model looks
     like one, and would be judged against itself.
     """
-    judge, chosen = search_and_name(AttitudeJudge(problem, family))
+    judge, chosen = search_with_restarts(AttitudeJudge(problem, family))
     by = expected(problem)
     if by is None:
         return judge, chosen

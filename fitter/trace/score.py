@@ -38,6 +38,7 @@ class Scores:
         df: degrees of freedom of the error it was judged against.
         p: probability of a larger score by chance, this unit taken alone.
         gain: fall of the residual sum of squares, in units of the error's variance.
+        sign: of the coefficient; zero for units of several columns.
 
     """
 
@@ -46,6 +47,7 @@ class Scores:
     df: FloatArray
     p: FloatArray
     gain: FloatArray
+    sign: FloatArray
 
 
 def errors(problem: Problem, chosen: Sequence[int]) -> FloatArray:
@@ -120,9 +122,12 @@ def beside(problem: Problem, level: Level, chosen: Sequence[int], here: IntArray
     length2 = np.sum(problem.length[:, picked] ** 2 * weight[:, None], axis=0)
     spread = inverse(taken.sum(axis=0), length2)
     share, fitted = spread @ across.sum(axis=0), spread @ own.sum(axis=0)
-    cross = np.swapaxes(across, 1, 2) @ share
+    for i, over in enumerate(across):
+        cross = over.T @ share - share.T @ (0.5 * taken[i] @ share)
+        columns[i] -= cross
+        columns[i] -= cross.T
     return Beside(
-        columns - cross - np.swapaxes(cross, 1, 2) + share.T @ taken @ share,
+        columns,
         outputs - np.swapaxes(across, 1, 2) @ fitted - (own - taken @ fitted) @ share,
         np.maximum(square - 2 * own @ fitted + (taken @ fitted) @ fitted, 0.0),
     )
@@ -151,7 +156,14 @@ def inverse(products: FloatArray, length2: FloatArray, rank: int | None = None) 
 def score(problem: Problem, chosen: Sequence[int], of: Sequence[int] | None = None) -> Scores:
     """Score units (those `of` interest, or all) beside the `chosen` candidates, each at the level it is judged at."""
     count = len(problem.units)
-    scores = Scores(np.zeros(count), np.zeros(count, np.int64), np.ones(count), np.ones(count), np.zeros(count))
+    scores = Scores(
+        f=np.zeros(count),
+        rank=np.zeros(count, np.int64),
+        df=np.ones(count),
+        p=np.ones(count),
+        gain=np.zeros(count),
+        sign=np.zeros(count),
+    )
     sigma = errors(problem, chosen)
     levels: tuple[Level, ...] = ("replications", "points")
     wanted = [u for u in (range(count) if of is None else of) if not set(problem.units[u]) & set(chosen)]
@@ -211,6 +223,7 @@ def _judge(
     f = np.where(can, np.minimum(wald, gain) / np.maximum(rank, 1), 0.0)
     scores.f[units], scores.rank[units], scores.df[units] = f, rank, df
     scores.gain[units] = gain
+    scores.sign[units] = np.sign(d[:, 0]) if d.shape[1] == 1 else 0.0
     scores.p[units] = np.where(can, special.fdtrc(np.maximum(rank, 1), df, np.maximum(f, 0.0)), 1.0)
 
 

@@ -27,6 +27,7 @@ SHORTEST = 16
 SURE = 3.0
 """Standard deviations of the null by which the sums over stretches must be too large."""
 DRAWS = 100
+AT_ONCE = 20
 SEED = 1
 
 
@@ -58,12 +59,15 @@ def expected(problem: Problem) -> Expected | None:
     if problem.levels.df("points") <= 0 or each < SHORTEST:
         return None
     stretch = stretches(data, min(OBSERVATIONS, each // STRETCHES))
-    white = rng.standard_normal((len(data), DRAWS))
-    walk = np.empty_like(white)
-    walk[problem.levels.executed] = np.cumsum(rng.standard_normal((len(data), DRAWS)), axis=0)
-    left = [_sums(problem.levels.leave(noise, "points"), stretch) for noise in (white, walk)]
-    ratio = left[0][1] / left[0][0]
-    return Expected(stretch, left[0].mean(axis=1), left[1].mean(axis=1), float(ratio.std(ddof=1)))
+    white, walk = list[FloatArray](), list[FloatArray]()
+    for _ in range(DRAWS // AT_ONCE):
+        noise = rng.standard_normal((2, len(data), AT_ONCE))
+        noise[1, problem.levels.executed] = np.cumsum(noise[1], axis=0)
+        for out, one in zip((white, walk), noise, strict=True):
+            out.append(_sums(problem.levels.leave(one, "points"), stretch))
+    sums = np.concatenate(white, axis=1)
+    ratio = sums[1] / sums[0]
+    return Expected(stretch, sums.mean(axis=1), np.mean(walk, axis=(0, 2)), float(ratio.std(ddof=1)))
 
 
 def with_wander(problem: Problem, chosen: tuple[int, ...], by: Expected) -> Problem:

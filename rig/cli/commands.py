@@ -1,6 +1,7 @@
 """Every command, registered by being imported."""
 
 import rig.cli.chart
+import rig.cli.confirm
 import rig.cli.data
 import rig.cli.demo
 import rig.cli.infer

@@ -74,7 +74,7 @@ def run(
 
     with run_progress(simulated=dry or plan.bench.simulated) as show:
         result = start_run(
-            plan, out_dir, signals=_signals(), announce=announce, on_progress=_killing(show, kill_at_point)
+            plan, out_dir, signals=signals(), announce=announce, on_progress=_killing(show, kill_at_point)
         )
     return conclude(result)
 
@@ -106,7 +106,7 @@ def resume(
     with run_progress(simulated=simulated) as show:
         result = resume_run(
             run_file,
-            signals=_signals(),
+            signals=signals(),
             on_progress=_killing(show, kill_at_point),
             bench=bench,
             accept=frozenset(accept or ()),
@@ -155,7 +155,7 @@ def _outside_acceptance(result: Result) -> bool:
     return any(not verdict.inside for verdict in verdicts)
 
 
-def _signals() -> Signals:
+def signals() -> Signals:
     """SIGINT, SIGTERM and SIGHUP (a lost terminal) stop motion and leave the run resumable."""
     signals = Signals()
 

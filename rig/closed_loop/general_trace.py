@@ -92,6 +92,7 @@ def general_sentence(found: TableTrace) -> str:
     start = f"{found.response}: the declared model ({found.declared}) leaves a standard error of {before:.4g}"
     noise = [effect.cause for effect in found.effects if effect.stratum == "noise"]
     more = f" Of the noise: {'; '.join(noise)}." if noise else ""
+    more += "".join(f" What remains: {rest.where}." for rest in found.unnamed)
     if not found.added:
         return f"{start}; {found.verdict}.{more}"
     effects = " and ".join(f"{e.effect} ({percent(e.share)} of the excess)" for e in found.added)

@@ -24,6 +24,7 @@ _CLOCKS = re.compile(
 _COUNTERS = re.compile(r"^(seq|sequence|order|block|index|row|reading|n|no|nr|number|run_order)$", re.IGNORECASE)
 """Names of columns taken for the time if nobody names one."""
 _MORE = "steps, oscillations, carry-over and drifting sensitivity are looked for then too"
+_MAYBE = ", and effects had to stand out from errors that are alike along the rows, as they are if taken in this order"
 _SAME = 0.9999
 
 
@@ -93,8 +94,8 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
         raise ValueError(f"--ignore: there is no column {missing[0]!r} without gaps; leave it away")
     notes: list[str] = []
     free = _free(table, roles, (*formula.names, *response.names))
-    time = _time(table, roles, formula, free, notes)
     given = _subtracted(response)
+    time, along = _time(table, roles, formula, (*formula.names, *given), free, notes)
     order = np.arange(len(table)) if time is None else np.argsort(time.values, kind="stable")
     columns: dict[str, Any] = {name: v[order] for name, v in {**table.columns, **table.text}.items()}
     if time is not None:
@@ -119,8 +120,8 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
             **{c.name: _grouping(columns[c.name], declared=True) for term in formula.terms for c in term.categories},
         },
         time=time,
-        direction=_direction(roles, formula, columns),
-        speed=_speed(roles, formula, columns),
+        direction=_direction(roles, (*formula.names, *given), columns),
+        speed=_speed(roles, (*formula.names, *given), columns),
     )
     shared = roles.whole_plot or ((roles.replicate,) if roles.replicate else ())
     hi, lo = exact.hi, exact.lo
@@ -138,6 +139,7 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
         scene=scene,
         shared=_identities(columns, shared) if shared else None,
         points=_points(formula, columns, roles.group),
+        order_unknown=along,
         numbers=order + 2,
     )
     return data, tuple(notes)
@@ -161,14 +163,19 @@ def _free(table: Table, roles: Roles, used: Sequence[str]) -> list[str]:
     return [name for name in table.columns if name not in taken]
 
 
-def _time(table: Table, roles: Roles, formula: Formula, free: Sequence[str], notes: list[str]) -> Timeline | None:
-    """The column of time: as told, else by its name if its values go up, else the order of rows if that can be it."""
+def _time(
+    table: Table, roles: Roles, formula: Formula, settings: Sequence[str], free: Sequence[str], notes: list[str]
+) -> tuple[Timeline | None, bool]:
+    """The column of time, and whether rows may stand in the order of taking though nobody knows.
+
+    The column is as told, else by its name if its values go up, else the order of rows if that can be it.
+    """
     if roles.time is not None:
         if roles.time not in table.columns:
             raise ValueError(
                 f"--time: {roles.time} is text; give a column of numbers, such as seconds or decimal years"
             )
-        return Timeline(roles.time, table.columns[roles.time], seconds_per_unit(roles.time))
+        return Timeline(roles.time, table.columns[roles.time], seconds_per_unit(roles.time)), False
     for pattern in (_CLOCKS, _COUNTERS):
         for name in free:
             v = table.columns[name]
@@ -177,23 +184,29 @@ def _time(table: Table, roles: Roles, formula: Formula, free: Sequence[str], not
                 more = f"; --time {name} vouches for it: {_MORE}" if counts else ""
                 what = "the order of taking" if counts else "the time"
                 notes.append(f"{name} was taken for {what}; --ignore {name} leaves it out{more}")
-                return Timeline(name, v, seconds_per_unit(name), presumed=pattern is _COUNTERS)
-    by = _sorted_by(table, roles, formula, free)
-    if by is not None and roles.direction not in formula.names:
+                return Timeline(name, v, seconds_per_unit(name), presumed=pattern is _COUNTERS), False
+    by = _sorted_by(table, roles, formula, settings, free)
+    if by is not None and roles.direction not in settings:
+        along = by in {*settings, *free} and _rises(table.columns[by])
         notes.append(
             f"rows are sorted by {by} and no column of time was given, so nobody knows in what order they were taken: "
-            "drift, steps, carry-over, lags and correlation of neighbours were not looked for; --time names the column"
+            f"drift, steps, carry-over and lags were not looked for{_MAYBE if along else ''}; --time names the column"
         )
-        return None
+        return None, along
     notes.append(f"rows were taken to stand in the order of taking; --time names a column that tells: {_MORE}")
-    return Timeline("row", np.arange(1.0, len(table) + 1.0), presumed=True)
+    return Timeline("row", np.arange(1.0, len(table) + 1.0), presumed=True), False
 
 
-def _sorted_by(table: Table, roles: Roles, formula: Formula, free: Sequence[str]) -> str | None:
+def _sorted_by(
+    table: Table, roles: Roles, formula: Formula, settings: Sequence[str], free: Sequence[str]
+) -> str | None:
     """What the rows are sorted by, if by anything that is not the time."""
     categories = [c.name for term in formula.terms for c in term.categories]
-    for name in formula.names:
+    for name in settings:
         if name in table.columns and name not in categories and _rises(table.columns[name]):
+            return name
+    for name in free:
+        if _rises(table.columns[name]) and len(np.unique(np.sign(np.diff(table.columns[name])))) == 1:
             return name
     every = {**table.columns, **table.text}
     for name in dict.fromkeys((*roles.group, *roles.whole_plot, *categories)):
@@ -249,13 +262,13 @@ def _base(expression: Expression) -> Expression:
     return expression
 
 
-def _direction(roles: Roles, formula: Formula, columns: Mapping[str, Any]) -> tuple[str, FloatArray] | None:
+def _direction(roles: Roles, settings: Sequence[str], columns: Mapping[str, Any]) -> tuple[str, FloatArray] | None:
     if roles.direction is None:
         return None
     v = columns[roles.direction]
     if v.dtype.kind not in "fiu":
         raise ValueError(f"--direction: {roles.direction} is text; give +1 and -1, a velocity or a setting")
-    if roles.direction not in formula.names:
+    if roles.direction not in settings:
         side = np.sign(v)
         if len(np.unique(side)) < 2:
             raise ValueError(f"--direction: {roles.direction} has one sign only; there is nothing to compare")
@@ -267,10 +280,10 @@ def _direction(roles: Roles, formula: Formula, columns: Mapping[str, Any]) -> tu
     return f"side({roles.direction})", change
 
 
-def _speed(roles: Roles, formula: Formula, columns: Mapping[str, Any]) -> tuple[str, FloatArray] | None:
+def _speed(roles: Roles, settings: Sequence[str], columns: Mapping[str, Any]) -> tuple[str, FloatArray] | None:
     """The column of direction, where it is a velocity and not only a sign."""
     name = roles.direction
-    if name is None or name in formula.names or len(np.unique(np.abs(columns[name]))) < 3:
+    if name is None or name in settings or len(np.unique(np.abs(columns[name]))) < 3:
         return None
     return name, np.asarray(columns[name], np.float64)
 

@@ -13,6 +13,7 @@ from fitter.trace import TransducerTrace, WholePlotTrace, trace_whole_plots
 from fitter.trace.whole_plots.result import FoundPressureEffect
 from fitter.whole_plot_data import WholePlotData
 from rig.closed_loop.certificate import Change, size_95, with_words
+from rig.effects import pressure_catalogue
 from rig.errors import UsageError
 from rig.tables import Table, whole_plot_data
 
@@ -212,7 +213,7 @@ def trace_whole_plot_table(table: Table, model: str = "full") -> WholePlotTraced
     """Trace what the declared model lacks in a whole-plot table. Raises `UsageError`."""
     data, dead = _alive(table)
     try:
-        return WholePlotTraced(table, data, trace_whole_plots(data, model), dead)
+        return WholePlotTraced(table, data, trace_whole_plots(data, model, pressure_catalogue()), dead)
     except (ValueError, KeyError) as error:
         raise UsageError(f"{table.source}: {error.args[0] if error.args else error}") from error
 

@@ -302,7 +302,11 @@ class BenchActions:
         return self.until_soaked(dict.fromkeys(self._chambers, criteria), settings.poll_s, (), lambda _: None)
 
     def park(self, poll_s: float, timeout_s: float) -> None:
-        """Drive every axis to where it rests, as near as the limits allow."""
+        """Drive every axis to where it rests, as near as the limits allow.
+
+        Axes that lost their zeros, in a power cut after the last point, stay where they are: nothing is left to do
+        that would be worth homing them.
+        """
         parking = self._axes.parking()
-        if parking:
+        if parking and all(reading.homed for reading in self.axes().values()):
             self.go([parking], poll_s, timeout_s)

@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 
 from fitter import AttitudeData
+from fitter.attitude import mounting_matrix
 from fitter.whole_plot_data import WholePlotData
 from rig.columns import UNITS
 from rig.errors import UsageError
-from rig.tables.table import PITCH_ROLL, WHOLE_PLOT, Table
+from rig.tables.table import MOUNTING, PITCH_ROLL, WHOLE_PLOT, Table
 
 _LARGEST = 2.0**53
 _LOWEST = {"pressure_psia": -0.1, "sensor_temperature_degC": -273.15, "sse_temperature_degC": -273.15}
@@ -54,10 +55,20 @@ def attitude_data(table: Table) -> AttitudeData:
             roll_deg=table.columns["roll_deg"],
             sensor_temperature_degC=table.columns.get("sensor_temperature_degC"),
             outputs=outputs,
+            mounting=_mounting(table),
             **known,
         )
     except ValueError as error:
         raise UsageError(f"{table.source}: {error}") from error
+
+
+def _mounting(table: Table) -> np.ndarray[Any, np.dtype[np.float64]] | None:
+    """(n, 3, 3) how the package was turned against its usual mounting; None where it was not."""
+    turns = np.column_stack([table.columns.get(name, np.zeros(len(table))) for name in MOUNTING])
+    if not turns.any():
+        return None
+    kinds, which = np.unique(turns, axis=0, return_inverse=True)
+    return np.stack([mounting_matrix(*kind) for kind in kinds.tolist()])[np.ravel(which)]
 
 
 def whole_plot_data(table: Table) -> WholePlotData:

@@ -15,7 +15,7 @@ from rig.config import parse_toml
 from rig.engine.chain import Record
 from rig.engine.run_file import RunReader
 from rig.errors import RunFileError
-from rig.tables.table import Table
+from rig.tables.table import MOUNTING, Table
 
 
 def run_table(path: Path, *, everything: bool = False, salvage: bool = False) -> Table:
@@ -37,7 +37,9 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
         run_list = reader.run_list()
         bench = parse_toml(reader.documents().get("bench.toml", ""), str(path))
         factors: Mapping[str, str] = bench.get("factors", {})
-        declared = parse_toml(reader.documents().get("procedure.toml", ""), str(path)).get("model", {})
+        procedure = parse_toml(reader.documents().get("procedure.toml", ""), str(path))
+        declared = procedure.get("model", {})
+        turned = {f"mounting_{axis}": float(turn) for axis, turn in procedure.get("mounting", {}).items()}
         rows: list[dict[str, float]] = []
         records = reader.salvage() if salvage else reader.records("observation")
         for record in records:
@@ -51,6 +53,8 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
                 continue  # this record's contents are not what a controller writes
             if everything:
                 row["accepted"] = float(record.status == "accepted")
+            if any(turned.values()):
+                row |= dict.fromkeys(MOUNTING, 0.0) | turned
             if genesis.data["simulated"]:
                 row["simulated"] = 1.0
             rows.append(row)

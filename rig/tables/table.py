@@ -11,6 +11,9 @@ import numpy as np
 PITCH_ROLL = ("replicate", "order", "elapsed_s", "pitch_deg", "roll_deg", "sensor_temperature_degC")
 """Columns every pitch-roll table has, besides one `NAME_V` for each sensor."""
 
+MOUNTING = ("mounting_x_deg", "mounting_y_deg", "mounting_z_deg")
+"""Columns of a pitch-roll table whose package was mounted turned: about x, then y, then z."""
+
 WHOLE_PLOT = (
     "whole_plot",
     "order",

@@ -43,7 +43,7 @@ class Accelerometer:
 
     __slots__ = (
         "_direction", "_offset", "_offset_T", "_offset_t", "_reference_b", "_reference_s", "_second", "_sensitivity",
-        "_sensitivity_T", "_sensitivity_t", "channel", "noise",
+        "_sensitivity_T", "_sensitivity_t", "_third", "channel", "noise",
     )  # fmt: skip
 
     def __init__(self, name: str, axis: str, truth: SensorTruth, effects: Effects) -> None:
@@ -53,6 +53,7 @@ class Accelerometer:
         self._offset = truth.offset_V
         self._sensitivity = truth.sensitivity_V_per_g
         self._second = of_sensor(effects.second_order.ug_per_g2, name) * 1e-6
+        self._third = of_sensor(effects.third_order.ug_per_g3, name) * 1e-6
         self._offset_T = of_sensor(effects.offset_temperature.uV_per_degC, name) * 1e-6
         self._reference_b = effects.offset_temperature.reference_degC
         self._offset_t = of_sensor(effects.offset_drift.uV_per_h, name) * 1e-6 / 3600.0
@@ -72,4 +73,4 @@ class Accelerometer:
         g = dot(self._direction, gravity)
         offset = self._offset + self._offset_T * (degC - self._reference_b) + self._offset_t * t
         scale = 1.0 + self._sensitivity_T * (degC - self._reference_s) + self._sensitivity_t * t
-        return offset + self._sensitivity * scale * (g + self._second * g * g)
+        return offset + self._sensitivity * scale * (g + self._second * g * g + self._third * g**3)

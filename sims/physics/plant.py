@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from math import inf, radians, sqrt
 from typing import Any, Protocol
+from zlib import crc32
 
 from sims.noise import event_at, normal
 from sims.physics.attitude import Accelerometer
@@ -14,9 +15,9 @@ from sims.physics.chamber import Chamber
 from sims.physics.head import HeadMechanics
 from sims.physics.pressure_line import PressureLine
 from sims.physics.pressure_stand import PressureStand
-from sims.physics.rotations import GRAVITY, Vector, apply, pitch_matrix, roll_matrix
+from sims.physics.rotations import GRAVITY, Matrix, Vector, apply, compose, pitch_matrix, roll_matrix, yaw_matrix
 from sims.physics.thermal import Enclosure, Lab
-from sims.physics.truth import SensorTruth, Truth, read_truth, sensor_axes
+from sims.physics.truth import MountingTruth, SensorTruth, Truth, read_truth, sensor_axes
 
 _GAUSS_3 = ((-sqrt(0.6), 5.0 / 18.0), (0.0, 8.0 / 18.0), (sqrt(0.6), 5.0 / 18.0))
 """Nodes on -1..1 and weights (summing to 1) of three-point Gauss-Legendre quadrature."""
@@ -65,6 +66,7 @@ class Plant:
         self._seed = t.seed
         self._lab = Lab(t.lab, world.utc() - world.now())
         self._pad = t.effects.isolation_pad
+        self._mounting = _mounted(t.mounting, t.seed)
         self._pendulum_s = t.package.pendulum_time_constant_s
         self.enclosure = Enclosure(t.enclosure, t.package.thermal_time_constant_s, self._lab, world.now())
         self.head = HeadMechanics(world, t.head, t.effects.backlash, t.effects.head_error, self._pendulum_s)
@@ -89,10 +91,10 @@ class Plant:
         return self.stand.line(instrument)
 
     def gravity(self, t: float) -> Vector:
-        """Gravity in the axes of the package's sensors, g: head angles, then the pads' deflection."""
+        """Gravity in the axes of the package's sensors, g: head angles, mounting, then the pads' deflection."""
         pitch, roll = radians(self._pitch.seen_deg(t)), radians(self._roll.seen_deg(t))
         down = apply(roll_matrix(roll), apply(pitch_matrix(pitch), GRAVITY))
-        return self._pad.deflect(down)
+        return self._pad.deflect(down if self._mounting is None else apply(self._mounting, down))
 
     def sensor_V(self, sensor: str, t0: float, t1: float) -> float:
         """Mean output of a sensor over an integration window, noise included.
@@ -152,6 +154,18 @@ class Plant:
         """Temperature of the thermometer at an instrument's input; infinite where none is connected."""
         place = self._places.get((instrument, channel))
         return inf if place is None else self.temperature_degC(place, t)
+
+
+def _mounted(truth: MountingTruth, seed: int) -> Matrix | None:
+    """From the table's axes to the package's; None where it was never turned."""
+    turns = (truth.x_deg, truth.y_deg, truth.z_deg)
+    if not any(turns):
+        return None
+    x, y, z = (
+        radians(turn + truth.error_deg * normal(seed, f"mounting {axis}", crc32(repr(turns).encode())))
+        for axis, turn in zip("xyz", turns, strict=True)
+    )
+    return compose(yaw_matrix(z), compose(pitch_matrix(y), roll_matrix(x)))
 
 
 def _tables(bench: Mapping[str, object], name: str) -> Mapping[str, Any]:

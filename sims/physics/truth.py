@@ -16,7 +16,17 @@ from sims.physics.pressure_truth import ChamberTruth, TransducerTruth, ordinary
 from sims.physics.undeclared import Effects
 from sims.physics.undeclared_pressure import PressureEffects
 
-__all__ = ["SENSORS", "EnclosureTruth", "HeadTruth", "LabTruth", "PackageTruth", "SensorTruth", "Truth", "WorldError"]
+__all__ = [
+    "SENSORS",
+    "EnclosureTruth",
+    "HeadTruth",
+    "LabTruth",
+    "MountingTruth",
+    "PackageTruth",
+    "SensorTruth",
+    "Truth",
+    "WorldError",
+]
 
 
 @dataclass(frozen=True)
@@ -64,6 +74,24 @@ class PackageTruth:
 
     pendulum_time_constant_s: float = quantity(0.3, 1e-3, 60.0)
     thermal_time_constant_s: float = quantity(1200.0, 1.0, 1e6)
+
+
+@dataclass(frozen=True)
+class MountingTruth:
+    """How the package sits on the head's table: `[mounting]`. A dry run puts there what the procedure asks for.
+
+    Attributes:
+        x_deg: turned about the package's x axis, first.
+        y_deg: about its y axis, second.
+        z_deg: about its z axis, last.
+        error_deg: a package that was turned never sits quite as it should: standard deviation about each axis.
+
+    """
+
+    x_deg: float = quantity(0.0, -180.0, 180.0)
+    y_deg: float = quantity(0.0, -180.0, 180.0)
+    z_deg: float = quantity(0.0, -180.0, 180.0)
+    error_deg: float = quantity(0.01, 0.0, 10.0)
 
 
 @dataclass(frozen=True)
@@ -161,6 +189,7 @@ class Truth:
         default_factory=dict, metadata=accepts(_SensorTables())
     )
     package: PackageTruth = field(default_factory=PackageTruth)
+    mounting: MountingTruth = field(default_factory=MountingTruth)
     lab: LabTruth = field(default_factory=LabTruth)
     enclosure: EnclosureTruth = field(default_factory=EnclosureTruth)
     head: HeadTruth = field(default_factory=HeadTruth)

@@ -77,6 +77,13 @@ class SecondOrder:
 
 
 @dataclass(frozen=True)
+class ThirdOrder:
+    """An accelerometer's output has a term in the cube of the acceleration along its axis."""
+
+    ug_per_g3: BySensor = field(default=0.0, metadata=_BY_SENSOR)
+
+
+@dataclass(frozen=True)
 class Backlash:
     """Play between encoder and table, which the encoder cannot see: the table trails by half of it."""
 
@@ -116,6 +123,7 @@ class AttitudeEffects:
     offset_drift: OffsetDrift = field(default_factory=OffsetDrift)
     sensitivity_drift: SensitivityDrift = field(default_factory=SensitivityDrift)
     second_order: SecondOrder = field(default_factory=SecondOrder)
+    third_order: ThirdOrder = field(default_factory=ThirdOrder)
     backlash: Backlash = field(default_factory=Backlash)
     head_error: tuple[HeadError, ...] = field(default=(), metadata=accepts(Several(HeadError)))
 

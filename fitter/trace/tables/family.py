@@ -1,66 +1,190 @@
 """What the best of all candidates scores when there is nothing to find.
 
-The family is every candidate with every value of a constant that is searched. Its smallest p is simulated with normal
-errors, whitened rows, under the covariance at hand; run at `fitter.trace.family.ALPHA`, so that 5 % hold over steps.
+The family is every effect with every value of a constant that is searched. Tables of normal errors are drawn with the
+noise that was fitted without any effect, and scored as the table itself is, the noise fitted anew beside every
+candidate: a parametric bootstrap of the likelihood ratio (Davison and Hinkley, Bootstrap Methods, 1997, ch. 4). What
+the best term of each effect scores is calibrated on these draws by itself, so that neither many values of a constant
+nor effects that noise imitates hide the others; then the smallest of all p is (Westfall and Young, Resampling-Based
+Multiple Testing, 1993). Run at `fitter.trace.family.ALPHA`, so that 5 % hold over steps.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from fitter.arrays import FloatArray
-from fitter.trace.family import Family
-from fitter.trace.tables.problem import SPARED
+from fitter.arrays import FloatArray, IntArray
+from fitter.linear import orthonormal
+from fitter.trace.tables.problem import SPARED, Problem
 from fitter.trace.tables.score import FEWEST_FOR_SCATTER, Blocks, View
 
 Single = NDArray[np.float32]
 
-WORK = 2e8
+WORK = 1.2e9
 """Multiplications a simulation may take."""
-FEWEST, MOST = 500, 4000
+FEWEST, MOST = 400, 2000
+TRIED = 60
+"""Draws by which covariances are told that never come near the best."""
+BEHIND = 12.0
+"""Of twice the log-likelihood: a covariance that is further behind in all of `TRIED` draws is left out."""
+TAIL = 40
+"""Draws beyond which the tail of what an effect scores is continued as an exponential."""
 _TINY = np.finfo(np.float32).tiny
+_LEAST = 1e-290
 
 
-def family_of(view: View, handicap: FloatArray, seed: int) -> Family:
-    """Smallest p of all candidates beside the declared columns in runs with nothing but noise.
+@dataclass(frozen=True, eq=False)
+class Tail:
+    """Distribution of the best score of one effect, -log p, where there is nothing to find.
+
+    Attributes:
+        scores: of the draws, ascending.
+        weight: that its p is multiplied by before effects are compared.
+
+    """
+
+    scores: FloatArray
+    weight: float
+
+    @cached_property
+    def _beyond(self) -> tuple[int, float, float]:
+        """How many draws, from which score on, and by how much these exceed it on average."""
+        count = min(TAIL, len(self.scores) // 5)
+        start = float(self.scores[-count - 1])
+        return count, start, max(float(np.mean(self.scores[-count:])) - start, 1e-6)
+
+    def p(self, score: FloatArray) -> FloatArray:
+        """Probability of as high a score by chance, times the weight."""
+        size = len(self.scores)
+        count, start, mean = self._beyond
+        above = (1.0 + size - np.searchsorted(self.scores, score, side="left")) / (1.0 + size)
+        beyond = count / size * np.exp(-np.maximum(score - start, 0.0) / mean)
+        return self.weight * np.asarray(np.where(score > start, beyond, above))
+
+
+@dataclass(frozen=True, eq=False)
+class TableFamily:
+    """What is scored by chance.
+
+    Attributes:
+        tails: by effect; those that cannot be judged are missing.
+        smallest_p: of all effects in every draw, ascending.
+
+    """
+
+    tails: dict[str, Tail]
+    smallest_p: FloatArray
+
+    @property
+    def least(self) -> float:
+        """What `adjust` gives for p smaller than all simulated: a bound, the value is at most that."""
+        return self._rank(0.0)
+
+    def adjust(self, effect: str, p: float) -> float:
+        """Probability that the best of the family looks at least as good by chance as an effect of this `p` does."""
+        if effect not in self.tails:
+            return 1.0
+        return self._rank(float(self.tails[effect].p(np.array(-np.log(max(p, _LEAST))))))
+
+    def _rank(self, p: float) -> float:
+        rank = int(np.searchsorted(self.smallest_p, p, side="right"))
+        return min((1.0 + rank) / (1.0 + self.smallest_p.size), 1.0)
+
+
+def family_of(problem: Problem, at: int, weight: FloatArray, seed: int) -> TableFamily:
+    """Simulate what candidates score beside the declared columns in tables with nothing but noise of covariance `at`.
 
     Args:
-        view: the table whitened.
-        handicap: (J,) that each candidate's p is multiplied by before they are compared.
+        problem: the table.
+        at: covariance of the noise.
+        weight: (J,) that the p of each candidate's effect is multiplied by before effects are compared.
         seed: of the draws.
 
     """
+    view = View.of(problem, at)
     found = view.blocks(())
-    n, df = len(view.y), len(view.y) - view.basis.shape[1]
-    judged = (found.rank > 0) & (df - found.rank >= SPARED)
-    if not np.any(judged):
-        return Family(np.ones(1))
-    draws = int(np.clip(WORK / max(found.units.size, 1), FEWEST, MOST))
+    n, df = problem.n, problem.n - view.basis.shape[1]
+    judged = np.flatnonzero((found.rank > 0) & (df - found.rank >= SPARED))
+    if not len(judged):
+        return TableFamily({}, np.ones(1))
     rng = np.random.default_rng(seed)
-    noise = rng.standard_normal((n, draws), dtype=np.float32)
-    basis = view.basis.astype(np.float32)
-    noise -= basis @ (basis.T @ noise)
-    ratio = _ratios(Blocks(found.units.astype(np.float32), found.start), noise, df)
+    which = _near(problem, at, rng)
+    draws = int(np.clip(WORK / max(found.units.size * len(which), 1), FEWEST, MOST))
+    errors = rng.standard_normal((n, draws))
+    ratio = _ratios(problem, which, errors if len(which) == 1 else problem.noise.colour(at, errors), found.rank, df)
+    if n >= FEWEST_FOR_SCATTER:
+        single = Blocks(found.units.astype(np.float32), found.start)
+        ratio /= _scatter(single, _off(view.basis, errors).astype(np.float32), df)
+    tails = {}
     smallest = np.ones(draws)
-    for rank, times in {(int(r), float(h)) for r, h in zip(found.rank[judged], handicap[judged], strict=True)}:
-        alike = judged & (found.rank == rank) & (handicap == times)
-        best = ratio[alike].max(axis=0).astype(np.float64)
-        smallest = np.minimum(smallest, times * special.fdtrc(rank, df - rank, best))
-    return Family(np.sort(smallest))
+    for name in dict.fromkeys(problem.candidates[j].effect.name for j in judged):
+        mine = [j for j in judged if problem.candidates[j].effect.name == name]
+        score = np.full(draws, -np.inf)
+        for rank in set(found.rank[mine].tolist()):
+            best = ratio[[j for j in mine if found.rank[j] == rank]].max(axis=0).astype(np.float64)
+            score = np.maximum(score, -np.log(np.maximum(special.fdtrc(rank, df - rank, best), _LEAST)))
+        tails[name] = Tail(np.sort(score), float(weight[mine[0]]))
+        smallest = np.minimum(smallest, tails[name].p(score))
+    return TableFamily(tails, np.sort(smallest))
 
 
-def _ratios(found: Blocks, noise: Single, df: int) -> Single:
-    """(J, draws) F of every candidate in every draw, over what single rows say if that is more, as `score` has it."""
+def _near(problem: Problem, at: int, rng: np.random.Generator) -> IntArray:
+    """Covariances that are ever near the best in tables drawn with covariance `at`."""
+    noise, count = problem.noise, len(problem.noise.prior)
+    if count == 1:
+        return np.zeros(1, np.int64)
+    drawn = noise.colour(at, rng.standard_normal((problem.n, TRIED)))
+    deviance = np.array([_deviance(problem, g, drawn) for g in range(count)])
+    behind = np.min(deviance - deviance.min(axis=0), axis=1)
+    behind[at] = 0.0
+    return np.flatnonzero(behind < BEHIND)
+
+
+def _deviance(problem: Problem, g: int, drawn: FloatArray) -> FloatArray:
+    """(m,) minus twice the log-likelihood of responses (n, m) under covariance `g`, declared columns fitted."""
+    which, k = np.array([g]), problem.declared.shape[1]
+    white = problem.noise.whiten(which, np.hstack([problem.declared / problem.sd[:, None], drawn]))[0]
+    left = _off(orthonormal(white[:, :k]), white[:, k:])
+    return np.asarray(problem.n * np.log(np.sum(left**2, axis=0)) + problem.noise.log_det[g])
+
+
+def _ratios(problem: Problem, which: IntArray, drawn: FloatArray, rank: IntArray, df: int) -> Single:
+    """(J, m) F that the likelihood ratio of every candidate amounts to, as `likelihood.ratio` has it."""
+    n, log_det = problem.n, problem.noise.log_det
+    without = np.full(drawn.shape[1], np.inf)
+    beside = np.full((len(rank), drawn.shape[1]), np.inf, np.float32)
+    for g in which.tolist():
+        view = View.of(problem, g)
+        left = drawn if len(log_det) == 1 else problem.noise.whiten(np.array([g]), drawn)[0]
+        left = _off(view.basis, left)
+        total = np.sum(left**2, axis=0)
+        found = view.blocks(())
+        gains = Blocks(found.units.astype(np.float32), found.start).gains((left / np.sqrt(total)).astype(np.float32))
+        deviance = n * np.log(total) + log_det[g]
+        without = np.minimum(without, deviance)
+        np.log1p(-np.minimum(gains, np.float32(1.0 - 1e-6)), out=gains)
+        gains *= n
+        gains += (deviance - log_det[which[0]]).astype(np.float32)
+        np.minimum(beside, gains, out=beside)
+    beside -= (without - log_det[which[0]]).astype(np.float32)
+    ranks = np.maximum(rank, 1)[:, None].astype(np.float32)
+    return np.asarray(np.expm1(np.maximum(-beside, 0.0) / n) * (np.maximum(df - ranks, 1.0) / ranks), np.float32)
+
+
+def _scatter(found: Blocks, noise: Single, df: int) -> Single:
+    """(J, m) what single rows contribute to the variance of a candidate's sums, as `score` has it; not below one."""
     rank = np.maximum(found.rank, 1)[:, None].astype(np.float32)
-    gains = found.gains(noise)
-    variance = np.maximum(np.sum(noise**2, axis=0) - gains, _TINY) / np.maximum(df - rank, 1)
-    ratio: Single = np.asarray(gains / rank / variance)
-    if len(noise) < FEWEST_FOR_SCATTER:
-        return ratio
+    variance = np.maximum(np.sum(noise**2, axis=0) - found.gains(noise), _TINY) / np.maximum(df - rank, 1)
     dots, squares = found.units.T @ noise, found.squares
     own = squares.T @ noise**2
     own -= 2.0 * dots * ((squares * found.units).T @ noise)
     own += dots**2 * np.sum(squares**2, axis=0)[:, None]
-    return np.asarray(ratio / np.maximum(found.sums(own) / rank / variance, 1.0))
+    return np.asarray(np.maximum(found.sums(own) / rank / variance, 1.0))
+
+
+def _off(basis: FloatArray, columns: FloatArray) -> FloatArray:
+    return np.asarray(columns - basis @ (basis.T @ columns))

@@ -6,13 +6,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy import special
 
 from fitter.arrays import FloatArray
 from fitter.trace.aliases import PER_COLUMN, Rival
-from fitter.trace.family import ALPHA, Family
-from fitter.trace.tables.family import family_of
-from fitter.trace.tables.likelihood import Beside, Grid
-from fitter.trace.tables.noise import BoolArray
+from fitter.trace.family import ALPHA
+from fitter.trace.tables.family import TableFamily, family_of
+from fitter.trace.tables.likelihood import Beside, Grid, ratio
 from fitter.trace.tables.problem import Candidate, Problem
 from fitter.trace.tables.rivals import rivals
 from fitter.trace.tables.robust import excess
@@ -21,18 +21,40 @@ from fitter.trace.tables.score import View, score
 SHORTLIST = 8
 """Effects that are looked at more closely at each step, by what they remove."""
 
-SMALL_PART = 5.0
-"""Handicap of a term with a constant that is searched, so that knots, waves and steps, of which there are many, do not
-hide the simple effects, of which there are few; and of a drift over an order that nobody vouches for (weighted
-family-wise error: Genovese, Roeder and Wasserman, Biometrika 93 (2006) 509)."""
-RETRIED = 1.2
-"""Times that p counts, because the search is begun again with other weights, constants and readings held back."""
+DOUBTFUL, USUAL = 5.0, 0.2
+"""Weights of p of a drift over an order that nobody vouches for, and of drift and step over a clock: the most usual
+effects there are and those that a wander hides best (weighted family-wise error: Genovese, Roeder and Wasserman,
+Biometrika 93 (2006) 509). All others count as one."""
+PAIRED = 3
+"""Effects in time beside which another is tried where none stands out by itself. That each of two has to stand out
+beside the other outweighs that several are tried: python -m benchmarks.tables_campaign noise --only walk."""
 ALIKE = 4.0
 """Difference of twice the log-likelihood up to which the order of the catalogue decides."""
 MOST_TERMS = 3
 """Of one effect with a constant that is searched: more knots or waves are not a description."""
 
 Key = tuple[int, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """One candidate beside those in the model.
+
+    Attributes:
+        y: (n,) the response, readings that stand alone brought back.
+        without: the candidate, what the covariances say.
+        beside: it.
+
+    """
+
+    y: FloatArray
+    without: Beside
+    beside: Beside
+
+    @property
+    def gained(self) -> float:
+        """Twice the logarithm of the likelihood ratio."""
+        return 2.0 * float(self.beside.ml.max() - self.without.ml.max())
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,12 +68,12 @@ class TableJudge:
     """
 
     problem: Problem
-    families: dict[int, Family] = field(default_factory=dict)
+    families: dict[int, TableFamily] = field(default_factory=dict)
     _views: dict[int, View] = field(default_factory=dict)
     _held: dict[Key, FloatArray] = field(default_factory=dict)
     _grids: dict[Key, Grid] = field(default_factory=dict)
     _besides: dict[Key, Beside] = field(default_factory=dict)
-    _with: dict[tuple[Key, int], Beside] = field(default_factory=dict)
+    _trials: dict[tuple[Key, int], Trial] = field(default_factory=dict)
 
     @property
     def candidates(self) -> tuple[Candidate, ...]:
@@ -69,7 +91,20 @@ class TableJudge:
     def best(self, chosen: tuple[int, ...]) -> tuple[int, ...]:
         """The candidate with most evidence beside those `chosen`, of those that stand out."""
         ranked = [j for j in self._ranked(chosen) if not self._crowded(chosen, j)]
-        return next(((j,) for j in ranked if self._adjusted(chosen, j) <= ALPHA), ())
+        single = next(((j,) for j in ranked if self._adjusted(chosen, j) <= ALPHA), ())
+        return single or self._pair(chosen, ranked)
+
+    def _pair(self, chosen: tuple[int, ...], ranked: Sequence[int]) -> tuple[int, ...]:
+        """Two effects in time that stand out beside each other only, of which either alone passes for a wander."""
+        if not self.problem.noise.slow[self.beside(chosen).best]:
+            return ()
+        for j in [j for j in ranked if self.candidates[j].effect.source == "time"][:PAIRED]:
+            for k in self._ranked((*chosen, j)):
+                if self.candidates[k].effect.name != self.candidates[j].effect.name and all(
+                    self._adjusted((*chosen, one), other) <= ALPHA for one, other in ((j, k), (k, j))
+                ):
+                    return (j, k)
+        return ()
 
     def _crowded(self, chosen: tuple[int, ...], j: int) -> bool:
         """Whether an effect has as many terms as can be believed, or one next to `j` on the grid of its constant."""
@@ -128,7 +163,9 @@ class TableJudge:
         """How much noise rows share beside the declared columns and those `chosen`."""
         key = tuple(sorted(chosen))
         if key not in self._besides:
-            self._besides[key] = self._grid(key).beside()
+            if key not in self._grids:
+                self._grids[key] = self._grid(key, self.held(key))
+            self._besides[key] = self._grids[key].beside()
         return self._besides[key]
 
     def view(self, at: int) -> View:
@@ -141,43 +178,37 @@ class TableJudge:
         """(n,) the response, readings that stand alone beside those `chosen` brought back."""
         key = tuple(sorted(chosen))
         if key not in self._held:
-            view = self.view(0)
-            taken = view.taken(key)
-            off = excess(view.y - taken @ (taken.T @ view.y), ordered=self.problem.ordered)
-            self._held[key] = self.problem.y - off * self.problem.sd
+            self._held[key] = self.problem.y - self._alone(key)
         return self._held[key]
+
+    def _alone(self, chosen: tuple[int, ...]) -> FloatArray:
+        """(n,) by how much readings stand alone beside those `chosen`."""
+        view = self.view(0)
+        taken = view.taken(chosen)
+        return excess(view.y - taken @ (taken.T @ view.y), ordered=self.problem.ordered) * self.problem.sd
 
     def white(self, at: int, chosen: tuple[int, ...]) -> FloatArray:
         """(n,) `held`, whitened by covariance `at`."""
-        column = (self.held(chosen) / self.problem.sd)[:, None]
-        return np.asarray(self.problem.noise.whiten(np.array([at]), column)[0, :, 0])
+        return self._white(at, self.held(chosen))
 
-    def family(self, at: int) -> Family:
+    def _white(self, at: int, y: FloatArray) -> FloatArray:
+        return np.asarray(self.problem.noise.whiten(np.array([at]), (y / self.problem.sd)[:, None])[0, :, 0])
+
+    def family(self, at: int) -> TableFamily:
         """What the best of all scores by chance under covariance `at`."""
         if at not in self.families:
-            self.families[at] = family_of(self.view(at), self._handicap, seed=1 + at)
+            self.families[at] = family_of(self.problem, at, self._weight, seed=1 + at)
         return self.families[at]
 
     def _adjusted(self, chosen: tuple[int, ...], j: int) -> float:
-        beside = self._beside_with(chosen, j)
-        possible = self._possible(chosen, j)
-        at = beside.best_of(possible)
-        scores, found = score(self.view(at), self.white(at, chosen), chosen, (j,))
-        p = float(scores.p(beside.inflation(at, found.units), beside.posterior(possible))[0])
-        return float(self.family(at).adjust(float(self._handicap[j]) * RETRIED * p))
-
-    def _possible(self, chosen: tuple[int, ...], j: int) -> BoolArray:
-        """(G,) covariances that `j` has to stand up to: slow wanders are out if it beats them.
-
-        It does if with errors that forget soon it is more probable, its columns paid for by Schwarz' criterion, than
-        the best slow wander without it. Otherwise part of every drift and step would be put down to a wander.
-        """
-        slow = self.problem.noise.slow
-        if not np.any(slow) or np.all(slow):
-            return np.ones(len(slow), np.bool_)
-        gained = self._beside_with(chosen, j).ml[~slow].max() - self.beside(chosen).ml[slow].max()
-        beaten = 2.0 * gained > np.log(self.problem.n) * self.candidates[j].term.price
-        return np.asarray(~slow if beaten else np.ones(len(slow), np.bool_))
+        trial = self._trial(chosen, j)
+        without, beside, at = trial.without, trial.beside, trial.beside.best
+        scores, _ = score(self.view(at), self._white(at, trial.y), chosen, (j,))
+        if scores.ratio[0] <= 0.0:
+            return 1.0
+        rank, df = int(scores.rank[0]), int(scores.df[0])
+        p = float(special.fdtrc(rank, df, ratio(without, beside, rank, df) / float(scores.scatter[0])))
+        return self.family(without.best).adjust(self.candidates[j].effect.name, p)
 
     def _ranked(self, chosen: tuple[int, ...]) -> Iterable[int]:
         """The best term of each effect that promises anything, most evidence less the price of its columns first."""
@@ -194,33 +225,42 @@ class TableJudge:
                 if scores.ratio[j] > 0 and len(best) < SHORTLIST:
                     best.setdefault(self.candidates[j].effect.name, j)
             shortlist.update({j: float(worth[j]) for j in best.values() if worth[j] > -per_column})
-        if len(beside.ml) > 1:
-            for j in shortlist:
-                gained = self._beside_with(chosen, j).ml.max() - beside.ml.max()
-                shortlist[j] = 2.0 * float(gained) - per_column * float(self._price[j])
+        for j in shortlist:
+            shortlist[j] = self._trial(chosen, j).gained - per_column * float(self._price[j])
         return sorted(shortlist, key=lambda j: -shortlist[j])
 
     @property
-    def _handicap(self) -> FloatArray:
-        """(J,) what p is multiplied by: what is searched among many, or doubtful, takes a small part of the family."""
-        doubtful = self.problem.presumed
-        small = [c.term.profile is not None or (doubtful and c.effect.source == "time") for c in self.candidates]
-        return np.where(small, SMALL_PART, 1.0) if small else np.empty(0)
+    def _weight(self) -> FloatArray:
+        """(J,) what p is multiplied by before effects are compared."""
+        return np.array([self._weight_of(candidate) for candidate in self.candidates])
+
+    def _weight_of(self, candidate: Candidate) -> float:
+        if candidate.effect.source == "time" and self.problem.presumed:
+            return DOUBTFUL
+        return USUAL if candidate.effect.kind.name in ("drift", "step") else 1.0
 
     @property
     def _price(self) -> FloatArray:
         return np.array([c.term.price for c in self.candidates], np.float64)
 
-    def _grid(self, key: Key) -> Grid:
-        if key not in self._grids:
-            problem, sd = self.problem, self.problem.sd
-            self._grids[key] = Grid.of(problem.noise, self.held(key) / sd, problem.model(key) / sd[:, None])
-        return self._grids[key]
+    def _grid(self, key: Key, y: FloatArray) -> Grid:
+        return Grid.of(self.problem.noise, y / self.problem.sd, self.problem.model(key) / self.problem.sd[:, None])
 
-    def _beside_with(self, chosen: tuple[int, ...], j: int) -> Beside:
-        """Noise beside those `chosen` and `j`, readings held back as beside those `chosen` alone."""
+    def _trial(self, chosen: tuple[int, ...], j: int) -> Trial:
+        """`j` beside those `chosen`; a reading is held back only as far as it stands alone without `j` and with it."""
         key = tuple(sorted(chosen))
-        if (key, j) not in self._with:
+        if (key, j) not in self._trials:
+            held = self.held(key)
+            off = self.problem.y - held
+            if np.any(off):
+                with_j = self._alone((*key, j))
+                milder = np.where(off * with_j > 0, np.minimum(np.abs(off), np.abs(with_j)), 0.0) * np.sign(off)
+                held = held if np.array_equal(milder, off) else self.problem.y - milder
+            if held is self.held(key):
+                without, grid = self.beside(key), self._grids[key]
+            else:
+                grid = self._grid(key, held)
+                without = grid.beside()
             columns = self.problem.of((j,)) / self.problem.sd[:, None]
-            self._with[key, j] = self._grid(key).beside(columns)
-        return self._with[key, j]
+            self._trials[key, j] = Trial(held, without, grid.beside(columns))
+        return self._trials[key, j]

@@ -7,12 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitter.arrays import FloatArray
-from fitter.trace.tables.noise import BoolArray, Noise
+from fitter.trace.tables.noise import Noise
 
-SHARP = 2.0
-"""Power of the posterior. As it is, covariances hardly anything speaks for would hide all effects in time: calibrated
-with `python -m benchmarks.tables_campaign clean`, tables with a correlation of 0.3 and 0.7, and `effects`."""
 _TINY = np.finfo(float).tiny
+_MOST = 600.0
 _ALIKE = 1e-6
 """A column of which less is left beside the others adds nothing."""
 
@@ -23,6 +21,7 @@ class Beside:
 
     Attributes:
         noise: the grid.
+        n: rows.
         reml: (G,) restricted log-likelihood of each.
         ml: (G,) log-likelihood of each.
         sigma2: (G,) variance of one row, in the covariance's unit.
@@ -30,6 +29,7 @@ class Beside:
     """
 
     noise: Noise
+    n: int
     reml: FloatArray
     ml: FloatArray
     sigma2: FloatArray
@@ -39,22 +39,14 @@ class Beside:
         """The covariance that has most for it, the prior counted."""
         return int(np.argmax(self.reml + np.log(self.noise.prior)))
 
-    def posterior(self, possible: BoolArray) -> FloatArray:
-        """(G,) how probable each is of those that are `possible` (G,)."""
-        log = np.where(possible, self.reml + np.log(self.noise.prior), -np.inf)
-        weight = np.exp(SHARP * (log - log.max()))
-        return np.asarray(weight / weight.sum())
 
-    def best_of(self, possible: BoolArray) -> int:
-        """The one of those `possible` (G,) that has most for it."""
-        return int(np.argmax(np.where(possible, self.reml + np.log(self.noise.prior), -np.inf)))
+def ratio(without: Beside, beside: Beside, rank: int, df: int) -> float:
+    """F that the likelihood ratio of `rank` columns amounts to, noise fitted both times; `df` are left beside them.
 
-    def inflation(self, at: int, units: FloatArray) -> FloatArray:
-        """(G,) variance of sums of whitened rows under each covariance over what `at` says, not below one."""
-        if len(self.reml) == 1 or not units.shape[1]:
-            return np.ones(len(self.reml))
-        scale = self.sigma2 / self.sigma2[at]
-        return np.asarray(np.maximum(scale * self.noise.variance(at, units), 1.0))
+    With independent errors it is the usual F.
+    """
+    gained = max(2.0 * float(beside.ml.max() - without.ml.max()), 0.0) / without.n
+    return float(np.expm1(min(gained, _MOST)) * df / rank)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +85,7 @@ class Grid:
         rss, df = np.maximum(rss, _TINY), max(df, 1)
         reml = -0.5 * (df * np.log(rss) + self.noise.log_det + det_x)
         ml = -0.5 * (n * np.log(rss) + self.noise.log_det)
-        return Beside(self.noise, reml, ml, rss / df)
+        return Beside(self.noise, n, reml, ml, rss / df)
 
 
 def _off(basis: FloatArray, columns: FloatArray) -> FloatArray:

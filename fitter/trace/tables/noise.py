@@ -50,14 +50,14 @@ class Noise(Protocol):
     def whiten(self, which: IntArray, columns: FloatArray) -> FloatArray:
         """(len(which), n, m) `columns` (n, m) as they are where errors are independent with one variance."""
 
-    def variance(self, at: int, units: FloatArray) -> FloatArray:
-        """(G,) variance of sums of rows whitened by covariance `at`, if each of the grid's covariances were the truth.
+    def colour(self, at: int, white: FloatArray) -> FloatArray:
+        """(n, m) errors of covariance `at` from independent ones (n, m): the inverse of `whiten`."""
 
-        Args:
-            at: which covariance rows are whitened by.
-            units: (n, d) weights of the sums, columns of length one; the variances of the d sums are averaged.
+    def root(self, at: int, columns: FloatArray) -> FloatArray:
+        """(n, m) whose products are covariances of the sums of rows that `columns` (n, m) weigh: colour transposed."""
 
-        """
+    def variances(self, at: int) -> FloatArray:
+        """(n,) variance of every row under covariance `at`."""
 
     def rows(self, kept: IntArray) -> Noise:
         """The same for some of the rows."""
@@ -91,9 +91,17 @@ class Independent:
         """See `Noise`."""
         return columns[None][which]
 
-    def variance(self, at: int, units: FloatArray) -> FloatArray:
+    def colour(self, at: int, white: FloatArray) -> FloatArray:
         """See `Noise`."""
-        return np.ones(1)
+        return white
+
+    def root(self, at: int, columns: FloatArray) -> FloatArray:
+        """See `Noise`."""
+        return columns
+
+    def variances(self, at: int) -> FloatArray:
+        """See `Noise`."""
+        return np.ones(self.n)
 
     def rows(self, kept: IntArray) -> Independent:
         """See `Noise`."""
@@ -182,17 +190,26 @@ class Wandering:
             out[i, 1:] = (columns[1:] - decay[1:, g, None] * state[:-1]) / sd[1:, g, None]
         return out
 
-    def variance(self, at: int, units: FloatArray) -> FloatArray:
-        """See `Noise`. By the adjoint of the filter: no covariance matrix is formed."""
-        decay, gain, sd = self._filter
-        own = units / sd[:, at, None]
-        ahead = _recursion(decay[:, at] * (1.0 - gain[:, at]), -_next(decay[:, at, None] * own), back=True)
-        weights = own + gain[:, at, None] * ahead
-        total = np.empty(decay.shape[1])
-        for g in range(len(total)):
-            ahead = _recursion(decay[:, g], _next(decay[:, g, None] * weights), back=True)
-            total[g] = np.sum((sd[:, g, None] * (weights + gain[:, g, None] * ahead)) ** 2)
-        return np.asarray(total / units.shape[1])
+    def colour(self, at: int, white: FloatArray) -> FloatArray:
+        """See `Noise`."""
+        decay, gain, sd = (part[:, at, None] for part in self._filter)
+        innovation = sd * white
+        state = _recursion(decay[:, 0], gain * innovation)
+        return np.asarray(innovation + decay * np.concatenate([np.zeros_like(state[:1]), state[:-1]]))
+
+    def root(self, at: int, columns: FloatArray) -> FloatArray:
+        """See `Noise`. The adjoint of the filter, from the last row back."""
+        decay, gain, sd = (part[::-1, at] for part in self._filter)
+        back = columns[::-1]
+        factor = np.concatenate([[0.0], decay[:-1]])
+        later = np.concatenate([np.zeros_like(back[:1]), back[:-1]])
+        ahead = _recursion(factor, factor[:, None] * later)
+        return np.asarray((sd[:, None] * (back + gain[:, None] * ahead))[::-1])
+
+    def variances(self, at: int) -> FloatArray:
+        """See `Noise`."""
+        _, share, step, white = (part[at] for part in self._grid)
+        return np.asarray(share + white + step * (self.when - self.when[0]))
 
     def rows(self, kept: IntArray) -> Wandering:
         """See `Noise`."""
@@ -246,12 +263,18 @@ class Shared:
         shrink = 1.0 - 1.0 / np.sqrt(1.0 + self._ratio[which, None] * self._count)
         return np.asarray(columns[None] - (shrink[:, :, None] * means[None])[:, self.group])
 
-    def variance(self, at: int, units: FloatArray) -> FloatArray:
+    def colour(self, at: int, white: FloatArray) -> FloatArray:
         """See `Noise`."""
-        weights = self.whiten(np.array([at]), units)[0]
-        sums = self._means(weights) * self._count[:, None]
-        shared = self._ratio * float(np.sum(sums**2))
-        return np.asarray((float(np.sum(weights**2)) + shared) / units.shape[1])
+        stretch = np.sqrt(1.0 + self._ratio[at] * self._count)[:, None] - 1.0
+        return np.asarray(white + (stretch * self._means(white))[self.group])
+
+    def root(self, at: int, columns: FloatArray) -> FloatArray:
+        """See `Noise`."""
+        return self.colour(at, columns)
+
+    def variances(self, at: int) -> FloatArray:
+        """See `Noise`."""
+        return np.full(len(self.group), 1.0 + self._ratio[at])
 
     def rows(self, kept: IntArray) -> Shared:
         """See `Noise`."""
@@ -268,14 +291,9 @@ class Shared:
         return np.asarray(sums / self._count[:, None])
 
 
-def _recursion(factor: FloatArray, given: FloatArray, *, back: bool = False) -> FloatArray:
-    """(n, m) s with s[t] = factor[t] s[t - 1] + given[t]; backwards s[t] = factor[t + 1] s[t + 1] + given[t]."""
+def _recursion(factor: FloatArray, given: FloatArray) -> FloatArray:
+    """(n, m) s with s[t] = factor[t] s[t - 1] + given[t]."""
     band = np.ones((2, len(factor)))
     band[1, :-1] = -factor[1:]
-    solved, _ = dtbtrs(band, given, uplo="L", trans="T" if back else "N", diag="U")
+    solved, _ = dtbtrs(band, given, uplo="L", trans="N", diag="U")
     return np.asarray(solved)
-
-
-def _next(values: FloatArray) -> FloatArray:
-    """Each row's successor; zeros for the last."""
-    return np.concatenate([values[1:], np.zeros_like(values[:1])])

@@ -36,7 +36,7 @@ class Problem:
         candidates: in catalogue order, cheapest first.
         noise: that rows may share.
         sd: (n,) standard deviation of each row's own error over the usual one.
-        ordered: whether rows stand in the order they were taken in.
+        ordered: whether rows stand in an order, that of taking or that of a setting.
         presumed: whether nobody vouches for that order.
 
     """

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from scipy import special
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.quantiles import f_tail
-from fitter.trace.result import Unnamed
 from fitter.trace.tables.judge import TableJudge
 from fitter.trace.tables.noise import Wandering
 from fitter.trace.tables.score import NOTHING_LEFT, blocks
+from fitter.trace.tables.smooth import Smooth, curve, offered
 
 UNEXPLAINED = 1e-3
 """What is left counts as left below this probability, over all places looked at."""
 SUSPECTS = 2
+ORDERS = (3, 6, 12)
+"""Of curves that the residual is held against, over each variable."""
 BINS, FEWEST_IN_BIN = 8, 4
 
 
@@ -32,10 +35,10 @@ def pure_error(y: FloatArray, points: IntArray | None) -> tuple[float, int] | No
     return float(np.sqrt(np.sum((y - means[points]) ** 2) / df)), df
 
 
-def unnamed(judge: TableJudge, chosen: tuple[int, ...], variables: Mapping[str, FloatArray]) -> tuple[Unnamed, ...]:
-    """Variables over whose range the residual's mean still changes, the clearest only.
+def unnamed(judge: TableJudge, chosen: tuple[int, ...], variables: Mapping[str, FloatArray]) -> tuple[Smooth, ...]:
+    """Variables over which the residual still follows a smooth curve, the clearest only, and a wander if it is slow.
 
-    The residual is averaged over eight parts of a variable's range; its noise is that found beside the effects.
+    Curves of a few orders are tried over each variable; the residual's noise is that found beside the effects.
     """
     at = judge.beside(chosen).best
     view, white = judge.view(at), judge.white(at, chosen)
@@ -46,29 +49,28 @@ def unnamed(judge: TableJudge, chosen: tuple[int, ...], variables: Mapping[str, 
     if rss <= view.rounding:
         return ()
     found: list[tuple[float, str, float]] = []
+    tried = 0
     for name, v in variables.items():
-        member = _bins(v)
-        if member.shape[1] < 3:
-            continue
-        whitened = problem.noise.whiten(np.array([at]), member / problem.sd[:, None])[0]
-        start, length = np.array([0, member.shape[1]]), np.linalg.norm(whitened, axis=0)
-        own = blocks(whitened, start, length, taken)
-        gain, rank = float(own.gains(left)[0]), int(own.rank[0])
-        if rank < 1 or df - rank < 2 or gain <= NOTHING_LEFT * rss:
-            continue
-        p = f_tail(gain / rank / ((rss - gain) / (df - rank)), rank, df - rank)
-        means = (member.T @ left) / np.maximum(member.sum(axis=0), 1.0)
-        worst = int(np.argmax(np.abs(means)))
-        rows = v[member[:, worst] > 0]
-        found.append((p, f"over {name}, most between {rows.min():.4g} and {rows.max():.4g}", gain / rss))
+        waves = curve(v)
+        for order in dict.fromkeys(min(order, waves.shape[1]) for order in ORDERS if waves.shape[1]):
+            whitened = problem.noise.whiten(np.array([at]), waves[:, :order] / problem.sd[:, None])[0]
+            own = blocks(whitened, np.array([0, order]), np.linalg.norm(whitened, axis=0), taken)
+            gain, rank = float(own.gains(left)[0]), int(own.rank[0])
+            if rank < 1 or df - rank < 2 or gain <= NOTHING_LEFT * rss:
+                continue
+            tried += 1
+            found.append((f_tail(gain / rank / ((rss - gain) / (df - rank)), rank, df - rank), name, gain / rss))
     slow = _slow(judge, chosen)
     if not found:
         return slow
-    p, where, share = min(found)
-    return (*slow, Unnamed(where, share)) if p * len(found) < UNEXPLAINED else slow
+    p, name, share = min(found)
+    if p * tried >= UNEXPLAINED:
+        return slow
+    where = f"over {name}{_most(variables[name], left)}"
+    return (*slow, _told(offered(judge, chosen, name, variables[name], share, where=where)))
 
 
-def _slow(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[Unnamed, ...]:
+def _slow(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[Smooth, ...]:
     """A wander so slow that it is as likely an effect in time as noise, with the effects that come nearest to it."""
     noise, beside = judge.problem.noise, judge.beside(chosen)
     at = beside.best
@@ -79,14 +81,30 @@ def _slow(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[Unnamed, ...]:
     names = [f"{name} (p {p:.2g})" for name, p in judge.suspects(chosen)[:SUSPECTS] if p < 0.5]
     near = f"; nearest to it come {' and '.join(names)}" if names else ""
     share = 1.0 - float(np.min(beside.sigma2 * np.exp(noise.log_det / judge.problem.n)) / beside.sigma2[0])
-    return (Unnamed(f"in the order of taking, as a slow wander{near}", float(np.clip(share, 0.0, 1.0))),)
+    where = f"along the rows, as a wander so slow that it may be noise or an effect in time{near}"
+    share = float(np.clip(share, 0.0, 1.0))
+    return (_told(offered(judge, chosen, "row", noise.when, share, where=where, stratum="noise")),)
 
 
-def _bins(v: FloatArray) -> FloatArray:
-    """(n, bins) one where a row is in a part of the range; parts hold about as many rows each."""
+def _told(rest: Smooth) -> Smooth:
+    """With the curve that is on offer in words."""
+    period = f" (period {rest.period:.4g})" if rest.period is not None else ""
+    text = (
+        f"{rest.where}; a smooth curve of order {rest.order} over {rest.variable}{period} would take the standard "
+        f"error from {rest.sigma_E[0]:.4g} to {rest.sigma_E[1]:.4g}, at random rows left out from "
+        f"{rest.left_out[0]:.4g} to {rest.left_out[1]:.4g}"
+    )
+    return replace(rest, where=text)
+
+
+def _most(v: FloatArray, left: FloatArray) -> str:
+    """The part of a variable's range where the mean residual is farthest from zero, in words."""
     count = min(BINS, len(v) // FEWEST_IN_BIN, len(np.unique(v)))
     if count < 3:
-        return np.empty((len(v), 0))
+        return ""
     edges = np.unique(np.quantile(v, np.arange(1, count) / count))
     index = np.searchsorted(edges, v, side="left")
-    return np.asarray(index[:, None] == np.unique(index)[None, :], np.float64)
+    rows = np.maximum(np.bincount(index), 1)
+    worst = int(np.argmax(np.abs(np.bincount(index, left) / rows) * np.sqrt(rows)))
+    own = v[index == worst]
+    return f", most between {own.min():.4g} and {own.max():.4g}"

@@ -22,7 +22,7 @@ from fitter.trace.tables.result import FoundTableEffect, TableSide, TableTrace
 from fitter.trace.tables.run import Found, TableData, problem_of, search_table
 
 WANDER = "slow-wander"
-"""Alias of an effect in time that noise which remembers long explains as well."""
+"""Alias of an effect that noise which remembers long explains as well."""
 CONSTANT = 0.99
 """Share of a column that lies between whole plots from which it counts as constant in them."""
 
@@ -39,12 +39,12 @@ def trace_general(data: TableData) -> TableTrace:
     left = 1.0 if not effects else float(after.sigma_E**2 * after.df / (before.sigma_E**2 * before.df))
     rest = tuple(replace(r, share=r.share * min(left, 1.0)) for r in unnamed(judge, chosen, _variables(data)))
     cv = (None, None) if crossed is None else crossed[0]
-    noise = noise_findings(judge, chosen, found.growth, data.response, data.rows)
+    noise = noise_findings(judge, chosen, found.growth, data)
     return TableTrace(
         response=data.response,
         declared=data.formula,
         names=data.names,
-        verdict=verdict(bool(effects), bool(rest)),
+        verdict=verdict(bool(effects), any(r.stratum != "noise" for r in rest)),
         before=TableSide(before, cv[0], pure and pure[0], _shared(data, judge, ())),
         after=TableSide(after, cv[1], pure and pure[0], _shared(data, judge, chosen)),
         effects=(*effects, *noise),
@@ -88,7 +88,7 @@ def _effect(judge: TableJudge, after: Estimate, name: str, data: TableData) -> F
     aliases = tuple(other.name for other in alike)
     separation = {r.effect: round(max(r.sigmas - best.sigmas, 0.0), 2) for r in explanations if r.effect != name}
     ahead = judge.beats_wander(chosen, name)
-    if ahead is not None and effect.source == "time":
+    if ahead is not None:
         separation[WANDER] = round(float(np.sqrt(max(ahead, 0.0))), 2)
         if ahead <= DELTA:
             aliases = (*aliases, WANDER)

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.calibration import JsonValue
-from fitter.trace.result import CONFIRMED, Found, Unnamed
+from fitter.trace.result import CONFIRMED, Found
 from fitter.trace.tables.estimate import Estimate
+from fitter.trace.tables.smooth import Smooth
 from fitter.trace.whole_plots.result import OF_ATTITUDE
 
 
@@ -22,12 +23,15 @@ class FoundTableEffect(Found):
         family: coarser word: "nonlinearity", "periodic", "temperature", "drift", "group", ...
         columns: of the table, that it is of.
         contribution: (n,) what it adds to the response, beyond what the declared model takes up; zero for noise.
+        intervals: of a finding about the noise, what it does to intervals that take rows for independent and alike: by
+            coefficient of the declared model, its true standard error over the one that such least squares states.
 
     """
 
     family: str
     columns: tuple[str, ...]
     contribution: FloatArray
+    intervals: Mapping[str, float] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, JsonValue]:
         """As `rig trace --json` prints it."""
@@ -35,6 +39,7 @@ class FoundTableEffect(Found):
             **super().to_json(),
             "family": self.family,
             "columns": list(self.columns),
+            "intervals": dict(self.intervals),
             "rms": float(np.sqrt(np.mean(self.contribution**2))),
         }
 
@@ -99,7 +104,7 @@ class TableTrace:
     before: TableSide
     after: TableSide
     effects: tuple[FoundTableEffect, ...]
-    unnamed: tuple[Unnamed, ...]
+    unnamed: tuple[Smooth, ...]
     remarks: tuple[str, ...]
     y: FloatArray
     variables: Mapping[str, FloatArray]

@@ -17,7 +17,7 @@ from fitter.trace.tables.refine import refined
 from fitter.trace.tables.spread import Growth, growth_of
 
 ROUNDS = 3
-FEWEST_FOR_WANDER = 20
+FEWEST_FOR_WANDER = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +34,8 @@ class TableData:
         scene: the parts the other columns play.
         shared: (n,) whole plot or replication whose error the declared model has; None without.
         points: (n,) which rows repeat one setting; None where nothing is set.
+        order_unknown: rows are sorted by a setting and nobody knows whether they were taken in that order: neighbours
+            may be alike, but nothing can be said of time.
         numbers: (n,) row of the file each stands in; None for 1, 2, 3.
 
     """
@@ -47,6 +49,7 @@ class TableData:
     scene: TableScene
     shared: IntArray | None = None
     points: IntArray | None = None
+    order_unknown: bool = False
     numbers: IntArray | None = None
 
     @property
@@ -76,7 +79,7 @@ def problem_of(data: TableData) -> Problem:
         candidates=candidates,
         noise=_noise(data),
         sd=np.ones(len(data.y)),
-        ordered=time is not None,
+        ordered=time is not None or data.order_unknown,
         presumed=time is not None and time.presumed,
     )
 
@@ -94,9 +97,16 @@ def drivers(data: TableData, fitted: FloatArray) -> dict[str, FloatArray]:
 
 
 def look(judge: TableJudge, data: TableData, rows: IntArray | None = None) -> Found:
-    """Search, refine what is searched, weigh rows by the noise beside the effects, and again until nothing moves."""
+    """Search, refine what is searched, weigh rows by the noise beside the effects, and again until nothing moves.
+
+    Rows sorted by a setting, in an order of taking that nobody knows: once a nonlinearity stands out from errors that
+    are alike along the rows, what remains along them is far more likely to be the rest of it than a wander.
+    """
     growth = None
     _, chosen = search_and_name(judge, lead=judge.lead)
+    if data.order_unknown and any(judge.candidates[j].effect.source == "setting" for j in chosen):
+        judge = TableJudge(replace(judge.problem, noise=Independent(judge.problem.n)))
+        chosen = search_and_name(judge, prune(judge, chosen), judge.lead)[1]
     for _ in range(ROUNDS):
         problem = refined(judge, chosen)
         judge = TableJudge(problem, judge.families) if problem is not judge.problem else judge
@@ -145,8 +155,10 @@ def _noise(data: TableData) -> Noise:
     n, time = len(data.y), data.scene.time
     if data.shared is not None:
         return Shared(data.shared)
-    if time is None or n < FEWEST_FOR_WANDER:
+    if n < FEWEST_FOR_WANDER or (time is None and not data.order_unknown):
         return Independent(n)
+    if time is None:
+        return Wandering(np.arange(n, dtype=np.float64))
     gaps = np.diff(time.values)
     usual = float(np.median(gaps[gaps > 0])) if np.any(gaps > 0) else 0.0
     if usual == 0.0 or np.mean(gaps > 0) < 0.5:

@@ -1,9 +1,8 @@
 """How far each candidate stands out beside the declared columns and the candidates already in the model.
 
 A candidate is a block of columns. Its score is the F ratio of what it removes, exact for independent normal errors,
-over the largest of three: one; what single rows contribute to it (unequal variances; Eicker and White's estimate with
-leverage taken out, MacKinnon and White, J. Econometrics 29 (1985) 305); the variance it has if shared noise is other
-than estimated, its probability averaged over what that noise may be.
+over what single rows contribute to it if that is more than one (unequal variances; Eicker and White's estimate with
+leverage taken out, MacKinnon and White, J. Econometrics 29 (1985) 305).
 """
 
 from __future__ import annotations
@@ -15,12 +14,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import special
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.linear import orthonormal
 from fitter.trace.tables.problem import SPARED, Problem
 
+BoolArray = NDArray[np.bool_]
 Floats = NDArray[Any]
 """Double or single precision: a simulation does with less than a score."""
 NOTHING_LEFT = 1e-3
@@ -81,21 +80,32 @@ def blocks(columns: FloatArray, start: IntArray, length: FloatArray, taken: Floa
     norm = np.linalg.norm(own, axis=0)
     kept = norm > NOTHING_LEFT * length
     widths = np.diff(start)
-    parts: list[FloatArray] = []
-    ranks = np.zeros(len(widths), np.int64)
     unit = np.divide(own, norm, out=np.zeros_like(own), where=kept)
-    for j in range(len(widths)):
-        if widths[j] == 1:
-            if kept[start[j]]:
-                parts.append(unit[:, start[j], None])
-                ranks[j] = 1
-        else:
-            span = slice(int(start[j]), int(start[j + 1]))
-            basis = orthonormal(own[:, span], length[span], NOTHING_LEFT)
-            parts.append(basis)
-            ranks[j] = basis.shape[1]
-    units = np.hstack(parts) if parts else np.empty((len(columns), 0))
-    return Blocks(units, np.concatenate([[0], np.cumsum(ranks)]).astype(np.int64))
+    first = start[:-1][widths == 2]
+    unit[:, first], unit[:, first + 1], kept[first], kept[first + 1] = _pairs(own, length, first)
+    for j in np.flatnonzero(widths > 2):
+        span = slice(int(start[j]), int(start[j + 1]))
+        basis = orthonormal(own[:, span], length[span], NOTHING_LEFT)
+        kept[span] = np.arange(widths[j]) < basis.shape[1]
+        unit[:, start[j] : start[j] + basis.shape[1]] = basis
+    ranks = np.diff(np.concatenate([[0], np.cumsum(kept)])[start])
+    return Blocks(unit[:, kept], np.concatenate([[0], np.cumsum(ranks)]).astype(np.int64))
+
+
+def _pairs(own: FloatArray, length: FloatArray, first: IntArray) -> tuple[FloatArray, FloatArray, BoolArray, BoolArray]:
+    """Orthonormal bases of pairs of columns, the longer of each first, and which of the two add anything."""
+    scale = np.maximum(length, np.finfo(float).tiny)
+    a, b = own[:, first] / scale[first], own[:, first + 1] / scale[first + 1]
+    size_a, size_b = np.linalg.norm(a, axis=0), np.linalg.norm(b, axis=0)
+    swapped = size_b > size_a
+    long, short = np.where(swapped, b, a), np.where(swapped, a, b)
+    size = np.where(swapped, size_b, size_a)
+    long_kept = size > NOTHING_LEFT
+    long = np.divide(long, size, out=np.zeros_like(long), where=long_kept)
+    short = short - long * np.sum(long * short, axis=0)
+    size = np.linalg.norm(short, axis=0)
+    short_kept = long_kept & (size > NOTHING_LEFT)
+    return long, np.divide(short, size, out=np.zeros_like(short), where=short_kept), long_kept, short_kept
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,18 +124,6 @@ class Scores:
     scatter: FloatArray
     rank: IntArray
     df: IntArray
-
-    def p(self, inflation: FloatArray, weight: FloatArray) -> FloatArray:
-        """(J,) probability of so high a ratio by chance, each taken alone.
-
-        Args:
-            inflation: (G,) what the variance may be more than is thought.
-            weight: (G,) how probable that is.
-
-        """
-        ratio = self.ratio[:, None] / np.maximum(self.scatter[:, None], inflation)
-        p = special.fdtrc(np.maximum(self.rank, 1)[:, None], self.df[:, None], ratio) @ weight
-        return np.where(self.ratio > 0, p, 1.0)
 
     @property
     def evidence(self) -> FloatArray:

@@ -69,6 +69,13 @@ def estimate(problem: Problem, chosen: tuple[int, ...]) -> Estimate:
     return Estimate(chosen, coefficients, contribution, tuple(fits), residual)
 
 
+def residual_of(problem: Problem, fitted: Estimate) -> FloatArray:
+    """(S, n) outputs less what was fitted, of any readings, whole-plot errors left in, mV."""
+    left = problem.outputs - contributed(problem, fitted.coefficients)
+    k = problem.declared.shape[1]
+    return np.stack([y - problem.declared @ fit.coefficients[:k] for y, fit in zip(left, fitted.fits, strict=True)])
+
+
 def coefficients_of(problem: Problem, chosen: tuple[int, ...]) -> dict[int, Coefficient]:
     """Coefficients of the `chosen` candidates, each beside all others, with the error it is judged against."""
     found = {}

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fitter.trace.aliases import Products, Rival, rivals
-from fitter.trace.family import ALPHA, Family
+from fitter.trace.aliases import PER_COLUMN, Products, Rival, rivals, simplest
+from fitter.trace.family import ALPHA
 from fitter.trace.whitened import Whitened
+from fitter.trace.whole_plots.null import Families
 from fitter.trace.whole_plots.problem import Candidate, Problem
-from fitter.trace.whole_plots.score import NOTHING_LEFT, Beside, beside, score
+from fitter.trace.whole_plots.score import NOTHING_LEFT, Beside, Scores, beside, score
 from fitter.trace.whole_plots.strata import Level
 
 
@@ -20,7 +22,7 @@ class WholePlotJudge:
     """A `fitter.trace.search.Judge` of whole-plot runs."""
 
     problem: Problem
-    family: Family
+    family: Families
 
     @property
     def candidates(self) -> tuple[Candidate, ...]:
@@ -40,33 +42,58 @@ class WholePlotJudge:
         if not self.candidates:
             return ()
         scores = score(self.problem, chosen)
-        found = np.flatnonzero(self.family.adjust(scores.p) <= ALPHA)
+        found = np.flatnonzero((self.family.adjust(scores.p) <= ALPHA) & self._possible(scores))
         return (int(found[np.argmax(scores.gain[found])]),) if found.size else ()
 
     def p_adjusted(self, chosen: tuple[int, ...], j: int) -> float:
         """Probability that the best of the family looks as good as `j` beside the other `chosen` by chance."""
         others = tuple(k for k in chosen if k != j)
-        return float(self.family.adjust(score(self.problem, others, (j,)).p[j]))
+        return self.family.adjusted(float(score(self.problem, others, (j,)).p[j]), j)
+
+    def lead(self, explanations: Sequence[Rival]) -> Rival:
+        """The simplest of those the data cannot tell apart; what is only suspected leads if nothing else is left."""
+        suspected = {c.effect.name for c in self.candidates if c.effect.on_suspicion}
+        return simplest([r for r in explanations if r.alias and r.effect not in suspected] or explanations)
 
     def rivals(self, chosen: tuple[int, ...], effect: str) -> tuple[Rival, ...]:
         """All explanations of what the terms of `effect` among `chosen` explain, in the stratum they are judged in.
 
         Terms of the effect that the other stratum bears out stay with every explanation.
         """
-        problem = self.problem
+        problem, every = self.problem, np.arange(len(self.candidates))
         named = tuple(j for j in chosen if problem.candidates[j].effect.name == effect)
         level = problem.judged_at[named[0]]
         group = tuple(j for j in named if problem.judged_at[j] == level)
         rest = tuple(j for j in chosen if j not in group)
         stratum, error = beside(problem, level, rest), beside(problem, level, chosen, ()).sigma
         scale = (stratum.sigma / error)[:, None]
-        columns = np.where(self._judged(level, stratum), stratum.white.columns * scale[:, :, None], 0.0)
+        able = self._judged(level, stratum) & (self._possible(score(problem, rest)) | np.isin(every, group))
+        columns = np.where(able, stratum.white.columns * scale[:, :, None], 0.0)
         white = Whitened(stratum.white.outputs * scale, columns)
         line = any(problem.candidates[j].sensor is None for j in group)
         sensors = problem.sensors if line else {str(problem.candidates[j].sensor) for j in group}
         elsewhere = tuple(j for j in named if j not in group)
-        found = rivals(problem.candidates, Products.of(white), group, rest, sensors)
-        return tuple(replace(rival, terms=(*rival.terms, *elsewhere)) for rival in found)
+        searched = {e.name for c in self.candidates if (e := c.effect).searched and (len(sensors) == 1 or not c.sensor)}
+        found = rivals(problem.candidates, Products.of(white), group, rest, sensors, searched=searched)
+        price = np.array([rival.sigmas**2 + self._tried(rival) for rival in found])
+        return tuple(
+            replace(found[k], terms=(*found[k].terms, *elsewhere), sigmas=float(np.sqrt(price[k] - price.min())))
+            for k in np.argsort(price, kind="stable")
+        )
+
+    def _tried(self, rival: Rival) -> float:
+        """What a searched constant is to pay beside a column's price: the best of m values gains 2 ln m by chance."""
+        first = self.candidates[rival.terms[0]]
+        if not first.effect.searched:
+            return 0.0
+        values = sum(c.effect is first.effect and c.sensor == first.sensor for c in self.candidates)
+        return max(2.0 * float(np.log(values)) - PER_COLUMN * rival.searched, 0.0)
+
+    def _possible(self, scores: Scores) -> NDArray[np.bool_]:
+        """(J,) candidates whose coefficient is no larger than their cause can have, within three standard errors."""
+        most = np.array([c.effect.at_most for c in self.candidates])
+        size = np.abs(scores.gamma)
+        return np.asarray(size - 3.0 * size / np.maximum(np.abs(scores.t), np.finfo(float).tiny) <= most)
 
     def _judged(self, level: Level, stratum: Beside) -> NDArray[np.bool_]:
         """(J,) candidates of a level that enough is left of beside the others to explain something there."""

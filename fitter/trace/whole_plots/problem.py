@@ -21,7 +21,7 @@ IS_THE_MODEL = 1e-3
 
 @dataclass(frozen=True)
 class Candidate:
-    """One term of one effect, on one transducer or (None) on the line and with it on all."""
+    """One term of one effect, on one transducer or (None) on the line or the supply, and with it on all."""
 
     effect: PressureEffect
     term: PressureTerm
@@ -57,8 +57,10 @@ class Problem:
         candidates: J of them, in catalogue order.
         whole_plot: (n,) which whole plot, from 0.
         replicate: (n,) which replication, from 0.
+        order: (n,) executed position.
         weight: (S, n) of each reading, mean one: the inverse of its variance where that grows with pressure.
         ratio: (S,) variance of the whole-plot error over that of a reading.
+        rho: (S,) correlation of a reading's error with that of the one before in its whole plot.
 
     """
 
@@ -70,17 +72,32 @@ class Problem:
     candidates: tuple[Candidate, ...]
     whole_plot: IntArray
     replicate: IntArray
+    order: IntArray
     weight: FloatArray
     ratio: FloatArray
+    rho: FloatArray
 
     @cached_property
     def strata(self) -> tuple[Strata, ...]:
         """Projections of each transducer; shared where weights are alike."""
         made: list[Strata] = []
-        for weight, ratio in zip(self.weight, self.ratio, strict=True):
-            same = next((s for s in made if np.array_equal(s.weight, weight) and s.ratio == ratio), None)
-            made.append(same or Strata(self.declared, self.whole_plot, self.replicate, weight, float(ratio)))
+        for weight, ratio, rho in zip(self.weight, self.ratio, self.rho, strict=True):
+            same = (s for s in made if np.array_equal(s.weight, weight) and (s.ratio, s.rho) == (ratio, rho))
+            made.append(next(same, None) or self.stratified(weight, float(ratio), float(rho)))
         return tuple(made)
+
+    def stratified(self, weight: FloatArray, ratio: float, rho: float, beside: FloatArray | None = None) -> Strata:
+        """Projections for readings of these weights, of the declared model and columns (n, q) `beside` it."""
+        declared = self.declared if beside is None else np.column_stack([self.declared, beside])
+        return Strata(declared, self.whole_plot, self.replicate, weight, ratio, self.before, rho)
+
+    @cached_property
+    def before(self) -> IntArray:
+        """(n,) row of the reading before in its whole plot, the row itself at the first."""
+        executed = np.lexsort((self.order, self.whole_plot))
+        behind = np.concatenate([executed[:1], executed[:-1]])
+        behind = np.where(self.whole_plot[behind] == self.whole_plot[executed], behind, executed)
+        return behind[np.argsort(executed)]
 
     @cached_property
     def at(self) -> Mapping[Level, Stratum]:
@@ -90,12 +107,14 @@ class Problem:
     @cached_property
     def length_at(self) -> Mapping[Level, FloatArray]:
         """(S, J) length of each raw column at each level: of readings by weight, or of whole plots' means."""
-        readings = np.linalg.norm(self.raw * np.sqrt(self.weight)[:, :, None], axis=1)
+        readings = [
+            np.linalg.norm(strata.whiten(raw), axis=0) for strata, raw in zip(self.strata, self.raw, strict=True)
+        ]
         means = [
             np.linalg.norm(strata.means(raw) * strata.precision[:, None], axis=0)
             for strata, raw in zip(self.strata, self.raw, strict=True)
         ]
-        return {"subplot": np.asarray(readings), "whole-plot": np.stack(means)}
+        return {"subplot": np.stack(readings), "whole-plot": np.stack(means)}
 
     @cached_property
     def judged_at(self) -> tuple[Level, ...]:
@@ -120,6 +139,7 @@ class Problem:
             raw=self.raw[:, rows],
             whole_plot=np.unique(self.whole_plot[rows], return_inverse=True)[1],
             replicate=np.unique(self.replicate[rows], return_inverse=True)[1],
+            order=self.order[rows],
             weight=self.weight[:, rows],
         )
 
@@ -149,7 +169,7 @@ def pose(
     candidates = tuple(
         Candidate(effect, term, sensor)
         for effect in catalogue
-        for sensor in ((None,) if effect.scope == "line" else data.transducers)
+        for sensor in (data.transducers if effect.scope == "sensor" else (None,))
         for term in effect.terms(data)
     )
     raw = raw_columns(scene, data.transducers, candidates)
@@ -157,6 +177,7 @@ def pose(
     left = np.linalg.norm(raw - np.einsum("nk,mk,smj->snj", basis, basis, raw, optimize=True), axis=(0, 1))
     useful = np.flatnonzero(left > IS_THE_MODEL * np.linalg.norm(raw, axis=(0, 1)))
     outputs = np.stack([data.outputs[s] for s in data.transducers])
+    fitted = SplitPlotDesign(declared, data.whole_plot, names).fit_many(outputs.T)
     return Problem(
         sensors=data.transducers,
         names=names,
@@ -166,8 +187,10 @@ def pose(
         candidates=tuple(candidates[j] for j in useful),
         whole_plot=data.whole_plot_index,
         replicate=np.unique(data.replicate, return_inverse=True)[1].astype(np.int64),
+        order=data.order,
         weight=np.ones_like(outputs),
-        ratio=SplitPlotDesign(declared, data.whole_plot, names).fit_many(outputs.T).ratio,
+        ratio=fitted.ratio,
+        rho=np.zeros(len(outputs)),
     )
 
 
@@ -180,7 +203,9 @@ def raw_columns(scene: PressureScene, sensors: Sequence[str], candidates: Sequen
         if key not in made:
             made[key] = candidate.term.column(scene)
         for i, sensor in enumerate(sensors):
-            if candidate.sensor is None:
+            if candidate.effect.scope == "voltmeter":
+                out[i, :, j] = made[key] * (scene.zero[sensor] + scene.sensitivity[sensor] * scene.p)
+            elif candidate.sensor is None:
                 out[i, :, j] = made[key] * scene.sensitivity[sensor]
             elif candidate.sensor == sensor:
                 out[i, :, j] = made[key]

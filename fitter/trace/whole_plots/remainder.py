@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
-from fitter.quantiles import t_tail
 from fitter.replication import FTest
 from fitter.trace.result import Unnamed
 from fitter.trace.whole_plots.problem import Problem
@@ -13,10 +12,6 @@ from fitter.trace.whole_plots.score import beside
 from fitter.trace.whole_plots.strata import Level
 from fitter.whole_plot_data import WholePlotData
 
-OUTLYING = 1e-6
-"""Probability that any reading of a run stands out by chance, below which one is pointed at."""
-LONE = 0.05
-"""A reading of which no larger share than this is left has hardly another to be compared with."""
 SAME_TEMPERATURE_DEGC = 2.0
 """Whole plots whose temperatures are closer than this repeat one another: chambers hold a degree, designs step many."""
 
@@ -85,25 +80,6 @@ def strongest_whole_plot(problem: Problem, chosen: tuple[int, ...], data: WholeP
     sensor, sse = (float(np.mean(t[rows])) for t in (data.sensor_temperature_degC, data.sse_temperature_degC))
     share = float(np.sum(sums**2 / count) / np.sum(left**2))
     return Unnamed(f"between whole plots, most at {sensor:.0f} degC with electronics at {sse:.0f} degC", share)
-
-
-def outlier(problem: Problem, chosen: tuple[int, ...], data: WholePlotData, i: int) -> Unnamed | None:
-    """The reading that stands out most from its whole plot in transducer `i`, if none should stand out so far.
-
-    The t test of a reading left out, for all readings at once.
-    """
-    stratum, kept = beside(problem, "subplot", chosen, ()), problem.strata[i].kept
-    left, df = stratum.white.outputs[i], float(stratum.df[i]) - 1.0
-    if df <= 0.0 or np.max(kept) <= LONE:
-        return None
-    squares = np.where(kept > LONE, left**2 / np.maximum(kept, LONE), 0.0)
-    most = int(np.argmax(squares))
-    without = max(float(left @ left) - float(squares[most]), np.finfo(float).tiny)
-    if t_tail(float(np.sqrt(squares[most] * df / without)), df) * len(data) > OUTLYING:
-        return None
-    error = float(left[most] * stratum.sigma[i] / kept[most]) / float(_weight(problem, "subplot", i)[most])
-    where = f"in one reading, order {data.order[most]} at {data.pressure_psia[most]:.3g} psia: {error:+.2g} mV"
-    return Unnamed(where, float(squares[most] / (left @ left)))
 
 
 def reading_error_pct(data: WholePlotData, residual: FloatArray, slope: FloatArray) -> dict[str, float | None]:

@@ -3,27 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from scipy.special import chdtrc
 
 from fitter.arrays import FloatArray
-from fitter.effects import GROWING_NOISE, Entry, PressureScene, separate_pressure
+from fitter.effects import Entry, PressureScene, separate_pressure
 from fitter.formula import Formula
 from fitter.linear import orthonormal
-from fitter.quantiles import t_limit
 from fitter.trace.aliases import Rival
-from fitter.trace.family import COUNTED
 from fitter.trace.result import Unnamed, verdict
 from fitter.trace.search import names_of
-from fitter.trace.whole_plots.estimate import Estimate
+from fitter.trace.whole_plots.estimate import Estimate, residual_of
 from fitter.trace.whole_plots.judge import WholePlotJudge
-from fitter.trace.whole_plots.noise import Noise
+from fitter.trace.whole_plots.noise_report import noise_findings
+from fitter.trace.whole_plots.problem import Problem
 from fitter.trace.whole_plots.remainder import (
     lack_of_fit,
-    outlier,
     reading_error_pct,
     repeated_readings,
     repeated_whole_plots,
@@ -32,6 +30,7 @@ from fitter.trace.whole_plots.remainder import (
 )
 from fitter.trace.whole_plots.result import FoundPressureEffect, Side, TransducerTrace
 from fitter.trace.whole_plots.score import beside
+from fitter.trace.whole_plots.settle import Look
 from fitter.trace.whole_plots.strata import Level
 from fitter.whole_plot_data import WholePlotData
 
@@ -46,26 +45,30 @@ class Finding:
     """All that a trace knows of a run.
 
     Attributes:
-        data: the observations.
+        data: the observations without those that stand out.
+        whole: all of them.
         model: the declared one, as it was asked for.
         formula: its terms.
         scene: references.
         judge: of the search, with the weights it ended with.
         before: the declared model.
         after: the same beside the effects.
-        noise: of each transducer.
+        every: the whole run made ready.
+        look: at the noise beside the effects.
         cv: (2, S) error on whole plots left out, before and after.
 
     """
 
     data: WholePlotData
+    whole: WholePlotData
     model: str
     formula: Formula
     scene: PressureScene
     judge: WholePlotJudge
     before: Estimate
     after: Estimate
-    noise: tuple[Noise, ...]
+    every: Problem
+    look: Look
     cv: FloatArray | None
 
     @cached_property
@@ -74,19 +77,15 @@ class Finding:
         chosen = self.after.chosen
         return {name: self.judge.rivals(chosen, name) for name in names_of(self.judge.candidates, chosen)}
 
-    @cached_property
-    def weighted(self) -> tuple[bool, ...]:
-        """Of each transducer, whether its readings were weighted."""
-        return tuple(bool(np.ptp(weight) > 0) for weight in self.judge.problem.weight)
-
 
 def transducer(finding: Finding, i: int) -> TransducerTrace:
     """What was found in transducer `i`."""
     sensor = finding.judge.problem.sensors[i]
     effects = [e for name in finding.classes if (e := _found(finding, name, i)) is not None]
     effects.sort(key=lambda effect: -effect.share)
-    if finding.weighted[i]:
-        effects.append(_noise(finding, i))
+    effects += noise_findings(
+        finding.whole, finding.every, finding.after, finding.look, finding.scene.sensitivity[sensor], i
+    )
     rest = _unnamed(finding, i)
     return TransducerTrace(
         sensor=sensor,
@@ -97,7 +96,7 @@ def transducer(finding: Finding, i: int) -> TransducerTrace:
         effects=tuple(effects),
         unnamed=rest,
         alike=tuple(text for name in finding.classes if (text := _alike(finding, name))),
-        noise=finding.noise[i],
+        noise=finding.look.noise[i],
         sensitivity=finding.scene.sensitivity[sensor],
     )
 
@@ -112,7 +111,7 @@ def _side(finding: Finding, fitted: Estimate, i: int, when: int) -> Side:
         fit=fit,
         reading_error_pct=reading_error_pct(finding.data, fitted.residual[i], slope),
         cv_rms=None if finding.cv is None else float(finding.cv[when, i]),
-        residual_mV=fitted.residual[i],
+        residual_mV=residual_of(finding.every, fitted)[i],
     )
 
 
@@ -129,7 +128,8 @@ def _found(finding: Finding, name: str, i: int) -> FoundPressureEffect | None:
         return None
     effect, level = problem.candidates[mine[0]].effect, problem.judged_at[mine[0]]
     coefficients = {problem.candidates[j].term.name: after.coefficients[j] for j in mine}
-    contribution = problem.raw[i][:, mine] @ np.array([c.value for c in coefficients.values()])
+    values = np.array([c.value for c in coefficients.values()])
+    contribution = problem.raw[i][:, mine] @ values
     p = min(finding.judge.p_adjusted(after.chosen, j) for j in mine)
     best = next(rival for rival in explanations if rival.effect == name)
     alike = [problem.candidates[r.terms[0]].effect for r in explanations if r.alias and r.effect != name]
@@ -146,7 +146,7 @@ def _found(finding: Finding, name: str, i: int) -> FoundPressureEffect | None:
         unit=effect.unit,
         size=effect.size({term: c.value for term, c in coefficients.items()}, finding.scene.sensitivity[sensor]),
         p_adjusted=p,
-        p_adjusted_is_bound=p == finding.judge.family.least,
+        p_adjusted_is_bound=p <= min(map(finding.judge.family.least, mine)),
         share=_share(finding, level, mine, i),
         aliases=tuple(other.name for other in alike),
         separation={r.effect: round(max(r.sigmas - best.sigmas, 0.0), 2) for r in explanations if r.effect != name},
@@ -155,41 +155,9 @@ def _found(finding: Finding, name: str, i: int) -> FoundPressureEffect | None:
         formulas=tuple(filter(None, (problem.candidates[j].term.formula for j in mine))),
         df=tuple(c.df for c in coefficients.values()),
         half_width_95=tuple(c.half_width_95 for c in coefficients.values()),
-        contribution_mV=contribution,
+        contribution_mV=finding.every.raw[i][:, mine] @ values,
         peak_mV=peak,
         peak_psi=psi,
-    )
-
-
-def _noise(finding: Finding, i: int) -> FoundPressureEffect:
-    """Noise that grows with pressure, as a finding: coefficients of sd = a + b P."""
-    noise, problem = finding.noise[i], finding.judge.problem
-    sensitivity = finding.scene.sensitivity[problem.sensors[i]]
-    p = finding.data.pressure_psia
-    low, high = noise.sd(np.array([p.min(), p.max()])).tolist()
-    df = float(problem.at["subplot"].df[i])
-    return FoundPressureEffect(
-        effect=GROWING_NOISE.name,
-        cause=GROWING_NOISE.cause,
-        stratum="noise",
-        terms=("1", "P"),
-        coefficients=(noise.at_zero_mV, noise.per_psi_mV),
-        stderr=noise.stderr,
-        unit=GROWING_NOISE.unit,
-        size=f"sd {low:.2g} mV at the lowest pressure, {high:.2g} mV at the highest",
-        p_adjusted=min(noise.p * len(problem.sensors) / COUNTED, 1.0),
-        p_adjusted_is_bound=False,
-        share=0.0,
-        aliases=(),
-        separation={},
-        separate_by=GROWING_NOISE.separate_by,
-        against=GROWING_NOISE.against,
-        formulas=(),
-        df=(df, df),
-        half_width_95=tuple(t_limit(0.95, df) * error for error in noise.stderr),
-        contribution_mV=np.zeros(len(finding.data)),
-        peak_mV=high,
-        peak_psi=high / abs(sensitivity),
     )
 
 
@@ -231,7 +199,8 @@ def _experiments(effect: Entry, aliases: Iterable[Entry]) -> str:
 
 def _unnamed(finding: Finding, i: int) -> tuple[Unnamed, ...]:
     problem, chosen, data = finding.judge.problem, finding.after.chosen, finding.data
-    rest = [alone] if (alone := outlier(problem, chosen, data, i)) else []
+    problem = replace(problem, rho=np.zeros_like(problem.rho))  # where it lives is asked of readings as they are
+    rest: list[Unnamed] = []
     if lack_of_fit(problem, "subplot", chosen, repeated_readings(data), i).p < UNEXPLAINED:
         rest.append(strongest_pressure(problem, chosen, data, i))
     if lack_of_fit(problem, "whole-plot", chosen, repeated_whole_plots(data), i).p < UNEXPLAINED:

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.calibration import JsonValue
-from fitter.effects import PressureScene
+from fitter.effects import GROWING_NOISE, PressureScene
 from fitter.formula import Formula
 from fitter.split_plot import SplitPlotFit
-from fitter.trace.result import CONFIRMED, Found, Unnamed
+from fitter.trace.result import CONFIRMED, Explanation, Found, Unnamed
 from fitter.trace.whole_plots.noise import Noise
 from fitter.trace.whole_plots.problem import Candidate, raw_columns
 from fitter.whole_plot_data import WholePlotData
@@ -45,13 +45,13 @@ class FoundPressureEffect(Found):
 
     def to_json(self) -> dict[str, JsonValue]:
         """As `rig trace --json` prints it."""
-        pairs = list(zip(self.coefficients, self.half_width_95, strict=True))
+        pairs = [(c, h if np.isfinite(h) else None) for c, h in zip(self.coefficients, self.half_width_95, strict=True)]
         return {
             **super().to_json(),
             "formulas": list(self.formulas),
-            "df": list(self.df),
-            "lo95": [value - half for value, half in pairs],
-            "hi95": [value + half for value, half in pairs],
+            "df": [df if np.isfinite(df) else None for df in self.df],
+            "lo95": [None if half is None else value - half for value, half in pairs],
+            "hi95": [None if half is None else value + half for value, half in pairs],
             "rms_mV": float(np.sqrt(np.mean(self.contribution_mV**2))),
             "peak_mV": self.peak_mV,
             "peak_psi": self.peak_psi,
@@ -135,11 +135,19 @@ class TransducerTrace:
         """Sentences that stand beside the numbers before and after."""
         notes = [*self.after.fit.notes, *self.alike]
         means = [effect for effect in self.effects if effect.stratum != "noise"]
-        if len(means) < len(self.effects):
+        named = {effect.effect for effect in self.effects}
+        if GROWING_NOISE.name in named:
             notes.append(
                 "noise grows with pressure: intervals that take one sd for all pressures are too wide at low pressure "
                 "and too narrow at high; readings were weighted by it here"
             )
+        if "autocorrelation" in named:
+            notes.append(
+                "successive readings' errors are alike: intervals that take them for independent are too narrow for "
+                "what changes slowly within whole plots; effects were judged beside that here"
+            )
+        if "outliers" in named:
+            notes.append("readings that stand out are left out of everything here, before and after; they are listed")
         if any(effect.stratum == "whole-plot" for effect in means):
             count = len(self.after.fit.whole_plots)
             notes.append(f"effects between whole plots were judged on {count} numbers, one a whole plot")
@@ -180,6 +188,7 @@ class WholePlotTrace:
         chosen: the terms in the model.
         gamma: (q,) their coefficients, in the terms' own units.
         points: number of readings.
+        explanations: all of them for each effect found, best first.
 
     """
 
@@ -189,6 +198,7 @@ class WholePlotTrace:
     chosen: tuple[Candidate, ...]
     gamma: FloatArray
     points: int
+    explanations: Mapping[str, tuple[Explanation, ...]] = field(default_factory=dict)
 
     def predict(self, data: WholePlotData) -> dict[str, FloatArray]:
         """(n,) outputs of each transducer for other readings, effects included, whole-plot errors zero, mV."""

@@ -12,20 +12,17 @@ from fitter.effects import PRESSURE_CATALOGUE, PressureEffect, PressureScene
 from fitter.linear import RankError
 from fitter.pressure.models import HIERARCHICAL, check_determined, named_formula
 from fitter.split_plot import SplitPlotDesign
-from fitter.trace.family import Family
-from fitter.trace.search import prune, search_and_name
+from fitter.trace.result import Explanation
 from fitter.trace.whole_plots.estimate import coefficients_of, contributed, estimate
 from fitter.trace.whole_plots.judge import WholePlotJudge
-from fitter.trace.whole_plots.noise import Noise
-from fitter.trace.whole_plots.null import family_of
+from fitter.trace.whole_plots.null import Families
 from fitter.trace.whole_plots.problem import Problem, pose
 from fitter.trace.whole_plots.report import Finding, transducer
 from fitter.trace.whole_plots.result import WholePlotTrace
-from fitter.trace.whole_plots.weights import noises, stands_out, weighted
+from fitter.trace.whole_plots.settle import named, settle
 from fitter.whole_plot_data import WholePlotData
 
 SEED = 20260115
-ROUNDS = 3
 FOLDS = 24
 """Times at most that whole plots are left out."""
 
@@ -35,6 +32,8 @@ def trace_whole_plots(
     model: str = "full",
     catalogue: Sequence[PressureEffect] = PRESSURE_CATALOGUE,
     seed: int = SEED,
+    *,
+    validate: bool = True,
 ) -> WholePlotTrace:
     """Find what the declared model of pressure transducers lacks.
 
@@ -44,6 +43,7 @@ def trace_whole_plots(
             search could only put back.
         catalogue: effects to look for.
         seed: of the simulated null; the same data and seed give the same answer.
+        validate: repeat the search without each whole plot for the left-out error, which takes most of the time.
 
     Raises:
         fitter.linear.RankError: the observations do not determine the declared model.
@@ -55,41 +55,53 @@ def trace_whole_plots(
     names, declared = formula.columns(data.table)
     check_determined(data, formula)
     scene = scene_of(data)
-    problem, family, found, noise = _settle(data, pose(data, names, declared, scene, catalogue), seed)
+    whole = pose(data, names, declared, scene, catalogue)
+    settled = settle(data.pressure_psia, whole, seed)
+    problem, found = settled.problem, settled.chosen
     before, after = estimate(replace(problem, weight=np.ones_like(problem.weight)), ()), estimate(problem, found)
     finding = Finding(
-        data=data,
+        data=data.take(settled.kept),
+        whole=data,
         model=model if model != HIERARCHICAL else f"full (where {HIERARCHICAL} starts)",
         formula=formula,
         scene=scene,
-        judge=WholePlotJudge(problem, family),
+        judge=WholePlotJudge(problem, settled.families),
         before=before,
         after=after,
-        noise=noise,
-        cv=left_out(problem, family, found),
+        every=whole,
+        look=settled.look,
+        cv=left_out(problem, settled.families, found) if validate else None,
     )
     sensors = {sensor: transducer(finding, i) for i, sensor in enumerate(problem.sensors)}
     chosen = tuple(problem.candidates[j] for j in found)
-    return WholePlotTrace(
-        sensors, formula, scene, chosen, np.array([after.coefficients[j].value for j in found]), len(data)
-    )
+    explanations = {
+        name: tuple(
+            Explanation(r.effect, tuple(problem.candidates[j] for j in r.terms), r.sigmas, r.alias) for r in rivals
+        )
+        for name, rivals in finding.classes.items()
+    }
+    gamma = np.array([after.coefficients[j].value for j in found])
+    return WholePlotTrace(sensors, formula, scene, chosen, gamma, len(data), explanations)
 
 
 def scene_of(data: WholePlotData) -> PressureScene:
-    """References of a run: mean temperatures, middle of the time, and each transducer's slope with pressure."""
+    """References of a run: mean temperatures, middle of the time, and each transducer's slope and zero."""
     index = data.whole_plot_index
     p = data.pressure_psia - (np.bincount(index, data.pressure_psia) / np.bincount(index))[index]
     square = max(float(p @ p), np.finfo(float).tiny)
+    slope = {s: float(p @ y) / square for s, y in data.outputs.items()}
+    middle = float(np.mean(data.pressure_psia))
     return PressureScene(
         data=data,
         sensor_degC=float(np.mean(data.sensor_temperature_degC)),
         sse_degC=float(np.mean(data.sse_temperature_degC)),
         elapsed_s=float(np.mean(data.elapsed_s)),
-        sensitivity={s: float(p @ y) / square for s, y in data.outputs.items()},
+        sensitivity=slope,
+        zero={s: float(np.mean(y)) - slope[s] * middle for s, y in data.outputs.items()},
     )
 
 
-def left_out(problem: Problem, family: Family, found: tuple[int, ...]) -> FloatArray | None:
+def left_out(problem: Problem, family: Families, found: tuple[int, ...]) -> FloatArray | None:
     """(2, S) rms error on whole plots left out, mV, before and after; None where too few are left without one.
 
     The search is repeated without the whole plots that are left out, whose own errors are predicted as zero: one at a
@@ -102,7 +114,7 @@ def left_out(problem: Problem, family: Family, found: tuple[int, ...]) -> FloatA
         rest = problem.take(inside)
         try:
             design = SplitPlotDesign(rest.declared, rest.whole_plot, rest.names)
-            chosen = search_and_name(WholePlotJudge(rest, family))[1] if found else ()
+            chosen = named(WholePlotJudge(rest, family)) if found else ()
             coefficients = coefficients_of(rest, chosen)
             plain = design.fit_many(rest.outputs.T).coefficients
             beside_effects = design.fit_many((rest.outputs - contributed(rest, coefficients)).T).coefficients
@@ -113,30 +125,3 @@ def left_out(problem: Problem, family: Family, found: tuple[int, ...]) -> FloatA
         corrected = outputs - contributed(problem, coefficients, aside)
         squares[1] += np.sum((corrected - beside_effects @ columns.T) ** 2, axis=1)
     return np.asarray(np.sqrt(squares / problem.outputs.shape[1]))
-
-
-def _settle(
-    data: WholePlotData, problem: Problem, seed: int
-) -> tuple[Problem, Family, tuple[int, ...], tuple[Noise, ...]]:
-    """Search; then weight readings by the noise found beside the effects, and search again until both stand still.
-
-    Noise is looked for beside the effects and not before them: an effect of pressure not yet in the model is largest
-    at the highest pressures, and would pass for noise that grows.
-    """
-    plain, family = problem, family_of(problem, seed)
-    _, chosen = search_and_name(WholePlotJudge(problem, family))
-    known: tuple[bool, ...] = (False,) * len(problem.sensors)
-    for _ in range(ROUNDS):
-        noise = noises(plain, chosen, data.pressure_psia)
-        grows = tuple(stands_out(one, len(noise)) for one in noise)
-        if grows == known:
-            break
-        known = grows
-        problem, _ = weighted(plain, chosen, data.pressure_psia, noise, grows)
-        family = family_of(problem, seed)
-        judge = WholePlotJudge(problem, family)
-        _, chosen = search_and_name(judge, prune(judge, chosen))
-    else:
-        noise = noises(plain, chosen, data.pressure_psia)
-    problem, noise = weighted(plain, chosen, data.pressure_psia, noise, known)
-    return problem, family, chosen, noise

@@ -30,6 +30,9 @@ RESOLVED = 1e-12
 """Of an output's swing: what is smaller than this is rounding, and data without noise are not tested against it."""
 
 
+TINY = np.finfo(float).tiny
+
+
 @dataclass(frozen=True, eq=False)
 class Scores:
     """One entry a candidate, (J,); zero and one where a candidate is in the model or cannot be judged.
@@ -116,8 +119,13 @@ def score(problem: Problem, chosen: Sequence[int], of: Sequence[int] | None = No
         pooled = np.maximum(np.sum(np.where(concerned, stratum.df[:, None], 0.0), axis=0) - 1.0, 1.0)
         plain = total * np.sum(np.where(concerned, after, 0.0), axis=0) / pooled
         own = np.einsum("smj,sm->mj", columns, white.outputs) - gamma * np.sum(columns**2, axis=0)
-        variance = np.maximum(plain, _scatter(problem, level, own, df, concerned.sum(axis=0)))
-        t = np.where(can, gamma * total / np.sqrt(np.maximum(variance, np.finfo(float).tiny)), 0.0)
+        single = np.sum(own**2, axis=0) * len(own) / df
+        if level == "whole-plot":
+            variance = np.maximum(plain, np.where(concerned.sum(axis=0) > 1, single, 0.0))
+        else:
+            slow = _by_whole_plot(problem, own, np.sum(columns**2, axis=0))
+            variance = np.maximum(np.maximum(plain, single), slow)
+        t = np.where(can, gamma * total / np.sqrt(np.where(variance > 0, variance, np.inf)), 0.0)
         scores.gamma[here], scores.t[here], scores.df[here] = gamma, t, df
         scores.p[here] = np.where(can, 2.0 * special.stdtr(df, -np.abs(t)), 1.0)
         scores.gain[here] = np.where(can, gamma * dot.sum(axis=0), 0.0)
@@ -138,15 +146,23 @@ def _errors(
     return sigma, df
 
 
-def _scatter(problem: Problem, level: Level, own: FloatArray, df: FloatArray, witnesses: IntArray) -> FloatArray:
-    """(J,) variance of each column's product with the outputs, from the scatter of its parts (m, J)."""
-    m = len(own)
-    single = np.sum(own**2, axis=0) * m / df
-    if level == "whole-plot":
-        return np.asarray(np.where(witnesses > 1, single, 0.0))
+def _by_whole_plot(problem: Problem, own: FloatArray, norm2: FloatArray) -> FloatArray:
+    """(J,) variance of each column's product with the outputs from the scatter of whole plots' contributions.
+
+    Each contribution is corrected for the share of it that the fit has taken (Bell and McCaffrey, Survey Methodology 28
+    (2002) 169, for one column).
+
+    Args:
+        problem: the run.
+        own: (n, J) each reading's part in the products.
+        norm2: (n, J) the columns' squares.
+
+    """
     plots = int(problem.whole_plot.max()) + 1
-    by_plot = (np.arange(plots)[:, None] == problem.whole_plot).astype(np.float64) @ own
-    return np.asarray(np.maximum(single, np.sum(by_plot**2, axis=0) * plots / max(plots - 1, 1)))
+    mine = (np.arange(plots)[:, None] == problem.whole_plot).astype(np.float64)
+    mass = mine @ norm2
+    share = mass / np.maximum(mass.sum(axis=0), TINY)
+    return np.asarray(np.sum((mine @ own) ** 2 / np.maximum(1.0 - share, 0.01), axis=0))
 
 
 def _less_subplots(problem: Problem, chosen: Sequence[int], of: IntArray) -> tuple[FloatArray, FloatArray]:

@@ -2,7 +2,7 @@
 
 subplot      every whole plot's own offset is taken out, and what the declared model says within whole plots
 whole-plot   one number a whole plot: its mean, less what the subplot stratum says of the declared model; then the
-             declared model's terms that only differ between whole plots
+             declared model's terms that differ between whole plots only, or mostly
 
 In a balanced design these are the strata of its analysis of variance. In any other the first is free of whole-plot
 errors all the same, at the price of the little that whole plots' means say about it. A whole plot counts in the second
@@ -25,9 +25,11 @@ from fitter.linear import orthonormal
 Level = Literal["subplot", "whole-plot"]
 LEVELS: tuple[Level, ...] = ("whole-plot", "subplot")
 
-VARIES = 0.02
-"""A column of which no larger share than this varies within whole plots is one of whole plots: temperatures are read
-anew with every observation, and their scatter there says nothing about their effect."""
+VARIES = 0.005
+"""A column is one of whole plots if no larger share than this of what varies in it does so within them: temperatures
+are read anew with every observation, and their scatter there says nothing about their effect."""
+MOSTLY = 0.1
+"""Of the squares of what varies between whole plots, as much within them makes a declared term one of subplots."""
 INDEPENDENT = 1e-6
 """A column of which no larger share than this is left beside the others adds nothing to them."""
 
@@ -42,6 +44,8 @@ class Strata:
         replicate: (n,) which replication, from 0; each has an offset of its own.
         weight: (n,) of a reading, its variance's inverse up to a factor.
         ratio: variance of the whole-plot error over that of a reading of weight one.
+        before: (n,) row of the reading before in the whole plot; the row itself at the first.
+        rho: correlation of a reading's error with that of the reading before.
 
     """
 
@@ -50,11 +54,26 @@ class Strata:
     replicate: IntArray
     weight: FloatArray
     ratio: float
+    before: IntArray
+    rho: float = 0.0
+
+    def whiten(self, columns: FloatArray) -> FloatArray:
+        """(n, q) columns in which readings' errors are independent and of one variance."""
+        scaled = columns * np.sqrt(self.weight)[:, None]
+        if self.rho == 0.0:
+            return scaled
+        first = (self.before == np.arange(len(scaled)))[:, None]
+        return np.where(first, scaled, (scaled - self.rho * scaled[self.before]) / np.sqrt(1.0 - self.rho**2))
+
+    @cached_property
+    def one(self) -> FloatArray:
+        """(n,) what a constant is when whitened."""
+        return self.whiten(np.ones((self.weight.size, 1)))[:, 0]
 
     @cached_property
     def total(self) -> FloatArray:
         """(W,) weight of each whole plot's readings."""
-        return np.asarray(np.bincount(self.whole_plot, self.weight))
+        return np.asarray(np.bincount(self.whole_plot, self.one**2))
 
     @cached_property
     def precision(self) -> FloatArray:
@@ -71,41 +90,80 @@ class Strata:
         """What is left of (n, q) `columns`: (n, q) of readings over their standard deviations, or (W, q) of means."""
         if level == "whole-plot":
             return _off(self._between, self.means(columns) * self.precision[:, None])
-        return _off(self._within[1], self._centred(columns))
+        return _off(self._within[1], self._centred(self._still(columns)))
 
     def varies_within(self, columns: FloatArray) -> NDArray[np.bool_]:
         """(q,) whether columns vary within whole plots by more than rounding and readback noise."""
-        length = np.linalg.norm(columns * np.sqrt(self.weight)[:, None], axis=0)
-        return np.asarray(np.linalg.norm(self._centred(columns), axis=0) > VARIES * length)
+        scaled, root = columns * np.sqrt(self.weight)[:, None], np.sqrt(self.weight)
+        plots = np.arange(int(self.whole_plot.max()) + 1)[:, None] == self.whole_plot
+        mean = (plots * (root / (plots @ self.weight)[self.whole_plot])) @ scaled
+        centred = scaled - root[:, None] * mean[self.whole_plot]
+        about = scaled - root[:, None] * (root @ scaled / self.weight.sum())
+        rounding = 1e-9 * np.linalg.norm(scaled, axis=0)
+        return np.asarray(np.linalg.norm(centred, axis=0) > VARIES * np.linalg.norm(about, axis=0) + rounding)
 
     @cached_property
     def _shares(self) -> FloatArray:
-        """(W, n) share of each reading in its whole plot's mean."""
+        """(W, n) share of each whitened reading in its whole plot's mean."""
         mine = np.arange(self.total.size)[:, None] == self.whole_plot
-        return np.where(mine, self.weight / self.total[:, None], 0.0)
+        return np.where(mine, self.one / self.total[:, None], 0.0)
+
+    @property
+    def log_determinant(self) -> float:
+        """Of what restricted likelihood takes off for the readings' covariance and the coefficients fitted."""
+        followers = int(np.sum(self.before != np.arange(self.before.size)))
+        covariance = followers * np.log(1.0 - self.rho**2) - np.sum(np.log(self.weight))
+        fitted = np.sum(np.log(self.total)) + 2.0 * np.sum(np.log(np.abs(np.diag(self._within[2]))))
+        return float(covariance + fitted)
 
     @property
     def kept(self) -> FloatArray:
         """(n,) share of a reading's variance that is left in the subplot stratum, one less its leverage."""
-        return np.asarray(1.0 - self.weight / self.total[self.whole_plot] - np.sum(self._within[1] ** 2, axis=1))
+        return np.asarray(1.0 - self.one**2 / self.total[self.whole_plot] - np.sum(self._within[1] ** 2, axis=1))
 
     def means(self, columns: FloatArray) -> FloatArray:
         """(W, q) means over whole plots of what the declared model leaves, its coefficients those of the subplots."""
         picked, basis, triangle = self._within
-        own = self.declared[:, picked]
-        left = columns - own @ np.linalg.solve(triangle, basis.T @ self._centred(columns)) if len(picked) else columns
-        return self._mean(left)
+        if not len(picked):
+            return self._mean(columns)
+        return self._mean(
+            columns - self.declared[:, picked] @ np.linalg.solve(triangle, basis.T @ self._centred(columns))
+        )
+
+    def _still(self, columns: FloatArray) -> FloatArray:
+        """(n, q) columns less what a declared term that is known from whole plots' means does within them.
+
+        That is next to nothing, unless a temperature was still on its way when readings began.
+        """
+        rest, moving = self._mostly_between
+        if not np.any(moving):
+            return columns
+        known = self._between_inverse[np.flatnonzero(moving)] @ (self.means(columns) * self.precision[:, None])
+        return columns - self.declared[:, rest[moving]] @ known
 
     def _mean(self, columns: FloatArray) -> FloatArray:
-        return np.asarray(self._shares @ columns)
+        return np.asarray(self._shares @ self.whiten(columns))
 
     def _centred(self, columns: FloatArray) -> FloatArray:
-        return np.asarray((columns - self._mean(columns)[self.whole_plot]) * np.sqrt(self.weight)[:, None])
+        white = self.whiten(columns)
+        return np.asarray(white - self.one[:, None] * (self._shares @ white)[self.whole_plot])
+
+    @cached_property
+    def _mostly_between(self) -> tuple[IntArray, NDArray[np.bool_]]:
+        """Declared columns that vary mostly from one whole plot to the next, and which of them vary within them too.
+
+        A temperature that is still settling varies within whole plots by a degree, and between them by many.
+        """
+        means, weight = self._mean(self.declared), self.total
+        between = np.sum(weight[:, None] * (means - weight @ means / weight.sum()) ** 2, axis=0)
+        varying, within = self.varies_within(self.declared), np.sum(self._centred(self.declared) ** 2, axis=0)
+        rest = np.flatnonzero(~varying | (within < MOSTLY * between))
+        return rest, np.asarray(varying[rest])
 
     @cached_property
     def _within(self) -> tuple[IntArray, FloatArray, FloatArray]:
         """Declared columns that subplots determine: which, orthonormal basis (n, r), triangle (r, r) from it."""
-        varying = np.flatnonzero(self.varies_within(self.declared))
+        varying = np.setdiff1d(np.arange(self.declared.shape[1]), self._mostly_between[0])
         centred = self._centred(self.declared)
         length = np.linalg.norm(centred[:, varying], axis=0)
         _, r, order = pivoted_qr(centred[:, varying] / length, mode="economic", pivoting=True)
@@ -114,13 +172,24 @@ class Strata:
         return picked, q, r
 
     @cached_property
-    def _between(self) -> FloatArray:
-        """(W, m) orthonormal basis of what the declared model and the replications say of whole plots' means."""
-        rest = np.setdiff1d(np.arange(self.declared.shape[1]), self._within[0])
+    def _between_columns(self) -> FloatArray:
+        """(W, c) what the declared model's other terms and the replications say of whole plots' means."""
         replicates = np.eye(int(self.replicate.max()) + 1)[self.replicate]
-        columns = np.column_stack([self.declared[:, rest], replicates[:, 1:]])
+        return np.column_stack([self.declared[:, self._mostly_between[0]], replicates[:, 1:]])
+
+    @cached_property
+    def _between(self) -> FloatArray:
+        """(W, m) orthonormal basis of those."""
+        columns = self._between_columns
         length = np.linalg.norm(self._mean(columns) * self.precision[:, None], axis=0)
         return orthonormal(self.means(columns) * self.precision[:, None], length, INDEPENDENT)
+
+    @cached_property
+    def _between_inverse(self) -> FloatArray:
+        """(c, W) their coefficients from whole plots' means over the standard deviations of these."""
+        columns = self.means(self._between_columns) * self.precision[:, None]
+        length = np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny)
+        return np.asarray(np.linalg.pinv(columns / length, rcond=1e-8) / length[:, None])
 
 
 def _off(basis: FloatArray, columns: FloatArray) -> FloatArray:

@@ -36,16 +36,19 @@ def weighted(
     if not any(grows):
         return problem, noise
     for _ in range(REWEIGHTED):
-        weight = np.array(
-            [
-                one.sd(pressure_psia) ** -2.0 if g else np.ones_like(pressure_psia)
-                for one, g in zip(noise, grows, strict=True)
-            ]
-        )
-        problem = replace(problem, weight=weight / weight.mean(axis=1, keepdims=True))
+        problem = replace(problem, weight=weights_of(noise, grows, pressure_psia))
         again = noises(problem, chosen, pressure_psia)
         noise = tuple(replace(new, p=old.p) for new, old in zip(again, noise, strict=True))
     return problem, noise
+
+
+def weights_of(noise: Sequence[Noise], grows: Sequence[bool], pressure_psia: FloatArray) -> FloatArray:
+    """(S, n) weights of readings, mean one; one throughout where noise does not grow or is not known."""
+    weight = np.ones((len(grows), pressure_psia.size))
+    for i, one in enumerate(noise):
+        if grows[i]:
+            weight[i] = one.sd(pressure_psia) ** -2.0
+    return np.asarray(weight / weight.mean(axis=1, keepdims=True))
 
 
 def noises(problem: Problem, chosen: tuple[int, ...], pressure_psia: FloatArray) -> tuple[Noise, ...]:

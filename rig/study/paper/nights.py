@@ -14,7 +14,7 @@ from typing import Any
 from procedures.designs import uniform
 from rig.config import parse_toml, read_text
 from rig.examples import example
-from rig.study.paper.toml_text import toml_text
+from rig.toml_text import toml_text
 
 _SECONDS_A_POINT = 32.0
 _COLDEST_UTC = datetime(2026, 1, 16, 4, 20, tzinfo=UTC)

@@ -1,0 +1,24 @@
+"""A further run beside one that was traced: which explanation holds, and what a run could tell before it is made."""
+
+from fitter.confirm.attitude import AttitudeTogether
+from fitter.confirm.judge import Confirmation, Member, SensorError, confirm
+from fitter.confirm.predict import NOTHING, Separation, separation
+from fitter.confirm.question import Hypothesis, Question, questions_of
+from fitter.confirm.together import Together
+from fitter.confirm.whole_plots import WholePlotTogether
+
+__all__ = [
+    "NOTHING",
+    "AttitudeTogether",
+    "Confirmation",
+    "Hypothesis",
+    "Member",
+    "Question",
+    "SensorError",
+    "Separation",
+    "Together",
+    "WholePlotTogether",
+    "confirm",
+    "questions_of",
+    "separation",
+]

@@ -1,0 +1,257 @@
+"""Judging the explanations of an effect on a run that had no part in naming it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitter.arrays import FloatArray
+from fitter.confirm.question import Hypothesis, Question
+from fitter.confirm.together import Candidates, Together
+from fitter.quantiles import f_tail, t_limit
+from fitter.trace.aliases import DELTA, PER_COLUMN
+
+STANDS_OUT, MOST_OUTLIERS = 6.0, 0.02
+CHANGED = 1e-3
+"""Probability below which an explanation does not hold: its size in the later run is not that in the first."""
+
+
+@dataclass(frozen=True, eq=False)
+class SensorError:
+    """Error of predicting the later run of one sensor from the first alone, rms in units of the output.
+
+    Attributes:
+        before: by the declared model.
+        after: with the effects found in it.
+        sigma: scatter of one reading, which no model goes below.
+        slope: output per unit of what is inferred: V/g, or mV/psi.
+        residual_before: (m,) of the readings of the later run, by the declared model.
+        residual_after: (m,) with the effects.
+
+    """
+
+    before: float
+    after: float
+    sigma: float
+    slope: float
+    residual_before: FloatArray
+    residual_after: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Member:
+    """One explanation after the later run.
+
+    Attributes:
+        effect: name in the catalogue.
+        sigmas: standard errors by which it falls behind the best, both runs together.
+        p_changed: probability of such a difference between its sizes in the two runs if it is the cause.
+        terms: names of its terms.
+        coefficients: of the terms, from the later run alone: they owe nothing to the selection.
+        intervals: 95 % intervals of them.
+        together: coefficients from both runs.
+        sizes: of the cause in the later run alone, in physical terms, by sensor; with a single term with its interval:
+            "5.0e-4 deg/g (4.1e-4 deg/g to 5.9e-4 deg/g)". Empty where that run does not tell.
+        errors: of predicting the later run, by sensor.
+        against: field of the data that its residual is best looked at against.
+
+    """
+
+    effect: str
+    sigmas: float
+    p_changed: float
+    terms: tuple[str, ...]
+    coefficients: tuple[float, ...]
+    intervals: tuple[tuple[float, float], ...]
+    together: tuple[float, ...]
+    sizes: Mapping[str, str]
+    errors: Mapping[str, SensorError]
+    against: str
+
+    @property
+    def holds(self) -> bool:
+        """Whether nothing speaks against it: not behind another, and of one size in both runs."""
+        return self.sigmas**2 <= DELTA and self.p_changed >= CHANGED
+
+
+@dataclass(frozen=True, eq=False)
+class Confirmation:
+    """What became of one question.
+
+    Attributes:
+        effect: that the trace had named.
+        members: its explanations, the best first.
+        realigned: whether the later run was predicted with offset and sensitive axes of its own, because the package
+            was mounted anew or the first run does not determine them; else the first run's stand.
+        outliers: readings of the later run that stand out whichever explanation is true, and were left out, by their
+            position in that run.
+
+    """
+
+    effect: str
+    members: tuple[Member, ...]
+    realigned: bool
+    outliers: tuple[int, ...] = ()
+
+    @property
+    def holding(self) -> tuple[str, ...]:
+        """Explanations that nothing speaks against."""
+        return tuple(member.effect for member in self.members if member.holds)
+
+    @property
+    def verdict(self) -> str:
+        """One of "confirmed", "replaced" by another member, "undecided" between several, "none holds"."""
+        if not self.holding:
+            return "none holds"
+        if len(self.holding) > 1:
+            return "undecided"
+        return "confirmed" if self.holding == (self.effect,) else "replaced"
+
+
+def confirm(both: Together, question: Question) -> Confirmation:
+    """Judge the members of one question on both runs together, and on the later by itself."""
+    standing_out = _outliers(both, question)
+    aside = tuple((standing_out - int(np.flatnonzero(both.fresh)[0])).tolist())
+    if aside:
+        kept = np.ones(both.fresh.size, np.bool_)
+        kept[standing_out] = False
+        both = both.only(kept)
+    rest = both.columns_of(question.rest)
+    columns = [both.columns_of(member.terms) for member in question.members]
+    price = [
+        _rss(np.column_stack([own, rest]), both.outputs) + PER_COLUMN * (own.shape[1] + _searched(member))
+        for member, own in zip(question.members, columns, strict=True)
+    ]
+    members = [
+        _member(both, question, member, own, rest, np.sqrt(cost - min(price)))
+        for member, own, cost in zip(question.members, columns, price, strict=True)
+    ]
+    members.sort(key=lambda member: (not member.holds, member.sigmas, len(member.terms)))
+    return Confirmation(question.effect, tuple(members), both.realigned, aside)
+
+
+def _outliers(both: Together, question: Question) -> NDArray[np.int64]:
+    """Rows of the later run whose residual is beyond `STANDS_OUT` in some sensor, whichever member is true.
+
+    One after the other, the worst first, since it draws the fit away from the rest. More than `MOST_OUTLIERS` of them
+    are no outliers but something that no member explains.
+    """
+    most = max(int(MOST_OUTLIERS * np.sum(both.fresh)), 2)
+    whole, rows = both.fresh.size, np.arange(both.fresh.size)
+    for _ in range(most + 1):
+        worst = np.where(
+            both.fresh, np.min([_standing(both, m.terms, question.rest) for m in question.members], 0), 0.0
+        )
+        if worst.max() <= STANDS_OUT:
+            return np.setdiff1d(np.arange(whole), rows)
+        kept = np.arange(rows.size) != np.argmax(worst)
+        both, rows = both.only(kept), rows[kept]
+    return rows[:0]
+
+
+def _standing(both: Together, terms: Candidates, rest: Candidates) -> FloatArray:
+    """(n,) largest residual of any sensor beside these effects, in standard deviations."""
+    model = np.column_stack([both.columns_of(terms), both.columns_of(rest)])
+    left = both.outputs - model @ np.linalg.lstsq(model, both.outputs, rcond=1e-10)[0]
+    return np.asarray(np.max(np.abs(left.reshape(len(both.sensors), -1)), axis=0))
+
+
+def _searched(member: Hypothesis) -> bool:
+    return bool(getattr(member.terms[0].effect, "searched", False))
+
+
+def _member(
+    both: Together,
+    question: Question,
+    member: Hypothesis,
+    own: FloatArray,
+    rest: FloatArray,
+    sigmas: float,
+) -> Member:
+    fresh = np.tile(both.fresh, len(both.sensors))
+    q, model = own.shape[1], np.column_stack([own, rest])
+    together = np.linalg.lstsq(model, both.outputs, rcond=1e-10)[0]
+    changed = both.columns_in(member.terms, both.fresh)
+    shifted = np.zeros((len(fresh), 0)) if both.realigned else both.shifts
+    wider = np.column_stack([model, changed, shifted])
+    more = int(np.linalg.matrix_rank(wider, tol=1e-6 * np.linalg.norm(wider, 2)) - np.linalg.matrix_rank(model))
+    df = both.df
+    gain = _rss(model, both.outputs) - _rss(wider, both.outputs)
+    p = f_tail(gain / more, more, df) if more > 0 else 1.0
+    alone, error = _alone(both, member, question.rest)
+    t = t_limit(0.95, df)
+    intervals = tuple((float(a - t * e), float(a + t * e)) for a, e in zip(alone, error, strict=True))
+    return Member(
+        effect=member.effect,
+        sigmas=float(sigmas),
+        p_changed=float(p),
+        terms=tuple(term.term.name + ("" if term.sensor is None else f" ({term.sensor})") for term in member.terms),
+        coefficients=tuple(alone.tolist()),
+        intervals=intervals,
+        together=tuple(together[:q].tolist()),
+        sizes=_sizes(both, member, alone, intervals),
+        errors=_errors(both, (*member.terms, *question.rest)),
+        against=member.terms[0].effect.against,
+    )
+
+
+def _sizes(
+    both: Together, member: Hypothesis, alone: FloatArray, intervals: tuple[tuple[float, float], ...]
+) -> dict[str, str]:
+    """What a member amounts to in each sensor it concerns, by the later run alone."""
+    out = {}
+    for sensor, slope in zip(both.sensors, both.slope.tolist(), strict=True):
+        mine = [k for k, term in enumerate(member.terms) if term.sensor in (None, sensor)]
+        if not mine or not np.all(np.isfinite(alone[mine])):
+            continue
+        effect = member.terms[0].effect
+        names = [member.terms[k].term.name for k in mine]
+        text = effect.size(dict(zip(names, alone[mine].tolist(), strict=True)), slope)
+        if len(mine) == 1:
+            low, high = (effect.size({names[0]: value}, slope) for value in intervals[mine[0]])
+            text += f" ({low} to {high})"
+        out[sensor] = text
+    return out
+
+
+def _alone(both: Together, member: Hypothesis, rest: Candidates) -> tuple[FloatArray, FloatArray]:
+    """(q,) coefficients of a member from the later run by itself, and their standard errors."""
+    later = both.only(both.fresh)
+    own, others = later.columns_of(member.terms), later.columns_of(rest)
+    model = np.column_stack([own, others])
+    inverse = np.linalg.pinv(model, rcond=1e-8)
+    seen = np.linalg.norm(own, axis=0) > 0
+    gamma, error = inverse @ later.outputs, np.linalg.norm(inverse, axis=1)
+    q = own.shape[1]
+    return np.where(seen, gamma[:q], np.nan), np.where(seen, error[:q], np.nan)
+
+
+def _errors(both: Together, terms: Candidates) -> dict[str, SensorError]:
+    """Error of predicting the later run by what the first alone gives, without and with `terms`.
+
+    What is the later run's own (`Together.loose`) is taken out for both.
+    """
+    first = both.only(~both.fresh)
+    gamma = np.linalg.lstsq(first.columns_of(terms), first.outputs, rcond=1e-10)[0]
+    raw, outputs = both.raw(terms), both.raw_outputs
+    out, at, own = {}, both.fresh, both.loose[both.fresh]
+    lost = int(np.linalg.matrix_rank(own)) if own.shape[1] else 0
+    for i, sensor in enumerate(both.sensors):
+        model, left = both.declared[i], []
+        for effects in (np.zeros(outputs.shape[1]), raw[i] @ gamma):
+            y = outputs[i] - effects
+            rest = (y - model @ np.linalg.lstsq(model[~at], y[~at], rcond=1e-10)[0])[at]
+            left.append(rest - own @ np.linalg.lstsq(own, rest, rcond=1e-10)[0] if lost else rest)
+        before, after = (float(np.sqrt(np.sum(r**2) / max(r.size - lost, 1))) for r in left)
+        sigma = float(np.sqrt(np.mean(both.sigma[i][at] ** 2)))
+        out[sensor] = SensorError(before, after, sigma, float(both.slope[i]), left[0], left[1])
+    return out
+
+
+def _rss(columns: FloatArray, outputs: FloatArray) -> float:
+    if not columns.shape[1]:
+        return float(outputs @ outputs)
+    return float(np.sum((outputs - columns @ np.linalg.lstsq(columns, outputs, rcond=1e-10)[0]) ** 2))

@@ -1,0 +1,44 @@
+"""Observations of two runs behind one another."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import Any, TypeVar
+
+import numpy as np
+
+from fitter.data import AttitudeData
+from fitter.whole_plot_data import WholePlotData
+
+Data = TypeVar("Data", AttitudeData, WholePlotData)
+
+_NUMBERED = ("replicate", "order", "block", "whole_plot")
+_APART = ("outputs", "axes", "mounting")
+
+
+def join(first: Data, later: Data, after_s: float, **more: Any) -> Data:
+    """The observations of both runs, those of the first in front.
+
+    Args:
+        first: the run that was traced.
+        later: the one made to confirm it; with the same sensors.
+        after_s: how long after the first run's zero of elapsed time the later one's is.
+        more: attributes that are not simply put behind one another.
+
+    Raises:
+        ValueError: the later run lacks a sensor of the first.
+
+    """
+    missing = [name for name in first.outputs if name not in later.outputs]
+    if missing:
+        raise ValueError(f"the run to confirm by has no {missing[0]}, which the run that was traced has")
+    given: dict[str, Any] = {}
+    for name in (f.name for f in fields(first) if f.init and f.name not in _APART):
+        a, b = getattr(first, name), getattr(later, name)
+        if name in _NUMBERED:
+            b = b - b.min() + a.max() + 1
+        elif name == "elapsed_s":
+            b = b + after_s
+        given[name] = None if a is None or b is None else np.concatenate([a, b])
+    given["outputs"] = {name: np.concatenate([v, later.outputs[name]]) for name, v in first.outputs.items()}
+    return type(first)(**given, **more)

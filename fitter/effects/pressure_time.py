@@ -1,0 +1,160 @@
+"""Effects of time: drifts, steps at recorded and unrecorded moments, and the supply of the bridges."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.effects.effect import Alias
+from fitter.effects.pressure_scene import SOAK, PressureEffect, PressureScene, PressureTerm, fixed
+from fitter.effects.sizes import each, micro
+from fitter.whole_plot_data import WholePlotData
+
+MOMENTS = 24
+"""At most, tried for a step of which nothing is recorded."""
+EACH_SIDE = 3
+"""Whole plots before and after such a moment at least: a step of one or two is their own error."""
+
+_REPEAT_FIRST = "repeat the first whole plots at the end of the run"
+_EARLIER = "repeat a few whole plots of the earlier block"
+
+
+def _recorded(
+    text: str, of: Callable[[PressureScene], FloatArray]
+) -> Callable[[WholePlotData], tuple[PressureTerm, ...]]:
+    """Something that is there from an interruption on."""
+
+    def term(block: int) -> PressureTerm:
+        return PressureTerm(f"{text}from block {block}", lambda scene: of(scene) * (scene.data.block >= block))
+
+    return lambda data: tuple(term(int(block)) for block in np.unique(data.block)[1:])
+
+
+def _unrecorded(data: WholePlotData) -> tuple[PressureTerm, ...]:
+    """A step between two whole plots, wherever no interruption is recorded."""
+
+    def term(order: int, elapsed_h: float) -> PressureTerm:
+        return PressureTerm(f"from {elapsed_h:.3g} h", lambda scene: np.asarray(scene.data.order >= order, np.float64))
+
+    begun = np.full(data.whole_plots.size, np.iinfo(np.int64).max)
+    np.minimum.at(begun, data.whole_plot_index, data.order)
+    at = np.sort(begun)[EACH_SIDE : -EACH_SIDE + 1 or None] if begun.size >= 2 * EACH_SIDE else begun[:0]
+    recorded = {int(data.order[data.block == block].min()) for block in np.unique(data.block)[1:]}
+    hours = dict(zip(data.order.tolist(), (data.elapsed_s / 3600.0).tolist(), strict=True))
+    free = [int(order) for order in at if order not in recorded]
+    picked = np.unique(np.linspace(0, len(free) - 1, min(MOMENTS, len(free))).round().astype(np.int64))
+    return tuple(term(free[k], hours[free[k]]) for k in picked)
+
+
+OFFSET_STEP = PressureEffect(
+    name="offset-step",
+    cause="the offset changed at an interruption of the run or when an instrument was replaced",
+    source="interruption",
+    scope="sensor",
+    stratum="whole-plot",
+    unit="mV",
+    size=each("mV"),
+    against="elapsed_s",
+    separate_by=_EARLIER,
+    usual_size="whatever the interruption did",
+    known_aliases={},
+    terms=_recorded("", lambda s: np.ones_like(s.p)),
+)
+ORDER_DRIFT = PressureEffect(
+    name="whole-plot-drift",
+    cause="the offset drifts through the run, from whole plot to whole plot",
+    source="time",
+    scope="sensor",
+    stratum="whole-plot",
+    unit="mV/h",
+    size=micro("nV/h"),
+    against="elapsed_s",
+    separate_by=_REPEAT_FIRST,
+    usual_size="1e-3 mV/h",
+    known_aliases={},
+    terms=fixed(("time", lambda s: s.hours)),
+)
+SUBPLOT_DRIFT = PressureEffect(
+    name="subplot-drift",
+    cause="the offset drifts within every whole plot, from its first reading on",
+    source="time",
+    scope="sensor",
+    stratum="subplot",
+    unit="mV/h",
+    size=micro("nV/h"),
+    against="since_s",
+    separate_by=SOAK,
+    usual_size="5e-3 mV/h",
+    known_aliases={},
+    terms=fixed(("time in the whole plot", lambda s: s.since_h)),
+)
+SENSITIVITY_DRIFT = PressureEffect(
+    name="sensitivity-drift",
+    cause="the sensitivity drifts through the run: the transducer's own, or its excitation",
+    source="time",
+    scope="sensor",
+    stratum="subplot",
+    unit="mV/psi/h",
+    size=micro("nV/psi/h"),
+    against="elapsed_s",
+    separate_by=_REPEAT_FIRST,
+    usual_size="1e-5 of the sensitivity per h",
+    known_aliases={
+        "reference-drift": Alias("with a single transducer", "have the pressure controller checked before and after")
+    },
+    terms=fixed(("P*time", lambda s: s.p * s.hours)),
+)
+SENSITIVITY_STEP = PressureEffect(
+    name="sensitivity-step",
+    cause="the sensitivity changed at an interruption of the run or when an instrument was replaced",
+    source="interruption",
+    scope="sensor",
+    stratum="subplot",
+    unit="mV/psi",
+    size=micro("nV/psi"),
+    against="elapsed_s",
+    separate_by=_EARLIER,
+    usual_size="whatever the interruption did",
+    known_aliases={},
+    terms=_recorded("P ", lambda s: s.p),
+)
+UNRECORDED_STEP = PressureEffect(
+    name="offset-step-unrecorded",
+    cause="the offset changed between two whole plots, at a moment of which nothing is recorded",
+    source="interruption",
+    scope="sensor",
+    stratum="whole-plot",
+    unit="mV",
+    size=each("mV"),
+    against="elapsed_s",
+    separate_by="look up what happened in the laboratory then, and repeat a few whole plots of before",
+    usual_size="whatever happened",
+    known_aliases={
+        "whole-plot-drift": Alias("near the middle of the run, if it is not many errors large", _REPEAT_FIRST)
+    },
+    terms=_unrecorded,
+    searched=True,
+)
+EXCITATION = PressureEffect(
+    name="excitation",
+    cause="the supply of all bridges, or the gain of the voltmeter, changes with time or with the electronics' "
+    "temperature: outputs scale, zeros and all",
+    source="voltmeter",
+    scope="voltmeter",
+    stratum="subplot",
+    unit="1/h, 1/degC",
+    size=micro("ppm"),
+    against="elapsed_s",
+    separate_by="record the supply's voltage, and read a fixed bridge with the transducers",
+    usual_size="1e-5 of itself per h, 1e-5 per degC",
+    known_aliases={
+        "reference-drift": Alias(
+            "where the zeros are small beside the output", "record the supply's voltage through the run"
+        ),
+        "sensitivity-drift": Alias("with a single transducer", "record the supply's voltage through the run"),
+    },
+    terms=fixed(("V*time", lambda s: s.hours), ("V*T_SSE", lambda s: s.sse)),
+    at_most=5e-3,
+)

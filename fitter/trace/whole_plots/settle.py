@@ -1,0 +1,118 @@
+"""Search, look at the noise beside what was found, and search again as that asks for, until both stand still.
+
+Noise is looked for beside the effects and not before them: an effect of pressure not yet in the model is largest at
+the highest pressures and would pass for noise that grows, a drift would pass for errors that are remembered, and what
+stands out of a poor model need not stand out of a good one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fitter.arrays import FloatArray, IntArray
+from fitter.trace.search import prune, search_and_name
+from fitter.trace.whole_plots.judge import WholePlotJudge
+from fitter.trace.whole_plots.memory import SEEMS, Memory, memories
+from fitter.trace.whole_plots.noise import Noise
+from fitter.trace.whole_plots.null import Families, family_of
+from fitter.trace.whole_plots.outliers import Outliers, outliers
+from fitter.trace.whole_plots.problem import Problem
+from fitter.trace.whole_plots.weights import noises, stands_out, weighted, weights_of
+
+ROUNDS = 3
+SAME = 0.05
+"""Two autocorrelations closer than this make no difference."""
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """The noise beside some effects, and the problem as it asks for.
+
+    Attributes:
+        problem: without the readings that stand out, weighted and whitened.
+        noise: of each transducer, how it depends on pressure.
+        grows: of each transducer, whether it does.
+        memory: of each transducer, how readings' errors go with those before.
+        aside: readings that stand out, of the whole run.
+
+    """
+
+    problem: Problem
+    noise: tuple[Noise, ...]
+    grows: tuple[bool, ...]
+    memory: tuple[Memory, ...]
+    aside: Outliers
+
+    def asks_for_the_same(self, other: Look) -> bool:
+        """Whether a search would be no different."""
+        return (
+            self.grows == other.grows
+            and np.array_equal(self.aside.rows, other.aside.rows)
+            and bool(np.allclose(self.problem.rho, other.problem.rho, atol=SAME))
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Settled:
+    """A search that stands still.
+
+    Attributes:
+        problem: as it was searched.
+        families: of the search.
+        chosen: candidates found.
+        look: at the noise beside them.
+        kept: (m,) rows of the whole run that the problem has.
+
+    """
+
+    problem: Problem
+    families: Families
+    chosen: tuple[int, ...]
+    look: Look
+    kept: IntArray
+
+
+def settle(pressure_psia: FloatArray, whole: Problem, seed: int) -> Settled:
+    """Find what belongs in the model.
+
+    Args:
+        pressure_psia: (n,) of the whole run.
+        whole: the run as it is.
+        seed: of the simulated null.
+
+    """
+    count = len(whole.sensors)
+    none = Outliers(np.zeros(0, np.int64), *(np.zeros((count, 0)) for _ in range(3)))
+    held = Look(whole, (), (False,) * count, (), none)
+    families = family_of(whole, seed)
+    chosen = named(WholePlotJudge(whole, families))
+    for _ in range(ROUNDS):
+        look = _look(pressure_psia, whole, chosen, held)
+        if look.asks_for_the_same(held):
+            break
+        held, families = look, family_of(look.problem, seed)
+        judge = WholePlotJudge(look.problem, families)
+        chosen = named(judge, prune(judge, chosen))
+    kept = np.setdiff1d(np.arange(whole.outputs.shape[1]), held.aside.rows)
+    return Settled(held.problem, families, chosen, replace(look, aside=held.aside, grows=held.grows), kept)
+
+
+def named(judge: WholePlotJudge, chosen: tuple[int, ...] = ()) -> tuple[int, ...]:
+    """The candidates that belong in the model, from those `chosen` on, by the names they are to have."""
+    return search_and_name(judge, chosen, judge.lead)[1]
+
+
+def _look(pressure_psia: FloatArray, whole: Problem, chosen: tuple[int, ...], held: Look) -> Look:
+    """The noise beside the `chosen` candidates; what stands out is judged by the noise `held` so far."""
+    every = replace(whole, weight=weights_of(held.noise, held.grows, pressure_psia))
+    aside = outliers(every, chosen)
+    kept = np.setdiff1d(np.arange(pressure_psia.size), aside.rows)
+    plain, pressure = whole.take(kept), pressure_psia[kept]
+    noise = noises(plain, chosen, pressure)
+    grows = tuple(stands_out(one, len(noise)) for one in noise)
+    problem, noise = weighted(plain, chosen, pressure, noise, grows)
+    memory = memories(problem, chosen)
+    rho = np.array([one.rho if one.p < SEEMS else 0.0 for one in memory])
+    return Look(replace(problem, rho=rho), noise, grows, memory, aside)

@@ -1,0 +1,181 @@
+"""Further runs that may tell look-alikes apart: a procedure varied in one respect, from cheap to dear.
+
+Which of them does is for the fitter to say (`fitter.confirm.separation`); here is what a bench and a person can do.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from procedures.designs import uniform
+from procedures.pitch_roll import DesignSettings, PitchRollProcedure
+from procedures.whole_plot import WholePlotProcedure
+
+LEAST_PITCH, LEAST_ROLL = 9, 5
+"""Angles that a thinned design keeps: fewer show no shape."""
+WARMER_DEGC = 3.0
+WHOLE_TURN_DEG, LEAST_WHOLE_TURN, MOST_WHOLE_TURN = 180.0, 13, 37
+_TURNS = (
+    ("x", 180.0, "half a turn about its own x axis"),
+    ("z", 180.0, "end for end, half a turn about its own z axis"),
+    ("y", 90.0, "a quarter turn about its own y axis"),
+    ("x", 90.0, "a quarter turn about its own x axis"),
+    ("z", 90.0, "a quarter turn about its own z axis"),
+)
+
+Limits = Mapping[str, tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class Variation:
+    """A run that could be made.
+
+    Attributes:
+        what: what is done otherwise than in the first run, in words; variations with the same words differ in size.
+        procedure: the run.
+        turned: whether a person has to mount the package anew first.
+        warmer_degC: how much warmer the sensors will be.
+        by_weather: whether nothing on the bench can make them so.
+
+    """
+
+    what: str
+    procedure: PitchRollProcedure | WholePlotProcedure
+    turned: bool = False
+    warmer_degC: float = 0.0
+    by_weather: bool = False
+
+
+def variations(first: PitchRollProcedure | WholePlotProcedure, limits: Limits, *, chamber: bool) -> Iterator[Variation]:
+    """Runs to follow `first`, grouped by what they change, each group from the smallest to the largest.
+
+    Args:
+        first: the procedure of the run that was traced.
+        limits: of the bench, by quantity ("pitch_deg", "roll_deg", "enclosure_degC"); nothing beyond is proposed.
+        chamber: whether the bench holds the package's temperature.
+
+    """
+    every = _of_whole_plots(first) if isinstance(first, WholePlotProcedure) else _all(first, limits, chamber=chamber)
+    for variation in every:
+        if next(variation.procedure.expand().beyond(limits), None) is None:
+            yield variation
+
+
+def _all(first: PitchRollProcedure, limits: Limits, *, chamber: bool) -> Iterator[Variation]:
+    design, pitches = first.design, _pitches(first.design)
+    yield from _sizes("the same again", first)
+    if first.order.type != "random":
+        order = first.order.model_copy(update={"type": "random"})
+        yield from _sizes("in random order, from random sides", first.model_copy(update={"order": order}))
+    if _rolls(design) == 1:
+        yield from _sizes("at roll 0 and 180 deg", _over(first, pitches, [0.0, 180.0]))
+        yield from _sizes("at roll 0, 90 and 180 deg", _over(first, pitches, [0.0, 90.0, 180.0]))
+    if max(map(abs, pitches)) < WHOLE_TURN_DEG:
+        count = min(max(len(pitches), LEAST_WHOLE_TURN), MOST_WHOLE_TURN)
+        around = uniform(-WHOLE_TURN_DEG, WHOLE_TURN_DEG, count)
+        yield from _sizes("over the whole turn in pitch", _over(first, around, design.build().roll_deg))
+    if not chamber or first.environment is None:
+        yield from _sizes(f"on a night {WARMER_DEGC:g} degC warmer", first, warmer_degC=WARMER_DEGC, by_weather=True)
+    else:
+        low, high = limits.get("enclosure_degC", (-80.0, 200.0))
+        for by in (WARMER_DEGC, -WARMER_DEGC):
+            setpoint = first.environment.setpoint_degC + by
+            if low <= setpoint <= high:
+                environment = first.environment.model_copy(update={"setpoint_degC": setpoint})
+                at = first.model_copy(update={"environment": environment})
+                yield from _sizes(f"with the enclosure at {setpoint:g} degC", at, warmer_degC=by)
+    for axis, turn, words in _TURNS:
+        key = f"{axis}_deg"
+        mounting = first.mounting.model_copy(update={key: _turned(getattr(first.mounting, key), turn)})
+        turned = first.model_copy(update={"mounting": mounting})
+        yield from _sizes(f"with the package turned {words}", turned, turned=True)
+        if _rolls(design) == 1:
+            rolled = _over(turned, pitches, [0.0, 90.0, 180.0])
+            yield from _sizes(f"at roll 0, 90 and 180 deg with the package turned {words}", rolled, turned=True)
+
+
+def _of_whole_plots(first: WholePlotProcedure) -> Iterator[Variation]:
+    """The temperatures of the design, few of them or all, with other pressures."""
+    pressures = sorted(first.design.pressures_psia)
+    between = [round((low + high) / 2, 6) for low, high in itertools.pairwise(pressures)]
+    for what, levels, repeated in (
+        ("the same pressures in another order", pressures, first.design.repeated_psia),
+        ("every pressure twice in a whole plot", pressures, pressures),
+        ("pressures between those of the first run too", sorted({*pressures, *between}), []),
+    ):
+        for pairs in _temperatures(first):
+            design = first.design.model_copy(
+                update={
+                    "type": "list",
+                    "temperatures_degC": pairs,
+                    "pressures_psia": levels,
+                    "repeated_psia": list(repeated),
+                }
+            )
+            run = first.model_copy(
+                update={
+                    "design": design,
+                    "replications": 1,
+                    "seed": first.seed + 1,
+                    "name": f"{first.name}: {what}"[:80],
+                }
+            )
+            yield Variation(what, run)
+
+
+def _temperatures(first: WholePlotProcedure) -> Iterator[list[tuple[float, float]]]:
+    """Centre and extremes twice, every temperature once, and the whole design again."""
+    every = sorted(set(first.design.pairs()))
+    ends = sorted({every[0], every[len(every) // 2], every[-1]})
+    for pairs in (2 * ends, every, 2 * every, first.design.pairs()):
+        yield list(pairs)
+
+
+def _sizes(what: str, whole: PitchRollProcedure, **more: Any) -> Iterator[Variation]:
+    """A run with fewer points or replications and with all, the shortest first."""
+    designs = {len(d.build()): d for d in _thinned(whole.design)}
+    runs = [
+        whole.model_copy(update={"design": design, "replications": n, "name": f"{whole.name}: {what}"[:80]})
+        for design in designs.values()
+        for n in (1, 2, 4)
+    ]
+    runs.sort(key=lambda run: run.replications * len(run.design.build()))
+    for run in runs:
+        yield Variation(what, run, **more)
+
+
+def _thinned(design: DesignSettings) -> Iterator[DesignSettings]:
+    """The design, and every second or fourth of its angles, ends kept, where they lie on a uniform grid."""
+    for every in (1, 2, 4):
+        pitch, roll = _pitches(design)[::every], _rolls(design)
+        if every > 1 and len(pitch) < LEAST_PITCH:
+            return
+        thin = (roll - 1) // 2 + 1 if every > 1 and roll % 2 and roll > LEAST_ROLL else roll
+        if design.type == "D1" and (len(_pitches(design)) - 1) % every == 0:
+            yield design.model_copy(update={"pitch_count": len(pitch), "roll_count": thin, "fraction": None})
+        elif design.type in ("D", "D0") and every < len(_pitches(design)):
+            yield design.model_copy(update={"pitch_deg": list(pitch), "fraction": None})
+        elif every == 1:
+            yield design
+
+
+def _over(first: PitchRollProcedure, pitch_deg: Sequence[float], roll_deg: Sequence[float]) -> PitchRollProcedure:
+    design = DesignSettings(type="D", pitch_deg=list(pitch_deg), roll_deg=list(roll_deg))
+    return first.model_copy(update={"design": design})
+
+
+def _pitches(design: DesignSettings) -> tuple[float, ...]:
+    return design.build().pitch_deg
+
+
+def _rolls(design: DesignSettings) -> int:
+    return len(design.build().roll_deg)
+
+
+def _turned(angle: float, by: float) -> float:
+    """In (-180, 180]."""
+    turned = (angle + by) % 360.0
+    return turned - 360.0 if turned > 180.0 else turned

@@ -1,0 +1,230 @@
+"""`rig confirm`: the run that tells look-alikes apart, proposed, made and judged."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from rig.atomic import check_not_input, write_whole
+from rig.cli import app
+from rig.cli.run import JsonOption, RunArgument, conclude, signals
+from rig.cli.show import duration, err, headline, mark, out, print_json, run_progress
+from rig.config import read_text
+from rig.controller import start_run
+from rig.engine.session import Outcome
+from rig.errors import ExitCode, UsageError
+
+SHOWN = 5
+"""Proposals shown where nobody asked for all."""
+
+if TYPE_CHECKING:
+    from rig.closed_loop.confirm import Confirmed, First, Proposal
+
+
+@app.command(rich_help_panel="Data")
+def confirm(
+    run_file: RunArgument,
+    dry: Annotated[bool, typer.Option("--dry", help="make the further run on simulated instruments")] = False,
+    world: Annotated[
+        Path | None,
+        typer.Option(help="with --dry: the truth behind the simulated bench", show_default="that of the first run"),
+    ] = None,
+    bench: Annotated[
+        Path | None,
+        typer.Option("--bench", "-b", help="the bench file, where addresses changed", show_default="of the first run"),
+    ] = None,
+    out_dir: Annotated[Path, typer.Option("--out", "-o", help="folder for the run file")] = Path("runs"),
+    only_list: Annotated[
+        bool, typer.Option("--list", help="show what could be run and what it would tell, and stop")
+    ] = False,
+    take: Annotated[int, typer.Option(min=1, help="which of the runs listed to make")] = 1,
+    write: Annotated[
+        Path | None, typer.Option(help="write the run's procedure file and stop; for `rig run`", show_default=False)
+    ] = None,
+    by: Annotated[
+        Path | None, typer.Option(help="judge by this run, made already, and run nothing", show_default=False)
+    ] = None,
+    report: Annotated[Path | None, typer.Option(help="write a self-contained HTML report", show_default=False)] = None,
+    yes: Annotated[bool, typer.Option("--yes", help="the package is mounted as the run asks for: do not wait")] = False,
+    formula: Annotated[
+        str | None,
+        typer.Option(help="whole plots: the declared model, where not the full second order", show_default=False),
+    ] = None,
+    as_json: JsonOption = False,
+) -> int:
+    """Confirm what a trace found by a further run: which of the causes that look alike holds, on data nobody has seen.
+
+    Proposes runs on the same bench (at other rolls, with the package turned, at another temperature, in another order)
+    with the standard errors by which each would part every pair of look-alikes; makes the cheapest that parts them all;
+    judges the causes on both runs, and the old and the new model on the further one alone.
+
+    Examples: `rig confirm RUN --dry`, `rig confirm RUN --list`, `rig confirm RUN --by LATER_RUN`
+    """
+    from rig.closed_loop.confirm import judge, open_traced, plan_for, procedure_text, propose  # noqa: PLC0415
+
+    check_not_input([write, report], [run_file, *filter(None, (bench, world, by))])
+    if world is not None and not dry:
+        raise UsageError("--world describes a simulated bench; it goes with --dry")
+    first = open_traced(run_file, formula)
+    if not as_json:
+        headline(run_file.name, first.traced.table)
+    if not first.questions:
+        err.print("nothing to confirm: the trace found nothing that the declared model lacks")
+        if as_json:
+            print_json({"first": str(run_file), "proposals": [], "run": None, "effects": []})
+        return ExitCode.DONE
+    if by is not None:
+        return _show(judge(first, by), (), report, as_json=as_json)
+    _check_kind(first, dry=dry or only_list or write is not None, rehearsed=dry)
+    proposals = propose(first)
+    if take > len(proposals):
+        raise UsageError(f"--take {take}: there are {len(proposals)} runs to choose from; --list shows them")
+    chosen = proposals[take - 1]
+    if not as_json:
+        _show_proposals(first, proposals, take, every=only_list)
+    if only_list or write is not None:
+        if write is not None:
+            write_whole(write, lambda file: file.write(procedure_text(chosen.variation.procedure)))
+            err.print(f"procedure: {escape(str(write))}", soft_wrap=True)
+        if as_json:
+            print_json({"first": str(run_file), "proposals": [p.to_json() for p in proposals]})
+        return ExitCode.DONE
+    texts = {"bench": bench, "world": world}
+    plan = plan_for(
+        first,
+        chosen.variation,
+        dry=dry,
+        **{name: None if path is None else read_text(path, name) for name, path in texts.items()},
+    )
+    _wait_for_mounting(chosen, dry=dry, yes=yes)
+    paths: list[Path] = []
+
+    def announce(path: Path) -> None:
+        paths.append(path)
+        print(path, file=sys.stderr if as_json else sys.stdout, flush=True)
+
+    with run_progress(simulated=dry or plan.bench.simulated) as show:
+        result = start_run(
+            plan,
+            out_dir,
+            signals=signals(),
+            announce=announce,
+            on_progress=show,
+            world_start_s=first.world_s + first.later_s if dry else 0.0,
+        )
+    code = conclude(result)
+    if result.outcome is not Outcome.COMPLETE:
+        err.print(
+            f"when it is complete (rig resume {escape(str(paths[0]))}): "
+            f"rig confirm {escape(str(run_file))} --by {escape(str(paths[0]))}",
+            soft_wrap=True,
+        )
+        return code
+    return _show(judge(first, paths[0]), proposals, report, as_json=as_json)
+
+
+def _check_kind(first: First, *, dry: bool, rehearsed: bool) -> None:
+    if first.dry and not dry:
+        raise UsageError(f"{first.path} is a dry run; the run that confirms it is one too: add --dry")
+    if rehearsed and not first.simulated:
+        raise UsageError(
+            f"{first.path} was made on real instruments: simulated readings say nothing about it. Leave --dry away, or "
+            f"rehearse with --write FILE and `rig run FILE --dry`"
+        )
+
+
+def _wait_for_mounting(chosen: Proposal, *, dry: bool, yes: bool) -> None:
+    """A person turns the package; the simulated bench turns it by itself."""
+    if not chosen.variation.turned or dry or yes:
+        return
+    words = f"the run is {chosen.variation.what}: mount it so"
+    if not sys.stdin.isatty():
+        raise UsageError(f"{words}, then give the same command with --yes; or choose another run with --take")
+    typer.confirm(f"{words}, and confirm that it is", abort=True, err=True)
+
+
+def _show_proposals(first: First, proposals: Sequence[Proposal], take: int, *, every: bool) -> None:
+    from rig.closed_loop.confirm import otherwise  # noqa: PLC0415
+
+    for question in first.questions:
+        alike = [m.effect for m in question.members[1:]]
+        text = f"these data cannot tell it from {', '.join(alike)}" if alike else "nothing looks like it"
+        out.print(f"[bold]{question.effect}[/]: {text}", soft_wrap=True)
+    table = Table("", "run", "points", "bench time", "parts look-alikes by", "shows them by", title_justify="left")
+    shown = proposals if every else proposals[: max(take, SHOWN)]
+    for number, proposal in enumerate(shown, start=1):
+        table.add_row(
+            f"[green]{number}[/]" if number == take else str(number),
+            proposal.variation.what,
+            proposal.size,
+            duration(proposal.hours * 3600.0),
+            *(_sigmas(values) for values in proposal.parts),
+        )
+    out.print(table)
+    out.print("  standard errors to be expected: of the nearest pair; of the weakest cause against nothing")
+    if len(proposals) > len(shown):
+        out.print(f"  and {len(proposals) - len(shown)} more: --list shows them")
+    for line in otherwise(first, proposals[take - 1]):
+        out.print(f"  [yellow]{escape(line)}[/]", soft_wrap=True)
+
+
+def _sigmas(value: float | None) -> str:
+    from rig.closed_loop.confirm import ENOUGH  # noqa: PLC0415
+
+    if value is None:
+        return "-"
+    text = f"{value:.1f}" if value < 100 else f"{value:.0f}"
+    return f"[green]{text}[/]" if value >= ENOUGH else text
+
+
+def _show(confirmed: Confirmed, proposals: Sequence[Proposal], report: Path | None, *, as_json: bool) -> int:
+    from rig.closed_loop.confirm import sentences  # noqa: PLC0415
+
+    if report is not None:
+        from rig.report.confirm import write_confirm_report  # noqa: PLC0415
+
+        write_confirm_report(report, confirmed)
+        err.print(f"report: {escape(str(report))}", soft_wrap=True)
+    code = ExitCode.DONE if confirmed.settled else ExitCode.OUTSIDE_ACCEPTANCE
+    if as_json:
+        told = {"first": str(confirmed.first.path), "proposals": [p.to_json() for p in proposals]}
+        print_json(told | confirmed.to_json())
+        return code
+    out.print(f"\n{mark(confirmed.first.simulated)}judged by {escape(str(confirmed.path))}", soft_wrap=True)
+    for answer in confirmed.answers:
+        out.print(f"\n[bold]{answer.effect}[/]: [bold]{answer.verdict}[/]")
+        table = Table("cause", "behind by", "same size in both", "size in the further run alone, 95 %")
+        for member in answer.members:
+            named = dict.fromkeys(member.sizes.values())
+            alike = len(named) == 1
+            sizes = named if alike else [f"{name}: {size}" for name, size in member.sizes.items()]
+            table.add_row(
+                f"[green]{member.effect}[/]" if member.holds else member.effect,
+                f"{member.sigmas:.1f} sd",
+                f"p {member.p_changed:.2g}",
+                "\n".join(sizes) or "not told",
+            )
+        out.print(table)
+        columns = ("declared model", "with the effects", "scatter of a reading")
+        errors = Table(f"error on the further run / {confirmed.unit}", *columns)
+        best = answer.members[0]
+        for name, e in best.errors.items():
+            errors.add_row(name, *(f"{confirmed.inferred(e, v):.3g}" for v in (e.before, e.after, e.sigma)))
+        out.print(errors)
+        if answer.outliers:
+            which = ", ".join(str(row + 1) for row in answer.outliers)
+            out.print(
+                f"  [yellow]observations {which} of the further run stand out and were left out[/]", soft_wrap=True
+            )
+        if own := confirmed.own(answer):
+            out.print(f"  of both models: {own}", soft_wrap=True)
+    out.print()
+    for sentence in sentences(confirmed):
+        out.print(sentence, soft_wrap=True)
+    return code

@@ -1,0 +1,21 @@
+"""From a trace to the run that confirms it: what could be done, what it would tell, what it told."""
+
+from rig.closed_loop.confirm.answers import Confirmed, judge, sentences
+from rig.closed_loop.confirm.first import First, open_traced
+from rig.closed_loop.confirm.plans import plan_for, planned, procedure_text
+from rig.closed_loop.confirm.proposals import ENOUGH, Proposal, otherwise, propose
+
+__all__ = [
+    "ENOUGH",
+    "Confirmed",
+    "First",
+    "Proposal",
+    "judge",
+    "open_traced",
+    "otherwise",
+    "plan_for",
+    "planned",
+    "procedure_text",
+    "propose",
+    "sentences",
+]

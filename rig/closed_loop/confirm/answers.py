@@ -1,0 +1,141 @@
+"""What a further run told: in JSON, and in words for a certificate."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from fitter import AttitudeData
+from fitter.arrays import FloatArray
+from fitter.confirm import Confirmation, SensorError, confirm
+from fitter.whole_plot_data import WholePlotData
+from rig.closed_loop import AttitudeTraced
+from rig.closed_loop.confirm.first import First, read_later
+from rig.errors import UsageError
+
+Value = TypeVar("Value", float, FloatArray)
+
+
+@dataclass(frozen=True, eq=False)
+class Confirmed:
+    """What a later run told of the effects that were found in a first.
+
+    Attributes:
+        first: the run that was traced.
+        path: the later run file.
+        data: its observations.
+        answers: a question each.
+
+    """
+
+    first: First
+    path: Path
+    data: AttitudeData | WholePlotData
+    answers: tuple[Confirmation, ...]
+
+    @property
+    def settled(self) -> bool:
+        """Whether one explanation is left of every effect."""
+        return all(len(answer.holding) == 1 for answer in self.answers)
+
+    @property
+    def unit(self) -> str:
+        """Of what is inferred: errors are said in it."""
+        return "deg" if isinstance(self.first.traced, AttitudeTraced) else "psi"
+
+    def own(self, answer: Confirmation) -> str:
+        """What is taken from the further run itself when it is predicted, in words; "" where nothing is."""
+        if self.unit == "psi":
+            return "an offset of each whole plot is taken out, as by a zero in flight"
+        return "offset and sensitive axes are the further run's own" if answer.realigned else ""
+
+    def inferred(self, error: SensorError, value: Value) -> Value:
+        """An error of the output as one of what is inferred from it, in `unit`; small angles."""
+        return value * (float(np.degrees(1.0)) if self.unit == "deg" else 1.0) / abs(error.slope)
+
+    def to_json(self) -> dict[str, Any]:
+        """For `--json`."""
+        told = [self._answer(a) | {"sentence": _sentence(self, a)} for a in self.answers]
+        return {"run": str(self.path), "points": len(self.data), "effects": told}
+
+    def _answer(self, answer: Confirmation) -> dict[str, Any]:
+        return {
+            "named": answer.effect,
+            "verdict": answer.verdict,
+            "holds": list(answer.holding),
+            "taken_out": self.own(answer),
+            "outliers": list(answer.outliers),
+            "members": [
+                {
+                    "effect": m.effect,
+                    "sigmas_behind": m.sigmas,
+                    "p_changed": m.p_changed,
+                    "terms": list(m.terms),
+                    "coefficients": list(m.coefficients),
+                    "interval_95": [list(i) for i in m.intervals],
+                    "coefficients_both_runs": list(m.together),
+                    "size": dict(m.sizes),
+                    "error": {name: self._error(e) for name, e in m.errors.items()},
+                }
+                for m in answer.members
+            ],
+        }
+
+    def _error(self, error: SensorError) -> dict[str, float]:
+        output = "V" if self.unit == "deg" else "mV"
+        values = {"before": error.before, "after": error.after, "reading": error.sigma}
+        return {f"{name}_{output}": value for name, value in values.items()} | {
+            f"{name}_{self.unit}": self.inferred(error, value) for name, value in values.items()
+        }
+
+
+def judge(first: First, later: Path) -> Confirmed:
+    """Hold every effect found against a later run.
+
+    Raises:
+        UsageError: that is none of the same kind and sensors, or not later.
+
+    """
+    data, after_s = read_later(first, later)
+    try:
+        both = first.beside(data, after_s)
+        answers = tuple(confirm(both, question) for question in first.questions)
+    except ValueError as error:
+        raise UsageError(f"{later}: {error}") from error
+    return Confirmed(first, later, data, answers)
+
+
+def sentences(confirmed: Confirmed) -> Iterator[str]:
+    """What was confirmed, in words that can go into a certificate."""
+    for answer in confirmed.answers:
+        yield _sentence(confirmed, answer)
+
+
+def _sentence(confirmed: Confirmed, answer: Confirmation) -> str:
+    best = answer.members[0]
+    name, error = max(best.errors.items(), key=lambda item: item[1].before / max(item[1].after, 1e-300))
+    before, after = (confirmed.inferred(error, value) for value in (error.before, error.after))
+    errors = (
+        f"On data that neither model has seen the error of {name} is {before:.3g} {confirmed.unit} rms with the "
+        f"declared model and {after:.3g} {confirmed.unit} with the effects."
+    )
+    if answer.verdict == "confirmed":
+        others = [m.effect for m in answer.members[1:]]
+        excluded = f"; {_listed(others)} {'is' if len(others) == 1 else 'are'} excluded" if others else ""
+        return f"{answer.effect} is confirmed by a further run{excluded}. {errors}"
+    if answer.verdict == "replaced":
+        return f"What was named {answer.effect} is {best.effect}: a further run tells them apart. {errors}"
+    if answer.verdict == "undecided":
+        return f"A further run leaves {_listed(answer.holding)} undecided. {errors}"
+    return (
+        f"{_listed([m.effect for m in answer.members])}: not of one size in both runs. What was found is something "
+        f"else, or it changed between them. {errors}"
+    )
+
+
+def _listed(names: Sequence[str]) -> str:
+    return " and ".join(names) if len(names) < 3 else ", ".join(names[:-1]) + " and " + names[-1]

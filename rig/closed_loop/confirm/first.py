@@ -1,0 +1,124 @@
+"""The run that was traced, with all that a run after it needs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from fitter import AttitudeData
+from fitter.confirm import AttitudeTogether, Question, Together, WholePlotTogether, questions_of
+from fitter.whole_plot_data import WholePlotData
+from procedures import Procedure
+from rig.closed_loop import AttitudeTraced, Traced, trace_table
+from rig.config import BenchConfig
+from rig.controller import WORLD_START, plan_of
+from rig.engine.run_file import RunReader
+from rig.errors import UsageError
+from rig.tables import attitude_data, run_table, whole_plot_data
+
+DAY_S = 86400.0
+
+
+@dataclass(frozen=True, eq=False)
+class First:
+    """A run that was traced.
+
+    Attributes:
+        path: the run file.
+        traced: what was found in it.
+        questions: an effect found each.
+        documents: texts of its files.
+        procedure: what was run.
+        bench: on which bench.
+        dry: whether on twins.
+        began_utc_s: when.
+        world_s: a dry run: how old its world was at the start.
+
+    """
+
+    path: Path
+    traced: Traced
+    questions: tuple[Question, ...]
+    documents: Mapping[str, str]
+    procedure: Procedure
+    bench: BenchConfig
+    dry: bool
+    began_utc_s: float
+    world_s: float
+
+    @property
+    def simulated(self) -> bool:
+        """Whether no real instrument was involved."""
+        return self.traced.table.simulated
+
+    @property
+    def later_s(self) -> float:
+        """Seconds from its start to the same hour of a later day, when it is over."""
+        return DAY_S * float(np.ceil((self.traced.data.elapsed_s.max() + 3600.0) / DAY_S))
+
+    def beside(self, later: AttitudeData | WholePlotData, after_s: float) -> Together:
+        """This run and a later one of its kind, `after_s` from its start."""
+        if isinstance(self.traced, AttitudeTraced):
+            assert isinstance(later, AttitudeData)
+            return AttitudeTogether.of(self.traced.trace, self.traced.data, later, after_s)
+        assert isinstance(later, WholePlotData)
+        return WholePlotTogether.of(self.traced.trace, self.traced.data, later, after_s)
+
+
+def open_traced(path: Path, model: str | None = None) -> First:
+    """Trace a run.
+
+    Args:
+        path: its run file.
+        model: whole plots: the declared model, if not the full second order.
+
+    Raises:
+        UsageError: it is no run file, or its rows do not determine the declared model.
+
+    """
+    if path.suffix == ".csv":
+        raise UsageError(
+            f"{path} is no run file: a further run is made on the bench of the first, which its file holds"
+        )
+    table = run_table(path)
+    with RunReader.open(path) as reader:
+        documents, genesis = reader.documents(), reader.genesis()
+    plan = plan_of(documents, dry=bool(genesis.data["dry"]))
+    traced = trace_table(table, model)
+    return First(
+        path=path,
+        traced=traced,
+        questions=questions_of(traced.trace),
+        documents=documents,
+        procedure=plan.procedure,
+        bench=plan.bench,
+        dry=plan.dry,
+        began_utc_s=genesis.utc_s,
+        world_s=float(genesis.data.get(WORLD_START, 0.0)),
+    )
+
+
+def read_later(first: First, path: Path) -> tuple[AttitudeData | WholePlotData, float]:
+    """A later run, and how long after the start of the first it began, s.
+
+    Raises:
+        UsageError: it is of another kind, came before the first, or one of them is simulated and the other is not.
+
+    """
+    table = run_table(path)
+    if table.kind != first.traced.table.kind:
+        raise UsageError(f"{path} is a {table.kind} run and {first.path} a {first.traced.table.kind} run")
+    with RunReader.open(path) as reader:
+        genesis = reader.genesis()
+    if bool(genesis.data["simulated"]) != first.simulated:
+        raise UsageError(
+            f"one of {first.path} and {path} is simulated, the other is not: they cannot be judged together"
+        )
+    after_s = genesis.utc_s - first.began_utc_s
+    if after_s <= 0:
+        raise UsageError(f"{path} began before {first.path}: what confirms an effect has to come after it")
+    data = attitude_data(table) if isinstance(first.traced, AttitudeTraced) else whole_plot_data(table)
+    return data, after_s

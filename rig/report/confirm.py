@@ -1,0 +1,88 @@
+"""The report of a confirmation: which explanation holds, and both models on a run that neither has seen."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fitter.confirm import Confirmation
+from rig.atomic import write_whole
+from rig.closed_loop.confirm import Confirmed
+from rig.report.attitude_plots import SCALE, UNIT
+from rig.report.effect_plots import EffectView, effect_plot
+from rig.report.frame import render
+from rig.tables import run_table
+
+_VARIABLES = {
+    "pitch_deg": ("pitch / deg", 1.0),
+    "roll_deg": ("roll / deg", 1.0),
+    "sensor_temperature_degC": ("sensor temperature / degC", 1.0),
+    "sse_temperature_degC": ("electronics temperature / degC", 1.0),
+    "pressure_psia": ("pressure / psia", 1.0),
+    "elapsed_s": ("bench time / h", 1 / 3600.0),
+}
+"""What residuals of the further run are drawn over: label and scale."""
+_DRAWN = 3
+"""Sensors drawn for each effect, those that show most of it."""
+
+
+def write_confirm_report(path: Path, confirmed: Confirmed) -> None:
+    """Write a self-contained HTML report, whole or not at all. Raises `UsageError` if the disk refuses."""
+    text = confirm_report(confirmed)
+    write_whole(path, lambda file: file.write(text))
+
+
+def confirm_report(confirmed: Confirmed) -> str:
+    """The report as HTML; its provenance is that of the further run."""
+    told = confirmed.to_json()["effects"]
+    return render(
+        "confirm.html.j2",
+        run_table(confirmed.path),
+        span_s=float(np.ptp(confirmed.data.elapsed_s)),
+        first=confirmed.first.path.name,
+        unit=confirmed.unit,
+        answers=[_answer(confirmed, a, json) for a, json in zip(confirmed.answers, told, strict=True)],
+    )
+
+
+def _answer(confirmed: Confirmed, answer: Confirmation, told: dict[str, Any]) -> dict[str, Any]:
+    best = answer.members[0]
+    most = sorted(best.errors, key=lambda name: best.errors[name].after / max(best.errors[name].before, 1e-300))
+    return {
+        **told,
+        "members": [
+            {
+                "effect": m.effect,
+                "holds": m.holds,
+                "behind": f"{m.sigmas:.1f}",
+                "p_changed": f"{m.p_changed:.2g}",
+                "sizes": [f"{name}: {size}" for name, size in m.sizes.items()] or ["this run does not tell"],
+            }
+            for m in answer.members
+        ],
+        "errors": [
+            [name, *(f"{confirmed.inferred(e, v):.3g}" for v in (e.before, e.after, e.sigma))]
+            for name, e in best.errors.items()
+        ],
+        "plots": [
+            {
+                "alt": f"{name}: this run less what the first predicts, without and with all effects found",
+                "png": _plot(confirmed, answer, name),
+            }
+            for name in most[:_DRAWN]
+        ],
+    }
+
+
+def _plot(confirmed: Confirmed, answer: Confirmation, sensor: str) -> str:
+    """Residuals of the further run without and with the effects, over the variable the best explanation goes by."""
+    against, data = answer.members[0].against, confirmed.data
+    name = against if against in _VARIABLES and hasattr(data, against) else "elapsed_s"
+    label, scale = _VARIABLES[name]
+    values = np.delete(np.asarray(getattr(data, name), np.float64) * scale, list(answer.outliers))
+    error = answer.members[0].errors[sensor]
+    unit, scale = (UNIT, SCALE) if confirmed.unit == "deg" else ("mpsi", 1e3)
+    before, after = (confirmed.inferred(error, rest) * scale for rest in (error.residual_before, error.residual_after))
+    return effect_plot(EffectView(values, label, before - after, after, unit))

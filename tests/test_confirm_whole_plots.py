@@ -1,0 +1,79 @@
+"""Confirming an effect of pressure transducers on a run nobody has seen; the truth is tests/whole_plot_truth.py's."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from command import rig
+from dry_pressure import dry
+from whole_plot_truth import Bench, Run, Transducer, simulate
+
+from fitter.confirm import NOTHING, WholePlotTogether, confirm, questions_of, separation
+from fitter.trace import trace_whole_plots
+
+CUBIC = 6e-3
+DAY_S = 86400.0
+QUESTION = "pressure-third-order", NOTHING
+FEWER = Run(pairs=((-1.0, 0.0), (0.0, 0.0), (1.0, 0.0), (0.0, -1.0), (0.0, 1.0), (0.0, 0.0)))
+
+
+def together(first_bench: Bench, later_bench: Bench) -> tuple[WholePlotTogether, tuple]:
+    first = simulate(first_bench, seed=4)
+    found = trace_whole_plots(first)
+    later = simulate(later_bench, FEWER, seed=5)
+    return WholePlotTogether.of(found, first, later, DAY_S * 2), questions_of(found)
+
+
+def test_a_cubic_that_is_there_is_confirmed_with_its_size() -> None:
+    bench = Bench(transducers=(Transducer(cubic=CUBIC), Transducer()))
+    both, (question,) = together(bench, bench)
+    answer = confirm(both, question)
+    assert answer.verdict == "confirmed"
+    (best,) = answer.members
+    assert best.effect == "pressure-third-order"
+    low, high = best.intervals[0]
+    assert low < CUBIC < high
+    error = best.errors["bridge_1_mV"]
+    assert error.after < error.before
+
+
+def test_one_that_was_there_on_the_first_night_only_is_not() -> None:
+    both, (question,) = together(Bench(transducers=(Transducer(cubic=CUBIC),)), Bench())
+    assert confirm(both, question).verdict == "none holds"
+
+
+def test_a_forecast_owes_nothing_to_the_outputs_of_the_later_run() -> None:
+    bench = Bench(transducers=(Transducer(cubic=CUBIC),))
+    both, questions = together(bench, bench)
+    blind = replace(both.data, outputs={name: np.where(both.fresh, 0.0, v) for name, v in both.data.outputs.items()})
+    forecast = separation(replace(both, scene=replace(both.scene, data=blind)), questions)
+    assert forecast[0].sigmas[QUESTION] == pytest.approx(separation(both, questions)[0].sigmas[QUESTION], rel=1e-9)
+
+
+def test_the_forecast_is_that_of_a_difference_between_two_runs() -> None:
+    """With as many readings of the same pressures the variances of both sizes add, each as one over its readings."""
+    bench = Bench(transducers=(Transducer(cubic=CUBIC),), whole_plot=0.0)
+    found = trace_whole_plots(simulate(bench, seed=4))
+    first = simulate(bench, seed=4)
+    seen = []
+    for times in (1, 4):
+        later = simulate(bench, Run(pairs=times * FEWER.pairs), seed=5)
+        (told,) = separation(WholePlotTogether.of(found, first, later, 2 * DAY_S), questions_of(found))
+        seen.append(told.sigmas[QUESTION])
+    n = len(first)
+    few, many = (times * len(FEWER.pairs) * 11 for times in (1, 4))
+    assert seen[1] / seen[0] == pytest.approx(np.sqrt((1 / n + 1 / few) / (1 / n + 1 / many)), rel=0.02)
+
+
+def test_the_command_confirms_on_the_simulated_bench(tmp_path) -> None:
+    first = dry(tmp_path)
+    done = rig("confirm", first, "--dry", "--json", "--formula", "1 + P", "--out", tmp_path)
+    assert done.returncode in (0, 3), done.stderr
+    told = json.loads(done.stdout)
+    assert told["effects"]
+    for effect in told["effects"]:
+        errors = effect["members"][0]["error"].values()
+        assert sum(e["after_psi"] for e in errors) < sum(e["before_psi"] for e in errors)
