@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import base64
 from dataclasses import replace
 
 import pytest
 from attitude_hidden import on_x
 from attitude_truth import D1, simulate
+from whole_plot_truth import EFFECTS
+from whole_plot_truth import simulate as simulate_whole_plots
 
 from fitter.effects.sizes import amplitude, each, relative
-from fitter.trace import trace
-from rig.closed_loop import AttitudeTraced
+from fitter.trace import trace, trace_whole_plots
+from rig.closed_loop import AttitudeTraced, WholePlotTraced
 from rig.closed_loop.certificate import Change, size_95, with_words
+from rig.report.whole_plot_effects import effect_figures
 from rig.report.words import chance, percent
 from rig.tables import Table
 
@@ -103,3 +107,21 @@ def test_an_effect_that_is_constant_in_replications_is_known_no_better_than_they
     assert low < 1.6e-4 < high
     assert abs(value - 1.6e-4) > 3 * stderr
     assert low + high == pytest.approx(2 * value)
+
+
+def test_an_effect_of_a_transducer_has_interval_sentence_and_figure():
+    """5e-3 mV to each side were put in; whole plots' own errors are no witness against what varies within them."""
+    bench, run, name = EFFECTS["hysteresis"]
+    data = simulate_whole_plots(bench, run, 1)
+    traced = WholePlotTraced(
+        Table("run", {"pressure_psia": data.pressure_psia}, True, {}), data, trace_whole_plots(data), {}
+    )
+    (effect,) = traced.to_json()["sensors"]["bridge_1_mV"]["effects"]
+    assert effect["effect"] == name
+    low, high = effect["interval_95"][0]
+    assert low < 5e-3 < high
+    assert effect["size_95"] == f"{low * 1e3:.2f}e-3 to {high * 1e3:.2f}e-3 mV to each side"
+    assert "their own error included, from" in effect["sentence"]
+    assert "bear it out" not in effect["sentence"]
+    (figure,) = effect_figures(traced, "bridge_1_mV").values()
+    assert base64.b64decode(figure).startswith(b"\x89PNG")

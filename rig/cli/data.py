@@ -26,7 +26,7 @@ from rig.cli.general import (
     trace_any,
 )
 from rig.cli.run import JsonOption
-from rig.cli.show import err, headline, print_json
+from rig.cli.show import err, headline, out, print_json
 from rig.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
@@ -305,6 +305,12 @@ def show_trace(traced: Traced) -> None:
         show_whole_plot_trace(traced)
     else:
         show_attitude_trace(traced)
+    found = any(e.stratum != "noise" for sensor in traced.trace.sensors.values() for e in sensor.effects)
+    if found and "run_id" in traced.table.provenance:
+        out.print(
+            f"\nto confirm what was found by a further run: rig confirm {escape(traced.table.source)} --list",
+            soft_wrap=True,
+        )
 
 
 @app.command(rich_help_panel="Data")
