@@ -8,7 +8,6 @@ from dataclasses import replace
 import pytest
 from attitude_hidden import on_x
 from attitude_truth import D1, simulate
-from whole_plot_truth import EFFECTS
 from whole_plot_truth import simulate as simulate_whole_plots
 
 from fitter.effects.sizes import amplitude, each, relative
@@ -117,7 +116,7 @@ def test_an_effect_of_a_transducer_has_interval_sentence_and_figure():
         Table("run", {"pressure_psia": data.pressure_psia}, True, {}), data, trace_whole_plots(data), {}
     )
     (effect,) = traced.to_json()["sensors"]["bridge_1_mV"]["effects"]
-    assert effect["effect"] == name
+    assert effect["effect"] == "hysteresis"
     low, high = effect["interval_95"][0]
     assert low < 5e-3 < high
     assert effect["size_95"] == f"{low * 1e3:.2f}e-3 to {high * 1e3:.2f}e-3 mV to each side"
