@@ -8,6 +8,7 @@ from dataclasses import replace
 import pytest
 from attitude_hidden import on_x
 from attitude_truth import D1, simulate
+from whole_plot_truth import Bench, Run, Transducer
 from whole_plot_truth import simulate as simulate_whole_plots
 
 from fitter.effects.sizes import amplitude, each, relative
@@ -110,11 +111,9 @@ def test_an_effect_that_is_constant_in_replications_is_known_no_better_than_they
 
 def test_an_effect_of_a_transducer_has_interval_sentence_and_figure():
     """5e-3 mV to each side were put in; whole plots' own errors are no witness against what varies within them."""
-    bench, run, name = EFFECTS["hysteresis"]
-    data = simulate_whole_plots(bench, run, 1)
-    traced = WholePlotTraced(
-        Table("run", {"pressure_psia": data.pressure_psia}, True, {}), data, trace_whole_plots(data), {}
-    )
+    data = simulate_whole_plots(Bench((Transducer(hysteresis=5e-3),)), Run(), 1)
+    table = Table("run", {"pressure_psia": data.pressure_psia}, True, {})
+    traced = WholePlotTraced(table, data, trace_whole_plots(data), {})
     (effect,) = traced.to_json()["sensors"]["bridge_1_mV"]["effects"]
     assert effect["effect"] == "hysteresis"
     low, high = effect["interval_95"][0]
