@@ -47,7 +47,8 @@ def worded(effect=EFFECT, left_out=None, remains=(), size="1.9 to 2.1 ppm"):
 
 def test_a_size_has_the_interval_of_its_coefficients():
     assert size_95(each("deg/g"), {"y": 1.5e-3}, {"y": 1e-5}, 5.0) == "1.49e-3 to 1.51e-3 deg/g"
-    assert size_95(each("deg/g"), {"y": -1.5e-3}, {"y": 1e-5}, 5.0) == "-1.49e-3 to -1.51e-3 deg/g"
+    assert size_95(each("deg/g"), {"y": -1.5e-3}, {"y": 1e-5}, 5.0) == "-1.51e-3 to -1.49e-3 deg/g"
+    assert size_95(each(""), {"y": 1e-5}, {"y": 3e-5}, 5.0) == "-2.00e-5 to 4.00e-5"
     assert size_95(relative("ppm"), {"y": 1e-4, "z": 2e-4}, {"y": 1e-5, "z": 2e-5}, 5.0) == "18 to 22 ppm, 36 to 44 ppm"
 
 

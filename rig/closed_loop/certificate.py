@@ -68,7 +68,7 @@ def size_95(size: Size, values: Mapping[str, float], halves: Mapping[str, float]
         return _between(*(size(end, sensitivity) for end in scaled))
     texts = []
     for name, value in values.items():
-        ends = sorted((value - halves[name], value + halves[name]), key=abs)
+        ends = value - halves[name], value + halves[name]
         texts.append(_between(*(size({name: end}, sensitivity) for end in ends)))
     return ", ".join(texts)
 
@@ -76,8 +76,8 @@ def size_95(size: Size, values: Mapping[str, float], halves: Mapping[str, float]
 def _between(low: str, high: str) -> str:
     """Two sizes as a range, the unit once."""
     unit = low.partition(" ")[2]
-    same = unit and unit == high.partition(" ")[2]
-    return f"{low.removesuffix(unit).rstrip() if same else low} to {high}"
+    same = unit == high.partition(" ")[2]
+    return f"{low.removesuffix(unit).strip() if same else low} to {high.strip()}"
 
 
 def with_words(
