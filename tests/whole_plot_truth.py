@@ -96,7 +96,9 @@ class Run:
     uneven: float = 0.3  # of the time a reading takes
     interrupted: bool = False  # a new block half way
     shifted_at: float = 0.6  # part of the whole plots before something happens that nobody notes
-    unsettled: float = 0.0  # part of the temperatures' step that is left when a whole plot begins, gone with `SETTLES_H`
+    unsettled: float = (
+        0.0  # part of the temperatures' step that is left when a whole plot begins, gone with `SETTLES_H`
+    )
     plots: str = "random"  # or "ascending" in temperature, or "fixed": as the design lists them
     pressures: str = "random"  # or "ascending", "up and down", or "fixed": the same shuffle in every whole plot
 

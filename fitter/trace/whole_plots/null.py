@@ -1,8 +1,8 @@
 """What the best of all candidates scores on a whole-plot run when there is nothing to find.
 
-The two strata are a family each, at half the level: there are few candidates between whole plots, which with few whole
-plots need every chance, and many within them. Values of a constant that is searched share what another effect's term
-has for itself: they differ little, and the search for one cause need not cost all others their power.
+The two strata are a family each. Between whole plots there are few numbers to decide by, within them plenty: the former
+have two thirds of the level. Values of a constant that is searched share what another effect's term has for itself: the
+search for one cause need not cost all others their power.
 """
 
 from __future__ import annotations
@@ -20,6 +20,8 @@ from fitter.trace.family import DRAWS, Family
 from fitter.trace.whole_plots.problem import Problem
 from fitter.trace.whole_plots.score import NOTHING_LEFT, beside
 from fitter.trace.whole_plots.strata import LEVELS, Level
+
+OF_THE_LEVEL: Mapping[Level, float] = {"whole-plot": 2 / 3, "subplot": 1 / 3}
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,13 +49,17 @@ class Families:
         out, level = np.ones(p.size), np.array(self.level)
         for name, family in self.of.items():
             here = level == name
-            out[here] = np.minimum(len(self.of) * family.adjust(p[here] / self.share[here]), 1.0)
+            out[here] = np.minimum(family.adjust(p[here] / self.share[here]) / self._part(name), 1.0)
         return out
 
     def adjusted(self, p: float, j: int) -> float:
         """The same of candidate `j`."""
         family = self.of.get(self.level[j])
-        return min(len(self.of) * float(family.adjust(p / self.share[j])), 1.0) if family else 1.0
+        return min(float(family.adjust(p / self.share[j])) / self._part(self.level[j]), 1.0) if family else 1.0
+
+    def _part(self, level: Level) -> float:
+        """Of the level, a stratum's part; all of it where the other has nothing to judge."""
+        return OF_THE_LEVEL[level] if len(self.of) > 1 else 1.0
 
     def least(self, j: int) -> float:
         """What `adjusted` gives where no simulated run had the like: a bound."""

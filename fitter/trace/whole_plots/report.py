@@ -139,7 +139,7 @@ def _found(finding: Finding, name: str, i: int) -> FoundPressureEffect | None:
     return FoundPressureEffect(
         effect=name,
         cause=effect.cause,
-        stratum=level,
+        stratum="noise" if effect.of_noise else level,
         terms=tuple(coefficients),
         coefficients=tuple(c.value for c in coefficients.values()),
         stderr=tuple(c.stderr for c in coefficients.values()),

@@ -72,10 +72,9 @@ def trace_whole_plots(
         cv=left_out(problem, settled.families, found) if validate else None,
     )
     sensors = {sensor: transducer(finding, i) for i, sensor in enumerate(problem.sensors)}
-    chosen = tuple(problem.candidates[j] for j in found)
-    return WholePlotTrace(
-        sensors, formula, scene, chosen, np.array([after.coefficients[j].value for j in found]), len(data)
-    )
+    lasting = [j for j in found if not problem.candidates[j].effect.of_noise]
+    chosen, gamma = tuple(problem.candidates[j] for j in lasting), [after.coefficients[j].value for j in lasting]
+    return WholePlotTrace(sensors, formula, scene, chosen, np.array(gamma), len(data))
 
 
 def scene_of(data: WholePlotData) -> PressureScene:
