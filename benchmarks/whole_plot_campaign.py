@@ -187,13 +187,13 @@ def _together(asked: argparse.Namespace, count: int) -> None:
 
 
 def _print(label: str, runs: Sequence[Outcome]) -> None:
-    ratios = np.array([run.ratio for run in runs])
-    missed = Counter(run.effects for run in runs if not all(run.named)).most_common(2)
+    median, most = np.quantile([run.ratio for run in runs], [0.5, 0.95])
+    missed = Counter(run.effects for run in runs if not all(run.named)).most_common(2) if label != "all" else ""
     named, leads = sum(all(run.named) for run in runs), sum(all(run.leads) for run in runs)
     more = sum(run.more for run in runs)
     print(
         f"{label:36s} named {named:4d}, by its own name {leads:4d}, more {more:3d} of {len(runs)}; "
-        f"error ratio {np.median(ratios):.2f}, 95 % {np.quantile(ratios, 0.95):.2f}   {missed if label != 'all' else ''}",
+        f"error ratio {median:.2f}, 95 % {most:.2f}   {missed}",
         flush=True,
     )
 
