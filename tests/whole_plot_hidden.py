@@ -58,6 +58,7 @@ HIDDEN: Mapping[str, Hidden] = {
     "carry-over": Hidden("carry-over", line={"carry_over": 4e-4}),
     "sensor lags": Hidden("thermal-lag", {"lag": (3e-4, 0.0)}),
     "electronics lag": Hidden("sse-thermal-lag", {"lag": (0.0, 4e-4)}),
+    "sensor trails its thermometer": Hidden("thermal-lag", {"trails": 0.1}),
     "gradient": Hidden("thermal-gradient", {"gradient": 3e-3}, run={"unsettled": 0.05}),
     "transpiration": Hidden("thermal-transpiration", line={"transpiration_psia": 0.15}),
     "head": Hidden("head-correction", line={"head_m": 5.0}, lacks=("P:T_sensor",)),

@@ -49,6 +49,7 @@ class Transducer:
     creep_h: float = 0.0  # time constant of that; zero: none of the steps before the last is remembered
     lag: tuple[float, float] = (0.0, 0.0)  # mV per degC of the last step of each temperature
     lag_h: float = 1.0
+    trails: float = 0.0  # part of the sensor's last step that the bridge itself, not its thermometer, is still behind
     drift: float = 0.0  # mV/h from whole plot to whole plot
     settling: float = 0.0  # mV/h within each
     sensitivity_drift: float = 0.0  # mV/psi/h
@@ -96,7 +97,9 @@ class Run:
     uneven: float = 0.3  # of the time a reading takes
     interrupted: bool = False  # a new block half way
     shifted_at: float = 0.6  # part of the whole plots before something happens that nobody notes
-    unsettled: float = 0.0  # part of the temperatures' step that is left when a whole plot begins, gone with `SETTLES_H`
+    unsettled: float = (
+        0.0  # part of the temperatures' step that is left when a whole plot begins, gone with `SETTLES_H`
+    )
     plots: str = "random"  # or "ascending" in temperature, or "fixed": as the design lists them
     pressures: str = "random"  # or "ascending", "up and down", or "fixed": the same shuffle in every whole plot
 
@@ -158,6 +161,7 @@ def simulate(bench: Bench = Bench(), run: Run = Run(), seed: int = 0) -> WholePl
     outputs = {}
     for k, truth in enumerate(bench.transducers):
         a, b = at[:, 0] - SENSOR_DEGC, at[:, 1] - SSE_DEGC
+        a = a - truth.trails * stepped[:, 0] * np.exp(-since / truth.lag_h)
         gain = truth.sensitivity + truth.sensitivity_warm[0] * a + truth.sensitivity_warm[1] * b
         gain = gain + np.column_stack([a * a, a * b, b * b]) @ truth.sensitivity_warm2
         gain = gain + truth.sensitivity_drift * (hours - hours.mean()) + truth.sensitivity_step * block

@@ -35,6 +35,7 @@ from fitter.effects.pressure_time import (
     EXCITATION,
     OFFSET_STEP,
     ORDER_DRIFT,
+    OUTLYING_WHOLE_PLOT,
     SENSITIVITY_DRIFT,
     SENSITIVITY_STEP,
     SUBPLOT_DRIFT,
@@ -88,5 +89,6 @@ PRESSURE_CATALOGUE: tuple[PressureEffect, ...] = (
     REFERENCE_NONLINEARITY,
     LINE_LEAK,
     UNRECORDED_STEP,
+    OUTLYING_WHOLE_PLOT,
 )
 """Simplest and most usual cause first, as for the attitude sensors."""

@@ -20,13 +20,21 @@ _TWICE = "visit a pressure twice in a whole plot, once from below and once from 
 
 
 def _lag(name: str, step: Callable[[PressureScene], FloatArray]) -> Callable[..., tuple[PressureTerm, ...]]:
-    """What is left of a step of temperature, for every time constant; all of it where that outlasts whole plots."""
+    """What is left of a step of temperature, for every time constant; all of it where that outlasts whole plots.
 
-    def term(tau_h: float) -> PressureTerm:
-        return PressureTerm(f"d{name}*exp(-t/{tau_h:g}h)", lambda scene: step(scene) * np.exp(-scene.since_h / tau_h))
+    It moves the offset, and in so far as the sensitivity follows the temperature that too.
+    """
 
-    decaying = tuple(map(term, LAGS_H))
-    return lambda _data: (*decaying, PressureTerm(f"d{name}", step))
+    def left(tau_h: float) -> Callable[[PressureScene], FloatArray]:
+        return lambda scene: step(scene) * np.exp(-scene.since_h / tau_h)
+
+    def gain(tau_h: float) -> Callable[[PressureScene], FloatArray]:
+        return lambda scene: scene.p * left(tau_h)(scene)
+
+    of_offset = (PressureTerm(f"d{name}*exp(-t/{tau_h:g}h)", left(tau_h)) for tau_h in LAGS_H)
+    of_gain = (PressureTerm(f"P*d{name}*exp(-t/{tau_h:g}h)", gain(tau_h)) for tau_h in LAGS_H)
+    terms = (*of_offset, *of_gain, PressureTerm(f"d{name}", step))
+    return lambda _data: terms
 
 
 def _creeping(tau_h: float) -> tuple[str, Callable[[PressureScene], FloatArray]]:
@@ -74,7 +82,7 @@ SENSOR_LAG = PressureEffect(
     source="chamber",
     scope="sensor",
     stratum="subplot",
-    unit="mV/degC",
+    unit="mV/degC; with P mV/psi/degC",
     size=micro("nV per degC of the step"),
     against="since_s",
     separate_by=SOAK,
@@ -89,7 +97,7 @@ SSE_LAG = PressureEffect(
     source="chamber",
     scope="sensor",
     stratum="subplot",
-    unit="mV/degC",
+    unit="mV/degC; with P mV/psi/degC",
     size=micro("nV per degC of the step"),
     against="since_s",
     separate_by=SOAK,

@@ -196,6 +196,7 @@ class PressureEffect(Entry):
         searched: whether its terms are one another's alternatives, for as many values of a constant that is searched:
             together they have the share of the family's level that another effect's terms have each.
         at_most: the largest coefficient that the cause can have; what would take a larger one is something else.
+        of_noise: whether it is reported as a finding about the noise, and predicts nothing.
         on_suspicion: whether it is named only where nothing else explains the data, and else among the aliases.
 
     """
@@ -203,6 +204,7 @@ class PressureEffect(Entry):
     terms: Callable[[WholePlotData], tuple[PressureTerm, ...]]
     searched: bool = False
     at_most: float = float("inf")
+    of_noise: bool = False
     on_suspicion: bool = False
 
 

@@ -17,6 +17,9 @@ MOMENTS = 24
 EACH_SIDE = 3
 """Whole plots before and after such a moment at least: a step of one or two is their own error."""
 
+MANY = 60
+"""Whole plots of which none is looked at by itself."""
+
 _REPEAT_FIRST = "repeat the first whole plots at the end of the run"
 _EARLIER = "repeat a few whole plots of the earlier block"
 
@@ -30,6 +33,17 @@ def _recorded(
         return PressureTerm(f"{text}from block {block}", lambda scene: of(scene) * (scene.data.block >= block))
 
     return lambda data: tuple(term(int(block)) for block in np.unique(data.block)[1:])
+
+
+def _each(data: WholePlotData) -> tuple[PressureTerm, ...]:
+    """Every whole plot by itself, unless they are so many that one that is off does no harm."""
+
+    def term(identity: int) -> PressureTerm:
+        return PressureTerm(
+            f"whole plot {identity}", lambda scene: np.asarray(scene.data.whole_plot == identity, np.float64)
+        )
+
+    return tuple(map(term, data.whole_plots.tolist())) if data.whole_plots.size <= MANY else ()
 
 
 def _unrecorded(data: WholePlotData) -> tuple[PressureTerm, ...]:
@@ -157,4 +171,21 @@ EXCITATION = PressureEffect(
     },
     terms=fixed(("V*time", lambda s: s.hours), ("V*T_SSE", lambda s: s.sse)),
     at_most=5e-3,
+)
+OUTLYING_WHOLE_PLOT = PressureEffect(
+    name="outlying-whole-plot",
+    cause="one whole plot stands apart from all others, and nothing that is recorded explains it; it is left out "
+    "of what whole plots' means say",
+    source="interruption",
+    scope="sensor",
+    stratum="whole-plot",
+    unit="mV",
+    size=each("mV"),
+    against="elapsed_s",
+    separate_by="look in the log at this whole plot, and repeat it",
+    usual_size="whatever happened",
+    known_aliases={},
+    terms=_each,
+    searched=True,
+    of_noise=True,
 )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Self
 
@@ -16,6 +16,7 @@ from fitter.effects import Scene
 from fitter.linear import LinearFit
 from fitter.replication import FTest, Replication
 from fitter.temperature import Temperature
+from fitter.trace.aliases import Rival
 from fitter.trace.problem import Candidate, raw_columns
 
 CONFIRMED = 0.8
@@ -276,6 +277,16 @@ class Explanation:
     terms: tuple[Any, ...]
     sigmas: float
     alias: bool
+
+
+def explanations_of(
+    classes: Mapping[str, Sequence[Rival]], candidates: Sequence[Any]
+) -> dict[str, tuple[Explanation, ...]]:
+    """Explanations of every effect found, by its name, from what a search knows by index."""
+    return {
+        name: tuple(Explanation(r.effect, tuple(candidates[j] for j in r.terms), r.sigmas, r.alias) for r in rivals)
+        for name, rivals in classes.items()
+    }
 
 
 @dataclass(frozen=True, eq=False)

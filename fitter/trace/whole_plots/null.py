@@ -1,8 +1,8 @@
 """What the best of all candidates scores on a whole-plot run when there is nothing to find.
 
-The two strata are a family each, at half the level: there are few candidates between whole plots, which with few whole
-plots need every chance, and many within them. Values of a constant that is searched share what another effect's term
-has for itself: they differ little, and the search for one cause need not cost all others their power.
+The two strata are a family each. Between whole plots there are few numbers to decide by, within them plenty: the former
+have two thirds of the level. Values of a constant that is searched share what another effect's term has for itself: the
+search for one cause need not cost all others their power.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import special
 
 from fitter.arrays import FloatArray
@@ -20,6 +21,10 @@ from fitter.trace.family import DRAWS, Family
 from fitter.trace.whole_plots.problem import Problem
 from fitter.trace.whole_plots.score import NOTHING_LEFT, beside
 from fitter.trace.whole_plots.strata import LEVELS, Level
+
+_T = np.linspace(0.0, 40.0, 4001)
+"""Scores that p is interpolated between: 20,000 draws say no more of it."""
+OF_THE_LEVEL: Mapping[Level, float] = {"whole-plot": 2 / 3, "subplot": 1 / 3}
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,13 +52,17 @@ class Families:
         out, level = np.ones(p.size), np.array(self.level)
         for name, family in self.of.items():
             here = level == name
-            out[here] = np.minimum(len(self.of) * family.adjust(p[here] / self.share[here]), 1.0)
+            out[here] = np.minimum(family.adjust(p[here] / self.share[here]) / self._part(name), 1.0)
         return out
 
     def adjusted(self, p: float, j: int) -> float:
         """The same of candidate `j`."""
         family = self.of.get(self.level[j])
-        return min(len(self.of) * float(family.adjust(p / self.share[j])), 1.0) if family else 1.0
+        return min(float(family.adjust(p / self.share[j])) / self._part(self.level[j]), 1.0) if family else 1.0
+
+    def _part(self, level: Level) -> float:
+        """Of the level, a stratum's part; all of it where the other has nothing to judge."""
+        return OF_THE_LEVEL[level] if len(self.of) > 1 else 1.0
 
     def least(self, j: int) -> float:
         """What `adjusted` gives where no simulated run had the like: a bound."""
@@ -91,21 +100,42 @@ def _smallest(problem: Problem, level: Level, share: FloatArray, rng: np.random.
     judged = norm > NOTHING_LEFT * np.linalg.norm(length, axis=0)
     if not np.any(judged) or np.min(df) <= 1:
         return None
-    unit, common = columns[:, :, judged] / norm[judged], np.array([problem.candidates[j].sensor is None for j in here])
-    sums, squares = np.zeros((DRAWS, int(judged.sum()))), np.zeros((len(df), DRAWS))
-    for i, own in enumerate(unit):
-        basis = orthonormal(own, tolerance=1e-6)
-        z = rng.standard_normal((DRAWS, basis.shape[1]), dtype=np.float32)
-        sums += z @ (basis.T @ own).astype(np.float32)
+    unit, share = columns[:, :, judged] / norm[judged], share[here][judged]
+    common = np.array([problem.candidates[j].sensor is None for j in here])[judged]
+    smallest, together, squares = np.ones(DRAWS), np.zeros((int(common.sum()), DRAWS), np.float32), np.zeros(DRAWS)
+    for i, every in enumerate(unit):
+        mine = np.flatnonzero(np.any(every != 0.0, axis=0))
+        basis = orthonormal(every[:, mine], tolerance=1e-6)
+        z = rng.standard_normal((basis.shape[1], DRAWS), dtype=np.float32)
+        drawn = (every[:, mine].T @ basis).astype(np.float32) @ z
         rest = max(df[i] - basis.shape[1], 0.0)
-        squares[i] = np.sum(z**2, axis=1) + (rng.chisquare(rest, DRAWS) if rest > 0 else 0.0)
-    smallest, share = np.ones(DRAWS), share[here][judged]
-    for i in range(-1, len(df)):
-        of = common[judged] if i < 0 else np.linalg.norm(unit[i], axis=0) * ~common[judged] > 0
-        total, freedom = (squares.sum(axis=0), df.sum()) if i < 0 else (squares[i], df[i])
-        judged_with = (float(df.min()) if i < 0 else float(freedom)) - 1.0
-        for part in np.unique(share[of]):
-            largest = np.max(np.abs(sums[:, of & (share == part)]), axis=1)
-            error = np.sqrt(np.maximum(total - largest**2, np.finfo(float).tiny) / (freedom - 1.0))
-            smallest = np.minimum(smallest, 2.0 * special.stdtr(judged_with, -largest / error) / part)
-    return smallest
+        square = np.asarray(np.sum(z**2, axis=0, dtype=np.float64))
+        if rest > 0:
+            square += rng.chisquare(rest, DRAWS)
+        own = ~common[mine]
+        smallest = np.minimum(smallest, _least(drawn[own], share[mine[own]], square, float(df[i]), float(df[i])))
+        together[np.isin(np.flatnonzero(common), mine[~own])] += drawn[~own]
+        squares += square
+    return np.minimum(smallest, _least(together, share[common], squares, float(df.sum()), float(df.min())))
+
+
+def _least(
+    drawn: NDArray[np.float32], share: FloatArray, square: FloatArray, df: float, judged_with: float
+) -> FloatArray:
+    """(DRAWS,) smallest p over share of columns that have the same error.
+
+    Args:
+        drawn: (q, DRAWS) products of unit columns with the noise.
+        share: (q,) of each column in the family's level.
+        square: (DRAWS,) of the noise.
+        df: degrees of freedom of that.
+        judged_with: those that p is worked out with.
+
+    """
+    smallest, log_p = np.zeros(len(square)), np.log(2.0 * special.stdtr(max(judged_with - 1.0, 1.0), -_T))
+    for part in np.unique(share):
+        of = drawn[share == part]
+        largest = np.maximum(of.max(axis=0), -of.min(axis=0)).astype(np.float64)
+        error = np.sqrt(np.maximum(square - largest**2, np.finfo(float).tiny) / (df - 1.0))
+        smallest = np.minimum(smallest, np.interp(largest / error, _T, log_p) - np.log(part))
+    return np.asarray(np.exp(smallest))

@@ -86,10 +86,9 @@ class Problem:
             made.append(next(same, None) or self.stratified(weight, float(ratio), float(rho)))
         return tuple(made)
 
-    def stratified(self, weight: FloatArray, ratio: float, rho: float, beside: FloatArray | None = None) -> Strata:
-        """Projections for readings of these weights, of the declared model and columns (n, q) `beside` it."""
-        declared = self.declared if beside is None else np.column_stack([self.declared, beside])
-        return Strata(declared, self.whole_plot, self.replicate, weight, ratio, self.before, rho)
+    def stratified(self, weight: FloatArray, ratio: float, rho: float) -> Strata:
+        """Projections for readings of these weights that remember the one before."""
+        return Strata(self.declared, self.whole_plot, self.replicate, weight, ratio, self.before, rho)
 
     @cached_property
     def before(self) -> IntArray:

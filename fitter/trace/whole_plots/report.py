@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from scipy.special import chdtrc
 
-from fitter.arrays import FloatArray
+from fitter.arrays import FloatArray, IntArray
 from fitter.effects import Entry, PressureScene, separate_pressure
 from fitter.formula import Formula
 from fitter.linear import orthonormal
@@ -31,6 +31,7 @@ from fitter.trace.whole_plots.remainder import (
 from fitter.trace.whole_plots.result import FoundPressureEffect, Side, TransducerTrace
 from fitter.trace.whole_plots.score import beside
 from fitter.trace.whole_plots.settle import Look
+from fitter.trace.whole_plots.smooth import smoothest
 from fitter.trace.whole_plots.strata import Level
 from fitter.whole_plot_data import WholePlotData
 
@@ -139,7 +140,7 @@ def _found(finding: Finding, name: str, i: int) -> FoundPressureEffect | None:
     return FoundPressureEffect(
         effect=name,
         cause=effect.cause,
-        stratum=level,
+        stratum="noise" if effect.of_noise else level,
         terms=tuple(coefficients),
         coefficients=tuple(c.value for c in coefficients.values()),
         stderr=tuple(c.stderr for c in coefficients.values()),
@@ -198,11 +199,18 @@ def _experiments(effect: Entry, aliases: Iterable[Entry]) -> str:
 
 
 def _unnamed(finding: Finding, i: int) -> tuple[Unnamed, ...]:
-    problem, chosen, data = finding.judge.problem, finding.after.chosen, finding.data
-    problem = replace(problem, rho=np.zeros_like(problem.rho))  # where it lives is asked of readings as they are
+    """What is left in both strata beyond chance: where it varies smoothly, and where it is most."""
+    whitened, chosen, data = finding.judge.problem, finding.after.chosen, finding.data
+    plain = replace(whitened, rho=np.zeros_like(whitened.rho))  # repeats are compared as they were read
     rest: list[Unnamed] = []
-    if lack_of_fit(problem, "subplot", chosen, repeated_readings(data), i).p < UNEXPLAINED:
-        rest.append(strongest_pressure(problem, chosen, data, i))
-    if lack_of_fit(problem, "whole-plot", chosen, repeated_whole_plots(data), i).p < UNEXPLAINED:
-        rest.append(strongest_whole_plot(problem, chosen, data, i))
+    by_level: Mapping[Level, tuple[IntArray, Callable[..., Unnamed]]] = {
+        "subplot": (repeated_readings(data), strongest_pressure),
+        "whole-plot": (repeated_whole_plots(data), strongest_whole_plot),
+    }
+    for level, (repeats, strongest) in by_level.items():
+        smooth, p = smoothest(whitened, chosen, data, i, level)
+        if p * len(whitened.sensors) < UNEXPLAINED:
+            rest.append(smooth)
+        if lack_of_fit(plain, level, chosen, repeats, i).p < UNEXPLAINED:
+            rest.append(strongest(plain, chosen, data, i))
     return tuple(rest)

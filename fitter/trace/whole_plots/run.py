@@ -12,7 +12,7 @@ from fitter.effects import PRESSURE_CATALOGUE, PressureEffect, PressureScene
 from fitter.linear import RankError
 from fitter.pressure.models import HIERARCHICAL, check_determined, named_formula
 from fitter.split_plot import SplitPlotDesign
-from fitter.trace.result import Explanation
+from fitter.trace.result import explanations_of
 from fitter.trace.whole_plots.estimate import coefficients_of, contributed, estimate
 from fitter.trace.whole_plots.judge import WholePlotJudge
 from fitter.trace.whole_plots.null import Families
@@ -73,15 +73,10 @@ def trace_whole_plots(
         cv=left_out(problem, settled.families, found) if validate else None,
     )
     sensors = {sensor: transducer(finding, i) for i, sensor in enumerate(problem.sensors)}
-    chosen = tuple(problem.candidates[j] for j in found)
-    explanations = {
-        name: tuple(
-            Explanation(r.effect, tuple(problem.candidates[j] for j in r.terms), r.sigmas, r.alias) for r in rivals
-        )
-        for name, rivals in finding.classes.items()
-    }
-    gamma = np.array([after.coefficients[j].value for j in found])
-    return WholePlotTrace(sensors, formula, scene, chosen, gamma, len(data), explanations)
+    lasting = [j for j in found if not problem.candidates[j].effect.of_noise]
+    chosen, gamma = tuple(problem.candidates[j] for j in lasting), [after.coefficients[j].value for j in lasting]
+    explanations = explanations_of(finding.classes, problem.candidates)
+    return WholePlotTrace(sensors, formula, scene, chosen, np.array(gamma), len(data), explanations)
 
 
 def scene_of(data: WholePlotData) -> PressureScene:
