@@ -63,7 +63,7 @@ def test_the_family_holds_what_it_promises():
         ordered=False,
     )
     names = [candidate.effect.name for candidate in problem.candidates]
-    family = family_of(problem, 0, np.ones(len(names)), seed=1)
+    family = family_of(problem, 0, np.ones(1, np.bool_), np.ones(len(names)), seed=1)
     view, best = View.of(problem, 0), []
     for _ in range(400):
         found, _ = score(view, rng.standard_normal(30), ())

@@ -35,7 +35,8 @@ def left_out(problem: Problem, judge: TableJudge, chosen: tuple[int, ...]) -> tu
     at = judge.beside(chosen).best
     fold, words = _folds(problem, at)
     held = replace(problem, sd=judge.problem.sd, noise=problem.noise.only(at))
-    families = {0: judge.family(at)}
+    slow = judge.problem.noise.slow
+    families = {(0, False): judge.family(at, fast=bool(np.any(slow) and not slow[at]))}
     errors = np.zeros((2, problem.n))
     for one in range(int(fold.max()) + 1):
         kept, out = np.flatnonzero(fold != one), np.flatnonzero(fold == one)

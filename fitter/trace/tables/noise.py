@@ -25,8 +25,9 @@ WALKS = (0.001, 0.01, 0.1, 1.0, 30.0)
 RATIOS = (0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.2, 2.0, 4.0, 8.0, 16.0, 40.0, 100.0, 400.0)
 """Variance that rows of a group share over that of a row in it."""
 LEAST_WHITE = 0.01
-SLOW = 0.9
-"""Correlation between neighbours of what wanders, from which a wander is slow."""
+SLOW, MEMORIES = 0.9, 6.0
+"""Correlation between neighbours of what wanders, from which a wander is slow; and how often its memory, the time in
+which correlation falls by a factor of e, is to go into the table for it not to be."""
 
 
 BoolArray = NDArray[np.bool_]
@@ -155,7 +156,9 @@ class Wandering:
     @property
     def slow(self) -> BoolArray:
         """See `Noise`."""
-        return np.asarray(self._grid[0] > SLOW)
+        correlation = self._grid[0]
+        shortest = np.exp(-MEMORIES / max(float(np.ptp(self.when)), 1.0))
+        return np.asarray(correlation > min(SLOW, shortest))
 
     @cached_property
     def _filter(self) -> tuple[FloatArray, FloatArray, FloatArray]:
