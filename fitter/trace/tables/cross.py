@@ -12,9 +12,10 @@ from fitter.linear import orthonormal
 from fitter.trace.search import search_and_name
 from fitter.trace.tables.estimate import estimate
 from fitter.trace.tables.judge import TableJudge
-from fitter.trace.tables.noise import Shared, Wandering
+from fitter.trace.tables.noise import Wandering
 from fitter.trace.tables.problem import Problem
 from fitter.trace.tables.refine import refined
+from fitter.trace.tables.shared import Shared
 
 SMALL, FOLDS, BLOCKS, SEED = 12, 5, 20, 5
 FEWEST_SPARE = 3

@@ -11,9 +11,10 @@ from fitter.effects.tables_scene import TableScene
 from fitter.linear import orthonormal
 from fitter.trace.search import prune, search_and_name
 from fitter.trace.tables.judge import TableJudge
-from fitter.trace.tables.noise import Independent, Noise, Shared, Wandering
+from fitter.trace.tables.noise import Independent, Noise, Wandering
 from fitter.trace.tables.problem import Problem, candidates_of
 from fitter.trace.tables.refine import refined
+from fitter.trace.tables.shared import Shared
 from fitter.trace.tables.spread import Growth, growth_of
 
 ROUNDS = 3
