@@ -8,10 +8,11 @@ from scipy.special import fdtrc
 
 from fitter.effects.tables_scene import TableScene
 from fitter.trace.tables.family import family_of
-from fitter.trace.tables.noise import RATIOS, Shared, Wandering
+from fitter.trace.tables.noise import Wandering
 from fitter.trace.tables.problem import Problem, candidates_of
 from fitter.trace.tables.robust import excess
 from fitter.trace.tables.score import View, score
+from fitter.trace.tables.shared import RATIOS, Shared
 
 N = 14
 WHEN = np.cumsum(np.random.default_rng(2).uniform(0.3, 2.0, N))
@@ -63,7 +64,7 @@ def test_the_family_holds_what_it_promises():
         ordered=False,
     )
     names = [candidate.effect.name for candidate in problem.candidates]
-    family = family_of(problem, 0, np.ones(len(names)), seed=1)
+    family = family_of(problem, 0, np.ones(1, np.bool_), np.ones(len(names)), seed=1)
     view, best = View.of(problem, 0), []
     for _ in range(400):
         found, _ = score(view, rng.standard_normal(30), ())

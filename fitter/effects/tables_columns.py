@@ -1,4 +1,4 @@
-"""Columns of the effects that are looked for in tables: powers, kinks, waves, steps, lags, directions.
+"""Columns of the effects that are looked for in tables: powers, kinks, waves, directions.
 
 Each function gives the terms of one kind of effect; a constant that is searched gives a term for each of its values.
 """
@@ -10,16 +10,16 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from fitter.arrays import FloatArray
-from fitter.effects.tables_scene import CYCLES, Profile, TableScene, TableTerm, is_angle
+from fitter.effects.tables_scene import Profile, TableScene, TableTerm, is_angle
 
-KNOTS, STEPS, LAGS, DECAYS, SETTLINGS = 24, 60, 10, 5, 12
+KNOTS, DECAYS = 24, 5
 CYCLES_MOST, OVERSAMPLED, PER_CYCLE = 120, 2, 2.5
 """Waves go up to so many periods over the span, in steps of 1/OVERSAMPLED of a period, at least PER_CYCLE values of
 the variable in each."""
 HARMONICS = 12
 MOVES_WITH = 0.9
 """Correlation with the velocity told from which a setting's rate is one."""
-FEWEST_FOR_KNOT, FEWEST_FOR_WAVE, FEWEST_BESIDE_STEP = 10, 24, 5
+FEWEST_FOR_KNOT, FEWEST_FOR_WAVE = 10, 24
 
 Terms = Sequence[TableTerm]
 
@@ -31,8 +31,8 @@ def power(order: int) -> Callable[[TableScene, str], Terms]:
         v = scene.of(name)
         if len(np.unique(v)) <= order:
             return ()
-        centres = dict.fromkeys((origin(v), _middle(v)) if order > 2 else (origin(v),))
-        return [TableTerm((_power_text(name, c, order),), ((v - c) ** order)[:, None]) for c in centres]
+        centres = dict.fromkeys((origin(v), middle(v)) if order > 2 else (origin(v),))
+        return [TableTerm((power_text(name, c, order),), ((v - c) ** order)[:, None]) for c in centres]
 
     return terms
 
@@ -47,7 +47,7 @@ def linear(scene: TableScene, name: str) -> Terms:
     v = scene.of(name)
     if np.ptp(v) == 0.0:
         return ()
-    return (TableTerm((name,), (v - _middle(v))[:, None]),)
+    return (TableTerm((name,), (v - middle(v))[:, None]),)
 
 
 def product(scene: TableScene, first: str, second: str) -> Terms:
@@ -55,7 +55,7 @@ def product(scene: TableScene, first: str, second: str) -> Terms:
     a, b = scene.of(first), scene.of(second)
     if np.ptp(a) == 0.0 or np.ptp(b) == 0.0:
         return ()
-    text = f"{_power_text(first, origin(a), 1)} * {_power_text(second, origin(b), 1)}"
+    text = f"{power_text(first, origin(a), 1)} * {power_text(second, origin(b), 1)}"
     return (TableTerm((text,), ((a - origin(a)) * (b - origin(b)))[:, None]),)
 
 
@@ -92,7 +92,7 @@ def saturation(scene: TableScene, name: str) -> Terms:
     def falling(s: float) -> TableTerm:
         return TableTerm((f"exp(-({high:.6g} - {name})/{s:.4g})",), np.exp(-(high - v) / s)[:, None])
 
-    return [*_searched(scales, rising, log=True), *_searched(scales, falling, log=True)]
+    return [*searched(scales, rising, log=True), *searched(scales, falling, log=True)]
 
 
 def kink(scene: TableScene, name: str) -> Terms:
@@ -108,7 +108,7 @@ def kink(scene: TableScene, name: str) -> Terms:
     def at(k: float) -> TableTerm:
         return TableTerm((f"max({name} - {k:.6g}, 0)",), np.maximum(v - k, 0.0)[:, None])
 
-    return _searched(knots, at)
+    return searched(knots, at)
 
 
 def wave(scene: TableScene, name: str) -> Terms:
@@ -122,10 +122,10 @@ def wave(scene: TableScene, name: str) -> Terms:
 
     def at(c: float) -> TableTerm:
         phase = 2.0 * np.pi * c * (v - v.min()) / span
-        text = f"2 pi {_power_text(name, float(v.min()), 1)} / {span / c:.5g}"
+        text = f"2 pi {power_text(name, float(v.min()), 1)} / {span / c:.5g}"
         return TableTerm((f"sin({text})", f"cos({text})"), np.column_stack([np.sin(phase), np.cos(phase)]))
 
-    return _searched(cycles, at)
+    return searched(cycles, at)
 
 
 def harmonic(scene: TableScene, name: str) -> Terms:
@@ -138,99 +138,6 @@ def harmonic(scene: TableScene, name: str) -> Terms:
     return [
         TableTerm((f"sin({k} {name})", f"cos({k} {name})"), np.column_stack([np.sin(p), np.cos(p)])) for k, p in phases
     ]
-
-
-def cycle(which: str) -> Callable[[TableScene, str], Terms]:
-    """The year's or the day's wave, where time covers one and a half of them."""
-
-    def terms(scene: TableScene, name: str) -> Terms:
-        time = scene.time
-        if time is None or time.unit_s is None or np.ptp(time.values) * time.unit_s < 1.5 * CYCLES[which]:
-            return ()
-        period = CYCLES[which] / time.unit_s
-        if np.median(np.diff(np.unique(time.values))) > period / 3.0:
-            return ()
-        phase = 2.0 * np.pi * time.values / period
-        text = f"2 pi {name} / {period:.6g}"
-        return (TableTerm((f"sin({text})", f"cos({text})"), np.column_stack([np.sin(phase), np.cos(phase)])),)
-
-    return terms
-
-
-def warm_up(scene: TableScene, name: str) -> Terms:
-    """exp(-t/tau) from the first row on, for a few tau."""
-
-    def column(since: FloatArray, tau: float) -> FloatArray:
-        return np.exp(-since / tau)
-
-    return _settling(scene, name, "exp(-({since})/{tau:.4g})", column, 0.5)
-
-
-def ageing(scene: TableScene, name: str) -> Terms:
-    """log(1 + t/tau) from the first row on, for a few tau."""
-
-    def column(since: FloatArray, tau: float) -> FloatArray:
-        return np.log1p(since / tau)
-
-    return _settling(scene, name, "log(1 + ({since})/{tau:.4g})", column, 1.0)
-
-
-def _settling(
-    scene: TableScene, name: str, text: str, column: Callable[[FloatArray, float], FloatArray], longest: float
-) -> Terms:
-    """A curve from the first row on for constants from a few rows to a part of the span."""
-    v = scene.of(name)
-    if len(np.unique(v)) < FEWEST_FOR_KNOT:
-        return ()
-    since, span = v - v.min(), float(np.ptp(v))
-    shortest = min(2.0 * span / len(v), 0.1 * span)
-    formula = _power_text(name, float(v.min()), 1)
-
-    def at(tau: float) -> TableTerm:
-        return TableTerm((text.format(since=formula, tau=tau),), column(since, tau)[:, None])
-
-    return _searched(np.geomspace(shortest, longest * span, SETTLINGS), at, log=True)
-
-
-def step(scene: TableScene, name: str) -> Terms:
-    """One from a searched time on, with at least five rows on either side."""
-    v = scene.of(name)
-    positions = np.flatnonzero(np.diff(v) > 0) + 1
-    positions = positions[(positions >= FEWEST_BESIDE_STEP) & (positions <= len(v) - FEWEST_BESIDE_STEP)]
-    if len(positions) > STEPS:
-        positions = positions[np.unique(np.linspace(0, len(positions) - 1, STEPS).round().astype(int))]
-    dates = 0.5 * (v[positions - 1] + v[positions])
-
-    def at(date: float) -> TableTerm:
-        return TableTerm((f"({name} > {date:.6g})",), np.asarray(v > date, np.float64)[:, None])
-
-    return _searched(dates, at)
-
-
-def lag(scene: TableScene, name: str) -> Terms:
-    """The variable through a first-order lag, for time constants from half a reading to a third of the time."""
-    v, time = scene.of(name), scene.time
-    if time is None or len(v) < 20 or np.ptp(v) == 0.0:
-        return ()
-    t = time.values
-    gap = np.diff(t)
-    if not np.any(gap > 0):
-        return ()
-    constants = np.geomspace(0.5 * float(np.median(gap[gap > 0])), float(np.ptp(t)) / 3.0, LAGS)
-
-    def at(tau: float) -> TableTerm:
-        return TableTerm((f"lag({name}, {tau:.4g})",), _lagging(v - _middle(v), gap, tau)[:, None])
-
-    return _searched(constants, at, log=True)
-
-
-def previous(scene: TableScene, name: str) -> Terms:
-    """The setting before less this one, where the order of taking is known."""
-    v = scene.of(name)
-    if scene.time is None:
-        return ()
-    before = np.concatenate([v[:1], v[:-1]])
-    return (TableTerm((f"previous({name}) - {name}",), (before - v)[:, None]),)
 
 
 def side(scene: TableScene, name: str) -> Terms:
@@ -270,12 +177,12 @@ def loop(scene: TableScene, name: str, variable: str) -> Terms:
     if scene.direction is None:
         return ()
     v = scene.of(variable)
-    u = (v - _middle(v)) / (0.5 * np.ptp(v))
-    text = f"{name} * (1 - ((({variable}) - {_middle(v):.6g})/{0.5 * np.ptp(v):.6g})^2)"
+    u = (v - middle(v)) / (0.5 * np.ptp(v))
+    text = f"{name} * (1 - ((({variable}) - {middle(v):.6g})/{0.5 * np.ptp(v):.6g})^2)"
     return (TableTerm((text,), (scene.direction[1] * (1.0 - u**2))[:, None]),)
 
 
-def _searched(values: Sequence[float] | FloatArray, at: Callable[[float], TableTerm], *, log: bool = False) -> Terms:
+def searched(values: Sequence[float] | FloatArray, at: Callable[[float], TableTerm], *, log: bool = False) -> Terms:
     """A term for each value, each responsible for the values up to its neighbours."""
     grid = np.asarray(values, np.float64)
     if not len(grid):
@@ -291,33 +198,22 @@ def _searched(values: Sequence[float] | FloatArray, at: Callable[[float], TableT
     return [held(float(g), float(bounds[i]), float(bounds[i + 2])) for i, g in enumerate(grid)]
 
 
-def _lagging(v: FloatArray, gap: FloatArray, tau: float) -> FloatArray:
-    """(n,) v through a first-order lag, in equilibrium at the start and linear between rows."""
-    out, state = np.empty_like(v), float(v[0])
-    out[0] = state
-    for i, dt in enumerate(gap):
-        r = dt / tau
-        decay = float(np.exp(-r))
-        slope = (1.0 - decay) / r if r > 1e-9 else 1.0
-        state = decay * state + (slope - decay) * v[i] + (1.0 - slope) * v[i + 1]
-        out[i + 1] = state
-    return out
-
-
 def _both_sides(v: FloatArray, knot: float) -> bool:
     return min(int(np.sum(v > knot)), int(np.sum(v < knot))) >= 3
 
 
-def _middle(v: FloatArray) -> float:
+def middle(v: FloatArray) -> float:
+    """Of a variable's range."""
     return float(0.5 * (v.min() + v.max()))
 
 
 def origin(v: FloatArray) -> float:
     """Zero where the values come near it, else the middle of their range: powers from afar are all alike."""
-    return 0.0 if abs(_middle(v)) <= 0.75 * float(np.ptp(v)) else _middle(v)
+    return 0.0 if abs(middle(v)) <= 0.75 * float(np.ptp(v)) else middle(v)
 
 
-def _power_text(name: str, centre: float, order: int) -> str:
+def power_text(name: str, centre: float, order: int) -> str:
+    """A power of a variable from a centre, as a formula."""
     base = name if centre == 0.0 else f"({name} - {centre:.6g})"
     return base if order == 1 else f"{base}^{order}"
 

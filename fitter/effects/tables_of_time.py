@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fitter.effects import tables_columns as columns
+from fitter.effects import tables_time_columns as in_time
 from fitter.effects.tables_kind import TableKind
 
 _REPEAT_LATER = "repeat some settings much later and in another order: what is of the setting stays with it"
@@ -40,7 +41,7 @@ CARRY_OVER = TableKind(
     "{y} per unit of {0}",
     "read one setting twice after a large step, and wait longer before the second reading",
     "0.01 to 0.1 % of the step",
-    columns.previous,
+    in_time.previous,
 )
 
 DRIFT_SECOND_ORDER = TableKind(
@@ -64,7 +65,7 @@ WARM_UP = TableKind(
     "{y}",
     "switch off, wait and start again: a warm-up comes back, a drift goes on",
     "ppm to percent, over minutes to hours",
-    columns.warm_up,
+    in_time.warm_up,
 )
 
 AGEING = TableKind(
@@ -76,7 +77,7 @@ AGEING = TableKind(
     "{y} per factor of e in {0}",
     "go on for several times as long: a logarithm gains as much with every doubling of {0}",
     "1e-9 to 1e-7 of an oscillator's frequency, ppm of a resistor",
-    columns.ageing,
+    in_time.ageing,
 )
 
 STEP = TableKind(
@@ -88,7 +89,7 @@ STEP = TableKind(
     "{y}",
     "look in the log for what was done at that time; go on: a step stays, a drift goes on",
     "several times the repeatability",
-    columns.step,
+    in_time.step,
 )
 
 LAG = TableKind(
@@ -100,7 +101,7 @@ LAG = TableKind(
     "{y} per unit of {0}",
     "change {0} by a step and keep it there: a lag fades with its time constant",
     "minutes for instruments, hours for enclosures",
-    columns.lag,
+    in_time.lag,
     warm="thermal-lag",
 )
 
@@ -113,7 +114,7 @@ SETTING_LAG = TableKind(
     "{y} per unit of {0}",
     "wait longer at some settings: a lag fades with its time constant",
     "seconds to minutes",
-    columns.lag,
+    in_time.lag,
     warm="thermal-lag",
 )
 
@@ -126,7 +127,7 @@ ANNUAL_CYCLE = TableKind(
     "{y}",
     "record temperature and humidity, and hold them for one season",
     "ppm",
-    columns.cycle("annual"),
+    in_time.cycle("annual"),
 )
 
 DAILY_CYCLE = TableKind(
@@ -138,7 +139,7 @@ DAILY_CYCLE = TableKind(
     "{y}",
     "record the room's temperature, and go on for some days",
     "ppm",
-    columns.cycle("daily"),
+    in_time.cycle("daily"),
 )
 
 OSCILLATION = TableKind(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,21 +10,13 @@ from typing import Any
 import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
-from fitter.effects.tables_scene import Grouping, TableScene, Timeline, seconds_per_unit
+from fitter.effects.tables_scene import Grouping, TableScene
 from fitter.formula import Formula
 from fitter.formula_text import Expression
 from fitter.trace.tables import TableData
+from rig.closed_loop.order import Parts, alike, codes, time_of
 from rig.errors import UsageError
 from rig.tables import Table, read_any_csv
-
-_CLOCKS = re.compile(
-    r"time|elapsed|date|^years?$|^t$|^t_?(s|sec|min|h|hours|days)$|^t_start|^hours?$|^days?$", re.IGNORECASE
-)
-_COUNTERS = re.compile(r"^(seq|sequence|order|block|index|row|reading|n|no|nr|number|run_order)$", re.IGNORECASE)
-"""Names of columns taken for the time if nobody names one."""
-_MORE = "steps, oscillations, carry-over and drifting sensitivity are looked for then too"
-_MAYBE = ", and effects had to stand out from errors that are alike along the rows, as they are if taken in this order"
-_SAME = 0.9999
 
 
 @dataclass(frozen=True)
@@ -95,12 +86,20 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
     notes: list[str] = []
     free = _free(table, roles, (*formula.names, *response.names))
     given = _subtracted(response)
-    time, along = _time(table, roles, formula, (*formula.names, *given), free, notes)
+    categories = tuple(c.name for term in formula.terms for c in term.categories)
+    parts = Parts(
+        settings=(*formula.names, *given),
+        groups=tuple(dict.fromkeys((*roles.group, *roles.whole_plot, *categories))),
+        free=tuple(free),
+        time=roles.time,
+        direction=roles.direction,
+    )
+    time, along = time_of(table, parts, notes)
     order = np.arange(len(table)) if time is None else np.argsort(time.values, kind="stable")
     columns: dict[str, Any] = {name: v[order] for name, v in {**table.columns, **table.text}.items()}
     if time is not None:
         time = replace(time, values=time.values[order])
-        free = [name for name in free if name != time.name and not _alike(columns[name], time, notes, name)]
+        free = [name for name in free if name != time.name and not alike(columns[name], time, notes, name)]
     y = response.columns(columns)[1][:, 0]
     if roles.wrap is not None:
         y = (y + 0.5 * roles.wrap) % roles.wrap - 0.5 * roles.wrap
@@ -120,8 +119,8 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
             **{c.name: _grouping(columns[c.name], declared=True) for term in formula.terms for c in term.categories},
         },
         time=time,
-        direction=_direction(roles, (*formula.names, *given), columns),
-        speed=_speed(roles, (*formula.names, *given), columns),
+        direction=_direction(roles, parts.settings, columns),
+        speed=_speed(roles, parts.settings, columns),
     )
     shared = roles.whole_plot or ((roles.replicate,) if roles.replicate else ())
     hi, lo = exact.hi, exact.lo
@@ -161,79 +160,6 @@ def _free(table: Table, roles: Roles, used: Sequence[str]) -> list[str]:
         return [name for name in roles.candidates if name not in used]
     taken = {*used, *roles.named, *roles.ignore}
     return [name for name in table.columns if name not in taken]
-
-
-def _time(
-    table: Table, roles: Roles, formula: Formula, settings: Sequence[str], free: Sequence[str], notes: list[str]
-) -> tuple[Timeline | None, bool]:
-    """The column of time, and whether rows may stand in the order of taking though nobody knows.
-
-    The column is as told, else by its name if its values go up, else the order of rows if that can be it.
-    """
-    if roles.time is not None:
-        if roles.time not in table.columns:
-            raise ValueError(
-                f"--time: {roles.time} is text; give a column of numbers, such as seconds or decimal years"
-            )
-        return Timeline(roles.time, table.columns[roles.time], seconds_per_unit(roles.time)), False
-    for pattern in (_CLOCKS, _COUNTERS):
-        for name in free:
-            v = table.columns[name]
-            if pattern.search(name) and len(np.unique(v)) > 0.5 * len(v) and np.mean(np.diff(v) >= 0) > 0.95:
-                counts = pattern is _COUNTERS
-                more = f"; --time {name} vouches for it: {_MORE}" if counts else ""
-                what = "the order of taking" if counts else "the time"
-                notes.append(f"{name} was taken for {what}; --ignore {name} leaves it out{more}")
-                return Timeline(name, v, seconds_per_unit(name), presumed=pattern is _COUNTERS), False
-    by = _sorted_by(table, roles, formula, settings, free)
-    if by is not None and roles.direction not in settings:
-        along = by in {*settings, *free} and _rises(table.columns[by])
-        notes.append(
-            f"rows are sorted by {by} and no column of time was given, so nobody knows in what order they were taken: "
-            f"drift, steps, carry-over and lags were not looked for{_MAYBE if along else ''}; --time names the column"
-        )
-        return None, along
-    notes.append(f"rows were taken to stand in the order of taking; --time names a column that tells: {_MORE}")
-    return Timeline("row", np.arange(1.0, len(table) + 1.0), presumed=True), False
-
-
-def _sorted_by(
-    table: Table, roles: Roles, formula: Formula, settings: Sequence[str], free: Sequence[str]
-) -> str | None:
-    """What the rows are sorted by, if by anything that is not the time."""
-    categories = [c.name for term in formula.terms for c in term.categories]
-    for name in settings:
-        if name in table.columns and name not in categories and _rises(table.columns[name]):
-            return name
-    for name in free:
-        if _rises(table.columns[name]) and len(np.unique(np.sign(np.diff(table.columns[name])))) == 1:
-            return name
-    every = {**table.columns, **table.text}
-    for name in dict.fromkeys((*roles.group, *roles.whole_plot, *categories)):
-        codes = _codes(every[name])
-        if np.count_nonzero(np.diff(codes)) == codes.max():
-            return name
-    for name in free:
-        v = table.columns[name]
-        if np.all(v == np.round(v)) and 1 < len(np.unique(v)) <= len(v) // 3 and np.all(np.diff(v) >= 0):
-            return name
-    return None
-
-
-def _rises(v: FloatArray) -> bool:
-    """Whether values go up or down all along, but for a few that scatter."""
-    rank = np.argsort(np.argsort(v, kind="stable"), kind="stable").astype(np.float64)
-    if np.ptp(v) == 0:
-        return False
-    return bool(abs(np.corrcoef(rank, np.arange(len(v)))[0, 1]) > 0.99)
-
-
-def _alike(v: FloatArray, time: Timeline, notes: list[str], name: str) -> bool:
-    """Whether a column says the same as the time."""
-    if np.ptp(v) == 0 or np.ptp(time.values) == 0 or abs(np.corrcoef(v, time.values)[0, 1]) < _SAME:
-        return False
-    notes.append(f"{name} runs with {time.name} and was not looked at by itself")
-    return True
 
 
 def _settings(formula: Formula, columns: Mapping[str, Any]) -> dict[str, FloatArray]:
@@ -295,12 +221,8 @@ def _grouping(values: Any, *, declared: bool) -> Grouping:
     )
 
 
-def _codes(values: Any) -> IntArray:
-    return np.asarray(np.unique(values, return_inverse=True)[1], np.int64)
-
-
 def _identities(columns: Mapping[str, Any], names: Sequence[str]) -> IntArray:
-    keys = np.column_stack([_codes(columns[name]) for name in names])
+    keys = np.column_stack([codes(columns[name]) for name in names])
     return np.asarray(np.unique(keys, axis=0, return_inverse=True)[1], np.int64).reshape(-1)
 
 

@@ -12,9 +12,10 @@ from fitter.linear import orthonormal
 from fitter.trace.search import search_and_name
 from fitter.trace.tables.estimate import estimate
 from fitter.trace.tables.judge import TableJudge
-from fitter.trace.tables.noise import Shared, Wandering
+from fitter.trace.tables.noise import Wandering
 from fitter.trace.tables.problem import Problem
 from fitter.trace.tables.refine import refined
+from fitter.trace.tables.shared import Shared
 
 SMALL, FOLDS, BLOCKS, SEED = 12, 5, 20, 5
 FEWEST_SPARE = 3
@@ -35,7 +36,8 @@ def left_out(problem: Problem, judge: TableJudge, chosen: tuple[int, ...]) -> tu
     at = judge.beside(chosen).best
     fold, words = _folds(problem, at)
     held = replace(problem, sd=judge.problem.sd, noise=problem.noise.only(at))
-    families = {0: judge.family(at)}
+    slow = judge.problem.noise.slow
+    families = {(0, False): judge.family(at, fast=bool(np.any(slow) and not slow[at]))}
     errors = np.zeros((2, problem.n))
     for one in range(int(fold.max()) + 1):
         kept, out = np.flatnonzero(fold != one), np.flatnonzero(fold == one)

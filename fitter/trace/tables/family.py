@@ -19,6 +19,7 @@ from scipy import special
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.linear import orthonormal
+from fitter.trace.tables.noise import BoolArray
 from fitter.trace.tables.problem import SPARED, Problem
 from fitter.trace.tables.score import FEWEST_FOR_SCATTER, Blocks, View
 
@@ -95,12 +96,13 @@ class TableFamily:
         return min((1.0 + rank) / (1.0 + self.smallest_p.size), 1.0)
 
 
-def family_of(problem: Problem, at: int, weight: FloatArray, seed: int) -> TableFamily:
+def family_of(problem: Problem, at: int, possible: BoolArray, weight: FloatArray, seed: int) -> TableFamily:
     """Simulate what candidates score beside the declared columns in tables with nothing but noise of covariance `at`.
 
     Args:
         problem: the table.
         at: covariance of the noise.
+        possible: (G,) covariances that are fitted.
         weight: (J,) that the p of each candidate's effect is multiplied by before effects are compared.
         seed: of the draws.
 
@@ -112,10 +114,10 @@ def family_of(problem: Problem, at: int, weight: FloatArray, seed: int) -> Table
     if not len(judged):
         return TableFamily({}, np.ones(1))
     rng = np.random.default_rng(seed)
-    which = _near(problem, at, rng)
+    which = _near(problem, at, possible, rng)
     draws = int(np.clip(WORK / max(found.units.size * len(which), 1), FEWEST, MOST))
     errors = rng.standard_normal((n, draws))
-    ratio = _ratios(problem, which, errors if len(which) == 1 else problem.noise.colour(at, errors), found.rank, df)
+    ratio = _ratios(problem, which, problem.noise.colour(at, errors), found.rank, df)
     if n >= FEWEST_FOR_SCATTER:
         single = Blocks(found.units.astype(np.float32), found.start)
         ratio /= _scatter(single, _off(view.basis, errors).astype(np.float32), df)
@@ -132,16 +134,15 @@ def family_of(problem: Problem, at: int, weight: FloatArray, seed: int) -> Table
     return TableFamily(tails, np.sort(smallest))
 
 
-def _near(problem: Problem, at: int, rng: np.random.Generator) -> IntArray:
-    """Covariances that are ever near the best in tables drawn with covariance `at`."""
-    noise, count = problem.noise, len(problem.noise.prior)
-    if count == 1:
-        return np.zeros(1, np.int64)
-    drawn = noise.colour(at, rng.standard_normal((problem.n, TRIED)))
-    deviance = np.array([_deviance(problem, g, drawn) for g in range(count)])
+def _near(problem: Problem, at: int, possible: BoolArray, rng: np.random.Generator) -> IntArray:
+    """Covariances, of those possible, that are ever near the best in tables drawn with covariance `at`."""
+    every = np.flatnonzero(possible)
+    if len(every) == 1:
+        return every
+    drawn = problem.noise.colour(at, rng.standard_normal((problem.n, TRIED)))
+    deviance = np.array([_deviance(problem, g, drawn) for g in every.tolist()])
     behind = np.min(deviance - deviance.min(axis=0), axis=1)
-    behind[at] = 0.0
-    return np.flatnonzero(behind < BEHIND)
+    return np.asarray(every[(behind < BEHIND) | (every == at)])
 
 
 def _deviance(problem: Problem, g: int, drawn: FloatArray) -> FloatArray:
@@ -159,8 +160,7 @@ def _ratios(problem: Problem, which: IntArray, drawn: FloatArray, rank: IntArray
     beside = np.full((len(rank), drawn.shape[1]), np.inf, np.float32)
     for g in which.tolist():
         view = View.of(problem, g)
-        left = drawn if len(log_det) == 1 else problem.noise.whiten(np.array([g]), drawn)[0]
-        left = _off(view.basis, left)
+        left = _off(view.basis, problem.noise.whiten(np.array([g]), drawn)[0])
         total = np.sum(left**2, axis=0)
         found = view.blocks(())
         gains = Blocks(found.units.astype(np.float32), found.start).gains((left / np.sqrt(total)).astype(np.float32))

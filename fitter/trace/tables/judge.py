@@ -9,7 +9,7 @@ import numpy as np
 from scipy import special
 
 from fitter.arrays import FloatArray
-from fitter.trace.aliases import PER_COLUMN, Rival
+from fitter.trace.aliases import DELTA, PER_COLUMN, Rival
 from fitter.trace.family import ALPHA
 from fitter.trace.tables.family import TableFamily, family_of
 from fitter.trace.tables.likelihood import Beside, Grid, ratio
@@ -21,10 +21,9 @@ from fitter.trace.tables.score import View, score
 SHORTLIST = 8
 """Effects that are looked at more closely at each step, by what they remove."""
 
-DOUBTFUL, USUAL = 5.0, 0.2
-"""Weights of p of a drift over an order that nobody vouches for, and of drift and step over a clock: the most usual
-effects there are and those that a wander hides best (weighted family-wise error: Genovese, Roeder and Wasserman,
-Biometrika 93 (2006) 509). All others count as one."""
+DOUBTFUL = 5.0
+"""Weight of p of a drift over an order that nobody vouches for; others count as one (weighted family-wise error:
+Genovese, Roeder and Wasserman, Biometrika 93 (2006) 509)."""
 PAIRED = 3
 """Effects in time beside which another is tried where none stands out by itself. That each of two has to stand out
 beside the other outweighs that several are tried: python -m benchmarks.tables_campaign noise --only walk."""
@@ -63,12 +62,12 @@ class TableJudge:
 
     Attributes:
         problem: the table.
-        families: simulated so far, by covariance; shared with the judges of parts of the table.
+        families: simulated so far, by covariance and whether only fast ones were fitted; parts of the table share them.
 
     """
 
     problem: Problem
-    families: dict[int, TableFamily] = field(default_factory=dict)
+    families: dict[tuple[int, bool], TableFamily] = field(default_factory=dict)
     _views: dict[int, View] = field(default_factory=dict)
     _held: dict[Key, FloatArray] = field(default_factory=dict)
     _grids: dict[Key, Grid] = field(default_factory=dict)
@@ -90,7 +89,7 @@ class TableJudge:
 
     def best(self, chosen: tuple[int, ...]) -> tuple[int, ...]:
         """The candidate with most evidence beside those `chosen`, of those that stand out."""
-        ranked = [j for j in self._ranked(chosen) if not self._crowded(chosen, j)]
+        ranked = [j for j in self._promising(chosen) if not self._crowded(chosen, j)]
         single = next(((j,) for j in ranked if self._adjusted(chosen, j) <= ALPHA), ())
         return single or self._pair(chosen, ranked)
 
@@ -99,7 +98,7 @@ class TableJudge:
         if not self.problem.noise.slow[self.beside(chosen).best]:
             return ()
         for j in [j for j in ranked if self.candidates[j].effect.source == "time"][:PAIRED]:
-            for k in self._ranked((*chosen, j)):
+            for k in self._promising((*chosen, j)):
                 if self.candidates[k].effect.name != self.candidates[j].effect.name and all(
                     self._adjusted((*chosen, one), other) <= ALPHA for one, other in ((j, k), (k, j))
                 ):
@@ -194,21 +193,33 @@ class TableJudge:
     def _white(self, at: int, y: FloatArray) -> FloatArray:
         return np.asarray(self.problem.noise.whiten(np.array([at]), (y / self.problem.sd)[:, None])[0, :, 0])
 
-    def family(self, at: int) -> TableFamily:
-        """What the best of all scores by chance under covariance `at`."""
-        if at not in self.families:
-            self.families[at] = family_of(self.problem, at, self._weight, seed=1 + at)
-        return self.families[at]
+    def family(self, at: int, *, fast: bool = False) -> TableFamily:
+        """What the best of all scores by chance under covariance `at`; `fast` noise is refitted as fast noise only."""
+        if (at, fast) not in self.families:
+            possible = ~self.problem.noise.slow if fast else np.ones(len(self.problem.noise.slow), np.bool_)
+            self.families[at, fast] = family_of(self.problem, at, possible, self._weight, seed=1 + at)
+        return self.families[at, fast]
 
     def _adjusted(self, chosen: tuple[int, ...], j: int) -> float:
-        trial = self._trial(chosen, j)
-        without, beside, at = trial.without, trial.beside, trial.beside.best
+        """Family-wise p of `j` beside those `chosen`.
+
+        Where it is ahead of the slowest wanders by three standard errors, its columns paid for by Schwarz' criterion,
+        it has to stand out from noise that forgets soon only, else from all.
+        """
+        trial, slow = self._trial(chosen, j), self.problem.noise.slow
+        fast = bool(np.any(slow) and not np.all(slow))
+        if fast:
+            ahead = 2.0 * float(trial.beside.ml[~slow].max() - trial.without.ml[slow].max())
+            fast = ahead - np.log(self.problem.n) * self.candidates[j].term.price > DELTA
+        possible = ~slow if fast else np.ones(len(slow), np.bool_)
+        at = trial.beside.best_of(possible)
         scores, _ = score(self.view(at), self._white(at, trial.y), chosen, (j,))
         if scores.ratio[0] <= 0.0:
             return 1.0
         rank, df = int(scores.rank[0]), int(scores.df[0])
-        p = float(special.fdtrc(rank, df, ratio(without, beside, rank, df) / float(scores.scatter[0])))
-        return self.family(without.best).adjust(self.candidates[j].effect.name, p)
+        f = ratio(trial.without, trial.beside, possible, rank, df) / float(scores.scatter[0])
+        family = self.family(trial.without.best_of(possible), fast=fast)
+        return family.adjust(self.candidates[j].effect.name, float(special.fdtrc(rank, df, f)))
 
     def _ranked(self, chosen: tuple[int, ...]) -> Iterable[int]:
         """The best term of each effect that promises anything, most evidence less the price of its columns first."""
@@ -229,15 +240,16 @@ class TableJudge:
             shortlist[j] = self._trial(chosen, j).gained - per_column * float(self._price[j])
         return sorted(shortlist, key=lambda j: -shortlist[j])
 
+    def _promising(self, chosen: tuple[int, ...]) -> list[int]:
+        """Of `_ranked` those whose columns are paid for by Schwarz' criterion: no other can stand out of a family."""
+        price = np.log(self.problem.n) * self._price
+        return [j for j in self._ranked(chosen) if self._trial(chosen, j).gained > price[j]]
+
     @property
     def _weight(self) -> FloatArray:
         """(J,) what p is multiplied by before effects are compared."""
-        return np.array([self._weight_of(candidate) for candidate in self.candidates])
-
-    def _weight_of(self, candidate: Candidate) -> float:
-        if candidate.effect.source == "time" and self.problem.presumed:
-            return DOUBTFUL
-        return USUAL if candidate.effect.kind.name in ("drift", "step") else 1.0
+        doubtful = [self.problem.presumed and c.effect.source == "time" for c in self.candidates]
+        return np.where(doubtful, DOUBTFUL, 1.0)
 
     @property
     def _price(self) -> FloatArray:

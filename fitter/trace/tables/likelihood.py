@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitter.arrays import FloatArray
-from fitter.trace.tables.noise import Noise
+from fitter.trace.tables.noise import BoolArray, Noise
 
 _TINY = np.finfo(float).tiny
 _MOST = 600.0
@@ -37,15 +37,19 @@ class Beside:
     @property
     def best(self) -> int:
         """The covariance that has most for it, the prior counted."""
-        return int(np.argmax(self.reml + np.log(self.noise.prior)))
+        return self.best_of(np.ones(len(self.reml), np.bool_))
+
+    def best_of(self, possible: BoolArray) -> int:
+        """The same of those that are `possible` (G,)."""
+        return int(np.argmax(np.where(possible, self.reml + np.log(self.noise.prior), -np.inf)))
 
 
-def ratio(without: Beside, beside: Beside, rank: int, df: int) -> float:
-    """F that the likelihood ratio of `rank` columns amounts to, noise fitted both times; `df` are left beside them.
+def ratio(without: Beside, beside: Beside, possible: BoolArray, rank: int, df: int) -> float:
+    """F that the likelihood ratio of `rank` columns amounts to, noise fitted both times among what is `possible` (G,).
 
-    With independent errors it is the usual F.
+    `df` are left beside the columns. With independent errors it is the usual F.
     """
-    gained = max(2.0 * float(beside.ml.max() - without.ml.max()), 0.0) / without.n
+    gained = max(2.0 * float(beside.ml[possible].max() - without.ml[possible].max()), 0.0) / without.n
     return float(np.expm1(min(gained, _MOST)) * df / rank)
 
 

@@ -16,10 +16,11 @@ from fitter.trace.tables.cross import left_out
 from fitter.trace.tables.estimate import Estimate, estimate
 from fitter.trace.tables.findings import noise_findings
 from fitter.trace.tables.judge import TableJudge
-from fitter.trace.tables.noise import Shared, Wandering
+from fitter.trace.tables.noise import Wandering
 from fitter.trace.tables.remainder import pure_error, unnamed
 from fitter.trace.tables.result import FoundTableEffect, TableSide, TableTrace
 from fitter.trace.tables.run import Found, TableData, problem_of, search_table
+from fitter.trace.tables.shared import Shared
 
 WANDER = "slow-wander"
 """Alias of an effect that noise which remembers long explains as well."""

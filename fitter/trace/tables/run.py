@@ -11,9 +11,10 @@ from fitter.effects.tables_scene import TableScene
 from fitter.linear import orthonormal
 from fitter.trace.search import prune, search_and_name
 from fitter.trace.tables.judge import TableJudge
-from fitter.trace.tables.noise import Independent, Noise, Shared, Wandering
+from fitter.trace.tables.noise import Independent, Noise, Wandering
 from fitter.trace.tables.problem import Problem, candidates_of
 from fitter.trace.tables.refine import refined
+from fitter.trace.tables.shared import Shared
 from fitter.trace.tables.spread import Growth, growth_of
 
 ROUNDS = 3
@@ -102,7 +103,7 @@ def look(judge: TableJudge, data: TableData, rows: IntArray | None = None) -> Fo
     Rows sorted by a setting, in an order of taking that nobody knows: once a nonlinearity stands out from errors that
     are alike along the rows, what remains along them is far more likely to be the rest of it than a wander.
     """
-    growth = None
+    growth: Growth | None = None
     _, chosen = search_and_name(judge, lead=judge.lead)
     if data.order_unknown and any(judge.candidates[j].effect.source == "setting" for j in chosen):
         judge = TableJudge(replace(judge.problem, noise=Independent(judge.problem.n)))
@@ -114,7 +115,9 @@ def look(judge: TableJudge, data: TableData, rows: IntArray | None = None) -> Fo
         settled = problem is judge.problem and (new is None) == (growth is None)
         if new is not None:
             sd = new.sd(_driver(judge, chosen, data, rows, new.driver))
-            judge = TableJudge(replace(problem, sd=sd / np.exp(np.mean(np.log(sd)))))
+            weighted = replace(problem, sd=sd / np.exp(np.mean(np.log(sd))))
+            same = growth is not None and growth.driver == new.driver
+            judge = TableJudge(weighted, judge.families) if same else TableJudge(weighted)
         growth = new
         _, again = search_and_name(judge, prune(judge, chosen), judge.lead)
         if set(again) == set(chosen) and settled:

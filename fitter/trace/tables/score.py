@@ -198,7 +198,7 @@ def score(view: View, y: FloatArray, chosen: Sequence[int], of: Sequence[int] | 
     can = (rank > 0) & (df - rank >= SPARED) & (rss > floor)
     after = np.maximum(rss - gain, floor)
     df_after = np.where(can, df - rank, 1)
-    variance = np.maximum(after / df_after, np.finfo(float).tiny)
+    variance = np.maximum(after / df_after, max(1e-100 * rss, np.finfo(float).tiny))
     scatter = _scatter(found, left, variance) if len(y) >= FEWEST_FOR_SCATTER else np.ones(len(rank))
     ratio = np.where(can, gain / np.maximum(rank, 1) / variance, 0.0)
     return Scores(ratio, scatter, rank, df_after), found

@@ -1,0 +1,115 @@
+"""What tells in which order the rows of a table were taken."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fitter.arrays import FloatArray, IntArray
+from fitter.effects.tables_scene import Timeline, seconds_per_unit
+from rig.tables import Table
+
+_CLOCKS = re.compile(
+    r"time|elapsed|date|^years?$|^t$|^t_?(s|sec|min|h|hours|days)$|^t_start|^hours?$|^days?$", re.IGNORECASE
+)
+_COUNTERS = re.compile(r"^(seq|sequence|order|block|index|row|reading|n|no|nr|number|run_order)$", re.IGNORECASE)
+"""Names of columns taken for the time if nobody names one."""
+_MORE = "steps, oscillations, carry-over and drifting sensitivity are looked for then too"
+_MAYBE = ", and effects had to stand out from errors that are alike along the rows, as they are if taken in this order"
+_SAME = 0.9999
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Columns that rows may be sorted by, and what was told of their order.
+
+    Attributes:
+        settings: of the declared model, and what the response is the difference to.
+        groups: groupings, whole plots and categories of the declared model.
+        free: columns of numbers that play no part.
+        time: the column that was told; None if none was.
+        direction: the same.
+
+    """
+
+    settings: tuple[str, ...]
+    groups: tuple[str, ...]
+    free: tuple[str, ...]
+    time: str | None
+    direction: str | None
+
+
+def time_of(table: Table, parts: Parts, notes: list[str]) -> tuple[Timeline | None, bool]:
+    """The column of time, and whether rows that are sorted may stand in the order of taking though nobody knows.
+
+    The column is as told, else by its name if its values go up, else the order of rows if that can be it.
+    """
+    if parts.time is not None:
+        if parts.time not in table.columns:
+            raise ValueError(
+                f"--time: {parts.time} is text; give a column of numbers, such as seconds or decimal years"
+            )
+        return Timeline(parts.time, table.columns[parts.time], seconds_per_unit(parts.time)), False
+    for pattern in (_CLOCKS, _COUNTERS):
+        for name in parts.free:
+            v = table.columns[name]
+            if pattern.search(name) and len(np.unique(v)) > 0.5 * len(v) and np.mean(np.diff(v) >= 0) > 0.95:
+                counts = pattern is _COUNTERS
+                more = f"; --time {name} vouches for it: {_MORE}" if counts else ""
+                what = "the order of taking" if counts else "the time"
+                notes.append(f"{name} was taken for {what}; --ignore {name} leaves it out{more}")
+                return Timeline(name, v, seconds_per_unit(name), presumed=pattern is _COUNTERS), False
+    by = _sorted_by(table, parts)
+    if by is not None and parts.direction not in parts.settings:
+        along = by in {*parts.settings, *parts.free} and _rises(table.columns[by])
+        notes.append(
+            f"rows are sorted by {by} and no column of time was given, so nobody knows in what order they were taken: "
+            f"drift, steps, carry-over and lags were not looked for{_MAYBE if along else ''}; --time names the column"
+        )
+        return None, along
+    notes.append(f"rows were taken to stand in the order of taking; --time names a column that tells: {_MORE}")
+    return Timeline("row", np.arange(1.0, len(table) + 1.0), presumed=True), False
+
+
+def _sorted_by(table: Table, parts: Parts) -> str | None:
+    """What the rows are sorted by, if by anything that is not the time."""
+    for name in parts.settings:
+        if name in table.columns and name not in parts.groups and _rises(table.columns[name]):
+            return name
+    for name in parts.free:
+        if _rises(table.columns[name]) and len(np.unique(np.sign(np.diff(table.columns[name])))) == 1:
+            return name
+    every = {**table.columns, **table.text}
+    for name in parts.groups:
+        index = codes(every[name])
+        if np.count_nonzero(np.diff(index)) == index.max():
+            return name
+    for name in parts.free:
+        v = table.columns[name]
+        if np.all(v == np.round(v)) and 1 < len(np.unique(v)) <= len(v) // 3 and np.all(np.diff(v) >= 0):
+            return name
+    return None
+
+
+def _rises(v: FloatArray) -> bool:
+    """Whether values go up or down all along, but for a few that scatter."""
+    rank = np.argsort(np.argsort(v, kind="stable"), kind="stable").astype(np.float64)
+    if np.ptp(v) == 0:
+        return False
+    return bool(abs(np.corrcoef(rank, np.arange(len(v)))[0, 1]) > 0.99)
+
+
+def alike(v: FloatArray, time: Timeline, notes: list[str], name: str) -> bool:
+    """Whether a column says the same as the time."""
+    if np.ptp(v) == 0 or np.ptp(time.values) == 0 or abs(np.corrcoef(v, time.values)[0, 1]) < _SAME:
+        return False
+    notes.append(f"{name} runs with {time.name} and was not looked at by itself")
+    return True
+
+
+def codes(values: Any) -> IntArray:
+    """(n,) place of each value among the distinct ones, ascending."""
+    return np.asarray(np.unique(values, return_inverse=True)[1], np.int64)
