@@ -143,22 +143,36 @@ def test_an_offset_that_walks_all_night_is_said_to_walk():
     assert all("random walk" in t.unnamed[0].where for t in found.sensors.values())
 
 
+def with_strange(data, on_x):
+    return replace(data, outputs={**data.outputs, X: data.outputs[X] + on_x})
+
+
 def test_what_no_effect_explains_is_shown_and_not_named():
     """A cause the catalogue lacks must not be reported as whatever slightly resembles it."""
-    data, _ = simulate(CLEAN, NIGHT, seed=3)
+    data, clean = simulate(CLEAN, D1(180, 19, 13), seed=3)
     strange = 8e-5 * np.sin(3 * np.radians(data.pitch_deg)) * np.cos(2 * np.radians(data.roll_deg))
-    odd = type(data)(
-        **{f: getattr(data, f) for f in ("replicate", "order", "elapsed_s", "pitch_deg", "roll_deg")},
-        sensor_temperature_degC=data.sensor_temperature_degC,
-        outputs={X: data.outputs[X] + strange, Y: data.outputs[Y], Z: data.outputs[Z]},
-        pitch_side=data.pitch_side,
-        roll_side=data.roll_side,
-    )
-    x = trace(odd).sensors[X]
+    odd = with_strange(data, strange)
+    x = trace(odd, validate=False).sensors[X]
     assert x.effects == ()
     assert x.verdict == "unexplained"
     assert x.unnamed[0].where == "between points, 3 periods a turn in pitch and 2 in roll"
     assert x.unnamed[0].share > 0.9
+    taken = trace(odd, unnamed=True)
+    x = taken.sensors[X]
+    assert x.effects == ()
+    assert x.verdict == "unexplained"
+    assert x.unnamed[0].added
+    assert x.unnamed[0].where.startswith("between points, 3 periods a turn in pitch and 2 in roll: taken up")
+    assert x.cv_rms_after < 0.5 * x.cv_rms_before
+    assert np.std(taken.predict(odd)[X] - clean[X] - strange) < 0.1 * np.std(strange)
+    json.dumps(taken.to_json(), allow_nan=False)
+
+
+def test_what_one_sensor_shows_alone_is_not_of_the_head():
+    """What a cube leaves of a fifth power resembles an error of the pitch axis, which other sensors would show."""
+    data, _ = simulate(CLEAN, D1(180, 25, 13), seed=1)
+    found = trace(with_strange(data, 9e-5 * np.sin(np.radians(data.pitch_deg)) ** 5), validate=False)
+    assert names(found) == {(X, "sensor-third-order")}
 
 
 def test_one_sensor_without_roll_cannot_tell_pads_from_the_head():
