@@ -1,5 +1,6 @@
 """What is found of the noise of attitude runs, and that it neither hides an effect nor makes one."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -33,7 +34,7 @@ def with_outliers(data, rows, sd):
 def test_readings_far_off_are_pointed_at_and_hide_nothing():
     data, _ = simulate(sized("cube", 1.0, PLAN), PLAN, seed=3)
     spoilt = with_outliers(data, [17, 311], [60.0, -25.0])
-    found, plain = trace(spoilt), trace(data)
+    found, plain = (trace(one, validate=False) for one in (spoilt, data))
     assert names(found) == names(plain) == {(X, "sensor-third-order")}
     assert set(found.outliers) == {17, 311}
     assert plain.outliers == ()
@@ -50,21 +51,24 @@ def test_readings_far_off_are_pointed_at_and_hide_nothing():
 
 def test_readings_far_off_make_no_effect():
     data, _ = simulate(CLEAN, PLAN, seed=4)
-    found = trace(with_outliers(data, [5, 400], [120.0, 90.0]))
+    found = trace(with_outliers(data, [5, 400], [120.0, 90.0]), validate=False)
     assert names(found) == set()
     assert set(found.outliers) == {5, 400}
 
 
 def test_a_head_that_shakes_is_said_to_make_noise_that_grows_with_the_slope():
-    found = trace(simulate(Bench(jitter_deg=3e-4), D1(180, 13, 13), seed=1)[0])
+    found = trace(simulate(Bench(jitter_deg=3e-4), D1(180, 13, 13), seed=1)[0], validate=False)
     assert names(found) == set()
     (finding,) = [e for e in found.sensors[X].noise if e.effect == "noise-grows"]
     assert "slope" in finding.cause
     assert finding.coefficients[0] < 0.7 * finding.coefficients[1]
+    low, high = (float(n) for n in re.findall(r"by (\d\.\d\d) to (\d\.\d\d) times", finding.size)[0])
+    # of 600 such runs the component along x scatters by 0.77 times its standard error, those along y and z by 1.15
+    assert (low, high) == pytest.approx((0.77, 1.15), abs=0.08)
 
 
 def test_an_offset_that_walks_is_a_finding():
-    found = trace(simulate(Bench(wander=8.0), D1(180, 13, 13), seed=1)[0])
+    found = trace(simulate(Bench(wander=8.0), D1(180, 13, 13), seed=1)[0], validate=False)
     assert names(found) == set()
     assert noise(found) == {(f"{axis}_V", "random-walk-drift") for axis in "xyz"}
     (walk,) = found.sensors[X].noise
@@ -72,7 +76,7 @@ def test_an_offset_that_walks_is_a_finding():
 
 
 def test_nothing_is_said_of_ordinary_noise():
-    assert noise(trace(simulate(CLEAN, PLAN, seed=0)[0])) == set()
+    assert noise(trace(simulate(CLEAN, PLAN, seed=0)[0], validate=False)) == set()
 
 
 def test_a_lag_is_that_of_a_body_of_one_time_constant():

@@ -6,10 +6,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import special
 
 from fitter.arrays import FloatArray
 from fitter.effects import Stratum
+from fitter.effects.unnamed import NAMELESS
 from fitter.trace.aliases import Products, Rival, rivals
 from fitter.trace.estimate import coefficients, concerns, estimate
 from fitter.trace.family import ALPHA, Family
@@ -26,10 +28,18 @@ beside the 3 % of all others. Second thoughts let less than half of either throu
 
 @dataclass(frozen=True, eq=False)
 class AttitudeJudge:
-    """A `fitter.trace.search.Judge` of pitch-roll runs."""
+    """A `fitter.trace.search.Judge` of pitch-roll runs.
+
+    Attributes:
+        problem: the run.
+        family: what chance does in it.
+        shut: effects that may not be added: first of all terms without a cause. These never stand in for a cause.
+
+    """
 
     problem: Problem
     family: Family
+    shut: frozenset[str] = NAMELESS
 
     @property
     def candidates(self) -> tuple[Candidate, ...]:
@@ -55,11 +65,11 @@ class AttitudeJudge:
         if not self.candidates:
             return ()
         scores = score(self.problem, chosen)
-        found = np.flatnonzero(scores.p <= self.family.critical)
+        found = np.flatnonzero((scores.p <= self.family.critical) & self._open)
         for u in found[np.argsort(-scores.gain[found])].tolist():
             if self._again(chosen, u, scores) <= ALPHA:
                 return self.problem.units[u]
-        between = self._between(chosen)
+        between = np.where(self._open, self._between(chosen), 1.0)
         best = int(np.argmin(between))
         return self.problem.units[best] if between[best] <= ALPHA else ()
 
@@ -85,7 +95,23 @@ class AttitudeJudge:
         length2 = np.sum((problem.length / sigma[:, None]) ** 2, axis=0)
         products = Products(left.columns.sum(axis=0), left.outputs.sum(axis=0)).without(length2)
         sensors = {problem.sensors[i] for j in group for i in np.flatnonzero(concerns(problem, j) > 0.01)}
-        return rivals(problem.candidates, products, group, rest, sensors, problem.units, self.searched)
+        barred = (self.shut | NAMELESS) - {effect}
+        named = [unit for unit in problem.units if problem.candidates[unit[0]].effect.name not in barred]
+        return rivals(problem.candidates, products, group, rest, sensors, named, self.searched)
+
+    @cached_property
+    def _open(self) -> NDArray[np.bool_]:
+        """(U,) units that may be added."""
+        names = [self.candidates[unit[0]].effect.name for unit in self.problem.units]
+        return np.array([name not in self.shut for name in names], np.bool_)
+
+    def without(self, names: frozenset[str]) -> AttitudeJudge:
+        """A judge that may not add effects of these names either."""
+        return replace(self, shut=self.shut | names)
+
+    def with_unnamed(self) -> AttitudeJudge:
+        """A judge that may add terms without a cause."""
+        return replace(self, shut=self.shut - NAMELESS)
 
     def _others(self, chosen: tuple[int, ...], j: int) -> tuple[int, ...]:
         return tuple(k for k in chosen if k not in self.unit(j))

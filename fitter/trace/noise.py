@@ -15,7 +15,7 @@ from fitter.arrays import FloatArray, IntArray
 from fitter.data import AttitudeData
 from fitter.trace.estimate import Estimate
 from fitter.trace.family import ALPHA, COUNTED
-from fitter.trace.problem import Problem
+from fitter.trace.problem import Problem, raw_columns
 from fitter.trace.result import Found
 from fitter.trace.score import errors, rounding, whiten
 from fitter.trace.wander import walk_evidence
@@ -30,7 +30,7 @@ def noise_findings(problem: Problem, after: Estimate, i: int) -> tuple[Found, ..
         return ()
     left = whiten(problem, "points", after.chosen, sigma).outputs[i]
     # beside a walk squared residuals are no independent witnesses of the scatter
-    found = _walk(problem, left, float(sigma[i]), i) or _growth(problem, left, float(sigma[i]), i)
+    found = _walk(problem, left, float(sigma[i]), i) or _growth(problem, after, left, float(sigma[i]), i)
     return () if found is None else (found,)
 
 
@@ -70,7 +70,7 @@ def _drivers(problem: Problem, i: int) -> Mapping[str, tuple[str, FloatArray]]:
     return {name: driver for name, driver in drivers.items() if np.ptp(driver[1]) > 0}
 
 
-def _growth(problem: Problem, left: FloatArray, sigma: float, i: int) -> Found | None:
+def _growth(problem: Problem, after: Estimate, left: FloatArray, sigma: float, i: int) -> Found | None:
     """The driver that squared residuals follow most clearly, by Koenker's test (J. Econometrics 17 (1981) 107)."""
     squares, drivers = left**2, _drivers(problem, i)
     about, best = squares - squares.mean(), (1.0, "", 0.0)
@@ -85,19 +85,39 @@ def _growth(problem: Problem, left: FloatArray, sigma: float, i: int) -> Found |
     if not name or p_adjusted > ALPHA:
         return None
     against, value = drivers[name]
-    ends = squares.mean() + slope * (np.quantile(value, [0.02, 0.98]) - value.mean())
-    low, high = (sigma * np.sqrt(np.maximum(ends / squares.mean(), 0.0))).tolist()
+    ends = 1.0 + slope * (np.quantile(value, [0.02, 0.98]) - value.mean()) / squares.mean()
+    low, high = (sigma * np.sqrt(np.maximum(ends, 0.0))).tolist()
+    least, most = np.quantile(_intervals(problem, after, squares / squares.mean(), i), [0.0, 1.0]).tolist()
     return Found.of_noise(
         effect="noise-grows",
         cause=f"the scatter of readings changes with the {name}",
         terms=(f"sd at the lowest {name}", f"sd at the highest {name}"),
         coefficients=(low, high),
         unit="V",
-        size=f"{1e6 * low:.3g} uV to {1e6 * high:.3g} uV",
+        size=f"{1e6 * low:.3g} uV to {1e6 * high:.3g} uV; coefficients scatter by {least:.2f} to {most:.2f} times "
+        "their standard errors, which are reckoned with one sd for all",
         p_adjusted=p_adjusted,
         separate_by="read one point of each kind a hundred times",
         against=against,
     )
+
+
+def _intervals(problem: Problem, after: Estimate, squares: FloatArray, i: int) -> FloatArray:
+    """(k,) true over stated standard errors of all coefficients of sensor `i`.
+
+    Args:
+        problem: the run.
+        after: what was fitted.
+        squares: (n,) of the residuals, over their mean; whatever the scatter grows with, and however.
+        i: the sensor.
+
+    """
+    data = problem.scene.data
+    h = problem.fits[problem.sensors[i]].columns(data.pitch_deg, data.roll_deg)
+    effects = raw_columns(problem.scene, [problem.candidates[j] for j in after.chosen])[i]
+    columns = np.column_stack([h, effects[:, np.any(effects != 0, axis=0)]])
+    weights = np.linalg.pinv(columns / np.linalg.norm(columns, axis=0))
+    return np.asarray(np.sqrt(weights**2 @ squares / np.sum(weights**2, axis=1)))
 
 
 def outlier_finding(

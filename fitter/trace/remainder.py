@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from fitter.arrays import FloatArray
+from fitter.effects.unnamed import HARMONICS, where
 from fitter.linear import orthonormal
 from fitter.replication import FTest, centred
 from fitter.trace.problem import Problem
 from fitter.trace.result import Unnamed
-
-HARMONICS = 4
 
 
 def shared_attitude(problem: Problem, corrected_V: FloatArray) -> FTest:
@@ -56,8 +55,7 @@ def strongest_wave(problem: Problem, corrected_V: FloatArray) -> Unnamed:
             basis = orthonormal(own, np.linalg.norm(waves, axis=0), 0.05)
             share = float(np.sum((basis.T @ left) ** 2) / max(np.sum(left**2), np.finfo(float).tiny))
             if share > best.share:
-                turns = f"between points, {k} periods a turn in pitch" + (f" and {m} in roll" if roll else "")
-                best = Unnamed(turns, min(share, 1.0))
+                best = Unnamed(f"between points, {where(k, m, roll=roll)}", min(share, 1.0))
     return best
 
 

@@ -139,14 +139,22 @@ class FoundEffect(Found):
 
 @dataclass(frozen=True)
 class Unnamed:
-    """What no effect of the catalogue explains, and where it lives."""
+    """What no effect of the catalogue explains, and where it lives.
+
+    Attributes:
+        where: in which variables, with which period.
+        share: of what is left, or if it was added of the residual beyond pure error.
+        added: whether a smooth term without a cause takes it up.
+
+    """
 
     where: str
     share: float
+    added: bool = False
 
     def to_json(self) -> dict[str, JsonValue]:
         """As `rig trace --json` prints it."""
-        return {"where": self.where, "share": self.share}
+        return {"where": self.where, "share": self.share, "added": self.added}
 
 
 def predict(h: FloatArray, data: AttitudeData, fit: LinearFit, temperature: Temperature | None) -> FloatArray:
@@ -185,6 +193,7 @@ class SensorTrace:
         residual_after_V: (n,) residual with the effects.
         temperature_recorded: whether effects of temperature could be tested at all.
         noise: what was found of the noise; in JSON these are effects of stratum "noise".
+        smooth: terms without a cause that were added.
 
     """
 
@@ -206,6 +215,7 @@ class SensorTrace:
     residual_after_V: FloatArray
     temperature_recorded: bool
     noise: tuple[Found, ...] = ()
+    smooth: tuple[FoundEffect, ...] = ()
 
     def to_json(self) -> dict[str, JsonValue]:
         """As `rig trace --json` prints it."""
@@ -232,8 +242,10 @@ class SensorTrace:
             )
         if self.effects:
             notes.append("standard errors of the effects are conditional on their having been selected on these data")
+        if self.smooth:
+            notes.append("smooth terms without a cause are in the fit: they describe these points and explain nothing")
         if self.cv_rms_before is not None and self.cv_rms_after is not None:
-            if self.effects and self.cv_rms_after > CONFIRMED * self.cv_rms_before:
+            if (self.effects or self.smooth) and self.cv_rms_after > CONFIRMED * self.cv_rms_before:
                 notes.append(
                     "not confirmed by left-out replications: with the effects found the error on those left out "
                     f"is {self.cv_rms_after / self.cv_rms_before:.0%} of what it is without them"
@@ -255,7 +267,7 @@ class SensorTrace:
 
     def _fitted(self) -> dict[str, JsonValue]:
         table = coefficient_table(self.fit) | temperature_table(self.temperature, self.S_V, self.fit.df)
-        for effect in self.effects:
+        for effect in (*self.effects, *self.smooth):
             for term, value, error in zip(effect.terms, effect.coefficients, effect.stderr, strict=True):
                 table[f"{effect.effect}: {term}"] = {"estimate": value, "stderr": error, "unit": effect.unit}
         return table
