@@ -150,7 +150,7 @@ class Unnamed:
 
     where: str
     share: float
-    added: bool = False
+    added: bool = field(default=False, kw_only=True)
 
     def to_json(self) -> dict[str, JsonValue]:
         """As `rig trace --json` prints it."""

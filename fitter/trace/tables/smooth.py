@@ -69,7 +69,14 @@ def curve(v: FloatArray) -> FloatArray:
 
 
 def offered(
-    judge: TableJudge, chosen: tuple[int, ...], variable: str, v: FloatArray, share: float, **more: str
+    judge: TableJudge,
+    chosen: tuple[int, ...],
+    variable: str,
+    v: FloatArray,
+    share: float,
+    *,
+    where: str,
+    stratum: str = "unnamed",
 ) -> Smooth:
     """The curve over a variable (n,) of the order that Schwarz' criterion prefers, beside the effects found.
 
@@ -79,7 +86,8 @@ def offered(
         variable: its name.
         v: (n,) its values.
         share: of what is left, that lives there.
-        more: `where` it lives, `stratum`.
+        where: it lives, in words.
+        stratum: see `Smooth`.
 
     """
     problem, waves = judge.problem, curve(v)
@@ -102,7 +110,8 @@ def offered(
         period=2.0 * float(np.ptp(v)) / largest if largest >= WAVES else None,
         sigma_E=(sigma[0], sigma[1]),
         left_out=(_left_out(problem.y, model), _left_out(problem.y, after)),
-        **more,
+        where=where,
+        stratum=stratum,
     )
 
 
