@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from fitter.arrays import FloatArray
 from fitter.confirm.question import Hypothesis, Question
-from fitter.confirm.together import Candidates, Together
+from fitter.confirm.together import Candidates, Together, left, solve
+from fitter.linear import orthonormal
 from fitter.quantiles import f_tail, t_limit
 from fitter.trace.aliases import DELTA, PER_COLUMN
 
@@ -155,8 +156,7 @@ def _outliers(both: Together, question: Question) -> NDArray[np.int64]:
 def _standing(both: Together, terms: Candidates, rest: Candidates) -> FloatArray:
     """(n,) largest residual of any sensor beside these effects, in standard deviations."""
     model = np.column_stack([both.columns_of(terms), both.columns_of(rest)])
-    left = both.outputs - model @ np.linalg.lstsq(model, both.outputs, rcond=1e-10)[0]
-    return np.asarray(np.max(np.abs(left.reshape(len(both.sensors), -1)), axis=0))
+    return np.asarray(np.max(np.abs(left(model, both.outputs).reshape(len(both.sensors), -1)), axis=0))
 
 
 def _searched(member: Hypothesis) -> bool:
@@ -173,11 +173,11 @@ def _member(
 ) -> Member:
     fresh = np.tile(both.fresh, len(both.sensors))
     q, model = own.shape[1], np.column_stack([own, rest])
-    together = np.linalg.lstsq(model, both.outputs, rcond=1e-10)[0]
+    together = solve(model, both.outputs)
     changed = both.columns_in(member.terms, both.fresh)
     shifted = np.zeros((len(fresh), 0)) if both.realigned else both.shifts
     wider = np.column_stack([model, changed, shifted])
-    more = int(np.linalg.matrix_rank(wider, tol=1e-6 * np.linalg.norm(wider, 2)) - np.linalg.matrix_rank(model))
+    more = orthonormal(wider).shape[1] - orthonormal(model).shape[1]
     df = both.df
     gain = _rss(model, both.outputs) - _rss(wider, both.outputs)
     p = f_tail(gain / more, more, df) if more > 0 else 1.0
@@ -222,8 +222,9 @@ def _alone(both: Together, member: Hypothesis, rest: Candidates) -> tuple[FloatA
     later = both.only(both.fresh)
     own, others = later.columns_of(member.terms), later.columns_of(rest)
     model = np.column_stack([own, others])
-    inverse = np.linalg.pinv(model, rcond=1e-8)
-    seen = np.linalg.norm(own, axis=0) > 0
+    length = np.linalg.norm(model, axis=0)
+    seen, length = length[: own.shape[1]] > 0, np.where(length > 0, length, 1.0)
+    inverse = np.linalg.pinv(model / length, rcond=1e-8) / length[:, None]
     gamma, error = inverse @ later.outputs, np.linalg.norm(inverse, axis=1)
     q = own.shape[1]
     return np.where(seen, gamma[:q], np.nan), np.where(seen, error[:q], np.nan)
@@ -235,23 +236,20 @@ def _errors(both: Together, terms: Candidates) -> dict[str, SensorError]:
     What is the later run's own (`Together.loose`) is taken out for both.
     """
     first = both.only(~both.fresh)
-    gamma = np.linalg.lstsq(first.columns_of(terms), first.outputs, rcond=1e-10)[0]
+    gamma = solve(first.columns_of(terms), first.outputs)
     raw, outputs = both.raw(terms), both.raw_outputs
     out, at, own = {}, both.fresh, both.loose[both.fresh]
-    lost = int(np.linalg.matrix_rank(own)) if own.shape[1] else 0
+    lost = orthonormal(own).shape[1]
     for i, sensor in enumerate(both.sensors):
-        model, left = both.declared[i], []
+        model, rests = both.declared[i], []
         for effects in (np.zeros(outputs.shape[1]), raw[i] @ gamma):
             y = outputs[i] - effects
-            rest = (y - model @ np.linalg.lstsq(model[~at], y[~at], rcond=1e-10)[0])[at]
-            left.append(rest - own @ np.linalg.lstsq(own, rest, rcond=1e-10)[0] if lost else rest)
-        before, after = (float(np.sqrt(np.sum(r**2) / max(r.size - lost, 1))) for r in left)
+            rests.append(left(own, (y - model @ solve(model[~at], y[~at]))[at]))
+        before, after = (float(np.sqrt(np.sum(r**2) / max(r.size - lost, 1))) for r in rests)
         sigma = float(np.sqrt(np.mean(both.sigma[i][at] ** 2)))
-        out[sensor] = SensorError(before, after, sigma, float(both.slope[i]), left[0], left[1])
+        out[sensor] = SensorError(before, after, sigma, float(both.slope[i]), *rests)
     return out
 
 
 def _rss(columns: FloatArray, outputs: FloatArray) -> float:
-    if not columns.shape[1]:
-        return float(outputs @ outputs)
-    return float(np.sum((outputs - columns @ np.linalg.lstsq(columns, outputs, rcond=1e-10)[0]) ** 2))
+    return float(np.sum(left(columns, outputs) ** 2))

@@ -10,7 +10,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.confirm.question import Question
-from fitter.confirm.together import Candidates, Together
+from fitter.confirm.together import Candidates, Together, left, solve
 
 NOTHING = "nothing"
 
@@ -67,7 +67,7 @@ def separation(both: Together, questions: Sequence[Question]) -> tuple[Separatio
 def _size(first: Together, terms: Candidates, rest: Candidates) -> FloatArray:
     """(q,) coefficients of an explanation by the first run."""
     model = np.column_stack([first.columns_of(terms), first.columns_of(rest)])
-    return np.asarray(np.linalg.lstsq(model, first.outputs, rcond=1e-10)[0][: len(terms)])
+    return solve(model, first.outputs)[: len(terms)]
 
 
 def _absent(both: Together, terms: Candidates, size: FloatArray, rest: FloatArray) -> float:
@@ -77,4 +77,4 @@ def _absent(both: Together, terms: Candidates, size: FloatArray, rest: FloatArra
 
 def _behind(true: FloatArray, columns: FloatArray) -> float:
     """Length of what `columns` leave of something true."""
-    return float(np.linalg.norm(true - columns @ np.linalg.lstsq(columns, true, rcond=1e-10)[0]))
+    return float(np.linalg.norm(left(columns, true)))

@@ -19,6 +19,18 @@ Candidates = Sequence[Any]
 """Terms of effects: `fitter.trace.problem.Candidate`, or that of whole plots; they meet in effect, term and sensor."""
 
 
+def solve(columns: FloatArray, outputs: FloatArray) -> FloatArray:
+    """(q,) least-squares coefficients of columns (n, q) in whatever units; zero for a column that is zero."""
+    length = np.linalg.norm(columns, axis=0)
+    length = np.where(length > 0, length, 1.0)
+    return np.asarray(np.linalg.lstsq(columns / length, outputs, rcond=1e-10)[0] / length)
+
+
+def left(columns: FloatArray, outputs: FloatArray) -> FloatArray:
+    """(n,) what `columns` (n, q) leave of the outputs."""
+    return np.asarray(outputs - columns @ solve(columns, outputs)) if columns.shape[1] else outputs
+
+
 @dataclass(frozen=True, eq=False)
 class Own:
     """What a group of observations (a replication, a whole plot) has of its own.
