@@ -17,7 +17,7 @@ MOMENTS = 24
 EACH_SIDE = 3
 """Whole plots before and after such a moment at least: a step of one or two is their own error."""
 
-MANY = 60
+MANY = 30
 """Whole plots of which none is looked at by itself."""
 
 _REPEAT_FIRST = "repeat the first whole plots at the end of the run"
