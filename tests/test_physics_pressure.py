@@ -391,6 +391,54 @@ def test_drifts_count_from_the_start_of_the_world() -> None:
         assert excitation[1] / plain[1] - 1.0 == pytest.approx(30e-6 * hours, rel=0.01)
 
 
+def test_a_supply_that_follows_the_electronics_scales_zeros_too() -> None:
+    supply = {"excitation_temperature": {"ppm_per_sse_degC": 100.0}}
+    for p in (0.0, 4.0):
+        stand = Stand(STILL | {"lab": CALM})
+        stand.go(-90.0, 30.0)
+        stand.set(p, 60.0)
+        assert change(supply, -90.0, 30.0, (p,), "bridge_1") == pytest.approx(100e-6 * 30.0 * stand.read(), rel=1e-3)
+
+
+def test_a_gradient_lasts_while_a_temperature_changes() -> None:
+    gradient = {"thermal_gradient": {"uV_per_degC_per_h": 1.0}}
+    stand, ideal = Stand(STILL | {"effects": gradient}), Stand()
+    for each in (stand, ideal):
+        each.go(-50.0, 0.0, 100.0)
+        each.set(1.0)
+    settled = stand.read() - ideal.read()
+    before = stand.sensor_degC()
+    for each in (stand, ideal):
+        each.go(-90.0, 0.0, 0.2)
+    during, cooled = stand.read() - ideal.read(), stand.sensor_degC()
+    stand.world.sleep(36.0)
+    rate = (stand.sensor_degC() - cooled) * 100.0
+    assert cooled < before
+    assert abs(settled) < 2e-5
+    assert during == pytest.approx(1e-3 * rate, rel=0.1)
+
+
+def test_a_jump_stays() -> None:
+    jump = {"offset_jump": {"jump_uV": {"bridge_1": 30.0}, "at_h": 5.0}}
+    stand, ideal = Stand(STILL | {"effects": jump}), Stand()
+    changes = []
+    for _ in range(3):
+        for each in (stand, ideal):
+            each.go(-90.0, 0.0, 3.0)
+            each.set(1.0)
+        changes.append(stand.read() - ideal.read())
+    assert changes == pytest.approx([0.0, 0.030, 0.030], abs=1e-6)
+
+
+def test_a_bent_reference_and_a_cold_column_move_the_pressure() -> None:
+    bent = {"reference_nonlinearity": {"upsi_per_psi3": 100.0}}
+    assert change(bent, -90.0, 0.0, (4.0,), "bridge_1") == pytest.approx(2.0 * 100e-6 * 64.0, rel=0.05)
+    column = {"cold_column": {"drop_m": 10.0}}
+    # 0.028 kg/mol x 9.81 m/s^2 x 10 m / 8.314 J/mol/K
+    weighs = 0.02801 * 9.81 * 10.0 / 8.314 * (1 / 183.15 - 1 / 296.15)
+    assert change(column, -90.0, 0.0, (4.0,), "bridge_1") == pytest.approx(2.0 * 4.0 * weighs, rel=0.1)
+
+
 def test_transpiration_acts_on_cold_transducers_at_low_pressure_in_a_narrow_line() -> None:
     def missing(bore: float, sensor: float, p: float) -> float:
         return change({"thermal_transpiration": {"bore_mm": bore}}, sensor, 0.0, (p,), "bridge_1") / (2.0 * p)
@@ -427,6 +475,11 @@ ALL_EFFECTS: dict[str, Any] = {
     "thermal_transpiration": {"bore_mm": 0.2},
     "wholeplot_drift": {"uV_per_h": 2.0},
     "excitation_drift": {"ppm_per_h": 20.0},
+    "excitation_temperature": {"ppm_per_sse_degC": 5.0},
+    "thermal_gradient": {"uV_per_degC_per_h": 1.0},
+    "offset_jump": {"jump_uV": 20.0, "at_h": 4.0},
+    "reference_nonlinearity": {"upsi_per_psi3": 10.0},
+    "cold_column": {"drop_m": 2.0},
 }
 
 

@@ -386,6 +386,13 @@ def test_errors_that_are_remembered_are_no_effect(pressures):
     assert effect.coefficients[0] == pytest.approx(0.8, abs=0.2)
 
 
+def test_two_effects_that_hide_each_other_are_both_named():
+    """Each moves whole plots' contributions to the other up and down, which the other's standard error allows for."""
+    hidden = hide(["gradient", "drift within"], [0.5, 0.5], seed=4)
+    found = trace_whole_plots(hidden.data, validate=False)
+    assert effects_of(found) == {(ONE, "thermal-gradient"), (ONE, "subplot-drift")}
+
+
 def test_temperatures_still_settling_are_no_effect():
     run = Run(unsettled=0.1)
     assert not any(effects_of(trace_whole_plots(simulate(Bench(), run, s), validate=False)) for s in range(4))

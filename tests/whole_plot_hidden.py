@@ -65,6 +65,7 @@ HIDDEN: Mapping[str, Hidden] = {
     "interruption": Hidden("offset-step", {"step": 0.08}, run={"interrupted": True}, between=True),
     "interruption, gain": Hidden("sensitivity-step", {"sensitivity_step": 3e-3}, run={"interrupted": True}),
     "unrecorded step": Hidden("offset-step-unrecorded", {"shift": 0.08}, between=True),
+    "unrecorded step, gain": Hidden("sensitivity-step-unrecorded", {"gain_shift": 3e-3}),
     "drift of whole plots": Hidden("whole-plot-drift", {"drift": 4e-3}, between=True),
     "reference zero drifts": Hidden("reference-zero-drift", line={"reference_zero_per_h": 1.5e-3}, between=True),
     "drift within": Hidden("subplot-drift", {"settling": 8e-3}),

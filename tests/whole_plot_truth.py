@@ -56,6 +56,7 @@ class Transducer:
     step: float = 0.0  # mV from the interruption on
     sensitivity_step: float = 0.0  # mV/psi from the interruption on
     shift: float = 0.0  # mV from `Run.shifted_at` on, which nobody noted
+    gain_shift: float = 0.0  # mV/psi from then on
     gradient: float = 0.0  # mV per degC/h at which the transducer's temperature changes
 
 
@@ -164,6 +165,7 @@ def simulate(bench: Bench = Bench(), run: Run = Run(), seed: int = 0) -> WholePl
         a = a - truth.trails * stepped[:, 0] * np.exp(-since / truth.lag_h)
         gain = truth.sensitivity + truth.sensitivity_warm[0] * a + truth.sensitivity_warm[1] * b
         gain = gain + np.column_stack([a * a, a * b, b * b]) @ truth.sensitivity_warm2
+        gain = gain + truth.gain_shift * (plot >= run.shifted_at * len(plots))
         gain = gain + truth.sensitivity_drift * (hours - hours.mean()) + truth.sensitivity_step * block
         gain = gain * (1.0 + bench.sensitivity_sd * rng.standard_normal(len(plots))[plot])
         zero = truth.offset + np.column_stack([a, b]) @ truth.offset_warm

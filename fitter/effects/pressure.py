@@ -38,6 +38,7 @@ from fitter.effects.pressure_time import (
     OUTLYING_WHOLE_PLOT,
     SENSITIVITY_DRIFT,
     SENSITIVITY_STEP,
+    SENSITIVITY_STEP_UNRECORDED,
     SUBPLOT_DRIFT,
     UNRECORDED_STEP,
 )
@@ -89,6 +90,7 @@ PRESSURE_CATALOGUE: tuple[PressureEffect, ...] = (
     REFERENCE_NONLINEARITY,
     LINE_LEAK,
     UNRECORDED_STEP,
+    SENSITIVITY_STEP_UNRECORDED,
     OUTLYING_WHOLE_PLOT,
 )
 """Simplest and most usual cause first, as for the attitude sensors."""

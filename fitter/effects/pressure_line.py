@@ -6,11 +6,13 @@ from collections.abc import Callable
 
 from fitter.arrays import FloatArray
 from fitter.effects.effect import Alias
-from fitter.effects.pressure_scene import AT_EASE, SECOND_GAUGE, PressureEffect, PressureScene, fixed
+from fitter.effects.pressure_scene import AT_EASE, SECOND_GAUGE, PressureEffect, PressureScene, fixed, settling
 from fitter.effects.sizes import each, micro
 
 BORES_MM = (0.05, 0.1, 0.2, 0.5)
 """Of the line, searched: in wider ones a cold end makes no difference that could be seen."""
+SETTLES_H = (0.01, 0.03)
+"""Time constants of a line, searched: what is left of a step where readings wait for unequal times."""
 HIGHEST_M = 30.0
 """No line on a bench climbs further."""
 
@@ -33,7 +35,8 @@ CARRY_OVER = PressureEffect(
     separate_by=AT_EASE,
     usual_size="1e-3 of the step, where settling is short",
     known_aliases={"creep": Alias("with a single transducer", SECOND_GAUGE)},
-    terms=fixed(("P_before-P", lambda s: -s.change_psia)),
+    terms=fixed(("P_before-P", lambda s: -s.change_psia), *map(settling, SETTLES_H)),
+    searched=True,
 )
 TRANSPIRATION = PressureEffect(
     name="thermal-transpiration",
@@ -85,7 +88,7 @@ REFERENCE_DRIFT = PressureEffect(
 )
 LINE_LEAK = PressureEffect(
     name="line-leak",
-    cause="air leaks into the line while a pressure settles",
+    cause="air leaks into the line, while a pressure settles or all through a whole plot",
     source="line",
     scope="line",
     stratum="subplot",
@@ -95,7 +98,10 @@ LINE_LEAK = PressureEffect(
     separate_by="close the controller off at the lowest pressure and watch the line",
     usual_size="1e-4 psi/h for every psi",
     known_aliases={},
-    terms=fixed(("(14.7-P)*wait", lambda s: s.pull * s.waited_h)),
+    terms=fixed(
+        ("(14.7-P)*wait", lambda s: s.pull * s.waited_h),
+        ("(14.7-P)*time in the whole plot", lambda s: s.pull * s.since_h),
+    ),
 )
 HEAD_CORRECTION = PressureEffect(
     name="head-correction",

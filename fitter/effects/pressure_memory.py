@@ -8,7 +8,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.effects.effect import Alias
-from fitter.effects.pressure_scene import AT_EASE, SOAK, PressureEffect, PressureScene, PressureTerm, fixed
+from fitter.effects.pressure_scene import AT_EASE, SOAK, PressureEffect, PressureScene, PressureTerm, fixed, settling
 from fitter.effects.sizes import each, micro
 
 LAGS_H = (0.25, 0.5, 1.0, 2.0, 4.0)
@@ -35,10 +35,6 @@ def _lag(name: str, step: Callable[[PressureScene], FloatArray]) -> Callable[...
     of_gain = (PressureTerm(f"P*d{name}*exp(-t/{tau_h:g}h)", gain(tau_h)) for tau_h in LAGS_H)
     terms = (*of_offset, *of_gain, PressureTerm(f"d{name}", step))
     return lambda _data: terms
-
-
-def _creeping(tau_h: float) -> tuple[str, Callable[[PressureScene], FloatArray]]:
-    return f"P({tau_h:g}h)-P", lambda scene: scene.behind(tau_h)
 
 
 HYSTERESIS = PressureEffect(
@@ -73,7 +69,7 @@ CREEP = PressureEffect(
     separate_by=AT_EASE,
     usual_size="3e-4 of the step",
     known_aliases={},
-    terms=fixed(("P_before-P", lambda s: -s.change_psia), *map(_creeping, CREEPS_H)),
+    terms=fixed(("P_before-P", lambda s: -s.change_psia), *map(settling, CREEPS_H)),
     searched=True,
 )
 SENSOR_LAG = PressureEffect(

@@ -208,6 +208,11 @@ class PressureEffect(Entry):
     on_suspicion: bool = False
 
 
+def settling(tau_h: float) -> tuple[str, Callable[[PressureScene], FloatArray]]:
+    """Name and column of what an element with this time constant still lacks of the pressure."""
+    return f"P({tau_h:g}h)-P", lambda scene: scene.behind(tau_h)
+
+
 def fixed(*terms: tuple[str, Callable[[PressureScene], FloatArray]]) -> Callable[..., tuple[PressureTerm, ...]]:
     """The same terms whatever the observations."""
     entries = tuple(PressureTerm(*term) for term in terms)

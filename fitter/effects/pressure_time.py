@@ -17,7 +17,7 @@ MOMENTS = 24
 EACH_SIDE = 3
 """Whole plots before and after such a moment at least: a step of one or two is their own error."""
 
-MANY = 60
+MANY = 30
 """Whole plots of which none is looked at by itself."""
 
 _REPEAT_FIRST = "repeat the first whole plots at the end of the run"
@@ -46,11 +46,11 @@ def _each(data: WholePlotData) -> tuple[PressureTerm, ...]:
     return tuple(map(term, data.whole_plots.tolist())) if data.whole_plots.size <= MANY else ()
 
 
-def _unrecorded(data: WholePlotData) -> tuple[PressureTerm, ...]:
-    """A step between two whole plots, wherever no interruption is recorded."""
+def _unrecorded(text: str, of: Callable[[PressureScene], FloatArray], data: WholePlotData) -> tuple[PressureTerm, ...]:
+    """Something that is there from some whole plot on, wherever no interruption is recorded."""
 
     def term(order: int, elapsed_h: float) -> PressureTerm:
-        return PressureTerm(f"from {elapsed_h:.3g} h", lambda scene: np.asarray(scene.data.order >= order, np.float64))
+        return PressureTerm(f"{text}from {elapsed_h:.3g} h", lambda scene: of(scene) * (scene.data.order >= order))
 
     begun = np.full(data.whole_plots.size, np.iinfo(np.int64).max)
     np.minimum.at(begun, data.whole_plot_index, data.order)
@@ -148,7 +148,22 @@ UNRECORDED_STEP = PressureEffect(
     known_aliases={
         "whole-plot-drift": Alias("near the middle of the run, if it is not many errors large", _REPEAT_FIRST)
     },
-    terms=_unrecorded,
+    terms=lambda data: _unrecorded("", lambda s: np.ones_like(s.p), data),
+    searched=True,
+)
+SENSITIVITY_STEP_UNRECORDED = PressureEffect(
+    name="sensitivity-step-unrecorded",
+    cause="the sensitivity changed between two whole plots, at a moment of which nothing is recorded",
+    source="interruption",
+    scope="sensor",
+    stratum="subplot",
+    unit="mV/psi",
+    size=micro("nV/psi"),
+    against="elapsed_s",
+    separate_by="look up what happened in the laboratory then, and repeat a few whole plots of before",
+    usual_size="whatever happened",
+    known_aliases={"sensitivity-drift": Alias("if it is not many errors large", _REPEAT_FIRST)},
+    terms=lambda data: _unrecorded("P ", lambda s: s.p, data),
     searched=True,
 )
 EXCITATION = PressureEffect(

@@ -126,6 +126,10 @@ class PressureStand:
         bore = effects.thermal_transpiration.bore_mm
         if bore:
             pressure = at_the_sensor_psia(pressure, bore, sensor, self._lab.degC(t))
+        pressure *= effects.cold_column.over(sensor, self._lab.degC(t))
+        pressure += effects.reference_nonlinearity.upsi_per_psi3 * 1e-6 * pressure**3
+        ago = max(self._start, t - 1.0)
+        rate = 3600.0 * (sensor - self.sensors_degC(ago)) / (t - ago) if t > ago else 0.0
         lag = self._sensors.temperatures.behind(t, effects.thermal_lag.time_constant_s) if self._sensors else 0.0
         return Conditions(
             t=t,
@@ -135,6 +139,7 @@ class PressureStand:
             loop=-settings.direction(t) * effects.hysteresis.shape(pressure),
             creep_psi=settings.behind(t, effects.carry_over.time_constant_s),
             lag_degC=lag,
+            degC_per_h=rate,
             setting=event_at(settings.since(t)),
             set_psia=settings.value(t),
             whole_plot=self._whole_plot(t),

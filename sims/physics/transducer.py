@@ -23,6 +23,7 @@ class Conditions:
         loop: hysteresis: width of the loop as a fraction of the widest, negative where the pressure went up.
         creep_psi: what a first-order lag has still to come down after the pressures set before.
         lag_degC: the same after the temperatures set before.
+        degC_per_h: how fast the transducers' temperature changes.
         setting: number of the setting of the pressure, which keys the subplot error.
         set_psia: pressure that was set.
         whole_plot: number of the temperatures' last change, which keys the whole-plot error.
@@ -36,6 +37,7 @@ class Conditions:
     loop: float
     creep_psi: float
     lag_degC: float
+    degC_per_h: float
     setting: int
     set_psia: float
     whole_plot: int
@@ -69,11 +71,15 @@ class Transducer:
         self._creep = of_sensor(e.carry_over.pct, name) * 1e-2
         self._lag = of_sensor(e.thermal_lag.uV_per_degC, name) * 1e-3
         self._offset_t = of_sensor(e.wholeplot_drift.uV_per_h, name) * 1e-3 / 3600.0
+        self._gradient = of_sensor(e.thermal_gradient.uV_per_degC_per_h, name) * 1e-3
+        self._jump, self._jump_at = of_sensor(e.offset_jump.jump_uV, name) * 1e-3, e.offset_jump.at_h * 3600.0
+        self._excitation_sse = e.excitation_temperature.ppm_per_sse_degC * 1e-6
         self._excitation_t = of_sensor(e.excitation_drift.ppm_per_h, name) * 1e-6 / 3600.0
 
     def output_mV(self, c: Conditions) -> float:
         """Output without the noise of a reading."""
-        return self._offset(c) + self._response(c) + self.wholeplot_error_mV(c) + self.subplot_error_mV(c)
+        supply = 1.0 + self._excitation_sse * (c.sse_degC - self._truth.sse_reference_degC)
+        return supply * (self._offset(c) + self._response(c)) + self.wholeplot_error_mV(c) + self.subplot_error_mV(c)
 
     def wholeplot_error_mV(self, c: Conditions) -> float:
         """The error that stays while the temperatures stay."""
@@ -95,7 +101,8 @@ class Transducer:
             t.sse_offset_uV_per_degC * 1e-3 + sse * (t.sse_offset_nV_per_degC2 * 1e-6 + sse * self._sse3)
         )
         cross = t.cross_offset_nV_per_degC2 * 1e-6 * sensor * sse
-        return t.offset_mV + bridge + electronics + cross + self._lag * c.lag_degC + self._offset_t * c.t
+        moved = self._lag * c.lag_degC + self._gradient * c.degC_per_h + self._offset_t * c.t
+        return t.offset_mV + bridge + electronics + cross + moved + (self._jump if c.t >= self._jump_at else 0.0)
 
     def _response(self, c: Conditions) -> float:
         """What the pressure adds."""

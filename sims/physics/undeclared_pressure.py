@@ -7,6 +7,7 @@ be given once for all of them or by name. Temperatures count from each transduce
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from math import exp
 
 from sims.physics.fields import BySensor, NumberBySensor, accepts, quantity
 
@@ -98,6 +99,47 @@ class ExcitationDrift:
 
 
 @dataclass(frozen=True)
+class ExcitationTemperature:
+    """The supply of all bridges follows the electronics' temperature: outputs scale, zeros and all."""
+
+    ppm_per_sse_degC: float = quantity(0.0, -1e5, 1e5)
+
+
+@dataclass(frozen=True)
+class ThermalGradient:
+    """While its temperature changes one side of a transducer is warmer than the other."""
+
+    uV_per_degC_per_h: BySensor = field(default=0.0, metadata=_BY_SENSOR)
+
+
+@dataclass(frozen=True)
+class OffsetJump:
+    """At some moment, counted from the start of the world, offsets jump and nobody notes it."""
+
+    jump_uV: BySensor = field(default=0.0, metadata=_BY_SENSOR)
+    at_h: float = quantity(12.0, 0.0, 1e5)
+
+
+@dataclass(frozen=True)
+class ReferenceNonlinearity:
+    """The gauge that the controller goes by is not straight: the pressure is off by so much of its cube."""
+
+    upsi_per_psi3: float = quantity(0.0, -1e6, 1e6)
+
+
+@dataclass(frozen=True)
+class ColdColumn:
+    """The gas in the line's last stretch, this far down to the transducers, is as cold as they are, and weighs more."""
+
+    drop_m: float = quantity(0.0, -100.0, 100.0)
+
+    def over(self, sensor_degC: float, room_degC: float) -> float:
+        """Pressure at the transducers over what it is with the whole column at room temperature."""
+        per_m = 0.0280134 * 9.80665 / 8.314463  # nitrogen, K/m
+        return exp(per_m * self.drop_m * (1.0 / (sensor_degC + 273.15) - 1.0 / (room_degC + 273.15)))
+
+
+@dataclass(frozen=True)
 class PressureEffects:
     """The `[effects]` of a world that a pressure bench can have."""
 
@@ -111,3 +153,8 @@ class PressureEffects:
     thermal_transpiration: ThermalTranspiration = field(default_factory=ThermalTranspiration)
     wholeplot_drift: WholeplotDrift = field(default_factory=WholeplotDrift)
     excitation_drift: ExcitationDrift = field(default_factory=ExcitationDrift)
+    excitation_temperature: ExcitationTemperature = field(default_factory=ExcitationTemperature)
+    thermal_gradient: ThermalGradient = field(default_factory=ThermalGradient)
+    offset_jump: OffsetJump = field(default_factory=OffsetJump)
+    reference_nonlinearity: ReferenceNonlinearity = field(default_factory=ReferenceNonlinearity)
+    cold_column: ColdColumn = field(default_factory=ColdColumn)

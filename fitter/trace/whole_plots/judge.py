@@ -16,6 +16,10 @@ from fitter.trace.whole_plots.problem import Candidate, Problem
 from fitter.trace.whole_plots.score import NOTHING_LEFT, Beside, Scores, beside, score
 from fitter.trace.whole_plots.strata import Level
 
+TRIED = 3
+"""Candidates at most that are tried as one of two that hide each other: what one leaves in whole plots, now up and now
+down, is what the other's standard error is then reckoned from."""
+
 
 @dataclass(frozen=True, eq=False)
 class WholePlotJudge:
@@ -38,12 +42,21 @@ class WholePlotJudge:
         return self
 
     def best(self, chosen: tuple[int, ...]) -> tuple[int, ...]:
-        """The candidate that removes most beside those `chosen`, of those that stand out."""
+        """The candidate that removes most beside those `chosen`, of those that stand out; or two hiding each other."""
         if not self.candidates:
             return ()
         scores = score(self.problem, chosen)
         found = np.flatnonzero((self.family.adjust(scores.p) <= ALPHA) & self._possible(scores))
-        return (int(found[np.argmax(scores.gain[found])]),) if found.size else ()
+        if found.size:
+            return (int(found[np.argmax(scores.gain[found])]),)
+        hidden = np.flatnonzero((self.family.adjust(scores.p_plain) <= ALPHA) & self._possible(scores))
+        for j in hidden[np.argsort(-scores.gain[hidden])][:TRIED].tolist():
+            beside_it = score(self.problem, (*chosen, j))
+            able = np.where(self._possible(beside_it), self.family.adjust(beside_it.p), 1.0)
+            other = int(np.argmin(able))
+            if able[other] <= ALPHA and self.p_adjusted((*chosen, j, other), j) <= ALPHA:
+                return j, other
+        return ()
 
     def p_adjusted(self, chosen: tuple[int, ...], j: int) -> float:
         """Probability that the best of the family looks as good as `j` beside the other `chosen` by chance."""

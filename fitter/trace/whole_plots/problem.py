@@ -106,19 +106,19 @@ class Problem:
     @cached_property
     def length_at(self) -> Mapping[Level, FloatArray]:
         """(S, J) length of each raw column at each level: of readings by weight, or of whole plots' means."""
-        readings = [
-            np.linalg.norm(strata.whiten(raw), axis=0) for strata, raw in zip(self.strata, self.raw, strict=True)
-        ]
-        means = [
-            np.linalg.norm(strata.means(raw) * strata.precision[:, None], axis=0)
-            for strata, raw in zip(self.strata, self.raw, strict=True)
-        ]
-        return {"subplot": np.stack(readings), "whole-plot": np.stack(means)}
+        readings, means = np.zeros((2, len(self.sensors), len(self.candidates)))
+        for i, (strata, mine) in enumerate(zip(self.strata, self._concerned, strict=True)):
+            own = self.raw[i][:, mine]
+            readings[i, mine] = np.linalg.norm(strata.whiten(own), axis=0)
+            means[i, mine] = np.linalg.norm(strata.means(own) * strata.precision[:, None], axis=0)
+        return {"subplot": readings, "whole-plot": means}
 
     @cached_property
     def judged_at(self) -> tuple[Level, ...]:
         """For each candidate the level it is tested at: its own stratum's, if it varies there."""
-        varies = np.any([s.varies_within(raw) for s, raw in zip(self.strata, self.raw, strict=True)], axis=0)
+        varies = np.zeros(len(self.candidates), bool)
+        for strata, raw, mine in zip(self.strata, self.raw, self._concerned, strict=True):
+            varies[mine] |= strata.varies_within(raw[:, mine])
         return tuple(
             "subplot" if varies[j] and c.effect.stratum == "subplot" else "whole-plot"
             for j, c in enumerate(self.candidates)
@@ -143,12 +143,20 @@ class Problem:
         )
 
     def _at(self, level: Level) -> Stratum:
-        left = [
-            strata.leave(np.column_stack([y, raw]), level)
-            for strata, y, raw in zip(self.strata, self.outputs, self.raw, strict=True)
-        ]
-        df = np.array([float(strata.df(level)) for strata in self.strata])
-        return Stratum(np.stack([block[:, 0] for block in left]), np.stack([block[:, 1:] for block in left]), df)
+        count = self.outputs.shape[1] if level == "subplot" else int(self.whole_plot.max()) + 1
+        outputs, columns = np.zeros((len(self.sensors), count)), np.zeros((len(self.sensors), count, self.raw.shape[2]))
+        for i, (strata, mine) in enumerate(zip(self.strata, self._concerned, strict=True)):
+            left = strata.leave(np.column_stack([self.outputs[i], self.raw[i][:, mine]]), level)
+            outputs[i], columns[i][:, mine] = left[:, 0], left[:, 1:]
+        return Stratum(outputs, columns, np.array([float(strata.df(level)) for strata in self.strata]))
+
+    @cached_property
+    def _concerned(self) -> tuple[IntArray, ...]:
+        """For each transducer, the candidates that concern it."""
+        return tuple(
+            np.array([j for j, c in enumerate(self.candidates) if c.sensor in (None, sensor)], np.int64)
+            for sensor in self.sensors
+        )
 
 
 def pose(

@@ -43,6 +43,7 @@ class Scores:
         df: degrees of freedom of that.
         p: probability of a larger score by chance, this candidate taken alone.
         gain: fall of the residual sum of squares, in units of the stratum's error.
+        p_plain: as `p`, from the residual's own standard error alone.
 
     """
 
@@ -51,6 +52,7 @@ class Scores:
     df: FloatArray
     p: FloatArray
     gain: FloatArray
+    p_plain: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +102,8 @@ def beside(problem: Problem, level: Level, chosen: Sequence[int], of: Sequence[i
 def score(problem: Problem, chosen: Sequence[int], of: Sequence[int] | None = None) -> Scores:
     """Score candidates (those `of` interest, or all) beside the `chosen` ones, each in its own stratum."""
     count = len(problem.candidates)
-    scores = Scores(np.zeros(count), np.zeros(count), np.ones(count), np.ones(count), np.zeros(count))
+    zero, one = np.zeros(count), np.ones(count)
+    scores = Scores(zero, zero.copy(), one, one.copy(), zero.copy(), one.copy())
     for level in LEVELS:
         here = problem.within(level, of)
         if not here.size:
@@ -128,6 +131,8 @@ def score(problem: Problem, chosen: Sequence[int], of: Sequence[int] | None = No
         t = np.where(can, gamma * total / np.sqrt(np.where(variance > 0, variance, np.inf)), 0.0)
         scores.gamma[here], scores.t[here], scores.df[here] = gamma, t, df
         scores.p[here] = np.where(can, 2.0 * special.stdtr(df, -np.abs(t)), 1.0)
+        alone = np.where(can, gamma * total / np.sqrt(np.where(plain > 0, plain, np.inf)), 0.0)
+        scores.p_plain[here] = np.where(can, 2.0 * special.stdtr(df, -np.abs(alone)), 1.0)
         scores.gain[here] = np.where(can, gamma * dot.sum(axis=0), 0.0)
     return scores
 
