@@ -9,12 +9,18 @@ import numpy as np
 import pytest
 from table_truth import CLOCKED, MISSING, Lab, options, simulate
 
-from fitter.trace.tables import search_table, trace_general
+from fitter.trace.tables import family, search_table, trace_general
 from rig.closed_loop.roles import Roles, roles_of
 from rig.errors import UsageError
 from rig.tables import Table
 
 NIST = json.loads((Path(__file__).parent / "reference/nist/linear.json").read_text())["sets"]
+
+
+@pytest.fixture(autouse=True)
+def _few_draws(monkeypatch):
+    """500 draws of the family are enough to tell 3.5 % from nothing, and quick."""
+    monkeypatch.setattr(family, "MOST", 500)
 
 
 def prepare(columns, **told):
