@@ -8,6 +8,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.attitude import attitude_columns
+from fitter.data import AttitudeData
 from fitter.linear import LinearFit, least_squares
 from fitter.replication import Replication, analyse
 from fitter.temperature import Temperature
@@ -76,6 +77,12 @@ def concerns(problem: Problem, j: int) -> FloatArray:
     sigma = errors(problem, ())
     length2 = problem.products["declared"].columns[:, j, j] / sigma**2
     return np.asarray(length2 / length2.sum())
+
+
+def predict(h: FloatArray, data: AttitudeData, fit: LinearFit, temperature: Temperature | None) -> FloatArray:
+    """(n,) outputs in volts of the declared model for observations with rows `h` (n, k)."""
+    volts = fit.predict(h)
+    return volts if temperature is None else volts + temperature.volts(h, data)
 
 
 def _left(problem: Problem, chosen: tuple[int, ...]) -> bool:

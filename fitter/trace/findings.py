@@ -14,19 +14,20 @@ from fitter.effects import Effect, separate
 from fitter.effects.unnamed import NAMELESS
 from fitter.replication import Replication
 from fitter.trace.aliases import Rival
-from fitter.trace.estimate import Estimate, concerns
+from fitter.trace.estimate import Estimate, concerns, predict
 from fitter.trace.judge import AttitudeJudge
 from fitter.trace.noise import noise_findings, outlier_finding
 from fitter.trace.outliers import outliers
 from fitter.trace.problem import Problem, raw_columns
 from fitter.trace.remainder import shared_attitude, strongest_wave
-from fitter.trace.result import Found, FoundEffect, SensorTrace, Unnamed, predict, verdict
+from fitter.trace.result import Found, FoundEffect, SensorTrace, Unnamed, verdict
 from fitter.trace.score import RESOLVED
 
 UNEXPLAINED = 1e-3
 """Lack of fit or drift below this probability is something that remains."""
 SHOWS = 3.0
-"""An effect on the package is reported for the sensors in which it amounts to this many standard errors."""
+"""An effect on the package is reported for the sensors in which it amounts to this many standard errors, or for the one
+in which it amounts to most."""
 
 
 def sensor_trace(
@@ -118,7 +119,8 @@ def _found(
     problem = judge.problem
     sensor, picked = problem.sensors[i], list(after.chosen)
     mine = [k for k, j in enumerate(picked) if problem.candidates[j].effect.name == name]
-    shown = [k for k in mine if _size(problem, after, k, i) > SHOWS]
+    sizes = np.array([[_size(problem, after, k, one) for k in mine] for one in range(len(problem.sensors))])
+    shown = [k for k, size in zip(mine, sizes[i], strict=True) if size >= min(SHOWS, float(sizes.max()))]
     if not shown:
         return None
     effect = problem.candidates[picked[shown[0]]].effect

@@ -17,6 +17,7 @@ from fitter.linear import LinearFit
 from fitter.replication import FTest, Replication
 from fitter.temperature import Temperature
 from fitter.trace.aliases import Rival
+from fitter.trace.estimate import predict
 from fitter.trace.problem import Candidate, raw_columns
 
 CONFIRMED = 0.8
@@ -139,13 +140,9 @@ class FoundEffect(Found):
 
 @dataclass(frozen=True)
 class Unnamed:
-    """What no effect of the catalogue explains, and where it lives.
+    """What no effect of the catalogue explains: where it lives, and its share of what is left.
 
-    Attributes:
-        where: in which variables, with which period.
-        share: of what is left, or if it was added of the residual beyond pure error.
-        added: whether a smooth term without a cause takes it up.
-
+    If a smooth term without a cause was `added`, the share is of the residual beyond pure error.
     """
 
     where: str
@@ -155,12 +152,6 @@ class Unnamed:
     def to_json(self) -> dict[str, JsonValue]:
         """As `rig trace --json` prints it."""
         return {"where": self.where, "share": self.share, "added": self.added}
-
-
-def predict(h: FloatArray, data: AttitudeData, fit: LinearFit, temperature: Temperature | None) -> FloatArray:
-    """(n,) outputs in volts of the declared model for observations with rows `h` (n, k)."""
-    volts = fit.predict(h)
-    return volts if temperature is None else volts + temperature.volts(h, data)
 
 
 def verdict(found: bool, remains: bool) -> str:
@@ -334,9 +325,6 @@ class Trace:
         """The object `rig trace --json` prints; numbers that do not exist are None, never NaN."""
         return {
             "data": {"file": file, "points": self.points, "kind": "pitch-roll"},
-            "reference": {
-                "temperature_degC": self.scene.temperature_degC,
-                "elapsed_s": self.scene.elapsed_s,
-            },
+            "reference": {"temperature_degC": self.scene.temperature_degC, "elapsed_s": self.scene.elapsed_s},
             "sensors": {name: found.to_json() for name, found in self.sensors.items()},
         }

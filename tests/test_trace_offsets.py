@@ -1,0 +1,53 @@
+"""Is there a slope in a handful of numbers that may differ, or walk, by themselves? Against simulated numbers."""
+
+import numpy as np
+import pytest
+
+from fitter.trace.offsets import slopes
+
+RUNS, SENSORS, N = 1500, 3, 6
+TREND = np.arange(N) - 2.5
+
+
+def numbers(rng, independent=0.0, walk=0.0, sensors=SENSORS):
+    """(RUNS, S, n) scatter of readings; beside it offsets that differ, or means of a walk, in some."""
+    v = rng.standard_normal((RUNS, SENSORS, N))
+    v[:, :sensors] += independent * rng.standard_normal((RUNS, sensors, N))
+    fine = np.cumsum(rng.standard_normal((RUNS, sensors, 20 * N)), axis=2) * walk / np.sqrt(20)
+    v[:, :sensors] += fine.reshape(RUNS, sensors, N, 20).mean(axis=3)
+    return v
+
+
+def p_of(v, walk=0.0):
+    """(RUNS,) p of a trend in the first sensor, and its sign."""
+    v = np.moveaxis(v - v.mean(axis=2, keepdims=True), 0, 2)
+    x = np.broadcast_to(TREND[None, :, None], v.shape)
+    tested = np.arange(SENSORS)[:, None] == np.zeros(RUNS)
+    return slopes(x, v, tested, ~tested, np.full((SENSORS, RUNS), walk))
+
+
+@pytest.mark.parametrize(
+    ("what", "most"),
+    [
+        ({}, 0.005),
+        ({"independent": 10.0}, 0.012),
+        ({"walk": 1.0}, 0.02),
+        ({"walk": 10.0}, 0.05),
+        ({"walk": 10.0, "sensors": 1}, 0.08),
+    ],
+    ids=["readings", "independent", "a small walk", "a large walk", "one sensor walks"],
+)
+def test_a_trend_by_chance(what, most):
+    """P below 1 % come as often as the docstring of the module says: five times as often where one sensor walks."""
+    p, _ = p_of(numbers(np.random.default_rng(0), **what))
+    assert np.mean(p < 0.01) < most
+
+
+def test_a_trend_is_found_and_its_sign():
+    v = numbers(np.random.default_rng(1))
+    v[:, 0] -= 14.0 * TREND / np.linalg.norm(TREND)
+    p, sign = p_of(v)
+    assert np.mean(p < 1e-3) > 0.8
+    assert np.all(sign == -1.0)
+    # within replications a walk was seen that wide: it may have done it
+    assert np.mean(p_of(v, walk=16.0)[0] < 1e-3) < 0.05
