@@ -18,7 +18,7 @@ from table_truth import simulate as simulate_table
 from fitter.effects import CATALOGUE
 from fitter.linear import orthonormal
 from fitter.trace import trace
-from fitter.trace.problem import pose
+from fitter.trace.pose import pose
 from fitter.trace.tables import search_table
 from fitter.trace.tables.estimate import estimate
 from fitter.trace.tables.run import problem_of
@@ -106,9 +106,7 @@ def night(names, rms, seed, **bench):
     def error2(outputs):
         return sum(float(np.sum((v - t) ** 2)) for v, t in zip(scaled(outputs), scaled(truth), strict=True))
 
-    columns = np.zeros((len(sensors), n, len(problem.candidates)))
-    for i, own in enumerate(problem.concerned):
-        columns[i][:, own] = problem.blocks[i] / sd[i]
+    columns = problem.columns_at("declared", range(len(problem.candidates))) / np.array(sd)[:, None, None]
     columns = columns.reshape(-1, columns.shape[2])
     catalogue = [c.effect.name for c in problem.candidates]
     without = {name: replace(_together([o for o in names if o != name], rms), **bench) for name in names}
