@@ -8,6 +8,7 @@ import numpy as np
 
 from rig.report.effects import effect_rows
 from rig.report.frame import render
+from rig.report.whole_plot_effects import effect_figures
 from rig.report.whole_plot_plots import Residuals, between_whole_plots, reading_errors, within_whole_plots
 from rig.report.words import unnamed
 
@@ -35,7 +36,7 @@ def whole_plot_report(traced: WholePlotTraced) -> str:
 
 def _transducer(name: str, result: dict[str, Any], traced: WholePlotTraced) -> dict[str, Any]:
     found = traced.trace.sensors[name]
-    before, after = result["before"], result["after"]
+    before, after, figures = result["before"], result["after"], effect_figures(traced, name)
     residuals = Residuals(traced.data, found.before.residual_mV, found.after.residual_mV, found.sensitivity)
     return {
         **result,
@@ -56,7 +57,7 @@ def _transducer(name: str, result: dict[str, Any], traced: WholePlotTraced) -> d
             | {"df": _number(value["df"], 3)}
             for term, value in result["fitted"]["coefficients"].items()
         ],
-        "effects": [effect_rows(effect) for effect in result["effects"]],
+        "effects": [effect_rows(effect, figures.get(effect["effect"], "")) for effect in result["effects"]],
         "unnamed": unnamed(result),
         "plots": [
             {"alt": f"{name}: reading error over pressure, before and after", "png": reading_errors(residuals)},
