@@ -208,8 +208,6 @@ WITHIN = {
     "backlash, roll": 1,
     "hysteresis, pitch": 1,
     "voltmeter bends": 1,
-    "sensitivity, temperature": 1,
-    "sensitivity step": 1,
 }
 """Effects that show within replications, and their columns; of others it depends on which test of few is told."""
 
