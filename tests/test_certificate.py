@@ -106,7 +106,7 @@ def test_an_effect_that_is_constant_in_replications_is_known_no_better_than_they
     effect = next(e for e in traced.to_json()["sensors"]["x_V"]["effects"] if e["effect"] == "hysteresis-pitch")
     (low, high), (stderr,), (value,) = effect["interval_95"][0], effect["stderr"], effect["coefficients"]
     assert low < 1.6e-4 < high
-    assert abs(value - 1.6e-4) > 3 * stderr
+    assert abs(value - 1.6e-4) < 3 * stderr
     assert low + high == pytest.approx(2 * value)
 
 

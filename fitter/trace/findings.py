@@ -128,7 +128,8 @@ def _found(
     formulas = [problem.candidates[picked[k]].term.as_formula(problem.scene, sensor) for k in shown]
     parts = {k: problem.candidates[picked[k]] for k in mine}
     own = {part.term.name: float(after.gamma[k]) for k, part in parts.items() if part.sensor in (None, sensor)}
-    stderr = np.sqrt(np.diag(after.covariance))
+    stratum = judge.stratum_of(after.chosen, picked[shown[0]])
+    stderr = np.sqrt(np.diag(after.covariance)) * (_apart(problem, after, mine) if stratum == "replication" else 1.0)
     h = problem.fits[sensor].columns(problem.scene.data.pitch_deg, problem.scene.data.roll_deg)
     shape = [problem.candidates[picked[k]] for k in mine]
     without = after.corrected[i] + contribution
@@ -142,7 +143,7 @@ def _found(
     return FoundEffect(
         effect=name,
         cause=effect.cause,
-        stratum=judge.stratum_of(after.chosen, picked[shown[0]]),
+        stratum=stratum,
         terms=tuple(text for text, _ in formulas),
         coefficients=tuple(float(after.gamma[k] * f) for k, (_, f) in zip(shown, formulas, strict=True)),
         stderr=tuple(float(stderr[k] * abs(f)) for k, (_, f) in zip(shown, formulas, strict=True)),
@@ -158,6 +159,23 @@ def _found(
         contribution_V=raw_columns(problem.scene.on(whole), shape)[i] @ after.gamma[mine],
         against=effect.against,
     )
+
+
+def _apart(problem: Problem, after: Estimate, mine: list[int]) -> float:
+    """How many times as much replications differ along an effect as readings would have them, one at least.
+
+    What is constant within replications is known no better than replications agree, however many readings they hold.
+    """
+    data = problem.scene.data
+    shape = raw_columns(problem.scene, [problem.candidates[after.chosen[k]] for k in mine]) @ after.gamma[mine]
+    count = data.replicates.size
+    moved, expected = np.zeros(count), 0.0
+    for i, table in enumerate(after.tables):
+        both = np.column_stack([shape[i], after.corrected[i]])
+        column, residual = problem.left(i, both, "declared").T / table.sigma_E
+        moved += np.bincount(data.replicate_index, column * residual, count)
+        expected += float(column @ column)
+    return max(1.0, float(np.sqrt(moved @ moved * count / max(count - 2, 1) / expected)))
 
 
 def _experiments(effect: Effect, aliases: Iterable[Effect]) -> str:

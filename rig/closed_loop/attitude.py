@@ -10,10 +10,8 @@ import numpy as np
 
 from fitter import AttitudeData, fit_all
 from fitter.arrays import FloatArray
-from fitter.attitude import attitude_columns
 from fitter.calibration import parameter_table
 from fitter.inverse import AttitudeCalibration, calibrate_package
-from fitter.linear import orthonormal
 from fitter.quantiles import t_limit
 from fitter.trace import SensorTrace, Trace, trace
 from fitter.trace.result import FoundEffect
@@ -110,7 +108,7 @@ def _worded(found: Trace, sensor: SensorTrace, effect: dict[str, Any]) -> dict[s
     of = next((e for e in sensor.effects if e.effect == effect["effect"]), None)
     t = t_limit(0.95, sensor.fit.df)
     if effect["stratum"] == "replication" and of is not None:
-        t = t_limit(0.95, max(found.scene.data.replicates.size - 2, 1)) * _apart(found, of.effect)
+        t = t_limit(0.95, max(found.scene.data.replicates.size - 2, 1))
     of_one = _change("the standard error of one observation goes", sensor.before.sigma_E, sensor.after.sigma_E, sensor)
     left_out, rms = None, (sensor.cv_rms_before, sensor.cv_rms_after)
     if rms[0] is not None and rms[1] is not None:
@@ -130,26 +128,6 @@ def _worded(found: Trace, sensor: SensorTrace, effect: dict[str, Any]) -> dict[s
 def _change(of: str, before_V: float, after_V: float, sensor: SensorTrace) -> Change:
     before, after = (float(np.degrees(volts / sensor.S_V)) for volts in (before_V, after_V))
     return Change(of, before, after, "deg")
-
-
-def _apart(found: Trace, name: str) -> float:
-    """How many times as much replications differ along an effect as readings would have them, one at least.
-
-    What is constant within replications is known no better than replications agree, however many readings they hold.
-    """
-    own = [(e, s) for s in found.sensors.values() for e in s.effects if e.effect == name]
-    replicate = found.scene.data.replicate_index
-    count = found.scene.data.replicates.size
-    moved, expected = np.zeros(count), 0.0
-    for effect, sensor in own:
-        h = attitude_columns(found.scene.data.pitch_deg, found.scene.data.roll_deg, roll=found.scene.roll)
-        basis, kept = orthonormal(h), np.setdiff1d(np.arange(found.points), found.outliers)
-        column = effect.contribution_V[kept] / sensor.after.sigma_E
-        column = column - basis @ (basis.T @ column)
-        residual = sensor.residual_after_V[kept] / sensor.after.sigma_E
-        moved += np.bincount(replicate, column * residual, count)
-        expected += float(column @ column)
-    return max(1.0, float(np.sqrt(moved @ moved * count / max(count - 2, 1) / expected)))
 
 
 def _size(found: Trace, sensor: SensorTrace, effect: FoundEffect, t: float) -> str:
