@@ -89,7 +89,7 @@ class TableJudge:
 
     def best(self, chosen: tuple[int, ...]) -> tuple[int, ...]:
         """The candidate with most evidence beside those `chosen`, of those that stand out."""
-        ranked = [j for j in self._promising(chosen) if not self._crowded(chosen, j)]
+        ranked = [j for j in self._ranked(chosen) if not self._crowded(chosen, j)]
         single = next(((j,) for j in ranked if self._adjusted(chosen, j) <= ALPHA), ())
         return single or self._pair(chosen, ranked)
 
@@ -98,7 +98,7 @@ class TableJudge:
         if not self.problem.noise.slow[self.beside(chosen).best]:
             return ()
         for j in [j for j in ranked if self.candidates[j].effect.source == "time"][:PAIRED]:
-            for k in self._promising((*chosen, j)):
+            for k in self._ranked((*chosen, j)):
                 if self.candidates[k].effect.name != self.candidates[j].effect.name and all(
                     self._adjusted((*chosen, one), other) <= ALPHA for one, other in ((j, k), (k, j))
                 ):
@@ -239,11 +239,6 @@ class TableJudge:
         for j in shortlist:
             shortlist[j] = self._trial(chosen, j).gained - per_column * float(self._price[j])
         return sorted(shortlist, key=lambda j: -shortlist[j])
-
-    def _promising(self, chosen: tuple[int, ...]) -> list[int]:
-        """Of `_ranked` those whose columns are paid for by Schwarz' criterion: no other can stand out of a family."""
-        price = np.log(self.problem.n) * self._price
-        return [j for j in self._ranked(chosen) if self._trial(chosen, j).gained > price[j]]
 
     @property
     def _weight(self) -> FloatArray:
