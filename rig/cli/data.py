@@ -243,6 +243,10 @@ def trace(
         ),
     ] = None,
     temperature: TemperatureOption = None,
+    unnamed: Annotated[
+        bool,
+        typer.Option("--unnamed", help="attitude: let smooth terms without a cause take up what no effect explains"),
+    ] = False,
     response: Annotated[
         str | None,
         typer.Option(help="any table: the column to be explained, or arithmetic of columns", show_default=False),
@@ -282,7 +286,9 @@ def trace(
     table = read_table(data)
     if temperature and table.kind != "pitch-roll":
         raise UsageError(f"--temperature is for attitude sensors; {data} is no pitch-roll calibration")
-    traced = trace_table(table, formula, temperature=temperature)
+    if unnamed and table.kind != "pitch-roll":
+        raise UsageError(f"--unnamed is for attitude sensors; in {data} what remains is said with its curve anyway")
+    traced = trace_table(table, formula, temperature=temperature, unnamed=unnamed)
     if report is not None:
         from rig.report import write_report  # noqa: PLC0415
 

@@ -48,12 +48,17 @@ def fit_table(
     return fit_attitude_table(table, traced=traced, temperature=temperature)
 
 
-def trace_table(table: Table, model: str | None = None, *, temperature: bool | None = None) -> Traced:
-    """Trace what the declared model lacks in every sensor of a table; arguments and errors as for `fit_table`."""
+def trace_table(
+    table: Table, model: str | None = None, *, temperature: bool | None = None, unnamed: bool = False
+) -> Traced:
+    """Trace what the declared model lacks in every sensor of a table; arguments and errors as for `fit_table`.
+
+    With `unnamed` smooth terms without a cause may take up what no effect of attitude sensors explains.
+    """
     _check(table, model)
     if table.kind == "whole-plot":
         return trace_whole_plot_table(table, model or "full")
-    return trace_attitude_table(table, temperature=temperature)
+    return trace_attitude_table(table, temperature=temperature, unnamed=unnamed)
 
 
 def _check(table: Table, model: str | None) -> None:

@@ -148,11 +148,11 @@ def _size(found: Trace, sensor: SensorTrace, effect: FoundEffect, t: float) -> s
     return size_95(of.size, values, {n: halves.get(n, widest) for n in values}, sensor.S_V)
 
 
-def trace_attitude_table(table: Table, *, temperature: bool | None = None) -> AttitudeTraced:
+def trace_attitude_table(table: Table, *, temperature: bool | None = None, unnamed: bool = False) -> AttitudeTraced:
     """Trace what the declared model lacks in a pitch-roll table; arguments and errors as for `fit_attitude_table`."""
     data, warm = attitude_data(table), with_temperature(table, temperature)
     try:
-        return AttitudeTraced(table, data, trace(data, attitude_catalogue(), temperature=warm), warm)
+        return AttitudeTraced(table, data, trace(data, attitude_catalogue(), temperature=warm, unnamed=unnamed), warm)
     except ValueError as error:
         raise UsageError(f"{table.source}: {error}") from error
 

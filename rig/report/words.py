@@ -57,7 +57,9 @@ def units(effect: Mapping[str, Any]) -> list[str]:
 def unnamed(sensor: Mapping[str, Any]) -> list[str]:
     """What no effect of the catalogue explains, a sentence each."""
     return [
-        f"Unexplained: {percent(rest['share'])} of the excess error, {rest['where']}." for rest in sensor["unnamed"]
+        f"{'Without a name' if rest.get('added') else 'Unexplained'}: {percent(rest['share'])} of the excess error, "
+        f"{rest['where']}."
+        for rest in sensor["unnamed"]
     ]
 
 
