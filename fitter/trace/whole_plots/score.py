@@ -4,7 +4,9 @@ A candidate's score is its coefficient over the largest of its standard errors:
 
 - from its stratum's residual beside it, which in a balanced design is the exact t test of that stratum;
 - within whole plots also from the scatter of each reading's own contribution, which holds for unequal variances, and
-  from that of whole plots' contributions, which holds where the sensitivity too is drawn anew in each;
+  from that of whole plots' contributions, which holds where the sensitivity too is drawn anew in each; and
+  from the scatter of whole plots' slopes with pressure, where that is more than readings explain, with as many degrees
+  of freedom as there are whole plots to know it by;
 - for what happens in the line also from the scatter of what all transducers together contribute, reading by reading or
   whole plot by whole plot: they may share the error, and then are not so many witnesses.
 """
@@ -30,6 +32,10 @@ RESOLVED = 1e-12
 """Of an output's swing: what is smaller than this is rounding, and data without noise are not tested against it."""
 
 
+CHANCE = 0.05
+"""Probability of so much scatter of whole plots' slopes, below which sensitivities are taken to be drawn anew."""
+SLOPES = 3
+"""Terms of slopes that a declared model has: P, and P times both temperatures."""
 TINY = np.finfo(float).tiny
 
 
@@ -127,7 +133,10 @@ def score(problem: Problem, chosen: Sequence[int], of: Sequence[int] | None = No
             variance = np.maximum(plain, np.where(concerned.sum(axis=0) > 1, single, 0.0))
         else:
             slow = _by_whole_plot(problem, own, np.sum(columns**2, axis=0))
-            variance = np.maximum(np.maximum(plain, single), slow)
+            drawn, drawn_df = _of_slopes(problem, columns, white.outputs)
+            both = plain + drawn
+            df = np.where(drawn > 0, both**2 / (plain**2 / df + drawn**2 / drawn_df), df)
+            variance = np.maximum(np.maximum(both, single), slow)
         t = np.where(can, gamma * total / np.sqrt(np.where(variance > 0, variance, np.inf)), 0.0)
         scores.gamma[here], scores.t[here], scores.df[here] = gamma, t, df
         scores.p[here] = np.where(can, 2.0 * special.stdtr(df, -np.abs(t)), 1.0)
@@ -149,6 +158,37 @@ def _errors(
         df[i] = problem.at[level].df[i] - basis.shape[1]
         sigma[i] = max(np.sqrt(np.sum(left**2) / df[i]) if df[i] > 0 else 1.0, floor[i], np.finfo(float).tiny)
     return sigma, df
+
+
+def _of_slopes(problem: Problem, columns: FloatArray, left: FloatArray) -> tuple[FloatArray, float]:
+    """What sensitivities that are drawn anew in every whole plot add to the variance of columns' products, and its df.
+
+    Slopes of whole plots' residuals with pressure, beside what the candidate does to them, are held against the
+    readings' scatter; nothing is added where chance would do it.
+
+    Args:
+        problem: the run.
+        columns: (S, n, J) over each transducer's error.
+        left: (S, n) what is left of the outputs, over the same.
+
+    """
+    plots, added = int(problem.whole_plot.max()) + 1, np.zeros(columns.shape[2])
+    df = float(max(plots - SLOPES - 1, 1))
+    if "P" not in problem.names or plots <= SLOPES + 2:
+        return added, df
+    mine = (np.arange(plots)[:, None] == problem.whole_plot).astype(np.float64)
+    p = problem.declared[:, problem.names.index("P")]
+    p = p - ((mine @ p) / mine.sum(axis=1))[problem.whole_plot]
+    for i, strata in enumerate(problem.strata):
+        z = strata.whiten(p[:, None])[:, 0]
+        length = np.maximum(mine @ z**2, TINY)
+        slopes = (mine @ (z * left[i])) / np.sqrt(length)
+        own = (mine @ (z[:, None] * columns[i])) / np.sqrt(length)[:, None]
+        explained = (slopes @ own) ** 2 / np.maximum(np.sum(own**2, axis=0), TINY)
+        ratio = (slopes @ slopes - explained) / df
+        clear = special.fdtrc(df, problem.at["subplot"].df[i], ratio) < CHANCE
+        added += np.where(clear, (ratio - 1.0) * np.sum(own**2, axis=0), 0.0)
+    return added, df
 
 
 def _by_whole_plot(problem: Problem, own: FloatArray, norm2: FloatArray) -> FloatArray:
