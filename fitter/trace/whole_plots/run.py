@@ -75,7 +75,8 @@ def trace_whole_plots(
     sensors = {sensor: transducer(finding, i) for i, sensor in enumerate(problem.sensors)}
     lasting = [j for j in found if not problem.candidates[j].effect.of_noise]
     chosen, gamma = tuple(problem.candidates[j] for j in lasting), [after.coefficients[j].value for j in lasting]
-    explanations = explanations_of(finding.classes, problem.candidates)
+    classes = {c.effect.name: finding.classes[c.effect.name] for c in chosen}
+    explanations = explanations_of(classes, problem.candidates)
     return WholePlotTrace(sensors, formula, scene, chosen, np.array(gamma), len(data), explanations)
 
 
