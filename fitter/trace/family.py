@@ -134,7 +134,7 @@ def _orthonormal_units(problem: Problem) -> tuple[list[tuple[int, int, int]], Fl
 
     """
     weight = errors(problem, ()) ** -2.0
-    points = np.array([level == "points" for level in problem.judged_at])
+    points = np.array([level == "points" for level in problem.judged_at], np.bool_)
     products = np.where(
         points[:, None] | points, problem.products["points"].columns, problem.products["replications"].columns
     )

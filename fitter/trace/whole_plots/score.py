@@ -135,7 +135,8 @@ def score(problem: Problem, chosen: Sequence[int], of: Sequence[int] | None = No
             slow = _by_whole_plot(problem, own, np.sum(columns**2, axis=0))
             drawn, drawn_df = _of_slopes(problem, columns, white.outputs)
             both = plain + drawn
-            df = np.where(drawn > 0, both**2 / (plain**2 / df + drawn**2 / drawn_df), df)
+            spread = plain**2 / df + drawn**2 / np.maximum(drawn_df, 1.0)
+            df = np.where((drawn > 0) & (spread > 0), both**2 / np.where(spread > 0, spread, 1.0), df)
             variance = np.maximum(np.maximum(both, single), slow)
         t = np.where(can, gamma * total / np.sqrt(np.where(variance > 0, variance, np.inf)), 0.0)
         scores.gamma[here], scores.t[here], scores.df[here] = gamma, t, df
