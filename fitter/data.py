@@ -126,6 +126,16 @@ class AttitudeData:
         return np.unique(settings(_wrap(self.roll_deg))).size > 1
 
     @cached_property
+    def turned(self) -> FloatArray | None:
+        """(n, 3, 3) `mounting` and, where roll stood still at another angle than zero, that roll; None for neither."""
+        roll = float(self.roll_deg[0])
+        if self.has_roll or abs(roll) <= SAME_ANGLE_DEG:
+            return self.mounting
+        ((s,), (c,)) = sin_cos(np.array([roll]))
+        about_x = np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]])
+        return np.broadcast_to(about_x, (len(self), 3, 3)) if self.mounting is None else self.mounting @ about_x
+
+    @cached_property
     def g_M(self) -> FloatArray:  # noqa: N802 - the paper's symbol
         """(n, 3) gravity in package axes, in g: [sin a, -sin R cos a, -cos R cos a] (eq. 113)."""
         (sin_a, cos_a), (sin_r, cos_r) = sin_cos(self.pitch_deg), sin_cos(self.roll_deg)

@@ -138,7 +138,7 @@ def _sizes(what: str, whole: PitchRollProcedure, **more: Any) -> Iterator[Variat
     """A run with fewer points or replications and with all, the shortest first."""
     designs = {len(d.build()): d for d in _thinned(whole.design)}
     runs = [
-        whole.model_copy(update={"design": design, "replications": n, "name": f"{whole.name}: {what}"[:80]})
+        whole.model_copy(update={"design": design, "replications": n, "name": _named(whole.name, what)})
         for design in designs.values()
         for n in (1, 2, 4)
     ]
@@ -179,3 +179,9 @@ def _turned(angle: float, by: float) -> float:
     """In (-180, 180]."""
     turned = (angle + by) % 360.0
     return turned - 360.0 if turned > 180.0 else turned
+
+
+def _named(name: str, what: str) -> str:
+    """A name that fits a procedure's 80 characters, the first run's shortened if need be."""
+    room = 80 - len(what) - 2
+    return f"{name[:room]}: {what}" if room > 0 else what[:80]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator, Mapping
 from datetime import date, datetime
 from typing import Any
@@ -17,10 +18,15 @@ def _lines(table: Mapping[str, Any], path: str) -> Iterator[str]:
     plain = {key: value for key, value in table.items() if not isinstance(value, Mapping)}
     if path and (plain or len(plain) == len(table)):
         yield f"\n[{path}]"
-    yield from (f"{json.dumps(key)} = {_value(value)}" for key, value in plain.items())
+    yield from (f"{_key(key)} = {_value(value)}" for key, value in plain.items())
     for key, value in table.items():
         if isinstance(value, Mapping):
-            yield from _lines(value, f"{path}.{json.dumps(key)}" if path else json.dumps(key))
+            yield from _lines(value, f"{path}.{_key(key)}" if path else _key(key))
+
+
+def _key(key: str) -> str:
+    """Bare where TOML allows it."""
+    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else json.dumps(key)
 
 
 def _value(value: object) -> str:
@@ -29,7 +35,7 @@ def _value(value: object) -> str:
     if isinstance(value, (list, tuple)):
         return "[" + ", ".join(_value(item) for item in value) + "]"
     if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{json.dumps(key)} = {_value(item)}" for key, item in value.items()) + "}"
+        return "{" + ", ".join(f"{_key(key)} = {_value(item)}" for key, item in value.items()) + "}"
     if isinstance(value, (bool, int, float, str)):
         return json.dumps(value)  # texts, numbers and truth values are written alike in JSON
     raise TypeError(f"{value!r} has no place in a TOML file")

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from command import rig
 
-from fitter.confirm import confirm, separation
+from fitter.confirm import confirm, confirm_all, separation
 from rig.closed_loop.confirm import judge, open_traced, plan_for, planned, propose
 from rig.config import parse_procedure, parse_toml
 from rig.controller import plan_of, resume_run, start_run
@@ -66,7 +66,7 @@ def test_the_further_run_tells_which_it_is(tmp_path: Path, effects, true: str, f
     behind = {member["effect"]: member["sigmas_behind"] for member in effect["members"]}
     assert behind[true] == 0
     assert behind[false] > 3
-    error = effect["members"][0]["error"]["x_V"]
+    error = told["error"]["x_V"]
     assert error["after_deg"] < error["before_deg"]
     assert Path(told["run"]).exists()
 
@@ -189,3 +189,22 @@ def test_the_report_shows_both_models_on_the_further_run(tmp_path: Path, sagging
     assert "isolation-pad-deflection is confirmed by a further run" in text
     assert "SIMULATED" in text
     assert text.count("data:image/png") == 1
+
+
+def test_effects_are_judged_beside_what_holds_of_the_others(tmp_path: Path) -> None:
+    """A cause named wrongly would spoil the prediction of all that is judged beside it."""
+    first = open_traced(make(tmp_path, {**PADS, "third_order": {"ug_per_g3": 40.0}}, pitches=37))
+    asked = {question.effect: question for question in first.questions}
+    assert set(asked) == {"isolation-pad-deflection", "sensor-third-order"}
+    pads, cube = asked.values() if "isolation-pad" in next(iter(asked)) else reversed(asked.values())
+    head = next(m for m in pads.members if m.effect == "head-once-per-turn")
+    wrong = replace(pads, members=(head, pads.members[0]), terms=head.terms)
+    variation = next(
+        p.variation for p in propose(first) if p.variation.what.endswith("turned half a turn about its own x axis")
+    )
+    later = run(plan_for(first, variation, dry=True), tmp_path, world_start_s=first.world_s + first.later_s)
+    both = first.beside(attitude_data(run_table(later)), first.later_s)
+    judged = confirm_all(both, (wrong, replace(cube, rest=head.terms)))
+    assert judged.answers[0].verdict == "replaced"
+    error = judged.errors["x_V"]
+    assert error.after < 1.3 * error.sigma < error.before

@@ -85,3 +85,18 @@ def test_a_turned_package_without_its_mounting_is_misread(tmp_path) -> None:
     (misread,) = traced(tmp_path / "kept.csv")["x_V"]["effects"]
     (right,) = traced(path)["x_V"]["effects"]
     assert float(misread["size"].split()[0]) == pytest.approx(-float(right["size"].split()[0]), rel=1e-3)
+
+
+def test_a_run_without_roll_may_stand_at_any_roll(tmp_path) -> None:
+    """At roll 180 a sag has the other sign in the output; its size is the same."""
+    text = (LAB / "night.toml").read_text()
+    text = text[: text.index("[design]")].replace("replications = 6", "replications = 2")
+    pitch = list(range(-180, 181, 15))
+    for roll in (0, 180):
+        (tmp_path / "p.toml").write_text(f'{text}[design]\ntype = "D"\npitch_deg = {pitch}\nroll_deg = [{roll}]\n')
+        (tmp_path / "world.toml").write_text(WORLD)
+        made = rig("run", tmp_path / "p.toml", "--bench", LAB / "bench.toml", "--dry", "--world",
+                   tmp_path / "world.toml", "--out", tmp_path)  # fmt: skip
+        effects = traced(made.stdout.splitlines()[0])["x_V"]["effects"]
+        (size,) = [e["size"] for e in effects if e["effect"] == "isolation-pad-deflection"]
+        assert float(size.split()[0]) == pytest.approx(3e-3, rel=0.02)

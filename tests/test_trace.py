@@ -326,3 +326,20 @@ def test_a_column_of_which_nothing_is_left_explains_nothing():
     left = rounding.without(np.ones(2))
     assert left.price((1,)) == PER_COLUMN
     assert left.price((0,)) == rounding.price((0,))
+
+
+def test_errors_of_the_fitted_parameters_are_those_of_the_joint_fit():
+    """Least squares of declared model and effect together, by numpy."""
+    bench = Bench(sensors=(Sensor("x", quadratic=2e-5), Sensor("y"), Sensor("z")))
+    data, _ = simulate(bench, D1(180, 13, 13, replications=2), seed=3)
+    found = trace(data, validate=False)
+    (effect,) = found.sensors[X].effects
+    assert effect.effect == "sensor-second-order"
+    a, r = np.radians(data.pitch_deg), np.radians(data.roll_deg)
+    h = [np.ones_like(a), np.sin(a), np.cos(a) * np.sin(r), np.cos(a) * np.cos(r)]
+    columns = np.column_stack([*h, effect.contribution_V / effect.coefficients[0]])
+    rss = np.linalg.lstsq(columns, data.outputs[X], rcond=None)[1][0]
+    stderr = np.sqrt(np.diag(np.linalg.inv(columns.T @ columns)) * rss / (len(data) - 5))
+    table = found.sensors[X].to_json()["fitted"]["coefficients"]
+    np.testing.assert_allclose([e["stderr"] for e in list(table.values())[:4]], stderr[:4], rtol=0.05)
+    assert next(iter(table.values()))["df"] == len(data) - 5

@@ -1,7 +1,7 @@
 """A further run beside one that was traced: which explanation holds, and what a run could tell before it is made."""
 
 from fitter.confirm.attitude import AttitudeTogether
-from fitter.confirm.judge import Confirmation, Member, SensorError, confirm
+from fitter.confirm.judge import Confirmation, Confirmed, Member, SensorError, confirm, confirm_all
 from fitter.confirm.predict import NOTHING, Separation, separation
 from fitter.confirm.question import Hypothesis, Question, questions_of
 from fitter.confirm.together import Together
@@ -11,6 +11,7 @@ __all__ = [
     "NOTHING",
     "AttitudeTogether",
     "Confirmation",
+    "Confirmed",
     "Hypothesis",
     "Member",
     "Question",
@@ -19,6 +20,7 @@ __all__ = [
     "Together",
     "WholePlotTogether",
     "confirm",
+    "confirm_all",
     "questions_of",
     "separation",
 ]

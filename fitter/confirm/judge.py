@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,10 +12,12 @@ from numpy.typing import NDArray
 from fitter.arrays import FloatArray
 from fitter.confirm.question import Hypothesis, Question
 from fitter.confirm.together import Candidates, Together, left, solve
+from fitter.effects.sizes import between
 from fitter.linear import orthonormal
 from fitter.quantiles import f_tail, t_limit
 from fitter.trace.aliases import DELTA, PER_COLUMN
 
+ROUNDS = 3
 STANDS_OUT, MOST_OUTLIERS = 6.0, 0.02
 CHANGED = 1e-3
 """Probability below which an explanation does not hold: its size in the later run is not that in the first."""
@@ -56,7 +59,6 @@ class Member:
         together: coefficients from both runs.
         sizes: of the cause in the later run alone, in physical terms, by sensor; with a single term with its interval:
             "5.0e-4 deg/g (4.1e-4 deg/g to 5.9e-4 deg/g)". Empty where that run does not tell.
-        errors: of predicting the later run, by sensor.
         against: field of the data that its residual is best looked at against.
 
     """
@@ -69,7 +71,6 @@ class Member:
     intervals: tuple[tuple[float, float], ...]
     together: tuple[float, ...]
     sizes: Mapping[str, str]
-    errors: Mapping[str, SensorError]
     against: str
 
     @property
@@ -110,6 +111,59 @@ class Confirmation:
         if len(self.holding) > 1:
             return "undecided"
         return "confirmed" if self.holding == (self.effect,) else "replaced"
+
+
+@dataclass(frozen=True, eq=False)
+class Confirmed:
+    """What became of all questions.
+
+    Attributes:
+        answers: to each.
+        errors: of predicting the later run without and with the effects, those that hold in the place of those named,
+            by sensor.
+        adds: (m,) what each answer's effect adds to the readings of the later run, by its name and sensor.
+        kept: (m,) which readings of the later run these are, outliers left out.
+
+    """
+
+    answers: tuple[Confirmation, ...]
+    errors: Mapping[str, SensorError]
+    adds: Mapping[tuple[str, str], FloatArray]
+    kept: NDArray[np.int64]
+
+
+def confirm_all(both: Together, questions: Sequence[Question]) -> Confirmed:
+    """Judge all questions, each beside the explanations that hold of the others.
+
+    Where another explanation takes the place of the one named, the others are judged again beside it.
+    """
+    holders = {q.effect: q.terms for q in questions}
+    answers: tuple[Confirmation, ...] = ()
+    for _ in range(ROUNDS):
+        answers = tuple(
+            confirm(both, replace(q, rest=tuple(t for name, own in holders.items() if name != q.effect for t in own)))
+            for q in questions
+        )
+        now = {q.effect: _holder(q, answer) for q, answer in zip(questions, answers, strict=True)}
+        settled = all(now[name] == own for name, own in holders.items())
+        holders = now
+        if settled:
+            break
+    aside = {row for answer in answers for row in answer.outliers}
+    start = int(np.flatnonzero(both.fresh)[0])
+    kept = np.array([k for k in range(int(both.fresh.sum())) if k not in aside], np.int64)
+    rows = ~both.fresh
+    rows[start + kept] = True
+    both = both.only(rows)
+    errors, adds = _errors(both, holders)
+    return Confirmed(answers, errors, adds, kept)
+
+
+def _holder(question: Question, answer: Confirmation) -> tuple[Any, ...]:
+    """Terms of what holds: as named, unless another is clearly it."""
+    if answer.verdict != "replaced":
+        return question.terms
+    return next(m.terms for m in question.members if m.effect == answer.holding[0])
 
 
 def confirm(both: Together, question: Question) -> Confirmation:
@@ -193,7 +247,6 @@ def _member(
         intervals=intervals,
         together=tuple(together[:q].tolist()),
         sizes=_sizes(both, member, alone, intervals),
-        errors=_errors(both, (*member.terms, *question.rest)),
         against=member.terms[0].effect.against,
     )
 
@@ -212,7 +265,7 @@ def _sizes(
         text = effect.size(dict(zip(names, alone[mine].tolist(), strict=True)), slope)
         if len(mine) == 1:
             low, high = (effect.size({names[0]: value}, slope) for value in intervals[mine[0]])
-            text += f" ({low} to {high})"
+            text += f" ({between(low, high)})"
         out[sensor] = text
     return out
 
@@ -230,25 +283,34 @@ def _alone(both: Together, member: Hypothesis, rest: Candidates) -> tuple[FloatA
     return np.where(seen, gamma[:q], np.nan), np.where(seen, error[:q], np.nan)
 
 
-def _errors(both: Together, terms: Candidates) -> dict[str, SensorError]:
-    """Error of predicting the later run by what the first alone gives, without and with `terms`.
+def _errors(
+    both: Together, effects: Mapping[str, Candidates]
+) -> tuple[dict[str, SensorError], dict[tuple[str, str], FloatArray]]:
+    """Error of predicting the later run by what the first alone gives, without and with effects, and what each adds.
 
     What is the later run's own (`Together.loose`) is taken out for both.
     """
-    first = both.only(~both.fresh)
+    first, terms = both.only(~both.fresh), [term for own in effects.values() for term in own]
     gamma = solve(first.columns_of(terms), first.outputs)
     raw, outputs = both.raw(terms), both.raw_outputs
-    out, at, own = {}, both.fresh, both.loose[both.fresh]
-    lost = orthonormal(own).shape[1]
+    at, own = both.fresh, both.loose[both.fresh]
+    lost, errors, adds = orthonormal(own).shape[1], {}, {}
     for i, sensor in enumerate(both.sensors):
-        model, rests = both.declared[i], []
-        for effects in (np.zeros(outputs.shape[1]), raw[i] @ gamma):
-            y = outputs[i] - effects
-            rests.append(left(own, (y - model @ solve(model[~at], y[~at]))[at]))
+        model = both.declared[i]
+
+        def left_of(y: FloatArray, model: FloatArray = model) -> FloatArray:
+            return left(own, (y - model @ solve(model[~at], y[~at]))[at])
+
+        rests = [left_of(outputs[i]), left_of(outputs[i] - raw[i] @ gamma)]
         before, after = (float(np.sqrt(np.sum(r**2) / max(r.size - lost, 1))) for r in rests)
         sigma = float(np.sqrt(np.mean(both.sigma[i][at] ** 2)))
-        out[sensor] = SensorError(before, after, sigma, float(both.slope[i]), *rests)
-    return out
+        errors[sensor] = SensorError(before, after, sigma, float(both.slope[i]), *rests)
+        start = 0
+        for name, mine in effects.items():
+            part = slice(start, start + len(mine))
+            adds[name, sensor] = left_of(raw[i][:, part] @ gamma[part])
+            start += len(mine)
+    return errors, adds
 
 
 def _rss(columns: FloatArray, outputs: FloatArray) -> float:

@@ -30,11 +30,13 @@ class Question:
 
     Attributes:
         members: explanations the data of the run cannot tell apart, the one it named first.
+        terms: of the effect as it was named, in the model of the run.
         rest: terms of the other effects found; they stay in the model.
 
     """
 
     members: tuple[Hypothesis, ...]
+    terms: tuple[Any, ...]
     rest: tuple[Any, ...]
 
     @property
@@ -56,5 +58,6 @@ def questions_of(found: Trace | WholePlotTrace) -> tuple[Question, ...]:
             Hypothesis(e.effect, e.terms, e.sigmas) for e in found.explanations[name] if e.alias or e.effect == name
         ]
         alike.sort(key=lambda member: (member.effect != name, member.sigmas))
-        asked.append(Question(tuple(alike), tuple(c for c in found.chosen if c.effect.name != name)))
+        own = tuple(c for c in found.chosen if c.effect.name == name)
+        asked.append(Question(tuple(alike), own, tuple(c for c in found.chosen if c.effect.name != name)))
     return tuple(asked)

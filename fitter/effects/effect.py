@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
 
@@ -79,7 +79,7 @@ class Scene:
 
     def mounted(self, vectors: FloatArray) -> FloatArray:
         """(n, 3) in package axes what is (n, 3) in axes of the head's table."""
-        turned = self.data.mounting
+        turned = self.data.turned if not self.roll else self.data.mounting
         return vectors if turned is None else np.asarray(np.einsum("nij,nj->ni", turned, vectors))
 
     @cached_property
@@ -222,6 +222,7 @@ class Entry:
         separate_by: the measurement that would confirm it, or tell it from what is not among the known aliases.
         usual_size: what instruments of this kind show.
         known_aliases: effects that look alike on common designs.
+        own: whether a laboratory added it: of what it looks like only its own entry knows.
 
     """
 
@@ -236,6 +237,7 @@ class Entry:
     separate_by: str
     usual_size: str
     known_aliases: Mapping[str, Alias]
+    own: bool = field(default=False, kw_only=True)
 
 
 @dataclass(frozen=True)

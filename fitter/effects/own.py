@@ -94,7 +94,7 @@ def _effect(table: Mapping[str, Any]) -> Effect | PressureEffect:
     names = PRESSURE_NAMES if of_pressure else NAMES
     formulas = [OwnFormula.of(name, column, names) for column in table["columns"]]
     given: dict[str, Any] = {key: table[key] for key in _WORDS if key != "columns"}
-    given |= {"size": each(table["unit"]), "known_aliases": {}}
+    given |= {"size": each(table["unit"]), "known_aliases": {}, "own": True}
     if of_pressure:
         columns = tuple(PressureTerm(formula.text, _of_pressure(formula)) for formula in formulas)
         where: Literal["line", "sensor"] = "line" if table["scope"] == "line" else "sensor"

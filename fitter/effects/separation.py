@@ -80,6 +80,8 @@ def separate(effect: Effect, alias: Effect) -> str:
         return effect.known_aliases[alias.name].separate_by
     if effect.name in alias.known_aliases:
         return alias.known_aliases[effect.name].separate_by
+    if effect.own or alias.own:
+        return effect.separate_by if effect.own else alias.separate_by
     sources, strata = frozenset({effect.source, alias.source}), {effect.stratum, alias.stratum}
     names = {effect.name, alias.name}
     if "voltmeter" in sources:

@@ -36,6 +36,13 @@ def amplitude(values: Mapping[str, float], _S_V: float) -> str:
     return f"{_ARCSEC_PER_DEG * hypot(*values.values()):.3g} arcsec"
 
 
+def between(low: str, high: str) -> str:
+    """Two sizes as a range, the unit once."""
+    unit = low.partition(" ")[2]
+    same = unit == high.partition(" ")[2]
+    return f"{low.removesuffix(unit).strip() if same else low} to {high.strip()}"
+
+
 def _list(values: Mapping[str, float], text: Callable[[float], str]) -> str:
     """Texts of all terms, each with its term's name where there are several."""
     if len(values) == 1:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -59,6 +59,15 @@ def estimate(problem: Problem, chosen: tuple[int, ...]) -> Estimate:
     return _estimate_at(problem, chosen, "replications")
 
 
+def _joint(fit: LinearFit, h: FloatArray, effects: FloatArray, covariance: FloatArray) -> LinearFit:
+    """A fit to outputs less effects (n, q), its errors with what those of the effects' coefficients add to them."""
+    if not effects.shape[1] or fit.sigma == 0.0:
+        return fit
+    taken = np.linalg.lstsq(h, effects, rcond=None)[0]
+    whole = fit.root @ fit.root.T + taken @ covariance @ taken.T / fit.sigma**2
+    return replace(fit, root=np.asarray(np.linalg.cholesky(whole)), beside=fit.beside + effects.shape[1])
+
+
 def coefficients(problem: Problem, chosen: tuple[int, ...], level: Level) -> tuple[FloatArray, FloatArray]:
     """(q,) coefficients of the `chosen` candidates, fitted at one level, and their (q, q) covariance."""
     if not chosen:
@@ -106,6 +115,6 @@ def _estimate_at(problem: Problem, chosen: tuple[int, ...], level: Level) -> Est
         own = [k for k, j in enumerate(picked) if concerns(problem, j)[i] > 0.01]
         extra = np.column_stack([declared.beside(data), effects[i][:, own]])
         tables.append(analyse(fit, h, corrected[i], data.point, data.replicate_index, extra, extra.shape[1]))
-        fits.append(fit)
+        fits.append(_joint(fit, h, effects[i][:, own], covariance[np.ix_(own, own)]))
         temperatures.append(temperature)
     return Estimate(chosen, level, gamma, covariance, corrected, tuple(fits), tuple(temperatures), tuple(tables))

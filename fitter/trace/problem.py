@@ -168,7 +168,8 @@ def _batches(candidates: Sequence[Candidate]) -> Iterator[Sequence[Candidate]]:
 
 def scene_of(data: AttitudeData, fits: Mapping[str, AttitudeFit]) -> Scene:
     """References of a run: mean temperature, middle of the time, each sensor's axis as the declared model has it."""
-    turned = np.eye(3) if data.mounting is None else data.mounting[0]
+    turn = data.mounting if data.has_roll else data.turned
+    turned = np.eye(3) if turn is None else turn[0]
     axes, temperature = {s: turned @ fit.sensitive_axis for s, fit in fits.items()}, data.sensor_temperature_degC
     return Scene(
         data=data,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.markup import escape
-from rich.table import Table
+from rich.table import Column, Table
 
 from rig.atomic import check_not_input, write_whole
 from rig.cli import app
@@ -90,7 +90,9 @@ def confirm(
         _show_proposals(first, proposals, take, every=only_list)
     if only_list or write is not None:
         if write is not None:
-            write_whole(write, lambda file: file.write(procedure_text(chosen.variation.procedure)))
+            lines = f"# {chosen.variation.what}: to confirm what was found in {run_file.name}\n"
+            lines += "# Turn the package first.\n" if chosen.variation.turned else ""
+            write_whole(write, lambda file: file.write(lines + procedure_text(chosen.variation.procedure)))
             err.print(f"procedure: {escape(str(write))}", soft_wrap=True)
         if as_json:
             print_json({"first": str(run_file), "proposals": [p.to_json() for p in proposals]})
@@ -156,22 +158,25 @@ def _show_proposals(first: First, proposals: Sequence[Proposal], take: int, *, e
         alike = [m.effect for m in question.members[1:]]
         text = f"these data cannot tell it from {', '.join(alike)}" if alike else "nothing looks like it"
         out.print(f"[bold]{question.effect}[/]: {text}", soft_wrap=True)
-    table = Table("", "run", "points", "bench time", "parts look-alikes by", "shows them by", title_justify="left")
+    table = Table("", "run", "points", "bench time", "look-alikes parted", "by", "shown by")
     shown = proposals if every else proposals[: max(take, SHOWN)]
     for number, proposal in enumerate(shown, start=1):
+        parted, pairs = proposal.parted
         table.add_row(
             f"[green]{number}[/]" if number == take else str(number),
             proposal.variation.what,
             proposal.size,
             duration(proposal.hours * 3600.0),
-            *(_sigmas(values) for values in proposal.parts),
+            f"{parted} of {pairs}" if pairs else "-",
+            _sigmas(proposal.nearest),
+            _sigmas(proposal.shown),
         )
     out.print(table)
-    out.print("  standard errors to be expected: of the nearest pair; of the weakest cause against nothing")
+    out.print("  expected standard errors, of the nearest pair parted, and of the weakest cause against nothing")
     if len(proposals) > len(shown):
         out.print(f"  and {len(proposals) - len(shown)} more: --list shows them")
     for line in otherwise(first, proposals[take - 1]):
-        out.print(f"  [yellow]{escape(line)}[/]", soft_wrap=True)
+        out.print(f"  [yellow]run {take}: {escape(line)}[/]", soft_wrap=True)
 
 
 def _sigmas(value: float | None) -> str:
@@ -184,7 +189,7 @@ def _sigmas(value: float | None) -> str:
 
 
 def _show(confirmed: Confirmed, proposals: Sequence[Proposal], report: Path | None, *, as_json: bool) -> int:
-    from rig.closed_loop.confirm import sentences  # noqa: PLC0415
+    from rig.closed_loop.confirm import sentences, sizes  # noqa: PLC0415
 
     if report is not None:
         from rig.report.confirm import write_confirm_report  # noqa: PLC0415
@@ -199,31 +204,28 @@ def _show(confirmed: Confirmed, proposals: Sequence[Proposal], report: Path | No
     out.print(f"\n{mark(confirmed.first.simulated)}judged by {escape(str(confirmed.path))}", soft_wrap=True)
     for answer in confirmed.answers:
         out.print(f"\n[bold]{answer.effect}[/]: [bold]{answer.verdict}[/]")
-        table = Table("cause", "behind by", "same size in both", "size in the further run alone, 95 %")
+        table = Table(Column("cause", no_wrap=True), "behind by", "same size?", "size in the further run, 95 %")
         for member in answer.members:
-            named = dict.fromkeys(member.sizes.values())
-            alike = len(named) == 1
-            sizes = named if alike else [f"{name}: {size}" for name, size in member.sizes.items()]
             table.add_row(
                 f"[green]{member.effect}[/]" if member.holds else member.effect,
                 f"{member.sigmas:.1f} sd",
                 f"p {member.p_changed:.2g}",
-                "\n".join(sizes) or "not told",
+                "\n".join(sizes(member)) or "not told",
             )
         out.print(table)
-        columns = ("declared model", "with the effects", "scatter of a reading")
-        errors = Table(f"error on the further run / {confirmed.unit}", *columns)
-        best = answer.members[0]
-        for name, e in best.errors.items():
-            errors.add_row(name, *(f"{confirmed.inferred(e, v):.3g}" for v in (e.before, e.after, e.sigma)))
-        out.print(errors)
         if answer.outliers:
             which = ", ".join(str(row + 1) for row in answer.outliers)
             out.print(
                 f"  [yellow]observations {which} of the further run stand out and were left out[/]", soft_wrap=True
             )
-        if own := confirmed.own(answer):
-            out.print(f"  of both models: {own}", soft_wrap=True)
+    columns = ("declared model", "with the effects", "scatter of a reading")
+    errors = Table(f"error on the further run / {confirmed.unit}", *columns)
+    for name, e in confirmed.judged.errors.items():
+        errors.add_row(name, *(f"{confirmed.inferred(e, v):.3g}" for v in (e.before, e.after, e.sigma)))
+    out.print()
+    out.print(errors)
+    if confirmed.own:
+        out.print(f"  of both models: {confirmed.own}", soft_wrap=True)
     out.print()
     for sentence in sentences(confirmed):
         out.print(sentence, soft_wrap=True)

@@ -163,8 +163,10 @@ def attitude_sentence(name: str, found: SensorTrace) -> str:
     if not found.effects:
         return f"{name}: the declared model ({found.declared}) leaves a standard error of {before}; {found.verdict}."
     effects = " and ".join(f"{e.effect} ({percent(e.share)} of the excess over scatter)" for e in found.effects)
+    alike = "; ".join(f"{e.effect} from {', '.join(e.aliases)}" for e in found.effects if e.aliases)
+    told = f"; these data cannot tell {alike}" if alike else ""
     text = (
-        f"{name}: the declared model ({found.declared}) leaves a standard error of {before}; it lacks {effects}. "
+        f"{name}: the declared model ({found.declared}) leaves a standard error of {before}; it lacks {effects}{told}. "
         f"With that the standard error is {after}"
     )
     if found.cv_rms_before is not None and found.cv_rms_after is not None:

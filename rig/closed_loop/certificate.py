@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from math import hypot, isfinite
 from typing import Any
 
-from fitter.effects.sizes import Size, amplitude
+from fitter.effects.sizes import Size, amplitude, between
 from rig.report.words import chance, percent
 
 Interval = tuple[float, float] | None
@@ -65,19 +65,12 @@ def size_95(size: Size, values: Mapping[str, float], halves: Mapping[str, float]
         total = hypot(*values.values())
         part = hypot(*(value * halves[name] for name, value in values.items())) / total**2
         scaled = ({name: value * max(scale, 0.0) for name, value in values.items()} for scale in (1 - part, 1 + part))
-        return _between(*(size(end, sensitivity) for end in scaled))
+        return between(*(size(end, sensitivity) for end in scaled))
     texts = []
     for name, value in values.items():
         ends = value - halves[name], value + halves[name]
-        texts.append(_between(*(size({name: end}, sensitivity) for end in ends)))
+        texts.append(between(*(size({name: end}, sensitivity) for end in ends)))
     return ", ".join(texts)
-
-
-def _between(low: str, high: str) -> str:
-    """Two sizes as a range, the unit once."""
-    unit = low.partition(" ")[2]
-    same = unit == high.partition(" ")[2]
-    return f"{low.removesuffix(unit).strip() if same else low} to {high.strip()}"
 
 
 def with_words(

@@ -9,7 +9,7 @@ import numpy as np
 
 from fitter.confirm import Confirmation
 from rig.atomic import write_whole
-from rig.closed_loop.confirm import Confirmed
+from rig.closed_loop.confirm import Confirmed, sentences, sizes
 from rig.report.attitude_plots import SCALE, UNIT
 from rig.report.effect_plots import EffectView, effect_plot
 from rig.report.frame import render
@@ -36,20 +36,26 @@ def write_confirm_report(path: Path, confirmed: Confirmed) -> None:
 
 def confirm_report(confirmed: Confirmed) -> str:
     """The report as HTML; its provenance is that of the further run."""
-    told = confirmed.to_json()["effects"]
+    told, errors = confirmed.to_json(), confirmed.judged.errors
     return render(
         "confirm.html.j2",
         run_table(confirmed.path),
         span_s=float(np.ptp(confirmed.data.elapsed_s)),
         first=confirmed.first.path.name,
         unit=confirmed.unit,
-        answers=[_answer(confirmed, a, json) for a, json in zip(confirmed.answers, told, strict=True)],
+        sentences=list(sentences(confirmed)),
+        taken_out=confirmed.own,
+        errors=[
+            [name, *(f"{confirmed.inferred(e, v):.3g}" for v in (e.before, e.after, e.sigma))]
+            for name, e in errors.items()
+        ],
+        answers=[_answer(confirmed, a, json) for a, json in zip(confirmed.answers, told["effects"], strict=True)],
     )
 
 
 def _answer(confirmed: Confirmed, answer: Confirmation, told: dict[str, Any]) -> dict[str, Any]:
-    best = answer.members[0]
-    most = sorted(best.errors, key=lambda name: best.errors[name].after / max(best.errors[name].before, 1e-300))
+    adds = {name: rest for (effect, name), rest in confirmed.judged.adds.items() if effect == answer.effect}
+    most = sorted((name for name, rest in adds.items() if np.any(rest)), key=lambda name: -float(np.ptp(adds[name])))
     return {
         **told,
         "members": [
@@ -58,17 +64,13 @@ def _answer(confirmed: Confirmed, answer: Confirmation, told: dict[str, Any]) ->
                 "holds": m.holds,
                 "behind": f"{m.sigmas:.1f}",
                 "p_changed": f"{m.p_changed:.2g}",
-                "sizes": [f"{name}: {size}" for name, size in m.sizes.items()] or ["this run does not tell"],
+                "sizes": sizes(m) or ["this run does not tell"],
             }
             for m in answer.members
         ],
-        "errors": [
-            [name, *(f"{confirmed.inferred(e, v):.3g}" for v in (e.before, e.after, e.sigma))]
-            for name, e in best.errors.items()
-        ],
         "plots": [
             {
-                "alt": f"{name}: this run less what the first predicts, without and with all effects found",
+                "alt": f"{name}: this run less what the first predicts, without {answer.effect} and with all effects",
                 "png": _plot(confirmed, answer, name),
             }
             for name in most[:_DRAWN]
@@ -77,12 +79,12 @@ def _answer(confirmed: Confirmed, answer: Confirmation, told: dict[str, Any]) ->
 
 
 def _plot(confirmed: Confirmed, answer: Confirmation, sensor: str) -> str:
-    """Residuals of the further run without and with the effects, over the variable the best explanation goes by."""
-    against, data = answer.members[0].against, confirmed.data
+    """Residuals of the further run without and with one effect, over the variable its best explanation goes by."""
+    against, data, judged = answer.members[0].against, confirmed.data, confirmed.judged
     name = against if against in _VARIABLES and hasattr(data, against) else "elapsed_s"
     label, scale = _VARIABLES[name]
-    values = np.delete(np.asarray(getattr(data, name), np.float64) * scale, list(answer.outliers))
-    error = answer.members[0].errors[sensor]
+    values = np.asarray(getattr(data, name), np.float64)[judged.kept] * scale
+    error = judged.errors[sensor]
     unit, scale = (UNIT, SCALE) if confirmed.unit == "deg" else ("mpsi", 1e3)
-    before, after = (confirmed.inferred(error, rest) * scale for rest in (error.residual_before, error.residual_after))
-    return effect_plot(EffectView(values, label, before - after, after, unit))
+    adds = confirmed.inferred(error, judged.adds[answer.effect, sensor]) * scale
+    return effect_plot(EffectView(values, label, adds, confirmed.inferred(error, error.residual_after) * scale, unit))

@@ -1,6 +1,6 @@
 """From a trace to the run that confirms it: what could be done, what it would tell, what it told."""
 
-from rig.closed_loop.confirm.answers import Confirmed, judge, sentences
+from rig.closed_loop.confirm.answers import Confirmed, judge, sentences, sizes
 from rig.closed_loop.confirm.first import First, open_traced
 from rig.closed_loop.confirm.plans import plan_for, planned, procedure_text
 from rig.closed_loop.confirm.proposals import ENOUGH, Proposal, otherwise, propose
@@ -18,4 +18,5 @@ __all__ = [
     "procedure_text",
     "propose",
     "sentences",
+    "sizes",
 ]

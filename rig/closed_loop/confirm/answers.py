@@ -11,7 +11,8 @@ import numpy as np
 
 from fitter import AttitudeData
 from fitter.arrays import FloatArray
-from fitter.confirm import Confirmation, SensorError, confirm
+from fitter.confirm import Confirmation, Member, SensorError, confirm_all
+from fitter.confirm import Confirmed as Judged
 from fitter.whole_plot_data import WholePlotData
 from rig.closed_loop import AttitudeTraced
 from rig.closed_loop.confirm.first import First, read_later
@@ -28,14 +29,19 @@ class Confirmed:
         first: the run that was traced.
         path: the later run file.
         data: its observations.
-        answers: a question each.
+        judged: every question, and both models.
 
     """
 
     first: First
     path: Path
     data: AttitudeData | WholePlotData
-    answers: tuple[Confirmation, ...]
+    judged: Judged
+
+    @property
+    def answers(self) -> tuple[Confirmation, ...]:
+        """A question each."""
+        return self.judged.answers
 
     @property
     def settled(self) -> bool:
@@ -47,11 +53,13 @@ class Confirmed:
         """Of what is inferred: errors are said in it."""
         return "deg" if isinstance(self.first.traced, AttitudeTraced) else "psi"
 
-    def own(self, answer: Confirmation) -> str:
+    @property
+    def own(self) -> str:
         """What is taken from the further run itself when it is predicted, in words; "" where nothing is."""
         if self.unit == "psi":
             return "an offset of each whole plot is taken out, as by a zero in flight"
-        return "offset and sensitive axes are the further run's own" if answer.realigned else ""
+        realigned = any(answer.realigned for answer in self.answers)
+        return "offset and sensitive axes are the further run's own" if realigned else ""
 
     def inferred(self, error: SensorError, value: Value) -> Value:
         """An error of the output as one of what is inferred from it, in `unit`; small angles."""
@@ -59,15 +67,16 @@ class Confirmed:
 
     def to_json(self) -> dict[str, Any]:
         """For `--json`."""
-        told = [self._answer(a) | {"sentence": _sentence(self, a)} for a in self.answers]
-        return {"run": str(self.path), "points": len(self.data), "effects": told}
+        told = [self._answer(a) | {"sentence": _sentence(a)} for a in self.answers]
+        errors = {name: self._error(e) for name, e in self.judged.errors.items()}
+        about = {"run": str(self.path), "points": len(self.data), "taken_out": self.own}
+        return about | {"error": errors, "effects": told}
 
     def _answer(self, answer: Confirmation) -> dict[str, Any]:
         return {
             "named": answer.effect,
             "verdict": answer.verdict,
             "holds": list(answer.holding),
-            "taken_out": self.own(answer),
             "outliers": list(answer.outliers),
             "members": [
                 {
@@ -79,7 +88,6 @@ class Confirmed:
                     "interval_95": [list(i) for i in m.intervals],
                     "coefficients_both_runs": list(m.together),
                     "size": dict(m.sizes),
-                    "error": {name: self._error(e) for name, e in m.errors.items()},
                 }
                 for m in answer.members
             ],
@@ -103,38 +111,44 @@ def judge(first: First, later: Path) -> Confirmed:
     data, after_s = read_later(first, later)
     try:
         both = first.beside(data, after_s)
-        answers = tuple(confirm(both, question) for question in first.questions)
+        judged = confirm_all(both, first.questions)
     except ValueError as error:
         raise UsageError(f"{later}: {error}") from error
-    return Confirmed(first, later, data, answers)
+    return Confirmed(first, later, data, judged)
 
 
 def sentences(confirmed: Confirmed) -> Iterator[str]:
-    """What was confirmed, in words that can go into a certificate."""
+    """What was confirmed, in words that can go into a certificate; the errors of both models last."""
     for answer in confirmed.answers:
-        yield _sentence(confirmed, answer)
-
-
-def _sentence(confirmed: Confirmed, answer: Confirmation) -> str:
-    best = answer.members[0]
-    name, error = max(best.errors.items(), key=lambda item: item[1].before / max(item[1].after, 1e-300))
-    before, after = (confirmed.inferred(error, value) for value in (error.before, error.after))
-    errors = (
+        yield _sentence(answer)
+    errors = confirmed.judged.errors
+    name = max(errors, key=lambda sensor: errors[sensor].before / max(errors[sensor].after, 1e-300))
+    before, after = (confirmed.inferred(errors[name], v) for v in (errors[name].before, errors[name].after))
+    yield (
         f"On data that neither model has seen the error of {name} is {before:.3g} {confirmed.unit} rms with the "
         f"declared model and {after:.3g} {confirmed.unit} with the effects."
     )
+
+
+def _sentence(answer: Confirmation) -> str:
     if answer.verdict == "confirmed":
         others = [m.effect for m in answer.members[1:]]
         excluded = f"; {_listed(others)} {'is' if len(others) == 1 else 'are'} excluded" if others else ""
-        return f"{answer.effect} is confirmed by a further run{excluded}. {errors}"
+        return f"{answer.effect} is confirmed by a further run{excluded}."
     if answer.verdict == "replaced":
-        return f"What was named {answer.effect} is {best.effect}: a further run tells them apart. {errors}"
+        return f"What was named {answer.effect} is {answer.members[0].effect}: a further run tells them apart."
     if answer.verdict == "undecided":
-        return f"A further run leaves {_listed(answer.holding)} undecided. {errors}"
+        return f"A further run leaves {_listed(answer.holding)} undecided."
     return (
         f"{_listed([m.effect for m in answer.members])}: not of one size in both runs. What was found is something "
-        f"else, or it changed between them. {errors}"
+        f"else, or it changed between them."
     )
+
+
+def sizes(member: Member) -> list[str]:
+    """Of a cause in the further run, a line for each sensor, or one where all show the same."""
+    different = dict.fromkeys(member.sizes.values())
+    return list(different) if len(different) == 1 else [f"{name}: {size}" for name, size in member.sizes.items()]
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -118,7 +118,13 @@ def read_later(first: First, path: Path) -> tuple[AttitudeData | WholePlotData, 
             f"one of {first.path} and {path} is simulated, the other is not: they cannot be judged together"
         )
     after_s = genesis.utc_s - first.began_utc_s
+    if path.resolve() == first.path.resolve():
+        raise UsageError(f"{path} is the run that was traced: what confirms an effect has to come after it")
     if after_s <= 0:
-        raise UsageError(f"{path} began before {first.path}: what confirms an effect has to come after it")
+        dry = "; a dry run begins at its world's epoch: give the world of the later one a later `epoch`"
+        raise UsageError(
+            f"{path} began at the time of {first.path} or before it: what confirms an effect has to come after it"
+            f"{dry if first.dry else ''}"
+        )
     data = attitude_data(table) if isinstance(first.traced, AttitudeTraced) else whole_plot_data(table)
     return data, after_s

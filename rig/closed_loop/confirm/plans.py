@@ -11,7 +11,7 @@ import numpy as np
 from fitter import AttitudeData
 from fitter.attitude import mounting_matrix
 from fitter.whole_plot_data import WholePlotData
-from procedures import PitchRollProcedure, Procedure, RunList, WholePlotProcedure
+from procedures import PitchRollProcedure, Procedure, RunList
 from procedures.separating import Variation
 from rig.closed_loop import AttitudeTraced
 from rig.closed_loop.confirm.first import First
@@ -116,9 +116,7 @@ def _whole_plot_s(data: WholePlotData) -> tuple[float, float]:
 
 def procedure_text(procedure: Procedure) -> str:
     """A procedure as its file."""
-    values = procedure.model_dump(mode="json", exclude_defaults=True, exclude_none=True)
-    kind = "whole-plot" if isinstance(procedure, WholePlotProcedure) else "pitch-roll"
-    return toml_text({"kind": kind, **values})
+    return toml_text(procedure.model_dump(mode="json", exclude_none=True))
 
 
 def plan_for(

@@ -44,11 +44,21 @@ class Proposal:
         return min((s.least for s in self.separations), default=float("inf"))
 
     @property
-    def parts(self) -> tuple[float | None, float | None]:
-        """Expected separation of the nearest pair of look-alikes, None without any, and of the weakest from nothing."""
-        every = [(pair, v) for s in self.separations for pair, v in s.sigmas.items()]
-        alike = min((v for (_, other), v in every if other != NOTHING), default=None)
-        return alike, min((v for (_, other), v in every if other == NOTHING), default=None)
+    def parted(self) -> tuple[int, int]:
+        """How many pairs of look-alikes it would part, and how many there are."""
+        alike = [v for s in self.separations for (_, other), v in s.sigmas.items() if other != NOTHING]
+        return sum(v >= ENOUGH for v in alike), len(alike)
+
+    @property
+    def nearest(self) -> float | None:
+        """Expected separation of the nearest pair of look-alikes that it parts, in standard errors; None without."""
+        every = (v for s in self.separations for (_, other), v in s.sigmas.items() if other != NOTHING)
+        return min((v for v in every if v >= ENOUGH), default=None)
+
+    @property
+    def shown(self) -> float:
+        """Expected separation from nothing of the explanation that would show least."""
+        return min(v for s in self.separations for (_, other), v in s.sigmas.items() if other == NOTHING)
 
     @property
     def open_pairs(self) -> tuple[tuple[str, str], ...]:
