@@ -1,10 +1,12 @@
 """Columns of the effects that are looked for in tables: powers, kinks, waves, directions.
 
 Each function gives the terms of one kind of effect; a constant that is searched gives a term for each of its values.
+Constants are rounded to what their label shows, so that a label reckoned literally gives the column.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -20,6 +22,7 @@ HARMONICS = 12
 MOVES_WITH = 0.9
 """Correlation with the velocity told from which a setting's rate is one."""
 FEWEST_FOR_KNOT, FEWEST_FOR_WAVE = 10, 24
+_ONE_WORD = re.compile(r"[\w.]+(\([^()]*\))?")
 
 Terms = Sequence[TableTerm]
 
@@ -47,7 +50,7 @@ def linear(scene: TableScene, name: str) -> Terms:
     v = scene.of(name)
     if np.ptp(v) == 0.0:
         return ()
-    return (TableTerm((name,), (v - middle(v))[:, None]),)
+    return (TableTerm((less(name, middle(v)),), (v - middle(v))[:, None]),)
 
 
 def product(scene: TableScene, first: str, second: str) -> Terms:
@@ -75,7 +78,7 @@ def square_root(scene: TableScene, name: str) -> Terms:
 def reciprocal(scene: TableScene, name: str) -> Terms:
     """1/v, where all values are positive and span a factor of three."""
     v = scene.of(name)
-    return (TableTerm((f"1/{name}",), (1.0 / v)[:, None]),) if _spans(v) else ()
+    return (TableTerm((f"1/{whole(name)}",), (1.0 / v)[:, None]),) if _spans(v) else ()
 
 
 def saturation(scene: TableScene, name: str) -> Terms:
@@ -83,14 +86,17 @@ def saturation(scene: TableScene, name: str) -> Terms:
     v = scene.of(name)
     if len(np.unique(v)) < FEWEST_FOR_KNOT:
         return ()
-    low, high, span = float(v.min()), float(v.max()), float(np.ptp(v))
+    span = float(np.ptp(v))
+    low, high = rounded(float(v.min()), span), rounded(float(v.max()), span)
     scales = np.geomspace(0.06, 0.6, DECAYS) * span
 
     def rising(s: float) -> TableTerm:
-        return TableTerm((f"exp(-({name} - {low:.6g})/{s:.4g})",), np.exp(-(v - low) / s)[:, None])
+        s = rounded(s, s)
+        return TableTerm((f"exp(-({less(name, low)})/{s:.15g})",), np.exp(-(v - low) / s)[:, None])
 
     def falling(s: float) -> TableTerm:
-        return TableTerm((f"exp(-({high:.6g} - {name})/{s:.4g})",), np.exp(-(high - v) / s)[:, None])
+        s = rounded(s, s)
+        return TableTerm((f"exp(-({high:.15g} - {whole(name)})/{s:.15g})",), np.exp(-(high - v) / s)[:, None])
 
     return [*searched(scales, rising, log=True), *searched(scales, falling, log=True)]
 
@@ -106,7 +112,8 @@ def kink(scene: TableScene, name: str) -> Terms:
     knots = np.array([k for k in np.unique(np.interp(wanted, np.arange(len(inner)), inner)) if _both_sides(v, k)])
 
     def at(k: float) -> TableTerm:
-        return TableTerm((f"max({name} - {k:.6g}, 0)",), np.maximum(v - k, 0.0)[:, None])
+        k = rounded(k, float(np.ptp(v)))
+        return TableTerm((f"max({less(name, k)}, 0)",), np.maximum(v - k, 0.0)[:, None])
 
     return searched(knots, at)
 
@@ -120,9 +127,12 @@ def wave(scene: TableScene, name: str) -> Terms:
     span, most = float(np.ptp(v)), min(CYCLES_MOST, int(distinct / PER_CYCLE))
     cycles = np.arange(OVERSAMPLED, most * OVERSAMPLED + 1) / OVERSAMPLED
 
+    start = rounded(float(v.min()), span)
+
     def at(c: float) -> TableTerm:
-        phase = 2.0 * np.pi * c * (v - v.min()) / span
-        text = f"2 pi {power_text(name, float(v.min()), 1)} / {span / c:.5g}"
+        period = rounded(span / c, span / c)
+        phase = 2.0 * np.pi * (v - start) / period
+        text = f"2 pi {power_text(name, start, 1)} / {period:.15g}"
         return TableTerm((f"sin({text})", f"cos({text})"), np.column_stack([np.sin(phase), np.cos(phase)]))
 
     return searched(cycles, at)
@@ -169,7 +179,8 @@ def side_times(scene: TableScene, name: str, variable: str) -> Terms:
     if scene.direction is None:
         return ()
     v = scene.of(variable)
-    return (TableTerm((f"{name} * {variable}",), (scene.direction[1] * (v - origin(v)))[:, None]),)
+    text = f"{name} * {power_text(variable, origin(v), 1)}"
+    return (TableTerm((text,), (scene.direction[1] * (v - origin(v)))[:, None]),)
 
 
 def loop(scene: TableScene, name: str, variable: str) -> Terms:
@@ -177,8 +188,9 @@ def loop(scene: TableScene, name: str, variable: str) -> Terms:
     if scene.direction is None:
         return ()
     v = scene.of(variable)
-    u = (v - middle(v)) / (0.5 * np.ptp(v))
-    text = f"{name} * (1 - ((({variable}) - {middle(v):.6g})/{0.5 * np.ptp(v):.6g})^2)"
+    half = rounded(0.5 * float(np.ptp(v)), float(np.ptp(v)))
+    u = (v - middle(v)) / half
+    text = f"{name} * (1 - (({less(variable, middle(v))})/{half:.15g})^2)"
     return (TableTerm((text,), (scene.direction[1] * (1.0 - u**2))[:, None]),)
 
 
@@ -203,8 +215,27 @@ def _both_sides(v: FloatArray, knot: float) -> bool:
 
 
 def middle(v: FloatArray) -> float:
-    """Of a variable's range."""
-    return float(0.5 * (v.min() + v.max()))
+    """Of a variable's range, to about a thousandth of it."""
+    return rounded(float(0.5 * (v.min() + v.max())), float(np.ptp(v)), 3)
+
+
+def rounded(value: float, span: float, places: int = 5) -> float:
+    """A number to so many decimal places of the power of ten that a span reaches; as it is for a span of zero."""
+    if not span > 0.0:
+        return value
+    return round(value, places - int(np.floor(np.log10(span))))
+
+
+def whole(name: str) -> str:
+    """A variable as a factor in a formula, in parentheses where it is a formula itself."""
+    return name if _ONE_WORD.fullmatch(name) else f"({name})"
+
+
+def less(name: str, centre: float) -> str:
+    """A variable from a centre, as a formula."""
+    if centre == 0.0:
+        return name
+    return f"{name} {'-' if centre > 0.0 else '+'} {abs(centre):.15g}"
 
 
 def origin(v: FloatArray) -> float:
@@ -214,7 +245,7 @@ def origin(v: FloatArray) -> float:
 
 def power_text(name: str, centre: float, order: int) -> str:
     """A power of a variable from a centre, as a formula."""
-    base = name if centre == 0.0 else f"({name} - {centre:.6g})"
+    base = whole(name) if centre == 0.0 else f"({less(name, centre)})"
     return base if order == 1 else f"{base}^{order}"
 
 

@@ -6,7 +6,7 @@ from itertools import combinations
 
 import numpy as np
 
-from fitter.effects.tables_columns import Terms, origin
+from fitter.effects.tables_columns import Terms, origin, power_text
 from fitter.effects.tables_scene import TableScene, TableTerm
 
 
@@ -23,7 +23,8 @@ def gains(scene: TableScene, group: str, variable: str) -> Terms:
     g, v = scene.groups[group], scene.of(variable)
     if not 1 < len(g.levels) <= len(g.index) // 3 or np.ptp(v) == 0.0:
         return ()
-    labels = tuple(f"C({group})[{level}]:{variable}" for level in g.levels[1:])
+    over = power_text(variable, origin(v), 1)
+    labels = tuple(f"C({group})[{level}]:{over}" for level in g.levels[1:])
     return (TableTerm(labels, g.indicators[:, 1:] * (v - origin(v))[:, None]),)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from fitter.arrays import FloatArray
-from fitter.effects.tables_columns import FEWEST_FOR_KNOT, Terms, middle, power_text, searched
+from fitter.effects.tables_columns import FEWEST_FOR_KNOT, Terms, less, middle, rounded, searched, whole
 from fitter.effects.tables_scene import CYCLES, TableScene, TableTerm
 
 STEPS, LAGS, SETTLINGS = 60, 10, 12
@@ -25,7 +25,7 @@ def cycle(which: str) -> Callable[[TableScene, str], Terms]:
         if np.median(np.diff(np.unique(time.values))) > period / 3.0:
             return ()
         phase = 2.0 * np.pi * time.values / period
-        text = f"2 pi {name} / {period:.6g}"
+        text = f"2 pi {whole(name)} / {period:.15g}"
         return (TableTerm((f"sin({text})", f"cos({text})"), np.column_stack([np.sin(phase), np.cos(phase)])),)
 
     return terms
@@ -37,7 +37,7 @@ def warm_up(scene: TableScene, name: str) -> Terms:
     def column(since: FloatArray, tau: float) -> FloatArray:
         return np.exp(-since / tau)
 
-    return _settling(scene, name, "exp(-({since})/{tau:.4g})", column, 0.5)
+    return _settling(scene, name, "exp(-({since})/{tau:.15g})", column, 0.5)
 
 
 def ageing(scene: TableScene, name: str) -> Terms:
@@ -46,7 +46,7 @@ def ageing(scene: TableScene, name: str) -> Terms:
     def column(since: FloatArray, tau: float) -> FloatArray:
         return np.log1p(since / tau)
 
-    return _settling(scene, name, "log(1 + ({since})/{tau:.4g})", column, 1.0)
+    return _settling(scene, name, "log(1 + ({since})/{tau:.15g})", column, 1.0)
 
 
 def _settling(
@@ -56,11 +56,16 @@ def _settling(
     v = scene.of(name)
     if len(np.unique(v)) < FEWEST_FOR_KNOT:
         return ()
-    since, span = v - v.min(), float(np.ptp(v))
+    span = float(np.ptp(v))
+    start = rounded(float(v.min()), span)
+    if start > v.min():  # never before the start: log(1 + t/tau)
+        start = rounded(start - 10.0 ** (np.floor(np.log10(span)) - 5), span)
+    since = v - start
     shortest = min(2.0 * span / len(v), 0.1 * span)
-    formula = power_text(name, float(v.min()), 1)
+    formula = less(name, start)
 
     def at(tau: float) -> TableTerm:
+        tau = rounded(tau, tau)
         return TableTerm((text.format(since=formula, tau=tau),), column(since, tau)[:, None])
 
     return searched(np.geomspace(shortest, longest * span, SETTLINGS), at, log=True)
@@ -76,7 +81,8 @@ def step(scene: TableScene, name: str) -> Terms:
     dates = 0.5 * (v[positions - 1] + v[positions])
 
     def at(date: float) -> TableTerm:
-        return TableTerm((f"({name} > {date:.6g})",), np.asarray(v > date, np.float64)[:, None])
+        date = rounded(date, float(np.ptp(v)), 6)
+        return TableTerm((f"({name} > {date:.15g})",), np.asarray(v > date, np.float64)[:, None])
 
     return searched(dates, at)
 
@@ -93,7 +99,8 @@ def lag(scene: TableScene, name: str) -> Terms:
     constants = np.geomspace(0.5 * float(np.median(gap[gap > 0])), float(np.ptp(t)) / 3.0, LAGS)
 
     def at(tau: float) -> TableTerm:
-        return TableTerm((f"lag({name}, {tau:.4g})",), lagging(v - middle(v), gap, tau)[:, None])
+        tau = rounded(tau, tau)
+        return TableTerm((f"lag({less(name, middle(v))}, {tau:.15g})",), lagging(v - middle(v), gap, tau)[:, None])
 
     return searched(constants, at, log=True)
 
@@ -104,7 +111,7 @@ def previous(scene: TableScene, name: str) -> Terms:
     if scene.time is None:
         return ()
     before = np.concatenate([v[:1], v[:-1]])
-    return (TableTerm((f"previous({name}) - {name}",), (before - v)[:, None]),)
+    return (TableTerm((f"previous({name}) - {whole(name)}",), (before - v)[:, None]),)
 
 
 def lagging(v: FloatArray, gap: FloatArray, tau: float) -> FloatArray:

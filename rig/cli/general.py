@@ -100,7 +100,7 @@ def show_general_trace(result: Mapping[str, Any]) -> None:
             ("sigma_wholeplot", "between whole plots"),
             ("cv_rms", "left-out error"),
         ):
-            if found["before"][key] is not None:
+            if found["before"][key] is not None or found["after"][key] is not None:
                 table.add_row(label, *(number(found[side][key], 4) for side in ("before", "after")))
         out.print(table)
         for effect in found["effects"]:

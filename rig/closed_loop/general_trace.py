@@ -11,7 +11,7 @@ import numpy as np
 from fitter.quantiles import t_limit
 from fitter.trace.tables import TableTrace, trace_general
 from rig.closed_loop.certificate import Change, with_words
-from rig.closed_loop.roles import Roles, read_roles
+from rig.closed_loop.roles import Roles, parts_played, read_roles
 from rig.errors import UsageError
 from rig.report.words import percent
 from rig.tables import Table
@@ -26,6 +26,7 @@ class GeneralTraced:
         roles: what the user said of its columns.
         trace: what was found.
         taken: sentences about what was taken for what.
+        parts: the same by part, ready for JSON.
 
     """
 
@@ -33,10 +34,12 @@ class GeneralTraced:
     roles: Roles
     trace: TableTrace
     taken: tuple[str, ...]
+    parts: dict[str, Any]
 
     def to_json(self) -> dict[str, Any]:
         """What `rig trace --json` prints."""
         found: dict[str, Any] = self.trace.to_json()
+        found["roles"] = self.parts
         found["notes"] = [*self.taken, *self.trace.notes]
         found["sentence"] = general_sentence(self.trace)
         found["effects"] = [_worded(self.trace, effect, self._df(effect)) for effect in found["effects"]]
@@ -81,7 +84,7 @@ def trace_general_table(path: Path, roles: Roles) -> GeneralTraced:
     """
     table, data, taken = read_roles(path, roles)
     try:
-        return GeneralTraced(table, roles, trace_general(data), taken)
+        return GeneralTraced(table, roles, trace_general(data), taken, parts_played(data))
     except ValueError as error:
         raise UsageError(f"{path}: {error}") from error
 

@@ -82,7 +82,10 @@ def roles_of(table: Table, roles: Roles) -> tuple[TableData, tuple[str, ...]]:
 def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> tuple[TableData, tuple[str, ...]]:
     missing = [name for name in roles.ignore if name not in {**table.columns, **table.text}]
     if missing:
-        raise ValueError(f"--ignore: there is no column {missing[0]!r} without gaps; leave it away")
+        raise ValueError(
+            f"--ignore: there is no column {missing[0]!r} without gaps; the table has "
+            f"{', '.join([*table.columns, *table.text])}"
+        )
     notes: list[str] = []
     free = _free(table, roles, (*formula.names, *response.names))
     given = _subtracted(response)
@@ -122,6 +125,7 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
         direction=_direction(roles, parts.settings, columns),
         speed=_speed(roles, parts.settings, columns),
     )
+    notes.extend(_not_looked_at(table, roles, (*formula.names, *response.names)))
     shared = roles.whole_plot or ((roles.replicate,) if roles.replicate else ())
     hi, lo = exact.hi, exact.lo
     if roles.whole_plot and roles.replicate:
@@ -160,6 +164,30 @@ def _free(table: Table, roles: Roles, used: Sequence[str]) -> list[str]:
         return [name for name in roles.candidates if name not in used]
     taken = {*used, *roles.named, *roles.ignore}
     return [name for name in table.columns if name not in taken]
+
+
+def _not_looked_at(table: Table, roles: Roles, used: Sequence[str]) -> list[str]:
+    """A sentence about each column of text that plays no part and differs between rows."""
+    told = {*used, *roles.named, *roles.ignore}
+    found = []
+    for name in () if roles.candidates is not None else table.text:
+        count = len(np.unique(table.text[name]))
+        if name not in told and count > 1:
+            group = f"; --group {name}" if 2 * count <= len(table) else ", and hardly repeats"
+            found.append(f"{name} holds text and was not looked at{group}")
+    return found
+
+
+def parts_played(data: TableData) -> dict[str, Any]:
+    """What each column was taken for, ready for JSON."""
+    scene = data.scene
+    return {
+        "settings": list(scene.settings),
+        "covariates": list(scene.covariates),
+        "groups": list(scene.groups),
+        "time": None if scene.time is None else scene.time.name,
+        "direction": None if scene.direction is None else scene.direction[0],
+    }
 
 
 def _settings(formula: Formula, columns: Mapping[str, Any]) -> dict[str, FloatArray]:

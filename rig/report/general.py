@@ -16,7 +16,11 @@ if TYPE_CHECKING:
 
 _ROWS = (
     ("sigma_E", "standard error of one row", "of least squares, every row counted alike"),
-    ("sigma_pure", "of rows that repeat one setting", "what no model of the settings can go below"),
+    (
+        "sigma_pure",
+        "of rows that repeat one setting",
+        "no model of the settings can go below it; after: what the effects make of them taken out",
+    ),
     ("sigma_subplot", "within whole plots", "by restricted maximum likelihood"),
     ("sigma_wholeplot", "between whole plots", "of the error that rows of a whole plot share"),
     ("cv_rms", "left-out error", "rms error at rows that neither search nor fit have seen"),
@@ -44,7 +48,7 @@ def general_report(traced: GeneralTraced) -> str:
             "rows": [
                 {"label": label, "before": _number(before[key]), "after": _number(after[key]), "meaning": meaning}
                 for key, label, meaning in _ROWS
-                if before[key] is not None
+                if before[key] is not None or after[key] is not None
             ],
             "effects": [_effect(effect) for effect in found["effects"]],
             "unnamed": unnamed(found),
@@ -70,11 +74,11 @@ def _plots(traced: GeneralTraced) -> list[dict[str, Any]]:
     trace = traced.trace
     wanted = dict.fromkeys(effect.against for effect in trace.added if effect.against in trace.variables)
     shown = list(wanted or trace.variables)[:_PLOTS]
-    left = trace.y - trace.before.fit.fitted, trace.y - trace.after.fit.fitted
+    left = trace.before.fit.left, trace.after.fit.left
     return [
         {
             "alt": f"residuals of {trace.response} over {name}, before and after",
-            "png": residuals_over(name, trace.variables[name], left, trace.response),
+            "png": residuals_over(name, trace.variables[name], left, trace.response, trace.levels.get(name)),
         }
         for name in shown
     ]

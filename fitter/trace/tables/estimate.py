@@ -21,6 +21,7 @@ class Estimate:
         coefficients: (k + d,) of the declared columns, then of the effects' columns.
         stderr: (k + d,) theirs; NaN where the rows do not determine them.
         fitted: (n,) response it gives.
+        left: (n,) residuals of ordinary least squares of the same columns, whose standard error is `sigma_E`.
         sigma_E: standard error of one row, units of the response, each row counted alike.
         df: degrees of freedom of that.
 
@@ -31,6 +32,7 @@ class Estimate:
     coefficients: FloatArray
     stderr: FloatArray
     fitted: FloatArray
+    left: FloatArray
     sigma_E: float
     df: int
 
@@ -61,7 +63,7 @@ def estimate(judge: TableJudge, chosen: tuple[int, ...], tails: FloatArray | Non
     left = problem.y - basis @ (basis.T @ problem.y)
     df = problem.n - basis.shape[1]
     sigma = float(np.sqrt(left @ left / df)) if df > 0 else float("nan")
-    return Estimate(chosen, at, coefficients, stderr, model @ coefficients, sigma, df)
+    return Estimate(chosen, at, coefficients, stderr, model @ coefficients, left, sigma, df)
 
 
 def _solved(model: FloatArray, y: FloatArray, tails: FloatArray | None) -> tuple[FloatArray, FloatArray] | None:

@@ -9,6 +9,7 @@ import numpy as np
 from scipy import special
 
 from fitter.arrays import FloatArray, IntArray
+from fitter.linear import orthonormal
 from fitter.quantiles import f_tail
 from fitter.trace.tables.judge import TableJudge
 from fitter.trace.tables.noise import Wandering
@@ -23,16 +24,28 @@ ORDERS = (3, 6, 12)
 BINS, FEWEST_IN_BIN = 8, 4
 
 
-def pure_error(y: FloatArray, points: IntArray | None) -> tuple[float, int] | None:
-    """Standard deviation of rows that repeat one setting, and its degrees of freedom; None where none do."""
+def pure_error(y: FloatArray, points: IntArray | None, effects: FloatArray) -> float | None:
+    """Standard deviation of rows that repeat one setting; None where none do.
+
+    Args:
+        y: (n,) response.
+        points: (n,) setting of each row; None where nothing is set.
+        effects: (n, d) columns of effects in which rows of one setting may differ all the same; they are fitted first.
+
+    """
     if points is None:
         return None
-    count = np.bincount(points)
-    df = len(y) - int(np.sum(count > 0))
+    count = np.maximum(np.bincount(points), 1)[:, None]
+    both = np.column_stack([y, effects])
+    sums = np.zeros((len(count), both.shape[1]))
+    np.add.at(sums, points, both)
+    within = both - (sums / count)[points]
+    basis = orthonormal(within[:, 1:], np.linalg.norm(effects, axis=0), NOTHING_LEFT)
+    df = len(y) - len(np.unique(points)) - basis.shape[1]
     if df < 1:
         return None
-    means = np.bincount(points, y) / np.maximum(count, 1)
-    return float(np.sqrt(np.sum((y - means[points]) ** 2) / df)), df
+    left = within[:, 0] - basis @ (basis.T @ within[:, 0])
+    return float(np.sqrt(left @ left / df))
 
 
 def unnamed(judge: TableJudge, chosen: tuple[int, ...], variables: Mapping[str, FloatArray]) -> tuple[Smooth, ...]:

@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from fitter.arrays import FloatArray
+from fitter.effects.tables_kind import TableEffect
+from fitter.effects.tables_of_others import GROUP_GAIN, GROUP_OFFSET
 from fitter.linear import orthonormal
 from fitter.split_plot import fit_split_plot
 from fitter.trace.aliases import DELTA
@@ -34,7 +36,7 @@ def trace_general(data: TableData) -> TableTrace:
     judge, chosen = found.judge, found.chosen
     before, after = estimate(judge, (), data.tails), estimate(judge, chosen, data.tails)
     crossed = left_out(problem_of(data), judge, chosen)
-    pure = pure_error(data.y, data.points)
+    pure = [pure_error(data.y, data.points, judge.problem.of(terms)) for terms in ((), chosen)]
     effects = [_effect(judge, after, name, data) for name in names_of(judge.candidates, chosen)]
     effects.sort(key=lambda effect: -effect.share)
     left = 1.0 if not effects else float(after.sigma_E**2 * after.df / (before.sigma_E**2 * before.df))
@@ -46,13 +48,14 @@ def trace_general(data: TableData) -> TableTrace:
         declared=data.formula,
         names=data.names,
         verdict=verdict(bool(effects), any(r.stratum != "noise" for r in rest)),
-        before=TableSide(before, cv[0], pure and pure[0], _shared(data, judge, ())),
-        after=TableSide(after, cv[1], pure and pure[0], _shared(data, judge, chosen)),
+        before=TableSide(before, cv[0], pure[0], _shared(data, judge, ())),
+        after=TableSide(after, cv[1], pure[1], _shared(data, judge, chosen)),
         effects=(*effects, *noise),
         unnamed=rest,
         remarks=_remarks(found),
         y=data.y,
         variables=_variables(data) | _others(data),
+        levels={name: g.levels for name, g in data.scene.groups.items()},
         left_out=None if crossed is None else crossed[1],
     )
 
@@ -102,7 +105,7 @@ def _effect(judge: TableJudge, after: Estimate, name: str, data: TableData) -> F
         coefficients=tuple(values.tolist()),
         stderr=tuple(errors.tolist()),
         unit=effect.unit,
-        size=f"{np.sqrt(np.mean(own**2)):.3g} rms, {np.ptp(own):.3g} from end to end, in units of {data.response}",
+        size=_size(own, values, effect, data.response),
         p_adjusted=p,
         p_adjusted_is_bound=judge.is_bound(p),
         share=_share(judge, chosen, mine),
@@ -114,6 +117,17 @@ def _effect(judge: TableJudge, after: Estimate, name: str, data: TableData) -> F
         columns=effect.columns,
         contribution=own,
     )
+
+
+def _size(own: FloatArray, values: FloatArray, effect: TableEffect, response: str) -> str:
+    """How large an effect is beside the declared model; of levels of a group how far their coefficients differ."""
+    rms, ends = f"{np.sqrt(np.mean(own**2)):.3g} rms", f"{np.ptp(own):.3g} from end to end, in units of {response}"
+    apart = np.ptp(np.concatenate([[0.0], values]))
+    if effect.kind is GROUP_OFFSET:
+        return f"{rms}, levels up to {apart:.3g} apart, in units of {response}"
+    if effect.kind is GROUP_GAIN:
+        return f"{rms}, {ends}; slopes up to {apart:.3g} {effect.unit} apart"
+    return f"{rms}, {ends}"
 
 
 def _spans(declared: int, judge: TableJudge, chosen: tuple[int, ...]) -> dict[int, range]:

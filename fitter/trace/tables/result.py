@@ -51,7 +51,7 @@ class TableSide:
     Attributes:
         fit: of the model.
         cv_rms: rms error on rows left out of search and fit; None where too few would be left.
-        sigma_pure: of rows that repeat one setting; None where none do.
+        sigma_pure: of rows that repeat one setting, what the effects make of them taken out; None where none do.
         shared: standard deviations within and between whole plots, where the declared model has them.
 
     """
@@ -93,6 +93,7 @@ class TableTrace:
         unnamed: what remains, if it is more than error.
         remarks: about the noise and how the error was measured.
         variables: (n,) columns to plot residuals against, by name.
+        levels: of those among them that are groups, whose values count them from zero.
         left_out: what was left out together for `cv_rms`.
 
     """
@@ -108,6 +109,7 @@ class TableTrace:
     remarks: tuple[str, ...]
     y: FloatArray
     variables: Mapping[str, FloatArray]
+    levels: Mapping[str, tuple[str, ...]]
     left_out: str | None
 
     @property

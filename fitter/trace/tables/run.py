@@ -9,7 +9,8 @@ import numpy as np
 from fitter.arrays import FloatArray, IntArray
 from fitter.effects.tables_scene import TableScene
 from fitter.linear import orthonormal
-from fitter.trace.search import prune, search_and_name
+from fitter.trace.family import ALPHA
+from fitter.trace.search import names_of, prune, search_and_name
 from fitter.trace.tables.judge import TableJudge
 from fitter.trace.tables.noise import Independent, Noise, Wandering
 from fitter.trace.tables.problem import Problem, candidates_of
@@ -18,6 +19,10 @@ from fitter.trace.tables.shared import Shared
 from fitter.trace.tables.spread import Growth, growth_of
 
 ROUNDS = 3
+ORDERS = ("second-order", "third-order", "fourth-order", "fifth-order")
+"""Kinds that lead their alias class as its simplest even if they just miss standing out by themselves."""
+JUST = 2.0
+"""Up to so many times the limit of the probability; another of the class is below it."""
 FEWEST_FOR_WANDER = 10
 
 
@@ -123,7 +128,22 @@ def look(judge: TableJudge, data: TableData, rows: IntArray | None = None) -> Fo
         if set(again) == set(chosen) and settled:
             break
         chosen = again
-    return Found(judge, chosen, growth)
+    return Found(judge, _simplest_orders(judge, chosen), growth)
+
+
+def _simplest_orders(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[int, ...]:
+    """`chosen` with the lead of each alias class that is a power of a setting and just fails to stand out by itself."""
+    for name in names_of(judge.candidates, chosen):
+        mine = [j for j in chosen if judge.candidates[j].effect.name == name]
+        first = judge.lead(judge.rivals(chosen, name))
+        kind = judge.candidates[first.terms[0]].effect.kind.name
+        if first.effect == name or kind not in ORDERS or judge.candidates[mine[0]].effect.source != "setting":
+            continue
+        trial = tuple(j for j in chosen if j not in mine) + first.terms
+        limit = [ALPHA * (JUST if j in first.terms else 1.0) for j in trial]
+        if all(judge.p_adjusted(trial, j) <= most for j, most in zip(trial, limit, strict=True)):
+            chosen = trial
+    return chosen
 
 
 def _growth(judge: TableJudge, chosen: tuple[int, ...], data: TableData, rows: IntArray | None) -> Growth | None:
