@@ -15,7 +15,7 @@ from fitter.formula import Formula
 from fitter.linear import orthonormal
 from fitter.trace.aliases import Rival
 from fitter.trace.result import Unnamed, verdict
-from fitter.trace.search import names_of
+from fitter.trace.whole_plots.agreement import classes
 from fitter.trace.whole_plots.estimate import Estimate, residual_of
 from fitter.trace.whole_plots.judge import WholePlotJudge
 from fitter.trace.whole_plots.noise_report import noise_findings
@@ -75,8 +75,7 @@ class Finding:
     @cached_property
     def classes(self) -> dict[str, tuple[Rival, ...]]:
         """Every explanation of each effect found."""
-        chosen = self.after.chosen
-        return {name: self.judge.rivals(chosen, name) for name in names_of(self.judge.candidates, chosen)}
+        return classes(self.judge, self.after.chosen)
 
 
 def transducer(finding: Finding, i: int) -> TransducerTrace:

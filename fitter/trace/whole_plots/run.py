@@ -13,13 +13,14 @@ from fitter.linear import RankError
 from fitter.pressure.models import HIERARCHICAL, check_determined, named_formula
 from fitter.split_plot import SplitPlotDesign
 from fitter.trace.result import explanations_of
+from fitter.trace.whole_plots.agreement import named
 from fitter.trace.whole_plots.estimate import coefficients_of, contributed, estimate
 from fitter.trace.whole_plots.judge import WholePlotJudge
 from fitter.trace.whole_plots.null import Families
 from fitter.trace.whole_plots.problem import Problem, pose
 from fitter.trace.whole_plots.report import Finding, transducer
 from fitter.trace.whole_plots.result import WholePlotTrace
-from fitter.trace.whole_plots.settle import named, settle
+from fitter.trace.whole_plots.settle import settle
 from fitter.whole_plot_data import WholePlotData
 
 SEED = 20260115

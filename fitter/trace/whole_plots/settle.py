@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
-from fitter.trace.search import prune, search_and_name
+from fitter.trace.search import prune
+from fitter.trace.whole_plots.agreement import named
 from fitter.trace.whole_plots.judge import WholePlotJudge
 from fitter.trace.whole_plots.memory import SEEMS, Memory, memories
 from fitter.trace.whole_plots.noise import Noise
@@ -97,11 +98,6 @@ def settle(pressure_psia: FloatArray, whole: Problem, seed: int) -> Settled:
         chosen = named(judge, prune(judge, chosen))
     kept = np.setdiff1d(np.arange(whole.outputs.shape[1]), held.aside.rows)
     return Settled(held.problem, families, chosen, replace(look, aside=held.aside, grows=held.grows), kept)
-
-
-def named(judge: WholePlotJudge, chosen: tuple[int, ...] = ()) -> tuple[int, ...]:
-    """The candidates that belong in the model, from those `chosen` on, by the names they are to have."""
-    return search_and_name(judge, chosen, judge.lead)[1]
 
 
 def _look(pressure_psia: FloatArray, whole: Problem, chosen: tuple[int, ...], held: Look) -> Look:
