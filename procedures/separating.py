@@ -10,8 +10,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
+from fitter.attitude import mounting_matrix
 from procedures.designs import uniform
-from procedures.pitch_roll import DesignSettings, PitchRollProcedure
+from procedures.pitch_roll import DesignSettings, MountingSettings, PitchRollProcedure
 from procedures.whole_plot import WholePlotProcedure
 
 LEAST_PITCH, LEAST_ROLL = 9, 5
@@ -88,8 +91,7 @@ def _all(first: PitchRollProcedure, limits: Limits, *, chamber: bool) -> Iterato
                 at = first.model_copy(update={"environment": environment})
                 yield from _sizes(f"with the enclosure at {setpoint:g} degC", at, warmer_degC=by)
     for axis, turn, words in _TURNS:
-        key = f"{axis}_deg"
-        mounting = first.mounting.model_copy(update={key: _turned(getattr(first.mounting, key), turn)})
+        mounting = _turned(first.mounting, axis, turn)
         turned = first.model_copy(update={"mounting": mounting})
         yield from _sizes(f"with the package turned {words}", turned, turned=True)
         if _rolls(design) == 1:
@@ -175,10 +177,23 @@ def _rolls(design: DesignSettings) -> int:
     return len(design.build().roll_deg)
 
 
-def _turned(angle: float, by: float) -> float:
-    """In (-180, 180]."""
-    turned = (angle + by) % 360.0
-    return turned - 360.0 if turned > 180.0 else turned
+def _turned(mounting: MountingSettings, axis: str, turn: float) -> MountingSettings:
+    """The mounting after one more turn about the package's own axis, as it then stands."""
+    before = mounting_matrix(mounting.x_deg, mounting.y_deg, mounting.z_deg)
+    m = mounting_matrix(*(turn if axis == own else 0.0 for own in "xyz")) @ before
+    y = np.arcsin(np.clip(m[2, 0], -1.0, 1.0))
+    if abs(m[2, 0]) < 1.0 - 1e-9:
+        x, z = np.arctan2(-m[2, 1], m[2, 2]), np.arctan2(-m[1, 0], m[0, 0])
+    else:  # x and z turn about one axis: all of it is put into z
+        x, z = 0.0, np.arctan2(m[0, 1], m[1, 1])
+    x_deg, y_deg, z_deg = (_half_turn(float(np.degrees(angle))) for angle in (x, y, z))
+    return MountingSettings(x_deg=x_deg, y_deg=y_deg, z_deg=z_deg)
+
+
+def _half_turn(angle: float) -> float:
+    """In (-180, 180], free of rounding."""
+    rounded = round(angle, 6) + 0.0
+    return 180.0 if rounded <= -180.0 else rounded
 
 
 def _named(name: str, what: str) -> str:

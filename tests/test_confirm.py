@@ -10,7 +10,10 @@ import numpy as np
 import pytest
 from command import rig
 
+from fitter.attitude import mounting_matrix
 from fitter.confirm import confirm, confirm_all, separation
+from procedures.pitch_roll import MountingSettings
+from procedures.separating import variations
 from rig.closed_loop.confirm import judge, open_traced, plan_for, planned, propose
 from rig.config import parse_procedure, parse_toml
 from rig.controller import plan_of, resume_run, start_run
@@ -208,3 +211,47 @@ def test_effects_are_judged_beside_what_holds_of_the_others(tmp_path: Path) -> N
     assert judged.answers[0].verdict == "replaced"
     error = judged.errors["x_V"]
     assert error.after < 1.3 * error.sigma < error.before
+
+
+def test_a_run_that_cannot_show_an_effect_does_not_confirm_it(tmp_path: Path, sagging: Path) -> None:
+    """The first observations of a further run, too few to tell; and a whole one of a world in which there is no sag."""
+    first = open_traced(sagging)
+    variation = propose(first)[0].variation
+    text = toml_text({"seed": 6})
+    for world, few in ((None, 5), (text, None)):
+        plan = plan_for(first, variation, dry=True, world=world)
+        later = run(plan, tmp_path, world_start_s=first.world_s + first.later_s)
+        data = attitude_data(run_table(later))
+        if few is not None:
+            data = data.take(np.arange(few))
+        judged = confirm_all(first.beside(data, first.later_s), first.questions)
+        assert judged.answers[0].verdict in ("not shown", "none holds", "undecided")
+
+
+def test_an_incomplete_further_run_is_not_judged(tmp_path: Path, sagging: Path) -> None:
+    first = open_traced(sagging)
+    signals, paths = Signals(), []
+
+    def stop(news) -> None:
+        signals.interrupt = "SIGTERM" if news.done >= 5 else ""
+
+    plan = plan_for(first, propose(first)[0].variation, dry=True)
+    start_run(plan, tmp_path, signals=signals, announce=paths.append, on_progress=stop,
+              world_start_s=first.world_s + first.later_s)  # fmt: skip
+    done = rig("confirm", sagging, "--by", paths[0])
+    assert done.returncode == 2
+    assert "is not complete" in done.stderr
+
+
+def test_a_turn_is_about_the_packages_own_axis_however_it_stands() -> None:
+    standing = MountingSettings(y_deg=90.0, z_deg=180.0)
+    procedure = parse_procedure((LAB / "night.toml").read_text(), "night").model_copy(update={"mounting": standing})
+    before = mounting_matrix(0.0, 90.0, 180.0)
+    turned = {v.what: v.procedure.mounting for v in variations(procedure, {}, chamber=True) if v.turned}
+    for words, turn in (
+        ("half a turn about its own x axis", (180, 0, 0)),
+        ("a quarter turn about its own y axis", (0, 90, 0)),
+    ):
+        now = next(m for what, m in turned.items() if what.endswith(words))
+        expected = mounting_matrix(*map(float, turn)) @ before
+        np.testing.assert_allclose(mounting_matrix(now.x_deg, now.y_deg, now.z_deg), expected, atol=1e-7)

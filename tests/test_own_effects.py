@@ -55,6 +55,10 @@ def test_without_a_file_the_catalogue_is_ours(monkeypatch):
         (('unit = "V"', ""), "missing or unknown: unit"),
         (('name = "draught"', 'name = "cross-axis"'), "two effects are called cross-axis"),
         (("[[effect]]", "[[effects]]"), "nothing else"),
+        (("exp(cos(pitch))*sin(3*roll)", "sin"), "not understood"),
+        (('unit = "V"', "unit = 3"), "unit is a text"),
+        (('["exp(cos(pitch))*sin(3*roll)"]', "[1]"), "a text of up to"),
+        (('["exp(cos(pitch))*sin(3*roll)"]', "[]"), "a list of formulas"),
     ],
 )
 def test_what_is_wrong_with_a_file_is_said(tmp_path, monkeypatch, change, says):
@@ -94,3 +98,11 @@ def test_an_effect_of_transducers_can_be_added_too(tmp_path, monkeypatch):
     assert effect.coefficients[0] == pytest.approx(0.03, abs=4 * effect.stderr[0])
     with pytest.raises(ValueError, match="scope is sensor or line"):
         own_effects(STICKING.replace('scope = "sensor"', 'scope = "package"'))
+
+
+@pytest.mark.parametrize("formula", ["0/0", "9**9**9**9*pitch", "(-1)**0.5*pitch", "1/(roll-roll)"])
+def test_a_column_that_is_no_number_is_refused_by_its_text(formula):
+    (effect,) = own_effects(DRAUGHT.replace("exp(cos(pitch))*sin(3*roll)", formula))
+    data, _ = simulate(Bench(), D1(180, 5, 5, replications=2), seed=1)
+    with pytest.raises(ValueError, match="effect's column"):
+        trace(data, (effect,), validate=False)

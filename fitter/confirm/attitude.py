@@ -132,8 +132,12 @@ class AttitudeTogether(Together):
 
     @property
     def slope(self) -> FloatArray:
-        """(S,) V/g."""
-        return np.array([np.linalg.norm(self.scene.axes[s]) for s in self.sensors])
+        """(S,) V/g; of a sensor that the first run, without roll, hardly saw, by the later one."""
+        out = []
+        for name, volts in zip(self.sensors, self.raw_outputs, strict=True):
+            later = np.linalg.lstsq(self._h[self.fresh], volts[self.fresh], rcond=1e-6)[0][1:]
+            out.append(max(float(np.linalg.norm(self.scene.axes[name])), float(np.linalg.norm(later))))
+        return np.array(out)
 
     @cached_property
     def declared(self) -> tuple[FloatArray, ...]:

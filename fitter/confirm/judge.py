@@ -12,13 +12,19 @@ from numpy.typing import NDArray
 from fitter.arrays import FloatArray
 from fitter.confirm.question import Hypothesis, Question
 from fitter.confirm.together import Candidates, Together, left, solve
-from fitter.effects.sizes import between
+from fitter.effects.sizes import amplitude, arcsec, between
 from fitter.linear import orthonormal
 from fitter.quantiles import f_tail, t_limit
-from fitter.trace.aliases import DELTA, PER_COLUMN
+from fitter.trace.aliases import PER_COLUMN
 
 ROUNDS = 3
 STANDS_OUT, MOST_OUTLIERS = 6.0, 0.02
+PARTED = 0.9973
+"""Of three standard errors, where the error is known."""
+MISFIT = 1.5
+"""Mean square of what is left over the error's, from which a model that certainly leaves more does not fit."""
+GOES_ON = ("time", "temperature", "interruption", "chamber")
+"""Sources of effects that go on from one run to the next."""
 CHANGED = 1e-3
 """Probability below which an explanation does not hold: its size in the later run is not that in the first."""
 
@@ -53,6 +59,10 @@ class Member:
         effect: name in the catalogue.
         sigmas: standard errors by which it falls behind the best, both runs together.
         p_changed: probability of such a difference between its sizes in the two runs if it is the cause.
+        shown: standard errors by which the later run shows it.
+        limit: standard errors that part two explanations, and one from nothing: three, or more where the error itself
+            is known with few degrees of freedom.
+        fits: whether it leaves of the later run no more than error.
         terms: names of its terms.
         coefficients: of the terms, from the later run alone: they owe nothing to the selection.
         intervals: 95 % intervals of them.
@@ -66,6 +76,9 @@ class Member:
     effect: str
     sigmas: float
     p_changed: float
+    shown: float
+    limit: float
+    fits: bool
     terms: tuple[str, ...]
     coefficients: tuple[float, ...]
     intervals: tuple[tuple[float, float], ...]
@@ -75,8 +88,8 @@ class Member:
 
     @property
     def holds(self) -> bool:
-        """Whether nothing speaks against it: not behind another, and of one size in both runs."""
-        return self.sigmas**2 <= DELTA and self.p_changed >= CHANGED
+        """Whether nothing speaks against it: not behind another, of one size in both runs, and it fits."""
+        return self.sigmas <= self.limit and self.p_changed >= CHANGED and self.fits
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,11 +118,16 @@ class Confirmation:
 
     @property
     def verdict(self) -> str:
-        """One of "confirmed", "replaced" by another member, "undecided" between several, "none holds"."""
+        """One of "confirmed", "replaced" by another member, "undecided" between several, "not shown", "none holds".
+
+        Not shown: one holds, but the later run does not tell it from nothing.
+        """
         if not self.holding:
             return "none holds"
         if len(self.holding) > 1:
             return "undecided"
+        if self.members[0].shown < self.members[0].limit:
+            return "not shown"
         return "confirmed" if self.holding == (self.effect,) else "replaced"
 
 
@@ -174,18 +192,37 @@ def confirm(both: Together, question: Question) -> Confirmation:
         kept = np.ones(both.fresh.size, np.bool_)
         kept[standing_out] = False
         both = both.only(kept)
-    rest = both.columns_of(question.rest)
+    rest = np.column_stack([both.columns_of(question.rest), nuisance(both, question)])
     columns = [both.columns_of(member.terms) for member in question.members]
     price = [
         _rss(np.column_stack([own, rest]), both.outputs) + PER_COLUMN * (own.shape[1] + _searched(member))
         for member, own in zip(question.members, columns, strict=True)
     ]
+    best = int(np.argmin(price))
+    misfit = max(_misfit(both, np.column_stack([columns[best], rest])), 1.0)
     members = [
-        _member(both, question, member, own, rest, np.sqrt(cost - min(price)))
+        _member(both, question, member, own, rest, np.sqrt((cost - price[best]) / misfit))
         for member, own, cost in zip(question.members, columns, price, strict=True)
     ]
     members.sort(key=lambda member: (not member.holds, member.sigmas, len(member.terms)))
     return Confirmation(question.effect, tuple(members), both.realigned, aside)
+
+
+def nuisance(both: Together, question: Question) -> FloatArray:
+    """(S n, q) the declared model anew in the later run, where no member is of time or temperature.
+
+    What goes on from one night to the next, undeclared, then says nothing about causes that do not.
+    """
+    lasting = all(member.terms[0].effect.source not in GOES_ON for member in question.members)
+    return both.anew if lasting and not both.realigned else np.zeros((both.outputs.size, 0))
+
+
+def _misfit(both: Together, model: FloatArray) -> float:
+    """Mean square of what a model leaves of the later run, over the error's."""
+    fresh = np.tile(both.fresh, len(both.sensors))
+    rest = left(model, both.outputs)[fresh]
+    taken = orthonormal(model[fresh]).shape[1] + sum(orthonormal(own[both.fresh]).shape[1] for own in both.declared)
+    return float(np.sum(rest**2) / max(rest.size - taken, 1))
 
 
 def _outliers(both: Together, question: Question) -> NDArray[np.int64]:
@@ -229,10 +266,13 @@ def _member(
     q, model = own.shape[1], np.column_stack([own, rest])
     together = solve(model, both.outputs)
     changed = both.columns_in(member.terms, both.fresh)
-    shifted = np.zeros((len(fresh), 0)) if both.realigned else both.shifts
+    free = both.realigned or nuisance(both, question).shape[1] > 0
+    shifted = np.zeros((len(fresh), 0)) if free else both.shifts
     wider = np.column_stack([model, changed, shifted])
     more = orthonormal(wider).shape[1] - orthonormal(model).shape[1]
-    df = both.df
+    df, (limit, fits) = both.df, _limits(both, model)
+    gone = np.column_stack([both.columns_in(member.terms, ~both.fresh), rest])
+    shown = np.sqrt(max(_rss(gone, both.outputs) - _rss(model, both.outputs), 0.0))
     gain = _rss(model, both.outputs) - _rss(wider, both.outputs)
     p = f_tail(gain / more, more, df) if more > 0 else 1.0
     alone, error = _alone(both, member, question.rest)
@@ -242,6 +282,9 @@ def _member(
         effect=member.effect,
         sigmas=float(sigmas),
         p_changed=float(p),
+        shown=float(shown),
+        limit=limit,
+        fits=fits,
         terms=tuple(term.term.name + ("" if term.sensor is None else f" ({term.sensor})") for term in member.terms),
         coefficients=tuple(alone.tolist()),
         intervals=intervals,
@@ -249,6 +292,13 @@ def _member(
         sizes=_sizes(both, member, alone, intervals),
         against=member.terms[0].effect.against,
     )
+
+
+def _limits(both: Together, model: FloatArray) -> tuple[float, bool]:
+    """Standard errors that part two explanations, and whether a model fits the later run."""
+    misfit = _misfit(both, model)
+    count = int(both.fresh.sum()) * len(both.sensors)
+    return t_limit(PARTED, both.df), misfit < MISFIT or f_tail(misfit, count, both.df) > CHANGED
 
 
 def _sizes(
@@ -261,10 +311,11 @@ def _sizes(
         if not mine or not np.all(np.isfinite(alone[mine])):
             continue
         effect = member.terms[0].effect
+        size = arcsec if len(mine) == 1 and effect.size is amplitude else effect.size  # one phase has a sign
         names = [member.terms[k].term.name for k in mine]
-        text = effect.size(dict(zip(names, alone[mine].tolist(), strict=True)), slope)
+        text = size(dict(zip(names, alone[mine].tolist(), strict=True)), slope)
         if len(mine) == 1:
-            low, high = (effect.size({names[0]: value}, slope) for value in intervals[mine[0]])
+            low, high = (size({names[0]: value}, slope) for value in intervals[mine[0]])
             text += f" ({between(low, high)})"
         out[sensor] = text
     return out
@@ -302,7 +353,8 @@ def _errors(
             return left(own, (y - model @ solve(model[~at], y[~at]))[at])
 
         rests = [left_of(outputs[i]), left_of(outputs[i] - raw[i] @ gamma)]
-        before, after = (float(np.sqrt(np.sum(r**2) / max(r.size - lost, 1))) for r in rests)
+        free = outputs[i][at].size - lost
+        before, after = (float(np.sqrt(np.sum(r**2) / free)) if free > 0 else float("nan") for r in rests)
         sigma = float(np.sqrt(np.mean(both.sigma[i][at] ** 2)))
         errors[sensor] = SensorError(before, after, sigma, float(both.slope[i]), *rests)
         start = 0

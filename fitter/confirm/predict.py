@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitter.arrays import FloatArray
+from fitter.confirm.judge import nuisance
 from fitter.confirm.question import Question
 from fitter.confirm.together import Candidates, Together, left, solve
 
@@ -43,7 +44,7 @@ def separation(both: Together, questions: Sequence[Question]) -> tuple[Separatio
     """
     first, out = both.only(~both.fresh), []
     for question in questions:
-        rest = both.columns_of(question.rest)
+        rest = np.column_stack([both.columns_of(question.rest), nuisance(both, question)])
         columns = [both.columns_of(member.terms) for member in question.members]
         models = [np.column_stack([own, rest]) for own in columns]
         true = [own @ _size(first, m.terms, question.rest) for own, m in zip(columns, question.members, strict=True)]

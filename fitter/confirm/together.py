@@ -143,6 +143,20 @@ class Together(ABC):
         fresh = np.einsum("n,ij->inj", self.fresh.astype(np.float64), np.eye(len(self.sensors)))
         return self.stacked(fresh)
 
+    @property
+    def anew(self) -> FloatArray:
+        """(S n, q) the declared model of each sensor in the later run alone."""
+        widths = [own.shape[1] for own in self.declared]
+        raw = np.zeros((len(self.sensors), self.fresh.size, sum(widths)))
+        start = 0
+        for i, own in enumerate(self.declared):
+            raw[i, :, start : start + widths[i]] = own * self.fresh[:, None]
+            start += widths[i]
+        left = self.stacked(raw)
+        whole = np.concatenate([self.weigh(i, own) for i, own in enumerate(raw)])
+        kept = np.linalg.norm(left, axis=0) > NOTHING_LEFT * np.linalg.norm(whole, axis=0)
+        return np.asarray(left[:, kept])
+
     def weigh(self, i: int, columns: FloatArray) -> FloatArray:
         """(n, q) columns of sensor `i` in units of its error, what groups have of their own weighed down."""
         weighed = columns / self.sigma[i][:, None]

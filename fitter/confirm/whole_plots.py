@@ -68,6 +68,11 @@ class WholePlotTogether(Together):
         return np.eye(self.data.whole_plots.size)[self.data.whole_plot_index]
 
     @property
+    def anew(self) -> FloatArray:
+        """(S n, 0): a transducer that stays where it is keeps its response; whole plots draw their errors anyway."""
+        return np.zeros((len(self.sensors) * len(self.data), 0))
+
+    @property
     def raw_outputs(self) -> FloatArray:
         """(S, n) mV."""
         return np.stack([self.data.outputs[s] for s in self.sensors])

@@ -81,11 +81,18 @@ def own_effects(text: str) -> tuple[Effect | PressureEffect, ...]:
     return tuple(_effect(table) for table in tables["effect"])
 
 
-def _effect(table: Mapping[str, Any]) -> Effect | PressureEffect:
+def _effect(table: Any) -> Effect | PressureEffect:
+    if not isinstance(table, Mapping):
+        raise ValueError(f"an effect is a table, [[effect]], not {table!r:.40}")
     name = table.get("name", "without a name")
     if set(table) != set(_WORDS):
         wrong = sorted(set(table) ^ set(_WORDS))
         raise ValueError(f"effect {name}: missing or unknown: {', '.join(wrong)}; it has {', '.join(_WORDS)}")
+    for field in _WORDS:
+        if field != "columns" and (not isinstance(table[field], str) or not table[field]):
+            raise ValueError(f"effect {name}: {field} is a text, not {table[field]!r:.40}")
+    if not isinstance(table["columns"], list) or not table["columns"]:
+        raise ValueError(f"effect {name}: columns is a list of formulas, not {table['columns']!r:.40}")
     of_pressure = table["stratum"] in _PRESSURE
     scopes = ("sensor", "line") if of_pressure else ("sensor", "package")
     for field, allowed in (("stratum", (*_ATTITUDE, *_PRESSURE)), ("scope", scopes)):

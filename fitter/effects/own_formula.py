@@ -12,6 +12,8 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 
+LONGEST = 500
+"""Characters of a formula; longer ones are no one's physics."""
 FUNCTIONS: Mapping[str, Callable[[Any], Any]] = {
     "sin": np.sin,
     "cos": np.cos,
@@ -51,12 +53,17 @@ class OwnFormula:
             ValueError: naming the effect and what is not understood.
 
         """
+        if not isinstance(text, str) or not 0 < len(text) <= LONGEST:
+            raise ValueError(f"effect {effect}: a column is a text of up to {LONGEST} characters, not {text!r:.40}")
         try:
             tree = ast.parse(text, mode="eval").body
         except SyntaxError as error:
             raise ValueError(f"effect {effect}: {text!r} is no formula: {error.msg}") from error
+        except (RecursionError, MemoryError, ValueError) as error:
+            raise ValueError(f"effect {effect}: {text!r:.40} is nested too deeply to be a formula") from error
+        functions = {id(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
         for node in ast.walk(tree):
-            called = isinstance(node, ast.Name) and (node.id in names or node.id in FUNCTIONS)
+            called = isinstance(node, ast.Name) and (node.id in (FUNCTIONS if id(node) in functions else names))
             number = isinstance(node, ast.Constant) and isinstance(node.value, int | float)
             call = isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in FUNCTIONS
             call = call and len(getattr(node, "args", ())) == 1 and not getattr(node, "keywords", ())
@@ -74,12 +81,20 @@ class OwnFormula:
 
     def column(self, value_of: Callable[[str], FloatArray], n: int) -> FloatArray:
         """(n,) its values, given those of the names."""
-        return np.broadcast_to(_value(self.tree, value_of), (n,)).astype(np.float64)
+        try:
+            with np.errstate(all="ignore"):
+                values = np.broadcast_to(_value(self.tree, value_of), (n,))
+        except (ArithmeticError, RecursionError) as error:
+            raise ValueError(f"an effect's column {self.text!r} cannot be reckoned: {error}") from error
+        if np.iscomplexobj(values) or not np.all(np.isfinite(values)):
+            raise ValueError(f"an effect's column {self.text!r} is not a finite number at every observation")
+        return values.astype(np.float64)
 
 
 def _value(node: ast.expr, value_of: Callable[[str], FloatArray]) -> Any:
     if isinstance(node, ast.Constant):
-        return node.value
+        assert isinstance(node.value, int | float)
+        return float(node.value)
     if isinstance(node, ast.Name):
         return value_of(node.id)
     if isinstance(node, ast.Call):

@@ -167,6 +167,8 @@ def _apart(problem: Problem, after: Estimate, mine: list[int]) -> float:
     What is constant within replications is known no better than replications agree, however many readings they hold.
     """
     data = problem.scene.data
+    if any(table.sigma_E == 0.0 for table in after.tables):
+        return 1.0
     shape = raw_columns(problem.scene, [problem.candidates[after.chosen[k]] for k in mine]) @ after.gamma[mine]
     count = data.replicates.size
     moved, expected = np.zeros(count), 0.0

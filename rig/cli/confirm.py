@@ -11,7 +11,8 @@ import typer
 from rich.markup import escape
 from rich.table import Column, Table
 
-from rig.atomic import check_not_input, write_whole
+from procedures import PitchRollProcedure
+from rig.atomic import check_not_input, check_writable, write_whole
 from rig.cli import app
 from rig.cli.run import JsonOption, RunArgument, conclude, signals
 from rig.cli.show import duration, err, headline, mark, out, print_json, run_progress
@@ -71,6 +72,7 @@ def confirm(
     check_not_input([write, report], [run_file, *filter(None, (bench, world, by))])
     if world is not None and not dry:
         raise UsageError("--world describes a simulated bench; it goes with --dry")
+    _check_options(by, write, report, only_list=only_list, take=take)
     first = open_traced(run_file, formula)
     if not as_json:
         headline(run_file.name, first.traced.table)
@@ -131,6 +133,15 @@ def confirm(
     return _show(judge(first, paths[0]), proposals, report, as_json=as_json)
 
 
+def _check_options(by: Path | None, write: Path | None, report: Path | None, *, only_list: bool, take: int) -> None:
+    if by is not None and (write is not None or only_list or take > 1):
+        raise UsageError("--by judges by a run that was made: --list, --take and --write have no place beside it")
+    if report is not None and (write is not None or only_list):
+        raise UsageError("--report shows a judgement; with --list or --write there is none")
+    for path in filter(None, (write, report)):
+        check_writable(path)
+
+
 def _check_kind(first: First, *, dry: bool, rehearsed: bool) -> None:
     if first.dry and not dry:
         raise UsageError(f"{first.path} is a dry run; the run that confirms it is one too: add --dry")
@@ -145,7 +156,13 @@ def _wait_for_mounting(chosen: Proposal, *, dry: bool, yes: bool) -> None:
     """A person turns the package; the simulated bench turns it by itself."""
     if not chosen.variation.turned or dry or yes:
         return
-    words = f"the run is {chosen.variation.what}: mount it so"
+    run = chosen.variation.procedure
+    assert isinstance(run, PitchRollProcedure)
+    at = run.mounting
+    words = (
+        f"the run is {chosen.variation.what}, as it is mounted now (then, against its usual mounting, turned by "
+        f"{at.x_deg:g} deg about x, {at.y_deg:g} about y, {at.z_deg:g} about z): mount it so"
+    )
     if not sys.stdin.isatty():
         raise UsageError(f"{words}, then give the same command with --yes; or choose another run with --take")
     typer.confirm(f"{words}, and confirm that it is", abort=True, err=True)
@@ -157,7 +174,7 @@ def _show_proposals(first: First, proposals: Sequence[Proposal], take: int, *, e
     for question in first.questions:
         alike = [m.effect for m in question.members[1:]]
         text = f"these data cannot tell it from {', '.join(alike)}" if alike else "nothing looks like it"
-        out.print(f"[bold]{question.effect}[/]: {text}", soft_wrap=True)
+        out.print(f"[bold]{escape(question.effect)}[/]: {escape(text)}", soft_wrap=True)
     table = Table("", "run", "points", "bench time", "look-alikes parted", "by", "shown by")
     shown = proposals if every else proposals[: max(take, SHOWN)]
     for number, proposal in enumerate(shown, start=1):
@@ -191,26 +208,22 @@ def _sigmas(value: float | None) -> str:
 def _show(confirmed: Confirmed, proposals: Sequence[Proposal], report: Path | None, *, as_json: bool) -> int:
     from rig.closed_loop.confirm import sentences, sizes  # noqa: PLC0415
 
-    if report is not None:
-        from rig.report.confirm import write_confirm_report  # noqa: PLC0415
-
-        write_confirm_report(report, confirmed)
-        err.print(f"report: {escape(str(report))}", soft_wrap=True)
     code = ExitCode.DONE if confirmed.settled else ExitCode.OUTSIDE_ACCEPTANCE
     if as_json:
         told = {"first": str(confirmed.first.path), "proposals": [p.to_json() for p in proposals]}
         print_json(told | confirmed.to_json())
+        _write_report(confirmed, report)
         return code
     out.print(f"\n{mark(confirmed.first.simulated)}judged by {escape(str(confirmed.path))}", soft_wrap=True)
     for answer in confirmed.answers:
-        out.print(f"\n[bold]{answer.effect}[/]: [bold]{answer.verdict}[/]")
+        out.print(f"\n[bold]{escape(answer.effect)}[/]: [bold]{answer.verdict}[/]")
         table = Table(Column("cause", no_wrap=True), "behind by", "same size?", "size in the further run, 95 %")
         for member in answer.members:
             table.add_row(
-                f"[green]{member.effect}[/]" if member.holds else member.effect,
+                f"[green]{escape(member.effect)}[/]" if member.holds else escape(member.effect),
                 f"{member.sigmas:.1f} sd",
-                f"p {member.p_changed:.2g}",
-                "\n".join(sizes(member)) or "not told",
+                f"p {member.p_changed:.2g}" + ("" if member.fits else ", does not fit"),
+                escape("\n".join(sizes(member)) or "not told"),
             )
         out.print(table)
         if answer.outliers:
@@ -221,12 +234,22 @@ def _show(confirmed: Confirmed, proposals: Sequence[Proposal], report: Path | No
     columns = ("declared model", "with the effects", "scatter of a reading")
     errors = Table(f"error on the further run / {confirmed.unit}", *columns)
     for name, e in confirmed.judged.errors.items():
-        errors.add_row(name, *(f"{confirmed.inferred(e, v):.3g}" for v in (e.before, e.after, e.sigma)))
+        errors.add_row(escape(name), *(f"{confirmed.inferred(e, v):.3g}" for v in (e.before, e.after, e.sigma)))
     out.print()
     out.print(errors)
     if confirmed.own:
         out.print(f"  of both models: {confirmed.own}", soft_wrap=True)
     out.print()
     for sentence in sentences(confirmed):
-        out.print(sentence, soft_wrap=True)
+        out.print(escape(sentence), soft_wrap=True)
+    _write_report(confirmed, report)
     return code
+
+
+def _write_report(confirmed: Confirmed, report: Path | None) -> None:
+    if report is None:
+        return
+    from rig.report.confirm import write_confirm_report  # noqa: PLC0415
+
+    write_confirm_report(report, confirmed)
+    err.print(f"report: {escape(str(report))}", soft_wrap=True)

@@ -64,9 +64,14 @@ def attitude_data(table: Table) -> AttitudeData:
 
 def _mounting(table: Table) -> np.ndarray[Any, np.dtype[np.float64]] | None:
     """(n, 3, 3) how the package was turned against its usual mounting; None where it was not."""
+    for name in table.columns:
+        if name.lower().startswith("mounting") and name not in MOUNTING:
+            raise UsageError(f"{table.source}: column {name} is no mounting; the three are {', '.join(MOUNTING)}")
     turns = np.column_stack([table.columns.get(name, np.zeros(len(table))) for name in MOUNTING])
     if not turns.any():
         return None
+    if np.abs(turns).max() > 360.0:
+        raise UsageError(f"{table.source}: a package turned by {np.abs(turns).max():g} deg? mounting is in degrees")
     kinds, which = np.unique(turns, axis=0, return_inverse=True)
     return np.stack([mounting_matrix(*kind) for kind in kinds.tolist()])[np.ravel(which)]
 

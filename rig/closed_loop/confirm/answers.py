@@ -46,7 +46,7 @@ class Confirmed:
     @property
     def settled(self) -> bool:
         """Whether one explanation is left of every effect."""
-        return all(len(answer.holding) == 1 for answer in self.answers)
+        return all(answer.verdict in ("confirmed", "replaced") for answer in self.answers)
 
     @property
     def unit(self) -> str:
@@ -83,6 +83,8 @@ class Confirmed:
                     "effect": m.effect,
                     "sigmas_behind": m.sigmas,
                     "p_changed": m.p_changed,
+                    "sigmas_shown": m.shown,
+                    "fits": m.fits,
                     "terms": list(m.terms),
                     "coefficients": list(m.coefficients),
                     "interval_95": [list(i) for i in m.intervals],
@@ -122,7 +124,10 @@ def sentences(confirmed: Confirmed) -> Iterator[str]:
     for answer in confirmed.answers:
         yield _sentence(answer)
     errors = confirmed.judged.errors
-    name = max(errors, key=lambda sensor: errors[sensor].before / max(errors[sensor].after, 1e-300))
+    name = max(errors, key=lambda sensor: errors[sensor].before / errors[sensor].sigma)
+    if not np.isfinite(errors[name].before):
+        yield "The further run is too short to tell the error of either model."
+        return
     before, after = (confirmed.inferred(errors[name], v) for v in (errors[name].before, errors[name].after))
     yield (
         f"On data that neither model has seen the error of {name} is {before:.3g} {confirmed.unit} rms with the "
@@ -137,11 +142,13 @@ def _sentence(answer: Confirmation) -> str:
         return f"{answer.effect} is confirmed by a further run{excluded}."
     if answer.verdict == "replaced":
         return f"What was named {answer.effect} is {answer.members[0].effect}: a further run tells them apart."
+    if answer.verdict == "not shown":
+        return f"The further run does not show {answer.effect}: it cannot be told from nothing there."
     if answer.verdict == "undecided":
         return f"A further run leaves {_listed(answer.holding)} undecided."
     return (
-        f"{_listed([m.effect for m in answer.members])}: not of one size in both runs. What was found is something "
-        f"else, or it changed between them."
+        f"{_listed([m.effect for m in answer.members])}: not of one size in both runs, or more than error is left "
+        f"beside it. What was found is something else, or it changed between them."
     )
 
 

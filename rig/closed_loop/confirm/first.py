@@ -111,6 +111,13 @@ def read_later(first: First, path: Path) -> tuple[AttitudeData | WholePlotData, 
     table = run_table(path)
     if table.kind != first.traced.table.kind:
         raise UsageError(f"{path} is a {table.kind} run and {first.path} a {first.traced.table.kind} run")
+    if not table.provenance["complete"]:
+        raise UsageError(f"{path} is not complete: rig resume {path}, then judge by it")
+    if table.provenance["bench"] != first.traced.table.provenance["bench"]:
+        raise UsageError(
+            f"{path} was made on bench {table.provenance['bench']}, {first.path} on "
+            f"{first.traced.table.provenance['bench']}: what a head or a line does is confirmed on the same bench"
+        )
     with RunReader.open(path) as reader:
         genesis = reader.genesis()
     if bool(genesis.data["simulated"]) != first.simulated:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from procedures import PitchRollProcedure, Procedure, RunList
 from procedures.separating import Variation
 from rig.closed_loop import AttitudeTraced
 from rig.closed_loop.confirm.first import First
+from rig.config import parse_toml
 from rig.controller import Plan, plan_of
 from rig.toml_text import toml_text
 
@@ -127,10 +127,10 @@ def plan_for(
     documents |= {name: text for name, text in (("bench.toml", bench), ("world.toml", world)) if text is not None}
     if not dry:
         documents.pop("world.toml", None)
-    plan = plan_of(documents, dry=dry)
     if dry and variation.by_weather:
-        plan = replace(plan, truth=_warmer(plan.truth, variation.warmer_degC))
-    return plan
+        truth = parse_toml(documents.get("world.toml", ""), "world.toml")
+        documents["world.toml"] = toml_text(_warmer(truth, variation.warmer_degC))
+    return plan_of(documents, dry=dry)
 
 
 def _warmer(truth: Mapping[str, Any], by: float) -> dict[str, Any]:

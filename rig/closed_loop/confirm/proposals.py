@@ -16,7 +16,8 @@ from rig.closed_loop.confirm.first import First
 from rig.closed_loop.confirm.plans import hours, planned
 
 ENOUGH = 6.0
-"""Standard errors by which look-alikes should be expected to part: three tell them apart, luck takes up to three."""
+"""Standard errors by which look-alikes should be expected to part: three tell them apart, luck takes up to three. Where
+an error is known with few degrees of freedom separations are scaled to this."""
 USELESS = 3.0
 """So many will hardly tell anything apart."""
 TURN_H = 0.5
