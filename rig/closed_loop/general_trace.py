@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +34,7 @@ class GeneralTraced:
     roles: Roles
     trace: TableTrace
     taken: tuple[str, ...]
-    parts: dict[str, Any]
+    parts: dict[str, Any] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
         """What `rig trace --json` prints."""
