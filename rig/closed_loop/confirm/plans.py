@@ -116,7 +116,9 @@ def _whole_plot_s(data: WholePlotData) -> tuple[float, float]:
 
 def procedure_text(procedure: Procedure) -> str:
     """A procedure as its file."""
-    return toml_text(procedure.model_dump(mode="json", exclude_none=True))
+    values = procedure.model_dump(mode="json", exclude_none=True)
+    design = procedure.design.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
+    return toml_text(values | {"design": design})  # a type of design refuses what another type needs
 
 
 def plan_for(
