@@ -179,3 +179,18 @@ def test_levels_are_drawn_by_name_with_means_and_both_panels_on_one_scale(monkey
     means = next(line for line in before.lines if line.get_label() == "mean")
     assert means.get_linestyle() == "None"
     assert means.get_ydata() == pytest.approx([2.0, 5.0, -9.0])
+
+
+def test_whole_plots_may_be_called_by_words():
+    """A temperature that is constant in each of 16 whole plots: its interval goes by 14 degrees of freedom."""
+    rng = np.random.default_rng(0)
+    plot, x = np.repeat(np.arange(16), 8), rng.uniform(0.0, 10.0, 128)
+    warm = rng.uniform(15.0, 30.0, 16)[plot]
+    y = x + warm + 0.3 * rng.standard_normal(16)[plot] + 0.3 * rng.standard_normal(128)
+    words = {"plot": np.array([f"p{i}" for i in plot])}
+    told = {"response": "y", "formula": "1 + x", "whole_plot": ("plot",)}
+    result, _ = traced({"x": x, "temp_c": warm, "y": y}, words, **told)
+    (effect,) = result.to_json()["sensors"]["y"]["effects"]
+    assert effect["stratum"] == "whole-plot"
+    low, high = effect["interval_95"][0]
+    assert (high - low) / 2 == pytest.approx(2.1448 * effect["stderr"][0], rel=1e-3)

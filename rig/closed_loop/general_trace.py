@@ -53,7 +53,8 @@ class GeneralTraced:
         sharing = self.roles.whole_plot or ((self.roles.replicate,) if self.roles.replicate else ())
         if effect["stratum"] != "whole-plot" or not sharing:
             return self.trace.after.fit.df
-        plots = set(zip(*(np.asarray(self.table.columns[name]).tolist() for name in sharing), strict=True))
+        every: dict[str, Any] = {**self.table.columns, **self.table.text}
+        plots = set(zip(*(np.asarray(every[name]).tolist() for name in sharing), strict=True))
         return max(len(plots) - 1 - len(effect["coefficients"]), 1)
 
 
