@@ -314,11 +314,30 @@ def test_a_line_that_one_transducer_adds_to_is_still_the_line():
     found = trace_whole_plots(simulate(drifting, seed=1), validate=False)
     line = {(sensor, "reference-drift") for sensor in found.sensors}
     assert effects_of(found) == {*line, (ONE, "sensitivity-drift")}
+    # of the same column each has its part, and neither the other's
+    assert all(e.share > 0.1 for trace in found.sensors.values() for e in trace.effects)
     assert any("sensitivity-drift" in e.aliases for e in found.sensors["bridge_3_mV"].effects)
     apart = Bench(tuple(Transducer(sensitivity_drift=4e-4 * part) for part in (1.0, -0.8, 0.7, 1.4, 0.5)))
     found = trace_whole_plots(simulate(apart, seed=1), validate=False)
     assert effects_of(found) == {(sensor, "sensitivity-drift") for sensor in found.sensors}
     assert "reference-drift" not in found.sensors[ONE].effects[0].aliases
+
+
+def test_units_are_those_of_the_terms_that_are_found():
+    """Of the effects whose terms have not all the same unit."""
+    shown = {}
+    for name in ("supply, time", "supply, electronics"):
+        hidden = hide([name], [0.6], seed=3, transducers=2)
+        catalogue = tuple(effect for effect in PRESSURE_CATALOGUE if effect.name == "excitation")
+        (effect,) = trace_whole_plots(hidden.data, hidden.model, catalogue, validate=False).sensors[ONE].effects
+        shown[effect.terms] = effect.unit, effect.size.split(" ")[-1]
+    assert shown == {("V*time",): ("1/h", "ppm/h"), ("V*T_SSE",): ("1/degC", "ppm/degC")}
+    bent = simulate(Bench(2 * (Transducer(bend=0.0),), reference_cubic=5e-3), seed=1)
+    (reference,) = (effect for effect in PRESSURE_CATALOGUE if effect.name == "reference-nonlinearity")
+    found = trace_whole_plots(bent, catalogue=(reference,), validate=False).sensors[ONE]
+    assert (found.effects[0].terms, found.effects[0].unit) == (("P^3",), "psi/psi^3")
+    assert found.effects[0].size.endswith(" psi/psi^3")
+    assert found.to_json()["fitted"]["coefficients"]["reference-nonlinearity: P^3"]["unit"] == "psi/psi^3"
 
 
 def test_json_is_the_object_the_design_promises():

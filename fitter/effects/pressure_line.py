@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from fitter.arrays import FloatArray
 from fitter.effects.effect import Alias
-from fitter.effects.pressure_scene import AT_EASE, SECOND_GAUGE, PressureEffect, PressureScene, fixed, settling
+from fitter.effects.pressure_scene import (
+    AT_EASE,
+    SECOND_GAUGE,
+    PressureEffect,
+    PressureScene,
+    PressureTerm,
+    fixed,
+    settling,
+)
 from fitter.effects.sizes import each, micro
 
 BORES_MM = (0.05, 0.1, 0.2, 0.5)
@@ -21,6 +29,11 @@ _CHECKED = "have the pressure controller checked before and after"
 
 def _transpiration(bore_mm: float) -> tuple[str, Callable[[PressureScene], FloatArray]]:
     return f"transpiration(P, T_sensor, {bore_mm:g} mm)", lambda scene: scene.transpiration(bore_mm)
+
+
+def _bend(values: Mapping[str, float], per_psi: float) -> str:
+    """Every coefficient in psi for its power of the pressure."""
+    return ", ".join(each(f"psi/{name.replace('P', 'psi')}")({name: value}, per_psi) for name, value in values.items())
 
 
 CARRY_OVER = PressureEffect(
@@ -130,8 +143,8 @@ REFERENCE_NONLINEARITY = PressureEffect(
     source="line",
     scope="line",
     stratum="subplot",
-    unit="psi/psi^n",
-    size=each("psi"),
+    unit="psi/psi^2, psi/psi^3",
+    size=_bend,
     against="pressure_psia",
     separate_by=SECOND_GAUGE,
     usual_size="1e-4 of the range",
@@ -139,6 +152,9 @@ REFERENCE_NONLINEARITY = PressureEffect(
         name: Alias("where the transducers happen to be alike, and always with a single one", SECOND_GAUGE)
         for name in ("pressure-second-order", "pressure-third-order")
     },
-    terms=fixed(("P^2", lambda s: s.p**2), ("P^3", lambda s: s.p**3)),
+    terms=lambda _data: (
+        PressureTerm("P^2", lambda s: s.p**2, unit="psi/psi^2"),
+        PressureTerm("P^3", lambda s: s.p**3, unit="psi/psi^3"),
+    ),
     on_suspicion=True,
 )

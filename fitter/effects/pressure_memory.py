@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -31,10 +31,18 @@ def _lag(name: str, step: Callable[[PressureScene], FloatArray]) -> Callable[...
     def gain(tau_h: float) -> Callable[[PressureScene], FloatArray]:
         return lambda scene: scene.p * left(tau_h)(scene)
 
-    of_offset = (PressureTerm(f"d{name}*exp(-t/{tau_h:g}h)", left(tau_h)) for tau_h in LAGS_H)
-    of_gain = (PressureTerm(f"P*d{name}*exp(-t/{tau_h:g}h)", gain(tau_h)) for tau_h in LAGS_H)
-    terms = (*of_offset, *of_gain, PressureTerm(f"d{name}", step))
+    of_offset = (PressureTerm(f"d{name}*exp(-t/{tau_h:g}h)", left(tau_h), unit="mV/degC") for tau_h in LAGS_H)
+    of_gain = (PressureTerm(f"P*d{name}*exp(-t/{tau_h:g}h)", gain(tau_h), unit="mV/psi/degC") for tau_h in LAGS_H)
+    terms = (*of_offset, *of_gain, PressureTerm(f"d{name}", step, unit="mV/degC"))
     return lambda _data: terms
+
+
+def _lagging(values: Mapping[str, float], per_psi: float) -> str:
+    """Every coefficient in nanovolts for a degree of the step, and for a psi where the sensitivity lags."""
+    return ", ".join(
+        micro(f"nV{'/psi' if name.startswith('P*') else ''} per degC of the step")({name: value}, per_psi)
+        for name, value in values.items()
+    )
 
 
 HYSTERESIS = PressureEffect(
@@ -79,7 +87,7 @@ SENSOR_LAG = PressureEffect(
     scope="sensor",
     stratum="subplot",
     unit="mV/degC; with P mV/psi/degC",
-    size=micro("nV per degC of the step"),
+    size=_lagging,
     against="since_s",
     separate_by=SOAK,
     usual_size="1e-4 mV/degC",
@@ -94,7 +102,7 @@ SSE_LAG = PressureEffect(
     scope="sensor",
     stratum="subplot",
     unit="mV/degC; with P mV/psi/degC",
-    size=micro("nV per degC of the step"),
+    size=_lagging,
     against="since_s",
     separate_by=SOAK,
     usual_size="1e-4 mV/degC",

@@ -174,12 +174,14 @@ class PressureTerm:
         name: unique within its effect.
         column: (n,) in the unit that makes the coefficient the effect's; of pressure, for what happens in the line.
         formula: the same as a term of `fitter.formula`, up to terms of lower order; empty where there is none.
+        unit: of its coefficient, where the effect's terms have not all the same; else empty.
 
     """
 
     name: str
     column: Callable[[PressureScene], FloatArray]
     formula: str = ""
+    unit: str = ""
 
 
 @dataclass(frozen=True)

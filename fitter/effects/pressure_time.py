@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -22,6 +22,13 @@ MANY = 30
 
 _REPEAT_FIRST = "repeat the first whole plots at the end of the run"
 _EARLIER = "repeat a few whole plots of the earlier block"
+
+
+def _supply(values: Mapping[str, float], volts: float) -> str:
+    """Every coefficient in ppm for what it goes with."""
+    return ", ".join(
+        micro("ppm/h" if name == "V*time" else "ppm/degC")({name: value}, volts) for name, value in values.items()
+    )
 
 
 def _recorded(
@@ -174,7 +181,7 @@ EXCITATION = PressureEffect(
     scope="voltmeter",
     stratum="subplot",
     unit="1/h, 1/degC",
-    size=micro("ppm"),
+    size=_supply,
     against="elapsed_s",
     separate_by="record the supply's voltage, and read a fixed bridge with the transducers",
     usual_size="1e-5 of itself per h, 1e-5 per degC",
@@ -184,7 +191,10 @@ EXCITATION = PressureEffect(
         ),
         "sensitivity-drift": Alias("with a single transducer", "record the supply's voltage through the run"),
     },
-    terms=fixed(("V*time", lambda s: s.hours), ("V*T_SSE", lambda s: s.sse)),
+    terms=lambda _data: (
+        PressureTerm("V*time", lambda s: s.hours, unit="1/h"),
+        PressureTerm("V*T_SSE", lambda s: s.sse, unit="1/degC"),
+    ),
     at_most=5e-3,
 )
 OUTLYING_WHOLE_PLOT = PressureEffect(

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.special import chdtrc
 
 from fitter.arrays import FloatArray, IntArray
-from fitter.effects import Entry, PressureScene, separate_pressure
+from fitter.effects import Entry, PressureEffect, PressureScene, PressureTerm, separate_pressure
 from fitter.formula import Formula
 from fitter.linear import orthonormal
 from fitter.trace.aliases import Rival
@@ -143,7 +143,7 @@ def _found(finding: Finding, name: str, i: int) -> FoundPressureEffect | None:
         terms=tuple(coefficients),
         coefficients=tuple(c.value for c in coefficients.values()),
         stderr=tuple(c.stderr for c in coefficients.values()),
-        unit=effect.unit,
+        unit=_unit(effect, [problem.candidates[j].term for j in mine]),
         size=effect.size({term: c.value for term, c in coefficients.items()}, finding.scene.sensitivity[sensor]),
         p_adjusted=p,
         p_adjusted_is_bound=p <= min(map(finding.judge.family.least, mine)),
@@ -161,14 +161,23 @@ def _found(finding: Finding, name: str, i: int) -> FoundPressureEffect | None:
     )
 
 
+def _unit(effect: PressureEffect, terms: Iterable[PressureTerm]) -> str:
+    """Of the coefficients: one for all of them, or one each, as they are printed."""
+    units = [term.unit or effect.unit for term in terms]
+    return ", ".join(units if len(set(units)) > 1 else units[:1])
+
+
 def _share(finding: Finding, level: Level, mine: list[int], i: int) -> float:
-    """Of what stands in the stratum beyond its error, the part that goes with the effect's terms `mine`."""
-    problem, chosen = finding.judge.problem, finding.after.chosen
-    rss = []
-    for taken in ((), tuple(j for j in chosen if j not in mine), chosen):
-        stratum = beside(problem, level, taken, ())
-        rss.append(float(stratum.sigma[i] ** 2 * stratum.df[i]))
-    excess = rss[0] - problem.at[level].df[i] * stratum.sigma[i] ** 2
+    """Of what stands in the stratum beyond its error, the part that goes with the effect's terms `mine`.
+
+    They are left out with all other effects as they are: of two that overlap, neither may take up the other's part.
+    """
+    problem, after = finding.judge.problem, finding.after
+    without = [(), tuple(j for j in after.chosen if j not in mine), after.chosen]
+    taken = [problem.raw[i][:, list(of)] @ np.array([after.coefficients[j].value for j in of]) for of in without]
+    outputs = problem.outputs[i][:, None] - np.column_stack(taken)
+    rss = np.sum(problem.strata[i].leave(outputs, level) ** 2, axis=0)
+    excess = rss[0] - problem.at[level].df[i] * beside(problem, level, after.chosen, ()).sigma[i] ** 2
     return float(np.clip((rss[1] - rss[2]) / excess, 0.0, 1.0)) if excess > 0 else 0.0
 
 

@@ -43,6 +43,12 @@ class FoundPressureEffect(Found):
     peak_mV: float
     peak_psi: float
 
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Of every coefficient."""
+        given = tuple(self.unit.split(", "))
+        return given if len(given) == len(self.terms) else (self.unit,) * len(self.terms)
+
     def to_json(self) -> dict[str, JsonValue]:
         """As `rig trace --json` prints it."""
         pairs = [(c, h if np.isfinite(h) else None) for c, h in zip(self.coefficients, self.half_width_95, strict=True)]
@@ -171,8 +177,9 @@ class TransducerTrace:
             if ": " not in name:
                 table[name] = {"estimate": float(value), "stderr": float(error), "df": float(df)}
         for effect in self.effects:
-            for term, value, error, df in zip(effect.terms, effect.coefficients, effect.stderr, effect.df, strict=True):
-                entry: dict[str, JsonValue] = {"estimate": value, "stderr": error, "df": df, "unit": effect.unit}
+            rows = zip(effect.terms, effect.coefficients, effect.stderr, effect.df, effect.units, strict=True)
+            for term, value, error, df, unit in rows:
+                entry: dict[str, JsonValue] = {"estimate": value, "stderr": error, "df": df, "unit": unit}
                 table[f"{effect.effect}: {term}"] = entry
         return table
 
