@@ -307,6 +307,8 @@ def test_a_bent_reference_stays_among_the_explanations(own):
             effect = trace.effects[0]
             assert "reference-nonlinearity" in (effect.effect, *effect.aliases)
             assert "second gauge" in effect.separate_by
+            besides = "reference-nonlinearity explains as much as pressure-third-order only with pressure-third-order"
+            assert any(n == f"{besides} in {ONE} besides" for n in trace.notes) == (own > 0.0)
 
 
 def test_a_line_that_one_transducer_adds_to_is_still_the_line():

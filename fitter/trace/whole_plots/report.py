@@ -95,7 +95,9 @@ def transducer(finding: Finding, i: int) -> TransducerTrace:
         after=_side(finding, finding.after, i, 1),
         effects=tuple(effects),
         unnamed=rest,
-        alike=tuple(text for name in finding.classes if (text := _alike(finding, name))),
+        alike=tuple(
+            text for name in finding.classes for text in (_alike(finding, name), _mixed(finding, name)) if text
+        ),
         noise=finding.look.noise[i],
         sensitivity=finding.scene.sensitivity[sensor],
     )
@@ -199,6 +201,17 @@ def _alike(finding: Finding, name: str) -> str:
         f"{name} is the same in all {len(mine)} transducers, {mean:.3g} psi for one of {terms.pop()}: an error of the "
         "pressure reference would look like that; have the controller checked, or read a second gauge on the line"
     )
+
+
+def _mixed(finding: Finding, name: str) -> str:
+    """Which transducers need an effect of their own besides, for a line to explain what all of them show."""
+    every = finding.judge.problem.candidates
+    for rival in finding.classes[name]:
+        own = [every[j] for j in rival.terms if every[j].effect.name != rival.effect]
+        if rival.alias and rival.effect != name and own:
+            where = ", ".join(dict.fromkeys(str(candidate.sensor) for candidate in own))
+            return f"{rival.effect} explains as much as {name} only with {own[0].effect.name} in {where} besides"
+    return ""
 
 
 def _experiments(effect: Entry, aliases: Iterable[Entry]) -> str:
