@@ -17,6 +17,8 @@ from fitter.trace.search import names_of, prune, search_and_name
 
 CROWD = 3
 """Effects from which on a search is begun anew."""
+MOST_STARTS = 5
+"""Other starts at most, those that explain most by themselves."""
 
 
 def search_with_restarts(judge: AttitudeJudge) -> tuple[AttitudeJudge, tuple[int, ...]]:
@@ -29,7 +31,7 @@ def search_with_restarts(judge: AttitudeJudge) -> tuple[AttitudeJudge, tuple[int
 
 
 def _starts(judge: AttitudeJudge) -> list[tuple[int, ...]]:
-    """For every effect that stands out beside nothing, its best unit in every sensor in which it does."""
+    """For effects that stand out beside nothing, the best unit in every sensor in which they do; strongest first."""
     problem = judge.problem
     scores = score(problem, ())
     best: dict[str, dict[str | None, int]] = {}
@@ -38,7 +40,8 @@ def _starts(judge: AttitudeJudge) -> list[tuple[int, ...]]:
         of = best.setdefault(name, {})
         if sensor not in of or scores.gain[u] > scores.gain[of[sensor]]:
             of[sensor] = u
-    return [tuple(j for u in of.values() for j in problem.units[u]) for of in best.values()]
+    strongest = sorted(best.values(), key=lambda of: -sum(scores.gain[u] for u in of.values()))
+    return [tuple(j for u in of.values() for j in problem.units[u]) for of in strongest[:MOST_STARTS]]
 
 
 def _price(judge: AttitudeJudge, chosen: tuple[int, ...], sigma: FloatArray) -> float:

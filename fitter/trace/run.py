@@ -47,13 +47,17 @@ class Search:
         """`data` made ready; raises as `trace` does."""
         return pose(data, self.catalogue, temperature=self.temperature)
 
-    def settle(self, problem: Problem, family: Family) -> tuple[AttitudeJudge, tuple[int, ...]]:
+    def settle(
+        self, problem: Problem, family: Family, *, restarts: bool = True
+    ) -> tuple[AttitudeJudge, tuple[int, ...]]:
         """Search; then judge what was found against the random walk that is left, until nothing changes.
 
         A walk is looked for beside the effects and not before them: an effect of temperature not yet in the model
         looks like one, and would be judged against itself. Terms without a cause come last.
         """
-        judge, chosen = borne_out(*search_with_restarts(AttitudeJudge(problem, family)))
+        judge, chosen = borne_out(
+            *(search_with_restarts if restarts else search_and_name)(AttitudeJudge(problem, family))
+        )
         by = expected(problem)
         for _ in range(ROUNDS if by is not None else 0):
             assert by is not None
@@ -159,6 +163,6 @@ def _squares_aside(
     """(2, S) sums of squared errors on data that were set `aside`, before and after a search of the rest."""
     found: tuple[int, ...] = ()
     if anything:
-        judge, found = search.settle(problem, family)
+        judge, found = search.settle(problem, family, restarts=False)
         problem = judge.problem
     return np.stack([np.sum(residual_of(problem, estimate(problem, one), aside) ** 2, axis=1) for one in ((), found)])

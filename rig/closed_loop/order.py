@@ -70,7 +70,7 @@ def time_of(table: Table, parts: Parts, notes: list[str]) -> tuple[Timeline | No
             f"drift, steps, carry-over and lags were not looked for{_MAYBE if along else ''}; --time names the column"
         )
         return None, along
-    notes.append(f"rows were taken to stand in the order of taking; --time names a column that tells: {_MORE}")
+    notes.append(f"rows were taken to stand in the order of taking; with --time COLUMN, {_MORE}")
     return Timeline("row", np.arange(1.0, len(table) + 1.0), presumed=True), False
 
 
