@@ -247,7 +247,7 @@ def test_a_single_replication_is_judged_against_its_residual():
     ids=["no noise", "tumble", "eight points", "three points, no roll", "one pass", "constant temperature"],
 )
 def test_little_data_is_no_reason_to_fail(bench, plan):
-    found = trace(simulate(bench, plan, seed=0)[0])
+    found = trace(simulate(bench, plan, seed=0)[0], validate=False)
     assert all(t.verdict == "nothing to add" for t in found.sensors.values())
     json.dumps(found.to_json(), allow_nan=False)
 
