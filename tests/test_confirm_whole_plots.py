@@ -70,7 +70,7 @@ def test_the_forecast_is_that_of_a_difference_between_two_runs() -> None:
 
 def test_the_command_confirms_on_the_simulated_bench(tmp_path) -> None:
     first = dry(tmp_path)
-    done = rig("confirm", first, "--dry", "--json", "--formula", "1 + P", "--out", tmp_path)
+    done = rig("confirm", first, "--dry", "--json", "--formula", "1 + P + T_sensor + T_SSE", "--out", tmp_path)
     assert done.returncode in (0, 3), done.stderr
     told = json.loads(done.stdout)
     assert told["effects"]

@@ -145,7 +145,15 @@ def test_a_csv_table_says_the_same_as_the_run_file(tmp_path, run):
 
 
 def test_the_trace_reports_both_strata(tmp_path, run):
-    done = rig("trace", run, "--formula", "1 + P + P^2 + T_sensor + T_SSE", "--report", tmp_path / "t.html", "--json")
+    done = rig(
+        "trace",
+        run,
+        "--formula",
+        "1 + P + P^2 + T_sensor + T_SSE + P:T_sensor",
+        "--report",
+        tmp_path / "t.html",
+        "--json",
+    )
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     assert found["data"]["kind"] == "whole-plot"
