@@ -18,6 +18,8 @@ from rig.config import parse_toml
 from rig.controller import Plan, plan_of
 from rig.toml_text import toml_text
 
+PACKAGE_S = 1200.0
+"""Time constant with which a package follows its enclosure: a run begins before the last of a change is through."""
 TRAVEL_S_PER_DEG = 0.2
 """What a longer way between points costs; a head at 5 deg/s."""
 
@@ -44,13 +46,16 @@ def hours(first: First, variation: Variation, run_list: RunList) -> float:
 
 
 def _planned_attitude(data: AttitudeData, variation: Variation, run_list: RunList) -> AttitudeData:
+    assert isinstance(variation.procedure, PitchRollProcedure)
     n = len(run_list)
     pitch, roll = _column(run_list, "pitch_deg"), _column(run_list, "roll_deg")
     elapsed = np.arange(1.0, n + 1.0) * _point_s(data, run_list) + float(data.elapsed_s.min())
     degC = None
     if data.temperatures is not None:
-        degC = np.interp(elapsed, *data.temperatures) + variation.warmer_degC
-    assert isinstance(variation.procedure, PitchRollProcedure)
+        enclosure = variation.procedure.environment
+        soaked = np.inf if enclosure is None else enclosure.dwell_s
+        late = np.exp(-(soaked + elapsed - float(data.elapsed_s.min())) / PACKAGE_S)
+        degC = np.interp(elapsed, *data.temperatures) + variation.warmer_degC * (1.0 - late)
     turn = variation.procedure.mounting
     sides = np.array([p.sides for p in run_list.points])
     at = [f.name for f in run_list.factors]
