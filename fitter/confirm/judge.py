@@ -99,8 +99,6 @@ class Confirmation:
     Attributes:
         effect: that the trace had named.
         members: its explanations, the best first.
-        realigned: whether the later run was predicted with offset and sensitive axes of its own, because the package
-            was mounted anew or the first run does not determine them; else the first run's stand.
         outliers: readings of the later run that stand out whichever explanation is true, and were left out, by their
             position in that run.
 
@@ -108,7 +106,6 @@ class Confirmation:
 
     effect: str
     members: tuple[Member, ...]
-    realigned: bool
     outliers: tuple[int, ...] = ()
 
     @property
@@ -141,6 +138,8 @@ class Confirmed:
             by sensor.
         adds: (m,) what each answer's effect adds to the readings of the later run, by its name and sensor.
         kept: (m,) which readings of the later run these are, outliers left out.
+        realigned: whether the later run was predicted with offset and sensitive axes of its own, because the package
+            was mounted anew or the first run does not determine them; else the first run's stand.
 
     """
 
@@ -148,6 +147,7 @@ class Confirmed:
     errors: Mapping[str, SensorError]
     adds: Mapping[tuple[str, str], FloatArray]
     kept: NDArray[np.int64]
+    realigned: bool
 
 
 def confirm_all(both: Together, questions: Sequence[Question]) -> Confirmed:
@@ -174,7 +174,7 @@ def confirm_all(both: Together, questions: Sequence[Question]) -> Confirmed:
     rows[start + kept] = True
     both = both.only(rows)
     errors, adds = _errors(both, holders)
-    return Confirmed(answers, errors, adds, kept)
+    return Confirmed(answers, errors, adds, kept, both.realigned)
 
 
 def _holder(question: Question, answer: Confirmation) -> tuple[Any, ...]:
@@ -192,20 +192,22 @@ def confirm(both: Together, question: Question) -> Confirmation:
         kept = np.ones(both.fresh.size, np.bool_)
         kept[standing_out] = False
         both = both.only(kept)
-    rest = np.column_stack([both.columns_of(question.rest), nuisance(both, question)])
+    anew = nuisance(both, question)
+    rest = np.column_stack([both.columns_of(question.rest), anew])
+    shifts = both.shifts if not anew.shape[1] and not both.realigned else anew[:, :0]
     columns = [both.columns_of(member.terms) for member in question.members]
     price = [
         _rss(np.column_stack([own, rest]), both.outputs) + PER_COLUMN * (own.shape[1] + _searched(member))
         for member, own in zip(question.members, columns, strict=True)
     ]
     best = int(np.argmin(price))
-    misfit = max(_misfit(both, np.column_stack([columns[best], rest])), 1.0)
+    misfit = max(_misfit(both, np.column_stack([columns[best], rest]))[0], 1.0)
     members = [
-        _member(both, question, member, own, rest, np.sqrt((cost - price[best]) / misfit))
+        _member(both, question, member, own, rest, shifts, np.sqrt((cost - price[best]) / misfit))
         for member, own, cost in zip(question.members, columns, price, strict=True)
     ]
     members.sort(key=lambda member: (not member.holds, member.sigmas, len(member.terms)))
-    return Confirmation(question.effect, tuple(members), both.realigned, aside)
+    return Confirmation(question.effect, tuple(members), aside)
 
 
 def nuisance(both: Together, question: Question) -> FloatArray:
@@ -217,12 +219,12 @@ def nuisance(both: Together, question: Question) -> FloatArray:
     return both.anew if lasting and not both.realigned else np.zeros((both.outputs.size, 0))
 
 
-def _misfit(both: Together, model: FloatArray) -> float:
-    """Mean square of what a model leaves of the later run, over the error's."""
+def _misfit(both: Together, model: FloatArray) -> tuple[float, float]:
+    """Mean square of what a model leaves of the later run, over the error's, and its degrees of freedom."""
     fresh = np.tile(both.fresh, len(both.sensors))
     rest = left(model, both.outputs)[fresh]
-    taken = orthonormal(model[fresh]).shape[1] + sum(orthonormal(own[both.fresh]).shape[1] for own in both.declared)
-    return float(np.sum(rest**2) / max(rest.size - taken, 1))
+    df = rest.size - float(np.sum(orthonormal(model)[fresh] ** 2)) - both.leverage(both.fresh)
+    return (float(np.sum(rest**2) / df), df) if df >= 1.0 else (1.0, 1.0)
 
 
 def _outliers(both: Together, question: Question) -> NDArray[np.int64]:
@@ -234,9 +236,7 @@ def _outliers(both: Together, question: Question) -> NDArray[np.int64]:
     most = max(int(MOST_OUTLIERS * np.sum(both.fresh)), 2)
     whole, rows = both.fresh.size, np.arange(both.fresh.size)
     for _ in range(most + 1):
-        worst = np.where(
-            both.fresh, np.min([_standing(both, m.terms, question.rest) for m in question.members], 0), 0.0
-        )
+        worst = np.where(both.fresh, np.min([_standing(both, question, m.terms) for m in question.members], 0), 0.0)
         if worst.max() <= STANDS_OUT:
             return np.setdiff1d(np.arange(whole), rows)
         kept = np.arange(rows.size) != np.argmax(worst)
@@ -244,9 +244,9 @@ def _outliers(both: Together, question: Question) -> NDArray[np.int64]:
     return rows[:0]
 
 
-def _standing(both: Together, terms: Candidates, rest: Candidates) -> FloatArray:
+def _standing(both: Together, question: Question, terms: Candidates) -> FloatArray:
     """(n,) largest residual of any sensor beside these effects, in standard deviations."""
-    model = np.column_stack([both.columns_of(terms), both.columns_of(rest)])
+    model = np.column_stack([both.columns_of([*terms, *question.rest]), nuisance(both, question)])
     return np.asarray(np.max(np.abs(left(model, both.outputs).reshape(len(both.sensors), -1)), axis=0))
 
 
@@ -260,15 +260,13 @@ def _member(
     member: Hypothesis,
     own: FloatArray,
     rest: FloatArray,
+    shifts: FloatArray,
     sigmas: float,
 ) -> Member:
-    fresh = np.tile(both.fresh, len(both.sensors))
     q, model = own.shape[1], np.column_stack([own, rest])
     together = solve(model, both.outputs)
     changed = both.columns_in(member.terms, both.fresh)
-    free = both.realigned or nuisance(both, question).shape[1] > 0
-    shifted = np.zeros((len(fresh), 0)) if free else both.shifts
-    wider = np.column_stack([model, changed, shifted])
+    wider = np.column_stack([model, changed, shifts])
     more = orthonormal(wider).shape[1] - orthonormal(model).shape[1]
     df, (limit, fits) = both.df, _limits(both, model)
     gone = np.column_stack([both.columns_in(member.terms, ~both.fresh), rest])
@@ -296,9 +294,8 @@ def _member(
 
 def _limits(both: Together, model: FloatArray) -> tuple[float, bool]:
     """Standard errors that part two explanations, and whether a model fits the later run."""
-    misfit = _misfit(both, model)
-    count = int(both.fresh.sum()) * len(both.sensors)
-    return t_limit(PARTED, both.df), misfit < MISFIT or f_tail(misfit, count, both.df) > CHANGED
+    misfit, df = _misfit(both, model)
+    return t_limit(PARTED, both.df), misfit < MISFIT or f_tail(misfit, df, both.df) > CHANGED
 
 
 def _sizes(

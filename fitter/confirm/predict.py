@@ -9,9 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitter.arrays import FloatArray
-from fitter.confirm.judge import nuisance
+from fitter.confirm.judge import PARTED, nuisance
 from fitter.confirm.question import Question
 from fitter.confirm.together import Candidates, Together, left, solve
+from fitter.quantiles import t_limit
 
 NOTHING = "nothing"
 
@@ -40,9 +41,10 @@ def separation(both: Together, questions: Sequence[Question]) -> tuple[Separatio
     """Expected of a planned run, whose outputs do not matter.
 
     Each member in turn is taken for true, with the size the first run gives it, and every other is fitted to what it
-    would do in both runs: the square root of what remains, in units of the error, is how far behind that other falls.
+    would do in both runs: the square root of what remains, in units of the error, is how far behind that other falls;
+    less where the error is known with few degrees of freedom, so that three always part two explanations.
     """
-    first, out = both.only(~both.fresh), []
+    first, out, scale = both.only(~both.fresh), [], 3.0 / t_limit(PARTED, both.df)
     for question in questions:
         rest = np.column_stack([both.columns_of(question.rest), nuisance(both, question)])
         columns = [both.columns_of(member.terms) for member in question.members]
@@ -54,12 +56,11 @@ def separation(both: Together, questions: Sequence[Question]) -> tuple[Separatio
             Separation(
                 question.effect,
                 {
-                    (question.members[i].effect, question.members[j].effect): min(
-                        _behind(true[i], models[j]), _behind(true[j], models[i])
-                    )
+                    (question.members[i].effect, question.members[j].effect): scale
+                    * min(_behind(true[i], models[j]), _behind(true[j], models[i]))
                     for i, j in pairs
                 }
-                | {(m.effect, NOTHING): sigmas for m, sigmas in zip(question.members, gone, strict=True)},
+                | {(m.effect, NOTHING): scale * sigmas for m, sigmas in zip(question.members, gone, strict=True)},
             )
         )
     return tuple(out)

@@ -129,9 +129,12 @@ class Together(ABC):
     def columns_of(self, terms: Candidates) -> FloatArray:
         """(S n, q) the columns of effects so; zero where next to nothing is left of one."""
         raw = self.raw(terms)
-        left = self.stacked(raw)
-        whole = np.sqrt(sum(np.sum((self.weigh(i, own)) ** 2, axis=0) for i, own in enumerate(raw)))
-        return np.where(np.linalg.norm(left, axis=0) > NOTHING_LEFT * whole, left, 0.0)
+        rest = self.stacked(raw)
+        return np.where(self._something_left(raw, rest), rest, 0.0)
+
+    def leverage(self, rows: NDArray[np.bool_]) -> float:
+        """Degrees of freedom that the declared model of all sensors takes from some of the observations."""
+        return float(sum(np.sum(basis[rows] ** 2) for basis in self._bases))
 
     def columns_in(self, terms: Candidates, where: NDArray[np.bool_]) -> FloatArray:
         """(S n, q) the columns of effects as they are in some of the observations, zero in the others."""
@@ -152,10 +155,8 @@ class Together(ABC):
         for i, own in enumerate(self.declared):
             raw[i, :, start : start + widths[i]] = own * self.fresh[:, None]
             start += widths[i]
-        left = self.stacked(raw)
-        whole = np.concatenate([self.weigh(i, own) for i, own in enumerate(raw)])
-        kept = np.linalg.norm(left, axis=0) > NOTHING_LEFT * np.linalg.norm(whole, axis=0)
-        return np.asarray(left[:, kept])
+        rest = self.stacked(raw)
+        return np.asarray(rest[:, self._something_left(raw, rest)])
 
     def weigh(self, i: int, columns: FloatArray) -> FloatArray:
         """(n, q) columns of sensor `i` in units of its error, what groups have of their own weighed down."""
@@ -164,6 +165,11 @@ class Together(ABC):
             part = weighed[own.rows]
             weighed[own.rows] = part - own.basis @ ((1.0 - own.kept)[:, None] * (own.basis.T @ part))
         return np.asarray(weighed)
+
+    def _something_left(self, raw: FloatArray, rest: FloatArray) -> NDArray[np.bool_]:
+        """(q,) whether more than rounding is left of columns, (S, n, q) as they are and (S n, q) stacked."""
+        whole = np.sqrt(sum(np.sum(self.weigh(i, own) ** 2, axis=0) for i, own in enumerate(raw)))
+        return np.asarray(np.linalg.norm(rest, axis=0) > NOTHING_LEFT * whole)
 
     def _left(self, i: int, columns: FloatArray) -> FloatArray:
         weighed, basis = self.weigh(i, columns), self._bases[i]

@@ -62,7 +62,7 @@ def confirm(
     """Confirm what a trace found by a further run: which of the causes that look alike holds, on data nobody has seen.
 
     Proposes runs on the same bench (at other rolls, with the package turned, at another temperature, in another order)
-    with the standard errors by which each would part every pair of look-alikes; makes the cheapest that parts them all;
+    with the standard errors by which each would part every pair of look-alikes; makes the one that parts most, cheaply;
     judges the causes on both runs, and the old and the new model on the further one alone.
 
     Examples: `rig confirm RUN --dry`, `rig confirm RUN --list`, `rig confirm RUN --by LATER_RUN`

@@ -58,8 +58,7 @@ class Confirmed:
         """What is taken from the further run itself when it is predicted, in words; "" where nothing is."""
         if self.unit == "psi":
             return "an offset of each whole plot is taken out, as by a zero in flight"
-        realigned = any(answer.realigned for answer in self.answers)
-        return "offset and sensitive axes are the further run's own" if realigned else ""
+        return "offset and sensitive axes are the further run's own" if self.judged.realigned else ""
 
     def inferred(self, error: SensorError, value: Value) -> Value:
         """An error of the output as one of what is inferred from it, in `unit`; small angles."""

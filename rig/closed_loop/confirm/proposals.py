@@ -16,8 +16,7 @@ from rig.closed_loop.confirm.first import First
 from rig.closed_loop.confirm.plans import hours, planned
 
 ENOUGH = 6.0
-"""Standard errors by which look-alikes should be expected to part: three tell them apart, luck takes up to three. Where
-an error is known with few degrees of freedom separations are scaled to this."""
+"""Standard errors by which look-alikes should be expected to part: three tell them apart, luck takes up to three."""
 USELESS = 3.0
 """So many will hardly tell anything apart."""
 TURN_H = 0.5
