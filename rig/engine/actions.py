@@ -50,6 +50,7 @@ class BenchActions:
     Attributes:
         arrivals: how each axis came to rest where it is.
         chambers_seen: chambers as last read.
+        judges: what is being waited for to settle, by name; empty at other times.
 
     """
 
@@ -64,6 +65,7 @@ class BenchActions:
         self._chambers_seen = self._chambers_read = -1e18
         self.arrivals: dict[str, Arrival] = {}
         self.chambers_seen: dict[str, dict[str, Any]] = {}
+        self.judges: dict[str, Settling] = {}
 
     @property
     def unwatched_s(self) -> float:
@@ -205,15 +207,18 @@ class BenchActions:
         watch: Watch = lambda _: None,
     ) -> dict[str, Any]:
         began = self._clock.now()
-        judges = {name: Settling(c, began) for name, c in criteria.items()}
-        while True:
-            values = read()
-            now = self._clock.now()
-            watch(values)
-            outcomes = {name: judge.add(now, values[name]) for name, judge in judges.items()}
-            if "waiting" not in outcomes.values():
-                break
-            self._wait(poll_s)
+        judges = self.judges = {name: Settling(c, began) for name, c in criteria.items()}
+        try:
+            while True:
+                values = read()
+                now = self._clock.now()
+                watch(values)
+                outcomes = {name: judge.add(now, values[name]) for name, judge in judges.items()}
+                if "waiting" not in outcomes.values():
+                    break
+                self._wait(poll_s)
+        finally:
+            self.judges = {}
         evidence = {name: judge.evidence() for name, judge in judges.items()}
         failed = [f"{name} {outcome}" for name, outcome in outcomes.items() if outcome != "settled"]
         if failed:

@@ -17,8 +17,12 @@ from rig.engine.measuring import Observation
 from rig.engine.motion import Leg
 from rig.engine.run_file import RunWriter
 from rig.engine.session import Progress, Session
+from rig.engine.settling import Settling
 from rig.engine.state import RunState
 from rig.engine.states import State
+
+_SHOWN_S, _SHOWN = 1800.0, 120
+"""How much of a settling quantity's trace the live state tells: the last half hour, so many samples at most."""
 
 
 @dataclass
@@ -65,6 +69,7 @@ class Journal:
         at: the point in hand, if any; records about it name it.
         message: what is going on, "" if the state says it.
         detail: readings of the moment that go with it.
+        settling: tells what is being waited for to settle, by name.
 
     """
 
@@ -84,6 +89,7 @@ class Journal:
         self.at: PointInHand | None = None
         self.message = ""
         self.detail = ""
+        self.settling: Callable[[], Mapping[str, Settling]] = dict
         self._run = run
         self._clock = clock
         self._session = session
@@ -224,4 +230,5 @@ class Journal:
             "point": None if self.at is None else self.at.point.index,
             "whole_plot": self.fold.planned,
             "whole_plots": self._whole_plots,
+            "settling": {name: judge.lately(_SHOWN_S, _SHOWN) for name, judge in self.settling().items()},
         }

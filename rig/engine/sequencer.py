@@ -83,6 +83,7 @@ class Sequencer:
         self._axes = axes_of(bench, run_list.easy)
         self._guard = Guard(bench.config.limits, bench.config.factors)
         self._do = BenchActions(bench, self._axes, self._guard, clock, self._wait)
+        self._journal.settling = lambda: self._do.judges
         self._requests = Requests(run.path, session.number, clock.stopwatch)
         self._queue = PointQueue(run_list, state)
         self._soaking: Soaking | None = None

@@ -19,7 +19,7 @@ class Line(NamedTuple):
 def story(path: Path) -> list[Line]:
     """The happenings of a run file, in order; observations are left out."""
     with RunReader.open(path) as reader:
-        return [Line(_clock(r.elapsed_s), words) for r in reader.records() if (words := _words(r))]
+        return [Line(_clock(r.elapsed_s), words) for r in reader.records() if (words := in_words(r))]
 
 
 def _clock(seconds: float) -> str:
@@ -27,7 +27,8 @@ def _clock(seconds: float) -> str:
     return f"{minutes // 60}:{minutes % 60:02d}"
 
 
-def _words(record: Record) -> str:
+def in_words(record: Record) -> str:
+    """One record as a sentence; "" for observations and for what nobody needs to be told."""
     data = record.data
     at = "" if record.run_index is None else f" at point {record.run_index}"
     match record.kind:
@@ -60,6 +61,8 @@ def _words(record: Record) -> str:
             return "stopped on request"
         case "event" if record.status in ("homed", "interrupted", "parked", "environment-settled"):
             return record.status.replace("-", " ")
+        case "event" if record.status == "warning":
+            return f"warning: {data['message']}"
         case "event" if record.status == "whole-plot":
             where = ", ".join(f"{name} {degC:g} degC" for name, degC in data["setpoints_degC"].items())
             return f"whole plot {record.whole_plot} soaked (number {data['planned']} of the design): {where}"
