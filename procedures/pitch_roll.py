@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 from procedures.designs import Design, fraction, grid, roll_circle, tumble, uniform
 from procedures.orders import Visit, random_order, reversed_pass, serpentine
 from procedures.run_list import Factor, Point, RunList, Settle
-from procedures.settings import FaultSettings, Positive, Strict
+from procedures.settings import FaultSettings, Positive, Strict, WarningSettings
 
 Side = Annotated[list[float], Field(min_length=1)]
 
@@ -208,6 +208,7 @@ class PitchRollProcedure(Strict):
     environment: EnvironmentSettings | None = None
     recovery: RecoverySettings = RecoverySettings()
     faults: FaultSettings = FaultSettings()
+    warnings: WarningSettings = WarningSettings()
     mounting: MountingSettings = MountingSettings()
     model: ModelSettings = ModelSettings()
     expect: ExpectSettings = ExpectSettings()

@@ -18,6 +18,7 @@ from rich.markup import escape
 from rig.cli import app
 from rig.cli.show import duration, err, mark, out, print_json, run_progress
 from rig.controller import Result, load_plan, resume_run, start_run
+from rig.engine.early_warning import warnings_of
 from rig.engine.live import controller_alive, live_path, read_json, send_request
 from rig.engine.run_file import RunReader
 from rig.engine.session import Outcome, Progress, Signals
@@ -120,6 +121,8 @@ def conclude(result: Result) -> int:
     """Say how a session ended; the exit code."""
     state = result.state
     with contextlib.suppress(OSError):  # a full or closed log does not change how the run ended
+        for words in _warnings(result.path):
+            err.print(f"[bold yellow]warning:[/] {escape(words)}", soft_wrap=True)
         if result.message and result.outcome is not Outcome.INTERRUPTED:
             print(f"rig: {result.message}", file=sys.stderr)
         for index, reason in sorted(state.skipped.items()):
@@ -134,6 +137,13 @@ def conclude(result: Result) -> int:
         if result.outcome is Outcome.COMPLETE and (not state.accepted or _outside_acceptance(result)):
             return ExitCode.OUTSIDE_ACCEPTANCE
     return _EXIT[result.outcome]
+
+
+def _warnings(run_file: Path) -> list[str]:
+    """Early warnings of a run; none of a file that cannot be read, about which others say more."""
+    with contextlib.suppress(RigError), RunReader.open(run_file) as reader:
+        return [str(record.data["message"]) for record in warnings_of(reader)]
+    return []
 
 
 def _outside_acceptance(result: Result) -> bool:
@@ -203,6 +213,7 @@ def status(run_file: RunArgument, as_json: JsonOption = False) -> int:
         "last_record_utc": datetime.fromtimestamp(state.utc_s, UTC).isoformat(timespec="seconds"),
         "last_fault": state.last_fault,
         "message": f"{live.get('message', '')} {live.get('detail', '')}".strip() if running else "",
+        "warnings": _warnings(run_file),
         "whole_plots_lost": {str(k): v for k, v in state.lost.items()},
         "records": count,
         "head": head.hex(),
@@ -219,6 +230,8 @@ def status(run_file: RunArgument, as_json: JsonOption = False) -> int:
         out.print(f"  [yellow]point {index} skipped:[/] {escape(why)}")
     for number, why in summary["whole_plots_lost"].items():
         out.print(f"  [yellow]whole plot {number} was lost and measured again:[/] {escape(why)}", soft_wrap=True)
+    for words in summary["warnings"]:
+        out.print(f"  [bold yellow]warning:[/] {escape(words)}", soft_wrap=True)
     if state.last_fault and not running:
         out.print(f"  [red]last fault:[/] {escape(state.last_fault)}", soft_wrap=True)
     if summary["message"]:

@@ -6,10 +6,12 @@ Every handler answers with the trigger that follows. What goes wrong is raised; 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import Any
 
 from procedures import Point, Procedure, RunList
 from rig.bench import Bench
 from rig.engine.actions import BenchActions, NotSettled
+from rig.engine.early_warning import EarlyWarnings
 from rig.engine.journal import Journal, PointInHand
 from rig.engine.motion import plan_legs, recovery_legs
 from rig.engine.policies import OverloadedError
@@ -31,6 +33,7 @@ class AtPoint:
         queue: points still to be observed.
         soaking: whole plots, None where nothing is hard to change.
         set_up: brings the instruments' settings to what the bench declares, where that is due.
+        warnings: watches over the sensors, None where that is not wanted.
 
     Attributes:
         move_timeout_s: how long a move may take.
@@ -48,11 +51,13 @@ class AtPoint:
         queue: PointQueue,
         soaking: Soaking | None,
         set_up: Callable[[], None],
+        warnings: EarlyWarnings | None,
     ) -> None:
         self._bench, self._run_list, self._procedure = bench, run_list, procedure
         self._do, self._journal, self._queue = do, journal, queue
         self._soaking = soaking
         self._set_up = set_up
+        self._warnings = warnings
         self._references = tuple(f for f in run_list.easy if not f.stays)
         self._settle = procedure.settle.judged()
         self._poll_s = procedure.settle.poll_s
@@ -157,12 +162,24 @@ class AtPoint:
                 return "prepare"
         self._journal.write("observation", body, status="accepted")
         self._journal.point_observed()
+        if self._warned(at.point, body) and self._procedure.warnings.hold:
+            self._do.stop_motion()
+            self._journal.write("hold", {"why": "a warning, and the procedure asks to hold at one"})
+            self._journal.take_up(None)
+            return "hold"
         elsewhere = self._advance()
         if elsewhere is not None:
             return elsewhere
         band = self._settle.band
         self._at.legs = plan_legs(self._run_list.factors, self._at.point, positions, self._do.arrivals, band)
         return "move"
+
+    def _warned(self, point: Point, body: Mapping[str, Any]) -> bool:
+        """Whether the observation gave reason for a warning; each is written down."""
+        found = [] if self._warnings is None else self._warnings.add(point, self._journal.fold.whole_plot, body)
+        for warning in found:
+            self._journal.write("event", warning.as_json(), status="warning")
+        return bool(found)
 
     def _assert_undisturbed(self, at: PointInHand, after: Mapping[str, float]) -> None:
         """An observation counts only where it was planned, reached as planned, and not left meanwhile."""

@@ -4,9 +4,8 @@ It opens no instrument and writes no file. Losing it, or starting three of it, n
 """
 
 from rig.watch.access import Access
-from rig.watch.against import Reference, read_reference
 from rig.watch.app import make_app
 from rig.watch.server import serve
 from rig.watch.shelf import Shelf
 
-__all__ = ["Access", "Reference", "Shelf", "make_app", "read_reference", "serve"]
+__all__ = ["Access", "Shelf", "make_app", "serve"]

@@ -14,7 +14,7 @@ from rig.config import parse_toml
 from rig.engine.live import controller_alive, live_path, read_json
 from rig.engine.state import RunState
 from rig.errors import RigError, RunFileError
-from rig.watch.against import Reference
+from rig.previous import Previous
 from rig.watch.happenings import Happenings
 from rig.watch.reading import BATCH, Seen, WatchReader
 from rig.watch.residuals import residuals
@@ -53,7 +53,7 @@ class RunFeed:
     """
 
     def __init__(
-        self, path: Path, reference: Reference | None, stopwatch: Callable[[], float], utc: Callable[[], float]
+        self, path: Path, reference: Previous | None, stopwatch: Callable[[], float], utc: Callable[[], float]
     ) -> None:
         self.path = path
         self.seq = 0
@@ -110,9 +110,9 @@ class RunFeed:
                 "state": self._now(live if running else {}, running, news_s),
                 "settling": settling_now(live, self._factors) if running else [],
                 "readings": self._readings(),
-                "warnings": list(self._happenings.warnings),
-                "sessions": list(self._happenings.sessions),
-                "whole_plots": list(self._happenings.whole_plots),
+                "warnings": [dict(one) for one in self._happenings.warnings],
+                "sessions": [dict(one) for one in self._happenings.sessions],
+                "whole_plots": [dict(one) for one in self._happenings.whole_plots],
                 "charts": self._charts.content,
             }
 

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from fitter.arrays import FloatArray
-from rig.watch.against import Reference, model_columns, with_temperature
+from rig.previous import Previous
+from rig.watch.against import columns_of, model_columns
 from rig.watch.reading import Seen
 
 _SCALE = {"V": 1e6, "mV": 1e3}
@@ -18,7 +19,7 @@ _SPARE = 6
 
 
 def residuals(
-    seen: Sequence[Seen], reference: Reference | None, declared: Mapping[str, Any], mounting: Mapping[str, float]
+    seen: Sequence[Seen], reference: Previous | None, declared: Mapping[str, Any], mounting: Mapping[str, float]
 ) -> dict[str, Any]:
     """Residuals of every sensor, and what they are residuals of, JSON-ready.
 
@@ -34,8 +35,8 @@ def residuals(
     found: dict[str, FloatArray] = {}
     if reference is not None:
         against = f"the calibration {reference.name}"
-        expected = reference.expected(seen, mounting) if seen else {}
-        found = {n: y - expected[n] for n, y in outputs.items() if n in expected}
+        expected = reference.expected(columns_of(seen), mounting) if seen else {}
+        found = {n: y - expected[n].output for n, y in outputs.items() if n in expected}
         why = "" if found or not seen else f"{reference.name} is a calibration of other sensors"
     else:
         against = "the declared model, fitted to the points so far"
@@ -51,11 +52,9 @@ def residuals(
 def _fitted(
     seen: Sequence[Seen], outputs: Mapping[str, FloatArray], declared: Mapping[str, Any]
 ) -> tuple[dict[str, FloatArray], str]:
-    columns = model_columns(seen) if seen else None
+    columns = model_columns(seen, temperature=bool(declared.get("temperature"))) if seen else None
     if columns is None:
         return {}, "" if seen else "nothing has been observed yet"
-    if declared.get("temperature"):
-        columns = with_temperature(columns, seen)
     columns = columns / np.maximum(np.abs(columns).max(axis=0), 1e-300)
     usable = np.all(np.isfinite(columns), axis=1)
     rank = int(np.linalg.matrix_rank(columns[usable])) if usable.any() else 0

@@ -14,8 +14,8 @@ import anyio
 import uvicorn
 
 from rig.errors import UsageError
+from rig.previous import read_previous
 from rig.watch.access import Access
-from rig.watch.against import read_reference
 from rig.watch.app import make_app
 from rig.watch.shelf import Shelf
 
@@ -49,7 +49,7 @@ def serve(
     """
     if not where.exists():
         raise UsageError(f"there is no run file or folder {where}")
-    reference = None if against is None else read_reference(against)
+    reference = None if against is None else read_previous(against)
     shelf = Shelf(where, reference, stopwatch, utc)
     if shelf.only is not None:
         feed = shelf.feed(shelf.only)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from rig.engine.live import controller_alive, live_path, read_json
 from rig.errors import RigError
-from rig.watch.against import Reference
+from rig.previous import Previous
 from rig.watch.feed import RunFeed
 from rig.watch.reading import WatchReader
 
@@ -58,7 +58,7 @@ class Shelf:
     """
 
     def __init__(
-        self, where: Path, reference: Reference | None, stopwatch: Callable[[], float], utc: Callable[[], float]
+        self, where: Path, reference: Previous | None, stopwatch: Callable[[], float], utc: Callable[[], float]
     ) -> None:
         self._where, self._reference = where, reference
         self._stopwatch, self._utc = stopwatch, utc

@@ -9,14 +9,15 @@ import os
 import shutil
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from drivers.clock import RealClock
+
 _NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
-MISSING = "No Chromium was found. Install one (Debian, Ubuntu: apt install chromium) or name it: CHROMIUM=/path make test-page"
+MISSING = "No Chromium was found. Install one (Debian, Ubuntu: apt install chromium) or name it: CHROMIUM=PATH"
 
 
 def find() -> str | None:
@@ -73,10 +74,11 @@ class Page:
 
     def until(self, expression: str, seconds: float = 20.0) -> Any:
         """Wait until an expression is true on the page; its value."""
-        end = time.monotonic() + seconds
+        clock = RealClock()
+        end = clock.now() + seconds
         while not (value := self.ask(expression)):
-            assert time.monotonic() < end, f"never came true: {expression}\n{self.ask('document.body.innerText')}"
-            time.sleep(0.1)
+            assert clock.now() < end, f"never came true: {expression}\n{self.ask('document.body.innerText')}"
+            clock.sleep(0.1)
         return value
 
     def picture(self, path: Path) -> None:
@@ -142,7 +144,7 @@ def chromium(folder: Path) -> Iterator[Page]:
     process = subprocess.Popen(
         [program, *options],
         pass_fds=(3, 4),
-        preexec_fn=place,
+        preexec_fn=place,  # noqa: PLW1509 - it only moves descriptors
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     )
