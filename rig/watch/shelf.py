@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 
 from rig.engine.live import controller_alive, live_path, read_json
@@ -90,15 +92,21 @@ class Shelf:
             if known is None or known[0] != changed or known[1].running or controller_alive(path):
                 known = (changed, _entry(name, path))
                 self._known[name] = known
-            found.append((changed, known[1]))
-        newest = sorted(found, key=lambda one: (one[1].began_utc_s or one[0], one[1].name), reverse=True)
-        return [entry for _, entry in newest]
+            found.append((_made(name, changed), known[1]))
+        return [entry for _, entry in sorted(found, key=lambda one: (one[0], one[1].name), reverse=True)]
 
     def _paths(self) -> dict[str, Path]:
         if not self._where.is_dir():
             return {self._where.stem: self._where}
         paths = sorted(self._where.glob("*.sqlite"), key=_changed, reverse=True)[:_LISTED]
         return {path.stem: path for path in paths}
+
+
+def _made(name: str, changed: float) -> str:
+    """When a run was made, for sorting: by its name, which begins with it; a dry run's own clock is no help."""
+    if re.match(r"\d{8}T\d{6}", name):
+        return name[:15]
+    return datetime.fromtimestamp(changed, UTC).strftime("%Y%m%dT%H%M%S")
 
 
 def _changed(path: Path) -> float:
