@@ -17,10 +17,11 @@ Row = tuple[float, ...]
 
 _MODEL_ROWS = 200
 _WINDOWS = (4, 8, 12)
-_FROZEN = 4
+_FROZEN = 3
 _JUMPED = 3
 _BEYOND_SCATTER = 50.0
 _SPANNED = 0.3
+_TO_JUDGE_A_SLOPE, _SLOPE_OFF = 8, 0.2
 
 
 @dataclass
@@ -130,7 +131,7 @@ class ResponseTest:
         return ""
 
     def _deaf(self, last: list[_Seen]) -> str:
-        """The settings should have moved the output, and it stayed."""
+        """The settings should have moved the output, and it stayed, or moved by much less or more."""
         model = self._model
         for size in _WINDOWS:
             some = last[-size:]
@@ -147,6 +148,10 @@ class ResponseTest:
                     f"does not follow the settings: the last {size} should have moved it by {self._say(should)}, "
                     f"and it stays at {stays}"
                 )
+            if size >= _TO_JUDGE_A_SLOPE:
+                slope, error = _slope(expected, [s.mean for s in some])
+                if abs(slope - 1.0) > _SLOPE_OFF and error < 0.01 * should:  # and not half before, half after something
+                    return f"follows the settings with {100 * slope:.0f} % of what it did before, over {size} points"
         return ""
 
     def _jumped(self, last: list[_Seen]) -> str:
@@ -163,7 +168,13 @@ class ResponseTest:
         return f"reads {self._say(off[-1])} away from what its settings gave before, {_JUMPED} points in a row{rail}"
 
 
+def _slope(expected: list[float], read: list[float]) -> tuple[float, float]:
+    """Of what was read against what was expected, and the rms of what the line leaves."""
+    x, y = np.array(expected), np.array(read)
+    slope, offset = np.polyfit(x, y, 1)
+    return float(slope), float(np.sqrt(np.mean((y - slope * x - offset) ** 2)))
+
+
 def _at_rail(model: _Model, value: float) -> str:
-    if model.low <= value <= model.high:
-        return ""
-    return f", {'above' if value > model.high else 'below'} everything it read before: is it at a rail?"
+    furthest = max(abs(model.low), abs(model.high))
+    return ", further out than anything it read before: is it at a rail?" if abs(value) > 1.05 * furthest else ""

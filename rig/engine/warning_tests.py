@@ -53,8 +53,8 @@ class NoiseTest:
 
     """
 
-    FIRST = 20
-    WINDOWS = (4, 32)
+    FIRST = 30
+    WINDOWS = (4, 16, 48)
     LEAST = 1.25
     """Noise that has risen by less, in standard deviation, is not worth a person's time."""
 
