@@ -321,6 +321,18 @@ def test_looking_writes_nothing(tmp_path):
     assert before == after
 
 
+def test_a_record_written_in_the_same_tick_of_the_file_system_is_not_missed(tmp_path):
+    path = small_run(tmp_path)
+    with RunWriter.open(path) as run:
+        feed = RunFeed(path, None, Ticks(), RealClock().utc)
+        write(run, 0)
+        with patch("rig.watch.feed._print", lambda _path: (("same",), RealClock().utc())):
+            feed.refresh()
+            write(run, 1)
+            feed.refresh()
+        assert feed.view()["state"]["done"] == 2
+
+
 def test_whole_nights_with_holds_and_faults_are_told_in_words(tmp_path):
     path = new_run(tmp_path)
     run_session(path, spoil=lambda _bench, _head, reader: reader.overloads.update({3, 4, 5}))

@@ -49,6 +49,7 @@ def make_app(shelf: Shelf, access: Access, pause: Pause, *, streams: int = _MOST
         Route("/run/{name}/state.json", pages.state),
         Route("/run/{name}/events", pages.events),
         Route("/static/{name}", _static),
+        Route("/favicon.ico", lambda _: RedirectResponse("/static/icon.svg", 307)),
     ]
     return Guarded(Starlette(routes=routes, exception_handlers={404: _not_found}), access)
 

@@ -25,6 +25,8 @@ _LEAST_S = 0.5
 """However many pages are open, a run file is looked at no more often."""
 _CHARTS_S = 4.0
 """Charts are made anew no more often."""
+_TICK_S = 2.0
+"""A file's time of change is coarse on some file systems: two writes within it may show as one."""
 _BAD = (ValueError, LookupError, TypeError, AssertionError, AttributeError)
 
 
@@ -124,9 +126,11 @@ class RunFeed:
     # --- reading ----------------------------------------------------------------------------------------------
 
     def _read(self) -> None:
-        seen = _print(self.path)
+        seen, changed = _print(self.path)
         if seen == self._print:
             return
+        if self._utc() - changed < _TICK_S:
+            seen = ()  # more may be written without a file's time or size showing it
         while True:  # a transaction a batch; the writer is never in the way of one for long
             with WatchReader.open(self.path) as reader:
                 if not self.seq:
@@ -267,16 +271,18 @@ def _temperatures(shown: list[Seen]) -> dict[str, Any]:
     }
 
 
-def _print(path: Path) -> tuple[object, ...]:
-    """Changes whenever a run file or its log does."""
+def _print(path: Path) -> tuple[tuple[object, ...], float]:
+    """What changes whenever a run file or its log does, and when that was last, seconds since 1970-01-01."""
     found: list[object] = []
+    changed = 0.0
     for one in (path, path.with_name(path.name + "-wal")):
         try:
             stat = one.stat()
             found.append((stat.st_ino, stat.st_size, stat.st_mtime_ns))
+            changed = max(changed, stat.st_mtime)
         except OSError:
             found.append(None)
-    return tuple(found)
+    return tuple(found), changed
 
 
 def encoded(value: object) -> str:
