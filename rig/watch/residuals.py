@@ -59,7 +59,7 @@ def _fitted(
     usable = np.all(np.isfinite(columns), axis=1)
     rank = int(np.linalg.matrix_rank(columns[usable])) if usable.any() else 0
     if usable.sum() < rank + _SPARE or rank < 2:
-        return {}, f"{int(usable.sum())} points do not fit the model yet; a few more are needed"
+        return {}, f"{int(usable.sum())} points are too few for the model yet"
     found = {}
     for name, y in outputs.items():
         rows = usable & np.isfinite(y)

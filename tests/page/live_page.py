@@ -121,7 +121,7 @@ def test_a_run_is_watched_from_the_middle_to_its_end(lab: str, tmp_path: Path) -
             assert page.ask("document.querySelector('#simulated').hidden") is False
             page.until(
                 "document.querySelectorAll('#residualcharts svg path').length >= 3 || "
-                "document.getElementById('against').textContent.includes('fit')"
+                "document.getElementById('against').textContent.includes('model')"
             )
             page.until("document.querySelectorAll('#settlingcharts svg path').length >= 1")
             assert page.ask("document.querySelectorAll('#readings tbody tr').length") >= 4

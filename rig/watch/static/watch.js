@@ -226,8 +226,10 @@ function showReadings(readings) {
   }));
 }
 
-function hours(elapsed) {
-  return elapsed.map((s) => s / 3600);
+// Bench time in hours, or minutes where there is not much of it yet.
+function overTime(elapsed) {
+  const short = (elapsed.at(-1) ?? 0) < 7200;
+  return { x: elapsed.map((s) => s / (short ? 60 : 3600)), xUnit: short ? "min" : "h" };
 }
 
 function showCharts(charts) {
@@ -238,10 +240,9 @@ function showCharts(charts) {
     key: sensor.name,
     caption: caption(sensor.name, `rms ${isNumber(sensor.rms) ? sensor.rms.toPrecision(3) : "\u2013"} ${unitText(sensor.unit)}`),
     chart: {
-      x: hours(found.elapsed_s),
+      ...overTime(found.elapsed_s),
       series: [{ values: sensor.values, style: "dots", colour: i }],
       zero: true,
-      xUnit: "h",
       yUnit: unitText(sensor.unit),
       label: `Residuals of ${sensor.name} over bench time, ${sensor.values.length} points, rms ${sensor.rms} ${sensor.unit}`,
     },
@@ -255,10 +256,9 @@ function showCharts(charts) {
       key: one.name,
       caption: caption(split(one.name)[0], words),
       chart: {
-        x: hours(charts.temperatures.elapsed_s),
+        ...overTime(charts.temperatures.elapsed_s),
         series: [{ values: one.values, style: "line", colour: i }],
         least: 0.05,
-        xUnit: "h",
         yUnit: "\u00b0C",
         label: `${one.name} over bench time, now ${words}`,
       },
@@ -283,7 +283,7 @@ function showSessions(sessions) {
 function showWholePlots(plots) {
   at("wholeplots").hidden = plots.length === 0;
   rows(at("plots"), [...plots].reverse().map((one) => {
-    const where = Object.entries(one.setpoints_degC).map(([what, degC]) => `${what.replaceAll("_", " ")} ${minus(String(degC))} \u00b0C`);
+    const where = Object.entries(one.setpoints_degC).map(([what, degC]) => `${what.replace(/_chamber$/, "").replaceAll("_", " ")} ${minus(String(Number(degC.toPrecision(5))))} \u00b0C`);
     return [n(String(one.number)), n(String(one.planned)), where.join(", "), n(String(one.points)), one.lost ? `lost: ${one.lost}` : "stands"];
   }));
 }
