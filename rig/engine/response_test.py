@@ -74,6 +74,7 @@ class ResponseTest:
         self._model: _Model | None = None
         self._next_fit = 12
         self._noisy = False
+        self._off = 0
 
     def add(self, row: Row, mean: float, variance: float, *, new_whole_plot: bool) -> str:
         """Take an observation.
@@ -94,7 +95,7 @@ class ResponseTest:
         expected = None if self._model is None else self._model.expects(row)
         self._recent.append(_Seen(row, mean, variance == 0.0, expected))
         last = list(self._recent)
-        said = self._frozen(last) or self._deaf(last) or self._jumped(last)
+        said = self._frozen(last) or self._deaf(last) or self._jumped(last) or self._weak(last)
         if not said and len(self._rows) < _MODEL_ROWS:
             self._rows.append(row)
             self._outputs.append(mean)
@@ -131,7 +132,7 @@ class ResponseTest:
         return ""
 
     def _deaf(self, last: list[_Seen]) -> str:
-        """The settings should have moved the output, and it stayed, or moved by much less or more."""
+        """The settings should have moved the output, and it stayed."""
         model = self._model
         for size in _WINDOWS:
             some = last[-size:]
@@ -148,11 +149,22 @@ class ResponseTest:
                     f"does not follow the settings: the last {size} should have moved it by {self._say(should)}, "
                     f"and it stays at {stays}"
                 )
-            if size >= _TO_JUDGE_A_SLOPE:
-                slope, error = _slope(expected, [s.mean for s in some])
-                if abs(slope - 1.0) > _SLOPE_OFF and error < 0.01 * should:  # and not half before, half after something
-                    return f"follows the settings with {100 * slope:.0f} % of what it did before, over {size} points"
         return ""
+
+    def _weak(self, last: list[_Seen]) -> str:
+        """The settings move the output by another factor than before, three times running: a stray point does not count."""
+        model, some = self._model, last[-_TO_JUDGE_A_SLOPE:]
+        expected = [s.expected for s in some if s.expected is not None]
+        slope, error, should = 1.0, 0.0, 0.0
+        if model is not None and len(expected) == _TO_JUDGE_A_SLOPE:
+            should = max(expected) - min(expected)
+            if should > max(_BEYOND_SCATTER * model.scatter, 0.01 * (model.high - model.low)):
+                slope, error = _slope(expected, [s.mean for s in some])
+        off = abs(slope - 1.0) > _SLOPE_OFF and error < 0.01 * should
+        self._off = self._off + 1 if off else 0
+        if self._off < _JUMPED:
+            return ""
+        return f"follows the settings with {100 * slope:.0f} % of what it did before, over {len(some)} points"
 
     def _jumped(self, last: list[_Seen]) -> str:
         """Far from where its settings put it before, several points in a row."""

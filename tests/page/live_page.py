@@ -150,6 +150,7 @@ def test_a_run_is_watched_from_the_middle_to_its_end(lab: str, tmp_path: Path) -
             page.ask("document.querySelector('[data-show=matters]').focus()")
             page.key("Enter")
             page.until("document.getElementById('story').classList.contains('matters')")
+            assert page.ask("document.getElementById('nothing').hidden") is False
             page.picture(PICTURES / f"{lab}-complete.png")
         assert [c for c in page.complaints if "ERR_CONNECTION_REFUSED" not in c and "ERR_" not in c] == []
 

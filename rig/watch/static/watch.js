@@ -288,6 +288,11 @@ function showWholePlots(plots) {
   }));
 }
 
+function showNothing() {
+  const list = at("story");
+  at("nothing").hidden = !list.classList.contains("matters") || list.querySelector(".fault, .decision, .warning") !== null;
+}
+
 function showStory(story) {
   const list = at("story");
   for (const line of story.lines) {
@@ -300,6 +305,7 @@ function showStory(story) {
     list.prepend(item);
   }
   while (list.children.length > 300) list.lastChild.remove();
+  showNothing();
   const hidden = story.told - list.children.length;
   at("earlier").hidden = hidden <= 0;
   write("earlier", `The newest first; ${hidden} earlier lines are in the run file and its report.`);
@@ -356,6 +362,7 @@ function look() {
 for (const button of document.querySelectorAll("button[data-show]")) {
   button.addEventListener("click", () => {
     at("story").classList.toggle("matters", button.dataset.show === "matters");
+    showNothing();
     for (const other of document.querySelectorAll("button[data-show]")) other.setAttribute("aria-pressed", String(other === button));
   });
 }
