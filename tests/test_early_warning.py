@@ -8,6 +8,7 @@ import random
 import re
 import statistics
 from pathlib import Path
+from unittest.mock import patch
 
 import pytest
 from command import rig
@@ -253,6 +254,15 @@ def test_a_run_holds_at_a_warning_where_the_procedure_asks_for_it_and_goes_on_wh
     outcome, state, *_ = run_session(path, procedure=procedure, spoil=freeze)
     assert outcome is Outcome.COMPLETE
     assert len(state.accepted) == state.points
+
+
+def test_a_mistake_in_the_warnings_themselves_costs_the_warnings_and_not_the_night(tmp_path):
+    path = new_run(tmp_path)
+    with patch.object(EarlyWarnings, "_judged", side_effect=ZeroDivisionError("planted")):
+        outcome, state, *_ = run_session(path)
+    assert outcome is Outcome.COMPLETE
+    assert len(state.accepted) == state.points
+    assert warned(path) == [(1, "itself")]
 
 
 def test_a_procedure_can_do_without(tmp_path):

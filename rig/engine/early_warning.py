@@ -33,7 +33,7 @@ class Warned:
     """One warning.
 
     Attributes:
-        cause: "noise", "drift", "calibration" or "response".
+        cause: "noise", "drift", "calibration" or "response"; "itself" where warnings have come to an end.
         output: of which sensor.
         message: in plain words, with figures.
 
@@ -71,6 +71,7 @@ class EarlyWarnings:
     def __init__(self, run_list: RunList, previous: Previous | None, mounting: Mapping[str, float]) -> None:
         self._run_list, self._previous, self._mounting = run_list, previous, mounting
         self._told: set[tuple[str, str]] = set()
+        self._broken = False
         self._outputs: dict[str, _Output] = {}
         self._whole_plot: int | None = None
         names = {f.name for f in run_list.factors}
@@ -80,7 +81,17 @@ class EarlyWarnings:
         self._every = max(1, math.ceil(2 * per_replication / _SETTINGS))
 
     def add(self, point: Point, whole_plot: int | None, body: Mapping[str, Any]) -> list[Warned]:
-        """Take an accepted observation, as the run file has it; what there is to say now."""
+        """Take an accepted observation, as the run file has it; what there is to say now. Never raises."""
+        if self._broken:
+            return []
+        try:
+            return self._judged(point, whole_plot, body)
+        except Exception as error:  # a mistake in here must not decide whether a night lives
+            self._broken = True
+            words = f"early warnings have ended with a mistake of their own ({type(error).__name__}: {error})"
+            return [Warned("itself", "", f"{words}; the run goes on without them")]
+
+    def _judged(self, point: Point, whole_plot: int | None, body: Mapping[str, Any]) -> list[Warned]:
         outputs: Mapping[str, Any] = body["outputs"]
         read = self._quantities(point, body)
         given = {name: np.array([value]) for name, value in read.items()} if self._previous else {}

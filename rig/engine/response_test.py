@@ -152,7 +152,7 @@ class ResponseTest:
         return ""
 
     def _weak(self, last: list[_Seen]) -> str:
-        """The settings move the output by another factor than before, three times running: a stray point does not count."""
+        """The settings move the output by another factor than before, three times running: one stray point is none."""
         model, some = self._model, last[-_TO_JUDGE_A_SLOPE:]
         expected = [s.expected for s in some if s.expected is not None]
         slope, error, should = 1.0, 0.0, 0.0

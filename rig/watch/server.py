@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import ipaddress
+import platform
 import secrets
 import socket
 from collections.abc import Callable
@@ -60,7 +61,8 @@ def serve(
     access = Access(token or "", Access().names | {host.lower()})
     listening = _listen(host, port)
     with contextlib.closing(listening):
-        shown = f"[{host}]" if ":" in host else host
+        anywhere = host in ("0.0.0.0", "::")
+        shown = platform.node() if anywhere else f"[{host}]" if ":" in host else host
         query = f"/?token={quote(token)}" if token else "/"
         announce(f"http://{shown}:{listening.getsockname()[1]}{query}")
         config = uvicorn.Config(
