@@ -21,6 +21,7 @@ _FROZEN = 3
 _JUMPED = 3
 _BEYOND_SCATTER = 50.0
 _SPANNED = 0.3
+_ODD = 0.05
 _TO_JUDGE_A_SLOPE, _SLOPE_OFF = 8, 0.2
 
 
@@ -96,11 +97,16 @@ class ResponseTest:
         self._recent.append(_Seen(row, mean, variance == 0.0, expected))
         last = list(self._recent)
         said = self._frozen(last) or self._deaf(last) or self._jumped(last) or self._weak(last)
-        if not said and len(self._rows) < _MODEL_ROWS:
+        if not said and len(self._rows) < _MODEL_ROWS and self._believable(mean, expected):
             self._rows.append(row)
             self._outputs.append(mean)
             said = self._learn()
         return said
+
+    def _believable(self, mean: float, expected: float | None) -> bool:
+        """Whether there is something to learn from an observation, rather than something wrong with it."""
+        model = self._model
+        return model is None or expected is None or abs(mean - expected) <= _ODD * (model.high - model.low)
 
     def _frozen(self, last: list[_Seen]) -> str:
         """Every reading the same number, at settings that differ, of a sensor that had noise."""
