@@ -120,9 +120,8 @@ class Bias:
     @property
     def holds(self) -> bool:
         """Whether mean and scatter are those of nights without trouble, as chance has it once in 30,000 times."""
-        return (
-            abs(self.mean) * self.quantities**0.5 < _CHANCE and (self.sd - 1.0) * (2 * self.quantities) ** 0.5 < _CHANCE
-        )
+        root = math.sqrt(self.quantities)
+        return abs(self.mean) * root < _CHANCE and (self.sd - 1.0) * root * math.sqrt(2.0) < _CHANCE
 
     def __str__(self) -> str:
         """In words."""
