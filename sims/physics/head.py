@@ -36,6 +36,8 @@ class Axis:
         self._mechanics = mechanics
         self._errors = tuple(errors)
         self._deceleration = 1.0
+        self._stalled_until = -inf
+        self._slips: list[tuple[float, float]] = []
         resting = Course(1.0, (), start_deg, 0.0)
         self._legs = [Leg(-inf, start_deg, start_deg, -mechanics.hidden_play_deg / 2.0, resting, mechanics)]
 
@@ -62,6 +64,9 @@ class Axis:
         true = encoder + self.leg(t).trail(t)
         for error in self._errors:
             true += error.error_deg(encoder)
+        for since, amount in self._slips:
+            if since <= t:
+                true += amount
         return true
 
     def true_deg(self, t: float) -> float:
@@ -76,6 +81,8 @@ class Axis:
         """Go to an encoder angle; both speed (deg/s) and acceleration (deg/s^2) must be positive."""
         if not (speed > 0.0 and acceleration > 0.0):
             raise ValueError(f"speed {speed} and acceleration {acceleration} must be positive")
+        if self._world.now() < self._stalled_until:
+            return
         now = self._interrupt()
         self._deceleration = acceleration
         leg = self.leg(now)
@@ -98,6 +105,24 @@ class Axis:
             deceleration = deceleration_deg_per_s2 or self._deceleration
             still = Course(leg.course.direction, (), angle, 0.0)
             self._append(now, stopping(angle, speed, deceleration) if speed else still)
+
+    def stall(self, until: float) -> None:
+        """Stand still where it is, whatever is commanded, until a virtual time."""
+        now = self._interrupt()
+        leg = self.leg(now)
+        if now < leg.end:
+            self._append(now, Course(leg.course.direction, (), leg.angle(now), 0.0))
+        self._stalled_until = until
+
+    def slip(self, amount_deg: float, *, encoder: bool) -> None:
+        """The table jumps and stays there, with its encoder or against it; a motion under way is at an end."""
+        now = self._world.now()
+        if not encoder:
+            self._slips.append((now, amount_deg))
+            return
+        now = self._interrupt()
+        leg = self.leg(now)
+        self._append(now, Course(1.0 if amount_deg >= 0 else -1.0, (), leg.angle(now) + amount_deg, 0.0))
 
     def _interrupt(self) -> float:
         """Forget what was to come, and what is long past; returns the time."""
