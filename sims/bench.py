@@ -9,6 +9,7 @@ from zlib import crc32
 from sims.faults import Acts, Faults, FaultyWire, read_faults
 from sims.physics import Plant, read_truth, sensor_axes
 from sims.physics.truth import FAULTS
+from sims.tape import Tape
 from sims.wires.can_line import CanCable
 from sims.wires.modbus_line import ModbusCable
 from sims.wires.serial_line import SerialCable, register, unregister
@@ -48,8 +49,10 @@ class SimBench:
         truth: the world file as plain values; its `faults` are what goes wrong, and when.
         key: name of this world in `sim://KEY/INSTRUMENT` addresses.
         twin_classes: twin class by driver name.
+        record_tape: keep what truly happens, for checkers.
 
     Attributes:
+        tape: what truly happened; None unless it is recorded.
         plant: what is physically there.
         cables: serial cables by instrument.
         faults: what goes wrong, and what has happened so far.
@@ -66,6 +69,8 @@ class SimBench:
         truth: Mapping[str, Any],
         key: str,
         twin_classes: Mapping[str, Callable[..., Any]],
+        *,
+        record_tape: bool = False,
     ) -> None:
         self.world = world
         self.plant = Plant(world, truth, bench)
@@ -80,6 +85,7 @@ class SimBench:
         drivers = {name: str(instrument["driver"]) for name, instrument in bench["instruments"].items()}
         entries = read_faults(truth.get(FAULTS), drivers, media)
         self.faults = Faults(world, entries, self.plant.truth.seed, media, Acts(self))
+        self.tape = Tape(world, self.plant, self._twins, drivers) if record_tape else None
         self.cables = {
             n: SerialCable(world, twin, self.wire(n)) for n, twin in self._twins.items() if twin.kind == "serial"
         }

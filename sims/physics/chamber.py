@@ -23,6 +23,7 @@ from sims.physics.modes import Array, Response
 from sims.physics.pressure_truth import ChamberTruth
 from sims.physics.steps import Steps
 from sims.physics.thermal import Lab, Ramp
+from sims.physics.told import Told
 
 _AIR, _WALL, _BODY, _INTEGRAL = range(4)
 
@@ -46,6 +47,7 @@ class Chamber:
 
     Attributes:
         controlled: whether the control loop is closed.
+        told: told of what is commanded.
         temperatures: what it was sent to, a step for every change of temperature that makes a new whole plot.
 
     """
@@ -76,6 +78,7 @@ class Chamber:
         self._command = np.array([self._proportional, 0.0, 0.0, self._integral])
         self._surroundings = np.array([free, 0.0, body * t.body_sees_lab, 0.0])
         self._free = free
+        self.told: Told | None = None
         self._door: float | None = None  # how fast the air goes to the laboratory's, per second, while it is open
         self.assume_steady(t.start_setpoint_degC, start, controlled=t.start_controlled)
 
@@ -107,6 +110,9 @@ class Chamber:
             ramp_degC_per_min: no faster than this; the chamber's own slew is the limit otherwise.
 
         """
+        if self.told is not None:
+            self.told("setpoint_degC", setpoint_degC)
+            self.told("control", "on" if controlled else "off")
         air = self.air_degC(now)
         begin = self.active_setpoint_degC(now) if self._stretch(now).controlled else air
         slew = min(ramp_degC_per_min, self._truth.slew_degC_per_min) / 60.0
@@ -130,11 +136,15 @@ class Chamber:
 
     def open_door(self, now: float, time_constant_s: float) -> None:
         """Its door is opened: the control loop rests, and the air follows the laboratory this fast."""
+        if self.told is not None:
+            self.told("door", "open")
         self._door = 1.0 / time_constant_s
         self._again(now)
 
     def close_door(self, now: float) -> None:
         """Its door is closed: it does again what was commanded last."""
+        if self.told is not None:
+            self.told("door", "closed")
         self._door = None
         self._again(now)
 

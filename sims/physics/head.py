@@ -12,6 +12,7 @@ from math import inf, sqrt
 from typing import Protocol
 
 from sims.physics.profile import Course, Leg, Mechanics, overshoots, stopping, towards
+from sims.physics.told import Told
 from sims.physics.truth import HeadTruth
 from sims.physics.undeclared import ARCSEC, Backlash, HeadError
 
@@ -29,7 +30,12 @@ class Now(Protocol):
 
 
 class Axis:
-    """One axis: its moves and its errors."""
+    """One axis: its moves and its errors.
+
+    Attributes:
+        told: told of its motion.
+
+    """
 
     def __init__(self, world: Now, start_deg: float, mechanics: Mechanics, errors: Sequence[HeadError]) -> None:
         self._world = world
@@ -37,6 +43,7 @@ class Axis:
         self._errors = tuple(errors)
         self._deceleration = 1.0
         self._stalled_until = -inf
+        self.told: Told | None = None
         self._slips: list[tuple[float, float]] = []
         resting = Course(1.0, (), start_deg, 0.0)
         self._legs = [Leg(-inf, start_deg, start_deg, -mechanics.hidden_play_deg / 2.0, resting, mechanics)]
@@ -95,6 +102,9 @@ class Axis:
         reversing = (target - angle) * leg.course.direction < 0.0
         wait = sqrt(2.0 * m.gear_play_deg / acceleration) if reversing else 0.0
         self._append(now, towards(angle, moving_at, target, speed, acceleration, m.creep_deg, wait))
+        if self.told is not None:
+            self.told("target_deg", target)
+            self.told("reached_deg", target, self._legs[-1].end - self._world.now())
 
     def stop(self, deceleration_deg_per_s2: float | None = None) -> None:
         """Come to rest as soon as the deceleration allows (the last move's, unless another is given)."""
@@ -105,6 +115,8 @@ class Axis:
             deceleration = deceleration_deg_per_s2 or self._deceleration
             still = Course(leg.course.direction, (), angle, 0.0)
             self._append(now, stopping(angle, speed, deceleration) if speed else still)
+            if self.told is not None:
+                self.told("stopped_deg", self._legs[-1].course.target)
 
     def stall(self, until: float) -> None:
         """Stand still where it is, whatever is commanded, until a virtual time."""
@@ -112,6 +124,8 @@ class Axis:
         leg = self.leg(now)
         if now < leg.end:
             self._append(now, Course(leg.course.direction, (), leg.angle(now), 0.0))
+            if self.told is not None:
+                self.told("stalled_deg", leg.angle(now))
         self._stalled_until = until
 
     def slip(self, amount_deg: float, *, encoder: bool) -> None:

@@ -13,6 +13,7 @@ from math import e, exp, expm1, inf, log, pi, sin, sqrt
 
 from sims.noise import event_at, normal, uniform
 from sims.physics.fields import Number, accepts, quantity
+from sims.physics.told import Told
 
 ATMOSPHERE_PSIA = 14.695949
 """Standard atmosphere."""
@@ -126,6 +127,7 @@ class PressureLine:
     Attributes:
         setpoint_psia: as last commanded.
         controlling: whether the control loop is closed.
+        told: told of what is commanded.
 
     """
 
@@ -141,6 +143,7 @@ class PressureLine:
         self._gain = 1.0 + truth.reference_gain_ppm * 1e-6
         self._drift = truth.reference_drift_psi_per_day / _DAY_S
         self._vent_over: float | None = None
+        self.told: Told | None = None
         self._ripple_size = truth.control_noise_psi * sqrt(2.0 / len(_PERIODS_S))
         phases = (2.0 * pi * uniform(seed, f"{name}/control", k) for k in itertools.count())
         self._tones = tuple((2.0 * pi / period, phase) for period, phase in zip(_PERIODS_S, phases, strict=False))
@@ -168,9 +171,17 @@ class PressureLine:
         self.setpoint_psia = setpoint_psia
         self._slew, self._overshoot = min(slew_psi_per_s, self.truth.valve_psi_per_s), overshoot
         self._plan_from(now)
+        if self.told is not None:
+            self.told("vent", "off")
+            self.told("slew_psi_per_s", self._slew)
+            self.told("setpoint_psia", setpoint_psia)
+            self.told("control", "on")
 
     def control_off(self, now: float) -> None:
         """Close all valves; the line is left to its leak. Also ends a vent."""
+        if self.told is not None:
+            self.told("control", "off")
+            self.told("vent", "off")
         here = self.pressure_psia(now)
         self._begin(now, controlling=False)
         self._stretches.append(self._leaking(now, here))
@@ -187,6 +198,10 @@ class PressureLine:
         left = self._stretches[-1].at(ends) - truth.ambient_psia
         self._stretches.append(_Stretch(ends, truth.ambient_psia, 0.0, tau, truth.ambient_psia + left))
         self._vent_over = ends + tau * log(max(1.0, abs(left) / _AT_AMBIENT_PSI))
+        if self.told is not None:
+            self.told("control", "off")
+            self.told("vent", "open")
+            self.told("vent", "complete", self._vent_over - now)
 
     def lose(self, now: float, source: str, until: float, to_psia: float | None = None) -> None:
         """A source fails.

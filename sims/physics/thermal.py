@@ -12,6 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import atan, cos, exp, hypot, inf, pi, sin
 
+from sims.physics.told import Told
 from sims.physics.truth import EnclosureTruth, LabTruth
 
 DAY_S = 86400.0
@@ -130,6 +131,9 @@ class Enclosure:
         lab: what is around it.
         start: virtual time from which on it is known; it is in its steady state there.
 
+    Attributes:
+        told: told of what is commanded.
+
     """
 
     def __init__(self, truth: EnclosureTruth, package_tau_s: float, lab: Lab, start: float) -> None:
@@ -137,6 +141,7 @@ class Enclosure:
         self._package_tau = package_tau_s
         self._lab = lab
         self._rate = inf
+        self.told: Told | None = None
         self._door_s: float | None = None  # how fast the air goes to the laboratory's while the door is open
         self.assume_steady(truth.start_setpoint_degC, start, controlled=truth.start_controlled)
 
@@ -170,6 +175,9 @@ class Enclosure:
             ramp_degC_per_min: no faster than this; the enclosure's own slew is the limit otherwise.
 
         """
+        if self.told is not None:
+            self.told("setpoint_degC", setpoint_degC)
+            self.told("control", "on" if controlled else "off")
         begin = self._command.at(now) if self.controlled and self._door_s is None else self.air_degC(now)
         self._rate = ramp_degC_per_min
         slew = min(ramp_degC_per_min, self._truth.slew_degC_per_min) / 60.0
@@ -185,11 +193,15 @@ class Enclosure:
 
     def open_door(self, now: float, time_constant_s: float) -> None:
         """Its door is opened: the control loop rests, and the air follows the laboratory this fast."""
+        if self.told is not None:
+            self.told("door", "open")
         self._door_s = time_constant_s
         self._again(now)
 
     def close_door(self, now: float) -> None:
         """Its door is closed: it does again what was commanded last, from where its air is now."""
+        if self.told is not None:
+            self.told("door", "closed")
         air = self.air_degC(now)
         self._door_s = None
         ramp = self._command
