@@ -23,6 +23,7 @@ from drivers.clock import RealClock
 from procedures import Factor, Point, RunList
 from rig.engine import wal
 from rig.engine.chain import GENESIS, Record, encode, first_break, link
+from rig.engine.storage import storage_of
 from rig.errors import BusyError, RunFileError, StorageError, UsageError
 
 APPLICATION_ID = 0x52494721
@@ -210,6 +211,7 @@ class RunWriter(RunReader):
         try:
             if not _locked(lock):
                 raise BusyError(f"{path} is in use by another controller; `rig status {path}` shows it")
+            _renew_log(path, vfs)
             dropped = wal.inspect(path)
             try:
                 db = apsw.Connection(str(path), flags=apsw.SQLITE_OPEN_READWRITE, vfs=vfs or None)
@@ -218,17 +220,25 @@ class RunWriter(RunReader):
                 raise _unreadable(path, error) from error
             run.dropped = dropped
             run._lock = lock
-            run.verify()
-            run._start()
+            try:
+                run.verify()
+                run._start()
+            except BaseException:
+                run._lock = -1
+                run.close()
+                raise
         except BaseException:
             os.close(lock)
             raise
         return run
 
     def _start(self) -> None:
-        self._db.set_busy_timeout(10_000)
-        self._db.pragma("journal_mode", "wal")
-        self._db.pragma("synchronous", "full")
+        try:
+            self._db.set_busy_timeout(10_000)
+            self._db.pragma("journal_mode", "wal")
+            self._db.pragma("synchronous", "full")
+        except apsw.Error as error:
+            raise _not_durable(self.path, error) from error
         self._seq, self._hash = self.head()
         self._pending: list[tuple[int, Record, bytes, bytes]] = []
 
@@ -236,7 +246,8 @@ class RunWriter(RunReader):
         """Add a record; without `commit` it becomes durable together with the next one that has it.
 
         Raises:
-            StorageError: the record could not be made durable. Nothing was written; the run must stop.
+            StorageError: the record could not be made durable; the run must stop. It may still be found in the file
+                later, or become durable with the next commit.
 
         """
         seq = self._seq + len(self._pending) + 1
@@ -259,10 +270,7 @@ class RunWriter(RunReader):
                 self._db.execute("ROLLBACK")
             if isinstance(error, apsw.ConstraintError):
                 raise
-            raise StorageError(
-                f"cannot write to {self.path}: {error}. Everything up to the last observation is safe. "
-                f"Free space or mend the disk, then: rig resume {self.path}"
-            ) from error
+            raise _not_durable(self.path, error) from error
         self._seq, _, _, self._hash = self._pending[-1]
         self._pending.clear()
 
@@ -280,13 +288,16 @@ class RunWriter(RunReader):
 
     def close(self) -> None:
         """Close; records not committed are lost, as they would be in a crash."""
-        super().close()
-        if self._lock >= 0:
-            os.close(self._lock)  # after SQLite: closing any descriptor drops its own locks on the file
-            self._lock = -1
+        try:
+            with contextlib.suppress(apsw.Error):  # folding the log into the file can wait; what it holds is durable
+                super().close()
+        finally:
+            if self._lock >= 0:
+                os.close(self._lock)  # after SQLite: closing any descriptor drops its own locks on the file
+                self._lock = -1
 
 
-def create(path: Path, genesis: Genesis, *, elapsed_s: float, utc_s: float) -> None:
+def create(path: Path, genesis: Genesis, *, elapsed_s: float, utc_s: float, vfs: str = "") -> None:
     """Make a run file: whole and durable under its final name, or not there at all.
 
     Raises:
@@ -296,20 +307,21 @@ def create(path: Path, genesis: Genesis, *, elapsed_s: float, utc_s: float) -> N
     """
     if path.exists():
         raise RunFileError(f"{path} exists already; a run is never overwritten")
-    part = path.with_name(path.name + ".part")
+    part, disk = path.with_name(path.name + ".part"), storage_of(vfs)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        part.unlink(missing_ok=True)
-        db = apsw.Connection(str(part))
+        disk.make_folder(path.parent)
+        disk.remove(part)
+        db = apsw.Connection(str(part), vfs=vfs or None)
         try:
             _fill(db, genesis, elapsed_s, utc_s)
         finally:
             db.close()
-        os.replace(part, path)
-        _sync_folder(path.parent)
+        disk.replace(part, path)
+        disk.sync_folder(path.parent)
     except (apsw.Error, OSError) as error:
-        with contextlib.suppress(OSError):
-            part.unlink(missing_ok=True)
+        for name in (part, part.with_name(part.name + "-journal"), path):
+            with contextlib.suppress(OSError):
+                disk.remove(name)
         raise StorageError(f"cannot create {path}: {error}. Nothing was moved and nothing is left behind.") from error
 
 
@@ -412,9 +424,21 @@ def _unreadable(path: Path, error: Exception) -> RunFileError:
     return RunFileError(f"{path} is damaged and cannot be read ({error}). {_WAY_FORWARD}")
 
 
-def _sync_folder(folder: Path) -> None:
-    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+def _not_durable(path: Path, error: Exception) -> StorageError:
+    return StorageError(
+        f"cannot write to {path}: {error}. Everything up to the last observation is safe. "
+        f"Free space or mend the disk, then: rig resume {path}"
+    )
+
+
+def _renew_log(path: Path, vfs: str) -> None:
+    """Write the log over itself before anything is built on it: a failed fsync may have left it in memory only.
+
+    Raises `StorageError`: nothing can be made durable.
+    """
+    log = path.with_name(path.name + "-wal")
     try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
+        if log.exists():
+            storage_of(vfs).rewrite(log)
+    except OSError as error:
+        raise _not_durable(path, error) from error
