@@ -111,7 +111,7 @@ def test_a_crash_leaves_everything_as_it_is_and_the_disk_shut(tmp_path):
             with pytest.raises(Crash):
                 run.close()
         files = {p.name: p.read_bytes() for p in tmp_path.iterdir() if not p.name.endswith("-shm")}
-        assert set(files) == {path.name, path.name + "-wal"}
+        assert set(files) == {path.name, path.name + "-wal", "a-run.head"}
         disk.power_cut("none")
         assert {name: (tmp_path / name).read_bytes() for name in files} == files
         assert accepted(path) == {0}
