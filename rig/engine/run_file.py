@@ -264,9 +264,7 @@ class RunWriter(RunReader):
             return dropped
         missing = last[0] - self._seq
         damage = f"its last {missing} record(s) are not there" if missing > 0 else f"record {last[0]} is another one"
-        return replace(
-            dropped, damage=dropped.damage or damage, lost_commits=max(dropped.lost_commits, missing)
-        )
+        return replace(dropped, damage=dropped.damage or damage, lost_commits=max(dropped.lost_commits, missing))
 
     def append(self, record: Record, *, commit: bool = True) -> None:
         """Add a record; without `commit` it becomes durable together with the next one that has it.

@@ -58,8 +58,9 @@ def _checksum(data: bytes, order: str, s0: int, s1: int) -> tuple[int, int]:
     words = np.frombuffer(data, np.dtype(np.uint32).newbyteorder(order)).astype(np.uint32)
     x, both = words[::2], words[::2] + words[1::2]
     (a, b, c), (an, bn, cn) = _powers(len(x))
-    s0, s1 = (an * s0 + bn * s1 + int(np.sum(a * x + b * both, dtype=np.uint32))), (
-        bn * s0 + cn * s1 + int(np.sum(b * x + c * both, dtype=np.uint32))
+    s0, s1 = (
+        (an * s0 + bn * s1 + int(np.sum(a * x + b * both, dtype=np.uint32))),
+        (bn * s0 + cn * s1 + int(np.sum(b * x + c * both, dtype=np.uint32))),
     )
     return s0 & 0xFFFFFFFF, s1 & 0xFFFFFFFF
 

@@ -13,14 +13,16 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from typing import Literal, NoReturn
 
 from drivers.clock import Clock
 from drivers.wires import Wires
 from rig.bench import Bench, check_options, open_bench
 from rig.controller import Plan, Site, plan_of, resume_run, start_run
-from rig.engine.live import send_request
+from rig.engine.live import live_path, send_request
 from rig.engine.session import Outcome, Signals
 from rig.errors import RigError
+from rig.simulated.disk import Crash, Disk
 from rig.simulated.dry_run import DryBench
 from rig.simulated.night.scenario import Mishap, Scenario
 from rig.simulated.night.witness import Witness
@@ -96,7 +98,7 @@ class Played:
 class _Stage:
     """The bench of a night and the machine of its controller."""
 
-    def __init__(self, scenario: Scenario, folder: Path) -> None:
+    def __init__(self, scenario: Scenario, folder: Path, disk: Disk) -> None:
         self.plan = plan_of(scenario.documents, dry=True)
         self.bench = DryBench(self.plan.bench, self.plan.truth)
         self.world = self.bench.world
@@ -109,10 +111,9 @@ class _Stage:
         self._running = False
         self._dead = False
         self._boot = 1
-        self._utc_step = 0.0
-        self._disk: dict[str, bytes] = {}
-        self._true_utc = self.world.utc
-        self.world.utc = lambda: self._true_utc() + self._utc_step  # type: ignore[method-assign]
+        self._disk = disk
+        self._lost: Literal["none", "some"] = "none"
+        self._live: tuple[Path, bytes] | None = None
         for mishap in scenario.mishaps:
             self.world.call_in(mishap.at_s - self.world.now(), partial(self._happen, mishap))
 
@@ -138,7 +139,7 @@ class _Stage:
         """Start the controller, and let it go on until it ends."""
         began = self.world.now()
         self._signals, self._running, self._dead = Signals(), True, False
-        site = Site(self.opened)
+        site = Site(self.opened, self._disk.name)
         outcome, message, skipped = None, "", 0
         try:
             if self.played.path is None:
@@ -154,7 +155,7 @@ class _Stage:
                 result = resume_run(self.played.path, signals=self._signals, on_progress=lambda _: None, site=site)
             outcome, how, message = result.outcome, result.outcome.value, result.message
             skipped = len(result.state.skipped)
-        except Killed:
+        except (Killed, Crash):
             how = "killed"
         except RigError as error:
             how, message = "refused", str(error)
@@ -166,7 +167,7 @@ class _Stage:
         self._running, ended = False, self.world.now()
         not_safe: tuple[str, ...] = ()
         if how == "killed":
-            self._put_back()
+            self._bury()
         elif how != "refused":
             self.world.sleep(SAFE_WITHIN_S)
             not_safe = tuple(self.played.witness.not_safe(moving_only=outcome is Outcome.INTERRUPTED))
@@ -180,9 +181,7 @@ class _Stage:
     # --- what happens -----------------------------------------------------------------------------------------
 
     def _happen(self, mishap: Mishap) -> None:
-        if mishap.kind == "clock-step":
-            self._utc_step += mishap.options["by_s"]
-        elif mishap.kind == "power-cut":
+        if mishap.kind == "power-cut":
             self.bench.sim.power_cycle()
         elif not self._running:
             return
@@ -191,10 +190,17 @@ class _Stage:
             return
         match mishap.kind:
             case "kill":
-                self._die()
+                self._die("none")
             case "reboot" | "power-cut":
                 self._boot += 1
-                self._die()
+                self._die("some")
+            case "disk-full":
+                self._disk.full_after(round(mishap.options["room_bytes"]))
+            case "failed-sync":
+                self._disk.fail_sync(round(mishap.options["nth"]))
+            case "slow-disk":
+                self._disk.slow(self.world, 0.02, 0.5)
+                self.world.call_in(mishap.options["for_s"], partial(self._disk.slow, None))
             case "terminate":
                 self._signals.interrupt = "SIGTERM"
             case "hold":
@@ -210,27 +216,38 @@ class _Stage:
             with contextlib.suppress(FileExistsError):
                 send_request(self.played.path, verb)
 
-    def _die(self) -> None:
-        self._dead = True
-        self._disk = {p.name: p.read_bytes() for p in self._folder.iterdir()}
+    def _die(self, lost: Literal["none", "some"]) -> NoReturn:
+        """End the process here: no byte leaves it any more, and none of its writes reaches the disk."""
+        self._dead = self._disk.crashed = True
+        self._lost = lost
+        path = self.played.path
+        live = None if path is None else live_path(path)
+        self._live = (live, live.read_bytes()) if live is not None and live.exists() else None
         raise Killed
 
-    def _put_back(self) -> None:
-        for path in self._folder.iterdir():
-            if path.name not in self._disk:
-                path.unlink()
-        for name, content in self._disk.items():
-            (self._folder / name).write_bytes(content)
+    def _bury(self) -> None:
+        """What the dead process, or its machine, leaves behind."""
+        self._disk.power_cut(self._lost)
+        if self._live is not None:
+            self._live[0].write_bytes(self._live[1])
+
+    def repair(self) -> None:
+        """What a person does in the morning: makes room on the disk."""
+        self._disk.full_after(None)
 
 
 def play(scenario: Scenario, folder: Path) -> Played:
     """Play a night in an empty folder; whoever gets it closes its bench."""
-    stage = _Stage(scenario, folder)
-    played = stage.played
-    for number in range(MOST_SESSIONS):
-        played.sessions.append(stage.session())
-        if played.complete:
-            break
-        gaps = scenario.gaps_s
-        stage.world.sleep(gaps[min(number, len(gaps) - 1)])
+    with Disk(scenario.seed) as disk:
+        stage = _Stage(scenario, folder, disk)
+        played = stage.played
+        for number in range(MOST_SESSIONS):
+            played.sessions.append(stage.session())
+            if played.complete:
+                break
+            stage.repair()
+            gaps = scenario.gaps_s
+            stage.world.sleep(gaps[min(number, len(gaps) - 1)])
+    played.happened += [(h.t_s, f"{h.fault.kind} on {h.fault.on}: {h.what}") for h in played.bench.sim.faults.happened]
+    played.happened.sort()
     return played

@@ -5,12 +5,15 @@ A night is its scenario and nothing else: the same seed plays the same night, by
 
 from __future__ import annotations
 
+import json
 import random
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
 from rig.examples import example
+from sims.faults import KINDS
 
 Lab = Literal["attitude", "pressure"]
 LABS: tuple[Lab, ...] = ("attitude", "pressure")
@@ -30,6 +33,7 @@ type = "{order}"
 dwell_s = 2
 [measure]
 readings = {readings}
+max_sd_V = 0.0005
 [environment]
 setpoint_degC = 23
 dwell_s = 60
@@ -56,6 +60,7 @@ dwell_s = 4
 poll_s = 4
 [measure]
 readings = {readings}
+max_sd_mV = 0.01
 [recovery]
 continue_gap_s = 600
 hold_max_s = 1800
@@ -114,7 +119,9 @@ MISHAPS: Mapping[str, str] = {
     "hold": "somebody asks the run to hold, and releases it later",
     "stop": "somebody stops the run",
     "no-memory": "the controller runs out of memory",
-    "clock-step": "the machine's UTC is stepped",
+    "disk-full": "the disk is full, and is cleared later",
+    "failed-sync": "the disk fails to make something durable",
+    "slow-disk": "the disk is slow for a while",
 }
 
 
@@ -145,39 +152,91 @@ _LASTS_S: Mapping[Lab, Mapping[bool, float]] = {
 """How long a night without trouble takes, by lab, short and full."""
 
 
-def draw(seed: int, lab: Lab, *, full: bool = False, mishaps: int = 3) -> Scenario:
+def draw(seed: int, lab: Lab, *, full: bool = False, mishaps: int = 2, faults: int = 5) -> Scenario:
     """The night of a seed.
 
     Args:
         seed: any whole number.
         lab: which laboratory.
         full: the example's whole procedure instead of a short one.
-        mishaps: how many things happen to the controller, beside the instruments' faults.
+        mishaps: how many things happen to the controller, its machine or the building.
+        faults: how many happen to instruments and wires.
 
     """
     rng = random.Random(f"{lab} {full} {seed}")
     lasts = _LASTS_S[lab][full]
+    folder = example(f"{lab}-lab")
+    bench = (folder / "bench.toml").read_text(encoding="utf-8")
     happening = sorted(
         (_mishap(rng, rng.uniform(0.0, 1.2 * lasts)) for _ in range(mishaps)), key=lambda mishap: mishap.at_s
     )
     gaps = tuple(rng.choice((2.0, 30.0, 120.0, 700.0, 2000.0)) for _ in range(20))
-    folder = example(f"{lab}-lab")
+    world = (_ATTITUDE_WORLD if lab == "attitude" else _PRESSURE_WORLD).format(seed=rng.randrange(2**31))
+    drivers = {name: str(table["driver"]) for name, table in tomllib.loads(bench)["instruments"].items()}
+    tables = [_fault(rng, drivers, rng.uniform(0.0, lasts)) for _ in range(faults)]
     documents = {
-        "bench.toml": (folder / "bench.toml").read_text(encoding="utf-8"),
+        "bench.toml": bench,
         "procedure.toml": (folder / "procedure.toml").read_text(encoding="utf-8") if full else _procedure(rng, lab),
-        "world.toml": (_ATTITUDE_WORLD if lab == "attitude" else _PRESSURE_WORLD).format(seed=rng.randrange(2**31)),
+        "world.toml": world + "".join(map(_table, tables)),
     }
     return Scenario(seed, lab, documents, tuple(happening), gaps)
 
 
 def _mishap(rng: random.Random, at_s: float) -> Mishap:
     kind = rng.choice(tuple(MISHAPS))
-    options = {}
-    if kind == "hold":
-        options = {"for_s": round(rng.choice((20.0, 200.0, 1000.0)), 1)}
-    elif kind == "clock-step":
-        options = {"by_s": rng.choice((-7200.0, -3600.0, -30.0, 0.5, 3600.0, 86400.0))}
+    options: dict[str, float] = {}
+    if kind in ("hold", "slow-disk"):
+        options = {"for_s": rng.choice((20.0, 200.0, 1000.0))}
+    elif kind == "disk-full":
+        options = {"room_bytes": rng.choice((0.0, 500.0, 5000.0))}
+    elif kind == "failed-sync":
+        options = {"nth": rng.randint(1, 4)}
     return Mishap(round(at_s, 3), kind, options)
+
+
+_DULL = frozenset({"late-reply", "no-reply", "garbled", "truncated", "duplicated", "wrong-reply", "modbus-exception"})
+"""Faults of single exchanges: they come in small bursts."""
+
+
+def _fault(rng: random.Random, drivers: Mapping[str, str], at_s: float) -> dict[str, float | str]:
+    """A fault of any kind that the bench can have, as its table in the world file."""
+    while True:
+        name = rng.choice(tuple(KINDS))
+        kind = KINDS[name]
+        on = [n for n, driver in drivers.items() if kind.hits(driver, _WIRES[driver])]
+        if kind.of_bench or on:
+            break
+    table: dict[str, float | str] = {"kind": name, "at_s": round(at_s, 3)}
+    if on:
+        table["on"] = rng.choice(on)
+    if kind.counts and rng.random() < 0.5:
+        table["times"] = rng.choice((1, 2, 3, 8) if name in _DULL else (1, 3))
+    if kind.lasts_s and not kind.of_bench:
+        table["for_s"] = round(kind.lasts_s * rng.choice((0.2, 1.0, 3.0)), 1)
+    for key, option in kind.options.items():
+        if option.words and rng.random() < 0.5:
+            table[key] = rng.choice(option.words)
+    if name == "slip":
+        table["encoder"] = (
+            "sees"  # a table that slips on its encoder's shaft shows nowhere but in the data: `rig trace`
+        )
+    return table
+
+
+_WIRES = {
+    "newport-esp301": "serial",
+    "cia402-pair": "can",
+    "keysight-34401a": "serial",
+    "keysight-34970a": "serial",
+    "druck-pace": "serial",
+    "watlow-f4t": "modbus",
+    "can-daq": "can",
+}
+
+
+def _table(values: Mapping[str, float | str]) -> str:
+    lines = (f"{key} = {json.dumps(value)}\n" for key, value in values.items())
+    return "[[faults]]\n" + "".join(lines)
 
 
 def _procedure(rng: random.Random, lab: Lab) -> str:
