@@ -19,17 +19,27 @@ from drivers.roles import Identity
 from drivers.wires import SerialLine
 
 _DEVICE_CLEAR = "\x03"
+SYNC = ("SYST:VERS?", "19")
+"""A question that is asked for nothing else; the answer is the year of the standard and a revision: 1991.0."""
+
 _MOST_ERRORS = 21
 _LATE_S = 2.0
 _BITS_PER_CHARACTER = 11
 _CHARACTERS_PER_READING = 16
 _READBACK = 1e-6
+_FETCH = "FETC?;*ESE?"
 
 PREPARED = 52
 """An event enable mask (query, execution and command errors) that says: prepared, and not switched off since.
 
 Nothing is done with the mask otherwise, instruments clear it when they are switched on, and reading it changes nothing,
 so the evidence outlives a session that ends before it has acted on it (the power-on bit of *ESR? does not).
+"""
+
+_MARKS = range(64, 128)
+"""Masks that say the same, and which measurement was the last to be started: it is answered together with the readings,
+so that neither an answer that was meant for an earlier question nor readings of an earlier measurement, whose successor
+never began, can pass for these.
 """
 
 
@@ -72,6 +82,7 @@ class ScpiMeter(ABC):
         self._model = model
         self._count = 0
         self._due = 0.0
+        self._mark = PREPARED
 
     @abstractmethod
     def channels(self) -> Sequence[str]:
@@ -108,9 +119,10 @@ class ScpiMeter(ABC):
         """See `Restartable.restarted`."""
         answer = self._line.query("*ESE?")
         try:
-            return int(answer) != PREPARED
+            self._mark = int(answer)
         except ValueError:
             raise self._line.bad_reply("*ESE?", answer, "a number") from None
+        return self._mark != PREPARED and self._mark not in _MARKS
 
     def start(self, count: int) -> float:
         """See `Reader.start`.
@@ -121,7 +133,8 @@ class ScpiMeter(ABC):
         """
         if not 1 <= count <= self.most_sweeps:
             raise LimitError(f"{self._line.where} can take 1 to {self.most_sweeps} sweeps at once, not {count}")
-        self._line.write(f"TRIG:COUN {count};:INIT")
+        self._mark = self._mark + 1 if self._mark + 1 in _MARKS else _MARKS[0]
+        self._line.write(f"*ESE {self._mark};:TRIG:COUN {count};:INIT")
         expected = count * self.sweep_s()
         self._count = count
         self._due = self._clock.now() + expected
@@ -143,17 +156,22 @@ class ScpiMeter(ABC):
         self._clock.sleep(self._due - self._clock.now())
         sending_s = count * len(names) * _CHARACTERS_PER_READING * _BITS_PER_CHARACTER / self._line.settings.baud
         try:
-            answer = self._line.query("FETC?", sending_s + count * self.sweep_s() / 4 + _LATE_S, repeat=False)
+            answer = self._line.query(_FETCH, sending_s + count * self.sweep_s() / 4 + _LATE_S, repeat=False)
         except NoReply:
             self._clear()
             self._raise_errors()  # often says why there are no readings
             raise
+        readings, _, mark = answer.rpartition(";")
+        if not readings:
+            self._raise_errors()
+        if mark.removeprefix("+") != str(self._mark):
+            raise self._line.bad_reply(_FETCH, answer, f"readings and {self._mark}, the mark of this measurement")
         try:
-            values = [float(word) for word in answer.split(",")]
+            values = [float(word) for word in readings.split(",")]
         except ValueError:
-            raise self._line.bad_reply("FETC?", answer, "numbers") from None
+            raise self._line.bad_reply(_FETCH, answer, "numbers") from None
         if len(values) != count * len(names):
-            raise self._line.bad_reply("FETC?", answer, f"{count * len(names)} numbers")
+            raise self._line.bad_reply(_FETCH, answer, f"{count * len(names)} numbers")
         return {name: values[i :: len(names)] for i, name in enumerate(names)}
 
     def make_safe(self) -> None:
