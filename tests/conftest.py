@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import os
+import sys
 
+# Where it is switched off, three workers and sixty processes compile the project and these tests again each.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 # Before anything imports numpy: matrices here are narrow, and threads that spin beside two test workers cost minutes.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
