@@ -16,7 +16,6 @@ from fitter.effects.effect import PREREQUISITES
 from fitter.trace import trace
 
 X, Y, Z = "x_V", "y_V", "z_V"
-NIGHT = D1(180, 19, 13)
 SMALL = D1(180, 13, 13)
 
 
@@ -34,7 +33,7 @@ class Scenario:
     coefficient: float | None = None
     """Of the first term on the first sensor."""
     options: dict = field(default_factory=dict)
-    plan: Plan = NIGHT
+    plan: Plan = SMALL
     size: str = ""
     """Of the cause, exactly; the tests allow what noise does to it."""
 
@@ -164,7 +163,7 @@ def test_entries_are_complete(effect):
 
 def test_effects_are_found_by_the_axis_told_not_by_the_name():
     """A cross-axis term is that of the sensor's own axis, whatever its channel is called."""
-    data, _ = simulate(Bench(sensors=on_x(cross=1e-5)), NIGHT, seed=1)
+    data, _ = simulate(Bench(sensors=on_x(cross=1e-5)), SMALL, seed=1)
     swapped = {"y_1": data.outputs[X], "z_1": data.outputs[Y], "x_1": data.outputs[Z]}
     found = trace(replace(data, outputs=swapped, axes={"y_1": "x", "z_1": "y", "x_1": "z"}), validate=False)
     assert {s: t.declared for s, t in found.sensors.items()} == {
