@@ -5,13 +5,14 @@ from __future__ import annotations
 import os
 import sys
 
-# Where it is switched off, three workers and sixty processes compile the project and these tests again each.
-os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
-sys.dont_write_bytecode = False
 # Before anything imports numpy: matrices here are narrow, and threads that spin beside two test workers cost minutes.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from hypothesis import settings
+
+# Where bytecode is not kept, three workers and sixty processes compile the project and these tests again each.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 # Seeded by the test's own name: a failure on one machine is the same failure on another.
 settings.register_profile("seeded", derandomize=True, deadline=None, print_blob=True)

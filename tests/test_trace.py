@@ -266,10 +266,11 @@ def test_without_a_recorded_temperature_all_else_works():
     assert untested not in trace(data, validate=False).sensors[X].notes
     # what is predicted does not need a temperature either, unless an effect of it was found
     np.testing.assert_array_equal(found.predict(data)[X], found.predict(cold)[X])
-    hot = trace(simulate(Bench(sensors=HOT), SMALL, seed=0)[0], validate=False)
+    few = replace(SMALL, replications=2)
+    hot = trace(simulate(Bench(sensors=HOT), few, seed=0)[0], validate=False)
     with pytest.raises(ValueError, match="no sensor temperature was recorded"):
         hot.predict(cold)
-    hidden = trace(replace(simulate(DEMO, SMALL, seed=0)[0], sensor_temperature_degC=None), validate=False)
+    hidden = trace(replace(simulate(DEMO, few, seed=0)[0], sensor_temperature_degC=None), validate=False)
     assert not any("temperature" in effect for _, effect in names(hidden))
 
 
@@ -283,9 +284,7 @@ def test_effects_that_replications_left_out_do_not_bear_out_are_noted():
 
 
 def test_a_p_value_the_simulation_resolves_is_no_bound():
-    found = [
-        trace(simulate(Bench(compliance={("y", "x"): 6e-5}), SMALL, s)[0], validate=False) for s in range(4)
-    ]
+    found = [trace(simulate(Bench(compliance={("y", "x"): 6e-5}), SMALL, s)[0], validate=False) for s in range(4)]
     effects = [e for one in found for t in one.sensors.values() for e in t.effects]
     assert any(not e.p_adjusted_is_bound for e in effects)
     assert all(e.p_adjusted_is_bound == (e.p_adjusted < 6e-5) for e in effects)
