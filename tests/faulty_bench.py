@@ -1,4 +1,4 @@
-"""Two simulated benches with every instrument on them, and a question to each whose answer can be checked."""
+"""Simulated benches with every instrument on them, and a question to each whose answer can be checked."""
 
 from __future__ import annotations
 
@@ -42,14 +42,17 @@ reader = "scanner"
 channel = "104"
 """
 
-PRESSURE = """
-name = "pressure"
+_CIA402 = """
 [instruments.cia402]
 driver = "cia402-pair"
 address = "can:socketcan/can1"
+"""
+_PACE = """
 [instruments.pace]
 driver = "druck-pace"
 address = "/dev/rig/pace"
+"""
+_CHAMBERS = """
 [instruments.chamber]
 driver = "watlow-f4t"
 address = "modbus-tcp://192.0.2.10:502/1"
@@ -57,13 +60,13 @@ low_degC = -60
 [instruments.other]
 driver = "watlow-f4t"
 address = "modbus-tcp://192.0.2.11:502/1"
+"""
+_DAQ = """
 [instruments.daq]
 driver = "can-daq"
 address = "can:socketcan/can0"
-[factors]
-pressure_psia = "pace"
-sensor_temperature_degC = "chamber"
-sse_temperature_degC = "other"
+"""
+_AT_INPUTS = """
 [sensors.bridge]
 reader = "daq"
 channel = "spare_voltage"
@@ -77,16 +80,30 @@ reader = "daq"
 channel = "sse_temperature"
 place = "sse"
 """
+_SENSOR = """
+[instruments.dvm]
+driver = "keysight-34401a"
+address = "/dev/rig/dvm"
+[sensors.bridge]
+reader = "dvm"
+"""
+_NAME, _FACTORS = 'name = "pressure"\n', "\n[factors]\n"
+_PRESSURE_BY, _TEMPERATURES_BY = (
+    'pressure_psia = "pace"\n',
+    'sensor_temperature_degC = "chamber"\nsse_temperature_degC = "other"\n',
+)
+PRESSURE = _NAME + _CIA402 + _PACE + _CHAMBERS + _DAQ + _FACTORS + _PRESSURE_BY + _TEMPERATURES_BY + _AT_INPUTS
 
+# Small ones: a bench costs as long as its data sheets take to read.
 BENCHES = {
     "esp301": ATTITUDE,
     "dvm": ATTITUDE,
     "scanner": ATTITUDE,
     "enclosure": ATTITUDE,
-    "cia402": PRESSURE,
-    "pace": PRESSURE,
-    "chamber": PRESSURE,
-    "daq": PRESSURE,
+    "cia402": _NAME + _CIA402 + _SENSOR,
+    "pace": _NAME + _PACE + _FACTORS + _PRESSURE_BY + _SENSOR,
+    "chamber": _NAME + _CHAMBERS + _FACTORS + _TEMPERATURES_BY + _SENSOR,
+    "daq": _NAME + _CHAMBERS + _DAQ + _FACTORS + _TEMPERATURES_BY + _AT_INPUTS,
 }
 """Bench by instrument."""
 
@@ -130,19 +147,19 @@ class Faulty:
         if self.name == "pace":
             self.driver.set_pressure(1.0)
 
-    def step(self) -> None:
+    def step(self, settle_s: float = 15.0) -> None:
         """Change what every instrument sees, so that an old answer is a wrong one."""
         self.steps += 1
         now, plant = self.dry.world.now(), self.sim.plant
         for axis in plant.head.axes.values():
             axis.slip(1.0, encoder=True)
-        plant.enclosure.assume_steady(20.0 + self.steps, now)
+        plant.enclosure.assume_steady(20.0 + self.steps % 20, now)
         for name in ("chamber", "other"):
             if name in self.bench.instruments:
-                plant.chamber(name).assume_steady(20.0 + self.steps, now)
+                plant.chamber(name).assume_steady(20.0 + self.steps % 20, now)
         if "pace" in self.bench.instruments:
-            plant.pressure_line("pace").command(now, 1.0 + 0.1 * self.steps, 5.0)
-        self.dry.world.sleep(15.0)
+            plant.pressure_line("pace").command(now, 1.0 + 0.1 * (self.steps % 20), 5.0)
+        self.dry.world.sleep(settle_s)
 
     def ask(self) -> str:
         """Ask the instrument; "" if the answer is right, otherwise what is wrong with it.
@@ -160,11 +177,11 @@ class Faulty:
         self.sim.faults.strike(fault)
         return fault
 
-    def outcomes(self, asks: int) -> list[str]:
+    def outcomes(self, asks: int, settle_s: float = 15.0) -> list[str]:
         """What comes of asking several times, things having changed before each: "right", an error, or the wrong."""
         found = []
         for _ in range(asks):
-            self.step()
+            self.step(settle_s)
             try:
                 found.append(self.ask() or "right")
             except DriverError as error:
@@ -175,9 +192,9 @@ class Faulty:
         return self.sim.faults.happened
 
 
-def faulty(name: str, truth: Mapping[str, Any] | None = None, **options: Any) -> Faulty:
-    """An instrument that has not been brought up."""
-    config = parse_bench(BENCHES[name], "bench.toml")
+def faulty(name: str, truth: Mapping[str, Any] | None = None, *, text: str = "", **options: Any) -> Faulty:
+    """An instrument that has not been brought up, on its own bench or that of `text`."""
+    config = parse_bench(text or BENCHES[name], "bench.toml")
     dry = DryBench(config, {**QUIET, **(truth or {})}, **options)
     return Faulty(name, dry, open_bench(dry.config, check_options(dry.config, "bench"), dry.world, dry.wires))
 

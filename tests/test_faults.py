@@ -9,6 +9,7 @@ import pytest
 from faulty_bench import ATTITUDE, BENCHES, PRESSURE, faulty, up
 
 from drivers.errors import DriverError
+from drivers.wires.modbus import float_of_words
 from rig.config import parse_bench
 from rig.errors import ConfigurationError
 from rig.simulated.dry_run import DryBench
@@ -80,6 +81,59 @@ def test_a_fault_of_the_wire_is_an_error_of_ours_and_never_a_wrong_answer(name, 
     rig.dry.world.sleep(60.0)
     rig.bring_up()
     assert rig.outcomes(2) == ["right", "right"]
+
+
+SETTLES_S = {"dvm": 4.0, "scanner": 4.0, "pace": 15.0}
+"""After a change, until a reading is what it will be; of the others it is at once."""
+
+
+@pytest.mark.parametrize("name", EVERYTHING)
+def test_however_late_an_answer_is_it_answers_nothing_else(name):
+    """Delays on a grid finer than an exchange lasts, so that late answers come while others are awaited."""
+    rig, settle_s = up(name), SETTLES_S.get(name, 0.0)
+    finest = {"esp301": 0.03, "cia402": 0.0004, "daq": 0.05}.get(name, 0.11)
+    for n in range(45):
+        base = (0.3, 1.0, 2.0)[n % 3] if name != "cia402" else (0.3, 0.65, 0.66)[n % 3]
+        rig.strike("late-reply", delay_s=base + n * finest, times=1 + n % 3)
+        found = rig.outcomes(3, settle_s)
+        assert set(found) <= {"right", "NoReply", "BadReply"}, (n, found)
+        rig.dry.world.sleep(10.0)
+        for _ in range(2):  # what was owed is settled with the first
+            last = rig.outcomes(1, settle_s)
+        assert last == ["right"], n
+
+
+def test_a_late_confirmation_is_not_that_of_another_write():
+    """Later than the quiet that the bus is listened for: only the object that it names tells."""
+    rig = up("cia402")
+    node = rig.driver._axes["pitch"].node
+    rig.strike("late-reply", delay_s=0.36)
+    with pytest.raises(DriverError, match="did not answer writing"):
+        node.write(0x6081, 180_000)
+    rig.strike("no-reply", lost="request")
+    with pytest.raises(DriverError, match="it answered about 6081h:00 instead"):
+        node.write(0x6083, 180_000)
+
+
+def test_a_late_register_is_not_another_one_after_two_failures():
+    """Transaction numbers go on after an error; were they to begin anew, two late replies would have the same."""
+    rig = up("chamber")
+    rig.driver.set_temperature(35.0)
+    line, process_value, setpoint = rig.driver._line, 2820, 2782
+    rig.strike("no-reply")
+    rig.dry.world.call_in(1.2, lambda: rig.strike("late-reply", delay_s=1.7))
+    with pytest.raises(DriverError, match="did not answer"):
+        line.read(process_value, 2)
+    assert float_of_words(line.read(setpoint, 2)) == pytest.approx(35.0 * 1.8 + 32.0, abs=1e-3)
+
+
+def test_a_late_value_is_not_that_of_now():
+    rig = up("cia402")
+    node, axis = rig.driver._axes["pitch"].node, rig.sim.plant.head.axes["pitch"]
+    before = node.number(0x6064)
+    rig.strike("late-reply", delay_s=0.36)
+    rig.dry.world.call_in(0.34, lambda: axis.slip(2.0, encoder=True))
+    assert node.number(0x6064) == pytest.approx(before + 72_000, abs=2)
 
 
 @pytest.mark.parametrize(("name", "kind", "given", "errors"), table(INSTRUMENTS))
@@ -288,7 +342,7 @@ def test_what_was_before_a_resumed_session_is_past_unless_it_lasts():
         {"kind": "chamber-alarm", "on": "other", "at_s": 10.0, "for_s": 500.0},
         {"kind": "clock-step", "at_s": 10.0, "amount_s": -7200.0},
     ]
-    rig = faulty("chamber", {"faults": entries}, start=100.0)
+    rig = faulty("chamber", {"faults": entries}, text=PRESSURE, start=100.0)
     assert sorted(h.fault.kind for h in rig.happened()) == ["chamber-alarm", "clock-step"]
     assert not rig.driver.read().alarms
     assert rig.bench.instruments["other"].read().alarms
