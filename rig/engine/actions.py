@@ -10,31 +10,22 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from drivers.clock import Clock
-from drivers.errors import InstrumentError
 from drivers.roles import Restartable
 from procedures import Factor, Settle
 from procedures.pitch_roll import EnvironmentSettings
 from rig.bench import Bench
 from rig.engine.axes import Axes, AxisReading
+from rig.engine.faults import NotHomed, NotSettled, TemperaturesNotSettled
 from rig.engine.guard import Guard
 from rig.engine.measuring import Observation, assemble
 from rig.engine.motion import Arrival, Leg, arrived
 from rig.engine.settling import Criteria, Settling
-from rig.errors import BenchFault
 
 _HOMING_TIMEOUT_S = 900.0
 _INTERLOCK_S = 60.0
 
 Watch = Callable[[Mapping[str, float]], None]
 """Called with what was read at every poll."""
-
-
-class NotSettled(Exception):
-    """A quantity did not arrive in time. `evidence` is what was seen."""
-
-    def __init__(self, message: str, evidence: Mapping[str, Any]) -> None:
-        super().__init__(message)
-        self.evidence = evidence
 
 
 class BenchActions:
@@ -90,8 +81,7 @@ class BenchActions:
         readings = self._axes.read()
         self._guard.check_axes(readings)
         for axis, reading in readings.items():
-            if reading.fault:
-                raise InstrumentError(axis, 0, reading.fault)
+            reading.check(axis)
         return readings
 
     def positions(self) -> dict[str, float]:
@@ -135,16 +125,24 @@ class BenchActions:
             },
         }
 
-    def home(self, poll_s: float) -> bool:
-        """Find the encoders' zeros where they are not known; returns whether anything was homed."""
-        if all(reading.homed for reading in self.axes().values()):
+    def home(self, poll_s: float, *, again: bool = False) -> bool:
+        """Find the encoders' zeros where they are not known, or all of them; returns whether anything was homed.
+
+        Raises:
+            NotHomed: a search took too long, or did not find its zero.
+
+        """
+        if not again and all(reading.homed for reading in self.axes().values()):
             return False
-        self._axes.home()
+        self._axes.home(again=again)
         self.arrivals.clear()
-        self._until_still(poll_s, _HOMING_TIMEOUT_S, "homing")
+        try:
+            self._until_still(poll_s, _HOMING_TIMEOUT_S, "homing")
+        except NotSettled as error:
+            raise NotHomed(str(error)) from error
         lost = [axis for axis, reading in self.axes().items() if not reading.homed]
         if lost:
-            raise BenchFault(f"{' and '.join(lost)} did not find home; look at the head's limit and home switches")
+            raise NotHomed(f"{' and '.join(lost)} did not find home; look at the head's limit and home switches")
         return True
 
     def go(self, legs: Sequence[Leg], poll_s: float, timeout_s: float) -> None:
@@ -152,7 +150,9 @@ class BenchActions:
         for leg in legs:
             readings = self.axes()
             for axis, target in leg.items():
-                self._guard.check_command(readings[axis].quantity, target)
+                reading = readings[axis]
+                reading.check(axis, controlled=reading.quantity != "pressure_psia", homed=True)
+                self._guard.check_command(reading.quantity, target)
             start = {axis: reading.value for axis, reading in readings.items()}
             for axis in leg:
                 self.arrivals.pop(axis, None)
@@ -178,10 +178,9 @@ class BenchActions:
 
     @staticmethod
     def _check_control(readings: Mapping[str, AxisReading]) -> None:
-        """What was commanded and is not being controlled will never arrive. Raises `InstrumentError`."""
+        """What was commanded and is not being controlled, or has lost its zero, will never arrive."""
         for axis, reading in readings.items():
-            if not reading.enabled:
-                raise InstrumentError(axis, 0, "control is off; was it switched off, or without power?")
+            reading.check(axis, controlled=True, homed=True)
 
     def settle(self, targets: Mapping[str, float], settings: Settle, poll_s: float) -> dict[str, Any]:
         """Wait until every axis has settled at its target; returns the evidence. Raises `NotSettled`."""
@@ -203,6 +202,7 @@ class BenchActions:
         read: Callable[[], Mapping[str, float]],
         poll_s: float,
         watch: Watch = lambda _: None,
+        late: type[NotSettled] = NotSettled,
     ) -> dict[str, Any]:
         began = self._clock.now()
         judges = {name: Settling(c, began) for name, c in criteria.items()}
@@ -217,7 +217,7 @@ class BenchActions:
         evidence = {name: judge.evidence() for name, judge in judges.items()}
         failed = [f"{name} {outcome}" for name, outcome in outcomes.items() if outcome != "settled"]
         if failed:
-            raise NotSettled(f"{', '.join(failed)} after {now - began:.0f} s", evidence)
+            raise late(f"{', '.join(failed)} after {now - began:.0f} s", evidence)
         return evidence
 
     def measure(self, readings: int, poll_s: float, references: Sequence[Factor] = ()) -> Observation:
@@ -239,7 +239,9 @@ class BenchActions:
         fetched = {name: reader.fetch() for name, reader in self._readers.items()}
         self._note(seen, references)
         bench = self._bench
-        return assemble(fetched, bench.sensors, bench.scales, bench.temperatures, seen)
+        found = assemble(fetched, bench.sensors, bench.scales, bench.temperatures, seen)
+        self._guard.check_temperatures({name: channel.mean for name, channel in found.temperatures.items()})
+        return found
 
     def _note(self, seen: Mapping[str, list[float]], references: Sequence[Factor]) -> None:
         if references:
@@ -254,7 +256,9 @@ class BenchActions:
         if readers:
             self._wait(max(reader.start(1) for reader in readers.values()))
         fetched = {name: reader.fetch() for name, reader in readers.items()}
-        return {column: float(fetched[name][channel][0]) for column, (name, channel) in source.items()}
+        values = {column: float(fetched[name][channel][0]) for column, (name, channel) in source.items()}
+        self._guard.check_temperatures(values)
+        return values
 
     def set_chamber(self, name: str, setpoint_degC: float) -> None:
         """Command a chamber's setpoint, limits checked first."""
@@ -273,7 +277,7 @@ class BenchActions:
             watch: called with what was read at every poll.
 
         Raises:
-            NotSettled: something did not settle in time.
+            TemperaturesNotSettled: something did not settle in time.
 
         """
 
@@ -281,13 +285,13 @@ class BenchActions:
             chambers = {name: state["temperature_degC"] for name, state in self.environment().items()}
             return chambers | self.temperatures(thermometers)
 
-        return self._until_settled(criteria, read, poll_s, watch)
+        return self._until_settled(criteria, read, poll_s, watch, TemperaturesNotSettled)
 
     def prepare_environment(self, settings: EnvironmentSettings) -> dict[str, Any]:
         """Bring every chamber to the setpoint and wait until it has settled there; returns the evidence.
 
         Raises:
-            NotSettled: a chamber did not settle in time.
+            TemperaturesNotSettled: a chamber did not settle in time.
 
         """
         for name in self._chambers:

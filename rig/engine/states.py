@@ -59,25 +59,38 @@ class Transition:
 TRANSITIONS = (
     Transition("check", (State.READY,), State.CHECKING, "at every start"),
     Transition(
+        "repeat-check", (State.CHECKING, State.HOLDING), State.CHECKING, "an instrument failed; another attempt"
+    ),
+    Transition(
         "prepare",
-        (State.CHECKING, State.HOLDING, State.RECORDING, State.RECOVERING),
+        (State.CHECKING, State.HOLDING, *AT_POINT),
         State.PREPARING,
-        "never completed, an axis not homed, the environment not as asked, idle for too long; or the next point "
-        "belongs to another whole plot, or the open one was lost",
+        "never completed, an axis not homed, the environment not as asked, idle for too long; the next point belongs "
+        "to another whole plot, or the open one was lost; or a fault policy: re-home, re-soak",
     ),
     Transition(
         "recover", (State.CHECKING, State.PREPARING, State.HOLDING), State.RECOVERING, "the last move is unknown"
     ),
     Transition("repeat-preparation", (State.PREPARING,), State.PREPARING, "an instrument failed; another attempt"),
-    Transition("retry", AT_POINT, State.RECOVERING, "another attempt at the point"),
-    Transition("skip", AT_POINT, State.RECOVERING, "given up here for now"),
+    Transition("retry", AT_POINT, State.RECOVERING, "a fault policy: another attempt at the point"),
+    Transition("skip", AT_POINT, State.RECOVERING, "a fault policy: given up here for now"),
     Transition("move", (State.RECOVERING, State.RECORDING), State.MOVING, "there is a point to go to"),
     Transition("settle", (State.MOVING,), State.SETTLING, "no axis moves any more"),
     Transition("measure", (State.SETTLING,), State.MEASURING, "all axes settled"),
     Transition("repeat", (State.MEASURING,), State.MEASURING, "too noisy; read again"),
     Transition("record", (State.MEASURING,), State.RECORDING, "readings complete"),
-    Transition("hold", WORKING, State.HOLDING, "asked for by `rig hold`, or a fault policy"),
-    Transition("park", (*WORKING, State.CHECKING, State.HOLDING), State.PARKING, "all points done, or `rig stop`"),
+    Transition(
+        "hold",
+        (State.CHECKING, *WORKING, State.HOLDING),
+        State.HOLDING,
+        "asked for by `rig hold`, a fault policy, or an interlock",
+    ),
+    Transition(
+        "park",
+        (*WORKING, State.CHECKING, State.HOLDING),
+        State.PARKING,
+        "all points done, `rig stop`, or a hold nobody released",
+    ),
     Transition("finish", (State.PARKING,), State.DONE, "parked"),
     Transition(
         "fault",
