@@ -23,6 +23,7 @@ from urllib.parse import urlsplit
 from rig.errors import BusyError
 
 _DEFAULT_PORTS = {"modbus-tcp": 502, "rfc2217": 2217, "telnet": 23}
+_COM = re.compile(r"COM\d+", re.IGNORECASE)
 _LOOPBACK = {"localhost": "127.0.0.1", "::1": "127.0.0.1", "localhost.localdomain": "127.0.0.1"}
 
 
@@ -81,8 +82,8 @@ def wire_of(address: str) -> str:
     kind = kind.lower()
     if kind == "can":
         interface, _, channel = rest.partition("/")
-        device = _device("/" + channel.lstrip("/")) if channel.lstrip("/").startswith("dev/") else ""
-        return device or f"can:{interface.lower()}/{channel}"
+        on_device = channel.startswith("/") or _COM.fullmatch(channel)
+        return _device(channel) if on_device else f"can:{interface.lower()}/{channel}"
     if kind == "modbus-rtu":
         return _device(rest.removeprefix("//").rpartition("/")[0])
     if kind in ("spy", "alt") and colon:  # pyserial's ways of opening an ordinary port differently
@@ -103,7 +104,7 @@ def wire_of(address: str) -> str:
 
 def _device(path: str) -> str:
     """A device file by its numbers, which all its names share; one that is not there by its path."""
-    if re.fullmatch(r"COM\d+", path, re.IGNORECASE):
+    if _COM.fullmatch(path):
         return path.upper()
     real = os.path.realpath(path)
     with contextlib.suppress(OSError):

@@ -7,11 +7,7 @@ of which nothing has been observed yet.
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
-
-from transitions import Machine
+from collections.abc import Callable
 
 from drivers.clock import Clock
 from drivers.errors import DriverError
@@ -20,20 +16,22 @@ from rig.bench import Bench, identities
 from rig.engine.actions import BenchActions
 from rig.engine.at_point import AtPoint
 from rig.engine.axes import axes_of, own_limits
-from rig.engine.deciding import LEAVE, Deciding
+from rig.engine.deciding import Deciding
 from rig.engine.faults import FAULTS, InterlockHold, TemperatureLeft
 from rig.engine.guard import Guard
 from rig.engine.identities import compare_identities
 from rig.engine.journal import Journal, PointInHand
 from rig.engine.live import Requests
+from rig.engine.parking import Parking
 from rig.engine.policies import ABORT, HOLD, RE_HOME, RE_SOAK, SKIP, Policies
 from rig.engine.queue import PointQueue
 from rig.engine.run_file import RunWriter
 from rig.engine.safe_state import SafeState, make_safe
 from rig.engine.session import Outcome, Progress, Session, Signals
 from rig.engine.soaking import Soaking
+from rig.engine.standing import Standing
 from rig.engine.state import RunState
-from rig.engine.states import AT_POINT, FINAL, TRANSITIONS, State
+from rig.engine.states import AT_POINT, FINAL, State, machine
 from rig.errors import BenchFault, RigError, StorageError
 
 
@@ -113,6 +111,8 @@ class Sequencer:
             set_up=self._set_up,
             policies=self._policies,
         )
+        self._standing = Standing(procedure, self._journal, self._queue, self._soaking)
+        self._way_out = Parking(bench, self._do, self._journal, self._deciding, clock, self._set_up)
         self._poll_s = procedure.settle.poll_s
         self._put_off = set(state.put_off)
         self._released = False
@@ -120,15 +120,7 @@ class Sequencer:
         self._ending = ""
         self._needs_set_up = True
         self._home_again = self._checked = False
-        self._machine = Machine(
-            states=[str(s) for s in State],
-            initial=str(State.READY),
-            transitions=[
-                {"trigger": t.trigger, "source": [str(s) for s in t.sources], "dest": str(t.target)}
-                for t in TRANSITIONS
-            ],
-            auto_transitions=False,
-        )
+        self._machine = machine()
         self._handlers: dict[str, Callable[[], str]] = {
             State.READY: lambda: "check",
             State.CHECKING: self._checking,
@@ -245,43 +237,14 @@ class Sequencer:
         self._checked = True
         if self._queue.peek() is None:
             return "park"
-        return self._go_on(as_found, restarted, certain=self._session.gap_certain)
-
-    def _go_on(self, as_found: Mapping[str, Any], restarted: Sequence[str], *, certain: bool = True) -> str:
-        """Whether what was prepared still stands, by what was just read."""
-        fold = self._journal.fold
-        # Counted from the last work done, so that sessions which were killed while preparing do not hide a gap.
-        idle_s = self._journal.elapsed() - (fold.worked_s or 0.0)
-        point = self._journal.at.point if self._journal.at else self._queue.peek()
-        if self._soaking is not None and point is not None:
-            if fold.whole_plot is None or point.whole_plot != fold.planned:
-                return "prepare"
-            why = self._soaking.rules.lost_meanwhile(
-                point, idle_s, certain=certain, restarted=restarted, as_found=as_found
-            )
-            if not why:
-                return "recover"
-            self._soaking.lose(why)
-        homed = all(axis["homed"] for axis in as_found["axes"].values())
-        stands = homed and self._environment_stands(as_found)
-        assert isinstance(self._procedure, PitchRollProcedure)
-        if fold.prepared and stands and idle_s <= self._procedure.recovery.max_gap_s:
-            return "recover"
-        return "prepare"
-
-    def _environment_stands(self, as_found: Mapping[str, Any]) -> bool:
-        wanted = self._procedure.environment if isinstance(self._procedure, PitchRollProcedure) else None
-        return wanted is None or all(
-            c["running"]
-            and abs(c["setpoint_degC"] - wanted.setpoint_degC) < 0.05
-            and abs(c["temperature_degC"] - wanted.setpoint_degC) <= wanted.tolerance_degC
-            for c in as_found["chambers"].values()
-        )
+        return self._standing.go_on(as_found, restarted, certain=self._session.gap_certain)
 
     def _preparing(self) -> str:
         self._put_back()
         # zeros found again do not disturb an environment that stands
-        stands = self._home_again and self._journal.fold.prepared and self._environment_stands(self._do.readback())
+        stands = (
+            self._home_again and self._journal.fold.prepared and self._standing.environment_stands(self._do.readback())
+        )
         self._journal.write("event", status="preparing")
         self._needs_set_up |= self._soaking is not None  # every whole plot begins with instruments that are known
         self._set_up()
@@ -304,8 +267,8 @@ class Sequencer:
             self._queue.put_back(self._journal.at.point)
             self._journal.take_up(None)
 
-    def _set_up(self) -> None:
-        if self._needs_set_up:
+    def _set_up(self, *, anew: bool = False) -> None:
+        if self._needs_set_up or anew:
             self._do.set_up()
             self._needs_set_up = False
 
@@ -322,7 +285,7 @@ class Sequencer:
                         self._journal.write("release")
                     told = True
                     again = "" if self._checked else "repeat-check"
-                    return again or self._go_on(self._do.readback(), self._do.restarted())
+                    return again or self._standing.go_on(self._do.readback(), self._do.restarted())
                 self._do.look_around()
             except InterlockHold as error:
                 why = str(error)
@@ -347,9 +310,9 @@ class Sequencer:
         return "park"
 
     def _parking(self) -> str:
-        left = self._park_axes()
+        left = self._way_out.park(self._poll_s, self._point.move_timeout_s)
         self._ending = "; ".join(words for words in (self._ending, left) if words)
-        safe = self._make_safe()
+        safe = self._way_out.make_safe()
         if safe.unsafe:
             return self._give_up(self._ending or "parked", safe=safe)
         fold = self._journal.fold
@@ -366,27 +329,12 @@ class Sequencer:
         self._journal.message = self._ending
         return "finish"
 
-    def _park_axes(self) -> str:
-        """Drive the axes to where they rest; what kept them from it, "" if nothing. The safe state follows anyway."""
-        while True:
-            try:
-                self._set_up()
-                self._do.park(self._poll_s, self._point.move_timeout_s)
-            except InterlockHold as error:
-                return f"not parked: {error}"
-            except FAULTS as error:
-                decision, what = self._deciding.decide(error, self.state)
-                self._needs_set_up |= isinstance(what, DriverError)
-                if decision.action == LEAVE:
-                    return f"not parked: {what}"
-                continue
-            return ""
-
     # --- what may go wrong ----------------------------------------------------------------------------------
 
     def _decide(self, error: Exception) -> str:
         """The trigger that follows from a procedure's policy; raises the error where the procedure has no say."""
         state, at = self.state, self._journal.at if self.state in AT_POINT else None
+        self._needs_set_up |= isinstance(error, DriverError)
         decision, error = self._deciding.decide(error, state)
         self._needs_set_up |= isinstance(error, DriverError)
         message = f"the soak failed: {error}" if decision.fault == "soak" else str(error)
@@ -433,16 +381,9 @@ class Sequencer:
         self._outcome = Outcome.INTERRUPTED
         return None
 
-    def _make_safe(self) -> SafeState:
-        """Bring the bench to its safe state; how long it took and what was read back is written down if it can be."""
-        safe = make_safe(self._bench, self._clock)
-        with contextlib.suppress(StorageError):
-            self._journal.write("event", safe.as_json(), status="safe")
-        return safe
-
     def _give_up(self, message: str, *, recorded: bool = True, safe: SafeState | None = None) -> str:
         """Safe state first, then say why."""
-        safe = safe or self._make_safe()
+        safe = safe or self._way_out.make_safe()
         self._outcome = Outcome.UNSAFE if safe.unsafe else Outcome.FAULT
         message += f"\n{safe.words}"
         if recorded:

@@ -8,6 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
+from transitions import Machine
+
 
 class State(StrEnum):
     """Where the sequencer is."""
@@ -99,6 +101,15 @@ TRANSITIONS = (
         "an error no policy covers, a violated limit, or the disk refuses",
     ),
 )
+
+
+def machine() -> Machine:
+    """A machine that permits what the table permits, at "ready"."""
+    transitions = [
+        {"trigger": t.trigger, "source": [str(s) for s in t.sources], "dest": str(t.target)} for t in TRANSITIONS
+    ]
+    states = [str(s) for s in State]
+    return Machine(states=states, initial=str(State.READY), transitions=transitions, auto_transitions=False)
 
 
 def diagram() -> str:
