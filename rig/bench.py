@@ -64,6 +64,7 @@ def check_options(config: BenchConfig, where: str) -> dict[str, BaseModel]:
     _check_limit_names(config, where)
     _check_rates(config, checked, where)
     _check_interlocks(config, where)
+    _check_safe_setpoints(config, checked, where)
     return checked
 
 
@@ -123,6 +124,17 @@ def _check_interlocks(config: BenchConfig, where: str) -> None:
         _refuse_unknown(
             interlock.watch, known, f"{where}: interlocks.{name} watches {interlock.watch}, which is not read"
         )
+
+
+def _check_safe_setpoints(config: BenchConfig, options: Mapping[str, BaseModel], where: str) -> None:
+    """A safe setpoint that the safe state does not call one would end every run as unsafe."""
+    low, high = config.safety.ambient_degC
+    for name, given in options.items():
+        safe = getattr(given, "safe_degC", None)
+        if safe is not None and not low <= safe <= high:
+            raise ConfigurationError(
+                f"{where}: instruments.{name}.safe_degC = {safe:g} is outside safety.ambient_degC ({low:g} to {high:g})"
+            )
 
 
 @dataclass

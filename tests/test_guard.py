@@ -15,7 +15,7 @@ from drivers.roles import Chamber, Head, PressureController, Reader, Referenced,
 from rig.bench import check_options, driver_class, open_bench
 from rig.config import InstrumentConfig, parse_bench
 from rig.engine.guard import Guard
-from rig.engine.run_file import RunReader
+from rig.engine.run_file import RunReader, RunWriter
 from rig.engine.safe_state import make_safe
 from rig.engine.session import Outcome
 from rig.errors import BenchFault, BusyError, ConfigurationError
@@ -222,6 +222,10 @@ LAB = (example("pressure-lab") / "bench.toml").read_text()
         ('[interlocks.a]\nwatch = "sse_chamber.running"', "needs must_be = true or false"),
         ('[interlocks.a]\nwatch = "sse_chamber.alarms"\nwithin = [0, 1]', "does not use within"),
         ('[interlocks.a]\nwatch = "pressure_psia"\nwithin = [1, 0]', "1 is not below 0"),
+        (
+            "[safety]\nambient_degC = [15, 20]",
+            "sensor_chamber.safe_degC = 23 is outside safety.ambient_degC (15 to 20)",
+        ),
         ("[safety]\nwithin = 5", "did you mean within_s?"),
         ("[safety]\nambient_psia = [15, 14]", "15 is not below 14"),
     ],
@@ -417,6 +421,17 @@ def test_a_lock_that_was_left_by_a_killed_process_is_no_lock():
     assert holders(instruments) == {}
     with locked_addresses(instruments):
         assert set(holders(instruments)) == {"a"}
+
+
+def test_a_run_file_has_one_controller_under_all_its_names(tmp_path):
+    path = new_run(tmp_path)
+    link, hard = tmp_path / "link.sqlite", tmp_path / "hard.sqlite"
+    link.symlink_to(path)
+    os.link(path, hard)
+    with RunWriter.open(path):
+        for other in (path, link, hard):
+            with pytest.raises(BusyError, match="in use by another controller"):
+                RunWriter.open(other)
 
 
 def test_limits_are_the_boundarys_own_and_a_fault_of_the_bench():

@@ -606,6 +606,44 @@ def test_an_instrument_gone_for_a_minute_costs_no_whole_plot(tmp_path, state, in
     assert {action for _, action in decisions(path)} <= {"retry"}
 
 
+@pytest.mark.parametrize(("instrument", "lost"), [("cold_box", [2]), ("supply", [])])
+def test_a_whole_plot_whose_chamber_was_not_seen_for_too_long_is_measured_again(tmp_path, instrument, lost):
+    """Reading a chamber before going on does not hide that nobody could look at it."""
+    path, bench, began = pressure.new_run(tmp_path), PressureBench(), []
+    broken = getattr(bench, instrument)
+    read = broken.read
+
+    def silent_for_long():
+        if began and broken.world.now() < began[0] + 900.0:
+            raise Unreachable(f"{instrument}: no such device")
+        return read()
+
+    def on_progress(news):
+        if news.done == 7 and not began:
+            began.append(broken.world.now())
+
+    broken.read = silent_for_long
+    outcome, run, message = run_pressure(path, bench, on_progress=on_progress, unreachable=["retry 12", "abort"])
+    assert outcome is Outcome.COMPLETE, message
+    assert list(run.lost) == lost
+    assert not lost or "left alone for" in run.lost[2]
+
+
+def test_an_instrument_that_was_swapped_while_it_was_gone_is_refused(tmp_path):
+    path = new_run(tmp_path)
+    gone = failing_in("settling", 10.0, Unreachable("head: no such device"), HEAD)
+
+    def spoil(bench, head, reader):
+        gone["spoil"](bench, head, reader)
+        identify = head.identify
+        head.identify = lambda: replace(identify(), serial="H2" if decisions(path) else "H1")
+
+    outcome, _, _, message = run_session(path, spoil=spoil, on_progress=gone["on_progress"])
+    assert outcome is Outcome.FAULT
+    assert "head is another instrument than before" in message
+    assert "--accept head" in message
+
+
 def test_gas_that_comes_back_after_a_while_costs_nothing_else(tmp_path):
     path, bench = pressure.new_run(tmp_path), PressureBench()
     read, began = bench.supply.read, []

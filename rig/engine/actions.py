@@ -52,14 +52,26 @@ class BenchActions:
         self._wait = wait
         self._chambers = bench.chambers
         self._readers = bench.readers
-        self._chambers_seen = self._chambers_read = -1e18
+        self._chambers_seen = -1e18
+        self._chambers_read: float | None = None
+        self._unwatched_s = 0.0
         self.arrivals: dict[str, Arrival] = {}
         self.chambers_seen: dict[str, dict[str, Any]] = {}
 
-    @property
-    def unwatched_s(self) -> float:
-        """Bench seconds since the chambers were last looked at."""
-        return self._clock.now() - self._chambers_read
+    def take_unwatched_s(self) -> float:
+        """The longest time for which no chamber was looked at, since this was last asked; bench seconds."""
+        self._note_look()
+        longest, self._unwatched_s, self._chambers_read = self._unwatched_s, 0.0, self._clock.now()
+        return longest
+
+    def _note_look(self) -> None:
+        if self._chambers_read is not None:
+            self._unwatched_s = max(self._unwatched_s, self._clock.now() - self._chambers_read)
+
+    def _looked(self) -> None:
+        """The chambers have just been read."""
+        self._note_look()
+        self._chambers_read = self._clock.now()
 
     def stop_motion(self) -> None:
         """Stop all axes; how they came to rest is unknown from now on."""
@@ -90,7 +102,7 @@ class BenchActions:
 
     def environment(self) -> dict[str, dict[str, Any]]:
         """Read all chambers, check their interlocks; what the run file keeps."""
-        self._chambers_seen = self._chambers_read = self._clock.now()
+        self._chambers_seen = self._clock.now()
         found = {}
         for name, chamber in self._chambers.items():
             state = chamber.read()
@@ -102,6 +114,7 @@ class BenchActions:
                 "running": state.running,
             }
         self.chambers_seen = found
+        self._looked()
         return found
 
     def look_around(self) -> None:
@@ -116,7 +129,7 @@ class BenchActions:
             for axis, r in self._axes.read().items()
         }
         chambers = {name: c.read() for name, c in self._chambers.items()}
-        self._chambers_read = self._clock.now()
+        self._looked()
         return {
             "axes": axes,
             "chambers": {

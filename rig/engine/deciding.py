@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from drivers.clock import Clock
-from drivers.errors import DriverError
+from drivers.errors import DriverError, NoReply, Unreachable
 from rig.engine.actions import BenchActions
 from rig.engine.faults import FAULTS, TemperatureLeft
 from rig.engine.journal import Journal
@@ -33,14 +33,22 @@ class Deciding:
         do: actions on the bench.
         clock: bench time.
         look_up: looks for signals and requests; may raise to interrupt a pause.
+        recognise: refuses another instrument than before; asked of instruments that were gone for a while.
 
     """
 
     def __init__(
-        self, policies: Policies, journal: Journal, do: BenchActions, clock: Clock, look_up: Callable[[], None]
+        self,
+        policies: Policies,
+        journal: Journal,
+        do: BenchActions,
+        clock: Clock,
+        *,
+        look_up: Callable[[], None],
+        recognise: Callable[[], None],
     ) -> None:
         self._policies, self._journal, self._do = policies, journal, do
-        self._clock, self._look_up = clock, look_up
+        self._clock, self._look_up, self._recognise = clock, look_up, recognise
 
     def decide(self, error: Exception, state: State) -> tuple[Decision, Exception]:
         """Decide, write it down, and get the bench ready for it.
@@ -92,11 +100,13 @@ class Deciding:
         self._journal.message = f"{where}, {decision.action}: {error}"
 
     def _pause(self, seconds: float) -> None:
-        """Wait; the chambers are not looked at meanwhile, since one of them may be what does not answer."""
+        """Wait; chambers and their interlocks are watched meanwhile, as far as they answer."""
         end = self._clock.now() + seconds
         while (left := end - self._clock.now()) > 1e-9:
             self._clock.sleep(min(left, 5.0))
             self._look_up()
+            with contextlib.suppress(DriverError):  # it may be a chamber that does not answer
+                self._do.look_around()
 
     def _read_back(self, error: Exception) -> None:
         """Stop motion and read every state, before anything else is commanded."""
@@ -104,6 +114,8 @@ class Deciding:
         if isinstance(error, DriverError):
             found = self._do.readback()
             self._journal.write("event", {**found, "restarted": self._do.restarted()}, status="read-back")
+        if isinstance(error, (NoReply, Unreachable)):
+            self._recognise()
 
     def stop_motion(self) -> None:
         """Stop motion, again if that fails. Raises the last error."""

@@ -87,7 +87,9 @@ class Sequencer:
         self._requests = Requests(run.path, session.number, clock.stopwatch)
         self._queue = PointQueue(run_list, state)
         self._policies = Policies(procedure)
-        self._deciding = Deciding(self._policies, self._journal, self._do, clock, self._look_up)
+        self._deciding = Deciding(
+            self._policies, self._journal, self._do, clock, look_up=self._look_up, recognise=self._recognise
+        )
         self._soaking: Soaking | None = None
         if isinstance(procedure, WholePlotProcedure):
             self._soaking = Soaking(
@@ -197,7 +199,7 @@ class Sequencer:
         if state is State.RECORDING and at is not None:
             self._policies.observed()
             self._deciding.done(at.place)
-        elif state in (State.CHECKING, State.PREPARING):
+        elif state in (State.CHECKING, State.PREPARING, State.HOLDING):
             self._deciding.done(str(state))
         return trigger
 
@@ -226,9 +228,11 @@ class Sequencer:
 
     # --- handlers, one a state ------------------------------------------------------------------------------
 
+    def _recognise(self) -> None:
+        compare_identities(self._journal, identities(self._bench), self._session.accept, self._path)
+
     def _checking(self) -> str:
-        found = identities(self._bench)
-        compare_identities(self._journal, found, self._session.accept, self._path)
+        self._recognise()
         self._do.stop_motion()
         restarted = self._do.restarted()
         as_found = self._do.readback()

@@ -87,6 +87,7 @@ class Soaking:
         settings, thermometers = self._procedure.soak, self.rules.thermometers
         evidence = self._do.until_soaked(self.rules.criteria(point), settings.poll_s, thermometers, watch)
         self._journal.message = self._journal.detail = ""
+        self._do.take_unwatched_s()  # what was before the soak is over does not matter
         self._journal.begin_whole_plot(point.whole_plot, {"setpoints_degC": targets, "settling": evidence})
 
     def _leave(self, point: Point) -> None:
@@ -115,7 +116,7 @@ class Soaking:
         """
         why = self.rules.lost_meanwhile(
             point,
-            self._do.unwatched_s,
+            self._do.take_unwatched_s(),
             certain=True,
             restarted=self._do.restarted(),
             as_found=self._do.readback(),
