@@ -1,11 +1,13 @@
 """Policies at work: how often what has failed where, and what the procedure wants done about it.
 
 Counted for each class of fault and each place (a point, or a state that has none), so that a fault at one point does
-not use up the patience with another. A place that is done with is counted anew when it comes again.
+not use up the patience with another. A place that is done with is counted anew when it comes again; so is an
+instrument that has worked well for as long as the longest pause, a few times: a soak of hours may lose many replies.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from drivers.errors import DriverError
@@ -17,6 +19,9 @@ __all__ = ["ABORT", "HOLD", "RETRY", "RE_HOME", "RE_SOAK", "SKIP", "Decision", "
 
 _OF_THE_RUN = "temperature_left"
 """Counted over the whole session: every point and whole plot stands at the same chambers."""
+
+_FORGIVEN = 20
+"""So often what has failed before is forgotten at one place."""
 
 
 @dataclass(frozen=True)
@@ -40,9 +45,18 @@ class Decision:
 
 
 class Policies:
-    """The procedure's `[faults]`, and what has failed so far in this session."""
+    """The procedure's `[faults]`, and what has failed so far in this session.
 
-    def __init__(self, procedure: Procedure) -> None:
+    Args:
+        procedure: its policies.
+        now: bench time.
+
+    """
+
+    def __init__(self, procedure: Procedure, now: Callable[[], float]) -> None:
+        self._now = now
+        self._over: dict[tuple[str, str], float] = {}
+        self._forgiven: dict[tuple[str, str], int] = {}
         self._faults = procedure.faults
         repeats = {}
         if not isinstance(procedure, PitchRollProcedure):
@@ -65,6 +79,8 @@ class Policies:
         if fault is None:
             return None
         counts = self._failures.setdefault("run" if fault == _OF_THE_RUN else place, {})
+        if isinstance(error, DriverError) and self._has_worked_since(place, fault):
+            counts[fault] = 0
         counts[fault] = failure = counts.get(fault, 0) + 1
         action, number = step_at(self._plans[fault], failure)
         if action == RE_SOAK and not at_point and fault != _OF_THE_RUN:
@@ -76,7 +92,17 @@ class Policies:
             if self._put_off >= self._faults.skips_in_a_row:
                 action = ABORT
         waits = isinstance(error, DriverError) and action not in (HOLD, ABORT)
-        return Decision(fault, action, failure, number, self._faults.pause(failure) if waits else 0.0)
+        pause_s = self._faults.pause(failure) if waits else 0.0
+        self._over[place, fault] = self._now() + pause_s
+        return Decision(fault, action, failure, number, pause_s)
+
+    def _has_worked_since(self, place: str, fault: str) -> bool:
+        """Whether all went well for long enough since this last failed here; bounded, or a night would never end."""
+        key = (place, fault)
+        well = self._now() - self._over.get(key, self._now()) >= self._faults.pause_max_s
+        times = self._forgiven.get(key, 0)
+        self._forgiven[key] = times + well
+        return well and times < _FORGIVEN
 
     def accepts(self, fault: str, place: str) -> bool:
         """Whether the next failure of this class here is to be accepted, and flagged."""
@@ -85,6 +111,9 @@ class Policies:
 
     def done(self, place: str) -> dict[str, int]:
         """A place is done with; returns how often what had failed there."""
+        for memory in (self._over, self._forgiven):
+            for key in [key for key in memory if key[0] == place]:
+                del memory[key]
         return self._failures.pop(place, {})
 
     def observed(self) -> None:

@@ -86,7 +86,7 @@ class Sequencer:
         self._do = BenchActions(bench, self._axes, self._guard, clock, self._wait)
         self._requests = Requests(run.path, session.number, clock.stopwatch)
         self._queue = PointQueue(run_list, state)
-        self._policies = Policies(procedure)
+        self._policies = Policies(procedure, clock.now)
         self._deciding = Deciding(
             self._policies, self._journal, self._do, clock, look_up=self._look_up, recognise=self._recognise
         )
