@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from drivers.clock import Clock
+from drivers.errors import BadReply, NoReply
 from drivers.roles import Restartable
 from procedures import Factor, Settle
 from procedures.pitch_roll import EnvironmentSettings
@@ -23,6 +24,8 @@ from rig.engine.settling import Criteria, Settling
 
 _HOMING_TIMEOUT_S = 900.0
 _INTERLOCK_S = 60.0
+_BEARS = 2
+"""Readings in a row that may be lost in a soak before it is a fault."""
 
 Watch = Callable[[Mapping[str, float]], None]
 """Called with what was read at every poll."""
@@ -216,18 +219,29 @@ class BenchActions:
         poll_s: float,
         watch: Watch = lambda _: None,
         late: type[NotSettled] = NotSettled,
+        bears: int = 0,
     ) -> dict[str, Any]:
         began = self._clock.now()
         judges = {name: Settling(c, began) for name, c in criteria.items()}
+        missed = in_a_row = 0
         while True:
-            values = read()
-            now = self._clock.now()
+            try:
+                values = read()
+            except (NoReply, BadReply):  # hours of settling are not begun again for one reply that was lost
+                missed, in_a_row = missed + 1, in_a_row + 1
+                if in_a_row > bears:
+                    raise
+                for judge in judges.values():
+                    judge.missed(self._clock.now())
+                self._wait(poll_s)
+                continue
+            now, in_a_row = self._clock.now(), 0
             watch(values)
             outcomes = {name: judge.add(now, values[name]) for name, judge in judges.items()}
             if "waiting" not in outcomes.values():
                 break
             self._wait(poll_s)
-        evidence = {name: judge.evidence() for name, judge in judges.items()}
+        evidence = {name: judge.evidence() | ({"missed": missed} if missed else {}) for name, judge in judges.items()}
         failed = [f"{name} {outcome}" for name, outcome in outcomes.items() if outcome != "settled"]
         if failed:
             raise late(f"{', '.join(failed)} after {now - began:.0f} s", evidence)
@@ -298,7 +312,7 @@ class BenchActions:
             chambers = {name: state["temperature_degC"] for name, state in self.environment().items()}
             return chambers | self.temperatures(thermometers)
 
-        return self._until_settled(criteria, read, poll_s, watch, TemperaturesNotSettled)
+        return self._until_settled(criteria, read, poll_s, watch, TemperaturesNotSettled, _BEARS)
 
     def prepare_environment(self, settings: EnvironmentSettings) -> dict[str, Any]:
         """Bring every chamber to the setpoint and wait until it has settled there; returns the evidence.

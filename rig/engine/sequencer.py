@@ -314,15 +314,16 @@ class Sequencer:
         return "park"
 
     def _parking(self) -> str:
-        left = self._way_out.park(self._poll_s, self._point.move_timeout_s)
+        # nothing moves on a bench whose instruments have not been recognised
+        left = self._way_out.park(self._poll_s, self._point.move_timeout_s) if self._checked else ""
         self._ending = "; ".join(words for words in (self._ending, left) if words)
         safe = self._way_out.make_safe()
         if safe.unsafe:
             return self._give_up(self._ending or "parked", safe=safe)
         fold = self._journal.fold
-        if self._outcome is None and fold.remaining:
-            raise BenchFault(f"{fold.remaining} points are neither observed nor skipped; resume the run")
         if self._outcome is None:
+            if fold.remaining:
+                raise BenchFault(f"{fold.remaining} points are neither observed nor skipped; resume the run")
             self._outcome = Outcome.COMPLETE
             skipped = {str(index): why for index, why in fold.skipped.items()}
             lost = {str(number): why for number, why in fold.lost.items()}
@@ -363,8 +364,7 @@ class Sequencer:
 
     def _skip(self, at: PointInHand, reason: str) -> None:
         again = at.point.index not in self._put_off
-        status = "later" if again else "final"
-        self._journal.write("skip", {"reason": reason}, status=status)
+        self._journal.write("skip", {"reason": reason}, status="later" if again else "final")
         self._policies.done(at.place)
         if again:
             self._put_off.add(at.point.index)

@@ -39,7 +39,7 @@ MEANING = {
     State.RECORDING: "the observation is made durable; the next point is chosen",
     State.HOLDING: "motion stopped; waits for release, stop, or a later resume",
     State.PARKING: "axes go to the parking position",
-    State.DONE: "the sequence is over; the run file says whether it is complete or was stopped",
+    State.DONE: "the sequence is over; the run file says whether it is complete, was stopped, or held for too long",
     State.FAULTED: "every instrument has been brought to its safe state; the run can be resumed",
 }
 
