@@ -145,6 +145,11 @@ class NewportESP301:
                 self._faults[axis] = ""
         self._unchecked = True
 
+    def forget_zeros(self) -> None:
+        """See `Referenced.forget_zeros`: the mark of a home search that ended well is taken away."""
+        self._line.write(";".join(f"{n}JW{_NOT_HOMED_DEG_PER_S:g}" for n in self._numbers.values()))
+        self._homed = dict.fromkeys(self._numbers)
+
     def move(self, targets_deg: Mapping[str, float]) -> None:
         """See `Head.move`.
 
