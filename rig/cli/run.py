@@ -115,7 +115,9 @@ def run(
                 create_only=create_only,
             )
         if create_only:
-            err.print(f"{mark(simulated)}created, nothing was moved; rig resume {escape(str(result.path))}")
+            err.print(
+                f"{mark(simulated)}created, nothing was moved; rig resume {escape(str(result.path))}", soft_wrap=True
+            )
             return ExitCode.DONE
         code = conclude(result)
         listeners.ended(result.outcome, result.message, note=outside(code))
@@ -250,7 +252,9 @@ def _killing(show: Callable[[Progress], None], at_point: int | None) -> Callable
 
 @app.command(rich_help_panel="Running")
 def status(
-    run_file: Annotated[Path, typer.Argument(help="a run file, or a folder of them", show_default=False)] = Path("runs"),
+    run_file: Annotated[Path, typer.Argument(help="a run file, or a folder of them", show_default=False)] = Path(
+        "runs"
+    ),
     as_json: JsonOption = False,
     check: Annotated[
         bool, typer.Option("--check", help="end with an exit code that tells: see docs/exit-codes.md")

@@ -13,7 +13,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn
 from rich.text import Text
 
-from rig.durations import duration as duration
+from rig.durations import duration
 from rig.engine.session import Progress as News
 from rig.report.words import incomplete
 

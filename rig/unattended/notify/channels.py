@@ -153,7 +153,7 @@ def _webhook(channel: Webhook) -> Send:
         if token:
             headers["Authorization"] = f"Bearer {token}"
         data = json.dumps(content).encode()
-        request = urllib.request.Request(target, data=data, headers=headers, method="POST")  # noqa: S310
+        request = urllib.request.Request(target, data=data, headers=headers, method="POST")
         try:
             with opener.open(request, timeout=channel.timeout_s) as answer:
                 answer.read(1000)
