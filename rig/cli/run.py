@@ -155,10 +155,11 @@ def resume(
     Example: `rig resume runs/20260115T180000-night-1a2b.sqlite`
     """
     with RunReader.open(run_file) as reader:
-        state, dry = read_state(reader), bool(reader.genesis().data["dry"])
+        state, dry = read_state(reader), bool(reader.genesis().data.get("dry"))
     if unless_stopped and state.rested == "stopped" and state.ended is None:
         ServiceManager().ended("stopped by rig stop")
-        err.print(f"{escape(str(run_file))} was stopped by a person; rig resume {escape(str(run_file))} carries on")
+        name = escape(str(run_file))
+        err.print(f"{name} was stopped by a person; rig resume {name} carries on", soft_wrap=True)
         return ExitCode.STOPPED
     asked = Listening(log, log_format, notify, notify_file, dry=dry, strict=False)
     with listening(facts_of(run_file), asked, _warn) as listeners:

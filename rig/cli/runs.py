@@ -79,7 +79,9 @@ _STYLES = {"complete": "green", "faulted": "red", "unreadable": "red", "holding"
 
 
 def _show(rows: list[dict[str, Any]]) -> None:
-    table = Table("run file", "state", "points", "bench time", "left", "last record (UTC)", box=None, pad_edge=False)
+    table = Table(box=None, pad_edge=False)
+    for title in ("run file", "state", "points", "bench time", "left", "last record (UTC)"):
+        table.add_column(title, overflow="fold")
     for row in rows:
         style = _STYLES.get(row["state"], "bold" if row.get("running") else "yellow")
         state = f"[{style}]{escape(row['state'])}[/]"
@@ -93,4 +95,4 @@ def _show(rows: list[dict[str, Any]]) -> None:
         points = f"{row['done']}/{row['points']}"
         table.add_row(escape(row["run_file"]) + mark, state, points, duration(row["elapsed_s"]), left, last)
     # Never wrapped, so that grep and cut find a run on one line of its own.
-    out.print(table, width=max(out.width, 200) if not out.is_terminal else None, no_wrap=True)
+    (out if out.is_terminal else type(out)(highlight=False, width=10_000)).print(table)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import faulthandler
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
@@ -62,7 +62,7 @@ class Listening:
     strict: bool
 
 
-@contextmanager
+@contextlib.contextmanager
 def listening(facts: RunFacts, asked: Listening, warn: Callable[[str], None]) -> Iterator[Listeners]:
     """Everybody who is to listen to a session, as long as it lasts.
 
@@ -71,8 +71,9 @@ def listening(facts: RunFacts, asked: Listening, warn: Callable[[str], None]) ->
 
     """
     manager = ServiceManager()
-    if manager.present:
-        faulthandler.enable()  # a watchdog's SIGABRT then leaves in the journal where the program hung
+    if manager.present and not faulthandler.is_enabled():
+        with contextlib.suppress(OSError, ValueError, RuntimeError):
+            faulthandler.enable()  # a watchdog's SIGABRT then leaves in the journal where the program hung
     listeners = Listeners(replace(facts, served=manager.present), manager)
     try:
         _add_logs(listeners, asked)

@@ -102,6 +102,8 @@ def from_record(record: Record, *, after_crash: bool) -> Happening | None:
         after_crash: the session before this one ended without a word.
 
     """
+    if record.kind == "end" or (record.kind, record.status) in (("event", "preparing"), ("event", NOT_NOTIFIED)):
+        return None  # told as the session's end, as a change of state, and when it happened
     kind, level, text = _told(record, after_crash)
     if not text:
         return None
@@ -130,8 +132,6 @@ def _told(record: Record, after_crash: bool) -> tuple[Kind, str, str]:
             return Kind.WARNING, "warning", text
         case "event" if record.status == "warning":
             return Kind.WARNING, "warning", f"early warning: {_message(record.data)}"
-        case "event" if record.status == NOT_NOTIFIED:
-            return Kind.EVENT, "warning", ""  # the log was told when it happened
         case "event" if not text:
             return Kind.EVENT, "info", str(record.status or "").replace("-", " ")
         case _:

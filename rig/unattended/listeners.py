@@ -184,7 +184,9 @@ class Listeners:
         self._log(Happening(kind, "info", one_line(text), self._utc_s(news.elapsed_s), news.elapsed_s, data))
 
     def _utc_s(self, elapsed_s: float | None) -> float:
-        """Bench time's UTC: from the records, since news tell bench seconds only."""
+        """Bench time's UTC: from the records, since news tell bench seconds only, and a simulated bench has its own."""
+        if elapsed_s is None and self._last is not None and self.facts.simulated:
+            elapsed_s = self._last.elapsed_s
         if elapsed_s is None or self._utc_minus_elapsed is None:
             return self._clock.utc()
         return self._utc_minus_elapsed + elapsed_s

@@ -38,6 +38,7 @@ class ServiceManager:
         self._stopping = False
         self._alive = self._told = float("-inf")
         self._status = ""
+        self._unsent: list[str] = []
 
     @property
     def present(self) -> bool:
@@ -63,8 +64,8 @@ class ServiceManager:
         if news.state == State.PARKING and not self._stopping:
             self._stopping = True
             lines.append("STOPPING=1")
-        if self._send(lines) and alive:
-            self._alive = now  # what could not be sent is sent with the next news
+        if (lines or self._unsent) and self._send(lines) and alive:
+            self._alive = now
 
     def happened(self, happening: Happening, _facts: RunFacts) -> None:
         """Ready once every instrument has answered; stopping when the session is over."""
@@ -77,25 +78,28 @@ class ServiceManager:
         """The session is over, well or not. One that never became ready has nothing more to become ready for."""
         lines = [] if self._ready else ["READY=1"]
         self._ready = self._stopping = True
-        self._send([*lines, f"STATUS={one_line(text)}", "STOPPING=1"])
+        self._send([*lines, f"STATUS={one_line(text)}", "STOPPING=1"], patience_s=1.0)
 
     def failed(self, text: str) -> None:
         """The session could not begin or go on."""
-        self._send([f"STATUS={one_line(text)}"])
+        self._send([f"STATUS={one_line(text)}"], patience_s=1.0)
 
     def close(self) -> None:
         """Nothing to close: every message has its own socket."""
 
-    def _send(self, lines: list[str]) -> bool:
-        """Whether it was sent; a manager that does not listen must not decide whether a night lives."""
-        if self._address is None or not lines:
+    def _send(self, lines: list[str], patience_s: float = 0.0) -> bool:
+        """Whether it was sent, within so many real seconds. What could not be sent now goes with the next news."""
+        if self._address is None:
             return False
-        kind = socket.SOCK_DGRAM | socket.SOCK_CLOEXEC | socket.SOCK_NONBLOCK
+        lines = [*self._unsent, *lines]
         try:
-            with socket.socket(socket.AF_UNIX, kind) as wire:
+            with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC) as wire:
+                wire.settimeout(patience_s)  # zero: never wait, a manager that is busy must not delay a night
                 wire.sendto("\n".join(lines).encode(), self._address)
         except OSError:
+            self._unsent = [line for line in lines if line in ("READY=1", "STOPPING=1")]
             return False
+        self._unsent = []
         return True
 
 

@@ -87,14 +87,13 @@ def _mail(channel: Mail) -> Send:
         if channel.security == "ssl":
             context = ssl.create_default_context()
             return smtplib.SMTP_SSL(channel.host, port, timeout=channel.timeout_s, context=context)
-        server = smtplib.SMTP(channel.host, port, timeout=channel.timeout_s)
-        if channel.security == "starttls":
-            server.starttls(context=ssl.create_default_context())
-        return server
+        return smtplib.SMTP(channel.host, port, timeout=channel.timeout_s)
 
     def send(message: Message) -> None:
         try:
             with connect() as server:
+                if channel.security == "starttls":
+                    server.starttls(context=ssl.create_default_context())
                 if channel.user:
                     server.login(channel.user, password)
                 refused = server.send_message(as_mail(message, channel), channel.sender, list(channel.to))
