@@ -9,23 +9,13 @@ import re
 
 import pytest
 from command import rig
-from dry import LAB, write_short
+from dry import LAB
+from small_run import write_small
 
 from rig.unattended import Happening, Kind, Log, RunFacts
 from rig.unattended.logs import file_writer, logged_by_journal
 
 FACTS = RunFacts(None, "night-1", "lab", "night", simulated=False)
-SMALL = """
-kind = "pitch-roll"
-name = "small"
-replications = 2
-[design]
-type = "T6"
-[settle]
-dwell_s = 2
-[measure]
-readings = 4
-"""
 
 
 def happening(text, level="info"):
@@ -33,7 +23,7 @@ def happening(text, level="info"):
 
 
 def run(tmp_path, *more):
-    procedure = write_short(tmp_path, SMALL)
+    procedure = write_small(tmp_path)
     return rig("run", procedure, "-b", LAB / "bench.toml", "--dry", "--out", tmp_path, *more)
 
 
@@ -42,10 +32,20 @@ def test_a_line_an_event_in_utc_with_what_happened(tmp_path):
     done = run(tmp_path, "--log", log)
     assert done.returncode == 0, done.stderr
     lines = log.read_text().splitlines()
-    stamp = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z (info   |warning|error  ) SIMULATED \d{8}T\d{6}-small-\w+: ")
+    stamp = re.compile(
+        r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z (info   |warning|error  ) SIMULATED \d{8}T\d{6}-small-\w+: "
+    )
     assert all(stamp.match(line) for line in lines), lines
     told = [stamp.sub("", line) for line in lines]
-    for wanted in ("session 1 began", "homed", "observing", "6 of 12 points in", "parking", "done", "complete, 12 of 12"):
+    for wanted in (
+        "session 1 began",
+        "homed",
+        "observing",
+        "6 of 12 points in",
+        "parking",
+        "done",
+        "complete, 12 of 12",
+    ):
         assert any(text.startswith(wanted) for text in told), (wanted, told)
     assert told.index("homed") < next(i for i, text in enumerate(told) if text.startswith("observing"))
     assert len(lines) < 40  # states of a point are not lines of their own

@@ -13,7 +13,8 @@ from pathlib import Path
 
 import pytest
 from command import rig
-from dry import LAB, write_short
+from dry import LAB
+from small_run import write_small
 
 from rig.engine.run_file import RunReader
 from rig.engine.session import Progress
@@ -136,9 +137,8 @@ def test_a_mail_says_what_where_when_how_far_and_what_next():
 
 
 def test_a_mail_server_without_encryption_gets_nothing_unless_that_was_asked_for():
-    with serving(MailServer()) as server:
-        with pytest.raises(NotSent, match="STARTTLS"):
-            sender(mail_channel(server, security="starttls"))(compose(HELD, FACTS, NEWS))
+    with serving(MailServer()) as server, pytest.raises(NotSent, match="STARTTLS"):
+        sender(mail_channel(server, security="starttls"))(compose(HELD, FACTS, NEWS))
     assert server.mails == []
 
 
@@ -359,7 +359,7 @@ def test_a_wrong_file_is_refused_with_what_is_wrong(tmp_path, text, says):
 def test_a_missing_secret_is_named_before_anything_moves_but_does_not_end_a_resumed_night(tmp_path):
     path = tmp_path / "notify.toml"
     path.write_text('[[channel]]\nkind = "webhook"\nurl_env = "RIG_NO_SUCH_SECRET"\n')
-    arguments = (write_short(tmp_path), "-b", LAB / "bench.toml", "--dry", "--out", tmp_path)
+    arguments = (write_small(tmp_path), "-b", LAB / "bench.toml", "--dry", "--out", tmp_path)
     refused = rig("run", *arguments, "--notify", "--notify-file", path)
     assert refused.returncode == 78
     assert "channel webhook: the environment variable RIG_NO_SUCH_SECRET is not set" in refused.stderr
@@ -373,7 +373,7 @@ def test_a_missing_secret_is_named_before_anything_moves_but_does_not_end_a_resu
 def test_what_could_not_be_told_is_in_the_run_file_and_in_the_log(tmp_path):
     path, log = tmp_path / "notify.toml", tmp_path / "night.log"
     path.write_text('[[channel]]\nkind = "command"\nargv = ["/no/such/program"]\non = ["start", "finish"]\n')
-    arguments = (write_short(tmp_path), "-b", LAB / "bench.toml", "--dry", "--out", tmp_path, "--log", log)
+    arguments = (write_small(tmp_path), "-b", LAB / "bench.toml", "--dry", "--out", tmp_path, "--log", log)
     done = rig("run", *arguments, "--notify", "--notify-file", path)
     assert done.returncode == 0, done.stderr
     with RunReader.open(Path(done.stdout.strip())) as reader:

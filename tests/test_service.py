@@ -12,8 +12,9 @@ from pathlib import Path
 
 import pytest
 from command import rig
-from dry import LAB, write_short
+from dry import LAB
 from ideal_bench import new_run, run_session
+from small_run import write_small
 
 from rig.cli.unattended import facts_of
 from rig.engine.live import replace_json, request_path
@@ -21,7 +22,6 @@ from rig.engine.session import Outcome, Progress, Signals
 from rig.errors import ExitCode
 from rig.unattended import Kind, Listeners, ServiceManager
 from rig.unattended.service import FINAL, ServiceUnit
-from test_logs import SMALL
 
 
 class Manager:
@@ -82,7 +82,7 @@ def news(state="settling", done=3):
 
 
 def test_ready_when_every_instrument_has_answered_then_alive_then_stopping(tmp_path, manager):
-    made = rig("run", write_short(tmp_path, SMALL), "-b", LAB / "bench.toml", "--dry", "--create-only", "--out", tmp_path)
+    made = rig("run", write_small(tmp_path), "-b", LAB / "bench.toml", "--dry", "--create-only", "--out", tmp_path)
     path = Path(made.stdout.strip())
     told = {"NOTIFY_SOCKET": manager.name, "WATCHDOG_USEC": "2000", "WATCHDOG_PID": str(os.getpid())}
     done = rig("resume", path, "--unless-stopped", env=told)
