@@ -356,6 +356,16 @@ def test_a_wrong_file_is_refused_with_what_is_wrong(tmp_path, text, says):
         read_settings(path)
 
 
+def test_the_example_in_the_docs_is_a_file_that_works(tmp_path):
+    document = (Path(__file__).parent.parent / "docs" / "unattended.md").read_text()
+    path = tmp_path / "notify.toml"
+    path.write_text(document.partition("```toml\n")[2].partition("```")[0])
+    settings = read_settings(path)
+    assert [c.label for c in settings.channel] == ["mail", "phone", "house", "command", "apprise"]
+    assert (settings.most_per_hour, settings.repeats_s) == (10, 900.0)
+    assert all(f"`{about}`" in document for about in ALL)
+
+
 def test_a_missing_secret_is_named_before_anything_moves_but_does_not_end_a_resumed_night(tmp_path):
     path = tmp_path / "notify.toml"
     path.write_text('[[channel]]\nkind = "webhook"\nurl_env = "RIG_NO_SUCH_SECRET"\n')

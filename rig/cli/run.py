@@ -17,7 +17,7 @@ from rich.markup import escape
 
 from rig.cli import app
 from rig.cli.runs import check_code, list_runs
-from rig.cli.show import duration, err, mark, out, print_json, run_progress
+from rig.cli.show import err, mark, out, print_json, run_progress
 from rig.cli.unattended import (
     Listening,
     LogFormatOption,
@@ -31,6 +31,7 @@ from rig.cli.unattended import (
     outside,
 )
 from rig.controller import Result, load_plan, resume_run, start_run
+from rig.durations import duration
 from rig.engine.live import controller_alive, live_path, read_json, send_request
 from rig.engine.run_file import RunReader
 from rig.engine.session import Outcome, Progress, Signals

@@ -9,7 +9,8 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
-from rig.cli.show import duration, err, out, print_json
+from rig.cli.show import err, out, print_json
+from rig.durations import duration
 from rig.engine.live import controller_alive, live_path, read_json
 from rig.engine.run_file import RunReader
 from rig.engine.state import RunState, read_state
