@@ -131,9 +131,12 @@ def _told(record: Record, after_crash: bool) -> tuple[Kind, str, str]:
         case "event" if record.status == "whole-plot-lost":
             return Kind.WARNING, "warning", text
         case "event" if record.status == "warning":
-            return Kind.WARNING, "warning", f"early warning: {_message(record.data)}"
+            text = _message(record.data, encode(record.data)[:300])
+            return Kind.WARNING, "warning", f"early warning: {text}"
         case "event" if not text:
-            return Kind.EVENT, "info", str(record.status or "").replace("-", " ")
+            said = _message(record.data, "")
+            name = str(record.status or "").replace("-", " ")
+            return Kind.EVENT, "info", f"{name}: {said}" if said else name
         case _:
             return Kind.EVENT, "info", text
 
@@ -142,11 +145,10 @@ NOT_NOTIFIED = "not-notified"
 """Status of the event that says that somebody could not be told of something."""
 
 
-def _message(data: Mapping[str, Any]) -> str:
-    for key in ("message", "text", "what", "why", "cause"):
-        if isinstance(data.get(key), str):
-            return str(data[key])
-    return encode(data)[:300]
+def _message(data: Mapping[str, Any], otherwise: str) -> str:
+    """The sentence that an event brings with it, under whichever of these names."""
+    found = (data[key] for key in ("message", "text", "what", "why", "reason", "cause") if key in data)
+    return next((text for text in found if isinstance(text, str) and text), otherwise)
 
 
 def _short(record: Record) -> Any:

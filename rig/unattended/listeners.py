@@ -16,6 +16,7 @@ from rig.durations import duration
 from rig.engine.chain import Record
 from rig.engine.session import Outcome, Progress
 from rig.engine.states import AT_POINT, State
+from rig.errors import UsageError
 from rig.unattended.happenings import NOT_NOTIFIED, Happening, Kind, RunFacts, from_record, one_line
 from rig.unattended.logs import Log
 from rig.unattended.manager import ServiceManager
@@ -123,9 +124,10 @@ class Listeners:
         text = f"could not go on: {error or type(error).__name__}"
         self._manager.failed(text)
         happening = Happening(Kind.ENDED_BY_FAULT, "error", one_line(text), self._utc_s(None))
-        if self.facts.served or self._utc_minus_elapsed is not None:
+        began = self._utc_minus_elapsed is not None
+        if began or (self.facts.served and not isinstance(error, UsageError)):
             self._spread(happening)
-        else:  # somebody has just typed the command and reads the message
+        else:  # somebody has just typed the command and reads the message; or another controller goes on undisturbed
             self._log(happening)
 
     def say(self, level: str, text: str) -> None:

@@ -22,6 +22,11 @@ HEADLINES = {
     Kind.FINISH: "finished",
     Kind.TEST: "a test message",
 }
+_AGAIN = (
+    " systemd tries again by itself in a minute, five times in six hours at most; if no other message comes, it has "
+    "given up and needs you."
+)
+_LONGEST = 2000
 URGENT = frozenset({Kind.HOLD, Kind.ENDED_BY_FAULT})
 
 
@@ -93,7 +98,7 @@ def compose(happening: Happening, facts: RunFacts, news: Progress | None) -> Mes
     return Message(
         kind=happening.kind,
         headline=one_line(headline),
-        what=mark + happening.text,
+        what=mark + happening.text[:_LONGEST],
         where=one_line(f"bench {facts.bench}, procedure {facts.procedure}, machine {platform.node()}"),
         when=when(happening.utc_s),
         progress="" if news is None else _progress(news, happening),
@@ -123,7 +128,7 @@ def _next(happening: Happening, facts: RunFacts) -> str:
     run = "RUN" if facts.path is None else one_line(str(facts.path.absolute()))
     if happening.unsafe:
         return f"Go and look at the bench now: not everything is in its safe state. Then: rig resume {run}"
-    again = " systemd tries again by itself in a minute, a few times." if facts.served else ""
+    again = _AGAIN if facts.served else ""
     match happening.kind:
         case Kind.HOLD:
             return f"Look at the bench, then: rig release {run} (or rig stop {run} to park it). It waits."
