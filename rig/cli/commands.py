@@ -6,6 +6,7 @@ import rig.cli.data
 import rig.cli.demo
 import rig.cli.doctor
 import rig.cli.infer
+import rig.cli.night
 import rig.cli.plan
 import rig.cli.run
 import rig.cli.service
