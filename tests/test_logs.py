@@ -12,7 +12,9 @@ from command import rig
 from dry import LAB
 from small_run import write_small
 
+from rig.engine.chain import Record, encode
 from rig.unattended import Happening, Kind, Log, RunFacts
+from rig.unattended.happenings import from_record
 from rig.unattended.logs import file_writer, logged_by_journal
 
 FACTS = RunFacts(None, "night-1", "lab", "night", simulated=False)
@@ -73,6 +75,12 @@ def test_a_dry_run_has_no_log_unless_asked_and_a_dash_is_stderr(tmp_path):
     assert "homed" in told.stderr
 
 
+def test_a_record_the_story_cannot_tell_is_told_plainly_all_the_same():
+    told = from_record(Record(1, "hold", 5.0, 5.0, 7, body=encode({"reason": "supply lost"})), after_crash=False)
+    assert told is not None
+    assert (told.kind, told.text) == (Kind.HOLD, "hold: supply lost")
+
+
 @pytest.mark.parametrize("where", ["no/such/folder/night.log", "/dev/full"])
 def test_a_log_that_cannot_be_written_costs_lines_and_nothing_else(tmp_path, where):
     done = run(tmp_path, "--log", tmp_path / where)
@@ -109,9 +117,6 @@ def test_the_file_may_be_rotated_at_any_time(tmp_path):
 
 
 def test_control_characters_of_an_instrument_do_not_reach_the_log(tmp_path):
-    from rig.engine.chain import Record, encode  # noqa: PLC0415
-    from rig.unattended.happenings import from_record  # noqa: PLC0415
-
     body = encode({"message": "head: \x1b[2Jgone\nsecond\u2028line"})
     told = from_record(Record(1, "fault", 5.0, 5.0, 7, None, 1, "retry", body), after_crash=False)
     assert told is not None

@@ -17,11 +17,12 @@ from ideal_bench import new_run, run_session
 from small_run import write_small
 
 from rig.cli.unattended import facts_of
+from rig.config import parse_bench
 from rig.engine.live import replace_json, request_path
 from rig.engine.session import Outcome, Progress, Signals
 from rig.errors import ExitCode
 from rig.unattended import Kind, Listeners, ServiceManager
-from rig.unattended.service import FINAL, ServiceUnit
+from rig.unattended.service import FINAL, ServiceUnit, patience_s
 
 
 class Manager:
@@ -163,6 +164,13 @@ def test_the_unit_restarts_after_crashes_and_faults_but_not_after_what_is_final(
     assert int(lines["StartLimitBurst"]) == 5
     for closes_ports_or_locks in ("PrivateDevices", "PrivateTmp", "ProtectClock", "DevicePolicy", "DeviceAllow"):
         assert closes_ports_or_locks not in lines
+
+
+def test_the_watchdog_waits_for_a_pressure_line_that_is_slow_to_vent():
+    text = (LAB.parent / "pressure-lab" / "bench.toml").read_text()
+    assert patience_s(parse_bench(text, "bench")) == 900.0
+    slow = text.replace('driver = "druck-pace"', 'driver = "druck-pace"\nvent_psi_per_s = 0.02')
+    assert patience_s(parse_bench(slow, "bench")) == 2 * (1.5 * 14.7 / 0.02 + 120.0)
 
 
 def test_the_unit_is_printed_installed_and_removed(tmp_path):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.markup import escape
@@ -15,7 +15,9 @@ from rig.cli.run import JsonOption
 from rig.cli.show import err, mark, out, print_json
 from rig.cli.unattended import NotifyFileOption
 from rig.errors import ExitCode
-from rig.unattended.doctor import Finding, Level, Visit, examine
+
+if TYPE_CHECKING:
+    from rig.unattended.doctor import Finding, Level
 
 _STYLES: dict[Level, str] = {"ok": "green", "warning": "yellow", "problem": "bold red"}
 
@@ -42,6 +44,8 @@ def doctor(
 
     Example: `rig doctor --bench bench.toml --procedure night.toml`
     """
+    from rig.unattended.doctor import Visit, examine  # noqa: PLC0415
+
     visit = Visit(bench, procedure, run_file, out_dir, dry, world, notify, notify_file)
     findings = list(examine(visit))
     problems = any(finding.level == "problem" for finding in findings)

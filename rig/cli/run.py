@@ -296,7 +296,7 @@ def status(
         "records": count,
         "head": head.hex(),
     }
-    code = check_code(state, running=running) if check else ExitCode.DONE
+    code = check_code(state, run_file) if check else ExitCode.DONE
     if as_json:
         print_json(summary)
         return code

@@ -19,9 +19,9 @@ from rig.errors import ExitCode, RigError, UsageError
 _RESTED = {"stopped": ExitCode.STOPPED, "faulted": ExitCode.FAULT}
 
 
-def check_code(state: RunState, *, running: bool) -> ExitCode:
-    """What a script is told of a run: complete, running, stopped, faulted, or interrupted."""
-    if running:
+def check_code(state: RunState, run_file: Path) -> ExitCode:
+    """What a script is told of a run: complete, running (starting counts), stopped, faulted, or interrupted."""
+    if controller_alive(run_file):
         return ExitCode.RUNNING
     if state.ended is not None:
         return ExitCode.DONE
@@ -73,7 +73,7 @@ def _row(path: Path) -> tuple[dict[str, Any], int]:
         "last_record_utc": datetime.fromtimestamp(state.utc_s, UTC).isoformat(timespec="seconds"),
         "last_fault": state.last_fault,
     }
-    return row, int(check_code(state, running=running))
+    return row, int(check_code(state, path))
 
 
 _STYLES = {"complete": "green", "faulted": "red", "unreadable": "red", "holding": "bold yellow"}

@@ -14,8 +14,10 @@ from rig.cli import app
 from rig.cli.run import RunArgument
 from rig.cli.show import err
 from rig.cli.unattended import facts_of
+from rig.config import parse_bench
+from rig.engine.run_file import RunReader
 from rig.errors import ExitCode, UsageError
-from rig.unattended.service import WATCHDOG_S, ServiceUnit
+from rig.unattended.service import WATCHDOG_S, ServiceUnit, patience_s
 
 
 @app.command(rich_help_panel="Running")
@@ -33,9 +35,10 @@ def service(
     bench: Annotated[
         Path | None, typer.Option(help="a bench file with new addresses, as for rig resume", show_default=False)
     ] = None,
-    watchdog: Annotated[float, typer.Option(min=60, max=86400, help="seconds without news after which it hangs")] = (
-        WATCHDOG_S
-    ),
+    watchdog: Annotated[
+        float | None,
+        typer.Option(min=60, max=86400, help="seconds without news after which it hangs", show_default="by the bench"),
+    ] = None,
     writes_to: Annotated[
         list[Path] | None,
         typer.Option(help="another folder that a unit of the machine may write to (a log); repeatable"),
@@ -57,7 +60,7 @@ def service(
         about=f"{facts.procedure} on {facts.bench}",
         system=as_root if system is None else system,
         user=run_as or os.environ.get("SUDO_USER") or getpass.getuser(),
-        watchdog_s=watchdog,
+        watchdog_s=watchdog or _patience_s(run_file),
         bench=None if bench is None else bench.resolve(),
         also_write=tuple(path.resolve() for path in writes_to or ()),
     )
@@ -68,6 +71,12 @@ def service(
     else:
         print(unit.text(), end="")
     return ExitCode.DONE
+
+
+def _patience_s(run_file: Path) -> float:
+    with RunReader.open(run_file) as reader:
+        text = reader.documents().get("bench.toml")
+    return WATCHDOG_S if text is None else patience_s(parse_bench(text, f"{run_file} (bench.toml)"))
 
 
 def _install(unit: ServiceUnit) -> None:

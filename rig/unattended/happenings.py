@@ -114,7 +114,7 @@ def from_record(record: Record, *, after_crash: bool) -> Happening | None:
 
 
 def _told(record: Record, after_crash: bool) -> tuple[Kind, str, str]:
-    text = words(record)
+    text = _words(record)
     match record.kind:
         case "session" if after_crash and record.session > 1:
             return Kind.CRASH, "warning", f"{text}; the one before ended without a word (power cut, crash or kill)"
@@ -139,6 +139,15 @@ def _told(record: Record, after_crash: bool) -> tuple[Kind, str, str]:
             return Kind.EVENT, "info", f"{name}: {said}" if said else name
         case _:
             return Kind.EVENT, "info", text
+
+
+def _words(record: Record) -> str:
+    """A record as the story tells it; one that the story cannot tell is told plainly, for people wait for it."""
+    try:
+        return words(record)
+    except (LookupError, TypeError, ValueError):
+        name = " ".join(part for part in (record.kind, record.status) if part)
+        return f"{name}: {_message(record.data, encode(record.data)[:300])}"
 
 
 NOT_NOTIFIED = "not-notified"

@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from drivers.clock import RealClock
 from rig.durations import duration
@@ -20,7 +20,9 @@ from rig.errors import UsageError
 from rig.unattended.happenings import NOT_NOTIFIED, Happening, Kind, RunFacts, from_record, one_line
 from rig.unattended.logs import Log
 from rig.unattended.manager import ServiceManager
-from rig.unattended.notify import Failure, Notifier
+
+if TYPE_CHECKING:  # mail and web are imported where somebody is to be told
+    from rig.unattended.notify import Failure, Notifier
 
 _PROGRESS_S = 3600.0
 _ENDINGS = {

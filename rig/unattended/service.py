@@ -10,11 +10,16 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
+from rig.bench import check_options
+from rig.config import BenchConfig
 from rig.errors import ExitCode
 
-WATCHDOG_S = 900
-"""Without news for so long the controller hangs. The longest that it is silent for a good reason is while a line of
-15 psi goes to the atmosphere at a slow slew: about four minutes."""
+WATCHDOG_S = 900.0
+"""Without news for so long the controller hangs. The longest that it is silent for a good reason is while a pressure
+line goes to the atmosphere: from 15 psi at 0.2 psi/s about four minutes."""
+
+_VENT_S = 120.0
+_ATMOSPHERE_PSIA = 14.7
 
 FINAL = (
     ExitCode.DONE,
@@ -138,7 +143,7 @@ SuccessExitStatus={good}
 # safe state and to tell people. What it has started ends with it.
 KillSignal=SIGTERM
 KillMode=mixed
-TimeoutStopSec=15min
+TimeoutStopSec={watchdog}
 LimitCORE=0
 
 # Nothing here takes serial ports, CAN or locks away. On purpose not used: PrivateDevices and
@@ -168,6 +173,17 @@ OOMScoreAdjust=-500
 ProtectSystem=strict
 ProtectHome=read-only
 """
+
+
+def patience_s(config: BenchConfig) -> float:
+    """The watchdog's time for a bench: twice the longest way of a pressure line to the atmosphere, if that is more."""
+    longest = 0.0
+    for options in check_options(config, "bench").values():
+        slew, high = getattr(options, "vent_psi_per_s", None), getattr(options, "high_psia", None)
+        if slew and high is not None:
+            way = max(_ATMOSPHERE_PSIA, abs(high - _ATMOSPHERE_PSIA))
+            longest = max(longest, 1.5 * way / slew + _VENT_S)
+    return max(WATCHDOG_S, 2.0 * longest)
 
 
 def _plain(text: str) -> str:
