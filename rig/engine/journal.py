@@ -141,15 +141,21 @@ class Journal:
             StorageError: the disk refuses.
 
         """
-        record = self._record(kind, body or {}, status, whole_plot)
+        for noted, about in self._session.observer.to_note():  # durable with the record, or not at all
+            self._add(self._record("event", about, noted, None), commit=False)
+        self._add(self._record(kind, body or {}, status, whole_plot), commit=commit)
+
+    def _add(self, record: Record, *, commit: bool) -> None:
         self._run.append(record, commit=commit)
         self.fold.add(record)
+        self._session.observer.recorded(record)
 
     def finish(self, body: Mapping[str, Any]) -> None:
         """Write the end record and close the run file for good. Raises `StorageError`."""
         record = self._record("end", body, "complete", None)
         self._run.finish(record)
         self.fold.add(record)
+        self._session.observer.recorded(record)
 
     def _record(self, kind: str, body: Mapping[str, Any], status: str | None, whole_plot: int | None) -> Record:
         at = self.at

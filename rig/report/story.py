@@ -19,7 +19,12 @@ class Line(NamedTuple):
 def story(path: Path) -> list[Line]:
     """The happenings of a run file, in order; observations are left out."""
     with RunReader.open(path) as reader:
-        return [Line(_clock(r.elapsed_s), words) for r in reader.records() if (words := _words(r))]
+        return [Line(_clock(r.elapsed_s), said) for r in reader.records() if (said := _words(r))]
+
+
+def words(record: Record) -> str:
+    """One record in a person's words, "" for what is left out of the story."""
+    return _words(record)
 
 
 def _clock(seconds: float) -> str:
