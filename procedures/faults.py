@@ -91,6 +91,9 @@ class FaultSettings(Strict):
     not_settled: Policy = Field("skip", description="an axis or pressure does not settle, or left its band")
     overload: Policy = Field("skip", description="a reading is out of the instrument's range")
     noisy: Policy = Field(["accept"], description="still noisier than allowed after `measure.repeats`; accept flags it")
+    frozen: Policy = Field(
+        ["retry 5", SKIP], description="an output repeats the point before to the last digit; accept flags it"
+    )
     no_reply: Policy = Field(["retry 8", ABORT], description="an instrument does not answer")
     bad_reply: Policy = Field(["retry 5", ABORT], description="an answer makes no sense")
     unreachable: Policy = Field(["retry 8", ABORT], description="a port or connection is gone: unplugged, no power")
@@ -99,7 +102,9 @@ class FaultSettings(Strict):
     actions: ClassVar[tuple[str, ...]] = (RETRY, SKIP, HOLD, ABORT)
     """What makes sense after most faults."""
 
-    special: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({"noisy": (RETRY, ACCEPT, SKIP, HOLD, ABORT)})
+    special: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType(
+        dict.fromkeys(("noisy", "frozen"), (RETRY, ACCEPT, SKIP, HOLD, ABORT))
+    )
     """What makes sense after others, by class; one word alone has no retries before it."""
 
     follows: ClassVar[Mapping[str, str]] = MappingProxyType({"bad_reply": "no_reply", "unreachable": "no_reply"})

@@ -11,14 +11,17 @@ from typing import Any
 from procedures import PitchRollProcedure, Point, Procedure, RunList
 from rig.bench import Bench
 from rig.engine.actions import BenchActions
-from rig.engine.faults import NotSettled, OverloadedError, TemperatureLeft, TooNoisy
+from rig.engine.faults import FrozenReading, NotSettled, OverloadedError, TemperatureLeft, TooNoisy
 from rig.engine.journal import Journal, PointInHand
+from rig.engine.measuring import Observation
 from rig.engine.motion import plan_legs, recovery_legs
 from rig.engine.policies import Policies
 from rig.engine.queue import PointQueue
 from rig.engine.soaking import Soaking
 
 _MOVE_TIMEOUT_S = 600.0
+_NEARLY = 0.9
+"""Of its overtravel an axis must have come at least: where it turned it may have stood a little short of it."""
 
 
 class AtPoint:
@@ -60,6 +63,7 @@ class AtPoint:
         self._references = tuple(f for f in run_list.easy if not f.stays)
         self._settle = procedure.settle.judged()
         self._poll_s = procedure.settle.poll_s
+        self._last_read: tuple[Point | None, Mapping[str, float]] = (None, {})
         self.move_timeout_s = max(_MOVE_TIMEOUT_S, self._settle.timeout_s)
 
     def recovering(self) -> str:
@@ -125,6 +129,7 @@ class AtPoint:
         if overloaded:
             self._journal.write("observation", observation.as_json(), status="rejected")
             raise OverloadedError(f"{', '.join(overloaded)} out of range at point {at.point.index}")
+        self._check_alive(observation)
         name, sd = observation.noisiest()
         most = self._procedure.max_sd_V
         if most is not None and sd > most * self._bench.scales[name]:
@@ -135,6 +140,17 @@ class AtPoint:
             noise = f"{name} scatters by {sd / self._bench.scales[name]:.2g} V at point {at.point.index}"
             self._flag("noisy", "noisy", TooNoisy(f"{noise}, more than {most:g} V"))
         return "record"
+
+    def _check_alive(self, observation: Observation) -> None:
+        """Two settings do not give the same reading to the last digit: a meter or a sensor hangs, or a reply is old."""
+        point, (before, last) = self._at.point, self._last_read
+        frozen = observation.frozen(last) if before is not None and before.setpoints != point.setpoints else []
+        if frozen:
+            words = (
+                f"{', '.join(frozen)} at point {point.index} repeats the readings of the point before to the last digit"
+            )
+            self._flag("frozen", "frozen", FrozenReading(words))
+        self._last_read = point, {name: c.readings[-1] for name, c in observation.outputs.items()}
 
     def _flag(self, flag: str, fault: str, error: Exception) -> None:
         """Accept a doubtful reading with a flag, or raise what is doubtful about it: the policies say which."""
@@ -199,5 +215,8 @@ class AtPoint:
             arrival = self._do.arrivals.get(factor.axis)
             if side and (arrival is None or arrival.side != side):
                 raise NotSettled(f"{factor.axis} did not arrive from its planned side", at.settling)
+            if arrival and side and side * (target - arrival.start) < _NEARLY * factor.overtravel:
+                near = f"{factor.axis} arrived from {arrival.start:g}, nearer than its overtravel"
+                raise NotSettled(f"{near}: did it slip?", at.settling)
             if abs(after[factor.axis] - target) > self._settle.band:
                 raise NotSettled(f"{factor.axis} left its band while it was measured", at.settling)

@@ -32,6 +32,10 @@ class TooNoisy(Exception):
     """Readings scatter more than the procedure allows, also when they are repeated."""
 
 
+class FrozenReading(Exception):
+    """An output repeats its last reading to the last digit although the setting has changed."""
+
+
 class TemperatureLeft(Exception):
     """A temperature that was to stand has left its band."""
 
@@ -56,7 +60,7 @@ class LimitViolation(BenchFault):
     """A limit or an interlock of the bench is violated: safe state, whatever the procedure says."""
 
 
-FAULTS = (NotSettled, OverloadedError, TooNoisy, TemperatureLeft, DriverError)
+FAULTS = (NotSettled, OverloadedError, TooNoisy, FrozenReading, TemperatureLeft, DriverError)
 """What a procedure's policies may decide about."""
 
 _CLASSES: tuple[tuple[type[Exception], str], ...] = (
@@ -65,6 +69,7 @@ _CLASSES: tuple[tuple[type[Exception], str], ...] = (
     (NotSettled, "not_settled"),
     (OverloadedError, "overload"),
     (TooNoisy, "noisy"),
+    (FrozenReading, "frozen"),
     (TemperatureLeft, "temperature_left"),
     (DriveFault, "drive_fault"),
     (SupplyFailure, "supply_failure"),

@@ -187,7 +187,7 @@ def _approached(night: _Night) -> Iterator[str]:
             truly = seen[at].direction[factor.name.rpartition("_")[0]] if at < len(seen) else 0
             if arrived != side or truly not in (0, side):
                 yield f"point {point.index}: {factor.axis} came from side {truly or arrived}, planned was {side}"
-            elif (setpoint - start) * side < factor.overtravel - 0.01:
+            elif (setpoint - start) * side < 0.9 * factor.overtravel:
                 yield f"point {point.index}: {factor.axis} came from {start:g}, nearer than its overtravel"
 
 
