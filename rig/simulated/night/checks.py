@@ -190,7 +190,8 @@ def _approached(night: _Night) -> Iterator[str]:
             arrived, start = r.data["approach"].get(factor.axis, (0, setpoint))
             truly = seen[at].direction[factor.name.rpartition("_")[0]] if at < len(seen) else 0
             if arrived != side or truly not in (0, side):
-                yield f"point {point.index}: {factor.axis} came from side {truly or arrived}, planned was {side}"
+                said = f"truly from side {truly}, recorded from {arrived}, planned from {side}"
+                yield f"point {point.index}: {factor.axis} came {said}"
             elif (setpoint - start) * side < 0.9 * factor.overtravel:
                 yield f"point {point.index}: {factor.axis} came from {start:g}, nearer than its overtravel"
 
