@@ -22,7 +22,7 @@ from drivers.clock import Clock, RealClock, ScaledClock, boot_id
 from drivers.errors import DriverError
 from procedures import PitchRollProcedure, Procedure, RunList
 from rig import __version__
-from rig.bench import Bench, check_options, identities, locked_addresses, open_bench
+from rig.bench import Bench, check_options, identities, open_bench
 from rig.config import BenchConfig, parse_bench, parse_procedure, parse_toml, read_text
 from rig.engine.axes import own_limits
 from rig.engine.guard import Guard
@@ -32,6 +32,7 @@ from rig.engine.sequencer import Sequencer
 from rig.engine.session import Nobody, Observer, Outcome, Progress, Session, Signals
 from rig.engine.state import RunState, fold
 from rig.errors import BenchFault, ConfigurationError, StorageError, UsageError
+from rig.locks import locked_addresses
 from rig.matching import check_match
 
 BYTES_PER_POINT = 6000
@@ -290,7 +291,7 @@ def _stored_plan(run: RunReader, path: Path, bench: Path | None) -> Plan:
         return plan
     other = parse_bench(read_text(bench, "bench"), str(bench))
     check_options(other, str(bench))
-    for what in ("name", "sensors", "temperatures", "factors", "limits", "simulated"):
+    for what in ("name", "sensors", "temperatures", "factors", "limits", "interlocks", "safety", "simulated"):
         if getattr(other, what) != getattr(plan.bench, what):
             raise ConfigurationError(f"{bench}: {what} differ from the bench the run began on; only instruments may")
     if {n: i.driver for n, i in other.instruments.items()} != {n: i.driver for n, i in plan.bench.instruments.items()}:

@@ -35,7 +35,7 @@ from rig.durations import duration
 from rig.engine.live import controller_alive, live_path, read_json, send_request
 from rig.engine.run_file import RunReader
 from rig.engine.session import Outcome, Progress, Signals
-from rig.engine.state import read_state
+from rig.engine.state import RunState, read_state
 from rig.errors import ExitCode, RigError, UsageError
 from rig.unattended import Listeners, RunFacts, ServiceManager
 
@@ -291,6 +291,9 @@ def status(
         "remaining_s": live.get("remaining_s") if running else None,
         "last_record_utc": datetime.fromtimestamp(state.utc_s, UTC).isoformat(timespec="seconds"),
         "last_fault": state.last_fault,
+        "decisions": state.decisions,
+        "faults": [fault._asdict() for fault in state.faults],
+        "safe": state.safe,
         "message": f"{live.get('message', '')} {live.get('detail', '')}".strip() if running else "",
         "whole_plots_lost": {str(k): v for k, v in state.lost.items()},
         "records": count,
@@ -309,6 +312,7 @@ def status(
         out.print(f"  [yellow]point {index} skipped:[/] {escape(why)}")
     for number, why in summary["whole_plots_lost"].items():
         out.print(f"  [yellow]whole plot {number} was lost and measured again:[/] {escape(why)}", soft_wrap=True)
+    _tell_faults(state)
     if state.last_fault and not running:
         out.print(f"  [red]last fault:[/] {escape(state.last_fault)}", soft_wrap=True)
     if summary["message"]:
@@ -316,6 +320,21 @@ def status(
     if not running and state.ended is None:
         out.print(f"  carry on with: rig resume {escape(str(run_file))}", soft_wrap=True)
     return code
+
+
+_FAULTS_TOLD = 5
+
+
+def _tell_faults(state: RunState) -> None:
+    """What went wrong so far, and what was done about it."""
+    if not state.decisions:
+        return
+    counts = ", ".join(f"{decision} {count}x" for decision, count in state.decisions.items())
+    out.print(f"  [yellow]faults, and what was done:[/] {escape(counts)}", soft_wrap=True)
+    for fault in list(state.faults)[-_FAULTS_TOLD:]:
+        where = "" if fault.point is None else f"point {fault.point}, "
+        words = f"{duration(fault.elapsed_s)}: {where}{fault.decision}: {fault.message}"
+        out.print(f"    {escape(words)}", soft_wrap=True)
 
 
 def _ask(run_file: Path, verb: str) -> int:

@@ -32,7 +32,6 @@ class PointInHand:
         settling: evidence that the axes settled.
         observation: what was read.
         measured_s: elapsed time when the readings began and ended.
-        failures: attempts that failed in this session.
         repeats: how often it was read again for being noisy.
         rejected: readings that were too noisy.
 
@@ -44,9 +43,13 @@ class PointInHand:
     settling: dict[str, Any] = field(default_factory=dict)
     observation: Observation | None = None
     measured_s: tuple[float, float] = (0.0, 0.0)
-    failures: int = 0
     repeats: int = 0
     rejected: list[dict[str, Any]] = field(default_factory=list)
+
+    @property
+    def place(self) -> str:
+        """Where it is, as failures are counted."""
+        return f"point {self.point.index}"
 
 
 class Journal:
