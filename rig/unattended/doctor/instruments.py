@@ -11,9 +11,10 @@ from drivers.clock import Clock, RealClock, ScaledClock
 from drivers.errors import DriverError
 from drivers.roles import Identity, Instrument
 from drivers.wires import Wires
-from rig.bench import check_options, driver_class, locked_addresses
+from rig.bench import check_options, driver_class
 from rig.config import BenchConfig, InstrumentConfig
 from rig.errors import BusyError
+from rig.locks import locked_addresses
 from rig.unattended.doctor.addresses import check_addresses
 from rig.unattended.doctor.findings import Finding, ok, problem, warning
 
