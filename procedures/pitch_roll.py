@@ -11,9 +11,10 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from procedures.designs import Design, fraction, grid, roll_circle, tumble, uniform
+from procedures.faults import PitchRollFaults
 from procedures.orders import Visit, random_order, reversed_pass, serpentine
 from procedures.run_list import Factor, Point, RunList, Settle
-from procedures.settings import FaultSettings, Positive, Strict, WarningSettings
+from procedures.settings import Positive, Strict, WarningSettings
 
 Side = Annotated[list[float], Field(min_length=1)]
 
@@ -207,7 +208,7 @@ class PitchRollProcedure(Strict):
     measure: MeasureSettings = MeasureSettings()
     environment: EnvironmentSettings | None = None
     recovery: RecoverySettings = RecoverySettings()
-    faults: FaultSettings = FaultSettings()
+    faults: PitchRollFaults = PitchRollFaults()
     warnings: WarningSettings = WarningSettings()
     mounting: MountingSettings = MountingSettings()
     model: ModelSettings = ModelSettings()

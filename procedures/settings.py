@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
 Positive = Annotated[float, Field(gt=0, le=1e6)]
-OnFailure = Literal["skip", "hold", "abort"]
 
 
 class Strict(BaseModel):
@@ -27,13 +26,3 @@ class WarningSettings(Strict):
         description="the last calibration of these sensors, or an earlier run of them: a file beside the procedure. "
         "It is kept in the run file, and readings that leave it are warned of",
     )
-
-
-class FaultSettings(Strict):
-    """What to do when something goes wrong at a point."""
-
-    retries: int = Field(2, ge=0, le=20, description="attempts after the first before the policy below applies")
-    not_settled: OnFailure = "skip"
-    overload: OnFailure = "skip"
-    no_reply: OnFailure = "abort"
-    instrument_error: OnFailure = "abort"

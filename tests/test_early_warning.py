@@ -165,21 +165,25 @@ def test_values_are_told_in_units_for_people(unit, value, text):
 # --- in the controller -----------------------------------------------------------------------------------------
 
 
-def freeze(_bench, head, reader):
-    """After six points the sensor gives one number, whatever the head does; before, it has noise."""
-    reader.noise_V = 1e-4
-    fetch = reader.fetch
-
-    def frozen():
-        found = fetch()
-        return {**found, "1": [0.3] * len(found["1"])} if reader.starts > 6 else found
-
-    reader.fetch = frozen
+LONGER = PROCEDURE.model_copy(update={"replications": 4})
 
 
-def dead(_bench, _head, reader):
-    """From the first reading on it gives one number."""
-    reader.fetch = lambda: {"1": [0.3] * 4, "2": [23.0] * 4}
+def dies(after):
+    """From then on the sensor has noise about one number, whatever the head does."""
+
+    def spoil(_bench, head, reader):
+        reader.noise_V = 1e-4
+        fetch = reader.fetch
+
+        def dead():
+            found = fetch()
+            if reader.starts <= after:
+                return found
+            return {**found, "1": [0.3 + 1e-4 * (-1) ** i + 1e-6 * reader.starts for i in range(len(found["1"]))]}
+
+        reader.fetch = dead
+
+    return spoil
 
 
 def warned(path):
@@ -189,14 +193,14 @@ def warned(path):
 
 
 def test_a_warning_is_in_the_run_file_and_stops_nothing(tmp_path):
-    path = new_run(tmp_path)
-    outcome, state, *_ = run_session(path, spoil=freeze)
+    path = new_run(tmp_path, LONGER)
+    outcome, state, *_ = run_session(path, procedure=LONGER, spoil=dies(20))
     assert outcome is Outcome.COMPLETE
     assert len(state.accepted) == state.points
     assert warned(path) == [(1, "response")]
     shown = rig("status", path)
-    assert "x_V is frozen" in shown.stdout
-    assert "is frozen" in json.loads(rig("status", path, "--json").stdout)["warnings"][0]
+    assert "warning: x_V reads" in shown.stdout
+    assert "what its settings gave before" in json.loads(rig("status", path, "--json").stdout)["warnings"][0]
 
 
 class Killed(BaseException):
@@ -204,14 +208,14 @@ class Killed(BaseException):
 
 
 def test_what_was_said_is_not_said_again_by_the_next_session(tmp_path):
-    path = new_run(tmp_path)
+    path = new_run(tmp_path, LONGER)
 
     def on_progress(news):
-        if news.done >= 14:
+        if news.done >= 28:
             raise Killed
 
     with pytest.raises(Killed):
-        run_session(path, spoil=freeze, on_progress=on_progress)
+        run_session(path, procedure=LONGER, spoil=dies(20), on_progress=on_progress)
     assert warned(path) == [(1, "response")]
     outcome, *_ = run_session(
         path, spoil=lambda _b, _h, reader: setattr(reader, "fetch", lambda: {"1": [0.3] * 4, "2": [23.0] * 4})
@@ -221,22 +225,20 @@ def test_what_was_said_is_not_said_again_by_the_next_session(tmp_path):
 
 
 def test_the_next_session_knows_what_came_before_it(tmp_path):
-    path = new_run(tmp_path)
+    path = new_run(tmp_path, LONGER)
 
     def on_progress(news):
-        if news.done >= 8:
+        if news.done >= 20:
             raise Killed
 
     with pytest.raises(Killed):
-        run_session(path, spoil=lambda _b, _h, reader: setattr(reader, "noise_V", 1e-4), on_progress=on_progress)
-    run_session(path, spoil=dead)
+        run_session(path, procedure=LONGER, spoil=dies(99), on_progress=on_progress)
+    run_session(path, procedure=LONGER, spoil=dies(0))
     assert warned(path) == [(2, "response")]
 
 
 def test_a_run_holds_at_a_warning_where_the_procedure_asks_for_it_and_goes_on_when_released(tmp_path):
-    procedure = PROCEDURE.model_copy(
-        update={"warnings": PROCEDURE.warnings.model_copy(update={"hold": True}), "faults": PROCEDURE.faults}
-    )
+    procedure = LONGER.model_copy(update={"warnings": LONGER.warnings.model_copy(update={"hold": True})})
     path = new_run(tmp_path, procedure)
     held = []
 
@@ -246,12 +248,12 @@ def test_a_run_holds_at_a_warning_where_the_procedure_asks_for_it_and_goes_on_wh
             raise Killed
 
     with pytest.raises(Killed):
-        run_session(path, procedure=procedure, spoil=freeze, on_progress=on_progress)
+        run_session(path, procedure=procedure, spoil=dies(20), on_progress=on_progress)
     with RunReader.open(path) as reader:
         kinds = [r.kind for r in reader.records()]
     assert kinds[-2:] == ["event", "hold"]
-    assert held == [9]
-    outcome, state, *_ = run_session(path, procedure=procedure, spoil=freeze)
+    assert held == [23]
+    outcome, state, *_ = run_session(path, procedure=procedure, spoil=dies(20))
     assert outcome is Outcome.COMPLETE
     assert len(state.accepted) == state.points
 
@@ -266,9 +268,9 @@ def test_a_mistake_in_the_warnings_themselves_costs_the_warnings_and_not_the_nig
 
 
 def test_a_procedure_can_do_without(tmp_path):
-    procedure = PROCEDURE.model_copy(update={"warnings": PROCEDURE.warnings.model_copy(update={"enabled": False})})
+    procedure = LONGER.model_copy(update={"warnings": LONGER.warnings.model_copy(update={"enabled": False})})
     path = new_run(tmp_path, procedure)
-    run_session(path, procedure=procedure, spoil=freeze)
+    run_session(path, procedure=procedure, spoil=dies(20))
     assert warned(path) == []
 
 

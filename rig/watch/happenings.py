@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from rig.engine.chain import Record
-from rig.report.story import in_words
+from rig.report import story
 
 LINES = 300
 """Lines kept; of earlier ones the page says how many there are."""
@@ -44,7 +44,7 @@ class Happenings:
             lost = " in a whole plot that was lost" if record.whole_plot is not None else ""
             words, kind = f"readings at point {record.run_index}{lost} were not accepted", "decision"
         else:
-            words, kind = in_words(record), _matters(record)
+            words, kind = story.words(record), _matters(record)
         if not words:
             return
         line = {"seq": seq, "elapsed_s": record.elapsed_s, "utc_s": record.utc_s, "kind": kind, "words": words}
