@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from crashes import Run, crash_once
+
 from rig.controller import _losses
 from rig.engine.chain import Record
 from rig.engine.live import live_path, read_json

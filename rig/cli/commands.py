@@ -8,4 +8,5 @@ import rig.cli.infer
 import rig.cli.plan
 import rig.cli.run
 import rig.cli.sim
-import rig.cli.study  # noqa: F401
+import rig.cli.study
+import rig.cli.verify  # noqa: F401

@@ -11,6 +11,7 @@ import struct
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,7 +50,7 @@ class WalState:
 _CLEAN = WalState(0, 0, 0, "")
 
 
-def _checksum(data: bytes, order: str, s0: int, s1: int) -> tuple[int, int]:
+def _checksum(data: bytes, order: Literal[">", "<"], s0: int, s1: int) -> tuple[int, int]:
     """Add to the format's running checksum: for each pair of words, s0 += x + s1, then s1 += y + s0, modulo 2^32.
 
     That is linear: n pairs multiply (s0, s1) by the nth power of [[1, 1], [1, 2]], and each pair adds (x, x + y)
@@ -58,8 +59,9 @@ def _checksum(data: bytes, order: str, s0: int, s1: int) -> tuple[int, int]:
     words = np.frombuffer(data, np.dtype(np.uint32).newbyteorder(order)).astype(np.uint32)
     x, both = words[::2], words[::2] + words[1::2]
     (a, b, c), (an, bn, cn) = _powers(len(x))
-    s0, s1 = (an * s0 + bn * s1 + int(np.sum(a * x + b * both, dtype=np.uint32))), (
-        bn * s0 + cn * s1 + int(np.sum(b * x + c * both, dtype=np.uint32))
+    s0, s1 = (
+        (an * s0 + bn * s1 + int(np.sum(a * x + b * both, dtype=np.uint32))),
+        (bn * s0 + cn * s1 + int(np.sum(b * x + c * both, dtype=np.uint32))),
     )
     return s0 & 0xFFFFFFFF, s1 & 0xFFFFFFFF
 
@@ -94,14 +96,16 @@ def inspect(database: Path) -> WalState:
     magic, _, page, _, salt0, salt1, sum0, sum1 = _HEADER.unpack_from(data)
     if magic not in (_MAGIC_LITTLE, _MAGIC_BIG):
         return _unusable(data, page, "the log's header is not one")
-    order = ">" if magic == _MAGIC_BIG else "<"
+    order: Literal[">", "<"] = ">" if magic == _MAGIC_BIG else "<"
     running = _checksum(data[:24], order, 0, 0)
     if running != (sum0, sum1):
         return _unusable(data, page, "the log's header fails its checksum")
     return _frames(data, page, order, (salt0, salt1), running)
 
 
-def _frames(data: bytes, page: int, order: str, salts: tuple[int, int], running: tuple[int, int]) -> WalState:
+def _frames(
+    data: bytes, page: int, order: Literal[">", "<"], salts: tuple[int, int], running: tuple[int, int]
+) -> WalState:
     size = _FRAME.size + page
     places = range(_HEADER.size, len(data), size)
     frames = replayed = lost = 0

@@ -30,6 +30,16 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
         RunFileError: the file was damaged or edited (unless salvaged), or holds no observations.
 
     """
+    try:
+        return _run_table(path, everything, salvage)
+    except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
+        raise RunFileError(
+            f"{path}: its contents are not what a controller writes ({type(error).__name__}: {str(error)[:200]}); "
+            f"`rig verify {path}` says more, `rig export {path} --salvage --out DATA.csv` saves what can be read"
+        ) from error
+
+
+def _run_table(path: Path, everything: bool, salvage: bool) -> Table:
     with RunReader.open(path) as reader:
         if not salvage:
             reader.verify()
@@ -70,9 +80,9 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
         "run_id": genesis.data["run_id"],
         "simulated": genesis.data["simulated"],
         "head": head.hex(),
-        "bench": genesis.data["bench"],
-        "procedure": genesis.data["procedure"],
-        "software": genesis.data["software"],
+        "bench": genesis.data.get("bench", ""),
+        "procedure": genesis.data.get("procedure", ""),
+        "software": genesis.data.get("software", {}),
         "began_utc": _utc(began),
         "last_observation_utc": _utc(last),
         "instruments": instruments,
