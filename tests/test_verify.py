@@ -82,6 +82,7 @@ def test_what_was_changed_is_named(run_file, statement, says):
     done = rig("verify", run_file)
     assert done.returncode == 1
     assert says in done.stdout
+    assert "was edited or damaged: " in done.stderr
     assert "rig export" in done.stderr
     with RunReader.open(run_file) as reader, pytest.raises(RunFileError, match="rig verify"):
         reader.verify()

@@ -41,14 +41,14 @@ def verify(
         _print_text(found)
     if found.whole:
         return ExitCode.DONE
-    raise RunFileError(way_forward(run_file, len(found.findings)))
+    raise RunFileError(_way_forward(run_file, found))
 
 
-def way_forward(path: Path, count: int) -> str:
-    """What to do with a broken run file."""
+def _way_forward(path: Path, found: Verification) -> str:
+    more = f" ({len(found.findings)} findings in all)" if len(found.findings) > 1 else ""
     return (
-        f"{path} is not whole ({count} finding(s)). Keep it as it is. A copy from before the damage can be fitted and "
-        f"resumed; `rig export {path} --salvage --out DATA.csv` saves the observations that can still be read, "
+        f"{path} was edited or damaged: {found.findings[0]}{more}. Keep it as it is. "
+        f"A copy from before the damage can be fitted and resumed; `rig export {path} --salvage --out DATA.csv` saves the observations that can still be read, "
         f"for which nobody vouches"
     )
 

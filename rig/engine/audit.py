@@ -93,7 +93,7 @@ def findings(run: Contents, *, thorough: bool, expand: Expand = lambda _: None) 
             yield from part
         except RunFileError as error:
             yield Finding("file", str(error).split(". ", 1)[0])
-        except (apsw.Error, ValueError, TypeError, LookupError, ArithmeticError) as error:
+        except (apsw.Error, ValueError, TypeError, LookupError, ArithmeticError, AttributeError) as error:
             yield Finding("file", f"it cannot be read: {type(error).__name__}: {str(error)[:200]}")
 
 

@@ -136,12 +136,12 @@ class RunReader:
         """Rows as (seq, record, previous, hash), in order."""
         statement = f"SELECT seq, {_COLUMNS}, previous, hash FROM record WHERE {where} ORDER BY seq"
         for row in self._all(statement, values):
-            yield row[0], Record(*row[1:10]), row[10], row[11]
+            yield row[0], Record(*row[1:10]), _bytes(row[10]), _bytes(row[11])
 
     def head(self) -> tuple[int, bytes]:
         """Number of records and the last one's hash."""
         for seq, own in self._all("SELECT seq, hash FROM record ORDER BY seq DESC LIMIT 1"):
-            return seq, own
+            return seq, _bytes(own)
         return 0, GENESIS
 
     def holds(self, seq: int, own: bytes) -> bool:
@@ -353,10 +353,16 @@ def _fill(db: apsw.Connection, genesis: Genesis, elapsed_s: float, utc_s: float)
 
 
 _READ = apsw.SQLITE_OPEN_READONLY | apsw.SQLITE_OPEN_URI
+_COPY = ": go on with a copy of it from before, which `rig verify` finds whole"
 _WAY_FORWARD = (
     "Nothing was changed now. Keep the file; `rig export FILE --salvage --out DATA.csv` saves what can still "
     "be read, and a copy from before the damage can be resumed as it is."
 )
+
+
+def _bytes(value: object) -> bytes:
+    """A hash as stored; what is none is one of nothing."""
+    return value if isinstance(value, bytes) else b""
 
 
 def _digest(text: str) -> str:
@@ -373,9 +379,9 @@ def _check_header(path: Path) -> None:
     except OSError as error:
         raise UsageError(f"{path} cannot be read: {error.strerror}") from error
     if not start.startswith(b"SQLite format 3\0") or len(start) < 100:
-        raise UsageError(f"{path} is not a run file (not an SQLite database)")
+        raise UsageError(f"{path} is not a run file (not an SQLite database), or its beginning is damaged{_COPY}")
     if int.from_bytes(start[68:72], "big") != APPLICATION_ID:
-        raise UsageError(f"{path} is not a run file (an SQLite database of another program)")
+        raise UsageError(f"{path} is not a run file (an SQLite database of another program), or damaged{_COPY}")
 
 
 def _locked(descriptor: int) -> bool:
@@ -434,7 +440,7 @@ def _checked(path: Path, db: apsw.Connection) -> apsw.Connection:
     if version != SCHEMA_VERSION:
         raise RunFileError(
             f"{path} has run-file format {version}, this program reads format {SCHEMA_VERSION}: "
-            f"use the version of rig that wrote it"
+            f"use the version of rig that wrote it; if this one did, it is damaged{_COPY}"
         )
     strange = strange_tables(Guarded(db, lambda: _size(path)))
     if strange is not None:

@@ -68,8 +68,11 @@ def _run_table(path: Path, everything: bool, salvage: bool) -> Table:
             if genesis.data["simulated"]:
                 row["simulated"] = 1.0
             rows.append(row)
-        instruments = _instruments(reader)
-        began, last = genesis.utc_s, max((r.utc_s for r in reader.records("observation")), default=genesis.utc_s)
+        instruments = {} if salvage else _instruments(reader)
+        last = (
+            genesis.utc_s if salvage else max((r.utc_s for r in reader.records("observation")), default=genesis.utc_s)
+        )
+        began = genesis.utc_s
         _, head = reader.head()
         ended = not salvage and any(True for _ in reader.records("end"))
     if not rows:
