@@ -48,7 +48,8 @@ def _way_forward(path: Path, found: Verification) -> str:
     more = f" ({len(found.findings)} findings in all)" if len(found.findings) > 1 else ""
     return (
         f"{path} was edited or damaged: {found.findings[0]}{more}. Keep it as it is. "
-        f"A copy from before the damage can be fitted and resumed; `rig export {path} --salvage --out DATA.csv` saves the observations that can still be read, "
+        f"A copy from before the damage can be fitted and resumed; "
+        f"`rig export {path} --salvage --out DATA.csv` saves the observations that can still be read, "
         f"for which nobody vouches"
     )
 
