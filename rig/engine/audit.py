@@ -15,7 +15,7 @@ from typing import Any, Protocol
 import apsw
 
 from procedures import RunList
-from rig.engine.chain import GENESIS, Record
+from rig.engine.chain import GENESIS, Record, link
 from rig.engine.contents import senseless
 from rig.engine.restore import changed_column
 from rig.engine.schema import Guarded, differences
@@ -124,7 +124,12 @@ def _records(run: Contents, thorough: bool) -> Iterator[Finding]:
     before: tuple[int, bool] | None = None
     while here is not None:
         after = next(rows, None)
-        seq, record, _, own = here
+        seq, record, previous, own = here
+        if seq == expected_seq and previous == expected and _holds(here, points):
+            before = (seq, False)
+            expected_seq, expected = seq + 1, own
+            here = after
+            continue
         if seq != expected_seq:
             gone = f"records {expected_seq} to {seq - 1} are" if seq - expected_seq > 1 else f"record {seq - 1} is"
             yield Finding("record", f"follows record {expected_seq - 1}: {gone} missing", seq, record.kind)
@@ -139,6 +144,12 @@ def _records(run: Contents, thorough: bool) -> Iterator[Finding]:
         before = (seq, broken)
         expected_seq, expected = seq + 1, own
         here = after
+
+
+def _holds(row: Row, points: int) -> bool:
+    """Whether a record that follows the one before it makes sense and has its hash."""
+    seq, record, previous, own = row
+    return senseless(record, points) is None and link(previous, seq, record) == own
 
 
 def _record(

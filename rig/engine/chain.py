@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+_ENCODER = json.JSONEncoder(separators=(",", ":"), allow_nan=False)
 GENESIS = bytes(32)
 """What the first record names as its predecessor."""
 
@@ -78,5 +79,5 @@ def encode(body: Mapping[str, Any]) -> str:
 
 def link(previous: bytes, seq: int, record: Record) -> bytes:
     """Hash of a record given its predecessor's."""
-    text = json.dumps([seq, *record.fields()], separators=(",", ":"), allow_nan=False)
+    text = _ENCODER.encode([seq, *record.fields()])
     return hashlib.sha256(previous + text.encode()).digest()

@@ -78,11 +78,31 @@ _COLUMNS: Mapping[str, _Check] = {
 }
 
 
+def _plain_observation(r: Record, points: int) -> bool:
+    return (
+        r.kind == "observation"
+        and (r.status == "accepted" or r.status == "rejected")  # noqa: PLR1714 - twice as quick, once a record
+        and type(r.run_index) is int
+        and 0 <= r.run_index < points
+        and type(r.elapsed_s) is float
+        and -_LATEST_S < r.elapsed_s < _LATEST_S
+        and type(r.utc_s) is float
+        and -_LATEST_S < r.utc_s < _LATEST_S
+        and type(r.session) is int
+        and r.session >= 0
+        and type(r.body) is str
+        and (r.attempt is None or (type(r.attempt) is int and r.attempt >= 0))
+        and (r.whole_plot is None or (type(r.whole_plot) is int and r.whole_plot >= 0))
+    )
+
+
 def senseless(record: Record, points: int) -> tuple[str, str] | None:
     """What makes no sense in a record of a run of so many points: (column, sentence); None if all does.
 
     The body of an observation is not looked into: it is evidence, and whoever reads it checks it.
     """
+    if _plain_observation(record, points):  # nearly all of them are
+        return None
     for column, holds in _COLUMNS.items():
         value = getattr(record, column)
         if not holds(value):

@@ -141,9 +141,12 @@ class Guarded:
         """
         size, content = self._size(), 0
         self._steps, self._most_steps = 0, 20_000_000 + 20 * size
+        most = (64 << 20) + 8 * size
         for row in self._db.execute(statement, values):
-            content += sum(len(value) for value in row if isinstance(value, (str, bytes)))
-            if content > (64 << 20) + 8 * size:
+            for value in row:
+                if value.__class__ is str or value.__class__ is bytes:
+                    content += len(value)
+            if content > most:
                 raise apsw.TooBigError("it gives more content than a file of its size can hold")
             yield row
 
