@@ -11,4 +11,5 @@ import rig.cli.plan
 import rig.cli.run
 import rig.cli.service
 import rig.cli.sim
-import rig.cli.study  # noqa: F401
+import rig.cli.study
+import rig.cli.verify  # noqa: F401
