@@ -273,7 +273,7 @@ def _world_start(run: RunReader) -> float:
 def _losses(run: RunWriter, state: RunState, told: int) -> Iterator[str]:
     """What the run file has lost since the last session: by its log's checksums, and by what was last told."""
     log = run.dropped
-    if log.damage:
+    if log.lost_commits:
         yield (
             f"the log of {run.path} is damaged ({log.damage}): {log.lost_commits} record(s) that had been written "
             f"are lost; points without an observation are measured again"

@@ -12,4 +12,5 @@ import rig.cli.run
 import rig.cli.service
 import rig.cli.sim
 import rig.cli.study
+import rig.cli.verify
 import rig.cli.watch  # noqa: F401

@@ -1,4 +1,4 @@
-"""`rig run`, `resume`, `status`, `hold`, `release`, `stop`, `verify`."""
+"""`rig run`, `resume`, `status`, `hold`, `release`, `stop`."""
 
 from __future__ import annotations
 
@@ -289,8 +289,8 @@ def status(
     summary: dict[str, Any] = {
         "run_id": state.run_id,
         "simulated": state.simulated,
-        "procedure": genesis.data["procedure"],
-        "bench": genesis.data["bench"],
+        "procedure": genesis.data.get("procedure", ""),
+        "bench": genesis.data.get("bench", ""),
         "state": live["state"] if running else state.ended or state.rested,
         "running": running,
         "points": state.points,
@@ -405,15 +405,3 @@ def release(run_file: RunArgument) -> int:
 def stop(run_file: RunArgument) -> int:
     """Park the bench and end the session; the run can be resumed later."""
     return _ask(run_file, "stop")
-
-
-@app.command(rich_help_panel="Data")
-def verify(run_file: RunArgument) -> int:
-    """Check that a run file is whole and unchanged."""
-    with RunReader.open(run_file) as reader:
-        reader.verify()
-        count, head = reader.head()
-        simulated = bool(reader.genesis().data["simulated"])
-    text = f"{escape(str(run_file))}: {count} records, chain unbroken, head {head.hex()}"
-    out.print(mark(simulated) + text, soft_wrap=True)
-    return ExitCode.DONE

@@ -5,7 +5,7 @@ Every handler answers with the trigger that follows. What goes wrong is raised; 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from procedures import PitchRollProcedure, Point, Procedure, RunList
@@ -67,7 +67,7 @@ class AtPoint:
         self._settle = procedure.settle.judged()
         self._poll_s = procedure.settle.poll_s
         last = journal.last_read()
-        self._last_read: tuple[Point | None, Mapping[str, float]] = (None, {})
+        self._last_read: tuple[Point | None, Mapping[str, Sequence[float]]] = (None, {})
         if last is not None:
             self._last_read = run_list.points[last[0]], last[1]
         self.move_timeout_s = max(_MOVE_TIMEOUT_S, self._settle.timeout_s)
@@ -148,15 +148,15 @@ class AtPoint:
         return "record"
 
     def _check_alive(self, observation: Observation) -> None:
-        """Two settings do not give the same reading to the last digit: a meter or a sensor hangs, or a reply is old."""
+        """A meter or a sensor that hangs, or a reply that is old, repeats the point before to the last digit."""
         point, (before, last) = self._at.point, self._last_read
-        frozen = observation.frozen(last) if before is not None and before.setpoints != point.setpoints else []
+        frozen = observation.frozen(last, moved=before is None or before.setpoints != point.setpoints)
         if frozen:
             words = (
                 f"{', '.join(frozen)} at point {point.index} repeats the readings of the point before to the last digit"
             )
             self._flag("frozen", "frozen", FrozenReading(words))
-        self._last_read = point, {name: c.readings[-1] for name, c in observation.outputs.items()}
+        self._last_read = point, {name: c.readings for name, c in observation.outputs.items()}
 
     def _flag(self, flag: str, fault: str, error: Exception) -> None:
         """Accept a doubtful reading with a flag, or raise what is doubtful about it: the policies say which."""

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+_ENCODER = json.JSONEncoder(separators=(",", ":"), allow_nan=False)
 GENESIS = bytes(32)
 """What the first record names as its predecessor."""
 
@@ -47,8 +48,13 @@ class Record:
 
     @cached_property
     def data(self) -> dict[str, Any]:
-        """The body, decoded."""
-        decoded: dict[str, Any] = json.loads(self.body)
+        """The body, decoded. Raises ValueError if it is not a JSON object."""
+        try:
+            decoded = json.loads(self.body)
+        except RecursionError:
+            raise ValueError("JSON nested too deeply") from None
+        if not isinstance(decoded, dict):
+            raise ValueError("JSON, but not an object")
         return decoded
 
     def fields(self) -> tuple[object, ...]:
@@ -73,25 +79,5 @@ def encode(body: Mapping[str, Any]) -> str:
 
 def link(previous: bytes, seq: int, record: Record) -> bytes:
     """Hash of a record given its predecessor's."""
-    text = json.dumps([seq, *record.fields()], separators=(",", ":"), allow_nan=False)
+    text = _ENCODER.encode([seq, *record.fields()])
     return hashlib.sha256(previous + text.encode()).digest()
-
-
-def first_break(rows: Iterable[tuple[int, Record, bytes, bytes]]) -> str | None:
-    """Where a chain is broken, None if it holds.
-
-    Args:
-        rows: (seq, record, previous, hash) in order of seq.
-
-    """
-    expected_seq, expected = 1, GENESIS
-    for seq, record, previous, own in rows:
-        what = f"record {seq} ({record.kind}" + (")" if record.run_index is None else f" of point {record.run_index})")
-        if seq != expected_seq:
-            return f"record {expected_seq} is missing: record {seq} follows record {expected_seq - 1}"
-        if previous != expected:
-            return f"{what} does not follow the record before it: something was changed, removed or inserted there"
-        if link(previous, seq, record) != own:
-            return f"{what} was changed after it was written"
-        expected_seq, expected = seq + 1, own
-    return None

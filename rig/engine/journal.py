@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import statistics
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -156,12 +156,12 @@ class Journal:
         self.fold.add(record)
         self._session.observer.recorded(record)
 
-    def last_read(self) -> tuple[int, dict[str, float]] | None:
-        """Index of the point that was accepted last, in whichever session, and what its outputs read in the end."""
+    def last_read(self) -> tuple[int, dict[str, Sequence[float]]] | None:
+        """Index of the point that was accepted last, in whichever session, and what its outputs read."""
         record = self._run.latest("observation", "accepted")
         if record is None or record.run_index is None:
             return None
-        return record.run_index, {name: output["readings"][-1] for name, output in record.data["outputs"].items()}
+        return record.run_index, {name: output["readings"] for name, output in record.data["outputs"].items()}
 
     def finish(self, body: Mapping[str, Any]) -> None:
         """Write the end record and close the run file for good. Raises `StorageError`."""

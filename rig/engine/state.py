@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 from rig.engine.chain import Record
 from rig.engine.run_file import RunReader
+from rig.errors import RunFileError
 
 _FAULTS_KEPT = 20
 
@@ -181,6 +182,9 @@ def read_state(reader: RunReader) -> RunState:
     """
     try:
         return fold(reader.records())
-    except (ValueError, LookupError, TypeError, AssertionError, AttributeError):
+    except (ValueError, LookupError, TypeError, AssertionError, AttributeError, ArithmeticError) as error:
         reader.verify()
-        raise
+        raise RunFileError(
+            f"{reader.path} verifies, but its records make no sense together ({type(error).__name__}: {error}): "
+            f"no version of rig wrote them; go on with a copy of it from before"
+        ) from error
