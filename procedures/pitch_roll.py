@@ -6,6 +6,7 @@ Field by field this is also the reference of the file format: `docs/files.md` is
 from __future__ import annotations
 
 import random
+from collections.abc import Iterable, Iterator
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
@@ -221,21 +222,23 @@ class PitchRollProcedure(Strict):
 
     def expand(self) -> RunList:
         """Every point of the run, in order."""
-        design = self.design.build()
         overtravel = self.approach.overtravel_deg
         factors = (Factor("pitch_deg", "pitch", overtravel), Factor("roll_deg", "roll", overtravel))
+        return RunList(factors, self._points(), self.seed)
+
+    def _points(self) -> Iterator[Point]:
+        design = self.design.build()
         rng = random.Random(self.seed)
-        points: list[Point] = []
+        index = 0
         for replication in range(1, self.replications + 1):
             for visit in self._visits(design, replication, rng):
                 setpoints = (design.pitch_deg[visit.row], design.roll_deg[visit.column])
-                sides = (visit.pitch_side, visit.roll_side)
-                points.append(Point(len(points), replication, None, setpoints, sides))
-        return RunList(factors, tuple(points), self.seed)
+                yield Point(index, replication, None, setpoints, (visit.pitch_side, visit.roll_side))
+                index += 1
 
-    def _visits(self, design: Design, replication: int, rng: random.Random) -> list[Visit]:
+    def _visits(self, design: Design, replication: int, rng: random.Random) -> Iterable[Visit]:
         if self.order.type == "random":
-            return list(random_order(design, rng))
+            return random_order(design, rng)
         return serpentine(
             design,
             backwards=reversed_pass(replication, self.order.replications),

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from rig.engine.chain import Record
+from rig.engine.indexes import IndexCounts, IndexSet
 from rig.engine.run_file import RunReader
 
 
@@ -41,13 +42,13 @@ class RunState:
 
     points: int = 0
     sessions: int = 0
-    accepted: set[int] = field(default_factory=set)
+    accepted: IndexSet = field(default_factory=IndexSet)
     prepared: bool = False
     worked_s: float | None = None
     rested: str = "created"
     skipped: dict[int, str] = field(default_factory=dict)
-    put_off: set[int] = field(default_factory=set)
-    attempts: dict[int, int] = field(default_factory=dict)
+    put_off: IndexSet = field(default_factory=IndexSet)
+    attempts: IndexCounts = field(default_factory=IndexCounts)
     elapsed_s: float = 0.0
     utc_s: float = 0.0
     identities: dict[str, dict[str, Any]] = field(default_factory=dict)
