@@ -12,6 +12,7 @@ import re
 import secrets
 import shutil
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -151,6 +152,20 @@ def opened(plan: Plan, *, start: float = 0.0) -> Iterator[tuple[Bench, Clock, st
             bench.close()
 
 
+@dataclass(frozen=True)
+class Site:
+    """Where a controller runs: what opens its bench and what is under its run file. Campaigns of faults have their own.
+
+    Attributes:
+        opened: opens the bench of a plan at `start`; see `opened`.
+        vfs: the SQLite VFS that run files lie on, "" for the machine's own.
+
+    """
+
+    opened: Callable[..., AbstractContextManager[tuple[Bench, Clock, str]]] = opened
+    vfs: str = ""
+
+
 def start_run(
     plan: Plan,
     folder: Path,
@@ -159,6 +174,7 @@ def start_run(
     announce: Callable[[Path], None],
     on_progress: Callable[[Progress], None],
     world_start_s: float = 0.0,
+    site: Site = Site(),
 ) -> Result:
     """Create a run in `folder` and carry it out.
 
@@ -167,7 +183,7 @@ def start_run(
     run: `world_start_s` is its time, in seconds, when the run begins.
     """
     _check_space(folder, len(plan.run_list))
-    with opened(plan, start=world_start_s) as (bench, clock, boot):
+    with site.opened(plan, start=world_start_s) as (bench, clock, boot):
         guard = Guard(plan.bench.limits, plan.bench.factors)
         guard.check_run_list(plan.run_list, own_limits(bench, plan.run_list))
         if isinstance(plan.procedure, PitchRollProcedure) and plan.procedure.environment is not None:
@@ -185,7 +201,7 @@ def start_run(
         genesis = Genesis(run_id, plan.documents, plan.run_list, plan.dry or plan.bench.simulated, about)
         create(path, genesis, elapsed_s=0.0, utc_s=clock.utc())
         announce(path)
-        with RunWriter.open(path) as run:
+        with RunWriter.open(path, vfs=site.vfs) as run:
             return _session(run, plan, bench, clock, boot, frozenset(), signals, on_progress)
 
 
@@ -198,6 +214,7 @@ def resume_run(
     accept: frozenset[str] = frozenset(),
     dry_gap_s: float = 120.0,
     warn: Callable[[str], None] = lambda _: None,
+    site: Site = Site(),
 ) -> Result:
     """Carry on with a run wherever it stopped.
 
@@ -209,6 +226,7 @@ def resume_run(
         accept: names of instruments that may be other ones than before.
         dry_gap_s: for a dry run, how long its simulated bench was left alone.
         warn: called with a sentence for everything that was once durable and is not there any more.
+        site: where the controller runs.
 
     """
     with RunReader.open(path) as reader:  # a finished run is not opened for writing, and not changed
@@ -218,7 +236,7 @@ def resume_run(
             plan = _stored_plan(reader, path, None)
             return Result(path, Outcome.COMPLETE, f"{path} is complete: nothing to resume", state, plan.procedure)
     told = int((read_json(live_path(path)) or {}).get("done", 0))
-    with RunWriter.open(path) as run:
+    with RunWriter.open(path, vfs=site.vfs) as run:
         state = fold(run.records())
         for warning in _losses(run, state, told):
             warn(warning)
@@ -228,7 +246,7 @@ def resume_run(
             known = ", ".join(sorted(plan.bench.instruments))
             raise UsageError(f"--accept {unknown[0]}: there is no such instrument on this bench ({known})")
         _check_space(path.parent, state.remaining)
-        with opened(plan, start=_world_start(run) + state.elapsed_s + dry_gap_s) as (opened_bench, clock, boot):
+        with site.opened(plan, start=_world_start(run) + state.elapsed_s + dry_gap_s) as (opened_bench, clock, boot):
             return _session(run, plan, opened_bench, clock, boot, accept, signals, on_progress)
 
 
