@@ -73,8 +73,22 @@ def encode(body: Mapping[str, Any]) -> str:
 
 def link(previous: bytes, seq: int, record: Record) -> bytes:
     """Hash of a record given its predecessor's."""
-    text = json.dumps([seq, *record.fields()], separators=(",", ":"), allow_nan=False)
-    return hashlib.sha256(previous + text.encode()).digest()
+    *fields, body = record.fields()
+    head = _FIELDS([seq, *fields])[:-1]
+    return hashlib.sha256(b"%b%b,%b]" % (previous, head.encode(), _quoted(body))).digest()
+
+
+_FIELDS = json.JSONEncoder(separators=(",", ":"), allow_nan=False).encode
+_PLAIN = bytes(code for code in range(0x20, 0x7F) if code != ord("\\"))
+
+
+def _quoted(body: object) -> bytes:
+    """Body as a JSON string. Bodies are long and mostly plain, which is quicker done than looked at letter by letter."""
+    if isinstance(body, str) and body.isascii():
+        plain = body.encode()
+        if not plain.translate(None, _PLAIN):
+            return b'"%b"' % plain.replace(b'"', b'\\"')
+    return json.dumps(body).encode()
 
 
 def first_break(rows: Iterable[tuple[int, Record, bytes, bytes]]) -> str | None:
@@ -86,12 +100,15 @@ def first_break(rows: Iterable[tuple[int, Record, bytes, bytes]]) -> str | None:
     """
     expected_seq, expected = 1, GENESIS
     for seq, record, previous, own in rows:
-        what = f"record {seq} ({record.kind}" + (")" if record.run_index is None else f" of point {record.run_index})")
         if seq != expected_seq:
             return f"record {expected_seq} is missing: record {seq} follows record {expected_seq - 1}"
-        if previous != expected:
-            return f"{what} does not follow the record before it: something was changed, removed or inserted there"
-        if link(previous, seq, record) != own:
-            return f"{what} was changed after it was written"
+        if previous != expected or link(previous, seq, record) != own:
+            of = "" if record.run_index is None else f" of point {record.run_index}"
+            if previous == expected:
+                return f"record {seq} ({record.kind}{of}) was changed after it was written"
+            return (
+                f"record {seq} ({record.kind}{of}) does not follow the record before it: something was changed, "
+                f"removed or inserted there"
+            )
         expected_seq, expected = seq + 1, own
     return None

@@ -39,6 +39,9 @@ CREATE TABLE record (
 CREATE UNIQUE INDEX one_accepted_observation ON record (run_index, ifnull(whole_plot, 0))
     WHERE kind = 'observation' AND status = 'accepted';
 """
+_SLICE = 500
+_LOWEST, _HIGHEST = -(2**63), 2**63 - 1
+_INSERT = f"INSERT INTO record VALUES ({', '.join('?' * 12)})"
 _COLUMNS = "session, kind, elapsed_s, utc_s, run_index, whole_plot, attempt, status, body"
 
 
@@ -121,9 +124,9 @@ class RunReader:
         )
         width = len(factors)
         names = ", ".join([f'"{f.name}"' for f in factors] + [f'"{f.name}_side"' for f in factors])
-        points = tuple(
-            Point(row[0], row[1], row[2], tuple(row[3 : 3 + width]), tuple(row[3 + width :]))
-            for row in self._all(f"SELECT run_index, replication, whole_plot, {names} FROM point ORDER BY run_index")
+        points = (
+            Point(row[0], row[1], row[2], row[3 : 3 + width], row[3 + width :])
+            for row in self._slices(f"run_index, replication, whole_plot, {names} FROM point")
         )
         return RunList(factors, points, int(self.genesis().data["seed"]))
 
@@ -148,8 +151,7 @@ class RunReader:
 
     def chained(self, where: str = "1", values: tuple[object, ...] = ()) -> Iterator[tuple[int, Record, bytes, bytes]]:
         """Rows as (seq, record, previous, hash), in order."""
-        statement = f"SELECT seq, {_COLUMNS}, previous, hash FROM record WHERE {where} ORDER BY seq"
-        for row in self._all(statement, values):
+        for row in self._slices(f"seq, {_COLUMNS}, previous, hash FROM record", where, values):
             yield row[0], Record(*row[1:10]), row[10], row[11]
 
     def head(self) -> tuple[int, bytes]:
@@ -188,6 +190,27 @@ class RunReader:
         if end is not None and (end[1].data["records"] != end[0] - 1 or end[0] != self.head()[0]):
             return "records were added after, or are missing before, the end of the run"
         return None
+
+    def _slices(self, what: str, where: str = "1", values: tuple[object, ...] = ()) -> Iterator[Any]:
+        """Rows in order of their key, a slice at a time: no list of them all, and no transaction that stays open.
+
+        Args:
+            what: the key, other columns, and the table.
+            where: which rows.
+            values: for the marks in it.
+
+        """
+        key = what.partition(",")[0]
+        statement = f"SELECT {what} WHERE {key} >= ? AND ({where}) ORDER BY {key} LIMIT {_SLICE}"
+        since = _LOWEST
+        while rows := self._all(statement, (since, *values)):
+            yield from rows
+            last = rows[-1][0]
+            if last < since:  # a tree that leads in circles
+                raise _unreadable(self.path, ValueError(f"{key} {last} comes after {since - 1}"))
+            if len(rows) < _SLICE or last == _HIGHEST:
+                return
+            since = last + 1
 
     def _all(self, statement: str, values: tuple[object, ...] = ()) -> list[Any]:
         try:
@@ -252,7 +275,7 @@ class RunWriter(RunReader):
         rows = [(seq, *record.fields(), previous, own) for seq, record, previous, own in self._pending]
         try:
             self._db.execute("BEGIN IMMEDIATE")
-            self._db.executemany(f"INSERT INTO record VALUES ({', '.join('?' * 12)})", rows)
+            self._db.executemany(_INSERT, rows)
             self._db.execute("COMMIT")
         except apsw.Error as error:
             with contextlib.suppress(apsw.Error):
@@ -348,7 +371,7 @@ def _fill(db: apsw.Connection, genesis: Genesis, elapsed_s: float, utc_s: float)
     }
     first = Record(0, "run", elapsed_s, utc_s, body=encode(body))
     row = (1, *first.fields(), GENESIS, link(GENESIS, 1, first))
-    db.execute(f"INSERT INTO record VALUES ({', '.join('?' * 12)})", row)
+    db.execute(_INSERT, row)
     db.execute("COMMIT")
 
 
