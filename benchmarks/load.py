@@ -1,0 +1,347 @@
+"""A run of a million points with seven sensors: memory, journal time a point, resuming, and what a commit costs.
+
+    .venv/bin/python -m benchmarks.load                  # everything; half an hour
+    .venv/bin/python -m benchmarks.load run 1000000      # one run, in a process of its own
+    .venv/bin/python -m benchmarks.load resume 100000
+    .venv/bin/python -m benchmarks.load commit
+
+The controller is the whole one: files parsed, run list expanded, checked, hashed and stored, every state of the
+sequencer, one commit a point. Only the instruments are ideal ones under virtual time, so that nothing but the
+controller takes time. `--no-sync` leaves the disk's own waiting away (the run file then is not safe from a power
+cut): processor time and memory are the same, and a busy disk does not take hours.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import itertools
+import json
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from array import array
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import apsw
+
+sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
+
+import ideal_bench
+
+from benchmarks.scratch import RUNS
+from procedures import Factor, Point, RunList
+from rig.bench import Bench
+from rig.controller import Plan, Result, Site, plan_of, resume_run, start_run
+from rig.engine.chain import Record, encode
+from rig.engine.journal import Journal
+from rig.engine.run_file import Genesis, RunWriter, create
+from rig.engine.session import Outcome, Progress, Signals
+from sims.world import World
+
+SENSORS = ("s1", "s2", "s3", "s4", "s5", "s6", "s7")
+CELLS = 1000
+WINDOW = 10_000
+
+BENCH = """
+name = "load"
+[instruments.head]
+driver = "newport-esp301"
+address = "/dev/rig/head"
+[instruments.scanner]
+driver = "keysight-34970a"
+address = "/dev/rig/scanner"
+channels = { %s, "108" = "thermistor-10k" }
+%s
+[temperatures.sensor_temperature_degC]
+reader = "scanner"
+channel = "108"
+[limits]
+pitch_deg = [-95, 95]
+roll_deg = [-185, 185]
+""" % (
+    ", ".join(f'"{101 + i}" = "volts"' for i in range(len(SENSORS))),
+    "\n".join(
+        f'[sensors.{name}]\naxis = "{"xyz"[i % 3]}"\nreader = "scanner"\nchannel = "{101 + i}"'
+        for i, name in enumerate(SENSORS)
+    ),
+)
+PROCEDURE = """
+kind = "pitch-roll"
+name = "load"
+seed = 1
+replications = %d
+[design]
+type = "D1"
+pitch_max_deg = 90
+pitch_count = 40
+roll_count = 25
+[settle]
+dwell_s = 1.0
+[measure]
+readings = 5
+"""
+
+
+def planned(points: int) -> Plan:
+    """The plan of a run of so many points, a multiple of 1000, as from files."""
+    documents = {"bench.toml": BENCH, "procedure.toml": PROCEDURE % (points // CELLS)}
+    return plan_of(documents, dry=True)
+
+
+class Head(ideal_bench.IdealHead):
+    """The ideal head, which does not remember where it was sent. Notes when it was first asked to move."""
+
+    first_move_s: float | None = None
+
+    def __init__(self, world: World) -> None:
+        super().__init__(world)
+        self.sent = deque(maxlen=1)  # type: ignore[assignment]
+
+    def move(self, targets_deg: Mapping[str, float]) -> None:
+        if Head.first_move_s is None:
+            Head.first_move_s = time.process_time()
+        super().move(targets_deg)
+
+
+class Scanner(ideal_bench.IdealReader):
+    """Seven sensors and a thermistor; every reading with all its digits, as an instrument gives them."""
+
+    def channels(self) -> Sequence[str]:
+        return tuple(str(101 + i) for i in range(len(SENSORS) + 1))
+
+    def fetch(self) -> Mapping[str, Sequence[float]]:
+        volts = self.world.now() / 7.0 % 1.0
+        readings = [volts + 1.2345e-6 * i for i in range(self._count)]
+        found: dict[str, Sequence[float]] = {str(101 + i): [r / (i + 1) for r in readings] for i in range(len(SENSORS))}
+        return found | {str(101 + len(SENSORS)): [23.0123 + r for r in readings]}
+
+
+@contextlib.contextmanager
+def ideal(plan: Plan, *, start: float = 0.0) -> Iterator[tuple[Bench, World, str]]:
+    """The bench of a plan with ideal instruments."""
+    world = World(start)
+    head = Head(world)
+    instruments = {"head": head, "scanner": Scanner(world, head)}
+    yield Bench(plan.bench, instruments, world, ideal_bench.NoWires()), world, "virtual"  # type: ignore[arg-type]
+
+
+class _UnsyncedFile(apsw.VFSFile):
+    def __init__(self, name: Any, flags: list[int]) -> None:
+        super().__init__("", name, flags)
+
+    def xSync(self, flags: int) -> None:  # noqa: N802 - apsw's name
+        """Leave it to the system."""
+
+
+class UnsyncedVFS(apsw.VFS):
+    """A disk that says it is done at once."""
+
+    def __init__(self) -> None:
+        super().__init__("unsynced", "")
+
+    def xOpen(self, name: Any, flags: list[int]) -> apsw.VFSFile:  # noqa: N802 - apsw's name
+        return _UnsyncedFile(name, flags)
+
+
+class JournalTimes:
+    """Time spent in the journal point by point: records written, state kept up to date, news spread."""
+
+    def __init__(self) -> None:
+        self.wall, self.processor = array("d"), array("d")
+        self._depth = 0
+        self._wall_s = self._processor_s = 0.0
+        for name in ("write", "tell", "take_up", "point_observed"):
+            setattr(Journal, name, self._timed(getattr(Journal, name)))
+
+    def _timed(self, method: Any) -> Any:
+        def timed(journal: Journal, *args: Any, **named: Any) -> Any:
+            self._depth += 1
+            wall, processor = time.perf_counter(), time.process_time()
+            try:
+                return method(journal, *args, **named)
+            finally:
+                self._depth -= 1
+                if not self._depth:
+                    self._wall_s += time.perf_counter() - wall
+                    self._processor_s += time.process_time() - processor
+                if method.__name__ == "point_observed":
+                    self.wall.append(self._wall_s)
+                    self.processor.append(self._processor_s)
+                    self._wall_s = self._processor_s = 0.0
+
+        return timed
+
+    def summary(self, window: int) -> dict[str, Any]:
+        """Medians of the first and last `window` points, microseconds, and last over first."""
+        found: dict[str, Any] = {}
+        for name, times in (("wall", self.wall), ("processor", self.processor)):
+            first, last = statistics.median(times[1 : window + 1]), statistics.median(times[-window:])
+            found[f"journal_{name}_us"] = [round(first * 1e6, 1), round(last * 1e6, 1)]
+            found[f"journal_{name}_ratio"] = round(last / first, 3)
+        return found
+
+
+def peak_mb() -> float:
+    """Peak resident memory of this process so far, megabytes; `getrusage` would count its parent's too."""
+    status = Path("/proc/self/status").read_text(encoding="ascii")
+    return int(status.partition("VmHWM:")[2].split()[0]) / 1024.0
+
+
+def one_run(points: int, folder: Path, vfs: str) -> dict[str, Any]:
+    """A whole run, in this process."""
+    imports = peak_mb()
+    times = JournalTimes()
+    began = time.process_time()
+    plan = planned(points)
+    expanded = time.process_time()
+    result = _run(plan, folder, vfs, until=None)
+    assert result.outcome is Outcome.COMPLETE, result.message
+    assert len(result.state.accepted) == points
+    size = result.path.stat().st_size
+    result.path.unlink()
+    return {
+        "points": points,
+        "peak_mb": round(peak_mb(), 1),
+        "imports_mb": round(imports, 1),
+        "run_list": plan.run_list.sha256()[:16],
+        "file_bytes_a_point": round(size / points),
+        "expand_s": round(expanded - began, 1),
+        "processor_us_a_point": round((time.process_time() - expanded) / points * 1e6),
+        **times.summary(min(WINDOW, points // 2)),
+    }
+
+
+def _run(plan: Plan, folder: Path, vfs: str, until: int | None) -> Result:
+    signals = Signals()
+
+    def look(news: Progress) -> None:
+        if until is not None and news.done >= until:
+            signals.interrupt = "SIGTERM"
+
+    site = Site(ideal, vfs)
+    return start_run(plan, folder, signals=signals, announce=lambda _: None, on_progress=look, site=site)
+
+
+def one_resume(points: int, folder: Path, vfs: str) -> dict[str, Any]:
+    """Resume a run of which all but ten points are observed, in a process of its own; processor time counts."""
+    result = _run(planned(points), folder, vfs, until=points - 10)
+    assert result.outcome is Outcome.INTERRUPTED, result.message
+    worker = _worker("resumed", str(result.path), "--no-sync" if vfs else "")
+    return {"points": points, **worker}
+
+
+def resumed(path: Path, vfs: str) -> dict[str, Any]:
+    """Resume in this process, imports done."""
+    before = peak_mb()
+    began, Head.first_move_s = time.process_time(), None
+    result = resume_run(path, signals=Signals(), on_progress=lambda _: None, site=Site(ideal, vfs))
+    assert result.outcome is Outcome.COMPLETE, result.message
+    assert Head.first_move_s is not None
+    return {
+        "ready_to_command_s": round(Head.first_move_s - began, 2),
+        "imports_s": round(began, 2),
+        "imports_mb": round(before, 1),
+        "peak_mb": round(peak_mb(), 1),
+    }
+
+
+BODY = encode(
+    {
+        "approach": {"pitch": [1, -30.0], "roll": [1, -180.0]},
+        "readback": {"pitch_deg": -25.38461538, "roll_deg": -165.0},
+        "settling": {a: {"outcome": "settled", "seconds": 1.0, "samples": [[0.0, -25.3], [0.5, -25.3], [1.0, -25.3]]}
+                     for a in ("pitch", "roll")},
+        "measured_s": [123456.5, 123459.0],
+        "outputs": {f"{s}_V": {"mean": 0.1234567890123, "sd": 1.234567e-06, "readings": [0.1234567890123] * 5}
+                    for s in SENSORS},
+    }
+)  # fmt: skip
+"""As large as an observation of seven sensors."""
+
+
+def commits(folder: Path, rounds: int = 30, each: int = 100) -> dict[str, Any]:
+    """A commit of one observation beside a bare append and fdatasync of its bytes, in turn."""
+    path = folder / "commits.sqlite"
+    create(path, Genesis("commits", {}, _few(rounds * each), True, {}), elapsed_s=0.0, utc_s=0.0)
+    bare = os.open(folder / "bare", os.O_CREAT | os.O_RDWR)
+    ours, theirs = array("d"), array("d")
+    count = itertools.count()
+    with RunWriter.open(path) as run:
+        for _ in range(rounds):
+            for i in itertools.islice(count, each):
+                record = Record(1, "observation", float(i), float(i), i, None, 1, "accepted", BODY)
+                began = time.perf_counter()
+                run.append(record)
+                ours.append(time.perf_counter() - began)
+            for _ in range(each):
+                began = time.perf_counter()
+                os.write(bare, BODY.encode())
+                os.fdatasync(bare)
+                theirs.append(time.perf_counter() - began)
+    os.close(bare)
+    path.unlink()
+    found = {"body_bytes": len(BODY)}
+    for name, times in (("commit", ours), ("bare_fdatasync", theirs)):
+        low, *_, middle = statistics.quantiles(times, n=10)[:5]
+        found[f"{name}_us"] = [round(low * 1e6), round(middle * 1e6)]  # type: ignore[assignment]
+    pairs = zip(found["commit_us"], found["bare_fdatasync_us"], strict=True)  # type: ignore[call-overload]
+    return {**found, "ratio": [round(a / b, 2) for a, b in pairs]}
+
+
+def _few(points: int) -> RunList:
+    factor = Factor("pitch_deg", "pitch")
+    return RunList((factor,), (Point(i, 1, None, (float(i % 7),), (1,)) for i in range(points)), 0)
+
+
+def _worker(*arguments: str) -> dict[str, Any]:
+    command = [sys.executable, "-m", "benchmarks.load", *filter(None, arguments)]
+    done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True, cwd=Path(__file__).parent.parent)
+    found: dict[str, Any] = json.loads(done.stdout)
+    return found
+
+
+def everything(options: list[str]) -> dict[str, Any]:
+    """All of it, every run in a process of its own."""
+    small, large = (_worker("run", n, *options) for n in ("100000", "1000000"))
+    return {
+        "run": [small, large],
+        "growth_mb": round(large["peak_mb"] - small["peak_mb"], 1),
+        "resume": _worker("resume", "100000", *options),
+        "commit": _worker("commit"),
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", nargs="?", default="all", choices=["all", "run", "resume", "resumed", "commit"])
+    parser.add_argument("of", nargs="?", default="100000", help="points; for `resumed`, the run file")
+    parser.add_argument("--no-sync", action="store_true", help="do not wait for the disk")
+    parser.add_argument("--folder", type=Path, default=RUNS, help="where the run files go meanwhile")
+    given = parser.parse_args()
+    unsynced = UnsyncedVFS() if given.no_sync else None
+    vfs = "unsynced" if unsynced else ""
+    with tempfile.TemporaryDirectory(dir=given.folder) as name:
+        folder = Path(name)
+        match given.what:
+            case "all":
+                found = everything(["--no-sync"] if given.no_sync else [])
+            case "run":
+                found = one_run(int(given.of), folder, vfs)
+            case "resume":
+                found = one_resume(int(given.of), folder, vfs)
+            case "resumed":
+                found = resumed(Path(given.of), vfs)
+            case _:
+                found = commits(folder)
+    print(json.dumps(found, indent=1))
+
+
+if __name__ == "__main__":
+    main()
