@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Hashable, Iterator
+from collections.abc import Hashable, Iterator, Sequence
 from typing import Generic, TypeVar
 
 Level = TypeVar("Level", bound=Hashable)
@@ -24,15 +24,15 @@ class Coded(Generic[Level]):
         self._code_of: dict[Level, int] = {}
         self._codes = array("B")
 
-    def append(self, value: Level) -> None:
-        """Add a value at the end."""
-        code = self._code_of.get(value)
-        if code is None:
-            code = self._code_of[value] = len(self.levels)
-            self.levels.append(value)
-            if code >> 8 * self._codes.itemsize:
-                self._codes = array(_WIDER[self._codes.typecode], self._codes)
-        self._codes.append(code)
+    def extend(self, values: Sequence[Level]) -> None:
+        """Add values at the end."""
+        for value in dict.fromkeys(values):
+            if value not in self._code_of:
+                self._code_of[value] = len(self.levels)
+                self.levels.append(value)
+        while len(self.levels) > 1 << 8 * self._codes.itemsize:
+            self._codes = array(_WIDER[self._codes.typecode], self._codes)
+        self._codes.extend(map(self._code_of.__getitem__, values))
 
     def first(self, code: int) -> int:
         """Index of the first value that is the level of this number."""

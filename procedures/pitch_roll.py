@@ -229,18 +229,21 @@ class PitchRollProcedure(Strict):
     def _points(self) -> Iterator[Point]:
         design = self.design.build()
         rng = random.Random(self.seed)
+        passes: dict[bool, list[Visit]] = {}
         index = 0
         for replication in range(1, self.replications + 1):
-            for visit in self._visits(design, replication, rng):
+            for visit in self._visits(design, replication, rng, passes):
                 setpoints = (design.pitch_deg[visit.row], design.roll_deg[visit.column])
                 yield Point(index, replication, None, setpoints, (visit.pitch_side, visit.roll_side))
                 index += 1
 
-    def _visits(self, design: Design, replication: int, rng: random.Random) -> Iterable[Visit]:
+    def _visits(
+        self, design: Design, replication: int, rng: random.Random, passes: dict[bool, list[Visit]]
+    ) -> Iterable[Visit]:
+        """One pass over the design; `passes` keeps those that are walked more than once, by direction."""
         if self.order.type == "random":
             return random_order(design, rng)
-        return serpentine(
-            design,
-            backwards=reversed_pass(replication, self.order.replications),
-            up_and_down=self.order.type == "up-and-down",
-        )
+        backwards = reversed_pass(replication, self.order.replications)
+        if backwards not in passes:
+            passes[backwards] = serpentine(design, backwards=backwards, up_and_down=self.order.type == "up-and-down")
+        return passes[backwards]

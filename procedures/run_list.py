@@ -76,6 +76,12 @@ class Point:
     sides: tuple[int, ...]
 
 
+_AT_ONCE = 256
+"""Points taken in together: more of them would keep the garbage collector busy."""
+
+_TEXTS_KEPT = 10_000
+
+
 class Points(Sequence[Point]):
     """Points in order, packed; each is made again when it is looked at.
 
@@ -91,15 +97,16 @@ class Points(Sequence[Point]):
     def __init__(self, points: Iterable[Point], width: int) -> None:
         self.places: Coded[tuple[int, int | None]] = Coded()
         self.settings: tuple[Coded[tuple[float, int]], ...] = tuple(Coded() for _ in range(width))
-        place, take = self.places.append, [column.append for column in self.settings]
-        for position, point in enumerate(points):
-            if point.index != position:
-                raise ValueError(f"point {position} of the run list is numbered {point.index}")
-            if len(point.setpoints) != width or len(point.sides) != width:
-                raise ValueError(f"point {position} does not have one setpoint and one side for each factor")
-            place((point.replication, point.whole_plot))
-            for append, value, side in zip(take, point.setpoints, point.sides, strict=True):
-                append((value + 0.0, side))  # no -0.0, which a run file does not keep
+        points = iter(points)
+        while some := list(itertools.islice(points, _AT_ONCE)):
+            for position, point in enumerate(some, len(self)):
+                if point.index != position:
+                    raise ValueError(f"point {position} of the run list is numbered {point.index}")
+                if len(point.setpoints) != width or len(point.sides) != width:
+                    raise ValueError(f"point {position} does not have one setpoint and one side for each factor")
+            self.places.extend([(point.replication, point.whole_plot) for point in some])
+            for at, column in enumerate(self.settings):  # no -0.0, which a run file does not keep
+                column.extend([(point.setpoints[at] + 0.0, point.sides[at]) for point in some])
 
     def __len__(self) -> int:
         return len(self.places)
@@ -141,11 +148,17 @@ class Points(Sequence[Point]):
         places = [json.dumps(place)[1:-1] for place in self.places.levels]
         values = [[json.dumps(value) for value, _ in column.levels] for column in self.settings]
         sides = [[json.dumps(side) for _, side in column.levels] for column in self.settings]
-        coded = zip(self.places.codes(), *(column.codes() for column in self.settings), strict=True)
-        for index, (place, *at) in enumerate(coded):
-            setpoints = ", ".join([texts[code] for texts, code in zip(values, at, strict=True)])
-            from_sides = ", ".join([texts[code] for texts, code in zip(sides, at, strict=True)])
-            yield f"[{index}, {places[place]}, [{setpoints}], [{from_sides}]]"
+        known: dict[tuple[int, ...], str] = {}
+        coded = zip(self.places.codes(), zip(*(column.codes() for column in self.settings), strict=True), strict=True)
+        for index, (place, at) in enumerate(coded):
+            text = known.get(at)
+            if text is None:
+                if len(known) >= _TEXTS_KEPT:
+                    known.clear()
+                setpoints = ", ".join([texts[code] for texts, code in zip(values, at, strict=True)])
+                from_sides = ", ".join([texts[code] for texts, code in zip(sides, at, strict=True)])
+                text = known[at] = f"[{setpoints}], [{from_sides}]]"
+            yield f"[{index}, {places[place]}, {text}"
 
 
 @dataclass(frozen=True, init=False)
@@ -206,7 +219,7 @@ class RunList:
         head = {"factors": [[f.name, f.axis, f.overtravel, f.hard, f.stays] for f in self.factors], "seed": self.seed}
         digest.update(json.dumps(head, sort_keys=True).encode())
         texts = self.points.texts()
-        while part := "".join(itertools.islice(texts, 1000)):
+        while part := "".join(itertools.islice(texts, _AT_ONCE)):
             digest.update(part.encode())
         return digest.hexdigest()
 

@@ -202,7 +202,8 @@ def start_run(
         create(path, genesis, elapsed_s=0.0, utc_s=clock.utc())
         announce(path)
         with RunWriter.open(path, vfs=site.vfs) as run:
-            return _session(run, plan, bench, clock, boot, frozenset(), signals, on_progress)
+            state = fold(run.records())
+            return _session(run, state, plan, bench, clock, boot, frozenset(), signals, on_progress)
 
 
 def resume_run(
@@ -230,14 +231,15 @@ def resume_run(
 
     """
     with RunReader.open(path) as reader:  # a finished run is not opened for writing, and not changed
-        reader.verify()
-        state = fold(reader.records())
+        head, state = reader.head(), RunState()
+        reader.verify(state.add)
         if state.ended is not None:
             plan = _stored_plan(reader, path, None)
             return Result(path, Outcome.COMPLETE, f"{path} is complete: nothing to resume", state, plan.procedure)
     told = int((read_json(live_path(path)) or {}).get("done", 0))
-    with RunWriter.open(path, vfs=site.vfs) as run:
-        state = fold(run.records())
+    with RunWriter.open(path, vfs=site.vfs, verified=head) as run:
+        if run.head() != head:
+            state = fold(run.records())
         for warning in _losses(run, state, told):
             warn(warning)
         plan = _stored_plan(run, path, bench)
@@ -247,7 +249,7 @@ def resume_run(
             raise UsageError(f"--accept {unknown[0]}: there is no such instrument on this bench ({known})")
         _check_space(path.parent, state.remaining)
         with site.opened(plan, start=_world_start(run) + state.elapsed_s + dry_gap_s) as (opened_bench, clock, boot):
-            return _session(run, plan, opened_bench, clock, boot, accept, signals, on_progress)
+            return _session(run, state, plan, opened_bench, clock, boot, accept, signals, on_progress)
 
 
 def _world_start(run: RunReader) -> float:
@@ -292,6 +294,7 @@ def _stored_plan(run: RunReader, path: Path, bench: Path | None) -> Plan:
 
 def _session(
     run: RunWriter,
+    state: RunState,
     plan: Plan,
     bench: Bench,
     clock: Clock,
@@ -300,7 +303,6 @@ def _session(
     signals: Signals,
     on_progress: Callable[[Progress], None],
 ) -> Result:
-    state = fold(run.records())
     origin, certain = (_world_start(run), True) if boot == _VIRTUAL else _elapsed_origin(state, clock, boot)
     session = Session(
         elapsed_origin=origin,

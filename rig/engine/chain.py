@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
+from math import isfinite
 from typing import Any
 
 GENESIS = bytes(32)
@@ -73,12 +74,28 @@ def encode(body: Mapping[str, Any]) -> str:
 
 def link(previous: bytes, seq: int, record: Record) -> bytes:
     """Hash of a record given its predecessor's."""
-    *fields, body = record.fields()
-    head = _FIELDS([seq, *fields])[:-1]
-    return hashlib.sha256(b"%b%b,%b]" % (previous, head.encode(), _quoted(body))).digest()
+    return hashlib.sha256(b"%b%b,%b]" % (previous, _fields(seq, record).encode(), _quoted(record.body))).digest()
 
 
-_FIELDS = json.JSONEncoder(separators=(",", ":"), allow_nan=False).encode
+def _fields(seq: int, record: Record) -> str:
+    """A record but for its body, as JSON without the closing bracket."""
+    r = record
+    if not (type(r.elapsed_s) is type(r.utc_s) is float and isfinite(r.elapsed_s) and isfinite(r.utc_s)):
+        return json.dumps([seq, *r.fields()[:-1]], separators=(",", ":"), allow_nan=False)[:-1]
+    place = "null" if r.run_index is None else r.run_index
+    whole_plot = "null" if r.whole_plot is None else r.whole_plot
+    attempt = "null" if r.attempt is None else r.attempt
+    return (
+        f"[{seq},{r.session},{_word(r.kind)},{r.elapsed_s!r},{r.utc_s!r},"
+        f"{place},{whole_plot},{attempt},{_word(r.status)}"
+    )
+
+
+@lru_cache(maxsize=1000)
+def _word(text: str | None) -> str:
+    return json.dumps(text)
+
+
 _PLAIN = bytes(code for code in range(0x20, 0x7F) if code != ord("\\"))
 
 
@@ -91,11 +108,14 @@ def _quoted(body: object) -> bytes:
     return json.dumps(body).encode()
 
 
-def first_break(rows: Iterable[tuple[int, Record, bytes, bytes]]) -> str | None:
+def first_break(
+    rows: Iterable[tuple[int, Record, bytes, bytes]], each: Callable[[Record], object] = lambda _: None
+) -> str | None:
     """Where a chain is broken, None if it holds.
 
     Args:
         rows: (seq, record, previous, hash) in order of seq.
+        each: called with every record up to there.
 
     """
     expected_seq, expected = 1, GENESIS
@@ -110,5 +130,6 @@ def first_break(rows: Iterable[tuple[int, Record, bytes, bytes]]) -> str | None:
                 f"record {seq} ({record.kind}{of}) does not follow the record before it: something was changed, "
                 f"removed or inserted there"
             )
+        each(record)
         expected_seq, expected = seq + 1, own
     return None

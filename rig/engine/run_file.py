@@ -12,7 +12,7 @@ import contextlib
 import fcntl
 import hashlib
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -39,7 +39,7 @@ CREATE TABLE record (
 CREATE UNIQUE INDEX one_accepted_observation ON record (run_index, ifnull(whole_plot, 0))
     WHERE kind = 'observation' AND status = 'accepted';
 """
-_SLICE = 500
+_SLICE = 200
 _LOWEST, _HIGHEST = -(2**63), 2**63 - 1
 _INSERT = f"INSERT INTO record VALUES ({', '.join('?' * 12)})"
 _COLUMNS = "session, kind, elapsed_s, utc_s, run_index, whole_plot, attempt, status, body"
@@ -160,13 +160,18 @@ class RunReader:
             return seq, own
         return 0, GENESIS
 
-    def verify(self) -> None:
-        """Check integrity, run list, documents and chain; raises `RunFileError` that says what was changed, where."""
+    def verify(self, each: Callable[[Record], object] = lambda _: None) -> None:
+        """Check integrity, run list, documents and chain; raises `RunFileError` that says what was changed, where.
+
+        Args:
+            each: called with every record, as the chain is followed: a state can be folded in the same pass.
+
+        """
         try:
             for (answer,) in self._all("PRAGMA quick_check(1)"):
                 if answer != "ok":
                     raise RunFileError(f"{self.path} is damaged: {answer}. {_WAY_FORWARD}")
-            broken = first_break(self.chained())
+            broken = first_break(self.chained(), each)
             if broken is None:
                 broken = self._changed_contents()
         except (apsw.Error, ValueError, TypeError) as error:
@@ -226,8 +231,15 @@ class RunWriter(RunReader):
     _lock: int
 
     @classmethod
-    def open(cls, path: Path, *, vfs: str = "") -> Self:
-        """Lock, look at the log, open, verify. Raises `BusyError` or `RunFileError`."""
+    def open(cls, path: Path, *, vfs: str = "", verified: tuple[int, bytes] | None = None) -> Self:
+        """Lock, look at the log, open, verify. Raises `BusyError` or `RunFileError`.
+
+        Args:
+            path: the run file.
+            vfs: what it lies on.
+            verified: the head it had when it was verified a moment ago, which need not be done again while it has it.
+
+        """
         _check_header(path)
         lock = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
         try:
@@ -241,7 +253,8 @@ class RunWriter(RunReader):
                 raise _unreadable(path, error) from error
             run.dropped = dropped
             run._lock = lock
-            run.verify()
+            if verified is None or run.head() != verified:
+                run.verify()
             run._start()
         except BaseException:
             os.close(lock)
