@@ -57,26 +57,27 @@ address = "/dev/rig/head"
 [instruments.scanner]
 driver = "keysight-34970a"
 address = "/dev/rig/scanner"
-channels = { %s, "108" = "thermistor-10k" }
-%s
+[instruments.scanner.channels]
+108 = "thermistor-10k"
+CHANNELS
 [temperatures.sensor_temperature_degC]
 reader = "scanner"
 channel = "108"
 [limits]
 pitch_deg = [-95, 95]
 roll_deg = [-185, 185]
-""" % (
-    ", ".join(f'"{101 + i}" = "volts"' for i in range(len(SENSORS))),
-    "\n".join(
-        f'[sensors.{name}]\naxis = "{"xyz"[i % 3]}"\nreader = "scanner"\nchannel = "{101 + i}"'
-        for i, name in enumerate(SENSORS)
-    ),
-)
+"""
+SENSOR = """
+[sensors.NAME]
+axis = "x"
+reader = "scanner"
+channel = "CHANNEL"
+"""
 PROCEDURE = """
 kind = "pitch-roll"
 name = "load"
 seed = 1
-replications = %d
+replications = REPLICATIONS
 [design]
 type = "D1"
 pitch_max_deg = 90
@@ -91,8 +92,11 @@ readings = 5
 
 def planned(points: int) -> Plan:
     """The plan of a run of so many points, a multiple of 1000, as from files."""
-    documents = {"bench.toml": BENCH, "procedure.toml": PROCEDURE % (points // CELLS)}
-    return plan_of(documents, dry=True)
+    channels = {name: str(101 + i) for i, name in enumerate(SENSORS)}
+    bench = BENCH.replace("CHANNELS", "\n".join(f'{channel} = "volts"' for channel in channels.values()))
+    bench += "".join(SENSOR.replace("NAME", n).replace("CHANNEL", c) for n, c in channels.items())
+    procedure = PROCEDURE.replace("REPLICATIONS", str(points // CELLS))
+    return plan_of({"bench.toml": bench, "procedure.toml": procedure}, dry=True)
 
 
 class Head(ideal_bench.IdealHead):
@@ -151,10 +155,17 @@ class UnsyncedVFS(apsw.VFS):
 
 
 class JournalTimes:
-    """Time spent in the journal point by point: records written, state kept up to date, news spread."""
+    """Time spent in the journal point by point: records written, state kept up to date, news spread.
 
-    def __init__(self) -> None:
-        self.wall, self.processor = array("d"), array("d")
+    Args:
+        window: how many of the first and of the last points are kept.
+
+    """
+
+    def __init__(self, window: int) -> None:
+        self._window = window
+        self._first: list[tuple[float, float]] = []
+        self._last: deque[tuple[float, float]] = deque(maxlen=window)
         self._depth = 0
         self._wall_s = self._processor_s = 0.0
         for name in ("write", "tell", "take_up", "point_observed"):
@@ -172,19 +183,24 @@ class JournalTimes:
                     self._wall_s += time.perf_counter() - wall
                     self._processor_s += time.process_time() - processor
                 if method.__name__ == "point_observed":
-                    self.wall.append(self._wall_s)
-                    self.processor.append(self._processor_s)
-                    self._wall_s = self._processor_s = 0.0
+                    self._keep((self._wall_s, self._processor_s))
 
         return timed
 
-    def summary(self, window: int) -> dict[str, Any]:
-        """Medians of the first and last `window` points, microseconds, and last over first."""
-        found: dict[str, Any] = {}
-        for name, times in (("wall", self.wall), ("processor", self.processor)):
-            first, last = statistics.median(times[1 : window + 1]), statistics.median(times[-window:])
-            found[f"journal_{name}_us"] = [round(first * 1e6, 1), round(last * 1e6, 1)]
-            found[f"journal_{name}_ratio"] = round(last / first, 3)
+    def _keep(self, point: tuple[float, float]) -> None:
+        if len(self._first) < self._window:
+            self._first.append(point)
+        self._last.append(point)
+        self._wall_s = self._processor_s = 0.0
+
+    def summary(self) -> dict[str, Any]:
+        """Medians and means of the first and last points, microseconds, and last over first."""
+        found: dict[str, Any] = {"window": len(self._first)}
+        for at, name in enumerate(("wall", "processor")):
+            columns = [[point[at] * 1e6 for point in points] for points in (self._first, self._last)]
+            for how, middle in (("median", statistics.median), ("mean", statistics.fmean)):
+                first, last = (middle(column) for column in columns)
+                found[f"journal_{name}_{how}_us"] = [round(first, 1), round(last, 1), round(last / first, 3)]
         return found
 
 
@@ -197,7 +213,7 @@ def peak_mb() -> float:
 def one_run(points: int, folder: Path, vfs: str) -> dict[str, Any]:
     """A whole run, in this process."""
     imports = peak_mb()
-    times = JournalTimes()
+    times = JournalTimes(min(WINDOW, points // 2))
     began = time.process_time()
     plan = planned(points)
     expanded = time.process_time()
@@ -214,7 +230,7 @@ def one_run(points: int, folder: Path, vfs: str) -> dict[str, Any]:
         "file_bytes_a_point": round(size / points),
         "expand_s": round(expanded - began, 1),
         "processor_us_a_point": round((time.process_time() - expanded) / points * 1e6),
-        **times.summary(min(WINDOW, points // 2)),
+        **times.summary(),
     }
 
 

@@ -21,7 +21,7 @@ from rig.controller import Result, load_plan, resume_run, start_run
 from rig.engine.live import controller_alive, live_path, read_json, send_request
 from rig.engine.run_file import RunReader
 from rig.engine.session import Outcome, Progress, Signals
-from rig.engine.state import read_state
+from rig.engine.state import is_simulated, read_state
 from rig.errors import ExitCode, RigError, UsageError
 
 RunArgument = Annotated[Path, typer.Argument(help="the run file, DIR/ID.sqlite", show_default=False)]
@@ -102,7 +102,7 @@ def resume(
     Example: `rig resume runs/20260115T180000-night-1a2b.sqlite`
     """
     with RunReader.open(run_file) as reader:
-        simulated = read_state(reader).simulated
+        simulated = is_simulated(reader)
     with run_progress(simulated=simulated) as show:
         result = resume_run(
             run_file,

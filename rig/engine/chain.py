@@ -100,7 +100,7 @@ _PLAIN = bytes(code for code in range(0x20, 0x7F) if code != ord("\\"))
 
 
 def _quoted(body: object) -> bytes:
-    """Body as a JSON string. Bodies are long and mostly plain, which is quicker done than looked at letter by letter."""
+    """Body as a JSON string. Long and mostly plain, it is sooner searched as a whole than looked at by letters."""
     if isinstance(body, str) and body.isascii():
         plain = body.encode()
         if not plain.translate(None, _PLAIN):

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, MutableMapping, MutableSet
 
-_BLOCK = 4096
+_BITS = 12
+_BLOCK = 1 << _BITS
 _OTHER = 255
 """Stands for a count that does not fit into a byte."""
 
@@ -21,14 +22,14 @@ class _Blocks:
         self._used = 0
 
     def get(self, index: int) -> int:
-        block = self._blocks.get(index // _BLOCK)
-        return 0 if block is None else block[index % _BLOCK]
+        block = self._blocks.get(index >> _BITS)
+        return block[index & _BLOCK - 1] if block else 0
 
     def set(self, index: int, value: int) -> None:
-        number, at = divmod(index, _BLOCK)
-        block = self._blocks.get(number)
+        at = index & _BLOCK - 1
+        block = self._blocks.get(index >> _BITS)
         if block is None:
-            block = self._blocks[number] = bytearray(_BLOCK)
+            block = self._blocks[index >> _BITS] = bytearray(_BLOCK)
         self._used += bool(value) - bool(block[at])
         block[at] = value
 

@@ -311,7 +311,7 @@ class RunWriter(RunReader):
         )
         self._db.set_busy_timeout(200)
         with contextlib.suppress(apsw.Error):  # a reader is looking: every record is safe, only the log file stays
-            self._db.pragma("wal_checkpoint(TRUNCATE)")
+            self._db.wal_checkpoint(mode=apsw.SQLITE_CHECKPOINT_TRUNCATE)
             self._db.pragma("journal_mode", "delete")
 
     def close(self) -> None:

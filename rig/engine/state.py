@@ -162,3 +162,12 @@ def read_state(reader: RunReader) -> RunState:
     except (ValueError, LookupError, TypeError, AssertionError, AttributeError):
         reader.verify()
         raise
+
+
+def is_simulated(reader: RunReader) -> bool:
+    """Whether a run involves no real instrument, without reading all of it. Raises as `read_state`."""
+    try:
+        return bool(reader.genesis().data["simulated"])
+    except (ValueError, LookupError, TypeError, AttributeError):
+        reader.verify()
+        raise
