@@ -12,7 +12,7 @@ from typing import Annotated, Literal, Self
 from pydantic import BaseModel, Field, model_validator
 
 from drivers.clock import Clock
-from drivers.druck_scpi import PaceScpi
+from drivers.druck_scpi import SYNC, PaceScpi
 from drivers.errors import BadReply, InstrumentError, LimitError, NotReady, WrongInstrument
 from drivers.roles import Identity, PressureState
 from drivers.scpi import PREPARED
@@ -101,7 +101,7 @@ class DruckPACE:
         self.name = name
         self._options = options
         self._clock = clock
-        settings = SerialSettings(options.baud, options.frame, timeout_s=options.timeout_s)
+        settings = SerialSettings(options.baud, options.frame, timeout_s=options.timeout_s, sync=SYNC)
         self._line = wires.serial(address, settings, name)
         self._pace = PaceScpi(self._line)
         suffix = "" if options.module == 1 else "2"

@@ -14,6 +14,8 @@ from drivers.scpi import raise_errors
 from drivers.wires import SerialLine
 
 _MOST_ERRORS = 5
+SYNC = (":SYST:VERS?", ":SYST:VERS ")
+"""A question that is asked for nothing else, and the header of its answer."""
 
 
 class PaceScpi:

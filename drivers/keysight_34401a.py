@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, BaseModel, Field
 
 from drivers.clock import Clock
-from drivers.scpi import Nplc, ScpiMeter, one_of, settling_s
+from drivers.scpi import SYNC, Nplc, ScpiMeter, one_of, settling_s
 from drivers.wires import SerialSettings, Wires
 
 _MEMORY = 512
@@ -47,7 +47,7 @@ class Keysight34401A(ScpiMeter):
     def __init__(self, name: str, address: str, options: Options, wires: Wires, clock: Clock) -> None:
         self.name = name
         self._options = options
-        settings = SerialSettings(options.baud, options.frame, timeout_s=2.0)
+        settings = SerialSettings(options.baud, options.frame, timeout_s=2.0, sync=SYNC)
         super().__init__(wires.serial(address, settings, name), clock, "34401A")
 
     @property

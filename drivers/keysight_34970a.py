@@ -13,7 +13,7 @@ from pydantic import AfterValidator, BaseModel, Field, model_validator
 
 from drivers.clock import Clock
 from drivers.errors import BadReply
-from drivers.scpi import FREQUENCIES, Nplc, ScpiMeter, one_of, settling_s
+from drivers.scpi import FREQUENCIES, SYNC, Nplc, ScpiMeter, one_of, settling_s
 from drivers.wires import SerialSettings, Wires
 
 Thermometer = Literal[
@@ -98,7 +98,7 @@ class Keysight34970A(ScpiMeter):
         self._options = options
         self._names = tuple(sorted(options.channels))
         self._line_hz = FREQUENCIES[0]
-        settings = SerialSettings(options.baud, options.frame, timeout_s=2.0)
+        settings = SerialSettings(options.baud, options.frame, timeout_s=2.0, sync=SYNC)
         super().__init__(wires.serial(address, settings, name), clock, "34970A")
 
     @property

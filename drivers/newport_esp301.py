@@ -74,7 +74,7 @@ class NewportESP301:
         self.name = name
         self._options = options
         self._clock = clock
-        settings = SerialSettings(options.baud, "8N1", send_end=b"\r", timeout_s=1.0)
+        settings = SerialSettings(options.baud, "8N1", send_end=b"\r", timeout_s=1.0, sync=("VE?", "ESP301"))
         self._line = wires.serial(address, settings, name)
         self._numbers: dict[str, int] = {"pitch": options.pitch_axis, "roll": options.roll_axis}
         self._limits = {"pitch": options.pitch_deg, "roll": options.roll_deg}

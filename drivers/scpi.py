@@ -19,6 +19,9 @@ from drivers.roles import Identity
 from drivers.wires import SerialLine
 
 _DEVICE_CLEAR = "\x03"
+SYNC = ("SYST:VERS?", "19")
+"""A question that is asked for nothing else; the answer is the year of the standard and a revision: 1991.0."""
+
 _MOST_ERRORS = 21
 _LATE_S = 2.0
 _BITS_PER_CHARACTER = 11

@@ -199,7 +199,7 @@ def start_run(
         if world_start_s:
             about[WORLD_START] = world_start_s
         genesis = Genesis(run_id, plan.documents, plan.run_list, plan.dry or plan.bench.simulated, about)
-        create(path, genesis, elapsed_s=0.0, utc_s=clock.utc())
+        create(path, genesis, elapsed_s=0.0, utc_s=clock.utc(), vfs=site.vfs)
         announce(path)
         with RunWriter.open(path, vfs=site.vfs) as run:
             state = fold(run.records())

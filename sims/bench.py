@@ -6,7 +6,10 @@ from collections.abc import Callable, Mapping
 from typing import Any
 from zlib import crc32
 
+from sims.faults import Acts, Faults, FaultyWire, read_faults
 from sims.physics import Plant, read_truth, sensor_axes
+from sims.physics.truth import FAULTS
+from sims.tape import Tape
 from sims.wires.can_line import CanCable
 from sims.wires.modbus_line import ModbusCable
 from sims.wires.serial_line import SerialCable, register, unregister
@@ -43,13 +46,16 @@ class SimBench:
     Args:
         world: virtual time.
         bench: the bench file as plain values.
-        truth: the world file as plain values.
+        truth: the world file as plain values; its `faults` are what goes wrong, and when.
         key: name of this world in `sim://KEY/INSTRUMENT` addresses.
         twin_classes: twin class by driver name.
+        record_tape: keep what truly happens, for checkers.
 
     Attributes:
+        tape: what truly happened; None unless it is recorded.
         plant: what is physically there.
         cables: serial cables by instrument.
+        faults: what goes wrong, and what has happened so far.
 
     Raises:
         sims.physics.WorldError: the world file is wrong.
@@ -63,6 +69,8 @@ class SimBench:
         truth: Mapping[str, Any],
         key: str,
         twin_classes: Mapping[str, Callable[..., Any]],
+        *,
+        record_tape: bool = False,
     ) -> None:
         self.world = world
         self.plant = Plant(world, truth, bench)
@@ -73,22 +81,41 @@ class SimBench:
             serial = instrument.get("serial") or serial_number(bench["name"], name)
             twin = twin_classes[instrument["driver"]](name, options, world, self.plant, serial)
             self._twins[name] = twin
-        self.cables = {n: SerialCable(world, twin) for n, twin in self._twins.items() if twin.kind == "serial"}
+        media = {name: twin.kind for name, twin in self._twins.items()}
+        drivers = {name: str(instrument["driver"]) for name, instrument in bench["instruments"].items()}
+        entries = read_faults(truth.get(FAULTS), drivers, media)
+        self.faults = Faults(world, entries, self.plant.truth.seed, media, Acts(self))
+        self.tape = Tape(world, self.plant, self._twins, drivers) if record_tape else None
+        self.cables = {
+            n: SerialCable(world, twin, self.wire(n)) for n, twin in self._twins.items() if twin.kind == "serial"
+        }
         for name, cable in self.cables.items():
             register(f"{key}/{name}", cable)
 
     def transports(self) -> Mapping[str, Callable[[str], object]]:
         """What stands in for wires that are not serial, by kind: factories that take a `sim://` address."""
         return {
-            "modbus": lambda address: ModbusCable(self.world, self._at(address).on_rx),
-            "can": lambda address: CanCable(self.world, self._at(address).on_frame),
+            "modbus": self._modbus,
+            "can": self._can,
         }
 
-    def _at(self, address: str) -> Any:
+    def _modbus(self, address: str) -> ModbusCable:
+        name = self._at(address)
+        return ModbusCable(self.world, self._twins[name].on_rx, self.wire(name))
+
+    def _can(self, address: str) -> CanCable:
+        name = self._at(address)
+        return CanCable(self.world, self._twins[name].on_frame, self.wire(name))
+
+    def _at(self, address: str) -> str:
         key, _, name = address.removeprefix("sim://").partition("/")
         if key != self._key or name not in self._twins:
             raise LookupError(f"there is no simulated instrument at {address}")
-        return self._twins[name]
+        return name
+
+    def wire(self, name: str) -> FaultyWire:
+        """The wire of one instrument, where things go wrong."""
+        return self.faults.wires[name]
 
     def twin(self, name: str) -> Any:
         """The twin of one instrument."""

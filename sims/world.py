@@ -40,11 +40,15 @@ class World:
         start: first value of `now()`, seconds; a resumed dry run starts where the last one stopped, plus a gap.
         epoch_utc: UTC at `now() == 0`, seconds since 1970-01-01.
 
+    Attributes:
+        local_offset_s: local time minus UTC, which a change to or from summer time moves. Nothing here reads it.
+
     """
 
     def __init__(self, start: float = 0.0, epoch_utc: float = EPOCH_UTC) -> None:
         self._now = float(start)
         self._epoch_utc = epoch_utc
+        self.local_offset_s = 0.0
         self._queue: list[tuple[float, int, Timer]] = []
         self._count = 0
 
@@ -55,6 +59,10 @@ class World:
     def utc(self) -> float:
         """Virtual UTC, seconds since 1970-01-01."""
         return self._epoch_utc + self._now
+
+    def step_utc(self, seconds: float) -> None:
+        """Set UTC forward, or back; `now()` goes on as if nothing had happened."""
+        self._epoch_utc += seconds
 
     def idle(self, seconds: float) -> None:
         """Let virtual time pass at real pace, at most 50 ms of it real: whoever is waited for lives outside."""

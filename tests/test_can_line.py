@@ -177,7 +177,7 @@ def test_a_reply_about_another_object_is_a_bad_reply() -> None:
         return lambda can_id, data, tx: tx(0x581, b"\x4b\x64\x60\0\x37\x02\0\0")
 
     _, node, _ = simulated(on_frame)
-    with pytest.raises(BadReply, match="Node returned a value for 0x6064"):
+    with pytest.raises(BadReply, match="it answered about 6064h:00 instead"):
         node.read(0x6041)
 
 

@@ -11,12 +11,13 @@ from attitude_truth import D1, simulate
 from whole_plot_truth import Bench, Run, Transducer
 from whole_plot_truth import simulate as simulate_whole_plots
 
+from fitter.effects import CATALOGUE, PRESSURE_CATALOGUE
 from fitter.effects.sizes import amplitude, each, relative
 from fitter.trace import trace, trace_whole_plots
 from rig.closed_loop import AttitudeTraced, WholePlotTraced
-from rig.closed_loop.certificate import Change, size_95, with_words
+from rig.closed_loop.certificate import Change, Errors, certificate, size_95, with_words
 from rig.report.whole_plot_effects import effect_figures
-from rig.report.words import chance, percent
+from rig.report.words import chance, part, percent
 from rig.tables import Table
 
 EFFECT = {
@@ -32,17 +33,18 @@ EFFECT = {
 }
 
 
-def worded(effect=EFFECT, left_out=None, remains=(), size="1.9 to 2.1 ppm"):
-    return with_words(
-        "x_V",
-        {**effect},
-        [0.1, None],
-        size,
-        [Change("the error goes", 3e-4, 2e-4, "deg")],
-        left_out,
-        remains,
-        "1e-4 deg",
-    )
+NOISE = {**EFFECT, "stratum": "noise", "effect": "growing", "cause": "the scatter grows"}
+HELPS, LITTLE, HARMS = (Change("the error left out", 3e-4, after, "deg") for after in (2e-4, 2.9e-4, 3.1e-4))
+
+
+def worded(effect=EFFECT, size="1.9 to 2.1 ppm"):
+    return with_words("x_V", {**effect}, [0.1, None], size)
+
+
+def paragraph(*effects, unnamed=(), left_out=HELPS, hides=""):
+    found = {"declared": "1 + x", "effects": [worded(effect) for effect in effects], "unnamed": list(unnamed)}
+    changes = [Change("the error", 3e-4, 2e-4, "deg"), Change("that between them", 1.0, 0.5)]
+    return certificate("x_V", found, Errors(changes, left_out, hides, "1e-4 deg"))
 
 
 def test_a_size_has_the_interval_of_its_coefficients():
@@ -59,43 +61,90 @@ def test_an_amplitude_has_the_interval_of_both_phases_together():
     assert size_95(amplitude, {"sin": 0.1 / 3600, "cos": 0.0}, halves, 5.0) == "0 to 0.6 arcsec"
 
 
-def test_a_sentence_holds_what_a_certificate_needs():
-    said = worded(left_out=Change("that left out", 3.1e-4, 2.2e-4, "deg"))
+def test_an_effects_sentence_stands_alone():
+    said = worded()
     assert said["interval_95"] == [[1.9, 2.1], None]
     assert said["size_95"] == "1.9 to 2.1 ppm"
-    for part in (
-        "lacks creep (it gives way). Its size is 2 ppm (95 % interval 1.9 to 2.1 ppm, conditional on the selection)",
-        "explains less than 1 % of the error in excess of scatter",
-        "over all that was searched, is 0.003",
-        "the error goes from 0.0003 to 0.0002 deg, that left out from 0.00031 to 0.00022 deg.",
-        "Beside that nothing stands out from the noise; readings that repeat one setting scatter by 1e-4 deg. ",
-        "not confirmed by a measurement of its own.",
-    ):
-        assert part in said["sentence"]
-    assert "bear it out" not in said["sentence"]
+    assert said["sentence"] == (
+        "x_V: the declared model lacks creep (it gives way). Its size is 2 ppm (95 % interval 1.9 to 2.1 ppm); it "
+        "explains less than 1 % of the error beyond scatter; the probability of anything so clear by chance is 0.003. "
+        "Found and sized on the same data."
+    )
 
 
-def test_a_sentence_says_what_speaks_against_it():
-    said = worded(
-        {**EFFECT, "aliases": ["drift", "step"], "p_adjusted_is_bound": True},
-        left_out=Change("that left out", 3.1e-4, 3.2e-4, "deg"),
-        remains=[{"share": 0.4, "where": "between points"}],
-    )["sentence"]
-    assert "or what these data cannot tell from it: drift, step. If it is the former, its size is" in said
+def test_a_sentence_names_what_looks_alike():
+    others = {"aliases": ["drift", "step", "lag", "cycle", "tilt"], "p_adjusted_is_bound": True}
+    said = worded({**EFFECT, **others}, size="")["sentence"]
+    assert "(it gives way), or what these data cannot tell from it: drift, step, lag and 2 more. If it is the" in said
+    assert "the former, its size is 2 ppm; it explains" in said
     assert "is below 0.003" in said
-    assert "from 0.00031 to 0.00032 deg, which does not bear it out." in said
-    assert "Unexplained remains: 40 % of the excess, between points;" in said
 
 
 def test_a_finding_about_the_noise_adds_nothing():
     said = worded({**EFFECT, "stratum": "noise"}, size="")["sentence"]
-    assert said.startswith("x_V: it gives way (2 ppm; ")
+    assert said.startswith("x_V: it gives way (2 ppm); ")
     assert said.endswith("nothing is added to the model for it.")
+
+
+@pytest.mark.parametrize("entry", [*CATALOGUE, *PRESSURE_CATALOGUE], ids=lambda entry: entry.name)
+def test_no_effect_of_the_catalogues_makes_a_long_sentence(entry):
+    effect = {**EFFECT, "effect": entry.name, "cause": entry.cause, "aliases": ["one", "two", "three", "four"]}
+    assert max(len(text.split()) for text in worded(effect)["sentence"].split(". ")) < 60
+    assert len(worded({**effect, "aliases": []})["sentence"].split()) < 80
+
+
+def test_a_certificate_says_once_what_all_effects_share():
+    said = paragraph(EFFECT, {**EFFECT, "effect": "drift", "share": 1.07}, NOISE)
+    parts = (
+        "x_V: the declared model (1 + x) lacks creep (it gives way). Its size is 2 ppm (95 % interval 1.9 to 2.1 ppm)",
+        "It also lacks drift (it gives way). Its size is",
+        "it explains all of the error beyond scatter; the probability of anything so clear by chance is 0.003.",
+        "The scatter grows (2 ppm); the probability of anything so clear by chance is 0.003; nothing is added to the",
+        "With all that was found, the error goes from 0.0003 to 0.0002 deg and that between them from 1 to 0.5. ",
+        "The error left out goes from 0.0003 to 0.0002 deg, which bears them out. Nothing else",
+        " stands out from the noise. ",
+        " Readings that repeat one setting scatter by 1e-4 deg. ",
+        "Found and sized on the same data; not confirmed by a measurement of its own.",
+    )
+    places = [said.find(part) for part in parts]
+    assert places == sorted(places), said
+    assert min(places) == 0
+    assert [said.count(part) for part in parts] == [1] * len(parts)
+
+
+def test_a_certificate_says_what_speaks_against_it():
+    assert "to 0.00031 deg, which does not bear it out." in paragraph(EFFECT, left_out=HARMS)
+    assert "to 0.00029 deg, which bears it out, but weakly: it falls by less than 20 %." in paragraph(
+        EFFECT, left_out=LITTLE
+    )
+    assert "to 0.00031 deg, which cannot tell. " in paragraph(EFFECT, left_out=HARMS, hides="which cannot tell")
+    said = paragraph(EFFECT, unnamed=[{"share": 0.4, "where": "between points", "added": False}], left_out=None)
+    assert ". Unexplained: 40 % of the excess error, between points. Readings" in said
+    assert "Nothing else" not in said
+
+
+def test_a_certificate_says_that_nothing_was_found():
+    said = paragraph()
+    assert said == (
+        "x_V: no effect beyond the declared model (1 + x) stands out from the noise. The error is 0.0003 deg. That "
+        "between them is 1. The error left out is 0.0003 deg. Readings that repeat one setting scatter by 1e-4 deg."
+    )
+    assert "stands out from the noise. The scatter grows (2 ppm); " in paragraph(NOISE)
+    rest = {"share": 0.4, "where": "between points", "added": False}
+    said = paragraph(unnamed=[rest])
+    assert said.startswith(
+        "x_V: no effect that was looked for explains what the declared model (1 + x) leaves. The error is"
+    )
+    assert "Found and sized" not in said
+    said = paragraph(unnamed=[{**rest, "added": True}])
+    assert "With all that was found, the error goes from" in said
+    assert "Without a name: 40 % of the excess error, between points." in said
 
 
 def test_what_is_too_small_to_tell_is_told_as_that():
     assert chance({"p_adjusted": 1e-40}) == "< 1e-06"
     assert [percent(part) for part in (0.0, 0.004, 0.006, 0.9951)] == ["0 %", "less than 1 %", "1 %", "100 %"]
+    assert [part(share) for share in (0.004, 0.994, 0.9951, 1.3)] == ["less than 1 %", "99 %", "all", "all"]
 
 
 def test_an_effect_that_is_constant_in_replications_is_known_no_better_than_they_agree():
@@ -115,12 +164,14 @@ def test_an_effect_of_a_transducer_has_interval_sentence_and_figure():
     data = simulate_whole_plots(Bench((Transducer(hysteresis=5e-3),)), Run(), 1)
     table = Table("run", {"pressure_psia": data.pressure_psia}, True, {})
     traced = WholePlotTraced(table, data, trace_whole_plots(data), {})
-    (effect,) = traced.to_json()["sensors"]["bridge_1_mV"]["effects"]
+    found = traced.to_json()["sensors"]["bridge_1_mV"]
+    (effect,) = found["effects"]
     assert effect["effect"] == "hysteresis"
     low, high = effect["interval_95"][0]
     assert low < 5e-3 < high
     assert effect["size_95"] == f"{low * 1e3:.2f}e-3 to {high * 1e3:.2f}e-3 mV to each side"
-    assert "their own error included, from" in effect["sentence"]
-    assert "bear it out" not in effect["sentence"]
+    assert effect["sentence"].removeprefix("bridge_1_mV: the declared model ")[:30] in found["certificate"]
+    assert "the whole plots' own errors included, which effects within them do not change." in found["certificate"]
+    assert "bear it out" not in found["certificate"]
     (figure,) = effect_figures(traced, "bridge_1_mV").values()
     assert base64.b64decode(figure).startswith(b"\x89PNG")

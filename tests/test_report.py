@@ -63,16 +63,22 @@ def test_notes_are_shown(traced, html):
             assert note in html
 
 
-def test_every_effect_has_interval_sentence_and_figure(traced, html):
+def test_every_effect_has_interval_and_figure(traced, html):
     effects = [effect for sensor in traced.to_json()["sensors"].values() for effect in sensor["effects"]]
     assert effects
     assert len(re.findall(r'<img alt="[^"]*residuals over its own variable"', html)) == len(effects)
     for effect in effects:
-        assert f"<blockquote>{escape(effect['sentence'])}</blockquote>" in html
         if effect["size_95"]:
             assert f"<td>{effect['size_95']} (conditional on the selection)</td>" in html
         for low, high in filter(None, effect["interval_95"]):
             assert f">{low:.4g} to {high:.4g}</td>" in html
+
+
+def test_every_sensor_has_one_paragraph_for_the_certificate(traced, html):
+    sensors = traced.to_json()["sensors"]
+    said = [str(escape(sensor["certificate"])) for sensor in sensors.values()]
+    assert re.findall(r"<blockquote[^>]*>(.*?)</blockquote>", html) == said
+    assert html.count("not confirmed by a measurement of its own") == sum(bool(s["effects"]) for s in sensors.values())
 
 
 def test_the_report_needs_no_other_file(html):

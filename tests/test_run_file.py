@@ -274,3 +274,28 @@ def test_a_torn_or_flipped_log_is_counted_before_sqlite_drops_it(path):
     assert seen.lost_commits > 0
     with RunWriter.open(path) as run:
         assert 5 - len(fold(run.records()).accepted) == seen.lost_commits
+
+
+def test_a_damaged_frame_is_told_from_one_left_over_from_an_earlier_log(path):
+    with RunWriter.open(path) as run:
+        for i in range(4):
+            run.append(observation(i))
+        run._db.wal_checkpoint(mode=apsw.SQLITE_CHECKPOINT_RESTART)
+        run.append(observation(4))
+        log = path.with_name(path.name + "-wal")
+        whole = log.read_bytes()
+    frame = 24 + int.from_bytes(whole[8:12], "big")
+    salts = whole[16:24]
+    present = sum(whole[at + 8 : at + 16] == salts for at in range(32, len(whole), frame))
+    assert 0 < present < (len(whole) - 32) // frame
+    log.write_bytes(whole)
+    assert wal.inspect(path) == wal.WalState(present, present, 0, "")
+    last = 32 + frame * (present - 1)
+    for byte in range(24):
+        for bit in range(8):
+            damaged = bytearray(whole)
+            damaged[last + byte] ^= 1 << bit
+            log.write_bytes(bytes(damaged))
+            seen = wal.inspect(path)
+            assert (seen.frames, seen.replayed, seen.lost_commits) == (present, 0, 1), (byte, bit)
+            assert seen.damage, (byte, bit)

@@ -9,6 +9,8 @@ import pytest
 from table_truth import MISSING, simulate
 
 from rig.cli import main
+from rig.cli.effects import show_certificate
+from rig.cli.show import out
 
 DECLARED = ("--response", "y", "--formula", "1 + x")
 EFFECT_KEYS = {
@@ -62,6 +64,7 @@ def test_json_report_and_keys(rig, table, tmp_path):
     assert effect["family"] == "drift"
     assert found["fitted"]["coefficients"]["x"]["estimate"] == pytest.approx(2.0, abs=0.2)
     assert "drift:t_s" in found["sentence"]
+    assert "; not confirmed by a measurement of its own." in found["certificate"]
     text = page.read_text()
     assert text.count("data:image/png;base64,") == 1
     assert "drift:t_s" in text
@@ -72,6 +75,18 @@ def test_text_tells_what_was_taken_for_what(rig, table):
     assert code == 0, complaint
     assert "drift:t_s" in printed
     assert "t_s was taken for the time" in printed
+    assert printed.splitlines()[-1].startswith("  for the certificate: y: the declared model (1 + x) lacks drift:t_s")
+    assert printed.count("not confirmed by a measurement of its own") == 1
+
+
+def test_a_terminal_gets_the_certificate_wrapped(capsys, monkeypatch):
+    monkeypatch.setattr(out, "_force_terminal", True)
+    monkeypatch.setattr(out, "_width", 40)
+    show_certificate({"certificate": "it scatters [sic] " * 20})
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) > 8
+    assert max(map(len, lines[2:])) <= 40
+    assert "[sic]" in lines[2]
 
 
 @pytest.mark.parametrize(

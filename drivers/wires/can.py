@@ -11,6 +11,7 @@ import contextlib
 import io
 import logging
 import queue
+import struct
 from collections import deque
 from collections.abc import Callable
 from functools import partial
@@ -32,6 +33,8 @@ logging.getLogger("canopen").addHandler(logging.NullHandler())  # it prints what
 
 _QUIET_S = 0.05
 _SDO_REPLIES = range(0x581, 0x600)
+_UPLOADED, _DOWNLOADED, _ABORTED = 0x40, 0x60, 0x80  # the server's command specifiers that name the object
+_DEVICE_TYPE = 0x1000  # every node has it (CiA 301)
 _TALKS_ON_S = 5.0
 _MOST_BUFFERED = 100_000  # frames an adapter may still hold; a bus that brings more at once never falls quiet
 _BUS_ERRORS = (OSError, can.CanError)
@@ -152,9 +155,20 @@ class _Responses:
         self._bus = bus
         self._seconds = seconds
         self._frames: deque[bytes] = deque()
+        self._asked = b""
+        self.foreign = b""
+
+    def expect(self, index: int, subindex: int) -> None:
+        """Only what is about this object counts from now on: canopen takes any confirmation for that of its write."""
+        self._asked = struct.pack("<HB", index, subindex)
+        self.foreign = b""
 
     def put(self, frame: bytes) -> None:
-        self._frames.append(frame)
+        names_object = len(frame) == 8 and frame[0] & 0xE0 in (_UPLOADED, _DOWNLOADED, _ABORTED)
+        if not names_object or frame[1:4] == self._asked:
+            self._frames.append(frame)
+        else:
+            self.foreign = frame
 
     def empty(self) -> bool:
         """Asked before a request is sent: what is still here is from before, and is forgotten."""
@@ -205,11 +219,13 @@ class CanNode:
         self._tap = tap
         self._timeout_s = timeout_s
         self._out_of_step = False
+        self._owed = False  # an answer that may still come
         self.where = f"{f'{label} at ' if label else ''}{address} node {node}"
         self.exchanges = 0
         self.retries = 0
         remote = canopen.RemoteNode(node, dictionary)
-        remote.sdo.responses = cast("queue.Queue[bytes]", _Responses(bus, timeout_s))
+        self._responses = _Responses(bus, timeout_s)
+        remote.sdo.responses = cast("queue.Queue[bytes]", self._responses)
         bus.network[node] = remote
         self._sdo: SdoClient = remote.sdo
 
@@ -224,10 +240,10 @@ class CanNode:
         """
         variable = self._variable(index, subindex)
         try:
-            data = self._ask(lambda: self._sdo.upload(index, subindex), f"reading {_name(variable)}")
+            data = self._upload(index, subindex, f"reading {_name(variable)}")
         except (NoReply, BadReply):
             self.retries += 1
-            data = self._ask(lambda: self._sdo.upload(index, subindex), f"reading {_name(variable)}")
+            data = self._upload(index, subindex, f"reading {_name(variable)}")
         try:
             return cast("int | str", variable.decode_raw(data))
         except ObjectDictionaryError as error:
@@ -255,6 +271,7 @@ class CanNode:
         data = variable.encode_raw(value)
 
         def request() -> None:
+            self._responses.expect(index, subindex)
             # Not SdoClient.download: its buffer is flushed once more after an error, which repeats the write.
             stream: io.RawIOBase = WritableStream(self._sdo, index, subindex, len(data))  # type: ignore[no-untyped-call]  # canopen's
             stream.write(data)
@@ -271,6 +288,22 @@ class CanNode:
             raise BadReply(f"{self.where}: the EDS has no object {index:04X}h:{subindex:02X}")
         return variable
 
+    def _upload(self, index: int, subindex: int, what: str) -> bytes:
+        """Read an object. A node answers in order: after a missing answer it is asked for another object first.
+
+        Whatever is late has come when that answer comes. A write is not held up by this: a stop must go out at once.
+        """
+
+        def request(index: int, subindex: int) -> bytes:
+            self._responses.expect(index, subindex)
+            data: bytes = self._sdo.upload(index, subindex)
+            return data
+
+        if self._owed:
+            self._ask(lambda: request(_DEVICE_TYPE, 0), what)
+            self._owed, self._out_of_step = False, True
+        return self._ask(lambda: request(index, subindex), what)
+
     def _ask(self, request: Callable[[], Answer], what: str) -> Answer:
         self.exchanges += 1
         try:
@@ -285,6 +318,13 @@ class CanNode:
         except SdoCommunicationError as error:
             self._out_of_step = True
             if "No SDO response" in str(error):
+                self._owed = True
+                if foreign := self._responses.foreign:
+                    index, subindex = struct.unpack("<HB", foreign[1:4])
+                    raise BadReply(
+                        f"{self.where}, {what}: it answered about {index:04X}h:{subindex:02X} instead; "
+                        f"is there another SDO client on the bus?"
+                    ) from error
                 raise NoReply(
                     f"{self.where} did not answer {what} within {self._timeout_s:g} s; "
                     f"is it powered, terminated, and set to this node and bit rate?"

@@ -85,6 +85,7 @@ class ModbusWire:
         self._heard = b""
         self._seconds = 1.0
         self._client: _Client | None = None
+        self._last_number = 0
         self._transport: Transport | None = self._connected(address.place)
 
     def ask(
@@ -118,8 +119,13 @@ class ModbusWire:
                 self._drain(where)
             if self._client is None:
                 self._client = _Client(self._framer, self._seconds, self._send, self._hear)
+                self._client.transaction.next_tid = self._last_number
             return request(self._client)
         except ModbusException as error:
+            if self._client is not None:
+                self._last_number = (
+                    self._client.transaction.next_tid
+                )  # else a late reply would have the next one's number
             self._client = None  # it counts failures and acts on them
             self._out_of_step = True
             if self._heard:
@@ -173,6 +179,8 @@ class ModbusWire:
 
     def _lost(self, where: str, error: OSError) -> NoReturn:
         self.close()
+        if self._client is not None:
+            self._last_number = self._client.transaction.next_tid
         self._client = None
         raise Unreachable(f"{where} was lost ({error}); check cable and power") from error
 

@@ -1,8 +1,9 @@
 """A serial line that carries text commands and text replies, one query at a time.
 
 The line opens any address pyserial understands (`/dev/ttyUSB0`, `COM4`, `socket://host:5025`, `rfc2217://...`).
-It never resends a command that may have been carried out. After a missing or surprising reply it listens until
-the instrument is silent before it speaks again, so that a late reply cannot answer the next question.
+It never resends a command that may have been carried out. After a surprising reply it listens until the instrument is
+silent before it asks again. After a missing one it asks what only one answer fits: a line keeps order, so that whatever
+was late has come when that answer comes, and cannot answer the next question.
 """
 
 from __future__ import annotations
@@ -60,6 +61,8 @@ class SerialSettings:
         reply_end: last character of a reply; white space around a reply is not part of it.
         timeout_s: bench seconds within which an ordinary reply is complete.
         quiet_s: bench seconds of silence after which an upset line counts as in step again.
+        sync: a question without side effects that is asked for nothing else, and what every answer to it contains;
+            None if there is none, and silence must do.
 
     """
 
@@ -69,6 +72,7 @@ class SerialSettings:
     reply_end: bytes = b"\n"
     timeout_s: float = 1.0
     quiet_s: float = 0.3
+    sync: tuple[str, str] | None = None
 
 
 class SerialLine:
@@ -101,6 +105,7 @@ class SerialLine:
         self.retries = 0
         self._tap = tap
         self._out_of_step = False
+        self._owed = False  # an answer that may still come
         self._port: _Port | None = self._open()
 
     @property
@@ -109,8 +114,8 @@ class SerialLine:
         return self.label if self.label == self.address else f"{self.label} at {self.address}"
 
     def write(self, text: str) -> None:
-        """Send a command that has no reply. Raises `Unreachable`."""
-        port = self._in_step()
+        """Send a command that has no reply, at once: it cannot be mistaken for anything. Raises `Unreachable`."""
+        port = self._port or self._reopened()
         try:
             self._send(port, text)
         except _PORT_ERRORS as error:
@@ -213,7 +218,41 @@ class SerialLine:
             self._lost(error)
         if stray or self._out_of_step:
             self.drain()
+        if self._owed and self.settings.sync is not None:
+            self._synchronise(port, *self.settings.sync)
         return port
+
+    def _synchronise(self, port: _Port, question: str, answer: str) -> None:
+        """Ask what only one answer fits; everything before that answer was late, and is forgotten.
+
+        Raises:
+            NoReply: it does not come.
+
+        """
+        heard = bytearray()
+        self.exchanges += 1
+        try:
+            self._limit(port, self.settings.timeout_s)
+            self._send(port, question)
+            end = self.clock.now() + self.settings.timeout_s
+            while not (heard.endswith(self.settings.reply_end) and answer in _last_line(heard)):
+                more = port.read(port.in_waiting or 1)
+                if not more or (len(heard) > _LONGEST_REPLY and self.clock.now() > end):
+                    self._out_of_step = True
+                    raise self._silent(question, bytes(heard[-40:]), self.settings.timeout_s)
+                heard += more
+        except _PORT_ERRORS as error:
+            self._lost(error)
+        finally:
+            if self._tap and heard:
+                self._tap(self.label, "rx", bytes(heard))
+        self._owed = False
+        self.drain()  # the same question may have been asked before, in vain
+
+    def _limit(self, port: _Port, timeout_s: float) -> None:
+        limit = self.clock.timeout(timeout_s)
+        if port.timeout != limit:  # setting it reprograms a real port, so only when it changes
+            port.timeout = limit
 
     def _send(self, port: _Port, text: str) -> None:
         data = text.encode("ascii") + self.settings.send_end
@@ -225,9 +264,7 @@ class SerialLine:
         port = self._in_step()
         self.exchanges += 1
         try:
-            limit = self.clock.timeout(timeout_s)
-            if port.timeout != limit:  # setting it reprograms a real port, so only when it changes
-                port.timeout = limit
+            self._limit(port, timeout_s)
             self._send(port, text)
             received = self._receive(port, text, count, timeout_s)
         except _PORT_ERRORS as error:
@@ -248,18 +285,21 @@ class SerialLine:
         while received.count(end) < count:
             heard = port.read(port.in_waiting or 1)
             if not heard:
-                self._out_of_step = True
+                self._out_of_step = self._owed = True
                 if self._tap and received:
                     self._tap(self.label, "rx", bytes(received))
-                got = f"only {bytes(received)!r}" if received else "nothing"
-                raise NoReply(
-                    f"{self.where} answered {got} to {text!r} within {timeout_s:g} s; "
-                    f"is it switched on, connected, and set to {self.settings.baud} baud {self.settings.frame}?"
-                )
+                raise self._silent(text, bytes(received), timeout_s)
             received += heard
             if len(received) > _LONGEST_REPLY:
                 raise self.bad_reply(text, bytes(received[:40]), "an answer that ends")
         return bytes(received)
+
+    def _silent(self, text: str, received: bytes, timeout_s: float) -> NoReply:
+        return NoReply(
+            f"{self.where} answered {f'only {received!r}' if received else 'nothing'} to {text!r} "
+            f"within {timeout_s:g} s; is it switched on, connected, and set to "
+            f"{self.settings.baud} baud {self.settings.frame}?"
+        )
 
     def _lost(self, error: BaseException) -> NoReturn:
         port, self._port = self._port, None
@@ -267,3 +307,7 @@ class SerialLine:
             with contextlib.suppress(*_PORT_ERRORS):  # it is gone already, which is what is being reported
                 port.close()
         raise Unreachable(f"{self.where} was lost ({error}); check cable and power") from error
+
+
+def _last_line(heard: bytearray) -> str:
+    return heard.strip().rpartition(b"\n")[2].decode("ascii", "replace")

@@ -8,7 +8,7 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table as RichTable
 
-from rig.cli.effects import paragraph, show_effect
+from rig.cli.effects import paragraph, show_certificate, show_effect
 from rig.cli.show import headline, number, out
 from rig.closed_loop import AttitudeTraced
 from rig.report.words import TESTS, little_help, significant, unnamed
@@ -91,6 +91,7 @@ def show_attitude_trace(traced: AttitudeTraced) -> None:
         for line in (*unnamed(sensor), little_help(sensor)):
             if line:
                 paragraph(f"[yellow]{escape(line)}[/]", 2)
+        show_certificate(sensor)
 
 
 _MARKED = ("T_bias", "T_b", "T_S")

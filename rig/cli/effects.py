@@ -16,9 +16,9 @@ _SHOWN = 6
 
 
 def show_effect(effect: Mapping[str, Any]) -> None:
-    """Name, size and coefficients with intervals, what looks alike, and the sentence for a certificate."""
-    name = escape(effect["effect"])
-    paragraph(f"[green]{name}[/] ({effect['stratum']}): {share(effect)}, p {chance(effect)}", 2)
+    """Name, size and coefficients with intervals, what looks alike, and what would tell."""
+    stratum = "" if effect["stratum"] == "noise" else f" ({effect['stratum']})"
+    paragraph(f"[green]{escape(effect['effect'])}[/]{stratum}: {share(effect)}, p {chance(effect)}", 2)
     interval = "" if not effect["size_95"] else f" (95 %: {escape(effect['size_95'])}, conditional on the selection)"
     paragraph(f"{escape(effect['size'])}{interval}", 4)
     _show_coefficients(effect)
@@ -30,7 +30,12 @@ def show_effect(effect: Mapping[str, Any]) -> None:
         paragraph(f"would separate them: {escape(effect['separate_by'])}", 4)
     elif effect["stratum"] != "noise":
         paragraph(f"would confirm it: {escape(effect['separate_by'])}", 4)
-    paragraph(f"[dim]for the certificate:[/] {escape(effect['sentence'])}", 4)
+
+
+def show_certificate(found: Mapping[str, Any]) -> None:
+    """The paragraph for a certificate, last of what is said of a sensor."""
+    out.print()
+    paragraph(f"[bold]for the certificate:[/] {escape(found['certificate'])}", 2)
 
 
 def _show_coefficients(effect: Mapping[str, Any]) -> None:

@@ -10,7 +10,7 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from rig.cli.effects import paragraph, show_effect
+from rig.cli.effects import paragraph, show_certificate, show_effect
 from rig.cli.show import err, number, out, print_json
 from rig.errors import UsageError
 from rig.report.words import unnamed
@@ -109,6 +109,7 @@ def show_general_trace(result: Mapping[str, Any]) -> None:
             paragraph(f"[yellow]{escape(line)}[/]", 2)
         for note in found["notes"]:
             paragraph(f"[dim]{escape(note)}[/]", 2)
+        show_certificate(found)
 
 
 def show_general_fit(file: str, result: Mapping[str, Any]) -> None:

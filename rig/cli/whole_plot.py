@@ -8,7 +8,7 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
-from rig.cli.effects import paragraph, show_effect
+from rig.cli.effects import paragraph, show_certificate, show_effect
 from rig.cli.show import headline, number, out
 from rig.closed_loop import WholePlotTraced
 from rig.closed_loop.whole_plot import errors_in_words, low_pressure
@@ -114,6 +114,7 @@ def show_whole_plot_trace(traced: WholePlotTraced) -> None:
             show_effect(effect)
         for line in unnamed(sensor):
             paragraph(f"[yellow]{escape(line)}[/]", 2)
+        show_certificate(sensor)
 
 
 def _before_after(sensor: Mapping[str, Any]) -> Table:

@@ -15,10 +15,10 @@ from fitter.inverse import AttitudeCalibration, calibrate_package
 from fitter.quantiles import t_limit
 from fitter.trace import SensorTrace, Trace, trace
 from fitter.trace.result import FoundEffect
-from rig.closed_loop.certificate import Change, size_95, with_words
+from rig.closed_loop.certificate import Change, Errors, certificate, size_95, with_words
 from rig.effects import attitude_catalogue
 from rig.errors import UsageError
-from rig.report.words import percent
+from rig.report.words import part
 from rig.tables import Table, attitude_data
 
 
@@ -100,6 +100,7 @@ class AttitudeTraced:
             shown = result["sensors"][name]
             shown["sentence"] = attitude_sentence(name, sensor)
             shown["effects"] = [_worded(self.trace, sensor, effect) for effect in shown["effects"]]
+            shown["certificate"] = certificate(name, shown, _errors(sensor))
         return result
 
 
@@ -109,19 +110,18 @@ def _worded(found: Trace, sensor: SensorTrace, effect: dict[str, Any]) -> dict[s
     t = t_limit(0.95, sensor.fit.df)
     if effect["stratum"] == "replication" and of is not None:
         t = t_limit(0.95, max(found.scene.data.replicates.size - 2, 1))
-    of_one = _change("the standard error of one observation goes", sensor.before.sigma_E, sensor.after.sigma_E, sensor)
-    left_out, rms = None, (sensor.cv_rms_before, sensor.cv_rms_after)
+    halves = [None if error is None else t * error for error in effect["stderr"]]
+    return with_words(sensor.sensor, effect, halves, "" if of is None else _size(found, sensor, of, t))
+
+
+def _errors(sensor: SensorTrace) -> Errors:
+    left_out, rms, pure_V = None, (sensor.cv_rms_before, sensor.cv_rms_after), sensor.after.sigma_pr
     if rms[0] is not None and rms[1] is not None:
-        left_out = _change("that at replications left out of search and fit", rms[0], rms[1], sensor)
-    return with_words(
-        sensor.sensor,
-        effect,
-        [None if error is None else t * error for error in effect["stderr"]],
-        "" if of is None else _size(found, sensor, of, t),
-        [of_one],
+        left_out = _change("the error at replications left out of search and fit", rms[0], rms[1], sensor)
+    return Errors(
+        [_change("the standard error of one observation", sensor.before.sigma_E, sensor.after.sigma_E, sensor)],
         left_out,
-        [rest.to_json() for rest in sensor.unnamed],
-        _degrees(sensor.after.sigma_pr, sensor.S_V) if np.isfinite(sensor.after.sigma_pr) else "",
+        floor=_degrees(pure_V, sensor.S_V) if np.isfinite(pure_V) else "",
     )
 
 
@@ -158,11 +158,11 @@ def trace_attitude_table(table: Table, *, temperature: bool | None = None, unnam
 
 
 def attitude_sentence(name: str, found: SensorTrace) -> str:
-    """What was found in one sensor, in words that can go into a certificate."""
+    """What was found in one sensor, in brief."""
     before, after = (_degrees(side.sigma_E, found.S_V) for side in (found.before, found.after))
     if not found.effects:
         return f"{name}: the declared model ({found.declared}) leaves a standard error of {before}; {found.verdict}."
-    effects = " and ".join(f"{e.effect} ({percent(e.share)} of the excess over scatter)" for e in found.effects)
+    effects = " and ".join(f"{e.effect} ({part(e.share)} of the excess over scatter)" for e in found.effects)
     alike = "; ".join(f"{e.effect} from {', '.join(e.aliases)}" for e in found.effects if e.aliases)
     told = f"; these data cannot tell {alike}" if alike else ""
     text = (

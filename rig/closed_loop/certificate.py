@@ -1,4 +1,4 @@
-"""An effect that was found, as it can go into a certificate: size and coefficients with intervals, and a sentence.
+"""What was found in a sensor, as it can go into a certificate: sizes with intervals, a sentence an effect, a paragraph.
 
 An effect is chosen on the data that it is then estimated from, so every interval here is conditional on the choice. It
 is the interval of that effect if it is the one; what the data cannot tell from it stands beside it.
@@ -6,41 +6,63 @@ is the interval of that effect if it is the one; what the data cannot tell from 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import hypot, isfinite
 from typing import Any
 
 from fitter.effects.sizes import Size, amplitude, between
-from rig.report.words import chance, percent
+from fitter.trace.result import CONFIRMED
+from rig.report.words import capitalised, chance, part, unnamed
 
 Interval = tuple[float, float] | None
-_NAMED = 4
+_NAMED = 3
 """Aliases that a sentence names."""
 
 
 @dataclass(frozen=True)
 class Change:
-    """An error before and after, with all effects found.
+    """An error before and after, with all that was found.
 
     Attributes:
-        of: what it is the error of.
+        of: what it is the error of, as the subject of a sentence.
         before: with the declared model.
-        after: with the effects.
+        after: with what was found.
         unit: of both.
-        tells: whether it would fall if the effects are real, and so speaks against them where it does not.
 
     """
 
     of: str
     before: float
     after: float
-    unit: str
-    tells: bool = True
+    unit: str = ""
 
-    def __str__(self) -> str:
-        """As part of a sentence."""
-        return f"{self.of} from {self.before:.3g} to {self.after:.3g} {self.unit}".rstrip()
+    def from_to(self, verb: str = "") -> str:
+        """As part of a sentence, with a verb or to follow one that has it."""
+        return f"{self.of}{verb} from {self.before:.3g} to {self.after:.3g} {self.unit}".rstrip()
+
+    @property
+    def unchanged(self) -> str:
+        """The same where nothing was added to the model."""
+        return f"{self.of} is {self.before:.3g} {self.unit}".rstrip()
+
+
+@dataclass(frozen=True)
+class Errors:
+    """The errors of one sensor, before and after.
+
+    Attributes:
+        of_fit: on the data that were fitted.
+        left_out: on what was left out of search and fit; None where nothing was.
+        hides: why the error left out says little of what was found, as the end of a sentence; "" where it tells.
+        floor: scatter of readings that repeat one setting, with its unit; "" where none do.
+
+    """
+
+    of_fit: Sequence[Change]
+    left_out: Change | None = None
+    hides: str = ""
+    floor: str = ""
 
 
 def intervals(coefficients: Iterable[float], halves: Iterable[float | None]) -> list[Interval]:
@@ -73,74 +95,98 @@ def size_95(size: Size, values: Mapping[str, float], halves: Mapping[str, float]
     return ", ".join(texts)
 
 
-def with_words(
-    sensor: str,
-    effect: dict[str, Any],
-    halves: Iterable[float | None],
-    size: str,
-    changes: Iterable[Change],
-    left_out: Change | None,
-    remains: Iterable[Mapping[str, Any]],
-    floor: str = "",
-) -> dict[str, Any]:
-    """An effect's JSON with `interval_95` of its coefficients, `size_95` and `sentence`.
+def with_words(sensor: str, effect: dict[str, Any], halves: Iterable[float | None], size: str) -> dict[str, Any]:
+    """An effect's JSON with `interval_95` of its coefficients, `size_95` and a `sentence` that stands alone.
 
     Args:
         sensor: name of the output or response.
         effect: as the trace has it.
         halves: half-width of each coefficient's 95 % interval; None where there is none.
         size: 95 % interval of its size in words, "" where there is none.
-        changes: errors before and after.
-        left_out: the error on what was left out of search and fit.
-        remains: what is left unnamed.
-        floor: pure error with its unit, below which no model of the settings comes; "" where nothing is repeated.
 
     """
-    words = {
-        "interval_95": [None if pair is None else list(pair) for pair in intervals(effect["coefficients"], halves)],
-        "size_95": size or None,
-    }
+    pairs = [None if pair is None else list(pair) for pair in intervals(effect["coefficients"], halves)]
+    worded = {**effect, "interval_95": pairs, "size_95": size or None}
     if effect["stratum"] == "noise":
-        sentence = f"{sensor}: {effect['cause']} ({effect['size']}; {_chance(effect)}); nothing is added to the model"
-        return {**effect, **words, "sentence": f"{sentence} for it."}
-    return {**effect, **words, "sentence": _sentence(sensor, effect, size, changes, left_out, remains, floor)}
+        return {**worded, "sentence": f"{sensor}: {_of_noise(worded)}."}
+    lacks = f"{sensor}: the declared model lacks {_lacking(worded)}. Found and sized on the same data."
+    return {**worded, "sentence": lacks}
 
 
-def _sentence(
-    sensor: str,
-    effect: Mapping[str, Any],
-    size: str,
-    changes: Iterable[Change],
-    left_out: Change | None,
-    remains: Iterable[Mapping[str, Any]],
-    floor: str,
-) -> str:
-    name, others = effect["effect"], effect["aliases"]
-    lacks = f"{sensor}: the declared model lacks {name} ({effect['cause']})"
-    more = f" and {len(others) - _NAMED} more" if len(others) > _NAMED else ""
-    alike = f", or what these data cannot tell from it: {', '.join(others[:_NAMED])}{more}" if others else ""
-    interval = f" (95 % interval {size}, conditional on the selection)" if size else ""
-    left = [f"{percent(rest['share'])} of the excess, {rest['where']}" for rest in remains]
-    texts = [
-        lacks + alike,
-        f"{'If it is the former, its' if others else 'Its'} size is {effect['size']}{interval}; it explains "
-        f"{percent(effect['share'])} of the error in excess of scatter; {_chance(effect)}",
-        f"With all that was found, {', '.join(map(str, changes))}{_borne_out(left_out)}",
-        (f"Unexplained remains: {'; '.join(left)}" if left else "Beside that nothing stands out from the noise")
-        + (f"; readings that repeat one setting scatter by {floor}" if floor else ""),
-        "Found and sized on the same data; not confirmed by a measurement of its own",
-    ]
+def certificate(sensor: str, found: Mapping[str, Any], errors: Errors) -> str:
+    """What was found in one sensor, a paragraph: every effect, errors before and after, what remains unexplained.
+
+    Args:
+        sensor: name of the output or response.
+        found: its JSON: `declared`, `effects` as `with_words` has them, `unnamed`.
+        errors: before and after.
+
+    """
+    added = [effect for effect in found["effects"] if effect["stratum"] != "noise"]
+    noise = [effect for effect in found["effects"] if effect["stratum"] == "noise"]
+    rest = [text.removesuffix(".") for text in unnamed(found)]
+    model = f"the declared model ({found['declared']})"
+    texts = []
+    if added:
+        texts += [f"{sensor}: {model} lacks {_lacking(added[0])}"]
+        texts += [f"It also lacks {_lacking(effect)}" for effect in added[1:]]
+    elif rest:
+        texts += [f"{sensor}: no effect that was looked for explains what {model} leaves"]
+    else:
+        texts += [f"{sensor}: no effect beyond {model} stands out from the noise"]
+    texts += [capitalised(_of_noise(effect)) for effect in noise]
+    count = len(added) + sum(left.get("added", False) for left in found["unnamed"])
+    texts += _change(errors, count)
+    texts += rest or (["Nothing else stands out from the noise"] if found["effects"] else [])
+    if errors.floor:
+        texts += [f"Readings that repeat one setting scatter by {errors.floor}"]
+    if count:
+        texts += ["Found and sized on the same data; not confirmed by a measurement of its own"]
     return ". ".join(texts) + "."
 
 
-def _borne_out(left_out: Change | None) -> str:
-    """The left-out error as part of a sentence, with a warning where it does not fall."""
-    if left_out is None:
-        return ""
-    against = left_out.tells and left_out.after >= left_out.before
-    return f", {left_out}{', which does not bear it out' if against else ''}"
+def _lacking(effect: Mapping[str, Any]) -> str:
+    """An effect, what looks alike, its size, its share and the chance of its like."""
+    others, cause = effect["aliases"], effect["cause"].partition(": ")[0].partition("; ")[0]
+    more = f" and {len(others) - _NAMED} more" if len(others) > _NAMED else ""
+    alike = f", or what these data cannot tell from it: {', '.join(others[:_NAMED])}{more}" if others else ""
+    interval = f" (95 % interval {effect['size_95']})" if effect["size_95"] else ""
+    its = "If it is the former, its" if others else "Its"
+    return (
+        f"{effect['effect']} ({cause}){alike}. {its} size is {effect['size']}{interval}; "
+        f"it explains {part(effect['share'])} of the error beyond scatter; {_chance(effect)}"
+    )
+
+
+def _of_noise(effect: Mapping[str, Any]) -> str:
+    """A finding about the noise; what it does to other people's intervals is in its size and not told here."""
+    size = effect["size"] if "intervals" not in effect else effect["size"].partition("; ")[0]
+    return f"{effect['cause']} ({size}); {_chance(effect)}; nothing is added to the model for it"
+
+
+def _change(errors: Errors, added: int) -> list[str]:
+    """Errors before and after if something was `added`, how they are if not; a sentence each."""
+    left_out = errors.left_out
+    if not added:
+        return [capitalised(change.unchanged) for change in (*errors.of_fit, *([left_out] if left_out else []))]
+    first, *others = errors.of_fit
+    changes = " and ".join([first.from_to(" goes"), *(change.from_to() for change in others)])
+    texts = [f"With all that was found, {changes}"]
+    if left_out is not None:
+        told = errors.hides or _borne_out(left_out, "it" if added == 1 else "them")
+        texts.append(f"{capitalised(left_out.from_to(' goes'))}, {told}")
+    return texts
+
+
+def _borne_out(left_out: Change, it: str) -> str:
+    """What the left-out error says of what was found."""
+    if left_out.after >= left_out.before:
+        return f"which does not bear {it} out"
+    if left_out.after > CONFIRMED * left_out.before:
+        return f"which bears {it} out, but weakly: it falls by less than {1 - CONFIRMED:.0%}".replace("%", " %")
+    return f"which bears {it} out"
 
 
 def _chance(effect: Mapping[str, Any]) -> str:
     p = chance(effect).replace("= ", "").replace("< ", "below ")
-    return f"the probability of the like by chance, over all that was searched, is {p}"
+    return f"the probability of anything so clear by chance is {p}"

@@ -10,10 +10,10 @@ import numpy as np
 
 from fitter.quantiles import t_limit
 from fitter.trace.tables import TableTrace, trace_general
-from rig.closed_loop.certificate import Change, with_words
+from rig.closed_loop.certificate import Change, Errors, certificate, with_words
 from rig.closed_loop.roles import Roles, parts_played, read_roles
 from rig.errors import UsageError
-from rig.report.words import percent
+from rig.report.words import part
 from rig.tables import Table
 
 
@@ -43,6 +43,7 @@ class GeneralTraced:
         found["notes"] = [*self.taken, *self.trace.notes]
         found["sentence"] = general_sentence(self.trace)
         found["effects"] = [_worded(self.trace, effect, self._df(effect)) for effect in found["effects"]]
+        found["certificate"] = certificate(self.trace.response, found, _errors(self.trace))
         return {
             "data": {"file": Path(self.table.source).name, "points": len(self.table), "kind": "general"},
             "sensors": {self.roles.response: found},
@@ -60,20 +61,22 @@ class GeneralTraced:
 
 def _worded(found: TableTrace, effect: dict[str, Any], df: int) -> dict[str, Any]:
     """An effect's JSON with intervals and a sentence; `df` of its standard errors."""
-    before, after, t = found.before, found.after, t_limit(0.95, df)
-    left_out = None
-    if found.left_out and before.cv_rms is not None and after.cv_rms is not None:
-        left_out = Change(f"that at {found.left_out} left out of search and fit", before.cv_rms, after.cv_rms, "")
+    t = t_limit(0.95, df)
     halves = [None if error is None else t * error for error in effect["stderr"]]
     size, known = "", [(c, e) for c, e in zip(effect["coefficients"], effect["stderr"], strict=True) if e]
     if known and effect["stratum"] != "noise":  # of several columns as if they were at right angles
         part, rms = t / float(np.sqrt(sum((c / e) ** 2 for c, e in known))), effect["rms"]
         about = "about " if len(known) > 1 else ""
         size = f"{about}{rms * max(1.0 - part, 0.0):.3g} to {rms * (1.0 + part):.3g} rms"
-    changes = [Change("the standard error of one row goes", before.fit.sigma_E, after.fit.sigma_E, "")]
-    rest = [rest.to_json() for rest in found.unnamed]
-    floor = "" if after.sigma_pure is None else f"{after.sigma_pure:.3g}"
-    return with_words(found.response, effect, halves, size, changes, left_out, rest, floor)
+    return with_words(found.response, effect, halves, size)
+
+
+def _errors(found: TableTrace) -> Errors:
+    before, after, left_out = found.before, found.after, None
+    if found.left_out and before.cv_rms is not None and after.cv_rms is not None:
+        left_out = Change(f"the error at {found.left_out} left out of search and fit", before.cv_rms, after.cv_rms)
+    of_one = Change("the standard error of one row", before.fit.sigma_E, after.fit.sigma_E)
+    return Errors([of_one], left_out, floor="" if after.sigma_pure is None else f"{after.sigma_pure:.3g}")
 
 
 def trace_general_table(path: Path, roles: Roles) -> GeneralTraced:
@@ -91,7 +94,7 @@ def trace_general_table(path: Path, roles: Roles) -> GeneralTraced:
 
 
 def general_sentence(found: TableTrace) -> str:
-    """What was found, in words that can go into a certificate."""
+    """What was found, in brief."""
     before, after = found.before.fit.sigma_E, found.after.fit.sigma_E
     start = f"{found.response}: the declared model ({found.declared}) leaves a standard error of {before:.4g}"
     noise = [effect.cause for effect in found.effects if effect.stratum == "noise"]
@@ -99,7 +102,7 @@ def general_sentence(found: TableTrace) -> str:
     more += "".join(f" What remains: {rest.where}." for rest in found.unnamed)
     if not found.added:
         return f"{start}; {found.verdict}.{more}"
-    effects = " and ".join(f"{e.effect} ({percent(e.share)} of the excess)" for e in found.added)
+    effects = " and ".join(f"{e.effect} ({part(e.share)} of the excess)" for e in found.added)
     text = f"{start}; it lacks {effects}. With that the standard error is {after:.4g}"
     if found.before.cv_rms is not None and found.after.cv_rms is not None:
         text += (

@@ -12,7 +12,7 @@ from fitter.pressure import PressureFit, fit_transducers, variance_inflation
 from fitter.trace import TransducerTrace, WholePlotTrace, trace_whole_plots
 from fitter.trace.whole_plots.result import FoundPressureEffect
 from fitter.whole_plot_data import WholePlotData
-from rig.closed_loop.certificate import Change, size_95, with_words
+from rig.closed_loop.certificate import Change, Errors, certificate, size_95, with_words
 from rig.effects import pressure_catalogue
 from rig.errors import UsageError
 from rig.tables import Table, whole_plot_data
@@ -178,6 +178,7 @@ class WholePlotTraced:
             shown["sentence"] = whole_plot_sentence(name, found)
             pairs = zip(found.effects, shown["effects"], strict=True)
             shown["effects"] = [_worded(self.trace, found, effect, of) for effect, of in pairs]
+            shown["certificate"] = certificate(name, shown, _errors(found))
         return {**result, "left_out": dict(self.dead)}
 
 
@@ -190,23 +191,22 @@ def _worded(
         values = dict(zip(effect.terms, effect.coefficients, strict=True))
         halves = dict(zip(effect.terms, effect.half_width_95, strict=True))
         size = size_95(entry.size, values, halves, found.sensitivity)
+    return with_words(found.sensor, result, effect.half_width_95, size)
+
+
+_HIDES = "the whole plots' own errors included, which effects within them do not change"
+
+
+def _errors(found: TransducerTrace) -> Errors:
     before, after = found.before, found.after
     left_out = None
     if before.cv_rms is not None and after.cv_rms is not None:
-        of = "that at whole plots left out of search and fit, their own error included,"
-        left_out = Change(of, before.cv_rms, after.cv_rms, "mV", tells=effect.stratum == "whole-plot")
-    return with_words(
-        found.sensor,
-        result,
-        effect.half_width_95,
-        size,
-        [
-            Change("the error within whole plots goes", before.fit.sigma_subplot, after.fit.sigma_subplot, "mV"),
-            Change("that between them", before.fit.sigma_wholeplot, after.fit.sigma_wholeplot, "mV"),
-        ],
-        left_out,
-        [rest.to_json() for rest in found.unnamed],
-    )
+        of = "the error at whole plots left out of search and fit"
+        left_out = Change(of, before.cv_rms, after.cv_rms, "mV")
+    within = "the error within whole plots", before.fit.sigma_subplot, after.fit.sigma_subplot
+    between = "that between them", before.fit.sigma_wholeplot, after.fit.sigma_wholeplot
+    tells = any(effect.stratum == "whole-plot" for effect in found.effects)
+    return Errors([Change(*within, "mV"), Change(*between, "mV")], left_out, "" if tells else _HIDES)
 
 
 def trace_whole_plot_table(table: Table, model: str = "full") -> WholePlotTraced:
@@ -219,7 +219,7 @@ def trace_whole_plot_table(table: Table, model: str = "full") -> WholePlotTraced
 
 
 def whole_plot_sentence(name: str, found: TransducerTrace) -> str:
-    """What was found in one transducer, in words that can go into a certificate."""
+    """What was found in one transducer, in brief."""
     before, after = (
         f"{side.fit.sigma_subplot:.3g} mV within whole plots and {side.fit.sigma_wholeplot:.3g} mV between them"
         for side in (found.before, found.after)

@@ -13,7 +13,7 @@ import fcntl
 import hashlib
 import os
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -23,6 +23,8 @@ from drivers.clock import RealClock
 from procedures import Factor, Point, RunList
 from rig.engine import wal
 from rig.engine.chain import GENESIS, Record, encode, first_break, link
+from rig.engine.last_word import LastWord, read_last_word
+from rig.engine.storage import storage_of
 from rig.errors import BusyError, RunFileError, StorageError, UsageError
 
 APPLICATION_ID = 0x52494721
@@ -89,11 +91,13 @@ class RunReader:
             return cls(path, _opened(path, f"{uri}?mode=ro"))
         except apsw.Error as error:
             if os.access(path.parent, os.W_OK):
-                raise _unreadable(path, error) from error
+                if not _rolled_back(path):
+                    raise _unreadable(path, error) from error
+                return cls.open(path)
         # On a read-only medium SQLite cannot make its index of the log; without a log it needs none.
-        if path.with_name(path.name + "-wal").exists():
+        if any(path.with_name(path.name + suffix).exists() for suffix in ("-wal", "-journal")):
             raise UsageError(
-                f"{path} was not closed and lies in a read-only folder: copy it with its -wal file elsewhere"
+                f"{path} was not closed and lies in a read-only folder: copy it elsewhere with its -wal or -journal"
             )
         try:
             return cls(path, _opened(path, f"{uri}?mode=ro&immutable=1"))
@@ -101,8 +105,9 @@ class RunReader:
             raise _unreadable(path, error) from error
 
     def close(self) -> None:
-        """Close the database; idempotent."""
-        self._db.close()
+        """Close the database; idempotent. Folding the log into the file can wait: what it holds is durable."""
+        with contextlib.suppress(apsw.Error):
+            self._db.close()
 
     def __enter__(self) -> Self:
         return self
@@ -159,6 +164,10 @@ class RunReader:
         for seq, own in self._all("SELECT seq, hash FROM record ORDER BY seq DESC LIMIT 1"):
             return seq, own
         return 0, GENESIS
+
+    def _holds(self, seq: int, own: bytes) -> bool:
+        """Whether there is a record of that number and hash."""
+        return bool(self._all("SELECT 1 FROM record WHERE seq = ? AND hash = ?", (seq, own)))
 
     def verify(self, each: Callable[[Record], object] = lambda _: None) -> None:
         """Check integrity, run list, documents and chain; raises `RunFileError` that says what was changed, where.
@@ -220,7 +229,7 @@ class RunReader:
     def _all(self, statement: str, values: tuple[object, ...] = ()) -> list[Any]:
         try:
             return self._db.execute(statement, values).fetchall()
-        except apsw.Error as error:
+        except (apsw.Error, UnicodeDecodeError) as error:
             raise _unreadable(self.path, error) from error
 
 
@@ -229,6 +238,7 @@ class RunWriter(RunReader):
 
     dropped: wal.WalState
     _lock: int
+    _vfs: str
 
     @classmethod
     def open(cls, path: Path, *, vfs: str = "", verified: tuple[int, bytes] | None = None) -> Self:
@@ -245,6 +255,7 @@ class RunWriter(RunReader):
         try:
             if not _locked(lock):
                 raise BusyError(f"{path} is in use by another controller; `rig status {path}` shows it")
+            _renew_log(path, vfs)
             dropped = wal.inspect(path)
             try:
                 db = apsw.Connection(str(path), flags=apsw.SQLITE_OPEN_READWRITE, vfs=vfs or None)
@@ -253,26 +264,50 @@ class RunWriter(RunReader):
                 raise _unreadable(path, error) from error
             run.dropped = dropped
             run._lock = lock
-            if verified is None or run.head() != verified:
-                run.verify()
-            run._start()
+            run._vfs = vfs
+            try:
+                if verified is None or run.head() != verified:
+                    run.verify()
+                run._start()
+            except BaseException:
+                RunReader.close(run)
+                raise
         except BaseException:
             os.close(lock)
             raise
         return run
 
     def _start(self) -> None:
-        self._db.set_busy_timeout(10_000)
-        self._db.pragma("journal_mode", "wal")
-        self._db.pragma("synchronous", "full")
+        try:
+            self._db.set_busy_timeout(10_000)
+            self._db.pragma("synchronous", "extra")  # entering WAL mode, which journals its own way, is durable too
+            self._db.pragma("journal_mode", "wal")
+            self._db.pragma("synchronous", "full")
+        except apsw.Error as error:
+            raise _not_durable(self.path, error) from error
         self._seq, self._hash = self.head()
         self._pending: list[tuple[int, Record, bytes, bytes]] = []
+        self._finished = False
+        self.dropped = self._cut_off(self.dropped)
+        self._last_word = LastWord(self.path)
+        if self._seq > 1:
+            self._last_word.say(self._seq, self._hash)
+
+    def _cut_off(self, dropped: wal.WalState) -> wal.WalState:
+        """What was dropped, with the records that the last session is known to have written and that are not there."""
+        last = read_last_word(self.path)
+        if last is None or self._holds(*last):
+            return dropped
+        missing = last[0] - self._seq
+        damage = f"its last {missing} record(s) are not there" if missing > 0 else f"record {last[0]} is another one"
+        return replace(dropped, damage=dropped.damage or damage, lost_commits=max(dropped.lost_commits, missing))
 
     def append(self, record: Record, *, commit: bool = True) -> None:
         """Add a record; without `commit` it becomes durable together with the next one that has it.
 
         Raises:
-            StorageError: the record could not be made durable. Nothing was written; the run must stop.
+            StorageError: the record could not be made durable; the run must stop. It may still be found in the file
+                later, or become durable with the next commit.
 
         """
         seq = self._seq + len(self._pending) + 1
@@ -295,12 +330,10 @@ class RunWriter(RunReader):
                 self._db.execute("ROLLBACK")
             if isinstance(error, apsw.ConstraintError):
                 raise
-            raise StorageError(
-                f"cannot write to {self.path}: {error}. Everything up to the last observation is safe. "
-                f"Free space or mend the disk, then: rig resume {self.path}"
-            ) from error
+            raise _not_durable(self.path, error) from error
         self._seq, _, _, self._hash = self._pending[-1]
         self._pending.clear()
+        self._last_word.say(self._seq, self._hash)
 
     def finish(self, record: Record) -> None:
         """Write the end record with count and head hash, and turn the file into an ordinary one."""
@@ -310,19 +343,26 @@ class RunWriter(RunReader):
             Record(record.session, "end", record.elapsed_s, record.utc_s, status=record.status, body=encode(body))
         )
         self._db.set_busy_timeout(200)
-        with contextlib.suppress(apsw.Error):  # a reader is looking: every record is safe, only the log file stays
+        # A reader is looking, or the disk refuses: every record is safe, only the log file stays.
+        with contextlib.suppress(apsw.Error, OSError):
             self._db.wal_checkpoint(mode=apsw.SQLITE_CHECKPOINT_TRUNCATE)
+            self._db.pragma("synchronous", "extra")
             self._db.pragma("journal_mode", "delete")
+            storage_of(self._vfs).sync_folder(self.path.parent)
+        self._finished = True
 
     def close(self) -> None:
         """Close; records not committed are lost, as they would be in a crash."""
-        super().close()
-        if self._lock >= 0:
-            os.close(self._lock)  # after SQLite: closing any descriptor drops its own locks on the file
-            self._lock = -1
+        try:
+            super().close()
+        finally:
+            self._last_word.close(finished=self._finished)
+            if self._lock >= 0:
+                os.close(self._lock)  # after SQLite: closing any descriptor drops its own locks on the file
+                self._lock = -1
 
 
-def create(path: Path, genesis: Genesis, *, elapsed_s: float, utc_s: float) -> None:
+def create(path: Path, genesis: Genesis, *, elapsed_s: float, utc_s: float, vfs: str = "") -> None:
     """Make a run file: whole and durable under its final name, or not there at all.
 
     Raises:
@@ -332,20 +372,21 @@ def create(path: Path, genesis: Genesis, *, elapsed_s: float, utc_s: float) -> N
     """
     if path.exists():
         raise RunFileError(f"{path} exists already; a run is never overwritten")
-    part = path.with_name(path.name + ".part")
+    part, disk = path.with_name(path.name + ".part"), storage_of(vfs)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        part.unlink(missing_ok=True)
-        db = apsw.Connection(str(part))
+        disk.make_folder(path.parent)
+        disk.remove(part)
+        db = apsw.Connection(str(part), vfs=vfs or None)
         try:
             _fill(db, genesis, elapsed_s, utc_s)
         finally:
             db.close()
-        os.replace(part, path)
-        _sync_folder(path.parent)
+        disk.replace(part, path)
+        disk.sync_folder(path.parent)
     except (apsw.Error, OSError) as error:
-        with contextlib.suppress(OSError):
-            part.unlink(missing_ok=True)
+        for name in (part, part.with_name(part.name + "-journal"), path):
+            with contextlib.suppress(OSError):
+                disk.remove(name)
         raise StorageError(f"cannot create {path}: {error}. Nothing was moved and nothing is left behind.") from error
 
 
@@ -434,6 +475,30 @@ def _opened(path: Path, uri: str) -> apsw.Connection:
     return _checked(path, db)
 
 
+def _rolled_back(path: Path) -> bool:
+    """Let SQLite undo a half-written change of the file's mode; False if there is none, or somebody is at work.
+
+    Entering and leaving WAL mode is journalled, and a connection that only reads cannot finish with a journal that a
+    power cut left.
+    """
+    if not path.with_name(path.name + "-journal").exists():
+        return False
+    lock = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        if not _locked(lock):
+            return False
+        db = apsw.Connection(str(path), flags=apsw.SQLITE_OPEN_READWRITE)
+        try:
+            db.execute("SELECT count(*) FROM sqlite_master").fetchall()
+        finally:
+            db.close()
+    except apsw.Error:
+        return False
+    finally:
+        os.close(lock)
+    return not path.with_name(path.name + "-journal").exists()
+
+
 def _checked(path: Path, db: apsw.Connection) -> apsw.Connection:
     version = db.pragma("user_version")
     if version != SCHEMA_VERSION:
@@ -448,9 +513,21 @@ def _unreadable(path: Path, error: Exception) -> RunFileError:
     return RunFileError(f"{path} is damaged and cannot be read ({error}). {_WAY_FORWARD}")
 
 
-def _sync_folder(folder: Path) -> None:
-    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+def _not_durable(path: Path, error: Exception) -> StorageError:
+    return StorageError(
+        f"cannot write to {path}: {error}. Everything up to the last observation is safe. "
+        f"Free space or mend the disk, then: rig resume {path}"
+    )
+
+
+def _renew_log(path: Path, vfs: str) -> None:
+    """Write the log over itself before anything is built on it: a failed fsync may have left it in memory only.
+
+    Raises `StorageError`: nothing can be made durable.
+    """
+    log = path.with_name(path.name + "-wal")
     try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
+        if log.exists():
+            storage_of(vfs).rewrite(log)
+    except OSError as error:
+        raise _not_durable(path, error) from error

@@ -9,11 +9,17 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 _HEADER = struct.Struct(">8I")
 _FRAME = struct.Struct(">6I")
 _MAGIC_LITTLE, _MAGIC_BIG = 0x377F0682, 0x377F0683
+_GENERATIONS = 1 << 24
+"""A log is begun anew every few hundred points; more generations than this no run has."""
 
 
 @dataclass(frozen=True)
@@ -44,11 +50,30 @@ _CLEAN = WalState(0, 0, 0, "")
 
 
 def _checksum(data: bytes, order: str, s0: int, s1: int) -> tuple[int, int]:
-    words = struct.unpack(f"{order}{len(data) // 4}I", data)
-    for i in range(0, len(words), 2):
-        s0 = (s0 + words[i] + s1) & 0xFFFFFFFF
-        s1 = (s1 + words[i + 1] + s0) & 0xFFFFFFFF
-    return s0, s1
+    """Add to the format's running checksum: for each pair of words, s0 += x + s1, then s1 += y + s0, modulo 2^32.
+
+    That is linear: n pairs multiply (s0, s1) by the nth power of [[1, 1], [1, 2]], and each pair adds (x, x + y)
+    multiplied by as many powers as there are pairs after it.
+    """
+    words = np.frombuffer(data, np.dtype(np.uint32).newbyteorder(order)).astype(np.uint32)
+    x, both = words[::2], words[::2] + words[1::2]
+    (a, b, c), (an, bn, cn) = _powers(len(x))
+    s0, s1 = (
+        (an * s0 + bn * s1 + int(np.sum(a * x + b * both, dtype=np.uint32))),
+        (bn * s0 + cn * s1 + int(np.sum(b * x + c * both, dtype=np.uint32))),
+    )
+    return s0 & 0xFFFFFFFF, s1 & 0xFFFFFFFF
+
+
+@cache
+def _powers(pairs: int) -> tuple[NDArray[np.uint32], tuple[int, int, int]]:
+    """The powers pairs - 1 to 0 of [[1, 1], [1, 2]] as rows a, b, c of [[a, b], [b, c]], and the power `pairs`."""
+    rows = []
+    a, b, c = 1, 0, 1
+    for _ in range(pairs):
+        rows.append((a, b, c))
+        a, b, c = (a + b) & 0xFFFFFFFF, (a + 2 * b) & 0xFFFFFFFF, (b + 2 * c) & 0xFFFFFFFF
+    return np.array(rows[::-1], np.uint32).reshape(-1, 3).T.copy(), (a, b, c)
 
 
 def inspect(database: Path) -> WalState:
@@ -79,26 +104,21 @@ def inspect(database: Path) -> WalState:
 
 def _frames(data: bytes, page: int, order: str, salts: tuple[int, int], running: tuple[int, int]) -> WalState:
     size = _FRAME.size + page
+    places = range(_HEADER.size, len(data), size)
     frames = replayed = lost = 0
     damage = ""
-    for at in range(_HEADER.size, len(data), size):
-        if at + _FRAME.size > len(data):
-            damage = damage or f"frame {frames + 1} is cut short"
-            break
-        _, commit, salt0, salt1, sum0, sum1 = _FRAME.unpack_from(data, at)
-        if (salt0, salt1) != salts and not damage:
-            if not _present_again(data, at + size, size, salts):
-                break  # left over from an earlier generation of the log: not part of it
-            damage = f"frame {frames + 1} does not belong to its log"
-        body = data[at + _FRAME.size : at + size]
+    for at in places[: _present(data, places, salts)]:
         frames += 1
-        if len(body) < page:
+        if at + size > len(data):
             damage = damage or f"frame {frames} is cut short"
             break
+        _, commit, salt0, salt1, sum0, sum1 = _FRAME.unpack_from(data, at)
         if not damage:
             running = _checksum(data[at : at + 8], order, *running)
-            running = _checksum(body, order, *running)
-            if running != (sum0, sum1):
+            running = _checksum(data[at + _FRAME.size : at + size], order, *running)
+            if (salt0, salt1) != salts:
+                damage = f"frame {frames} does not belong to its log"
+            elif running != (sum0, sum1):
                 damage = f"frame {frames} fails its checksum"
         if commit:
             if damage:
@@ -108,9 +128,19 @@ def _frames(data: bytes, page: int, order: str, salts: tuple[int, int], running:
     return WalState(frames, replayed, lost, damage)
 
 
-def _present_again(data: bytes, start: int, size: int, salts: tuple[int, int]) -> bool:
-    """Whether a frame of the present generation follows."""
-    return any(_FRAME.unpack_from(data, at)[2:4] == salts for at in range(start, len(data) - _FRAME.size + 1, size))
+def _present(data: bytes, places: range, salts: tuple[int, int]) -> int:
+    """How many frames belong to the log's present generation: up to the last that says so, and damaged ones after it.
+
+    What follows is left over from earlier generations. Their first salt counts up to the present one and their second
+    is random; a frame that shares either with the present generation is one of its own, damaged.
+    """
+    whole = [_FRAME.unpack_from(data, at)[2:4] for at in places if at + _FRAME.size <= len(data)]
+    count = max((i for i, own in enumerate(whole, 1) if own == salts), default=0)
+    for own in whole[count:]:
+        if 0 < (salts[0] - own[0]) & 0xFFFFFFFF < _GENERATIONS and own[1] != salts[1]:
+            return count
+        count += 1
+    return len(places)
 
 
 def _unusable(data: bytes, page: int, damage: str) -> WalState:

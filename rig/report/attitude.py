@@ -11,10 +11,10 @@ from fitter.linear import orthonormal
 from fitter.trace.result import FoundEffect
 from rig.report.attitude_plots import SCALE, UNIT, Picture, residual_map, residuals_against
 from rig.report.effect_plots import EffectView, effect_plot, noise_plot
-from rig.report.effects import effect_rows
+from rig.report.effects import effects_part
 from rig.report.frame import render
 from rig.report.parameters import LABELS, NO_DIRECTION, parameters
-from rig.report.words import TESTS, little_help, significant, unnamed
+from rig.report.words import TESTS, little_help, significant
 
 if TYPE_CHECKING:
     from rig.closed_loop import AttitudeTraced
@@ -61,8 +61,7 @@ def _sensor(name: str, result: dict[str, Any], traced: AttitudeTraced) -> dict[s
         ],
         "parameters": estimates,
         "no_direction": NO_DIRECTION if LABELS["mx_V"] in {p.name for p in estimates} else "",
-        "effects": [effect_rows(effect, plots.get(effect["effect"], "")) for effect in result["effects"]],
-        "unnamed": unnamed(result),
+        **effects_part(result, plots),
         "little_help": little_help(result),
         "notes": result.get("notes", []),
         "plots": _plots(name, _picture(traced, name)),

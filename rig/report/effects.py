@@ -2,9 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
-from rig.report.words import capitalised, chance, share, units, with_error
+from rig.report.words import capitalised, chance, share, units, unnamed, with_error
+
+
+def effects_part(found: Mapping[str, Any], plots: Mapping[str, str]) -> dict[str, Any]:
+    """What the template of the effects takes of one sensor.
+
+    Args:
+        found: its JSON, as `rig trace --json` has it.
+        plots: before and after, base64 PNG, by effect; none of those that the report shows elsewhere.
+
+    """
+    strata = [effect["stratum"] for effect in found["effects"]]
+    kinds = ["Effects the declared model lacks"] if set(strata) - {"noise"} else []
+    kinds += ["findings about the noise"] if "noise" in strata else []
+    return {
+        "heading": capitalised(", and ".join(kinds)),
+        "effects": [effect_rows(effect, plots.get(effect["effect"], "")) for effect in found["effects"]],
+        "unnamed": unnamed(found),
+        "certificate": found["certificate"],
+    }
 
 
 def effect_rows(effect: dict[str, Any], plot: str = "") -> dict[str, Any]:

@@ -6,10 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rig.atomic import write_whole
-from rig.report.effects import effect_rows
+from rig.report.effects import effects_part
 from rig.report.frame import render
 from rig.report.general_plots import residuals_over
-from rig.report.words import unnamed
 
 if TYPE_CHECKING:
     from rig.closed_loop.general_trace import GeneralTraced
@@ -50,8 +49,7 @@ def general_report(traced: GeneralTraced) -> str:
                 for key, label, meaning in _ROWS
                 if before[key] is not None or after[key] is not None
             ],
-            "effects": [_effect(effect) for effect in found["effects"]],
-            "unnamed": unnamed(found),
+            "s": effects_part(found, {}),
             "plots": _plots(traced),
             "coefficients": [
                 {"name": term, "estimate": _number(value["estimate"], 6), "stderr": _number(value["stderr"], 3)}
@@ -59,14 +57,6 @@ def general_report(traced: GeneralTraced) -> str:
             ],
         },
     )
-
-
-def _effect(effect: dict[str, Any]) -> dict[str, Any]:
-    """An effect as the template takes it; what is found about the noise has no standard errors."""
-    shown = effect_rows(effect)
-    for term in shown["terms"]:
-        term["stderr"] = "-" if term["stderr"] == "nan" else term["stderr"]
-    return shown
 
 
 def _plots(traced: GeneralTraced) -> list[dict[str, Any]]:

@@ -6,11 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rig.report.effects import effect_rows
+from rig.report.effects import effects_part
 from rig.report.frame import render
 from rig.report.whole_plot_effects import effect_figures
 from rig.report.whole_plot_plots import Residuals, between_whole_plots, reading_errors, within_whole_plots
-from rig.report.words import unnamed
 
 if TYPE_CHECKING:
     from rig.closed_loop import WholePlotTraced
@@ -57,8 +56,7 @@ def _transducer(name: str, result: dict[str, Any], traced: WholePlotTraced) -> d
             | {"df": _number(value["df"], 3)}
             for term, value in result["fitted"]["coefficients"].items()
         ],
-        "effects": [effect_rows(effect, figures.get(effect["effect"], "")) for effect in result["effects"]],
-        "unnamed": unnamed(result),
+        **effects_part(result, figures),
         "plots": [
             {"alt": f"{name}: reading error over pressure, before and after", "png": reading_errors(residuals)},
             {"alt": f"{name}: residuals within whole plots over pressure", "png": within_whole_plots(residuals)},

@@ -14,6 +14,9 @@ SMALLEST = 1e-6
 _CARRIES_OVER = 0.8
 """Left-out error after over before; above this the effects found are of little use to data not seen."""
 
+_ALL = 0.995
+"""A share that whole percent cannot tell from all."""
+
 
 def incomplete(provenance: Mapping[str, Any]) -> str:
     """Says that a run has fewer observations than points and why, "" where it has all or nobody knows."""
@@ -40,12 +43,17 @@ def share(effect: Mapping[str, Any]) -> str:
     """How much of the excess error an effect explains; a finding about the noise explains none, and needs to."""
     if effect["stratum"] == "noise":
         return "a finding about the noise"
-    return f"{percent(effect['share'])} of the excess error"
+    return f"{part(effect['share'])} of the excess error"
 
 
 def percent(part: float) -> str:
     """A share in whole percent; what would round to nothing is "less than 1 %", for it is something."""
     return "less than 1 %" if 0 < part < 0.005 else f"{100 * part:.0f} %"
+
+
+def part(share: float) -> str:
+    """A share in words: "all" from where whole percent say 100, and above, where effects offset one another."""
+    return "all" if share > _ALL else percent(share)
 
 
 def units(effect: Mapping[str, Any]) -> list[str]:
@@ -57,7 +65,7 @@ def units(effect: Mapping[str, Any]) -> list[str]:
 def unnamed(sensor: Mapping[str, Any]) -> list[str]:
     """What no effect of the catalogue explains, a sentence each."""
     return [
-        f"{'Without a name' if rest.get('added') else 'Unexplained'}: {percent(rest['share'])} of the excess error, "
+        f"{'Without a name' if rest.get('added') else 'Unexplained'}: {part(rest['share'])} of the excess error, "
         f"{rest['where']}."
         for rest in sensor["unnamed"]
     ]

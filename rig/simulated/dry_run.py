@@ -60,6 +60,7 @@ class DryBench:
         start: virtual seconds at which its time begins.
         where: the world file's name, for messages.
         tap: sees every byte on every wire.
+        record_tape: keep what truly happens in `sim.tape`, for checkers.
 
     Raises:
         ConfigurationError: the world file is wrong, or a driver has no twin.
@@ -74,12 +75,13 @@ class DryBench:
         start: float = 0.0,
         where: str = "world",
         tap: Tap | None = None,
+        record_tape: bool = False,
     ) -> None:
         values = plain(config)
         key = f"dry{next(_keys)}"
         try:
             self.world = world_for(values, truth, start)
-            self.sim = SimBench(self.world, values, truth, key, twin_classes(config))
+            self.sim = SimBench(self.world, values, truth, key, twin_classes(config), record_tape=record_tape)
         except WorldError as error:
             raise ConfigurationError(f"{where}: {error}") from error
         instruments = {

@@ -23,6 +23,7 @@ from sims.physics.modes import Array, Response
 from sims.physics.pressure_truth import ChamberTruth
 from sims.physics.steps import Steps
 from sims.physics.thermal import Lab, Ramp
+from sims.physics.told import Told
 
 _AIR, _WALL, _BODY, _INTEGRAL = range(4)
 
@@ -46,6 +47,7 @@ class Chamber:
 
     Attributes:
         controlled: whether the control loop is closed.
+        told: told of what is commanded.
         temperatures: what it was sent to, a step for every change of temperature that makes a new whole plot.
 
     """
@@ -75,6 +77,9 @@ class Chamber:
         self._matrices = {False: alone, True: closed}
         self._command = np.array([self._proportional, 0.0, 0.0, self._integral])
         self._surroundings = np.array([free, 0.0, body * t.body_sees_lab, 0.0])
+        self._free = free
+        self.told: Told | None = None
+        self._door: float | None = None  # how fast the air goes to the laboratory's, per second, while it is open
         self.assume_steady(t.start_setpoint_degC, start, controlled=t.start_controlled)
 
     def assume_steady(self, setpoint_degC: float, now: float, *, controlled: bool = True) -> None:
@@ -105,24 +110,47 @@ class Chamber:
             ramp_degC_per_min: no faster than this; the chamber's own slew is the limit otherwise.
 
         """
+        if self.told is not None:
+            self.told("setpoint_degC", setpoint_degC)
+            self.told("control", "on" if controlled else "off")
         air = self.air_degC(now)
-        begin = self.active_setpoint_degC(now) if self.controlled else air
+        begin = self.active_setpoint_degC(now) if self._stretch(now).controlled else air
         slew = min(ramp_degC_per_min, self._truth.slew_degC_per_min) / 60.0
         away = setpoint_degC - begin
         end = now + abs(away) / slew if controlled else now
         changed = max(abs(setpoint_degC - air), abs(setpoint_degC - self.temperatures.value(now)))
-        if controlled and changed > self._truth.new_draw_degC:
+        if self._door is not None:
+            end = now  # nothing drives it
+        elif controlled and changed > self._truth.new_draw_degC:
             self.temperatures.set(now, setpoint_degC, end - now)
         ramp = Ramp(now, begin, slew if away > 0 else -slew, end, setpoint_degC)
         state = self._stretch(now).response.state(now)[:_INTEGRAL]
-        if controlled:
-            total = self._stretch(now).response.at(_INTEGRAL, now) if self.controlled else 0.0
+        if controlled and self._door is None:
+            total = self._stretch(now).response.at(_INTEGRAL, now) if self._stretch(now).controlled else 0.0
             state = np.append(state, total)
         self.controlled = controlled
         self._stretches = [s for s in self._stretches if s.response.start <= now]
         self._append(ramp, now, state)
         if end > now:
             self._append(ramp, end, self._stretches[-1].response.state(end))
+
+    def open_door(self, now: float, time_constant_s: float) -> None:
+        """Its door is opened: the control loop rests, and the air follows the laboratory this fast."""
+        if self.told is not None:
+            self.told("door", "open")
+        self._door = 1.0 / time_constant_s
+        self._again(now)
+
+    def close_door(self, now: float) -> None:
+        """Its door is closed: it does again what was commanded last."""
+        if self.told is not None:
+            self.told("door", "closed")
+        self._door = None
+        self._again(now)
+
+    def _again(self, now: float) -> None:
+        rate = abs(self._stretches[-1].ramp.slope) * 60.0 or inf
+        self.command(now, self.setpoint_degC, controlled=self.controlled, ramp_degC_per_min=rate)
 
     def air_degC(self, t: float) -> float:
         """Temperature of the air, which the controller's own sensor sees."""
@@ -153,18 +181,24 @@ class Chamber:
         return abs(self.air_degC(t) - self.temperatures.value(t)) > self._truth.new_draw_degC
 
     def _append(self, ramp: Ramp, at: float, begin: Array | None) -> None:
-        n = 4 if self.controlled else 3
+        closed = self.controlled and self._door is None
+        n = 4 if closed else 3
+        matrix, surroundings = self._matrices[closed], self._surroundings[:n]
+        if self._door is not None:
+            matrix, surroundings = matrix.copy(), surroundings.copy()
+            matrix[_AIR, _AIR] -= self._door - self._free
+            surroundings[_AIR] = self._door
         slope = ramp.slope if at < ramp.end else 0.0
         response = Response(
             at,
-            self._matrices[self.controlled],
-            self._command[:n] if self.controlled else np.zeros(n),
-            self._surroundings[:n],
+            matrix,
+            self._command[:n] if closed else np.zeros(n),
+            surroundings,
             (ramp.at(at), slope),
             self._lab,
             begin,
         )
-        self._stretches.append(_Stretch(self.controlled, ramp, response))
+        self._stretches.append(_Stretch(closed, ramp, response))
 
     def _stretch(self, t: float) -> _Stretch:
         for stretch in reversed(self._stretches):

@@ -12,6 +12,7 @@ from math import inf, sqrt
 from typing import Protocol
 
 from sims.physics.profile import Course, Leg, Mechanics, overshoots, stopping, towards
+from sims.physics.told import Told
 from sims.physics.truth import HeadTruth
 from sims.physics.undeclared import ARCSEC, Backlash, HeadError
 
@@ -29,13 +30,21 @@ class Now(Protocol):
 
 
 class Axis:
-    """One axis: its moves and its errors."""
+    """One axis: its moves and its errors.
+
+    Attributes:
+        told: told of its motion.
+
+    """
 
     def __init__(self, world: Now, start_deg: float, mechanics: Mechanics, errors: Sequence[HeadError]) -> None:
         self._world = world
         self._mechanics = mechanics
         self._errors = tuple(errors)
         self._deceleration = 1.0
+        self._stalled_until = -inf
+        self.told: Told | None = None
+        self._slips: list[tuple[float, float]] = []
         resting = Course(1.0, (), start_deg, 0.0)
         self._legs = [Leg(-inf, start_deg, start_deg, -mechanics.hidden_play_deg / 2.0, resting, mechanics)]
 
@@ -62,6 +71,9 @@ class Axis:
         true = encoder + self.leg(t).trail(t)
         for error in self._errors:
             true += error.error_deg(encoder)
+        for since, amount in self._slips:
+            if since <= t:
+                true += amount
         return true
 
     def true_deg(self, t: float) -> float:
@@ -76,6 +88,8 @@ class Axis:
         """Go to an encoder angle; both speed (deg/s) and acceleration (deg/s^2) must be positive."""
         if not (speed > 0.0 and acceleration > 0.0):
             raise ValueError(f"speed {speed} and acceleration {acceleration} must be positive")
+        if self._world.now() < self._stalled_until:
+            return
         now = self._interrupt()
         self._deceleration = acceleration
         leg = self.leg(now)
@@ -88,6 +102,9 @@ class Axis:
         reversing = (target - angle) * leg.course.direction < 0.0
         wait = sqrt(2.0 * m.gear_play_deg / acceleration) if reversing else 0.0
         self._append(now, towards(angle, moving_at, target, speed, acceleration, m.creep_deg, wait))
+        if self.told is not None:
+            self.told("target_deg", target)
+            self.told("reached_deg", target, self._legs[-1].end - self._world.now())
 
     def stop(self, deceleration_deg_per_s2: float | None = None) -> None:
         """Come to rest as soon as the deceleration allows (the last move's, unless another is given)."""
@@ -98,6 +115,28 @@ class Axis:
             deceleration = deceleration_deg_per_s2 or self._deceleration
             still = Course(leg.course.direction, (), angle, 0.0)
             self._append(now, stopping(angle, speed, deceleration) if speed else still)
+            if self.told is not None:
+                self.told("stopped_deg", self._legs[-1].course.target)
+
+    def stall(self, until: float) -> None:
+        """Stand still where it is, whatever is commanded, until a virtual time."""
+        now = self._interrupt()
+        leg = self.leg(now)
+        if now < leg.end:
+            self._append(now, Course(leg.course.direction, (), leg.angle(now), 0.0))
+            if self.told is not None:
+                self.told("stalled_deg", leg.angle(now))
+        self._stalled_until = until
+
+    def slip(self, amount_deg: float, *, encoder: bool) -> None:
+        """The table jumps and stays there, with its encoder or against it; a motion under way is at an end."""
+        now = self._world.now()
+        if not encoder:
+            self._slips.append((now, amount_deg))
+            return
+        now = self._interrupt()
+        leg = self.leg(now)
+        self._append(now, Course(1.0 if amount_deg >= 0 else -1.0, (), leg.angle(now) + amount_deg, 0.0))
 
     def _interrupt(self) -> float:
         """Forget what was to come, and what is long past; returns the time."""

@@ -70,6 +70,7 @@ class Plant:
         self._pendulum_s = t.package.pendulum_time_constant_s
         self.enclosure = Enclosure(t.enclosure, t.package.thermal_time_constant_s, self._lab, world.now())
         self.head = HeadMechanics(world, t.head, t.effects.backlash, t.effects.head_error, self._pendulum_s)
+        self._latest: dict[str, tuple[tuple[float, float], float]] = {}
         self._pitch, self._roll = self.head.axes["pitch"], self.head.axes["roll"]
         self._sensors = {
             name: Accelerometer(name, axes[name], sensor, t.effects)
@@ -111,20 +112,53 @@ class Plant:
 
         """
         if sensor in self.stand.transducers:
-            return self.stand.output_V(sensor, t0, t1)
+            return self._clean(sensor, t0, t1) + self.stand.noise_V(sensor, t0, t1)
+        accelerometer = self._sensors[sensor]
+        noise = accelerometer.noise / sqrt(t1 - t0)
+        return self._clean(sensor, t0, t1) + noise * normal(self._seed, accelerometer.channel, event_at(t0))
+
+    def clean_V(self, instrument: str, channel: str, t0: float, t1: float) -> float:
+        """What the sensor at an input gave over a window, without noise; 0 V where there is none."""
+        sensor = self._volts.get((instrument, channel))
+        return 0.0 if sensor is None else self._clean(sensor, t0, t1)
+
+    def _clean(self, sensor: str, t0: float, t1: float) -> float:
+        """Mean output of a sensor without noise; the latest window of each is remembered."""
+        latest = self._latest.get(sensor)
+        if latest is not None and latest[0] == (t0, t1):
+            return latest[1]
+        of_stand = sensor in self.stand.transducers
+        output = self.stand.clean_V(sensor, t0, t1) if of_stand else self._tilt_V(sensor, t0, t1)
+        self._latest[sensor] = ((t0, t1), output)
+        return output
+
+    def _tilt_V(self, sensor: str, t0: float, t1: float) -> float:
+        """Mean output of an accelerometer without noise."""
         accelerometer = self._sensors[sensor]
         middle, half = (t0 + t1) / 2.0, (t1 - t0) / 2.0
         still = max(self._pitch.leg(t1).end, self._roll.leg(t1).end)
         if t0 >= still + _QUIET * self._pendulum_s:
-            output = accelerometer.output_V(self.gravity(middle), self.enclosure.package_degC(middle), middle)
-        else:
-            degC = self.enclosure.package_degC(middle)
-            output = sum(
-                weight * accelerometer.output_V(self.gravity(t), degC, t)
-                for t, weight in ((middle + half * node, weight) for node, weight in _GAUSS_3)
-            )
-        noise = accelerometer.noise / sqrt(t1 - t0)
-        return output + noise * normal(self._seed, accelerometer.channel, event_at(t0))
+            return accelerometer.output_V(self.gravity(middle), self.enclosure.package_degC(middle), middle)
+        degC = self.enclosure.package_degC(middle)
+        return sum(
+            weight * accelerometer.output_V(self.gravity(t), degC, t)
+            for t, weight in ((middle + half * node, weight) for node, weight in _GAUSS_3)
+        )
+
+    def factors(self, t0: float, t1: float) -> Mapping[str, float]:
+        """What is true of the factors over a window, whatever any readback says; by the names run files use."""
+        t = (t0 + t1) / 2.0
+        if self.stand.transducers:
+            return {
+                "pressure_psia": self.stand.pressure_psia(t0, t1),
+                "sensor_temperature_degC": self.stand.sensors_degC(t),
+                "sse_temperature_degC": self.stand.sse_degC(t),
+            }
+        return {
+            "pitch_deg": self._pitch.true_deg(t),
+            "roll_deg": self._roll.true_deg(t),
+            "sensor_temperature_degC": self.enclosure.package_degC(t),
+        }
 
     def temperature_degC(self, place: str, t: float) -> float:
         """Temperature at virtual time `t` of a place.

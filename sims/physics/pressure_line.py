@@ -13,6 +13,7 @@ from math import e, exp, expm1, inf, log, pi, sin, sqrt
 
 from sims.noise import event_at, normal, uniform
 from sims.physics.fields import Number, accepts, quantity
+from sims.physics.told import Told
 
 ATMOSPHERE_PSIA = 14.695949
 """Standard atmosphere."""
@@ -21,6 +22,7 @@ _HEAD_PER_M = 0.0280134 * 9.80665 / (8.314463 * 296.15)  # barometric formula, n
 _AT_AMBIENT_PSI = 0.01  # a vent is over when it is this near
 _REMEMBERED_S = 3600.0
 _DAY_S = 86400.0
+_Outage = tuple[float, float, float | None]  # from, until (virtual seconds), what is left of the source (psia)
 _PERIODS_S = (40.0, 21.4, 11.4, 6.11, 3.27, 1.75, 0.935, 0.5)  # of the control noise
 
 
@@ -125,6 +127,7 @@ class PressureLine:
     Attributes:
         setpoint_psia: as last commanded.
         controlling: whether the control loop is closed.
+        told: told of what is commanded.
 
     """
 
@@ -140,13 +143,15 @@ class PressureLine:
         self._gain = 1.0 + truth.reference_gain_ppm * 1e-6
         self._drift = truth.reference_drift_psi_per_day / _DAY_S
         self._vent_over: float | None = None
+        self.told: Told | None = None
         self._ripple_size = truth.control_noise_psi * sqrt(2.0 / len(_PERIODS_S))
         phases = (2.0 * pi * uniform(seed, f"{name}/control", k) for k in itertools.count())
         self._tones = tuple((2.0 * pi / period, phase) for period, phase in zip(_PERIODS_S, phases, strict=False))
         self._outages = {
-            "supply": _outage(truth.supply_lost_h, truth.supply_back_h),
-            "vacuum": _outage(truth.vacuum_lost_h, truth.vacuum_back_h),
+            "supply": [_outage(truth.supply_lost_h, truth.supply_back_h)],
+            "vacuum": [_outage(truth.vacuum_lost_h, truth.vacuum_back_h)],
         }
+        self._slew, self._overshoot = truth.valve_psi_per_s, False
         self._controlled_from: list[tuple[float, bool]] = [(start, False)]
         self._stretches = [self._leaking(start, truth.start_psia)]
 
@@ -164,13 +169,19 @@ class PressureLine:
         """
         self._begin(now, controlling=True)
         self.setpoint_psia = setpoint_psia
-        slew = min(slew_psi_per_s, self.truth.valve_psi_per_s)
-        changes = sorted(at for outage in self._outages.values() for at in outage if now < at < inf)
-        for at in (now, *changes):
-            self._plan(at, slew, overshoot=overshoot)
+        self._slew, self._overshoot = min(slew_psi_per_s, self.truth.valve_psi_per_s), overshoot
+        self._plan_from(now)
+        if self.told is not None:
+            self.told("vent", "off")
+            self.told("slew_psi_per_s", self._slew)
+            self.told("setpoint_psia", setpoint_psia)
+            self.told("control", "on")
 
     def control_off(self, now: float) -> None:
         """Close all valves; the line is left to its leak. Also ends a vent."""
+        if self.told is not None:
+            self.told("control", "off")
+            self.told("vent", "off")
         here = self.pressure_psia(now)
         self._begin(now, controlling=False)
         self._stretches.append(self._leaking(now, here))
@@ -187,6 +198,24 @@ class PressureLine:
         left = self._stretches[-1].at(ends) - truth.ambient_psia
         self._stretches.append(_Stretch(ends, truth.ambient_psia, 0.0, tau, truth.ambient_psia + left))
         self._vent_over = ends + tau * log(max(1.0, abs(left) / _AT_AMBIENT_PSI))
+        if self.told is not None:
+            self.told("control", "off")
+            self.told("vent", "open")
+            self.told("vent", "complete", self._vent_over - now)
+
+    def lose(self, now: float, source: str, until: float, to_psia: float | None = None) -> None:
+        """A source fails.
+
+        Args:
+            now: virtual time.
+            source: "supply" or "vacuum".
+            until: when it is back.
+            to_psia: what it falls to; the atmosphere if None.
+
+        """
+        self._outages[source].append((now, until, to_psia))
+        if self.controlling:
+            self._plan_from(now)
 
     # What is there
 
@@ -211,11 +240,11 @@ class PressureLine:
 
     def supply_psia(self, t: float) -> float:
         """Pressure of the positive source."""
-        return self.truth.supply_psia if self._available("supply", t) else self.truth.ambient_psia
+        return self._source_psia("supply", t)
 
     def vacuum_psia(self, t: float) -> float:
         """Pressure of the negative source."""
-        return self.truth.vacuum_psia if self._available("vacuum", t) else self.truth.ambient_psia
+        return self._source_psia("vacuum", t)
 
     def ambient_psia(self, t: float) -> float:
         """Pressure of the atmosphere."""
@@ -275,12 +304,19 @@ class PressureLine:
         self.controlling = controlling
         self._vent_over = None
 
+    def _plan_from(self, now: float) -> None:
+        """Plan what control does from `now` on, and at every moment at which a source goes or comes."""
+        edges = (at for outages in self._outages.values() for begin, end, _ in outages for at in (begin, end))
+        for at in (now, *sorted(at for at in edges if now < at < inf)):
+            self._plan(at, self._slew, overshoot=self._overshoot)
+
     def _plan(self, at: float, slew: float, *, overshoot: bool) -> None:
         """Append what control does from `at` on, as far as the sources of that moment allow."""
         self._stretches = [s for s in self._stretches if s.start <= at]
         truth, here = self.truth, self._smooth(at)
-        up, down = self._available("supply", at), self._available("vacuum", at)
-        reachable = min(self.setpoint_psia, truth.supply_psia if up else inf)
+        supply = self._source_psia("supply", at)
+        up, down = self._available("supply", at, here), self._available("vacuum", at, here)
+        reachable = min(self.setpoint_psia, supply if up else inf)
         reachable = max(reachable, truth.vacuum_psia if down else -inf)
         goal = self._line_for(reachable, at)
         surroundings = truth.surroundings_psia
@@ -319,9 +355,16 @@ class PressureLine:
         truth = self.truth
         return _Stretch(at, truth.surroundings_psia, 0.0, truth.leak_time_constant_s, here, saturated=saturated)
 
-    def _available(self, source: str, t: float) -> bool:
-        lost, back = self._outages[source]
-        return not lost <= t < back
+    def _available(self, source: str, t: float, here: float) -> bool:
+        """Whether a source moves gas at `t`; one that has fallen still does as long as it is above the line."""
+        return not any(lost <= t < back and (to is None or to <= here) for lost, back, to in self._outages[source])
+
+    def _source_psia(self, source: str, t: float) -> float:
+        """Pressure at a source's port."""
+        for lost, back, to_psia in reversed(self._outages[source]):
+            if lost <= t < back:
+                return self.truth.ambient_psia if to_psia is None else to_psia
+        return self.truth.supply_psia if source == "supply" else self.truth.vacuum_psia
 
     def _read(self, line: float, t: float) -> float:
         """The controller's reading, without noise, at a line pressure."""
@@ -379,6 +422,6 @@ class PressureLine:
         return inside
 
 
-def _outage(lost_h: float | None, back_h: float | None) -> tuple[float, float]:
-    """(from, until), virtual seconds."""
-    return (inf if lost_h is None else lost_h * 3600.0), (inf if back_h is None else back_h * 3600.0)
+def _outage(lost_h: float | None, back_h: float | None) -> _Outage:
+    """The outage that a world file's keys ask for."""
+    return (inf if lost_h is None else lost_h * 3600.0), (inf if back_h is None else back_h * 3600.0), None

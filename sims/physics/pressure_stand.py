@@ -103,10 +103,18 @@ class PressureStand:
         """Temperature of their support electronics."""
         return self._sse.package_degC(t) if self._sse else self._lab.degC(t)
 
-    def output_V(self, sensor: str, t0: float, t1: float) -> float:
-        """Mean output of a transducer over an integration window, noise included.
+    def pressure_psia(self, t0: float, t1: float) -> float:
+        """Mean pressure in the line at the transducers."""
+        return self._line.mean_psia(t0, t1)
 
-        Within a window the temperatures are those of its middle; the noise belongs to the window.
+    def output_V(self, sensor: str, t0: float, t1: float) -> float:
+        """Mean output of a transducer over an integration window, noise included; see `clean_V` and `noise_V`."""
+        return self.clean_V(sensor, t0, t1) + self.noise_V(sensor, t0, t1)
+
+    def clean_V(self, sensor: str, t0: float, t1: float) -> float:
+        """Mean output of a transducer over an integration window, without noise.
+
+        Within a window the temperatures are those of its middle.
 
         Args:
             sensor: its name on the bench.
@@ -114,9 +122,13 @@ class PressureStand:
             t1: its end, later than `t0`.
 
         """
+        return self.transducers[sensor].output_mV(self.conditions(t0, t1)) * 1e-3
+
+    def noise_V(self, sensor: str, t0: float, t1: float) -> float:
+        """Noise of a transducer's mean output, which belongs to the window."""
         transducer = self.transducers[sensor]
-        noise = transducer.noise_mV / sqrt(t1 - t0) * normal(self._truth.seed, transducer.channel, event_at(t0))
-        return (transducer.output_mV(self.conditions(t0, t1)) + noise) * 1e-3
+        noise = normal(self._truth.seed, transducer.channel, event_at(t0))
+        return transducer.noise_mV / sqrt(t1 - t0) * noise * 1e-3
 
     def conditions(self, t0: float, t1: float) -> Conditions:
         """What the transducers see over a window."""

@@ -12,6 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import atan, cos, exp, hypot, inf, pi, sin
 
+from sims.physics.told import Told
 from sims.physics.truth import EnclosureTruth, LabTruth
 
 DAY_S = 86400.0
@@ -130,12 +131,18 @@ class Enclosure:
         lab: what is around it.
         start: virtual time from which on it is known; it is in its steady state there.
 
+    Attributes:
+        told: told of what is commanded.
+
     """
 
     def __init__(self, truth: EnclosureTruth, package_tau_s: float, lab: Lab, start: float) -> None:
         self._truth = truth
         self._package_tau = package_tau_s
         self._lab = lab
+        self._rate = inf
+        self.told: Told | None = None
+        self._door_s: float | None = None  # how fast the air goes to the laboratory's while the door is open
         self.assume_steady(truth.start_setpoint_degC, start, controlled=truth.start_controlled)
 
     def assume_steady(self, setpoint_degC: float, now: float, *, controlled: bool = True) -> None:
@@ -168,17 +175,41 @@ class Enclosure:
             ramp_degC_per_min: no faster than this; the enclosure's own slew is the limit otherwise.
 
         """
-        begin = self._command.at(now) if self.controlled else self.air_degC(now)
+        if self.told is not None:
+            self.told("setpoint_degC", setpoint_degC)
+            self.told("control", "on" if controlled else "off")
+        begin = self._command.at(now) if self.controlled and self._door_s is None else self.air_degC(now)
+        self._rate = ramp_degC_per_min
         slew = min(ramp_degC_per_min, self._truth.slew_degC_per_min) / 60.0
         away = setpoint_degC - begin
         slope = slew if away > 0 else -slew
-        end = now + abs(away) / slew if controlled else now
+        end = now + abs(away) / slew if controlled and self._door_s is None else now
         self.controlled = controlled
         self._command = Ramp(now, begin, slope, end, setpoint_degC)
         self._cut(now)
         if end > now:
             self._append(now, begin, slope)
         self._append(end, setpoint_degC, 0.0)
+
+    def open_door(self, now: float, time_constant_s: float) -> None:
+        """Its door is opened: the control loop rests, and the air follows the laboratory this fast."""
+        if self.told is not None:
+            self.told("door", "open")
+        self._door_s = time_constant_s
+        self._again(now)
+
+    def close_door(self, now: float) -> None:
+        """Its door is closed: it does again what was commanded last, from where its air is now."""
+        if self.told is not None:
+            self.told("door", "closed")
+        air = self.air_degC(now)
+        self._door_s = None
+        ramp = self._command
+        self._command = Ramp(now, air, 0.0, now, air)  # the setpoint in force starts at the air
+        self.command(now, ramp.setpoint_degC, controlled=self.controlled, ramp_degC_per_min=self._rate)
+
+    def _again(self, now: float) -> None:
+        self.command(now, self.setpoint_degC, controlled=self.controlled, ramp_degC_per_min=self._rate)
 
     def _cut(self, now: float) -> None:
         """Drop what would have come after `now`, and what is so old that nobody can ask for it."""
@@ -194,8 +225,9 @@ class Enclosure:
     def _drive(self, constant: float, slope: float, at: float) -> tuple[_Drive, float]:
         """What the air follows from `at` on, and how fast."""
         lab, truth = self._lab, self._truth
-        if not self.controlled:
-            return _Drive(lab.mean + lab.slope * at, lab.slope, lab.amplitude, lab.phase), truth.free_time_constant_s
+        if not self.controlled or self._door_s is not None:
+            free_s = truth.free_time_constant_s if self._door_s is None else self._door_s
+            return _Drive(lab.mean + lab.slope * at, lab.slope, lab.amplitude, lab.phase), free_s
         leak = truth.leak
         drift = leak * lab.slope
         return _Drive(constant + drift * at, slope + drift, leak * lab.amplitude, lab.phase), truth.time_constant_s
@@ -216,7 +248,7 @@ class Enclosure:
 
     def power_pct(self, t: float) -> float:
         """Control output from the heat balance: full heating 100, full cooling -100, 0 when control is off."""
-        if not self.controlled:
+        if not self.controlled or self._door_s is not None:
             return 0.0
         stretch = self._stretch(t)
         excess = stretch.air(t) - self._lab.degC(t) + self._truth.free_time_constant_s * stretch.air_rate(t)

@@ -16,7 +16,11 @@ from sims.physics.pressure_truth import ChamberTruth, TransducerTruth, ordinary
 from sims.physics.undeclared import Effects
 from sims.physics.undeclared_pressure import PressureEffects
 
+FAULTS = "faults"
+"""The key of what goes wrong, which is no physics (`sims.faults`)."""
+
 __all__ = [
+    "FAULTS",
     "SENSORS",
     "EnclosureTruth",
     "HeadTruth",
@@ -208,14 +212,15 @@ def read_truth(values: Mapping[str, object], axes: Mapping[str, str]) -> Truth:
     """Check the values of a world file.
 
     Args:
-        values: the file's plain values, {} for a world without surprises.
+        values: the file's plain values, {} for a world without surprises; its faults are checked elsewhere.
         axes: see `sensor_axes`.
 
     Raises:
         WorldError: naming the key, what is wrong with it and what would be right.
 
     """
-    truth = read_table(Truth(), {"sensors": {}, **values}, "", axes)
+    own = {key: value for key, value in values.items() if key != FAULTS}
+    truth = read_table(Truth(), {"sensors": {}, **own}, "", axes)
     effects = values.get("effects")
     for name in effects if isinstance(effects, Mapping) else ():
         of_transducers = name in {f.name for f in fields(PressureEffects)}

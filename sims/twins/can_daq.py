@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Protocol
 
+from sims.inputs import Inputs
 from sims.noise import event_at, normal
 from sims.physics.truth import WorldError
 from sims.wires.dbc import DbcMessage, read_dbc
@@ -28,6 +29,7 @@ _INPUTS = {
     "spare_voltage": "Readings.SpareVoltage",
 }
 _NOISE = {"degC": 0.002, "V": 5e-6}  # of a reading that integrates for 0.1 s
+_OUT_OF_RANGE = 1e6  # beyond what a signal can carry, in any unit
 _PRODUCT, _FIRMWARE = 4, (1, 2)
 _STOP, _ACQUIRE, _IDENTIFY = range(3)
 
@@ -72,6 +74,7 @@ class CanDaqTwin:
 
     Attributes:
         faults: what is wrong with inputs, by signal, over what the plant says.
+        inputs: what becomes of its readings.
 
     Raises:
         WorldError: the DBC is another unit's, which does not measure on command.
@@ -99,6 +102,7 @@ class CanDaqTwin:
         self._labels = {str(path).partition(".")[2]: str(label) for label, path in inputs.items()}
         self._serial = int("".join(c for c in serial if c.isdigit()) or 0) % 2**32
         self.faults: dict[str, int] = {}
+        self.inputs = Inputs(_OUT_OF_RANGE, told_open=True)
         self._session = 0
         self._under_way: Timer | None = None
 
@@ -159,12 +163,12 @@ class CanDaqTwin:
 
     def _tell_status(self, begin: float, sweep: int, tx: Transmit, wrong: Mapping[str, int] | None = None) -> None:
         if wrong is None:
-            wrong = self._measure(begin, REPLY_S)[1]
+            wrong = self._measure(begin, REPLY_S, sent=False)[1]
         flags = {f"{signal}Fault": fault for signal, fault in wrong.items()}
         tx(self._status.can_id, self._status.pack({"Session": self._session, "Sweep": sweep} | flags))
 
-    def _measure(self, begin: float, seconds: float) -> tuple[dict[str, float], dict[str, int]]:
-        """Values of all inputs over a window, and what is wrong with them."""
+    def _measure(self, begin: float, seconds: float, *, sent: bool = True) -> tuple[dict[str, float], dict[str, int]]:
+        """Values of all inputs over a window, and what is wrong with them; `sent` if they go out as readings."""
         values, wrong = {}, {}
         for signal, entry in _inputs(self._readings).items():
             label = self._labels.get(signal, signal)
@@ -173,10 +177,12 @@ class CanDaqTwin:
             else:
                 value = self._plant.channel_degC(self.name, label, begin + seconds / 2.0)
             layout = self._readings.signals[signal]
-            fault = NONE if layout.low <= value <= layout.high else OPEN if abs(value) > 1e30 else RANGE
-            if fault == NONE:
+            if layout.low <= value <= layout.high:
                 sd = _NOISE[entry] * (0.1 / seconds) ** 0.5
                 value += sd * normal(self._plant.truth.seed, f"{self.name} {label}", event_at(begin))
+            if sent:
+                value = self.inputs.given(label, entry, begin, begin + seconds, value)
+            fault = NONE if layout.low <= value <= layout.high else OPEN if abs(value) > 1e30 else RANGE
             wrong[signal] = self.faults.get(signal, fault)
             values[signal] = value if wrong[signal] == NONE else layout.high
         return values, wrong

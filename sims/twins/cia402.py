@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 
 from sims.physics import Plant
-from sims.twins.cia402_drive import Drive
+from sims.twins.cia402_drive import FOLLOWING_ERROR, OVERCURRENT, Drive
 from sims.wires.eds import read_eds
 from sims.wires.sdo_server import SdoServer
 from sims.world import World
@@ -69,6 +69,12 @@ class CiA402PairTwin:
         server = self._servers.get(node)
         if server is not None and (reply := server.answer(data)) is not None:
             self._world.call_in(REPLY_S, partial(tx, _SDO_REPLY + node, reply))
+
+    def trip(self, axis: str, why: str) -> str:
+        """Let a drive fail; `why` is "drive-fault" or "following-error". Returns what happened, in words."""
+        code = FOLLOWING_ERROR if why == "following-error" else OVERCURRENT
+        self.drives[axis].fault(code)
+        return f"error {code:04X}h, power off"
 
     def power_cycle(self) -> None:
         """Off and on again: parameters and references are lost, the mechanics stay where they are."""

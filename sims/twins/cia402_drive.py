@@ -19,7 +19,7 @@ DISABLED, READY, ON, ENABLED, QUICK_STOP, FAULT = 0x40, 0x21, 0x23, 0x27, 0x07, 
 """States as the low bits of the statusword."""
 
 PROFILE_POSITION, HOMING = 1, 6
-FOLLOWING_ERROR = 0x8611
+FOLLOWING_ERROR, OVERCURRENT = 0x8611, 0x2310
 _VOLTAGE, _REMOTE, _REACHED, _LIMITED, _BIT_12, _BIT_13, _REFERENCED = (1 << n for n in (4, 9, 10, 11, 12, 13, 15))
 _NEW_SETPOINT, _AT_ONCE, _RELATIVE, _RESET, _HALT = (1 << n for n in (4, 5, 6, 7, 8))
 _BRAKE_S = 0.05  # the brake releases before the axis may move

@@ -12,6 +12,7 @@ from functools import lru_cache
 from math import inf
 from typing import ClassVar, Protocol
 
+from sims.inputs import Inputs
 from sims.physics.pressure_line import PressureLine
 from sims.twins.scpi import ScpiTwin
 from sims.twins.scpi_syntax import Command, ScpiError, boolean, compiled, number
@@ -96,6 +97,9 @@ class DruckPACETwin(ScpiTwin):
         plant: offers `pressure_line`.
         serial: serial number it answers with.
 
+    Attributes:
+        inputs: what becomes of its readings.
+
     """
 
     commands: ClassVar[Mapping[str, Command]] = {
@@ -115,6 +119,7 @@ class DruckPACETwin(ScpiTwin):
 
     def __init__(self, name: str, options: Mapping[str, object], world: World, plant: Plant, serial: str) -> None:
         self.line = plant.pressure_line(name)
+        self.inputs = Inputs()
         self.module = int(str(options.get("module", 1)))
         self._serial = serial
         self._gauge = options.get("reference") == "gauge"
@@ -194,7 +199,8 @@ class DruckPACETwin(ScpiTwin):
 
     def ask_pressure(self) -> str:
         """:SENS:PRES?."""
-        return self._pressure(self.line.reading_psia(self.world.now()))
+        now = self.world.now()
+        return self._pressure(self.inputs.given("pressure", "psi", now, now, self.line.reading_psia(now)))
 
     def ask_in_limits(self) -> str:
         """:SENS:PRES:INL?: pressure, and whether it has been in limits for the time set."""

@@ -101,7 +101,8 @@ class Keysight34401ATwin(TriggeredTwin):
     def take(self, began: float) -> list[float]:
         """One reading."""
         t0 = began + self.settling_s()
-        return [reading(self.plant, self.name, _INPUT, t0, self.nplc, self.line_hz, self.range)]
+        value = reading(self.plant, self.name, _INPUT, t0, self.nplc, self.line_hz, self.range)
+        return [self.inputs.given(_INPUT, "V", t0, t0 + self.nplc / self.line_hz, value)]
 
     def overload_bit(self, position: int) -> int:
         """Voltage overload is bit 0."""

@@ -150,13 +150,15 @@ class Keysight34970ATwin(TriggeredTwin):
         for name in self.scan:
             channel = self.channels[name]
             t0 = began + _RELAY_S + SETTLING_S[channel.nplc]
-            if channel.function == _VOLTS:
+            volts = channel.function == _VOLTS
+            if volts:
                 value = reading(self.plant, self.name, name, t0, channel.nplc, self.line_hz, channel.range)
             else:
                 span = _SPANS_degC[channel.probe]
                 value = temperature(self.plant, self.name, name, t0, channel.nplc, self.line_hz, span)
-                if channel.fahrenheit and value != OVERLOAD:
-                    value = value * 1.8 + 32.0
+            value = self.inputs.given(name, "V" if volts else "degC", t0, t0 + channel.nplc / self.line_hz, value)
+            if not volts and channel.fahrenheit and value != OVERLOAD:
+                value = value * 1.8 + 32.0
             values.append(value)
             began += channel.seconds(self.line_hz)
         return values

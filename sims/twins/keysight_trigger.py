@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping
 
+from sims.inputs import Inputs
 from sims.twins.keysight_meter import OVERLOAD, Plant, parameter, text
 from sims.twins.scpi import DEVICE_ERROR, ScpiTwin, Wait
 from sims.twins.scpi_syntax import Command, ScpiError
@@ -26,6 +27,10 @@ class TriggeredTwin(ScpiTwin):
     """A meter with a trigger system: idle, waiting for a trigger, measuring.
 
     A measurement is `sweeps` equal sweeps from the moment of the trigger. Its readings are worked out when it ends.
+
+    Attributes:
+        inputs: what becomes of its readings.
+
     """
 
     sources: tuple[str, ...] = ("IMM", "BUS", "EXT")
@@ -35,6 +40,7 @@ class TriggeredTwin(ScpiTwin):
         self, name: str, options: Mapping[str, object], world: World, plant: Plant, baud: int, frame: str
     ) -> None:
         self.plant = plant
+        self.inputs = Inputs(OVERLOAD)
         self.line_hz = float(str(options.get("line_Hz", 50)))
         self._timer: Timer | None = None
         self._ends = 0.0

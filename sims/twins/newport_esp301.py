@@ -22,6 +22,7 @@ _TICK_S = 400e-6  # TB?'s time stamps count servo cycles of 400 us
 _QUEUED_ERRORS = 10
 _POLL_S = 0.05
 _HOME_RUN_UP_DEG = 2.0
+_TRIPS = {"drive-fault": 2, "following-error": 3}
 
 _ERRORS = {
     0: "NO ERROR DETECTED",
@@ -32,6 +33,7 @@ _ERRORS = {
     38: "COMMAND PARAMETER MISSING",
 }
 _AXIS_ERRORS = {
+    2: "AMPLIFIER FAULT DETECTED",
     3: "FOLLOWING ERROR THRESHOLD EXCEEDED",
     6: "POSITIVE SOFTWARE LIMIT DETECTED",
     7: "NEGATIVE SOFTWARE LIMIT DETECTED",
@@ -133,6 +135,30 @@ class NewportESP301Twin:
             axis.stop()
             axis.switch_on()
         self._switch_on()
+
+    def trip(self, axis: str, why: str) -> str:
+        """Let an axis fail: it stops, its motor goes off, an error tells.
+
+        Args:
+            axis: "pitch" or "roll".
+            why: "drive-fault" or "following-error".
+
+        Returns:
+            What happened, in words.
+
+        """
+        number, tripped = next((n, a) for n, a in self._axes.items() if a.name == axis)
+        code = 100 * number + _TRIPS[why]
+        tripped.homing = False
+        tripped.powered = False
+        tripped.stop()
+        self._fail(code)
+        return f"error {code}, {_AXIS_ERRORS[code % 100]}, motor off"
+
+    def overflow_errors(self) -> None:
+        """Fill the error queue with one error more than it takes."""
+        for _ in range(_QUEUED_ERRORS + 1):
+            self._fail(6)
 
     def on_rx(self, data: bytes, tx: Callable[[bytes], None]) -> None:
         """Collect characters; a carriage return ends a line, a line feed is ignored."""

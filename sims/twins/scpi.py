@@ -217,6 +217,11 @@ class ScpiTwin:
         """An answer as it goes onto the wire."""
         return answer
 
+    def overflow_errors(self) -> None:
+        """Fill the error queue with one error more than it takes."""
+        for _ in range(self.queued_errors + 1):
+            self.fail(-113)
+
     def fail(self, code: int) -> None:
         """Put an error into the queue and its class into the event register."""
         if -200 < code <= -100:

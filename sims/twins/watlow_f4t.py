@@ -14,6 +14,7 @@ from functools import partial
 from math import inf, nan
 from typing import Any
 
+from sims.inputs import Inputs
 from sims.noise import event_at, normal
 from sims.physics import Plant
 from sims.wires.modbus_line import ModbusEndpoint
@@ -126,6 +127,7 @@ class WatlowF4TTwin:
     Attributes:
         registers: what is on the wire, for any framing.
         sensor_broken: the process value is no number [?].
+        inputs: what becomes of its readings.
 
     """
 
@@ -150,6 +152,7 @@ class WatlowF4TTwin:
         self._alarms = [_Alarm(none, off) for _ in range(_ALARMS)]
         self._limits = [self._limit() for _ in range(_MODULES)]
         self.sensor_broken = False
+        self.inputs = Inputs()
         number = int("".join(c for c in serial if c.isdigit()) or 0) % 2**31
         self._fixed: Mapping[str, Value] = {
             "software_release": 5,
@@ -295,14 +298,16 @@ class WatlowF4TTwin:
             return nan
         now = self._world.now()
         noise = _PV_NOISE_DEGC * normal(self._seed, f"{self.name} process value", event_at(now))
-        return self._shown(self._enclosure.air_degC(now) + noise)
+        return self._shown(self.inputs.given("process_value", "degC", now, now, self._enclosure.air_degC(now) + noise))
 
     def _part_value(self) -> float:
         if self.sensor_broken:
             return nan
         now = self._world.now()
         noise = _PV_NOISE_DEGC * normal(self._seed, f"{self.name} part value", event_at(now))
-        return self._shown(self._enclosure.package_degC(now) + noise)
+        return self._shown(
+            self.inputs.given("process_value", "degC", now, now, self._enclosure.package_degC(now) + noise)
+        )
 
     def _per_kelvin(self) -> float:
         return 1.0 if self._settings["display_units"] == self._codes["units"]["C"] else 1.8

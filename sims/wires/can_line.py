@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 from collections import deque
 from collections.abc import Callable
 
+import can
+
+from sims.wires.tampering import Tampering
 from sims.world import World
 
 Frame = tuple[int, bytes]
@@ -30,23 +34,40 @@ class CanCable:
     Args:
         world: virtual time.
         on_frame: the instrument's own.
+        tampering: what goes wrong on the bus; None if nothing can.
+
+    Raises:
+        OSError: there is no adapter at present.
 
     """
 
-    def __init__(self, world: World, on_frame: OnFrame) -> None:
+    def __init__(self, world: World, on_frame: OnFrame, tampering: Tampering | None = None) -> None:
         self._world = world
         self._on_frame = on_frame
         self._received: deque[Frame] = deque()
+        self._tampering = tampering
+        self._connection = 0
+        if tampering is not None:
+            if tampering.unplugged:
+                raise OSError(errno.ENODEV, "No such device")
+            self._connection = tampering.connection
 
     def send(self, can_id: int, data: bytes) -> None:
-        """Pass a frame to the instrument."""
-        self._on_frame(can_id, data, self._receive)
+        """Pass a frame to the instrument. Raises `OSError` or `can.CanError` if the bus is gone."""
+        if self._tampering is None:
+            self._on_frame(can_id, data, self._receive)
+            return
+        self._check()
+        if self._tampering.off:
+            raise can.CanOperationError("Failed to transmit: the controller is bus-off", errno.ENETDOWN)
+        self._tampering.to_twin(_packed(can_id, data), self._forward, self._deliver)
 
     def recv(self, seconds: float) -> Frame | None:
-        """The next frame, waiting at most that many virtual seconds for it."""
+        """The next frame, waiting at most that many virtual seconds for it. Raises `OSError` if the bus is gone."""
         received = self._received
         if not received:
-            self._world.run_until(self._world.now() + seconds, lambda: bool(received))
+            self._world.run_until(self._world.now() + seconds, lambda: bool(received) or not self._alive())
+        self._check()
         return received.popleft() if received else None
 
     def close(self) -> None:
@@ -55,3 +76,29 @@ class CanCable:
 
     def _receive(self, can_id: int, data: bytes) -> None:
         self._received.append((can_id, data))
+
+    def _forward(self, message: bytes) -> None:
+        tampering = self._tampering
+        assert tampering is not None
+        self._on_frame(
+            *_unpacked(message), lambda can_id, data: tampering.to_host(_packed(can_id, data), self._deliver)
+        )
+
+    def _deliver(self, message: bytes) -> None:
+        if self._tampering is None or not self._tampering.off:
+            self._received.append(_unpacked(message))
+
+    def _alive(self) -> bool:
+        return self._tampering is None or self._tampering.connection == self._connection
+
+    def _check(self) -> None:
+        if not self._alive():
+            raise OSError(errno.ENODEV, "No such device")
+
+
+def _packed(can_id: int, data: bytes) -> bytes:
+    return can_id.to_bytes(2, "big") + data
+
+
+def _unpacked(message: bytes) -> Frame:
+    return int.from_bytes(message[:2], "big"), message[2:]

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Callable, Mapping
 from functools import partial
 
 from sims.wires.modbus_slave import Registers, RtuSlave, TcpSlave
+from sims.wires.tampering import Tampering
 from sims.world import World
 
 TURNAROUND_S = 0.010
@@ -38,23 +40,46 @@ class ModbusCable:
     Args:
         world: virtual time.
         on_rx: the instrument's own, taking bytes and where to answer.
+        tampering: what goes wrong on the line; None if nothing can.
+
+    Raises:
+        OSError: there is no way to the instrument at present.
 
     """
 
-    def __init__(self, world: World, on_rx: Callable[[bytes, Callable[[bytes], None]], None]) -> None:
+    def __init__(
+        self,
+        world: World,
+        on_rx: Callable[[bytes, Callable[[bytes], None]], None],
+        tampering: Tampering | None = None,
+    ) -> None:
         self._world = world
         self._on_rx = on_rx
         self._received = bytearray()
+        self._tampering = tampering
+        self._connection = 0
+        if tampering is not None:
+            if tampering.unplugged:
+                raise OSError(errno.EHOSTUNREACH, "No route to host")
+            self._connection = tampering.connection
 
     def send(self, data: bytes) -> None:
-        """Pass bytes to the instrument."""
-        self._on_rx(data, self._received.extend)
+        """Pass bytes to the instrument. Raises `ConnectionResetError` if the connection was lost."""
+        if self._tampering is None:
+            self._on_rx(data, self._received.extend)
+            return
+        self._check()
+        self._tampering.to_twin(data, self._forward, self._received.extend)
 
     def recv(self, seconds: float) -> bytes:
-        """What has come, waiting at most that many virtual seconds for the first byte; empty if none came."""
+        """What has come, waiting at most that many virtual seconds for the first byte; empty if none came.
+
+        Raises `ConnectionResetError` if the connection was lost.
+        """
         received = self._received
         if not received:
-            self._world.run_until(self._world.now() + seconds, lambda: bool(received))
+            self._world.run_until(self._world.now() + seconds, lambda: bool(received) or not self._alive())
+        self._check()
         heard = bytes(received)
         received.clear()
         return heard
@@ -62,3 +87,15 @@ class ModbusCable:
     def close(self) -> None:
         """Forget what has come and was not read."""
         self._received.clear()
+
+    def _forward(self, data: bytes) -> None:
+        tampering = self._tampering
+        assert tampering is not None
+        self._on_rx(data, lambda reply: tampering.to_host(reply, self._received.extend))
+
+    def _alive(self) -> bool:
+        return self._tampering is None or self._tampering.connection == self._connection
+
+    def _check(self) -> None:
+        if not self._alive():
+            raise ConnectionResetError(errno.ECONNRESET, "Connection reset by peer")

@@ -13,6 +13,7 @@ from typing import Protocol
 
 import serial
 
+from sims.wires.tampering import Tampering
 from sims.world import World
 
 _HANDLERS = "sims.wires.serial_handlers"
@@ -40,11 +41,13 @@ class SerialCable:
     Args:
         world: virtual time.
         twin: the instrument.
+        tampering: what goes wrong on the cable; None if nothing can.
 
     """
 
-    def __init__(self, world: World, twin: SerialTwin) -> None:
+    def __init__(self, world: World, twin: SerialTwin, tampering: Tampering | None = None) -> None:
         self.world = world
+        self._tampering = tampering
         self.setting = (twin.baud, twin.frame)
         self._twin = twin
         self._character_s = bits_per_character(twin.frame) / twin.baud
@@ -57,17 +60,39 @@ class SerialCable:
         """Whether somebody holds the host's end."""
         return self._receive is not None
 
+    @property
+    def unplugged(self) -> bool:
+        """Whether the host has no such port at present."""
+        return self._tampering is not None and self._tampering.unplugged
+
+    @property
+    def connection(self) -> int:
+        """A number that changes when the host's port disappears: whoever opened it before holds a dead one."""
+        return self._tampering.connection if self._tampering is not None else 0
+
     def attach(self, receive: Callable[[bytes], None] | None) -> None:
         """Give the host's end to `receive`; None unplugs it, and what arrives is lost."""
         self._receive = receive
 
     def send(self, data: bytes) -> None:
         """Bytes leave the host; they arrive at the twin when the line has carried them."""
+        if self._tampering is None:
+            self._carry_out(data)
+        else:
+            self._tampering.to_twin(data, self._carry_out, self._carry_back)
+
+    def _carry_out(self, data: bytes) -> None:
         now = self.world.now()
         self._to_twin_free = max(now, self._to_twin_free) + len(data) * self._character_s
         self.world.call_in(self._to_twin_free - now, partial(self._twin.on_rx, data, self._answer))
 
     def _answer(self, data: bytes) -> None:
+        if self._tampering is None:
+            self._carry_back(data)
+        else:
+            self._tampering.to_host(data, self._carry_back)
+
+    def _carry_back(self, data: bytes) -> None:
         now = self.world.now()
         self._to_host_free = max(now, self._to_host_free) + len(data) * self._character_s
         self.world.call_in(self._to_host_free - now, partial(self._arrive, data))

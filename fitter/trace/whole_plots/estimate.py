@@ -36,7 +36,9 @@ class Estimate:
         chosen: indices of the candidates in the model.
         coefficients: of each of them.
         contribution: (S, n) what they add to the outputs, mV.
-        fits: of the declared model beside the effects, by restricted maximum likelihood.
+        declared: (S, k) coefficients of the declared model on the outputs less that contribution: the effects may have
+            been weighed otherwise than `fits` weighs them, and what goes together must come from one fit.
+        fits: of the declared model and the effects together, by restricted maximum likelihood: errors and variances.
         residual: (S, n) outputs less all of that, whole-plot errors left in, mV.
 
     """
@@ -44,6 +46,7 @@ class Estimate:
     chosen: tuple[int, ...]
     coefficients: Mapping[int, Coefficient]
     contribution: FloatArray
+    declared: FloatArray
     fits: tuple[SplitPlotFit, ...]
     residual: FloatArray
 
@@ -54,6 +57,8 @@ def estimate(problem: Problem, chosen: tuple[int, ...]) -> Estimate:
     contribution = contributed(problem, coefficients)
     replicate = problem.replicate if problem.replicate.max() > 0 else None
     fits, residual = [], np.empty_like(problem.outputs)
+    beside = SplitPlotDesign(problem.declared, problem.whole_plot, problem.names, replicate=replicate)
+    declared = np.stack([beside.fit(left).coefficients for left in problem.outputs - contribution])
     for i, sensor in enumerate(problem.sensors):
         own = [j for j in chosen if problem.candidates[j].sensor == sensor]
         names = [f"{problem.candidates[j].effect.name}: {problem.candidates[j].term.name}" for j in own]
@@ -66,14 +71,13 @@ def estimate(problem: Problem, chosen: tuple[int, ...]) -> Estimate:
         )
         fits.append(design.fit(problem.outputs[i] - of_line))
         residual[i] = fits[-1].marginal_residuals
-    return Estimate(chosen, coefficients, contribution, tuple(fits), residual)
+    return Estimate(chosen, coefficients, contribution, declared, tuple(fits), residual)
 
 
 def residual_of(problem: Problem, fitted: Estimate) -> FloatArray:
     """(S, n) outputs less what was fitted, of any readings, whole-plot errors left in, mV."""
     left = problem.outputs - contributed(problem, fitted.coefficients)
-    k = problem.declared.shape[1]
-    return np.stack([y - problem.declared @ fit.coefficients[:k] for y, fit in zip(left, fitted.fits, strict=True)])
+    return np.asarray(left - fitted.declared @ problem.declared.T)
 
 
 def coefficients_of(problem: Problem, chosen: tuple[int, ...]) -> dict[int, Coefficient]:

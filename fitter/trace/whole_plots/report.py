@@ -111,6 +111,7 @@ def _side(finding: Finding, fitted: Estimate, i: int, when: int) -> Side:
         slope = formula.derivative(finding.data.table, "P") @ fit.coefficients[: len(formula.terms)]
     return Side(
         fit=fit,
+        declared=fitted.declared[i],
         reading_error_pct=reading_error_pct(finding.data, fitted.residual[i], slope),
         cv_rms=None if finding.cv is None else float(finding.cv[when, i]),
         residual_mV=residual_of(finding.every, fitted)[i],

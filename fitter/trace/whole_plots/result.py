@@ -69,7 +69,8 @@ class Side:
     """One transducer before the effects, or after.
 
     Attributes:
-        fit: of the declared model.
+        fit: of the declared model and the effects.
+        declared: coefficients of the declared model that go with the effects' own; see `Estimate`.
         reading_error_pct: by pressure in psia, largest residual with whole-plot errors left in over pressure.
         cv_rms: rms error on whole plots left out of selection and fit, mV, their own error predicted as zero; None
             where they cannot be left out.
@@ -78,6 +79,7 @@ class Side:
     """
 
     fit: SplitPlotFit
+    declared: FloatArray
     reading_error_pct: Mapping[str, float | None]
     cv_rms: float | None
     residual_mV: FloatArray
@@ -173,9 +175,9 @@ class TransducerTrace:
         fit = self.after.fit
         adjusted = fit.kenward_roger()
         table: dict[str, JsonValue] = {}
-        for name, value, error, df in zip(fit.names, fit.coefficients, adjusted.stderr, fit.df, strict=True):
-            if ": " not in name:
-                table[name] = {"estimate": float(value), "stderr": float(error), "df": float(df)}
+        declared = zip(fit.names, self.after.declared, adjusted.stderr, fit.df, strict=False)  # effects come after them
+        for name, value, error, df in declared:
+            table[name] = {"estimate": float(value), "stderr": float(error), "df": float(df)}
         for effect in self.effects:
             rows = zip(effect.terms, effect.coefficients, effect.stderr, effect.df, effect.units, strict=True)
             for term, value, error, df, unit in rows:
@@ -212,8 +214,7 @@ class WholePlotTrace:
         _, columns = self.formula.columns(data.table, self.formula.levels(self.scene.data.table))
         scene = replace(self.scene, data=data)
         extra = raw_columns(scene, tuple(self.sensors), self.chosen) @ self.gamma
-        k = columns.shape[1]
-        return {s: columns @ t.after.fit.coefficients[:k] + extra[i] for i, (s, t) in enumerate(self.sensors.items())}
+        return {s: columns @ t.after.declared + extra[i] for i, (s, t) in enumerate(self.sensors.items())}
 
     def to_json(self, file: str | None = None) -> dict[str, JsonValue]:
         """The object `rig trace --json` prints; numbers that do not exist are None, never NaN."""

@@ -15,6 +15,8 @@ from sims.wires.serial_line import SerialCable, find
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
+_GONE = "device reports readiness to read but returned no data (device disconnected or multiple access on port?)"
+
 
 class Serial(SerialBase):
     """A port on a simulated cable; see pyserial's `SerialBase` for what its methods mean."""
@@ -23,6 +25,7 @@ class Serial(SerialBase):
         self._cable: SerialCable | None = None
         self._received = bytearray()
         self._understood = True
+        self._connection = 0
         super().__init__(*args, **kwargs)
 
     def open(self) -> None:
@@ -31,9 +34,12 @@ class Serial(SerialBase):
         cable = find(place)
         if cable is None:
             raise SerialException(f"there is no simulated instrument at {self.port}")
-        if cable.attached:
+        if cable.unplugged:
+            raise SerialException(f"could not open port {self.port}: [Errno 2] No such file or directory")
+        if cable.attached and self._connection == cable.connection:
             raise SerialException(f"{self.port} is already open")
         self._cable = cable
+        self._connection = cable.connection
         self._received.clear()
         self._reconfigure_port()
         cable.attach(self._hear)
@@ -41,8 +47,8 @@ class Serial(SerialBase):
 
     def close(self) -> None:
         """Unplug."""
-        if self.is_open and self._cable is not None:
-            self._cable.attach(None)
+        if self.is_open and self._alive():
+            self._plugged().attach(None)
         self._cable = None
         self.is_open = False
 
@@ -55,33 +61,48 @@ class Serial(SerialBase):
             frame = f"{self.bytesize}{self.parity}{self.stopbits:g}"
             self._understood = (self.baudrate, frame) == self._cable.setting
 
+    def _plugged(self) -> SerialCable:
+        if self._cable is None:
+            raise PortNotOpenError()
+        return self._cable
+
+    def _alive(self) -> bool:
+        cable = self._cable
+        return cable is not None and cable.connection == self._connection
+
+    def _check(self, words: str) -> SerialCable:
+        """The cable; what pyserial says on Linux when a USB adapter has gone."""
+        cable = self._plugged()
+        if cable.connection != self._connection:
+            raise SerialException(words)
+        return cable
+
     @property
     def in_waiting(self) -> int:
         """Bytes received and not yet read."""
+        self._check("[Errno 5] Input/output error")
         return len(self._received)
 
     def read(self, size: int = 1) -> bytes:
         """Up to `size` bytes; fewer if the timeout passes first (virtual time)."""
-        cable = self._cable
-        if cable is None:
-            raise PortNotOpenError()
+        cable = self._check(_GONE)
         received = self._received
         if len(received) < size:
             world = cable.world
             timeout = self.timeout
             end = None if timeout is None else world.now() + timeout
-            world.run_until(end, lambda: len(received) >= size)
+            world.run_until(end, lambda: len(received) >= size or not self._alive())
+            self._check(_GONE)
         data = bytes(received[:size])
         del received[:size]
         return data
 
     def write(self, data: ReadableBuffer, /) -> int:
         """Hand bytes to the line; they travel at its baud rate."""
-        if self._cable is None:
-            raise PortNotOpenError()
+        cable = self._check("write failed: [Errno 5] Input/output error")
         sent = bytes(data)
         if self._understood:
-            self._cable.send(sent)
+            cable.send(sent)
         return len(sent)
 
     def flush(self) -> None:

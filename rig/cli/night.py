@@ -1,0 +1,128 @@
+"""`rig night`: simulated nights on which everything goes wrong."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+from rich.markup import escape
+
+from rig.cli import app
+from rig.cli.run import JsonOption
+from rig.cli.show import err, out, print_json
+from rig.errors import ExitCode, UsageError
+
+if TYPE_CHECKING:
+    from rig.simulated.night.scenario import Lab
+
+
+Labs = Literal["attitude", "pressure", "both"]
+
+
+@app.command(rich_help_panel="Trying it out")
+def night(
+    seeds: Annotated[int, typer.Option(min=1, help="how many nights of each laboratory")] = 100,
+    first: Annotated[int, typer.Option(min=0, help="the first seed")] = 0,
+    lab: Annotated[Labs, typer.Option(help="which laboratory")] = "both",
+    full: Annotated[bool, typer.Option("--full", help="the examples' whole procedures, 28 and 37 hours")] = False,
+    seed: Annotated[
+        int | None,
+        typer.Option(min=0, help="replay this one night, and tell it in order of time", show_default=False),
+    ] = None,
+    bug: Annotated[
+        str | None,
+        typer.Option(help="plant a bug in the controller, and stop when a night finds it", show_default=False),
+    ] = None,
+    keep: Annotated[
+        Path | None, typer.Option(help="with --seed: an empty folder to leave its run file in", show_default=False)
+    ] = None,
+    jobs: Annotated[int, typer.Option(min=1, help="processes")] = os.cpu_count() or 1,
+    as_json: JsonOption = False,
+) -> int:
+    """Play simulated nights full of faults, crashes and power cuts, and check what must hold after each.
+
+    Nights are short (2 x 12 points, or 4 whole plots of 3 pressures) unless --full is given. Every seed is a night
+    of its own, the same on every machine. What is checked: docs/nights.md.
+
+    Examples: `rig night --seeds 1000`, `rig night --seed 42 --lab attitude`, `rig night --bug skip-re-approach`
+    """
+    from rig.simulated.night.bugs import BUGS  # noqa: PLC0415
+    from rig.simulated.night.scenario import LABS  # noqa: PLC0415
+
+    if bug is not None and bug not in BUGS:
+        raise UsageError(f"--bug {bug}: there is no such bug; there are {', '.join(BUGS)}")
+    labs: tuple[Lab, ...] = LABS if lab == "both" else (lab,)
+    if seed is not None:
+        if lab == "both":
+            raise UsageError("--seed replays one night: say of which laboratory with --lab")
+        return _replay(seed, labs[0], full, bug or "", keep)
+    summary = {one: _campaign(range(first, first + seeds), one, full, bug or "", jobs) for one in labs}
+    if as_json:
+        print_json(summary)
+    failed = sum(s["violations"] for s in summary.values())
+    if bug:
+        return ExitCode.DONE if failed else ExitCode.FAULT
+    return ExitCode.FAULT if failed else ExitCode.DONE
+
+
+def _campaign(seeds: range, lab: Lab, full: bool, bug: str, jobs: int) -> dict[str, Any]:
+    from rig.simulated.night.campaign import many_nights, unbiased  # noqa: PLC0415
+
+    total = Counter[str]()
+    worst: list[str] = []
+    off: list[tuple[str, float, float]] = []
+    for verdict in many_nights(seeds, lab, full=full, bug=bug, jobs=jobs):
+        total["nights"] += 1
+        total["sessions"] += verdict.sessions
+        total["happened"] += verdict.happened
+        total["skipped"] += verdict.skipped
+        total["violations"] += bool(verdict.violations)
+        off += verdict.deviations
+        for violation in verdict.violations:
+            line = f"seed {verdict.seed}: {violation.invariant}: {violation.what}"
+            worst.append(line)
+            if len(worst) <= _SHOWN:
+                err.print(f"[red]{lab}[/] {escape(line)}", soft_wrap=True)
+        if verdict.violations:
+            err.print(
+                f"  replay: rig night --lab {lab} --seed {verdict.seed}{' --full' if full else ''}", soft_wrap=True
+            )
+            if bug:
+                break
+        if total["nights"] % 500 == 0:
+            err.print(f"{lab}: {total['nights']} nights, {total['violations']} with a violation")
+    bias = unbiased(off)
+    words = (
+        f"{lab}: {total['nights']} nights, {total['happened']} things that went wrong, {total['sessions']} sessions, "
+        f"{total['skipped']} points given up for a reason; {total['violations']} nights in which something did not hold"
+    )
+    out.print(words, soft_wrap=True)
+    if bias is not None:
+        out.print(f"  {bias}", soft_wrap=True)
+    return {**total, "violations": total["violations"] + (bias is not None and not bias.holds), "found": worst[:_KEPT]}
+
+
+_SHOWN, _KEPT = 10, 100
+
+
+def _replay(seed: int, lab: Lab, full: bool, bug: str, keep: Path | None) -> int:
+    import tempfile  # noqa: PLC0415
+
+    from rig.simulated.night.campaign import replay  # noqa: PLC0415
+
+    if keep is not None and keep.exists() and any(keep.iterdir()):
+        raise UsageError(f"--keep {keep}: the folder is not empty")
+    with tempfile.TemporaryDirectory(prefix="rig-night-") as temporary:
+        folder = keep or Path(temporary)
+        folder.mkdir(parents=True, exist_ok=True)
+        verdict, told = replay(seed, lab, folder, full=full, bug=bug)
+    for line in told:
+        out.print(escape(line), soft_wrap=True, highlight=False)
+    for violation in verdict.violations:
+        err.print(f"[red]does not hold:[/] {escape(violation.invariant)}: {escape(violation.what)}", soft_wrap=True)
+    if not verdict.violations:
+        err.print("everything holds")
+    return ExitCode.FAULT if verdict.violations else ExitCode.DONE

@@ -1,0 +1,55 @@
+"""Beside a run file under way: how many records it has and the last one's hash, `RUN.head`.
+
+A log that was cut exactly between two commits, or taken away, is indistinguishable from one that never was longer.
+This small file is written after every commit and never synced, so it may be behind the run file and never ahead of
+it. What it says that the run file does not hold was lost or taken away. A finished run carries count and hash in its
+end record instead.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from pathlib import Path
+
+_SIZE = 8 + 32
+
+
+def head_path(run: Path) -> Path:
+    """Where the last word of a run file is."""
+    return run.with_suffix(".head")
+
+
+def read_last_word(run: Path) -> tuple[int, bytes] | None:
+    """Number of records and hash of the last one; None if nothing is said."""
+    try:
+        with head_path(run).open("rb") as file:
+            data = file.read(_SIZE + 1)
+    except OSError:
+        return None
+    return (int.from_bytes(data[:8], "big"), data[8:]) if len(data) == _SIZE else None
+
+
+class LastWord:
+    """Writes it. Failing to write it never disturbs a run."""
+
+    def __init__(self, run: Path) -> None:
+        self._path = head_path(run)
+        self._file = -1
+        with contextlib.suppress(OSError):
+            self._file = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+
+    def say(self, count: int, head: bytes) -> None:
+        """Write it; one write within a sector, so that it is never torn."""
+        if self._file >= 0:
+            with contextlib.suppress(OSError):
+                os.pwrite(self._file, count.to_bytes(8, "big") + head, 0)
+
+    def close(self, *, finished: bool) -> None:
+        """Close it, and take it away if the run is finished."""
+        if self._file >= 0:
+            os.close(self._file)
+            self._file = -1
+        if finished:
+            with contextlib.suppress(OSError):
+                self._path.unlink(missing_ok=True)

@@ -1,0 +1,79 @@
+"""What a run file needs of a folder and of a disk beside SQLite: entries made durable, a log written anew.
+
+SQLite reaches the disk through a VFS; what it does not do (a rename, the entry of a new file in its folder) is here,
+under the same name as the VFS, so that a simulated disk can take power away from both (`rig.simulated.disk`).
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+_CHUNK = 1 << 20
+
+
+class Storage:
+    """A real disk. Every method raises OSError if the disk refuses."""
+
+    def make_folder(self, folder: Path) -> None:
+        """Make a folder and those above it; each durable before anything is put into it."""
+        new = []
+        while not folder.exists():
+            new.append(folder)
+            folder = folder.parent
+        for made in reversed(new):
+            made.mkdir(exist_ok=True)
+            self.sync_folder(made.parent)
+
+    def replace(self, source: Path, target: Path) -> None:
+        """Rename; durable once the folder is synced."""
+        os.replace(source, target)
+
+    def remove(self, path: Path) -> None:
+        """Remove a file if it is there; durable once the folder is synced."""
+        path.unlink(missing_ok=True)
+
+    def sync_folder(self, folder: Path) -> None:
+        """Make the entries of a folder durable."""
+        descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+
+    def rewrite(self, path: Path) -> None:
+        """Write a file's bytes over themselves and sync it.
+
+        After a failed fsync Linux keeps the data in memory, marked as written, although the disk never took them: a
+        later fsync succeeds and a power cut still loses them. Written again they are on their way once more.
+        """
+        with path.open("r+b", buffering=0) as file:
+            at = 0
+            while data := os.pread(file.fileno(), _CHUNK, at):
+                if os.pwrite(file.fileno(), data, at) != len(data):
+                    raise OSError(28, "No space left on device", str(path))
+                at += len(data)
+            os.fsync(file.fileno())
+
+
+_storages: dict[str, Storage] = {"": Storage()}
+
+
+def storage_of(vfs: str) -> Storage:
+    """The storage that goes with a VFS; the real disk if nobody registered another."""
+    return _storages.get(vfs, _storages[""])
+
+
+def register(vfs: str, storage: Storage) -> Storage | None:
+    """Let `storage` go with a VFS ("": the default one); returns what it takes the place of."""
+    before = _storages.get(vfs)
+    _storages[vfs] = storage
+    return before
+
+
+def unregister(vfs: str, before: Storage | None) -> None:
+    """Put back what `register` returned."""
+    if before is None:
+        _storages.pop(vfs, None)
+    else:
+        _storages[vfs] = before

@@ -1,0 +1,120 @@
+"""Bugs to plant: a campaign that finds nothing proves nothing until it is seen to find these.
+
+Each is a mistake that somebody could make in the controller, put in place while a night is played.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
+from typing import Any
+from unittest.mock import patch
+
+from drivers.keysight_34970a import Keysight34970A
+from drivers.wires.serial_line import SerialLine
+from procedures import Factor, Point
+from rig.engine import at_point, sequencer
+from rig.engine.guard import Guard
+from rig.engine.journal import Journal
+from rig.engine.run_file import RunWriter
+from rig.engine.whole_plots import WholePlots
+
+
+@contextlib.contextmanager
+def _all(*patches: AbstractContextManager[Any]) -> Iterator[None]:
+    with contextlib.ExitStack() as stack:
+        for one in patches:
+            stack.enter_context(one)
+        yield
+
+
+def _accept_late_reply() -> AbstractContextManager[Any]:
+    """A line that does not listen before it speaks: what comes late answers the next question."""
+
+    def in_step(line: Any) -> Any:
+        return line._port or line._reopened()
+
+    return _all(patch.object(SerialLine, "_in_step", in_step))
+
+
+def _skip_re_approach() -> AbstractContextManager[Any]:
+    """After an interruption straight to the point, from whichever side, and nobody looks which it was."""
+
+    def straight(factors: Sequence[Factor], point: Point, previous: Point | None) -> list[dict[str, float]]:
+        return [{f.axis: setpoint for f, setpoint in zip(factors, point.setpoints, strict=True) if not f.hard}]
+
+    return _all(
+        patch.object(at_point, "recovery_legs", straight),
+        patch.object(at_point.AtPoint, "_assert_undisturbed", lambda *_: None),
+    )
+
+
+def _double_write() -> AbstractContextManager[Any]:
+    """An observation is written twice."""
+    write = Journal.write
+
+    def twice(self: Journal, kind: str, *arguments: Any, **options: Any) -> None:
+        write(self, kind, *arguments, **options)
+        if kind == "observation":
+            write(self, kind, *arguments, **options)
+
+    return patch.object(Journal, "write", twice)
+
+
+def _ignore_alarm() -> AbstractContextManager[Any]:
+    """A chamber's alarms are read and not heeded."""
+    return patch.object(Guard, "check_chamber", lambda *_: None)
+
+
+def _vent_on_resume() -> AbstractContextManager[Any]:
+    """Every session begins by bringing all to its safe state, and so changes what it is to go on with."""
+    checking = sequencer.Sequencer._checking
+
+    def safe_first(self: Any) -> str:
+        self._bench.make_safe()
+        return checking(self)
+
+    return patch.object(sequencer.Sequencer, "_checking", safe_first)
+
+
+def _stale_reading() -> AbstractContextManager[Any]:
+    """A scanner hands out the readings of the point before."""
+    fetch, before = Keysight34970A.fetch, dict[int, Any]()
+
+    def late(self: Any) -> Any:
+        fresh = fetch(self)
+        stale = before.get(id(self), fresh)
+        before[id(self)] = fresh
+        return stale if {c: len(v) for c, v in stale.items()} == {c: len(v) for c, v in fresh.items()} else fresh
+
+    return patch.object(Keysight34970A, "fetch", late)
+
+
+def _whole_plot_goes_on() -> AbstractContextManager[Any]:
+    """A whole plot is continued whatever happened meanwhile."""
+    return _all(
+        patch.object(WholePlots, "lost_meanwhile", lambda *_, **__: ""),
+        patch.object(WholePlots, "lost_now", lambda *_, **__: ""),
+    )
+
+
+def _commit_later() -> AbstractContextManager[Any]:
+    """An observation is told as done before it is on the disk."""
+    append = RunWriter.append
+
+    def lazily(self: Any, record: Any, *, commit: bool = True) -> None:
+        append(self, record, commit=commit and record.kind != "observation")
+
+    return patch.object(RunWriter, "append", lazily)
+
+
+BUGS: Mapping[str, Callable[[], AbstractContextManager[Any]]] = {
+    "accept-late-reply": _accept_late_reply,
+    "skip-re-approach": _skip_re_approach,
+    "double-write": _double_write,
+    "ignore-alarm": _ignore_alarm,
+    "vent-on-resume": _vent_on_resume,
+    "stale-reading": _stale_reading,
+    "whole-plot-goes-on": _whole_plot_goes_on,
+}

@@ -1,0 +1,259 @@
+"""What happens in a simulated night: the laboratory, the procedure, and everything that goes wrong, drawn from a seed.
+
+A night is its scenario and nothing else: the same seed plays the same night, byte for byte, on every machine.
+"""
+
+from __future__ import annotations
+
+import json
+import random
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from rig.examples import example
+from sims.faults import KINDS
+
+Lab = Literal["attitude", "pressure"]
+LABS: tuple[Lab, ...] = ("attitude", "pressure")
+
+_ATTITUDE = """\
+kind = "pitch-roll"
+name = "night"
+seed = {seed}
+replications = {replications}
+[design]
+type = "D"
+pitch_deg = {pitch}
+roll_deg = {roll}
+[order]
+type = "{order}"
+[settle]
+dwell_s = 2
+[measure]
+readings = {readings}
+max_sd_V = 0.0005
+[environment]
+setpoint_degC = 23
+dwell_s = 60
+[recovery]
+max_gap_s = 900
+hold_max_s = 1800
+"""
+
+_PRESSURE = """\
+kind = "whole-plot"
+name = "night"
+seed = {seed}
+[design]
+type = "list"
+temperatures_degC = {temperatures}
+pressures_psia = {pressures}
+repeated_psia = {repeated}
+[soak]
+dwell_s = 60
+drift_degC_per_h = 20
+poll_s = 60
+[settle]
+dwell_s = 4
+poll_s = 4
+[measure]
+readings = {readings}
+max_sd_mV = 0.01
+[recovery]
+continue_gap_s = 600
+hold_max_s = 1800
+whole_plot_repeats = 10
+"""
+
+_ATTITUDE_WORLD = """\
+seed = {seed}
+[lab]
+daily_amplitude_degC = 0.5
+[enclosure]
+leak = 0.05
+"""
+
+_PRESSURE_WORLD = """\
+seed = {seed}
+[lab]
+daily_amplitude_degC = 0.5
+[sensors]
+""" + "".join(
+    f"bridge_{n} = {{{{ offset_mV = {0.1 * n:g}, sensitivity_mV_per_psi = {1.9 + 0.03 * n:g}, "
+    "nonlinearity_uV_per_psi2 = 0, offset_uV_per_degC = 0, offset_nV_per_degC2 = 0, sensitivity_ppm_per_degC = 0, "
+    "sse_offset_uV_per_degC = 0, sse_offset_nV_per_degC2 = 0, sse_gain_ppm_per_degC = 0, "
+    "cross_offset_nV_per_degC2 = 0 }}\n"
+    for n in range(1, 8)
+)
+"""Transducers that a straight line describes: what a night does to the data shows in it, and nothing else does."""
+
+
+@dataclass(frozen=True)
+class Mishap:
+    """Something that happens to the controller, its machine or the building; instruments' own are `[[faults]]`.
+
+    Attributes:
+        at_s: world time, seconds.
+        kind: one of `MISHAPS`.
+        options: what it needs besides.
+
+    """
+
+    at_s: float
+    kind: str
+    options: Mapping[str, float] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        """In words."""
+        more = ", ".join(f"{name} {value:g}" for name, value in self.options.items())
+        return f"{MISHAPS[self.kind]}{f' ({more})' if more else ''}"
+
+
+MISHAPS: Mapping[str, str] = {
+    "kill": "the controller is killed with SIGKILL",
+    "reboot": "the controller's machine restarts; the instruments stay on",
+    "power-cut": "the building loses power: controller and instruments",
+    "terminate": "the controller gets SIGTERM",
+    "hold": "somebody asks the run to hold, and releases it later",
+    "stop": "somebody stops the run",
+    "no-memory": "the controller runs out of memory",
+    "disk-full": "the disk is full, and is cleared later",
+    "failed-sync": "the disk fails to make something durable",
+    "slow-disk": "the disk is slow for a while",
+}
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A night to be.
+
+    Attributes:
+        seed: what all was drawn from.
+        lab: which laboratory.
+        documents: bench, procedure and world file.
+        mishaps: what happens besides the world file's faults, in order of time.
+        gaps_s: how long the bench is left alone after each session; the last one goes for all that follow.
+
+    """
+
+    seed: int
+    lab: Lab
+    documents: Mapping[str, str]
+    mishaps: tuple[Mishap, ...]
+    gaps_s: tuple[float, ...]
+
+
+_LASTS_S: Mapping[Lab, Mapping[bool, float]] = {
+    "attitude": {False: 730.0, True: 28 * 3600.0},
+    "pressure": {False: 5500.0, True: 37 * 3600.0},
+}
+"""How long a night without trouble takes, by lab, short and full."""
+
+
+def draw(seed: int, lab: Lab, *, full: bool = False, mishaps: int = 2, faults: int = 5) -> Scenario:
+    """The night of a seed.
+
+    Args:
+        seed: any whole number.
+        lab: which laboratory.
+        full: the example's whole procedure instead of a short one.
+        mishaps: how many things happen to the controller, its machine or the building.
+        faults: how many happen to instruments and wires.
+
+    """
+    rng = random.Random(f"{lab} {full} {seed}")
+    lasts = _LASTS_S[lab][full]
+    folder = example(f"{lab}-lab")
+    bench = (folder / "bench.toml").read_text(encoding="utf-8")
+    happening = sorted(
+        (_mishap(rng, rng.uniform(0.0, 1.2 * lasts)) for _ in range(mishaps)), key=lambda mishap: mishap.at_s
+    )
+    gaps = tuple(rng.choice((2.0, 30.0, 120.0, 700.0, 2000.0)) for _ in range(20))
+    world = (_ATTITUDE_WORLD if lab == "attitude" else _PRESSURE_WORLD).format(seed=rng.randrange(2**31))
+    drivers = {name: str(table["driver"]) for name, table in tomllib.loads(bench)["instruments"].items()}
+    tables = [_fault(rng, drivers, rng.uniform(0.0, lasts)) for _ in range(faults)]
+    documents = {
+        "bench.toml": bench,
+        "procedure.toml": (folder / "procedure.toml").read_text(encoding="utf-8") if full else _procedure(rng, lab),
+        "world.toml": world + "".join(map(_table, tables)),
+    }
+    return Scenario(seed, lab, documents, tuple(happening), gaps)
+
+
+def _mishap(rng: random.Random, at_s: float) -> Mishap:
+    kind = rng.choice(tuple(MISHAPS))
+    options: dict[str, float] = {}
+    if kind in ("hold", "slow-disk"):
+        options = {"for_s": rng.choice((20.0, 200.0, 1000.0))}
+    elif kind == "disk-full":
+        options = {"room_bytes": rng.choice((0.0, 500.0, 5000.0))}
+    elif kind == "failed-sync":
+        options = {"nth": rng.randint(1, 4)}
+    return Mishap(round(at_s, 3), kind, options)
+
+
+_DULL = frozenset({"late-reply", "no-reply", "garbled", "truncated", "duplicated", "wrong-reply", "modbus-exception"})
+"""Faults of single exchanges: they come in small bursts."""
+
+
+def _fault(rng: random.Random, drivers: Mapping[str, str], at_s: float) -> dict[str, float | str]:
+    """A fault of any kind that the bench can have, as its table in the world file."""
+    while True:
+        name = rng.choice(tuple(KINDS))
+        kind = KINDS[name]
+        on = [n for n, driver in drivers.items() if kind.hits(driver, _WIRES[driver])]
+        if kind.of_bench or on:
+            break
+    table: dict[str, float | str] = {"kind": name, "at_s": round(at_s, 3)}
+    if on:
+        table["on"] = rng.choice(on)
+    if kind.counts and rng.random() < 0.5:
+        table["times"] = rng.choice((1, 2, 3, 8) if name in _DULL else (1, 3))
+    if kind.lasts_s and not kind.of_bench:
+        table["for_s"] = round(kind.lasts_s * rng.choice((0.2, 1.0, 3.0)), 1)
+    for key, option in kind.options.items():
+        if option.words and rng.random() < 0.5:
+            table[key] = rng.choice(option.words)
+    if name == "slip":
+        table["encoder"] = (
+            "sees"  # a table that slips on its encoder's shaft shows nowhere but in the data: `rig trace`
+        )
+    return table
+
+
+_WIRES = {
+    "newport-esp301": "serial",
+    "cia402-pair": "can",
+    "keysight-34401a": "serial",
+    "keysight-34970a": "serial",
+    "druck-pace": "serial",
+    "watlow-f4t": "modbus",
+    "can-daq": "can",
+}
+
+
+def _table(values: Mapping[str, float | str]) -> str:
+    lines = (f"{key} = {json.dumps(value)}\n" for key, value in values.items())
+    return "[[faults]]\n" + "".join(lines)
+
+
+def _procedure(rng: random.Random, lab: Lab) -> str:
+    """A short procedure: 2 x 12 points, or 4 whole plots of 3 pressures."""
+    if lab == "attitude":
+        return _ATTITUDE.format(
+            seed=rng.randrange(1000),
+            replications=2,
+            pitch=[-60, 0, 60],
+            roll=[-120, 0, 90, 120],
+            order=rng.choice(("serpentine", "random")),
+            readings=rng.choice((3, 4)),
+        )
+    return _PRESSURE.format(
+        seed=rng.randrange(1000),
+        temperatures=[[20, 26], [26, 20], [20, 20], [26, 26]],
+        pressures=[0.12, 1.0, 2.5],
+        repeated=[],
+        readings=rng.choice((2, 3)),
+    )

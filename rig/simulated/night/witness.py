@@ -1,0 +1,151 @@
+"""What truly happened in a night, seen from the physics: no driver, no protocol and no run file has a say in it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from rig.simulated.dry_run import DryBench
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """One reading that a meter truly took.
+
+    Attributes:
+        t_s: world time at the middle of its integration.
+        input: what was at its input, V or degrees Celsius, before the meter added anything of its own.
+        setting: where every easy factor truly was, by axis.
+        direction: from which side it had come there, 1 or -1; 0 where nobody can say.
+        whole_plot: number of the stay at a pair of temperatures, as the transducers count them; 0 without chambers.
+        air_degC: of every chamber.
+
+    """
+
+    t_s: float
+    input: float
+    setting: Mapping[str, float]
+    direction: Mapping[str, int]
+    whole_plot: int
+    air_degC: Mapping[str, float]
+
+
+@dataclass
+class Witness:
+    """Looks over the meters' shoulders, and at what is commanded, as it takes effect.
+
+    Args:
+        bench: the simulated bench.
+
+    Attributes:
+        readings: by instrument and channel, in order of time.
+        vents: world times at which the line was told to vent.
+        extremes: lowest and highest value that anything was told to go to, by quantity as the bench's limits name it.
+
+    """
+
+    bench: DryBench
+    readings: dict[tuple[str, str], list[Seen]] = field(default_factory=dict)
+    extremes: dict[str, tuple[float, float]] = field(default_factory=dict)
+    vents: list[float] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        plant = self.bench.sim.plant
+        volts, degrees = plant.channel_V, plant.channel_degC
+        factors = self.bench.config.factors
+        self._line = plant.stand.line(factors["pressure_psia"]) if "pressure_psia" in factors else None
+        self._chambers = {n: c for n in self.bench.config.instruments if (c := plant.stand.chamber(n))}
+
+        def channel_V(instrument: str, channel: str, t0: float, t1: float) -> float:  # noqa: N802
+            value = volts(instrument, channel, t0, t1)
+            self._note(instrument, channel, (t0 + t1) / 2.0, value)
+            return value
+
+        def channel_degC(instrument: str, channel: str, t: float) -> float:  # noqa: N802
+            value = degrees(instrument, channel, t)
+            self._note(instrument, channel, t, value)
+            return value
+
+        plant.channel_V = channel_V  # type: ignore[method-assign]
+        plant.channel_degC = channel_degC  # type: ignore[method-assign]
+        self._watch_commands()
+
+    def _note(self, instrument: str, channel: str, t: float, value: float) -> None:
+        plant = self.bench.sim.plant
+        if self._line is not None:
+            setting = {"pressure": self._line.pressure_psia(t)}
+            direction = {"pressure": self._line.settings.direction(t)}
+            whole_plot = plant.stand.conditions(t - 1e-3, t + 1e-3).whole_plot
+            air = {name: chamber.air_degC(t) for name, chamber in self._chambers.items()}
+        else:
+            axes = plant.head.axes
+            setting = {name: axis.true_deg(t) for name, axis in axes.items()}
+            direction = {name: round(axis.leg(t).course.direction) for name, axis in axes.items()}
+            whole_plot, air = 0, {}
+        seen = Seen(t, value, setting, direction, whole_plot, air)
+        self.readings.setdefault((instrument, channel), []).append(seen)
+
+    def _watch_commands(self) -> None:
+        head, line = self.bench.sim.plant.head, self._line
+        move = head.move
+
+        def watched_move(axis: str, target_deg: float, speed: float, accel: float) -> None:
+            self._extend(f"{axis}_deg", target_deg)
+            move(axis, target_deg, speed, accel)
+
+        head.move = watched_move  # type: ignore[method-assign]
+        if line is not None:
+            command = line.command
+
+            def watched_command(
+                now: float, setpoint_psia: float, slew_psi_per_s: float, *, overshoot: bool = False
+            ) -> None:
+                self._extend("pressure_psia", setpoint_psia)
+                command(now, setpoint_psia, slew_psi_per_s, overshoot=overshoot)
+
+            line.command = watched_command  # type: ignore[method-assign]
+            vent = line.vent
+
+            def watched_vent(now: float, rate_psi_per_s: float) -> None:
+                self.vents.append(now)
+                vent(now, rate_psi_per_s)
+
+            line.vent = watched_vent  # type: ignore[method-assign]
+
+    def _extend(self, quantity: str, value: float) -> None:
+        low, high = self.extremes.get(quantity, (value, value))
+        self.extremes[quantity] = (min(low, value), max(high, value))
+
+    def chambers_told(self) -> None:
+        """Take the chambers' setpoints of this moment into the extremes."""
+        for name, chamber in self._chambers.items():
+            self._extend(f"{name}_degC", chamber.setpoint_degC)
+
+    def not_safe(self, *, moving_only: bool) -> list[str]:
+        """What on the bench is not safe at this moment, in words.
+
+        Args:
+            moving_only: an interrupted session leaves pressure and temperatures as they are, for the next one.
+
+        """
+        now, plant = self.bench.world.now(), self.bench.sim.plant
+        found = []
+        if self._line is None:
+            found += [f"{axis} is moving" for axis in plant.head.axes if plant.head.moving(axis, now)]
+            return found
+        if moving_only:
+            return found
+        away = self._line.pressure_psia(now) - self._line.ambient_psia(now)
+        if self._line.controlling or abs(away) > _AT_THE_ATMOSPHERE_PSI:
+            found.append(
+                f"the line is at {self._line.pressure_psia(now):.2f} psia, "
+                f"{'controlled' if self._line.controlling else 'closed'}"
+            )
+        for name, chamber in self._chambers.items():
+            if not _HARMLESS_DEGC[0] <= chamber.setpoint_degC <= _HARMLESS_DEGC[1]:
+                found.append(f"{name} is left at a setpoint of {chamber.setpoint_degC:.1f} degC")
+        return found
+
+
+_AT_THE_ATMOSPHERE_PSI = 0.5
+_HARMLESS_DEGC = (15.0, 30.0)

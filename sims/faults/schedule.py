@@ -1,0 +1,130 @@
+"""When each fault of a world strikes, and what has happened."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from math import inf, isfinite
+from typing import NamedTuple, Protocol
+
+from sims.faults.fault import Fault
+from sims.faults.kinds import KINDS
+from sims.faults.wire import FaultyWire
+from sims.noise import event_at, uniform
+from sims.world import World
+
+
+class Happening(NamedTuple):
+    """Something that went wrong.
+
+    Attributes:
+        t_s: world time.
+        fault: the entry that made it happen.
+        what: in words.
+
+    """
+
+    t_s: float
+    fault: Fault
+    what: str
+
+
+class Act(Protocol):
+    """Makes a fault of an instrument or of the clock happen."""
+
+    def __call__(self, fault: Fault, until: float, note: Callable[[str], None]) -> Callable[[], None] | None:
+        """Begin; what it returns is called when the fault is over."""
+        ...
+
+
+@dataclass(frozen=True)
+class _Entry:
+    """A fault and the channel of its chances."""
+
+    fault: Fault
+    chances: str
+
+
+class Faults:
+    """The faults of one session on a simulated bench.
+
+    Args:
+        world: virtual time.
+        faults: the entries.
+        seed: the world's.
+        media: kind of wire by instrument.
+        act: makes those happen that are not of a wire.
+
+    Attributes:
+        happened: what went wrong so far, in order.
+        wires: by instrument.
+
+    """
+
+    def __init__(self, world: World, faults: Sequence[Fault], seed: int, media: Mapping[str, str], act: Act) -> None:
+        self.happened: list[Happening] = []
+        self._world = world
+        self._act = act
+        self._seed = seed
+        self._at_exchange: dict[tuple[str, int], list[Fault]] = {}
+        self._by_chance: dict[str, list[_Entry]] = {}
+        self.wires = {
+            name: FaultyWire(
+                world, medium, partial(self._exchange, name), self._note, partial(self._foreign, name, media)
+            )
+            for name, medium in media.items()
+        }
+        # A later session has other chances at the same exchange: its exchanges are not those of the first.
+        session = f"@{event_at(world.now())}" if world.now() else ""
+        for n, fault in enumerate(faults):
+            if fault.at_s is not None:
+                self._plan(fault, fault.at_s)
+            elif fault.exchange is not None:
+                self._at_exchange.setdefault((fault.on, fault.exchange), []).append(fault)
+            else:
+                entry = _Entry(fault, f"{fault.on}/fault {n}{session}")
+                self._by_chance.setdefault(fault.on, []).append(entry)
+
+    def strike(self, fault: Fault, until: float | None = None) -> None:
+        """Have a fault happen now.
+
+        Args:
+            fault: which; when it says that it happens does not matter.
+            until: world time at which it is over, of one that lasts; by its own `for_s` if None.
+
+        """
+        lasts = fault.for_s or KINDS[fault.kind].lasts_s
+        if until is None:
+            until = self._world.now() + lasts if lasts else inf
+        if KINDS[fault.kind].wires:
+            self.wires[fault.on].strike(fault, until)
+            return
+        over = self._act(fault, until, partial(self._note, fault))
+        if over is not None and isfinite(until):
+            self._world.call_in(until - self._world.now(), over)
+
+    def _plan(self, fault: Fault, at: float) -> None:
+        now = self._world.now()
+        if at >= now:
+            self._world.call_in(at - now, partial(self.strike, fault))
+            return
+        until = at + (fault.for_s or KINDS[fault.kind].lasts_s)
+        if until > now:  # from before this session, and not over
+            self.strike(fault, until)
+
+    def _exchange(self, name: str, number: int) -> None:
+        for fault in self._at_exchange.pop((name, number), ()):
+            self.strike(fault)
+        for entry in self._by_chance.get(name, ()):
+            if uniform(self._seed, entry.chances, number) < entry.fault.probability:
+                self.strike(entry.fault)
+
+    def _note(self, fault: Fault, what: str) -> None:
+        self.happened.append(Happening(self._world.now(), fault, what))
+
+    def _foreign(self, name: str, media: Mapping[str, str]) -> bytes:
+        """The latest reply of another instrument on a wire of the same kind."""
+        return next(
+            (w.latest for n, w in self.wires.items() if n != name and media[n] == media[name] and w.latest), b""
+        )

@@ -1,0 +1,174 @@
+"""The simulated disk under the run file: power cuts, full disks and failed syncs, and that none loses a record."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+
+import apsw
+import pytest
+from test_run_file import genesis, observation
+
+from drivers.clock import Clock
+from rig.engine.run_file import RunReader, RunWriter, create
+from rig.engine.state import fold
+from rig.errors import StorageError
+from rig.simulated.disk import Crash, Disk
+from sims.world import World
+
+
+def made(folder: Path, disk: Disk) -> Path:
+    path = folder / "a-run.sqlite"
+    create(path, genesis(), elapsed_s=0.0, utc_s=1e9, vfs=disk.name)
+    return path
+
+
+def accepted(path: Path) -> set[int]:
+    with RunReader.open(path) as reader:
+        reader.verify()
+        return fold(reader.records()).accepted
+
+
+def append_until_it_fails(run: RunWriter, kept: set[int]) -> None:
+    for i in range(len(kept), 10):
+        run.append(observation(i))
+        kept.add(i)
+
+
+@pytest.mark.parametrize("lost", ["all", "none", "some"])
+def test_what_was_committed_survives_a_power_cut(tmp_path, lost):
+    with Disk(seed=1) as disk:
+        path = made(tmp_path, disk)
+        run = RunWriter.open(path, vfs=disk.name)
+        for i in range(5):
+            run.append(observation(i))
+            disk.power_cut(lost)
+            run.close()
+            assert accepted(path) == set(range(i + 1))
+            run = RunWriter.open(path, vfs=disk.name)
+        run.close()
+    assert disk.writes > 20
+    assert disk.syncs > 5
+
+
+def test_a_failed_sync_stops_the_run_and_what_is_written_after_it_is_not_lost_with_it(tmp_path):
+    # Linux marks the pages clean: the log reads well, syncs again without a word, and loses the pages to a power cut.
+    with Disk(seed=1) as disk:
+        path = made(tmp_path, disk)
+        with RunWriter.open(path, vfs=disk.name) as run:
+            run.append(observation(0))
+            disk.fail_sync()
+            with pytest.raises(StorageError, match="rig resume"):
+                run.append(observation(1))
+            disk.power_cut("none")
+        with RunWriter.open(path, vfs=disk.name) as run:
+            for i in range(2, 5):
+                run.append(observation(i))
+            disk.power_cut("all")
+        assert accepted(path) >= {0, 2, 3, 4}
+
+
+def test_a_full_disk_stops_the_run_and_with_room_again_it_goes_on(tmp_path):
+    with Disk(seed=1) as disk:
+        path = made(tmp_path, disk)
+        kept: set[int] = set()
+        for room in (0, 100, 5000, 20_000):
+            with RunWriter.open(path, vfs=disk.name) as run:
+                kept = fold(run.records()).accepted
+                disk.full_after(room)
+                with pytest.raises(StorageError, match="full"):
+                    append_until_it_fails(run, kept)
+                disk.full_after(None)
+            assert accepted(path) == kept
+
+
+def test_an_error_of_the_disk_is_one_message(tmp_path):
+    with Disk(seed=1) as disk:
+        path = made(tmp_path, disk)
+        with RunWriter.open(path, vfs=disk.name) as run:
+            disk.fail_write(nth=2)
+            with pytest.raises(StorageError):
+                run.append(observation(0))
+            run.commit()
+            disk.power_cut("none")  # else closing it folds the log into the file
+        disk.fail_sync(times=1000)
+        with pytest.raises(StorageError, match="rig resume"):
+            RunWriter.open(path, vfs=disk.name)
+        disk.fail_sync(times=0)
+        assert accepted(path) == {0}
+
+
+def test_a_crash_leaves_everything_as_it_is_and_the_disk_shut(tmp_path):
+    with Disk(seed=1) as disk:
+        path = made(tmp_path, disk)
+        with RunWriter.open(path, vfs=disk.name) as run:
+            run.append(observation(0))
+            disk.crash_at(3)
+            with pytest.raises(Crash):
+                run.append(observation(1))
+            with pytest.raises(Crash):
+                run.append(observation(2))
+            with pytest.raises(Crash):
+                run.close()
+        files = {p.name: p.read_bytes() for p in tmp_path.iterdir() if not p.name.endswith("-shm")}
+        assert set(files) == {path.name, path.name + "-wal", "a-run.head"}
+        disk.power_cut("none")
+        assert {name: (tmp_path / name).read_bytes() for name in files} == files
+        assert accepted(path) == {0}
+
+
+def test_what_is_open_from_before_a_power_cut_must_be_closed_first(tmp_path):
+    with Disk(seed=1) as disk:
+        path = made(tmp_path, disk)
+        run = RunWriter.open(path, vfs=disk.name)
+        disk.power_cut()
+        with pytest.raises(RuntimeError, match="close it first"):
+            apsw.Connection(str(path), vfs=disk.name).execute("SELECT * FROM record")
+        run.close()
+
+
+def test_a_run_file_is_created_whole_or_not_at_all(tmp_path):
+    rng = random.Random(7)
+    seen = set()
+    for nth in range(1, 200):
+        folder = tmp_path / str(nth)
+        with Disk(seed=nth) as disk:
+            disk.crash_at(nth)
+            try:
+                path = made(folder, disk)
+            except Crash:
+                disk.power_cut(rng.choice(["all", "none", rng]))
+                path = folder / "a-run.sqlite"
+                seen.add(path.exists())
+                if path.exists():
+                    assert accepted(path) == set()
+                continue
+            disk.power_cut("all")
+            assert accepted(path) == set()
+            break
+    assert seen == {True, False}
+    assert nth < 199
+
+
+@pytest.mark.parametrize("nth", [1, 2])
+def test_a_run_file_that_cannot_be_made_durable_is_not_left_behind(tmp_path, nth):
+    with Disk(seed=1) as disk:
+        disk.crash_at(10_000)
+        made(tmp_path / "whole", disk)
+        syncs = disk.syncs
+        disk.fail_sync(nth=syncs + 1 - nth)
+        with pytest.raises(StorageError, match="nothing is left behind"):
+            made(tmp_path / "torn", disk)
+    assert not list((tmp_path / "torn").iterdir())
+
+
+def test_a_slow_disk_takes_time_on_its_clock(tmp_path):
+    world: Clock = World()
+    with Disk(seed=1) as disk:
+        path = made(tmp_path, disk)
+        disk.slow(world, write_s=0.01, sync_s=2.0)
+        with RunWriter.open(path, vfs=disk.name) as run:
+            before, syncs = world.now(), disk.syncs
+            run.append(observation(0))
+            assert disk.syncs > syncs
+            assert world.now() - before >= 2.0 * (disk.syncs - syncs)
