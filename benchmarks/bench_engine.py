@@ -1,8 +1,8 @@
 """Our own time per point, with a durable commit, beside bluesky's RunEngine, which stores nothing.
 
 Both run 2,886 points on instruments that answer at once, in the same process, in turn. Also: what the file system
-asks for one fdatasync of a record's size, and how many syncs a commit really makes (counted by strace where it is
-installed, otherwise through a recording VFS).
+asks for one fdatasync of a record's size, what a commit takes beside it (`benchmarks.load`, which has the long runs
+too), and how many syncs a commit really makes, counted by a recording VFS.
 
     .venv/bin/python benchmarks/bench_engine.py
 """
@@ -18,11 +18,12 @@ from pathlib import Path
 
 import apsw
 
-sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
+sys.path[:0] = [str(Path(__file__).parent.parent), str(Path(__file__).parent.parent / "tests")]
 
 import ideal_bench
-from scratch import RUNS
 
+from benchmarks.load import commits
+from benchmarks.scratch import RUNS
 from procedures import PitchRollProcedure
 from rig.engine.chain import Record, encode
 from rig.engine.run_file import RunWriter
@@ -132,6 +133,10 @@ def main() -> None:
         bare = bare_sync(folder)
         print(f"ours, one durable commit a point: {statistics.median(mine) * 1e6:7.0f} us a point")
         print(f"bare fdatasync of 2 kB:           {bare * 1e6:7.0f} us")
+        beside = commits(folder)
+        print(
+            f"a commit over a bare fdatasync:   {beside['ratio'][1]:7.2f} (medians; lowest tenths {beside['ratio'][0]:.2f})"
+        )
         for key, value in syncs(folder).items():
             print(f"syncs of the {key} file a commit:   {value:7.3f}")
     try:

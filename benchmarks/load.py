@@ -268,17 +268,20 @@ def resumed(path: Path, vfs: str) -> dict[str, Any]:
     }
 
 
+_READ = {"mean": 0.7857167547142776, "sd": 1.951915885742837e-06, "readings": [0.7857155202142776] * 5}
+_SETTLED = {"outcome": "settled", "seconds": 1.0, "samples": [[0.5 * i, -25.384615385] for i in range(3)]}
 BODY = encode(
     {
         "approach": {"pitch": [1, -30.0], "roll": [1, -180.0]},
-        "readback": {"pitch_deg": -25.38461538, "roll_deg": -165.0},
-        "settling": {a: {"outcome": "settled", "seconds": 1.0, "samples": [[0.0, -25.3], [0.5, -25.3], [1.0, -25.3]]}
-                     for a in ("pitch", "roll")},
+        "readback": {"pitch_deg": -25.384615385, "roll_deg": -165.0},
+        "settling": {"pitch": _SETTLED, "roll": _SETTLED},
         "measured_s": [123456.5, 123459.0],
-        "outputs": {f"{s}_V": {"mean": 0.1234567890123, "sd": 1.234567e-06, "readings": [0.1234567890123] * 5}
-                    for s in SENSORS},
+        "environment": {},
+        "outputs": {f"{name}_V": _READ for name in SENSORS},
+        "temperatures": {"sensor_temperature_degC": _READ},
+        "flags": [],
     }
-)  # fmt: skip
+)
 """As large as an observation of seven sensors."""
 
 
