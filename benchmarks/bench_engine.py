@@ -18,7 +18,8 @@ from pathlib import Path
 
 import apsw
 
-sys.path[:0] = [str(Path(__file__).parent.parent), str(Path(__file__).parent.parent / "tests")]
+sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
+sys.path.insert(0, str(Path(__file__).parent.parent))
 
 import ideal_bench
 
@@ -134,9 +135,8 @@ def main() -> None:
         print(f"ours, one durable commit a point: {statistics.median(mine) * 1e6:7.0f} us a point")
         print(f"bare fdatasync of 2 kB:           {bare * 1e6:7.0f} us")
         beside = commits(folder)
-        print(
-            f"a commit over a bare fdatasync:   {beside['ratio'][1]:7.2f} (medians; lowest tenths {beside['ratio'][0]:.2f})"
-        )
+        low, middle = beside["ratio"]
+        print(f"a commit over a bare fdatasync:   {middle:7.2f} (medians; lowest tenths {low:.2f})")
         for key, value in syncs(folder).items():
             print(f"syncs of the {key} file a commit:   {value:7.3f}")
     try:

@@ -12,9 +12,12 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from procedures.designs import Design, fraction, grid, roll_circle, tumble, uniform
-from procedures.orders import Visit, random_order, reversed_pass, serpentine
+from procedures.orders import Visit, random_order, reversed_pass, walk
 from procedures.run_list import Factor, Point, RunList, Settle
 from procedures.settings import FaultSettings, Positive, Strict
+
+_PASS_KEPT = 10_000
+"""A pass over a larger design than this is not kept for the next replication, but made again."""
 
 Side = Annotated[list[float], Field(min_length=1)]
 
@@ -244,6 +247,9 @@ class PitchRollProcedure(Strict):
         if self.order.type == "random":
             return random_order(design, rng)
         backwards = reversed_pass(replication, self.order.replications)
+        visits = walk(design, backwards=backwards, up_and_down=self.order.type == "up-and-down")
+        if len(design) > _PASS_KEPT:
+            return visits
         if backwards not in passes:
-            passes[backwards] = serpentine(design, backwards=backwards, up_and_down=self.order.type == "up-and-down")
+            passes[backwards] = list(visits)
         return passes[backwards]
