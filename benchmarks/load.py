@@ -18,6 +18,7 @@ import contextlib
 import itertools
 import json
 import os
+import signal
 import statistics
 import subprocess
 import sys
@@ -25,7 +26,7 @@ import tempfile
 import time
 from array import array
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +46,7 @@ from rig.engine.run_file import Genesis, RunWriter, create
 from rig.engine.session import Outcome, Progress, Signals
 from sims.world import World
 
+ROOT = Path(__file__).parent.parent
 SENSORS = ("s1", "s2", "s3", "s4", "s5", "s6", "s7")
 CELLS = 1000
 WINDOW = 10_000
@@ -217,7 +219,7 @@ def one_run(points: int, folder: Path, vfs: str) -> dict[str, Any]:
     began = time.process_time()
     plan = planned(points)
     expanded = time.process_time()
-    result = _run(plan, folder, vfs, until=None)
+    result = _run(plan, folder, vfs)
     assert result.outcome is Outcome.COMPLETE, result.message
     assert len(result.state.accepted) == points
     size = result.path.stat().st_size
@@ -234,23 +236,28 @@ def one_run(points: int, folder: Path, vfs: str) -> dict[str, Any]:
     }
 
 
-def _run(plan: Plan, folder: Path, vfs: str, until: int | None) -> Result:
-    signals = Signals()
+def _run(plan: Plan, folder: Path, vfs: str, look: Callable[[Progress], None] = lambda _: None) -> Result:
+    site = Site(ideal, vfs)
+    return start_run(plan, folder, signals=Signals(), announce=lambda _: None, on_progress=look, site=site)
+
+
+def one_resume(points: int, folder: Path, options: Sequence[str]) -> dict[str, Any]:
+    """Resume a run that was killed with ten points left, its log still there, in a process of its own."""
+    command = [sys.executable, "-m", "benchmarks.load", "killed", str(points), "--folder", str(folder), *options]
+    assert subprocess.run(command, check=False, cwd=ROOT).returncode == -signal.SIGKILL
+    (path,) = folder.rglob("*.sqlite")
+    log = path.with_name(path.name + "-wal").stat().st_size
+    return {"points": points, "log_bytes": log, **_worker("resumed", str(path), *options)}
+
+
+def killed(points: int, folder: Path, vfs: str) -> None:
+    """Run until ten points are left, and die."""
 
     def look(news: Progress) -> None:
-        if until is not None and news.done >= until:
-            signals.interrupt = "SIGTERM"
+        if news.done >= points - 10:
+            os.kill(os.getpid(), signal.SIGKILL)
 
-    site = Site(ideal, vfs)
-    return start_run(plan, folder, signals=signals, announce=lambda _: None, on_progress=look, site=site)
-
-
-def one_resume(points: int, folder: Path, vfs: str) -> dict[str, Any]:
-    """Resume a run of which all but ten points are observed, in a process of its own; processor time counts."""
-    result = _run(planned(points), folder, vfs, until=points - 10)
-    assert result.outcome is Outcome.INTERRUPTED, result.message
-    worker = _worker("resumed", str(result.path), "--no-sync" if vfs else "")
-    return {"points": points, **worker}
+    _run(planned(points), folder, vfs, look)
 
 
 def resumed(path: Path, vfs: str) -> dict[str, Any]:
@@ -320,8 +327,8 @@ def _few(points: int) -> RunList:
 
 
 def _worker(*arguments: str) -> dict[str, Any]:
-    command = [sys.executable, "-m", "benchmarks.load", *filter(None, arguments)]
-    done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True, cwd=Path(__file__).parent.parent)
+    command = [sys.executable, "-m", "benchmarks.load", *arguments]
+    done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True, cwd=ROOT)
     found: dict[str, Any] = json.loads(done.stdout)
     return found
 
@@ -339,22 +346,27 @@ def everything(options: list[str]) -> dict[str, Any]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", nargs="?", default="all", choices=["all", "run", "resume", "resumed", "commit"])
+    parser.add_argument(
+        "what", nargs="?", default="all", choices=["all", "run", "resume", "killed", "resumed", "commit"]
+    )
     parser.add_argument("of", nargs="?", default="100000", help="points; for `resumed`, the run file")
     parser.add_argument("--no-sync", action="store_true", help="do not wait for the disk")
     parser.add_argument("--folder", type=Path, default=RUNS, help="where the run files go meanwhile")
     given = parser.parse_args()
     unsynced = UnsyncedVFS() if given.no_sync else None
-    vfs = "unsynced" if unsynced else ""
+    vfs, options = ("unsynced", ["--no-sync"]) if unsynced else ("", [])
     with tempfile.TemporaryDirectory(dir=given.folder) as name:
         folder = Path(name)
         match given.what:
             case "all":
-                found = everything(["--no-sync"] if given.no_sync else [])
+                found = everything(options)
             case "run":
                 found = one_run(int(given.of), folder, vfs)
             case "resume":
-                found = one_resume(int(given.of), folder, vfs)
+                found = one_resume(int(given.of), folder, options)
+            case "killed":
+                killed(int(given.of), given.folder, vfs)
+                return
             case "resumed":
                 found = resumed(Path(given.of), vfs)
             case _:
