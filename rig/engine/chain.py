@@ -80,7 +80,7 @@ def link(previous: bytes, seq: int, record: Record) -> bytes:
 def _fields(seq: int, record: Record) -> str:
     """A record but for its body, as JSON without the closing bracket."""
     r = record
-    if not (type(r.elapsed_s) is type(r.utc_s) is float and isfinite(r.elapsed_s) and isfinite(r.utc_s)):
+    if not (type(r.elapsed_s) is type(r.utc_s) is float and isfinite(r.elapsed_s + r.utc_s)):
         return json.dumps([seq, *r.fields()[:-1]], separators=(",", ":"), allow_nan=False)[:-1]
     place = "null" if r.run_index is None else r.run_index
     whole_plot = "null" if r.whole_plot is None else r.whole_plot

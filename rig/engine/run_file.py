@@ -12,7 +12,7 @@ import contextlib
 import fcntl
 import hashlib
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Self
@@ -21,6 +21,7 @@ import apsw
 
 from drivers.clock import RealClock
 from procedures import Factor, Point, RunList
+from procedures.run_list import sha256_of_rows
 from rig.engine import wal
 from rig.engine.chain import GENESIS, Record, encode, first_break, link
 from rig.engine.last_word import LastWord, read_last_word
@@ -121,19 +122,24 @@ class RunReader:
 
     def run_list(self) -> RunList:
         """The run list as stored."""
-        factors = tuple(
+        factors = self._factors()
+        width = len(factors)
+        points = (
+            Point(row[0], row[1], row[2], row[3 : 3 + width], row[3 + width :]) for row in self._point_rows(factors)
+        )
+        return RunList(factors, points, int(self.genesis().data["seed"]))
+
+    def _factors(self) -> tuple[Factor, ...]:
+        return tuple(
             Factor(name, axis, overtravel, bool(hard), bool(stays))
             for name, axis, overtravel, hard, stays in self._all(
                 "SELECT name, axis, overtravel, hard, stays FROM factor ORDER BY position"
             )
         )
-        width = len(factors)
+
+    def _point_rows(self, factors: Sequence[Factor]) -> Iterator[tuple[Any, ...]]:
         names = ", ".join([f'"{f.name}"' for f in factors] + [f'"{f.name}_side"' for f in factors])
-        points = (
-            Point(row[0], row[1], row[2], row[3 : 3 + width], row[3 + width :])
-            for row in self._slices(f"run_index, replication, whole_plot, {names} FROM point")
-        )
-        return RunList(factors, points, int(self.genesis().data["seed"]))
+        return self._slices(f"run_index, replication, whole_plot, {names} FROM point")
 
     def genesis(self) -> Record:
         """The first record: what the run is."""
@@ -196,7 +202,8 @@ class RunReader:
                 return f"the stored {name} is not the one the run began with"
         if sorted(documents) != sorted(declared["documents"]):
             return "a document was added or removed"
-        if self.run_list().sha256() != declared["run_list"]:
+        factors = self._factors()
+        if sha256_of_rows(factors, self._point_rows(factors), int(declared["seed"])) != declared["run_list"]:
             return "the run list is not the one the run began with"
         end = None
         for seq, record, _, _ in self.chained("kind = 'end'"):

@@ -73,6 +73,13 @@ class RunState:
         """Take one more record, in order."""
         self.elapsed_s, self.utc_s = record.elapsed_s, record.utc_s
         match record.kind:
+            case "observation":
+                assert record.run_index is not None
+                self.attempts[record.run_index] = record.attempt or 1
+                if record.status == "accepted":
+                    self.worked_s = record.elapsed_s
+                    self.accepted.add(record.run_index)
+                    self.last_index = record.run_index
             case "run":
                 self.points = int(record.data["points"])
                 self.simulated = bool(record.data["simulated"])
@@ -88,13 +95,6 @@ class RunState:
                 self.rested = "stopped"
             case "identity":
                 self.identities[str(record.status)] = record.data
-            case "observation":
-                assert record.run_index is not None
-                self.attempts[record.run_index] = record.attempt or 1
-                if record.status == "accepted":
-                    self.worked_s = record.elapsed_s
-                    self.accepted.add(record.run_index)
-                    self.last_index = record.run_index
             case "skip":
                 assert record.run_index is not None
                 self.attempts[record.run_index] = record.attempt or 1
