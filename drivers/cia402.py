@@ -66,6 +66,7 @@ class _Axis:
         homing: a home search was started and has not been seen to end.
         homed: whether the position is referenced, None as long as it is not known.
         fault: what ended the last home search.
+        distrusted: its zero is not to be trusted before it has been found again, whatever the drive says.
 
     """
 
@@ -74,6 +75,7 @@ class _Axis:
     homing: bool = False
     homed: bool | None = None
     fault: str = ""
+    distrusted: bool = False
 
 
 class CiA402Pair:
@@ -222,6 +224,11 @@ class CiA402Pair:
             axis.node.write(CONTROLWORD, _HOME)
             axis.homing, axis.homed, axis.fault = True, False, ""
 
+    def forget_zeros(self) -> None:
+        """See `Referenced.forget_zeros`."""
+        for axis in self._axes.values():
+            axis.distrusted, axis.homed = True, False
+
     def move(self, targets_deg: Mapping[str, float]) -> None:
         """See `Head.move`. Targets are rounded to encoder counts.
 
@@ -295,6 +302,8 @@ class CiA402Pair:
         If the drive does not tell, only a search that was seen to end well counts, and only as long as the drive
         stays enabled: one that is not may have been switched off.
         """
+        if axis.distrusted:
+            return False
         if self._options.homed_bit:
             return bool(status & 1 << self._options.homed_bit)
         return bool(axis.homed) and _state(status) == "enabled"
@@ -359,6 +368,7 @@ class CiA402Pair:
             return status
         else:
             axis.homed = _state(status) == "enabled"
+            axis.distrusted = axis.distrusted and not axis.homed
         axis.homing = False
         if _state(status) == "enabled":
             axis.node.write(CONTROLWORD, _HOLD)

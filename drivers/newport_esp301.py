@@ -78,7 +78,9 @@ class NewportESP301:
         self._line = wires.serial(address, settings, name)
         self._numbers: dict[str, int] = {"pitch": options.pitch_axis, "roll": options.roll_axis}
         self._limits = {"pitch": options.pitch_deg, "roll": options.roll_deg}
-        self._status = ";".join(f"{n}TP?;{n}MD?;{n}MO?" for n in self._numbers.values())
+        # What is 0 or 1 at both ends: an answer that has lost its first or last characters is told by it.
+        pitch, roll = self._numbers.values()
+        self._status = f"{pitch}MO?;{pitch}MD?;{pitch}TP?;{roll}TP?;{roll}MD?;{roll}MO?"
         self._homed: dict[str, bool | None] = dict.fromkeys(self._numbers)
         self._homing: dict[str, float] = {}
         self._faults: dict[str, str] = dict.fromkeys(self._numbers, "")
@@ -143,6 +145,11 @@ class NewportESP301:
                 self._faults[axis] = ""
         self._unchecked = True
 
+    def forget_zeros(self) -> None:
+        """See `Referenced.forget_zeros`: the mark of a home search that ended well is taken away."""
+        self._line.write(";".join(f"{n}JW{_NOT_HOMED_DEG_PER_S:g}" for n in self._numbers.values()))
+        self._homed = dict.fromkeys(self._numbers)
+
     def move(self, targets_deg: Mapping[str, float]) -> None:
         """See `Head.move`.
 
@@ -172,10 +179,9 @@ class NewportESP301:
             InstrumentError: the controller reports an error that belongs to no axis.
 
         """
-        answers = self._line.query_lines(self._status, 3 * len(self._numbers))
+        answers = self._line.query_lines(self._status, 6)
         positions, moving, enabled = {}, {}, {}
-        for i, axis in enumerate(self._numbers):
-            position, done, powered = answers[3 * i : 3 * i + 3]
+        for axis, (powered, done, position) in zip(self._numbers, (answers[:3], answers[:2:-1]), strict=True):
             positions[axis] = self._number(self._status, position)
             starting = self._clock.now() - self._homing.get(axis, -math.inf) < _HOME_STARTS_S
             moving[axis] = not self._flag(self._status, done) or starting

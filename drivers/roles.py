@@ -226,3 +226,12 @@ class Restartable(Protocol):
     def restarted(self) -> bool:
         """Whether it has been powered up since `prepare` last ran. Changes nothing in the instrument but that flag."""
         ...
+
+
+@runtime_checkable
+class Referenced(Protocol):
+    """A head that can be told that its zeros are not to be trusted any more, as after a drive fault or a slip."""
+
+    def forget_zeros(self) -> None:
+        """Have `read` report every axis as not homed, so that `home` finds all zeros again. Moves nothing."""
+        ...

@@ -7,6 +7,7 @@ Ctrl-C stands for GPIB's device clear: it ends a measurement and empties the ins
 from __future__ import annotations
 
 import math
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Annotated
@@ -27,6 +28,11 @@ _LATE_S = 2.0
 _BITS_PER_CHARACTER = 11
 _CHARACTERS_PER_READING = 16
 _READBACK = 1e-6
+_MARKS = 32  # measurements are numbered 1 to 31 and from 1 again, by bits of the mask that say nothing on their own
+_READING = re.compile(r"[+-]\d\.\d{8}E[+-]\d\d")
+"""How readings are printed; one character lost or doubled and it is no reading."""
+
+_FETCH = "FETC?;*SRE?"
 
 PREPARED = 52
 """An event enable mask (query, execution and command errors) that says: prepared, and not switched off since.
@@ -75,6 +81,7 @@ class ScpiMeter(ABC):
         self._model = model
         self._count = 0
         self._due = 0.0
+        self._mark = 0
 
     @abstractmethod
     def channels(self) -> Sequence[str]:
@@ -118,13 +125,17 @@ class ScpiMeter(ABC):
     def start(self, count: int) -> float:
         """See `Reader.start`.
 
+        The measurement is marked in the service request mask, of which a serial line makes no use: the readings of an
+        earlier one, kept in the instrument or late on the wire, come with another mark.
+
         Raises:
             LimitError: fewer than one sweep, or more than the instrument's memory holds.
 
         """
         if not 1 <= count <= self.most_sweeps:
             raise LimitError(f"{self._line.where} can take 1 to {self.most_sweeps} sweeps at once, not {count}")
-        self._line.write(f"TRIG:COUN {count};:INIT")
+        self._mark = self._mark % (_MARKS - 1) + 1
+        self._line.write(f"*SRE {self._mark};:TRIG:COUN {count};:INIT")
         expected = count * self.sweep_s()
         self._count = count
         self._due = self._clock.now() + expected
@@ -136,7 +147,7 @@ class ScpiMeter(ABC):
         Raises:
             NotReady: nothing was started.
             NoReply: the readings did not come; the measurement has been given up.
-            BadReply: not as many numbers as were asked for.
+            BadReply: not as many numbers as were asked for, or those of another measurement.
 
         """
         if not self._count:
@@ -146,17 +157,23 @@ class ScpiMeter(ABC):
         self._clock.sleep(self._due - self._clock.now())
         sending_s = count * len(names) * _CHARACTERS_PER_READING * _BITS_PER_CHARACTER / self._line.settings.baud
         try:
-            answer = self._line.query("FETC?", sending_s + count * self.sweep_s() / 4 + _LATE_S, repeat=False)
+            answer = self._line.query(_FETCH, sending_s + count * self.sweep_s() / 4 + _LATE_S, repeat=False)
         except NoReply:
             self._clear()
             self._raise_errors()  # often says why there are no readings
             raise
-        try:
-            values = [float(word) for word in answer.split(",")]
-        except ValueError:
-            raise self._line.bad_reply("FETC?", answer, "numbers") from None
-        if len(values) != count * len(names):
-            raise self._line.bad_reply("FETC?", answer, f"{count * len(names)} numbers")
+        readings, _, mark = answer.rpartition(";")
+        if not readings:  # the mark alone: there are none
+            self._clear()
+            self._raise_errors()
+        words = readings.split(",")
+        if not (mark.strip("+").isdecimal() and all(map(_READING.fullmatch, words))):
+            raise self._line.bad_reply(_FETCH, answer, "numbers like +1.23456789E+00 and the measurement's mark")
+        if int(mark) != self._mark:
+            raise self._line.bad_reply(_FETCH, answer, f"mark {self._mark}: these are another measurement's readings")
+        if len(words) != count * len(names):
+            raise self._line.bad_reply(_FETCH, answer, f"{count * len(names)} numbers")
+        values = [float(word) for word in words]
         return {name: values[i :: len(names)] for i, name in enumerate(names)}
 
     def make_safe(self) -> None:

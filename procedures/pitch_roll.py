@@ -12,9 +12,10 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from procedures.designs import Design, fraction, grid, roll_circle, tumble, uniform
+from procedures.faults import PitchRollFaults
 from procedures.orders import Visit, random_order, reversed_pass, walk
 from procedures.run_list import Factor, Point, RunList, Settle
-from procedures.settings import FaultSettings, Positive, Strict
+from procedures.settings import Positive, Strict
 
 _PASS_KEPT = 10_000
 """A pass over a larger design than this is not kept for the next replication, but made again."""
@@ -211,7 +212,7 @@ class PitchRollProcedure(Strict):
     measure: MeasureSettings = MeasureSettings()
     environment: EnvironmentSettings | None = None
     recovery: RecoverySettings = RecoverySettings()
-    faults: FaultSettings = FaultSettings()
+    faults: PitchRollFaults = PitchRollFaults()
     mounting: MountingSettings = MountingSettings()
     model: ModelSettings = ModelSettings()
     expect: ExpectSettings = ExpectSettings()

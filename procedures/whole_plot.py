@@ -15,8 +15,9 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from procedures.central_composite import spherical
+from procedures.faults import WholePlotFaults
 from procedures.run_list import Factor, Point, RunList, Settle
-from procedures.settings import FaultSettings, Positive, Strict
+from procedures.settings import Positive, Strict
 
 PRESSURE, SENSOR, SSE = "pressure_psia", "sensor_temperature_degC", "sse_temperature_degC"
 
@@ -152,12 +153,6 @@ class WholePlotRecovery(Strict):
     whole_plot_repeats: int = Field(
         2, ge=0, le=20, description="how often a whole plot may be measured again in one session because it was lost"
     )
-
-
-class WholePlotFaults(FaultSettings):
-    """What to do when something goes wrong at a point, or in a soak."""
-
-    soak: Literal["hold", "abort"] = Field("abort", description="a soak that does not settle")
 
 
 class WholePlotExpect(Strict):

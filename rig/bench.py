@@ -4,30 +4,29 @@ from __future__ import annotations
 
 import contextlib
 import difflib
-import fcntl
-import hashlib
-import os
-import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.metadata import entry_points
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar, cast
 
 from pydantic import BaseModel
 
 from drivers.clock import Clock
-from drivers.errors import DriverError
-from drivers.roles import Chamber, Head, Instrument, PressureController, Reader
-from rig.config import BenchConfig, InstrumentConfig, validated
+from drivers.errors import BadReply, DriverError, NoReply, Unreachable
+from drivers.roles import Chamber, Head, Identity, Instrument, PressureController, Reader
+from rig.config import BenchConfig, validated
 from rig.contracts import with_contracts
-from rig.errors import BenchFault, BusyError, ConfigurationError
+from rig.errors import BenchFault, ConfigurationError
+from rig.guarded import guarded
+from rig.protection import STATES
 
 if TYPE_CHECKING:
     from drivers.wires import Wires
 
 Role = TypeVar("Role")
+
+_ASK_AGAIN_S = (1.0, 3.0)
 
 _PER_VOLT = {"V": 1.0, "mV": 1e3}
 
@@ -63,6 +62,9 @@ def check_options(config: BenchConfig, where: str) -> dict[str, BaseModel]:
         options = with_contracts(instrument.driver, instrument.options)
         checked[name] = validated(cls.Options, options, f"{where}: instruments.{name}")
     _check_limit_names(config, where)
+    _check_rates(config, checked, where)
+    _check_interlocks(config, where)
+    _check_safe_setpoints(config, checked, where)
     return checked
 
 
@@ -71,21 +73,73 @@ def playing(config: BenchConfig, role: type[Any]) -> list[str]:
     return [n for n, i in config.instruments.items() if issubclass(cast(type, driver_class(i.driver)), role)]
 
 
+def _quantities(config: BenchConfig) -> list[str]:
+    """What axes of a bench read back, by name with unit."""
+    axes = ["pitch_deg", "roll_deg"] if playing(config, Head) else []
+    return axes + (["pressure_psia"] if playing(config, PressureController) else [])
+
+
+def _refuse_unknown(name: str, known: Sequence[str], message: str) -> None:
+    if name not in known:
+        near = difflib.get_close_matches(name, known, n=1)
+        hint = f"did you mean {near[0]}?" if near else f"on this bench there are {', '.join(known)}"
+        raise ConfigurationError(f"{message}: {hint}")
+
+
 def _check_limit_names(config: BenchConfig, where: str) -> None:
     """A limit nobody knows would protect nothing."""
-    axes = ["pitch_deg", "roll_deg"] if playing(config, Head) else []
-    pressures = ["pressure_psia"] if playing(config, PressureController) else []
-    known = [*axes, *pressures, *(f"{name}_degC" for name in playing(config, Chamber))]
+    chambers = playing(config, Chamber)
+    rates = ["pressure_psi_per_s"] if playing(config, PressureController) else []
+    known = [*_quantities(config), *(f"{name}_degC" for name in chambers), *rates]
+    known += [f"{name}_degC_per_min" for name in chambers]
     for name in config.limits:
-        if name not in known:
-            near = difflib.get_close_matches(name, known, n=1)
-            hint = f"did you mean {near[0]}?" if near else f"on this bench there are {', '.join(known)}"
-            raise ConfigurationError(f"{where}: limits.{name} limits nothing: {hint}")
+        _refuse_unknown(name, known, f"{where}: limits.{name} limits nothing")
+
+
+_RATES = {"slew_psi_per_s": "pressure_psi_per_s", "vent_psi_per_s": "pressure_psi_per_s"}
+"""Options by which drivers are told how fast they may go, and the limit that holds for them."""
+
+
+def _check_rates(config: BenchConfig, options: Mapping[str, BaseModel], where: str) -> None:
+    """A rate that a driver is told must be one the bench allows."""
+    for name, given in options.items():
+        rates = {**_RATES, "ramp_degC_per_min": f"{name}_degC_per_min"}
+        for option, limit in rates.items():
+            rate = getattr(given, option, None)
+            if rate is None or limit not in config.limits:
+                continue
+            low, high = config.limits[limit]
+            if rate > min(abs(low), high):
+                raise ConfigurationError(
+                    f"{where}: instruments.{name}.{option} = {rate:g} is faster than limits.{limit} allows "
+                    f"({low:g} to {high:g})"
+                )
+
+
+def _check_interlocks(config: BenchConfig, where: str) -> None:
+    """An interlock on something that is never read would protect nothing."""
+    chambers = playing(config, Chamber)
+    known = [*(f"{name}.{state}" for name in chambers for state in STATES), *_quantities(config), *config.temperatures]
+    for name, interlock in config.interlocks.items():
+        _refuse_unknown(
+            interlock.watch, known, f"{where}: interlocks.{name} watches {interlock.watch}, which is not read"
+        )
+
+
+def _check_safe_setpoints(config: BenchConfig, options: Mapping[str, BaseModel], where: str) -> None:
+    """A safe setpoint that the safe state does not call one would end every run as unsafe."""
+    low, high = config.safety.ambient_degC
+    for name, given in options.items():
+        safe = getattr(given, "safe_degC", None)
+        if safe is not None and not low <= safe <= high:
+            raise ConfigurationError(
+                f"{where}: instruments.{name}.safe_degC = {safe:g} is outside safety.ambient_degC ({low:g} to {high:g})"
+            )
 
 
 @dataclass
 class Bench:
-    """Opened instruments by name, and which of them plays which role.
+    """Opened instruments by name, and which of them plays which role. Their commands are checked (`rig.guarded`).
 
     Attributes:
         config: the bench file.
@@ -105,6 +159,8 @@ class Bench:
     temperatures: Mapping[str, tuple[str, str]] = field(init=False)
 
     def __post_init__(self) -> None:
+        limits = self.config.limits
+        self.instruments = {name: guarded(name, i, limits) for name, i in self.instruments.items()}
         sensors = {f"{name}_{s.unit}": s for name, s in self.config.sensors.items()}
         self.sensors = {column: (s.reader, s.channel) for column, s in sensors.items()}
         self.scales = {column: _PER_VOLT[s.unit] for column, s in sensors.items()}
@@ -161,16 +217,6 @@ class Bench:
     def _playing(self, role: type[Role]) -> dict[str, Role]:
         return {name: i for name, i in self.instruments.items() if isinstance(i, role)}
 
-    def make_safe(self) -> list[str]:
-        """Bring every instrument to its safe state, going on past errors; returns what could not be done."""
-        failed = []
-        for name, instrument in self.instruments.items():
-            try:
-                instrument.make_safe()
-            except (DriverError, OSError) as error:
-                failed.append(f"{name}: {error}")
-        return failed
-
     def close(self) -> None:
         """Release every wire."""
         for instrument in self.instruments.values():
@@ -194,53 +240,12 @@ def open_bench(config: BenchConfig, options: Mapping[str, BaseModel], clock: Clo
         raise BenchFault(str(error)) from error
 
 
-@contextlib.contextmanager
-def locked_addresses(instruments: Mapping[str, InstrumentConfig]) -> Iterator[None]:
-    """Hold a lock for every address of a bench; raises `BusyError` if another controller has one.
-
-    The locks are files named after the address in a folder all users of the machine share, since the address
-    itself may be a host and port, and a lock taken on a device file would not be seen by network users of it.
-    """
-    folder = Path(tempfile.gettempdir()) / "calibration-rig-locks"
-    folder.mkdir(mode=0o1777, exist_ok=True)
-    with contextlib.suppress(PermissionError):  # made by another user, who has already opened it to all
-        folder.chmod(0o1777)
-    held: list[int] = []
-    try:
-        for address in sorted({_wire_of(i.address) for i in instruments.values()}):
-            descriptor = _lock(folder / hashlib.sha256(address.encode()).hexdigest()[:32], address)
-            held.append(descriptor)
-        yield
-    finally:
-        for descriptor in held:
-            os.close(descriptor)
-
-
-def _wire_of(address: str) -> str:
-    """What is locked: two units on one Modbus line are one wire; a device is known by its real path."""
-    if address.startswith(("modbus-tcp://", "modbus-rtu://")):
-        address = address.rpartition("/")[0]
-    return os.path.realpath(address) if address.startswith("/") else address
-
-
-def _lock(path: Path, address: str) -> int:
-    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
-    with contextlib.suppress(PermissionError):
-        os.fchmod(descriptor, 0o666)  # the creating user's umask must not shut others out
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        os.close(descriptor)
-        raise BusyError(f"{address} is in use by another controller of this machine; stop that one first") from None
-    return descriptor
-
-
 def identities(bench: Bench) -> dict[str, dict[str, Any]]:
-    """Ask every instrument who it is; what the run file keeps, by name. Raises `DriverError`."""
+    """Ask every instrument who it is, again if its answer is lost; what the run file keeps. Raises `DriverError`."""
     found = {}
     for name, instrument in bench.instruments.items():
         declared = bench.config.instruments[name]
-        reply = instrument.identify()
+        reply = _identity(instrument, bench.clock)
         found[name] = {
             "maker": reply.maker,
             "model": reply.model,
@@ -256,3 +261,13 @@ def identities(bench: Bench) -> dict[str, dict[str, Any]]:
                 f"{declared.serial}: connect the declared instrument, or correct the bench file"
             )
     return found
+
+
+def _identity(instrument: Instrument, clock: Clock) -> Identity:
+    """A question that changes nothing may be asked again."""
+    for pause in _ASK_AGAIN_S:
+        try:
+            return instrument.identify()
+        except (NoReply, BadReply, Unreachable):
+            clock.sleep(pause)
+    return instrument.identify()

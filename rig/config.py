@@ -17,6 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from procedures import WHOLE_PLOT_FACTORS, PitchRollProcedure, Procedure, WholePlotProcedure
 from rig.columns import UNITS
 from rig.errors import ConfigurationError
+from rig.protection import InterlockConfig, SafetyConfig
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -84,6 +85,8 @@ class BenchConfig(_Strict):
         default_factory=dict, description="which instrument sets which factor of a whole-plot procedure"
     )
     limits: dict[str, tuple[float, float]] = Field(default_factory=dict)
+    interlocks: dict[str, InterlockConfig] = Field(default_factory=dict)
+    safety: SafetyConfig = SafetyConfig()
     live: LiveConfig | None = None
 
     @model_validator(mode="after")

@@ -22,16 +22,17 @@ from drivers.clock import Clock, RealClock, ScaledClock, boot_id
 from drivers.errors import DriverError
 from procedures import PitchRollProcedure, Procedure, RunList
 from rig import __version__
-from rig.bench import Bench, check_options, identities, locked_addresses, open_bench
+from rig.bench import Bench, check_options, identities, open_bench
 from rig.config import BenchConfig, parse_bench, parse_procedure, parse_toml, read_text
 from rig.engine.axes import own_limits
 from rig.engine.guard import Guard
 from rig.engine.live import live_path, read_json
 from rig.engine.run_file import Genesis, RunReader, RunWriter, create
 from rig.engine.sequencer import Sequencer
-from rig.engine.session import Outcome, Progress, Session, Signals
+from rig.engine.session import Nobody, Observer, Outcome, Progress, Session, Signals
 from rig.engine.state import RunState, fold
 from rig.errors import BenchFault, ConfigurationError, StorageError, UsageError
+from rig.locks import locked_addresses
 from rig.matching import check_match
 
 BYTES_PER_POINT = 6000
@@ -174,13 +175,16 @@ def start_run(
     announce: Callable[[Path], None],
     on_progress: Callable[[Progress], None],
     world_start_s: float = 0.0,
+    observer: Observer | None = None,
+    create_only: bool = False,
     site: Site = Site(),
 ) -> Result:
     """Create a run in `folder` and carry it out.
 
     Every instrument is asked who it is before the run file is made, so that a bench that is not there leaves
     nothing behind. `announce` gets the run file's path as soon as it exists. A dry run's world may be older than the
-    run: `world_start_s` is its time, in seconds, when the run begins.
+    run: `world_start_s` is its time, in seconds, when the run begins. `observer` is told of every record. With
+    `create_only` nothing is carried out: a later resume does that.
     """
     _check_space(folder, len(plan.run_list))
     with site.opened(plan, start=world_start_s) as (bench, clock, boot):
@@ -201,9 +205,12 @@ def start_run(
         genesis = Genesis(run_id, plan.documents, plan.run_list, plan.dry or plan.bench.simulated, about)
         create(path, genesis, elapsed_s=0.0, utc_s=clock.utc(), vfs=site.vfs)
         announce(path)
+        if create_only:
+            with RunReader.open(path) as reader:
+                return Result(path, Outcome.INTERRUPTED, "created, nothing was moved", fold(reader.records()), None)
         with RunWriter.open(path, vfs=site.vfs) as run:
             state = fold(run.records())
-            return _session(run, state, plan, bench, clock, boot, frozenset(), signals, on_progress)
+            return _session(run, state, plan, bench, clock, boot, frozenset(), signals, on_progress, observer)
 
 
 def resume_run(
@@ -215,6 +222,7 @@ def resume_run(
     accept: frozenset[str] = frozenset(),
     dry_gap_s: float = 120.0,
     warn: Callable[[str], None] = lambda _: None,
+    observer: Observer | None = None,
     site: Site = Site(),
 ) -> Result:
     """Carry on with a run wherever it stopped.
@@ -227,6 +235,7 @@ def resume_run(
         accept: names of instruments that may be other ones than before.
         dry_gap_s: for a dry run, how long its simulated bench was left alone.
         warn: called with a sentence for everything that was once durable and is not there any more.
+        observer: is told of every record.
         site: where the controller runs.
 
     """
@@ -249,7 +258,7 @@ def resume_run(
             raise UsageError(f"--accept {unknown[0]}: there is no such instrument on this bench ({known})")
         _check_space(path.parent, state.remaining)
         with site.opened(plan, start=_world_start(run) + state.elapsed_s + dry_gap_s) as (opened_bench, clock, boot):
-            return _session(run, state, plan, opened_bench, clock, boot, accept, signals, on_progress)
+            return _session(run, state, plan, opened_bench, clock, boot, accept, signals, on_progress, observer)
 
 
 def _world_start(run: RunReader) -> float:
@@ -284,7 +293,7 @@ def _stored_plan(run: RunReader, path: Path, bench: Path | None) -> Plan:
         return plan
     other = parse_bench(read_text(bench, "bench"), str(bench))
     check_options(other, str(bench))
-    for what in ("name", "sensors", "temperatures", "factors", "limits", "simulated"):
+    for what in ("name", "sensors", "temperatures", "factors", "limits", "interlocks", "safety", "simulated"):
         if getattr(other, what) != getattr(plan.bench, what):
             raise ConfigurationError(f"{bench}: {what} differ from the bench the run began on; only instruments may")
     if {n: i.driver for n, i in other.instruments.items()} != {n: i.driver for n, i in plan.bench.instruments.items()}:
@@ -302,6 +311,7 @@ def _session(
     accept: frozenset[str],
     signals: Signals,
     on_progress: Callable[[Progress], None],
+    observer: Observer | None,
 ) -> Result:
     origin, certain = (_world_start(run), True) if boot == _VIRTUAL else _elapsed_origin(state, clock, boot)
     session = Session(
@@ -311,6 +321,7 @@ def _session(
         gap_certain=certain,
         accept=accept,
         about={"pid": os.getpid(), "host": platform.node(), "boot": boot, "software": versions()},
+        observer=observer or Nobody(),
     )
     sequencer = Sequencer(
         bench=bench,

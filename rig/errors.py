@@ -1,7 +1,8 @@
 """Errors a person can act on, each with the exit code the command line ends with.
 
 Exit codes: 0 done; 1 fault, bench safe; 2 usage; 3 done but outside acceptance; 4 stopped by `rig stop`; 5 fault, and
-the bench could not be brought to its safe state; 75 interrupted, resumable; 78 bad configuration.
+the bench could not be brought to its safe state; 6 still running (`rig status --check`); 75 interrupted, resumable;
+78 bad configuration.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ class ExitCode(IntEnum):
     OUTSIDE_ACCEPTANCE = 3
     STOPPED = 4
     UNSAFE = 5
+    RUNNING = 6
     INTERRUPTED = 75
     CONFIGURATION = 78
 

@@ -34,12 +34,19 @@ class Killed(BaseException):
     """Stands for SIGKILL: nothing of ours runs after it but what an exception runs."""
 
 
-def dry(folder: Path, *, text: str = SHORT, world: Path = LAB / "world.toml", kill_at: int | None = None) -> Path:
+def dry(
+    folder: Path,
+    *,
+    text: str = SHORT,
+    bench: Path = LAB / "bench.toml",
+    world: Path = LAB / "world.toml",
+    kill_at: int | None = None,
+) -> Path:
     """Run a procedure dry, with a power cut after so many points if asked; the run file."""
     folder.mkdir(parents=True, exist_ok=True)
     procedure = folder / "short.toml"
     procedure.write_text(text)
-    plan = load_plan(procedure, LAB / "bench.toml", dry=True, world=world)
+    plan = load_plan(procedure, bench, dry=True, world=world)
     paths: list[Path] = []
 
     def on_progress(news: Progress) -> None:

@@ -34,7 +34,7 @@ CONFIG = BenchConfig.model_validate(
         },
         "sensors": {"bridge": {"reader": "dvm", "channel": "1", "unit": "mV"}},
         "temperatures": {"sensor_temperature_degC": {"reader": "dvm", "channel": "2", "place": "sensors"}},
-        "limits": {"pressure_psia": [0, 6], "cold_box_degC": [-140, 40], "hot_box_degC": [-60, 60]},
+        "limits": {"pressure_psia": [0, 15.5], "cold_box_degC": [-140, 40], "hot_box_degC": [-60, 60]},
     }
 )
 
@@ -111,23 +111,29 @@ class _Follower(_Ideal):
 
 class IdealSupply(_Follower):
     rate = 0.5
+    venting = False
 
     def limits(self) -> tuple[float, float]:
         return 0.0, 15.0
 
     def set_pressure(self, psia: float) -> None:
+        self.venting = False
         self.command(psia)
 
     def read(self) -> PressureState:
         settled = abs(self.value() - self.setpoint) < 1e-6
-        return PressureState(self.setpoint, self.value(), settled, self.on, False, 0.0)
+        self.venting = self.venting and not settled
+        return PressureState(self.setpoint, self.value(), settled, self.on, self.venting, 0.0)
 
     def vent(self) -> None:
-        self.command(0.0)
+        self.command(14.7)
+        self.venting = True
 
     def make_safe(self) -> None:
         super().make_safe()
-        self.on = False
+        self.vent()
+        self.world.sleep(abs(self.setpoint - self._from) / self.rate)
+        self.on = self.venting = False
 
     def restarted(self) -> bool:
         return self.power_was_off

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from rig.bench import locked_addresses
 from rig.config import InstrumentConfig, parse_bench
 from rig.errors import BusyError, ConfigurationError
+from rig.locks import locked_addresses
 
 GOOD = """
 name = "b"

@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 from command import in_its_own_process, rig
 from dry import LAB, SHORT, dry, write_short
+from few_sensors import with_sensors
 
 from rig.examples import example
 
@@ -103,7 +104,9 @@ def test_misuse_is_one_message_and_an_exit_code(tmp_path, arguments, code, says)
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
-    return dry(tmp_path_factory.mktemp("finished"))
+    """A run of one sensor: pictures are what takes time."""
+    bench, world = with_sensors(LAB, tmp_path_factory.mktemp("bench"), "x")
+    return dry(tmp_path_factory.mktemp("finished"), bench=bench, world=world)
 
 
 def test_what_a_finished_run_answers(finished, tmp_path):

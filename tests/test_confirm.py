@@ -51,6 +51,15 @@ def sagging(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return make(tmp_path_factory.mktemp("sagging"), PADS)
 
 
+@pytest.fixture(scope="module")
+def opened(sagging: Path):
+    """That run traced, the best proposal of what to do next, and the further run that did it."""
+    first = open_traced(sagging)
+    proposal = propose(first)[0]
+    plan = plan_for(first, proposal.variation, dry=True)
+    return first, proposal, run(plan, sagging.parent / "later", world_start_s=first.world_s + first.later_s)
+
+
 @pytest.mark.parametrize(
     ("effects", "true", "false"),
     [
@@ -146,10 +155,9 @@ def test_a_further_dry_run_is_made_in_the_same_worlds_next_night(tmp_path: Path)
     assert level[1] - level[0] == pytest.approx(100e-6 * hours, rel=0.02)
 
 
-def test_what_is_predicted_of_a_run_is_what_it_does(tmp_path: Path, sagging: Path) -> None:
+def test_what_is_predicted_of_a_run_is_what_it_does(opened) -> None:
     """Expected separation against the one that came about; the latter is uncertain by about one."""
-    first = open_traced(sagging)
-    proposal = propose(first)[0]
+    first, proposal, later = opened
     assert (
         separation(
             first.beside(planned(first, proposal.variation, proposal.variation.procedure.expand()), first.later_s),
@@ -157,23 +165,15 @@ def test_what_is_predicted_of_a_run_is_what_it_does(tmp_path: Path, sagging: Pat
         )
         == proposal.separations
     )
-    later = run(
-        plan_for(first, proposal.variation, dry=True),
-        tmp_path,
-        world_start_s=first.world_s + first.later_s,
-    )
     (answer,) = judge(first, later).answers
     behind = {m.effect: m.sigmas for m in answer.members}["head-once-per-turn"]
     expected = proposal.separations[0].sigmas["isolation-pad-deflection", "head-once-per-turn"]
     assert abs(behind - expected) < 3.5
 
 
-def test_a_reading_that_went_wrong_does_not_decide(tmp_path: Path, sagging: Path) -> None:
+def test_a_reading_that_went_wrong_does_not_decide(opened) -> None:
     """One reading off by 300 sd in the further run: pointed at, left out, and the answer is the same."""
-    first = open_traced(sagging)
-    later = run(
-        plan_for(first, propose(first)[0].variation, dry=True), tmp_path, world_start_s=first.world_s + first.later_s
-    )
+    first, _, later = opened
     data = attitude_data(run_table(later))
     wrong = data.outputs["x_V"].copy()
     wrong[7] += 300 * 17e-6
@@ -213,29 +213,24 @@ def test_effects_are_judged_beside_what_holds_of_the_others(tmp_path: Path) -> N
     assert error.after < 1.3 * error.sigma < error.before
 
 
-def test_a_run_that_cannot_show_an_effect_does_not_confirm_it(tmp_path: Path, sagging: Path) -> None:
+def test_a_run_that_cannot_show_an_effect_does_not_confirm_it(tmp_path: Path, opened) -> None:
     """The first observations of a further run, too few to tell; and a whole one of a world in which there is no sag."""
-    first = open_traced(sagging)
-    variation = propose(first)[0].variation
-    text = toml_text({"seed": 6})
-    for world, few in ((None, 5), (text, None)):
-        plan = plan_for(first, variation, dry=True, world=world)
-        later = run(plan, tmp_path, world_start_s=first.world_s + first.later_s)
-        data = attitude_data(run_table(later))
-        if few is not None:
-            data = data.take(np.arange(few))
+    first, proposal, later = opened
+    plan = plan_for(first, proposal.variation, dry=True, world=toml_text({"seed": 6}))
+    without = run(plan, tmp_path, world_start_s=first.world_s + first.later_s)
+    for data in (attitude_data(run_table(later)).take(np.arange(5)), attitude_data(run_table(without))):
         judged = confirm_all(first.beside(data, first.later_s), first.questions)
         assert judged.answers[0].verdict in ("not shown", "none holds", "undecided")
 
 
-def test_an_incomplete_further_run_is_not_judged(tmp_path: Path, sagging: Path) -> None:
-    first = open_traced(sagging)
+def test_an_incomplete_further_run_is_not_judged(tmp_path: Path, sagging: Path, opened) -> None:
+    first, proposal, _ = opened
     signals, paths = Signals(), []
 
     def stop(news) -> None:
         signals.interrupt = "SIGTERM" if news.done >= 5 else ""
 
-    plan = plan_for(first, propose(first)[0].variation, dry=True)
+    plan = plan_for(first, proposal.variation, dry=True)
     start_run(plan, tmp_path, signals=signals, announce=paths.append, on_progress=stop,
               world_start_s=first.world_s + first.later_s)  # fmt: skip
     done = rig("confirm", sagging, "--by", paths[0])

@@ -128,7 +128,7 @@ def test_a_measurement_is_two_lines_and_waits_until_the_readings_are_due():
     expected = rig.dvm.start(5)
     assert expected == pytest.approx(5 * (0.0015 + 2 * 10 / 50))
     readings = rig.dvm.fetch()["input"]
-    assert rig.wire.sent() == [b"TRIG:COUN 5;:INIT\n", b"FETC?\n"]
+    assert rig.wire.sent() == [b"*SRE 1;:TRIG:COUN 5;:INIT\n", b"FETC?;*SRE?\n"]
     assert len(readings) == 5
     assert readings == pytest.approx([1.2345679] * 5, abs=5e-6)
     assert expected < rig.world.now() - began < expected + 0.2
@@ -171,7 +171,7 @@ def test_overload_is_a_reading_and_a_status_bit_but_no_error():
     rig.line.query("*ESR?")
     rig.dvm.start(2)
     assert all(is_overload(v) for v in rig.dvm.fetch()["input"])
-    assert rig.wire.log[-1] == ("rx", b"+9.90000000E+37,+9.90000000E+37\r\n")
+    assert rig.wire.log[-1] == ("rx", b"+9.90000000E+37,+9.90000000E+37;+1\r\n")
     assert rig.line.query("*ESR?") == "+8"
     assert rig.line.query("STAT:QUES?") == "+1"
     assert rig.line.query("SYST:ERR?") == '+0,"No error"'
@@ -200,7 +200,7 @@ def test_readings_that_never_come_end_the_measurement_and_leave_the_line_in_step
     rig = Rig().ready()
     rig.dvm.start(1)
     rig.twin.fetch = Mock(side_effect=Wait(1e9))
-    with pytest.raises(NoReply, match=r"dvm at .* answered nothing to 'FETC\?'"):
+    with pytest.raises(NoReply, match=r"dvm at .* answered nothing to 'FETC\?;\*SRE\?'"):
         rig.dvm.fetch()
     del rig.twin.fetch
     rig.dvm.prepare()

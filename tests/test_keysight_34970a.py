@@ -92,7 +92,7 @@ def test_sweeps_come_back_by_channel():
     began = rig.world.now()
     expected = rig.dvm.start(3)
     readings = rig.dvm.fetch()
-    assert rig.wire.sent() == [b"TRIG:COUN 3;:INIT\n", b"FETC?\n"]
+    assert rig.wire.sent() == [b"*SRE 1;:TRIG:COUN 3;:INIT\n", b"FETC?;*SRE?\n"]
     assert expected == pytest.approx(3 * 5 * (1 / 60 + 0.0015 + 2 * 10 / 50), rel=1e-3)
     assert expected < rig.world.now() - began < expected + 0.4
     assert {name: len(values) for name, values in readings.items()} == dict.fromkeys(rig.dvm.channels(), 3)

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import kills
 import pytest
-from command import in_its_own_process as command
+from command import in_its_own_process
+from command import rig as command
 from dry import LAB
 from kills import judge, rig, wait_for
 
@@ -76,7 +77,7 @@ def test_killed_while_the_instruments_live_on(tmp_path, live):
     wait_for(lambda: news(path)["done"] >= 4, process)
     process.send_signal(signal.SIGKILL)
     process.communicate()
-    resumed = command("resume", path)
+    resumed = in_its_own_process("resume", path)
     assert resumed.returncode == 0, resumed.stderr
     tally = judge(path)
     assert (tally.points, tally.lost, tally.duplicated, tally.wrong_side) == (48, 0, 0, 0)
@@ -101,7 +102,7 @@ def test_hold_release_and_stop_reach_a_running_controller(tmp_path, live):
     process.communicate()
     assert json.loads(command("status", path, "--json").stdout)["state"] == "stopped"
     assert command("hold", path).returncode == 2
-    assert command("resume", path).returncode == 0
+    assert in_its_own_process("resume", path).returncode == 0
     assert judge(path).lost == 0
 
 

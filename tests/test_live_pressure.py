@@ -8,7 +8,7 @@ from pathlib import Path
 
 import kills
 import pytest
-from command import in_its_own_process
+from command import rig
 
 from rig.engine.run_file import RunReader
 from rig.examples import example
@@ -63,7 +63,7 @@ def killed_in_the_middle(tmp_path, live, gap_s):
 
 
 def resumed(path):
-    finished = in_its_own_process("resume", path)
+    finished = rig("resume", path)
     assert finished.returncode == 0, finished.stderr
     with RunReader.open(path) as reader:
         reader.verify()

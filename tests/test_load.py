@@ -219,7 +219,10 @@ def test_the_queue_gives_the_points_of_a_list_of_them(seed, whole_plots):
             late.add(point.index)
             queue.put_off(point)
             listed.deferred.append(point)
-        elif fate < 0.35:
+        elif fate < 0.4:
+            queue.put_back(point)
+            listed.ahead.insert(0, point)
+        elif fate < 0.45:
             first = 8 * (point.index // 8)
             state.accepted.difference_update(range(first, first + 8))  # the whole plot was lost
             queue.refill()

@@ -165,7 +165,7 @@ def test_read_is_one_exchange_while_moving():
     rig.world.sleep(0.5)
     rig.wire.log.clear()
     states = rig.head.read()
-    assert rig.wire.sent() == [b"1TP?;1MD?;1MO?;2TP?;2MD?;2MO?\r"]
+    assert rig.wire.sent() == [b"1MO?;1MD?;1TP?;2TP?;2MD?;2MO?\r"]
     assert states["pitch"].moving
     assert not states["roll"].moving
 

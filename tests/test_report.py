@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from command import Done, rig
 from dry import LAB, SHORT, dry, write_short
+from few_sensors import with_sensors
 from markupsafe import escape
 
 from fitter.trace import trace
@@ -23,7 +24,9 @@ SCRIPT = "<script>alert(1)</script>"
 
 @pytest.fixture(scope="module")
 def path(tmp_path_factory):
-    return dry(tmp_path_factory.mktemp("report"), text=SHORT.replace('"short"', f'"{SCRIPT}"'))
+    bench, world = with_sensors(LAB, tmp_path_factory.mktemp("lab"), "x", "z")
+    text = SHORT.replace('"short"', f'"{SCRIPT}"')
+    return dry(tmp_path_factory.mktemp("report"), text=text, bench=bench, world=world)
 
 
 @pytest.fixture(scope="module")

@@ -154,7 +154,7 @@ def test_a_log_that_cannot_be_written_does_not_end_the_night(tmp_path):
     assert run_session(path, on_progress=full)[0] is Outcome.COMPLETE
 
 
-def test_an_instrument_that_is_silent_for_a_while_costs_a_retry_not_the_night(tmp_path):
+def test_an_instrument_that_is_silent_for_a_while_costs_retries_not_the_night(tmp_path):
     path = new_run(tmp_path)
 
     def silent_for_ten_seconds(_bench, head, _reader):
@@ -175,7 +175,7 @@ def test_an_instrument_that_is_silent_for_a_while_costs_a_retry_not_the_night(tm
 
     outcome, *_ = run_session(path, spoil=silent_for_ten_seconds)
     assert outcome is Outcome.COMPLETE
-    assert [r.status for r in records(path, "fault")] == ["retry"]
+    assert [(r.status, r.data["pause_s"]) for r in records(path, "fault")] == [("retry", 2), ("retry", 4), ("retry", 8)]
     assert len(observations(path)) == POINTS
 
 
@@ -285,10 +285,10 @@ def test_a_passing_fault_is_retried_and_recorded(tmp_path):
 
 
 @pytest.mark.parametrize("error", [NoReply("head at nowhere is silent"), InstrumentError("head", 3, "following error")])
-def test_a_lasting_fault_ends_safe_and_says_why(tmp_path, error):
+def test_a_lasting_fault_ends_and_says_why_and_what_cannot_be_read_back_is_not_called_safe(tmp_path, error):
     path = new_run(tmp_path)
     outcome, _, head, message = run_session(path, spoil=failing(10_000, error))
-    assert outcome is Outcome.FAULT
+    assert outcome is Outcome.UNSAFE
     assert str(error) in message
     assert head.safe >= 1
     outcome, *_ = run_session(path)

@@ -11,7 +11,8 @@ from fitter.trace import trace
 from fitter.trace.aliases import PER_COLUMN, Products
 
 X, Y, Z = "x_V", "y_V", "z_V"
-NIGHT = D1(180, 37, 13)
+NIGHT = D1(180, 19, 13)  # half of the demo's, whose 2,886 points show no more than these
+SMALL = D1(180, 13, 13)
 # the paper's sizes: precision 1.5e-4 deg, pads 4e-4 deg on x, temperature effect of row 28(a) to (b)
 HOT = tuple(Sensor(axis, S_per_degC=1.1e-4) for axis in "xyz")
 DEMO = Bench(sensors=HOT, compliance={("y", "x"): 8e-4})
@@ -67,7 +68,7 @@ def test_prediction_is_as_good_as_a_fit_that_is_told_the_truth(demo):
 def test_json_is_the_object_the_design_promises(demo):
     _, _, found = demo
     report = json.loads(json.dumps(found.to_json("night.csv"), allow_nan=False))
-    assert report["data"] == {"file": "night.csv", "points": 2886, "kind": "pitch-roll"}
+    assert report["data"] == {"file": "night.csv", "points": 1482, "kind": "pitch-roll"}
     x = report["sensors"][X]
     assert x["declared"] == "attitude-x"
     table = {"sigma_E", "sigma_bias", "sigma_prec", "T_bias", "F_bias_95", "T_b", "T_S", "F_bS_95", "cv_rms"}
@@ -92,22 +93,22 @@ def test_json_is_the_object_the_design_promises(demo):
     assert set(x["fitted"]["coefficients"]) >= {"1", "sin(pitch)"}
 
 
-def test_same_data_same_answer(demo):
-    data, _, found = demo
-    assert trace(data).to_json() == found.to_json()
+def test_same_data_same_answer():
+    data, _ = simulate(DEMO, D1(180, 13, 9, replications=3), seed=0)
+    first = trace(data)
+    assert names(first)
+    assert trace(data).to_json() == first.to_json()
 
 
 def test_demo_on_a_smaller_design():
     """A bounded share of the 20-seed study; the whole of it: python -m benchmarks.bench_fit demo."""
-    found = [names(trace(simulate(DEMO, D1(180, 13, 13), seed)[0], validate=False)) for seed in range(100, 105)]
-    assert all(one >= DEMO_NAMES for one in found)
-    assert sum(one != DEMO_NAMES for one in found) <= 1
+    found = [names(trace(simulate(DEMO, SMALL, seed)[0], validate=False)) for seed in range(100, 103)]
+    assert found == [DEMO_NAMES] * 3
 
 
 def test_two_replications_do_not_end_in_a_crowd_of_stand_ins():
     """There and back again, temperature is nearly a function of the point: errors of the head take it up first."""
-    for seed in (0, 1):
-        assert names(trace(simulate(DEMO, D1(90, 13, 13, replications=2), seed)[0], validate=False)) == DEMO_NAMES
+    assert names(trace(simulate(DEMO, D1(90, 13, 13, replications=2), seed=0)[0], validate=False)) == DEMO_NAMES
 
 
 @pytest.mark.parametrize(
@@ -122,9 +123,9 @@ def test_two_replications_do_not_end_in_a_crowd_of_stand_ins():
     ids=["clean", "offsets of replications", "offsets that walk", "an offset that walks all night", "a shaking head"],
 )
 def test_nothing_is_reported_where_nothing_is(bench):
-    """Five runs of three sensors each, fixed seeds; the rates over many: python -m benchmarks.bench_fit clean."""
-    reported = [names(trace(simulate(bench, D1(90, 13, 13), seed)[0], validate=False)) for seed in range(5)]
-    assert sum(bool(r) for r in reported) <= 1
+    """Three runs of three sensors each, fixed seeds; the rates over many: python -m benchmarks.bench_fit clean."""
+    reported = [names(trace(simulate(bench, D1(90, 13, 13), seed)[0], validate=False)) for seed in range(3)]
+    assert reported == [set()] * 3
 
 
 def test_verdict_on_replications_that_wander():
@@ -136,7 +137,7 @@ def test_verdict_on_replications_that_wander():
 
 
 def test_an_offset_that_walks_all_night_is_said_to_walk():
-    data, _ = simulate(replace(DEMO, wander=5.0), D1(180, 19, 13), seed=3)
+    data, _ = simulate(replace(DEMO, wander=5.0), SMALL, seed=3)
     found = trace(data, validate=False)
     assert names(found) == DEMO_NAMES
     assert all(t.verdict == "partly explained" for t in found.sensors.values())
@@ -149,7 +150,7 @@ def with_strange(data, on_x):
 
 def test_what_no_effect_explains_is_shown_and_not_named():
     """A cause the catalogue lacks must not be reported as whatever slightly resembles it."""
-    data, clean = simulate(CLEAN, D1(180, 19, 13), seed=3)
+    data, clean = simulate(CLEAN, replace(SMALL, replications=4), seed=3)
     strange = 8e-5 * np.sin(3 * np.radians(data.pitch_deg)) * np.cos(2 * np.radians(data.roll_deg))
     odd = with_strange(data, strange)
     x = trace(odd, validate=False).sensors[X]
@@ -170,7 +171,7 @@ def test_what_no_effect_explains_is_shown_and_not_named():
 
 def test_what_one_sensor_shows_alone_is_not_of_the_head():
     """What a cube leaves of a fifth power resembles an error of the pitch axis, which other sensors would show."""
-    data, _ = simulate(CLEAN, D1(180, 25, 13), seed=1)
+    data, _ = simulate(CLEAN, D1(180, 19, 13), seed=1)
     found = trace(with_strange(data, 9e-5 * np.sin(np.radians(data.pitch_deg)) ** 5), validate=False)
     assert names(found) == {(X, "sensor-third-order")}
 
@@ -253,7 +254,7 @@ def test_little_data_is_no_reason_to_fail(bench, plan):
 
 
 def test_without_a_recorded_temperature_all_else_works():
-    data, _ = simulate(Bench(compliance={("y", "x"): 8e-4}), D1(180, 19, 13), seed=0)
+    data, _ = simulate(Bench(compliance={("y", "x"): 8e-4}), SMALL, seed=0)
     cold = replace(data, sensor_temperature_degC=None)
     assert cold.take(np.arange(100)).sensor_temperature_degC is None
     found = trace(cold, validate=False)
@@ -265,10 +266,11 @@ def test_without_a_recorded_temperature_all_else_works():
     assert untested not in trace(data, validate=False).sensors[X].notes
     # what is predicted does not need a temperature either, unless an effect of it was found
     np.testing.assert_array_equal(found.predict(data)[X], found.predict(cold)[X])
-    hot = trace(simulate(Bench(sensors=HOT), D1(180, 13, 13), seed=0)[0], validate=False)
+    few = replace(SMALL, replications=2)
+    hot = trace(simulate(Bench(sensors=HOT), few, seed=0)[0], validate=False)
     with pytest.raises(ValueError, match="no sensor temperature was recorded"):
         hot.predict(cold)
-    hidden = trace(replace(simulate(DEMO, D1(180, 13, 13), seed=0)[0], sensor_temperature_degC=None), validate=False)
+    hidden = trace(replace(simulate(DEMO, few, seed=0)[0], sensor_temperature_degC=None), validate=False)
     assert not any("temperature" in effect for _, effect in names(hidden))
 
 
@@ -282,9 +284,7 @@ def test_effects_that_replications_left_out_do_not_bear_out_are_noted():
 
 
 def test_a_p_value_the_simulation_resolves_is_no_bound():
-    found = [
-        trace(simulate(Bench(compliance={("y", "x"): 6e-5}), D1(180, 13, 13), s)[0], validate=False) for s in range(4)
-    ]
+    found = [trace(simulate(Bench(compliance={("y", "x"): 6e-5}), SMALL, s)[0], validate=False) for s in range(4)]
     effects = [e for one in found for t in one.sensors.values() for e in t.effects]
     assert any(not e.p_adjusted_is_bound for e in effects)
     assert all(e.p_adjusted_is_bound == (e.p_adjusted < 6e-5) for e in effects)

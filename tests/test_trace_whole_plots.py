@@ -24,6 +24,7 @@ from fitter.linear import RankError
 from fitter.pressure.models import named_formula
 from fitter.trace import trace_whole_plots
 from fitter.trace.family import ALPHA
+from fitter.trace.whole_plots import null
 from fitter.trace.whole_plots.null import family_of
 from fitter.trace.whole_plots.problem import pose
 from fitter.trace.whole_plots.run import scene_of
@@ -65,6 +66,15 @@ UNDECLARED = {
     "(P + T_sensor + T_SSE)^2 + T_sensor^2 + T_SSE^2": ("pressure-second-order", ("P^2",)),
     "(P + T_sensor + T_SSE)^2 + P^2": ("offset-temperature-second-order", ("T_sensor^2",)),
 }
+
+
+ALL_DRAWS = null.DRAWS
+
+
+@pytest.fixture(autouse=True)
+def _few_draws(monkeypatch):
+    """A quarter of the family's draws tells 3.5 % from nothing as surely; tests of the family itself have them all."""
+    monkeypatch.setattr(null, "DRAWS", ALL_DRAWS // 4)
 
 
 def effects_of(found):
@@ -156,14 +166,14 @@ def test_third_order_temperature_is_a_class_of_two():
     ids=["clean", "growing sd", "shared error", "broken", "no whole-plot error", "sensitivity anew", "long tails"],
 )
 def test_nothing_is_reported_where_nothing_is(bench, run):
-    """Four runs each, fixed seeds; the rates over 100: python -m benchmarks.whole_plot_campaign clean."""
-    reported = [effects_of(trace_whole_plots(simulate(bench, run, seed), validate=False)) for seed in range(200, 204)]
-    assert sum(map(bool, reported)) <= 1
+    """Three runs each, fixed seeds; the rates over 100: python -m benchmarks.whole_plot_campaign clean."""
+    reported = [effects_of(trace_whole_plots(simulate(bench, run, seed), validate=False)) for seed in range(200, 203)]
+    assert reported == [set()] * 3
 
 
 def test_the_cubic_of_the_paper_and_nothing_else():
     """Scatter growing as 0.4 + 0.3 P; 20 seeds: python -m benchmarks.whole_plot_campaign cubic."""
-    for seed in range(5):
+    for seed in range(3):
         found = trace_whole_plots(simulate(Bench((Transducer(cubic=CUBIC),), GROWING), seed=seed), validate=False)
         assert effects_of(found) == {(ONE, "pressure-third-order")}
         (cubic, noise) = found.sensors[ONE].effects
@@ -230,10 +240,11 @@ def test_subplot_effects_have_the_coefficient_of_least_squares_with_indicators()
     assert abs(scores.t[j]) > abs(beta[-1]) / stderr * 0.8
 
 
-def test_the_family_holds_its_level():
+def test_the_family_holds_its_level(monkeypatch):
     """Its simulated limit against runs of white noise put through the scores; a binomial bound on 150 of them."""
     data = simulate(Bench(2 * (Transducer(),)), seed=6)
     problem = problem_of(data)
+    monkeypatch.setattr(null, "DRAWS", ALL_DRAWS)
     family = family_of(problem, seed=1)
     rng = np.random.default_rng(6)
     false = 0
@@ -286,11 +297,15 @@ def test_what_all_transducers_show_alike_may_be_the_reference():
     )
 
 
-@pytest.mark.parametrize("sizes", [(0.8, 1.2, 0.9, 1.1), (1.0, 0.85, 1.2, 0.92, 1.12, 0.81, 1.04)], ids=len)
-def test_what_transducers_do_not_agree_on_is_not_the_line(sizes):
+@pytest.mark.parametrize(
+    ("sizes", "seeds"),
+    [((0.8, 1.2, 0.9, 1.1), (0, 1)), ((1.0, 0.85, 1.2, 0.92, 1.12, 0.81, 1.04), (0,))],
+    ids=("4", "7"),
+)
+def test_what_transducers_do_not_agree_on_is_not_the_line(sizes, seeds):
     """Each its own cubic, differing by 20 %: not a bent reference and what some transducers add to it."""
     bench = Bench(tuple(Transducer(offset=0.1 * k, cubic=part * CUBIC) for k, part in enumerate(sizes)), GROWING)
-    for seed in range(2):
+    for seed in seeds:
         found = trace_whole_plots(simulate(bench, seed=seed), validate=False)
         assert effects_of(found) == {(sensor, "pressure-third-order") for sensor in found.sensors}
         for part, trace in zip(sizes, found.sensors.values(), strict=True):

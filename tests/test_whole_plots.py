@@ -355,6 +355,8 @@ def test_leaving_that_was_cut_short_is_done_again(tmp_path):
         instrument.make_safe = lambda: None
     with pytest.raises(_Kill):
         run_session(path, bench, gap_s=1200.0, on_progress=on_progress)
+    for instrument in (bench.cold_box, bench.hot_box, bench.supply):
+        del instrument.make_safe
     for instrument in (bench.cold_box, bench.hot_box):
         instrument.command(instrument.setpoint - PROCEDURE.soak.renew_degC)
     outcome, _, _ = run_session(path, bench)

@@ -76,14 +76,17 @@ def family_of(problem: Problem, scores: Scores, seed: int) -> Family:
     smallest = []
     for first in range(0, DRAWS, AT_ONCE):
         count = min(AT_ONCE, DRAWS - first)
-        drawn = np.zeros((count, products.shape[1]), np.float32)
+        drawn = np.zeros((products.shape[1], count), np.float32)  # whole rows are picked far quicker than columns
         for own, root in roots:
-            drawn[:, own] += rng.standard_normal((count, root.shape[0]), dtype=np.float32) @ root
+            drawn[own] += (rng.standard_normal((count, root.shape[0]), dtype=np.float32) @ root).T
+        np.square(drawn, out=drawn)
         best = np.ones(count)
         estimated = {df: rng.chisquare(df, count) / df for df in {df for df, _ in groups}}
         for (df, rank), starts in groups.items():
-            square = sum(drawn[:, starts + k] ** 2 for k in range(rank))
-            f = np.max(square, axis=1) / rank / estimated[df]
+            square = drawn[starts]
+            for k in range(1, rank):
+                square += drawn[starts + k]
+            f = np.max(square, axis=0) / rank / estimated[df]
             best = np.minimum(best, special.fdtrc(rank, df, f))
         smallest.append(best)
     slow = slow_of(problem)
@@ -107,7 +110,7 @@ def _independent(problem: Problem, columns: IntArray, rng: np.random.Generator) 
     out = 0
     for _ in range(COUNTED_DRAWS // AT_ONCE):
         drawn = rng.standard_normal((AT_ONCE, root.shape[0]), dtype=np.float32) @ root
-        out += int(np.sum(np.max(np.abs(drawn), axis=1) > STANDS_OUT))
+        out += int(np.sum(np.max(np.abs(drawn, out=drawn), axis=1) > STANDS_OUT))
     alone = 2.0 * special.ndtr(-STANDS_OUT)
     return float(np.clip(out / COUNTED_DRAWS / alone, 1.0, picked.size))
 

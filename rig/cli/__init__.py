@@ -26,7 +26,7 @@ app = typer.Typer(
     help="Runs calibration experiments overnight, survives crashes, fits the data and traces the residual to the "
     "effect the model lacks.\n\n"
     "Exit codes: 0 done, 1 fault (bench safe), 2 usage, 3 done but outside acceptance, 4 stopped by `rig stop`, "
-    "5 fault and NOT safe, 75 interrupted (resumable), 78 bad configuration.",
+    "5 fault and NOT safe, 6 still running (`rig status --check`), 75 interrupted (resumable), 78 bad configuration.",
 )
 
 

@@ -4,9 +4,11 @@ import rig.cli.chart
 import rig.cli.confirm
 import rig.cli.data
 import rig.cli.demo
+import rig.cli.doctor
 import rig.cli.infer
 import rig.cli.night
 import rig.cli.plan
 import rig.cli.run
+import rig.cli.service
 import rig.cli.sim
 import rig.cli.study  # noqa: F401

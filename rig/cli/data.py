@@ -323,7 +323,10 @@ def show_trace(traced: Traced) -> None:
 def export(
     run_file: Annotated[Path, typer.Argument(help="the run file", show_default=False)],
     out_file: Annotated[Path, typer.Option("--out", "-o", help="the CSV file to write", show_default=False)],
-    everything: Annotated[bool, typer.Option("--all", help="rejected observations too, with their status")] = False,
+    everything: Annotated[
+        bool,
+        typer.Option("--all", help="rejected observations too, with their status; faults and decisions beside it"),
+    ] = False,
     salvage: Annotated[
         bool, typer.Option("--salvage", help="take what can still be read of a damaged or edited file, unverified")
     ] = False,
@@ -333,6 +336,7 @@ def export(
     Example: `rig export runs/20260115T180000-night-1a2b.sqlite --out night.csv`
     """
     from rig.tables import run_table, write_csv  # noqa: PLC0415
+    from rig.tables.happenings import write_happenings  # noqa: PLC0415
 
     table = run_table(run_file, everything=everything, salvage=salvage)
     if salvage:
@@ -342,4 +346,8 @@ def export(
         seen = int(table.columns["accepted"].sum())
         table = replace(table, provenance={**table.provenance, "points_observed": seen})
     headline(str(out_file), table, err)
+    if everything and not salvage:
+        beside = out_file.with_name(f"{out_file.stem}.faults.csv")
+        count = write_happenings(run_file, beside)
+        err.print(f"{escape(str(beside))}: {count} faults, decisions and what came of them", soft_wrap=True)
     return ExitCode.DONE

@@ -9,8 +9,9 @@ from rich import box
 from rich.markup import escape
 from rich.table import Table as RichTable
 
-from rig.cli.show import duration, headline, number, out
+from rig.cli.show import headline, number, out
 from rig.closed_loop.fractions import FAMILY
+from rig.durations import duration
 from rig.report.words import TESTS, significant
 from rig.tables import Table
 

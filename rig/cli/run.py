@@ -16,13 +16,28 @@ import typer
 from rich.markup import escape
 
 from rig.cli import app
-from rig.cli.show import duration, err, mark, out, print_json, run_progress
+from rig.cli.runs import check_code, list_runs
+from rig.cli.show import err, mark, out, print_json, run_progress
+from rig.cli.unattended import (
+    Listening,
+    LogFormatOption,
+    LogOption,
+    NotifyFileOption,
+    NotifyOption,
+    add_default_log,
+    facts_of,
+    heard,
+    listening,
+    outside,
+)
 from rig.controller import Result, load_plan, resume_run, start_run
+from rig.durations import duration
 from rig.engine.live import controller_alive, live_path, read_json, send_request
 from rig.engine.run_file import RunReader
 from rig.engine.session import Outcome, Progress, Signals
-from rig.engine.state import is_simulated, read_state
+from rig.engine.state import RunState, is_simulated, read_state
 from rig.errors import ExitCode, RigError, UsageError
+from rig.unattended import Listeners, RunFacts, ServiceManager
 
 RunArgument = Annotated[Path, typer.Argument(help="the run file, DIR/ID.sqlite", show_default=False)]
 BenchOption = Annotated[Path, typer.Option("--bench", "-b", help="the bench file", show_default=False)]
@@ -58,6 +73,16 @@ def run(
         Path | None, typer.Option(help="with --dry: the truth behind the simulated bench", show_default=False)
     ] = None,
     out_dir: Annotated[Path, typer.Option("--out", "-o", help="folder for the run file")] = Path("runs"),
+    create_only: Annotated[
+        bool,
+        typer.Option(
+            "--create-only", help="ask every instrument who it is, make the run file, and leave the rest to a service"
+        ),
+    ] = False,
+    log: LogOption = None,
+    log_format: LogFormatOption = "text",
+    notify: NotifyOption = None,
+    notify_file: NotifyFileOption = None,
     kill_at_point: KillOption = None,
 ) -> int:
     """Carry out a procedure on a bench.
@@ -68,15 +93,36 @@ def run(
     """
     plan = load_plan(procedure, bench, dry=dry, world=world)
 
-    def announce(path: Path) -> None:
-        with contextlib.suppress(OSError):  # nobody reads it; the run matters more
-            print(path, flush=True)
+    simulated = dry or plan.bench.simulated
+    facts = RunFacts(None, "", plan.bench.name, plan.procedure.name, simulated)
+    asked = Listening(log, log_format, notify, notify_file, dry=dry, strict=True)
+    with listening(facts, asked, _warn) as listeners:
 
-    with run_progress(simulated=dry or plan.bench.simulated) as show:
-        result = start_run(
-            plan, out_dir, signals=signals(), announce=announce, on_progress=_killing(show, kill_at_point)
-        )
-    return conclude(result)
+        def announce(path: Path) -> None:
+            with contextlib.suppress(OSError):  # nobody reads it; the run matters more
+                print(path, flush=True)
+            listeners.opened(path, path.stem)
+            if not create_only:
+                add_default_log(listeners, asked)
+
+        with run_progress(simulated=simulated) as show:
+            result = start_run(
+                plan,
+                out_dir,
+                signals=signals(),
+                announce=announce,
+                on_progress=_killing(heard(listeners, show), kill_at_point),
+                observer=listeners,
+                create_only=create_only,
+            )
+        if create_only:
+            err.print(
+                f"{mark(simulated)}created, nothing was moved; rig resume {escape(str(result.path))}", soft_wrap=True
+            )
+            return ExitCode.DONE
+        code = conclude(result)
+        listeners.ended(result.outcome, result.message, note=outside(code))
+    return code
 
 
 @app.command(rich_help_panel="Running")
@@ -92,6 +138,14 @@ def resume(
     gap: Annotated[
         float, typer.Option(min=0, max=1e7, help="dry runs: seconds the bench was left alone, without power")
     ] = 120.0,
+    unless_stopped: Annotated[
+        bool,
+        typer.Option("--unless-stopped", help="leave a run alone that `rig stop` has stopped: what a service does"),
+    ] = False,
+    log: LogOption = None,
+    log_format: LogFormatOption = "text",
+    notify: NotifyOption = None,
+    notify_file: NotifyFileOption = None,
     kill_at_point: KillOption = None,
 ) -> int:
     """Carry on with an interrupted run.
@@ -102,18 +156,38 @@ def resume(
     Example: `rig resume runs/20260115T180000-night-1a2b.sqlite`
     """
     with RunReader.open(run_file) as reader:
-        simulated = is_simulated(reader)
-    with run_progress(simulated=simulated) as show:
-        result = resume_run(
-            run_file,
-            signals=signals(),
-            on_progress=_killing(show, kill_at_point),
-            bench=bench,
-            accept=frozenset(accept or ()),
-            dry_gap_s=gap,
-            warn=lambda text: err.print(f"[bold yellow]{escape(text)}[/]", soft_wrap=True),
-        )
-    return conclude(result)
+        simulated, dry = is_simulated(reader), bool(reader.genesis().data.get("dry"))
+        state = read_state(reader) if unless_stopped else RunState()
+    if state.rested == "stopped" and state.ended is None:
+        ServiceManager().ended("stopped by rig stop")
+        name = escape(str(run_file))
+        err.print(f"{name} was stopped by a person; rig resume {name} carries on", soft_wrap=True)
+        return ExitCode.STOPPED
+    asked = Listening(log, log_format, notify, notify_file, dry=dry, strict=False)
+    with listening(facts_of(run_file), asked, _warn) as listeners:
+        with run_progress(simulated=simulated) as show:
+            result = resume_run(
+                run_file,
+                signals=signals(),
+                on_progress=_killing(heard(listeners, show), kill_at_point),
+                bench=bench,
+                accept=frozenset(accept or ()),
+                dry_gap_s=gap,
+                warn=lambda text: _warn_and_log(text, listeners),
+                observer=listeners,
+            )
+        code = conclude(result)
+        listeners.ended(result.outcome, result.message, note=outside(code))
+    return code
+
+
+def _warn(text: str) -> None:
+    err.print(f"[bold yellow]{escape(text)}[/]", soft_wrap=True)
+
+
+def _warn_and_log(text: str, listeners: Listeners) -> None:
+    _warn(text)
+    listeners.say("warning", text)
 
 
 def conclude(result: Result) -> int:
@@ -180,8 +254,24 @@ def _killing(show: Callable[[Progress], None], at_point: int | None) -> Callable
 
 
 @app.command(rich_help_panel="Running")
-def status(run_file: RunArgument, as_json: JsonOption = False) -> int:
-    """Show what a run has come to, running or not."""
+def status(
+    run_file: Annotated[Path, typer.Argument(help="a run file, or a folder of them", show_default=False)] = Path(
+        "runs"
+    ),
+    as_json: JsonOption = False,
+    check: Annotated[
+        bool, typer.Option("--check", help="end with an exit code that tells: see docs/exit-codes.md")
+    ] = False,
+) -> int:
+    """Show what a run has come to, running or not; of a folder, its runs, the newest first.
+
+    With --check it ends with 0 if the run is complete, 6 if it is running, 4 if it was stopped, 1 if it ended by a
+    fault, 75 if it was interrupted or never begun.
+
+    Examples: `rig status runs/ID.sqlite`, `rig status runs`, `rig status RUN --check && rig fit RUN`
+    """
+    if run_file.is_dir():
+        return list_runs(run_file, as_json=as_json, check=check)
     with RunReader.open(run_file) as reader:
         state, genesis = read_state(reader), reader.genesis()
         count, head = reader.head()
@@ -202,14 +292,18 @@ def status(run_file: RunArgument, as_json: JsonOption = False) -> int:
         "remaining_s": live.get("remaining_s") if running else None,
         "last_record_utc": datetime.fromtimestamp(state.utc_s, UTC).isoformat(timespec="seconds"),
         "last_fault": state.last_fault,
+        "decisions": state.decisions,
+        "faults": [fault._asdict() for fault in state.faults],
+        "safe": state.safe,
         "message": f"{live.get('message', '')} {live.get('detail', '')}".strip() if running else "",
         "whole_plots_lost": {str(k): v for k, v in state.lost.items()},
         "records": count,
         "head": head.hex(),
     }
+    code = check_code(state, run_file) if check else ExitCode.DONE
     if as_json:
         print_json(summary)
-        return ExitCode.DONE
+        return code
     left = "" if summary["remaining_s"] is None else f", {duration(summary['remaining_s'])} left"
     what, where = escape(summary["procedure"]), escape(summary["bench"])
     out.print(f"{mark(state.simulated)}[bold]{what}[/] on {where}: {summary['state']}")
@@ -219,13 +313,29 @@ def status(run_file: RunArgument, as_json: JsonOption = False) -> int:
         out.print(f"  [yellow]point {index} skipped:[/] {escape(why)}")
     for number, why in summary["whole_plots_lost"].items():
         out.print(f"  [yellow]whole plot {number} was lost and measured again:[/] {escape(why)}", soft_wrap=True)
+    _tell_faults(state)
     if state.last_fault and not running:
         out.print(f"  [red]last fault:[/] {escape(state.last_fault)}", soft_wrap=True)
     if summary["message"]:
         out.print(f"  {escape(summary['message'])}")
     if not running and state.ended is None:
         out.print(f"  carry on with: rig resume {escape(str(run_file))}", soft_wrap=True)
-    return ExitCode.DONE
+    return code
+
+
+_FAULTS_TOLD = 5
+
+
+def _tell_faults(state: RunState) -> None:
+    """What went wrong so far, and what was done about it."""
+    if not state.decisions:
+        return
+    counts = ", ".join(f"{decision} {count}x" for decision, count in state.decisions.items())
+    out.print(f"  [yellow]faults, and what was done:[/] {escape(counts)}", soft_wrap=True)
+    for fault in list(state.faults)[-_FAULTS_TOLD:]:
+        where = "" if fault.point is None else f"point {fault.point}, "
+        words = f"{duration(fault.elapsed_s)}: {where}{fault.decision}: {fault.message}"
+        out.print(f"    {escape(words)}", soft_wrap=True)
 
 
 def _ask(run_file: Path, verb: str) -> int:

@@ -13,6 +13,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn
 from rich.text import Text
 
+from rig.durations import duration
 from rig.engine.session import Progress as News
 from rig.report.words import incomplete
 
@@ -28,16 +29,6 @@ class _Console(Console):
 
 out = _Console(highlight=False)
 err = _Console(stderr=True, highlight=False)
-
-
-def duration(seconds: float) -> str:
-    """Seconds for people: 45 s, 12 min, 27 h 58 min."""
-    if seconds < 90:
-        return f"{seconds:.0f} s"
-    minutes = round(seconds / 60)
-    if minutes < 90:
-        return f"{minutes} min"
-    return f"{minutes // 60} h {minutes % 60:02d} min"
 
 
 def print_json(value: object) -> None:

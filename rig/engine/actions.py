@@ -10,31 +10,25 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from drivers.clock import Clock
-from drivers.errors import InstrumentError
+from drivers.errors import BadReply, NoReply
 from drivers.roles import Restartable
 from procedures import Factor, Settle
 from procedures.pitch_roll import EnvironmentSettings
 from rig.bench import Bench
 from rig.engine.axes import Axes, AxisReading
+from rig.engine.faults import NotHomed, NotSettled, TemperaturesNotSettled
 from rig.engine.guard import Guard
 from rig.engine.measuring import Observation, assemble
 from rig.engine.motion import Arrival, Leg, arrived
 from rig.engine.settling import Criteria, Settling
-from rig.errors import BenchFault
 
 _HOMING_TIMEOUT_S = 900.0
 _INTERLOCK_S = 60.0
+_BEARS = 2
+"""Readings in a row that may be lost in a soak before it is a fault."""
 
 Watch = Callable[[Mapping[str, float]], None]
 """Called with what was read at every poll."""
-
-
-class NotSettled(Exception):
-    """A quantity did not arrive in time. `evidence` is what was seen."""
-
-    def __init__(self, message: str, evidence: Mapping[str, Any]) -> None:
-        super().__init__(message)
-        self.evidence = evidence
 
 
 class BenchActions:
@@ -61,14 +55,26 @@ class BenchActions:
         self._wait = wait
         self._chambers = bench.chambers
         self._readers = bench.readers
-        self._chambers_seen = self._chambers_read = -1e18
+        self._chambers_seen = -1e18
+        self._chambers_read: float | None = None
+        self._unwatched_s = 0.0
         self.arrivals: dict[str, Arrival] = {}
         self.chambers_seen: dict[str, dict[str, Any]] = {}
 
-    @property
-    def unwatched_s(self) -> float:
-        """Bench seconds since the chambers were last looked at."""
-        return self._clock.now() - self._chambers_read
+    def take_unwatched_s(self) -> float:
+        """The longest time for which no chamber was looked at, since this was last asked; bench seconds."""
+        self._note_look()
+        longest, self._unwatched_s, self._chambers_read = self._unwatched_s, 0.0, self._clock.now()
+        return longest
+
+    def _note_look(self) -> None:
+        if self._chambers_read is not None:
+            self._unwatched_s = max(self._unwatched_s, self._clock.now() - self._chambers_read)
+
+    def _looked(self) -> None:
+        """The chambers have just been read."""
+        self._note_look()
+        self._chambers_read = self._clock.now()
 
     def stop_motion(self) -> None:
         """Stop all axes; how they came to rest is unknown from now on."""
@@ -90,8 +96,7 @@ class BenchActions:
         readings = self._axes.read()
         self._guard.check_axes(readings)
         for axis, reading in readings.items():
-            if reading.fault:
-                raise InstrumentError(axis, 0, reading.fault)
+            reading.check(axis)
         return readings
 
     def positions(self) -> dict[str, float]:
@@ -100,7 +105,7 @@ class BenchActions:
 
     def environment(self) -> dict[str, dict[str, Any]]:
         """Read all chambers, check their interlocks; what the run file keeps."""
-        self._chambers_seen = self._chambers_read = self._clock.now()
+        self._chambers_seen = self._clock.now()
         found = {}
         for name, chamber in self._chambers.items():
             state = chamber.read()
@@ -112,6 +117,7 @@ class BenchActions:
                 "running": state.running,
             }
         self.chambers_seen = found
+        self._looked()
         return found
 
     def look_around(self) -> None:
@@ -126,7 +132,7 @@ class BenchActions:
             for axis, r in self._axes.read().items()
         }
         chambers = {name: c.read() for name, c in self._chambers.items()}
-        self._chambers_read = self._clock.now()
+        self._looked()
         return {
             "axes": axes,
             "chambers": {
@@ -135,16 +141,24 @@ class BenchActions:
             },
         }
 
-    def home(self, poll_s: float) -> bool:
-        """Find the encoders' zeros where they are not known; returns whether anything was homed."""
-        if all(reading.homed for reading in self.axes().values()):
+    def home(self, poll_s: float, *, again: bool = False) -> bool:
+        """Find the encoders' zeros where they are not known, or all of them; returns whether anything was homed.
+
+        Raises:
+            NotHomed: a search took too long, or did not find its zero.
+
+        """
+        if not again and all(reading.homed for reading in self.axes().values()):
             return False
-        self._axes.home()
+        self._axes.home(again=again)
         self.arrivals.clear()
-        self._until_still(poll_s, _HOMING_TIMEOUT_S, "homing")
+        try:
+            self._until_still(poll_s, _HOMING_TIMEOUT_S, "homing")
+        except NotSettled as error:
+            raise NotHomed(str(error)) from error
         lost = [axis for axis, reading in self.axes().items() if not reading.homed]
         if lost:
-            raise BenchFault(f"{' and '.join(lost)} did not find home; look at the head's limit and home switches")
+            raise NotHomed(f"{' and '.join(lost)} did not find home; look at the head's limit and home switches")
         return True
 
     def go(self, legs: Sequence[Leg], poll_s: float, timeout_s: float) -> None:
@@ -152,7 +166,9 @@ class BenchActions:
         for leg in legs:
             readings = self.axes()
             for axis, target in leg.items():
-                self._guard.check_command(readings[axis].quantity, target)
+                reading = readings[axis]
+                reading.check(axis, controlled=reading.quantity != "pressure_psia", homed=True)
+                self._guard.check_command(reading.quantity, target)
             start = {axis: reading.value for axis, reading in readings.items()}
             for axis in leg:
                 self.arrivals.pop(axis, None)
@@ -178,10 +194,9 @@ class BenchActions:
 
     @staticmethod
     def _check_control(readings: Mapping[str, AxisReading]) -> None:
-        """What was commanded and is not being controlled will never arrive. Raises `InstrumentError`."""
+        """What was commanded and is not being controlled, or has lost its zero, will never arrive."""
         for axis, reading in readings.items():
-            if not reading.enabled:
-                raise InstrumentError(axis, 0, "control is off; was it switched off, or without power?")
+            reading.check(axis, controlled=True, homed=True)
 
     def settle(self, targets: Mapping[str, float], settings: Settle, poll_s: float) -> dict[str, Any]:
         """Wait until every axis has settled at its target; returns the evidence. Raises `NotSettled`."""
@@ -203,21 +218,33 @@ class BenchActions:
         read: Callable[[], Mapping[str, float]],
         poll_s: float,
         watch: Watch = lambda _: None,
+        late: type[NotSettled] = NotSettled,
+        bears: int = 0,
     ) -> dict[str, Any]:
         began = self._clock.now()
         judges = {name: Settling(c, began) for name, c in criteria.items()}
+        missed = in_a_row = 0
         while True:
-            values = read()
-            now = self._clock.now()
+            try:
+                values = read()
+            except (NoReply, BadReply):  # hours of settling are not begun again for one reply that was lost
+                missed, in_a_row = missed + 1, in_a_row + 1
+                if in_a_row > bears:
+                    raise
+                for judge in judges.values():
+                    judge.missed(self._clock.now())
+                self._wait(poll_s)
+                continue
+            now, in_a_row = self._clock.now(), 0
             watch(values)
             outcomes = {name: judge.add(now, values[name]) for name, judge in judges.items()}
             if "waiting" not in outcomes.values():
                 break
             self._wait(poll_s)
-        evidence = {name: judge.evidence() for name, judge in judges.items()}
+        evidence = {name: judge.evidence() | ({"missed": missed} if missed else {}) for name, judge in judges.items()}
         failed = [f"{name} {outcome}" for name, outcome in outcomes.items() if outcome != "settled"]
         if failed:
-            raise NotSettled(f"{', '.join(failed)} after {now - began:.0f} s", evidence)
+            raise late(f"{', '.join(failed)} after {now - began:.0f} s", evidence)
         return evidence
 
     def measure(self, readings: int, poll_s: float, references: Sequence[Factor] = ()) -> Observation:
@@ -239,7 +266,9 @@ class BenchActions:
         fetched = {name: reader.fetch() for name, reader in self._readers.items()}
         self._note(seen, references)
         bench = self._bench
-        return assemble(fetched, bench.sensors, bench.scales, bench.temperatures, seen)
+        found = assemble(fetched, bench.sensors, bench.scales, bench.temperatures, seen)
+        self._guard.check_temperatures({name: channel.mean for name, channel in found.temperatures.items()})
+        return found
 
     def _note(self, seen: Mapping[str, list[float]], references: Sequence[Factor]) -> None:
         if references:
@@ -254,7 +283,9 @@ class BenchActions:
         if readers:
             self._wait(max(reader.start(1) for reader in readers.values()))
         fetched = {name: reader.fetch() for name, reader in readers.items()}
-        return {column: float(fetched[name][channel][0]) for column, (name, channel) in source.items()}
+        values = {column: float(fetched[name][channel][0]) for column, (name, channel) in source.items()}
+        self._guard.check_temperatures(values)
+        return values
 
     def set_chamber(self, name: str, setpoint_degC: float) -> None:
         """Command a chamber's setpoint, limits checked first."""
@@ -273,7 +304,7 @@ class BenchActions:
             watch: called with what was read at every poll.
 
         Raises:
-            NotSettled: something did not settle in time.
+            TemperaturesNotSettled: something did not settle in time.
 
         """
 
@@ -281,13 +312,13 @@ class BenchActions:
             chambers = {name: state["temperature_degC"] for name, state in self.environment().items()}
             return chambers | self.temperatures(thermometers)
 
-        return self._until_settled(criteria, read, poll_s, watch)
+        return self._until_settled(criteria, read, poll_s, watch, TemperaturesNotSettled, _BEARS)
 
     def prepare_environment(self, settings: EnvironmentSettings) -> dict[str, Any]:
         """Bring every chamber to the setpoint and wait until it has settled there; returns the evidence.
 
         Raises:
-            NotSettled: a chamber did not settle in time.
+            TemperaturesNotSettled: a chamber did not settle in time.
 
         """
         for name in self._chambers:

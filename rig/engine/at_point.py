@@ -6,17 +6,22 @@ Every handler answers with the trigger that follows. What goes wrong is raised; 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import Any
 
-from procedures import Point, Procedure, RunList
+from procedures import PitchRollProcedure, Point, Procedure, RunList
 from rig.bench import Bench
-from rig.engine.actions import BenchActions, NotSettled
+from rig.engine.actions import BenchActions
+from rig.engine.faults import FrozenReading, NotSettled, OverloadedError, TemperatureLeft, TooNoisy
 from rig.engine.journal import Journal, PointInHand
+from rig.engine.measuring import Observation
 from rig.engine.motion import plan_legs, recovery_legs
-from rig.engine.policies import OverloadedError
+from rig.engine.policies import Policies
 from rig.engine.queue import PointQueue
 from rig.engine.soaking import Soaking
 
 _MOVE_TIMEOUT_S = 600.0
+_NEARLY = 0.9
+"""Of its overtravel an axis must have come at least: where it turned it may have stood a little short of it."""
 
 
 class AtPoint:
@@ -31,6 +36,7 @@ class AtPoint:
         queue: points still to be observed.
         soaking: whole plots, None where nothing is hard to change.
         set_up: brings the instruments' settings to what the bench declares, where that is due.
+        policies: say which doubtful readings are accepted, with a flag.
 
     Attributes:
         move_timeout_s: how long a move may take.
@@ -48,14 +54,16 @@ class AtPoint:
         queue: PointQueue,
         soaking: Soaking | None,
         set_up: Callable[[], None],
+        policies: Policies,
     ) -> None:
         self._bench, self._run_list, self._procedure = bench, run_list, procedure
         self._do, self._journal, self._queue = do, journal, queue
         self._soaking = soaking
-        self._set_up = set_up
+        self._set_up, self._policies = set_up, policies
         self._references = tuple(f for f in run_list.easy if not f.stays)
         self._settle = procedure.settle.judged()
         self._poll_s = procedure.settle.poll_s
+        self._last_read: tuple[Point | None, Mapping[str, float]] = (None, {})
         self.move_timeout_s = max(_MOVE_TIMEOUT_S, self._settle.timeout_s)
 
     def recovering(self) -> str:
@@ -64,8 +72,8 @@ class AtPoint:
         if elsewhere is not None:
             return elsewhere
         at = self._at
-        if self._soaking is not None and self._soaking.lost_while_working(at.point):
-            return "prepare"
+        if self._soaking is not None:
+            self._soaking.check_while_working(at.point)
         self._set_up()
         self._journal.start_timing()
         at.legs = recovery_legs(self._run_list.factors, at.point, self._before(at.point))
@@ -121,6 +129,7 @@ class AtPoint:
         if overloaded:
             self._journal.write("observation", observation.as_json(), status="rejected")
             raise OverloadedError(f"{', '.join(overloaded)} out of range at point {at.point.index}")
+        self._check_alive(observation)
         name, sd = observation.noisiest()
         most = self._procedure.max_sd_V
         if most is not None and sd > most * self._bench.scales[name]:
@@ -128,8 +137,28 @@ class AtPoint:
                 at.repeats += 1
                 at.rejected.append({"noisy": name, **observation.as_json()})
                 return "repeat"
-            observation.flags.append("noisy")
+            noise = f"{name} scatters by {sd / self._bench.scales[name]:.2g} V at point {at.point.index}"
+            self._flag("noisy", "noisy", TooNoisy(f"{noise}, more than {most:g} V"))
         return "record"
+
+    def _check_alive(self, observation: Observation) -> None:
+        """Two settings do not give the same reading to the last digit: a meter or a sensor hangs, or a reply is old."""
+        point, (before, last) = self._at.point, self._last_read
+        frozen = observation.frozen(last) if before is not None and before.setpoints != point.setpoints else []
+        if frozen:
+            words = (
+                f"{', '.join(frozen)} at point {point.index} repeats the readings of the point before to the last digit"
+            )
+            self._flag("frozen", "frozen", FrozenReading(words))
+        self._last_read = point, {name: c.readings[-1] for name, c in observation.outputs.items()}
+
+    def _flag(self, flag: str, fault: str, error: Exception) -> None:
+        """Accept a doubtful reading with a flag, or raise what is doubtful about it: the policies say which."""
+        at = self._at
+        assert at.observation is not None
+        if not self._policies.accepts(fault, at.place):
+            raise error
+        at.observation.flags.append(flag)
 
     def recording(self) -> str:
         """Make the observation durable, if nothing was disturbed meanwhile, and take up the next point."""
@@ -139,6 +168,7 @@ class AtPoint:
         positions = {axis: reading.value for axis, reading in after.items()}
         self._assert_undisturbed(at, positions)
         chambers = self._do.environment()
+        self._check_environment(chambers)
         body = {
             "approach": {axis: [a.side, a.start] for axis, a in self._do.arrivals.items()},
             "readback": {reading.quantity: reading.value for reading in after.values()},
@@ -154,7 +184,6 @@ class AtPoint:
             if why:  # one commit: a kill between the two must not let the whole plot go on
                 self._journal.write("observation", {**body, "lost": why}, status="rejected", commit=False)
                 self._soaking.lose(why)
-                return "prepare"
         self._journal.write("observation", body, status="accepted")
         self._journal.point_observed()
         elsewhere = self._advance()
@@ -164,6 +193,20 @@ class AtPoint:
         self._at.legs = plan_legs(self._run_list.factors, self._at.point, positions, self._do.arrivals, band)
         return "move"
 
+    def _check_environment(self, chambers: Mapping[str, Any]) -> None:
+        """An environment that was asked for still stands; of whole plots their own rules say more."""
+        wanted = self._procedure.environment if isinstance(self._procedure, PitchRollProcedure) else None
+        if wanted is None:
+            return
+        for name, state in chambers.items():
+            degC = state["temperature_degC"]
+            if abs(degC - wanted.setpoint_degC) > wanted.tolerance_degC:
+                words = (
+                    f"{name} is at {degC:.2f} degC, not within {wanted.tolerance_degC:g} of {wanted.setpoint_degC:g}"
+                )
+                self._flag("temperature", "temperature_left", TemperatureLeft(words))
+                return
+
     def _assert_undisturbed(self, at: PointInHand, after: Mapping[str, float]) -> None:
         """An observation counts only where it was planned, reached as planned, and not left meanwhile."""
         for factor, target, side in zip(self._run_list.factors, at.point.setpoints, at.point.sides, strict=True):
@@ -172,5 +215,8 @@ class AtPoint:
             arrival = self._do.arrivals.get(factor.axis)
             if side and (arrival is None or arrival.side != side):
                 raise NotSettled(f"{factor.axis} did not arrive from its planned side", at.settling)
+            if arrival and side and side * (target - arrival.start) < _NEARLY * factor.overtravel:
+                near = f"{factor.axis} arrived from {arrival.start:g}, nearer than its overtravel"
+                raise NotSettled(f"{near}: did it slip?", at.settling)
             if abs(after[factor.axis] - target) > self._settle.band:
                 raise NotSettled(f"{factor.axis} left its band while it was measured", at.settling)

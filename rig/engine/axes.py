@@ -5,13 +5,16 @@ The sequencer commands axes and polls them; what a reading means in a role's own
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Protocol
 
-from drivers.roles import Chamber, Head, PressureController
+from drivers.errors import DriverError, InstrumentError, NotReady
+from drivers.roles import Chamber, Head, PressureController, Referenced
 from procedures import Factor, RunList
 from rig.bench import Bench
+from rig.engine.faults import DriveFault, NotHomed, SupplyFailure
 
 
 @dataclass(frozen=True)
@@ -35,6 +38,30 @@ class AxisReading:
     enabled: bool
     fault: str
 
+    def check(self, axis: str, *, controlled: bool = False, homed: bool = False) -> None:
+        """Raise what its instrument complains of.
+
+        Args:
+            axis: its name.
+            controlled: whether it must be under control.
+            homed: whether its zero must be known.
+
+        Raises:
+            DriveFault: a drive complains, or is off.
+            SupplyFailure: a pressure controller complains.
+            InstrumentError: a pressure is not under control.
+            NotHomed: its zero is not known.
+
+        """
+        pressure = self.quantity == "pressure_psia"
+        if self.fault:
+            raise (SupplyFailure if pressure else DriveFault)(axis, 0, self.fault)
+        if controlled and not self.enabled:
+            words = "control is off; was it switched off, or without power?"
+            raise (InstrumentError if pressure else DriveFault)(axis, 0, words)
+        if homed and not self.homed:
+            raise NotHomed(f"{axis} has lost its zero: was its controller without power?")
+
 
 class Mover(Protocol):
     """What moves one or more axes."""
@@ -55,13 +82,22 @@ class Mover(Protocol):
         """Stop where it is."""
         ...
 
-    def home(self) -> None:
-        """Start finding zeros that are not known."""
+    def home(self, *, again: bool = False) -> None:
+        """Start finding zeros that are not known; all of them if `again`."""
         ...
 
     def parking(self) -> Mapping[str, float]:
         """Where its axes go when the run is over; {} if its safe state is all there is to it."""
         ...
+
+
+@contextmanager
+def _of_the_drive() -> Iterator[None]:
+    """What a head refuses when it is told to move is a fault of its drives."""
+    try:
+        yield
+    except (InstrumentError, NotReady) as error:
+        raise DriveFault("head", 0, str(error)) from error
 
 
 class HeadMover:
@@ -83,15 +119,19 @@ class HeadMover:
 
     def go(self, targets: Mapping[str, float]) -> None:
         """See `Mover`."""
-        self._head.move(targets)
+        with _of_the_drive():
+            self._head.move(targets)
 
     def stop(self) -> None:
         """See `Mover`."""
         self._head.stop()
 
-    def home(self) -> None:
+    def home(self, *, again: bool = False) -> None:
         """See `Mover`."""
-        self._head.home()
+        with _of_the_drive():
+            if again and isinstance(self._head, Referenced):
+                self._head.forget_zeros()
+            self._head.home()
 
     def parking(self) -> Mapping[str, float]:
         """0 deg, or the nearest angle the axis can reach."""
@@ -125,7 +165,7 @@ class PressureMover:
         if state.controlling and not state.in_limits:
             self._controller.stop()
 
-    def home(self) -> None:
+    def home(self, *, again: bool = False) -> None:
         """A reference sensor has no zero to find."""
 
     def parking(self) -> Mapping[str, float]:
@@ -161,14 +201,20 @@ class Axes:
                 mover.go(own)
 
     def stop(self) -> None:
-        """Stop every axis where it is."""
+        """Stop every axis where it is, the others also where one fails; raises the first error."""
+        failed: list[DriverError] = []
         for mover in self._movers:
-            mover.stop()
+            try:
+                mover.stop()
+            except DriverError as error:
+                failed.append(error)
+        if failed:
+            raise failed[0]
 
-    def home(self) -> None:
-        """Start finding the zeros that are not known."""
+    def home(self, *, again: bool = False) -> None:
+        """Start finding the zeros that are not known; all of them if `again`."""
         for mover in self._movers:
-            mover.home()
+            mover.home(again=again)
 
     def parking(self) -> dict[str, float]:
         """Where the axes go when the run is over, by axis."""

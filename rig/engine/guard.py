@@ -1,24 +1,34 @@
 """The guard: limits and interlocks, checked outside the plan.
 
-Limits are data (`[limits]` of the bench file). They are checked on the whole run list before anything moves, again
-at every command, and against every readback.
+Both are data (`[limits]` and `[interlocks]` of the bench file). Limits are checked on the whole run list before
+anything moves, at every command (here by those who command, and again at the driver by `rig.guarded`), and against
+every readback: the value itself, and how fast it changes where the bench limits that.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
 from drivers.roles import ChamberState
 from procedures import RunList
 from rig.engine.axes import AxisReading
-from rig.errors import BenchFault, ConfigurationError
+from rig.engine.faults import LimitViolation
+from rig.engine.interlocks import Interlocks
+from rig.errors import ConfigurationError
+from rig.protection import InterlockConfig
 
 _READBACK_MARGIN = 0.05
 """A readback may pass a limit by this much, degrees or psi, while an axis rests against it."""
 
 _CHAMBER_MARGIN_DEGC = 2.0
 """The same of a chamber, which overshoots a setpoint at a limit before it settles there."""
+
+_RATE_MARGIN = 1.25
+"""A rate may pass its limit by this factor: it is taken from two readings, each with its own noise and delay."""
+
+_RATE_OVER_S = {"psi_per_s": 4.0, "degC_per_min": 120.0}
+"""Readings a rate is taken from are this far apart at least."""
 
 
 class Guard:
@@ -27,12 +37,21 @@ class Guard:
     Args:
         limits: (low, high) by quantity, named with its unit: "pitch_deg", "enclosure_degC".
         factors: which instrument sets a factor; a chamber's limits are those of the temperature it sets.
+        interlocks: what must hold besides, by name.
+        now: bench time, by which rates and durations are counted.
 
     """
 
     def __init__(
-        self, limits: Mapping[str, tuple[float, float]], factors: Mapping[str, str] = MappingProxyType({})
+        self,
+        limits: Mapping[str, tuple[float, float]],
+        factors: Mapping[str, str] = MappingProxyType({}),
+        interlocks: Mapping[str, InterlockConfig] = MappingProxyType({}),
+        now: Callable[[], float] = lambda: 0.0,
     ) -> None:
+        self._interlocks = Interlocks(interlocks, now)
+        self._now = now
+        self._rated: dict[str, tuple[float, float]] = {}
         of_chambers = {f: limits[f"{name}_degC"] for f, name in factors.items() if f"{name}_degC" in limits}
         self._limits = {**of_chambers, **limits}
 
@@ -83,26 +102,58 @@ class Guard:
                     )
 
     def check_command(self, quantity: str, value: float) -> None:
-        """Refuse one command outside the limits. Raises `BenchFault`."""
+        """Refuse one command outside the limits. Raises `LimitViolation`."""
         low, high = self._limits.get(quantity, (float("-inf"), float("inf")))
         if not low <= value <= high:
-            raise BenchFault(f"{quantity} = {value:g} was about to be commanded, outside {low:g} to {high:g}")
+            raise LimitViolation(f"{quantity} = {value:g} was about to be commanded, outside {low:g} to {high:g}")
 
     def check_axes(self, axes: Mapping[str, AxisReading]) -> None:
-        """Refuse readbacks outside the limits. Raises `BenchFault`."""
+        """Refuse readbacks outside the limits, or against an interlock. Raises `LimitViolation`, `InterlockHold`."""
         for axis, reading in axes.items():
             low, high = self._limits.get(reading.quantity, (float("-inf"), float("inf")))
             if not low - _READBACK_MARGIN <= reading.value <= high + _READBACK_MARGIN:
                 unit = reading.quantity.rpartition("_")[2]
-                raise BenchFault(f"{axis} is at {reading.value:g} {unit}, outside {low:g} to {high:g}")
+                raise LimitViolation(f"{axis} is at {reading.value:g} {unit}, outside {low:g} to {high:g}")
+            if reading.quantity == "pressure_psia":
+                self._check_rate(axis, "pressure_psi_per_s", reading.value)
+            self._interlocks.check(reading.quantity, reading.value)
 
     def check_chamber(self, name: str, state: ChamberState) -> None:
-        """Refuse alarms and temperatures outside the limits. Raises `BenchFault`."""
-        if state.alarms:
-            raise BenchFault(f"{name} reports an alarm: {', '.join(state.alarms)}; look at the chamber, then resume")
+        """Refuse alarms, and temperatures outside the limits. Raises `LimitViolation`, `InterlockHold`."""
+        self._interlocks.check_chamber(name, state)
+        if state.alarms and not self._interlocks.watches(f"{name}.alarms"):
+            alarms = ", ".join(state.alarms)
+            raise LimitViolation(f"{name} reports an alarm: {alarms}; look at the chamber, then resume")
         low, high = self._limits.get(f"{name}_degC", (float("-inf"), float("inf")))
         if not low - _CHAMBER_MARGIN_DEGC <= state.temperature_degC <= high + _CHAMBER_MARGIN_DEGC:
-            raise BenchFault(
+            raise LimitViolation(
                 f"{name} is at {state.temperature_degC:.2f} degC, outside {low:g} to {high:g}; look at the chamber, "
                 f"then resume"
+            )
+        self._check_rate(name, f"{name}_degC_per_min", state.temperature_degC)
+
+    def check_temperatures(self, values: Mapping[str, float]) -> None:
+        """Hold temperature columns against the interlocks. Raises `LimitViolation` or `InterlockHold`."""
+        for column, degC in values.items():
+            self._interlocks.check(column, degC)
+
+    def _check_rate(self, name: str, limit: str, value: float) -> None:
+        """How fast a readback has changed since it was last looked at long enough ago."""
+        if limit not in self._limits:
+            return
+        unit = next(u for u in _RATE_OVER_S if limit.endswith(u))
+        now = self._now()
+        then, before = self._rated.setdefault(limit, (now, value))
+        seconds = now - then
+        if seconds < _RATE_OVER_S[unit]:
+            return
+        self._rated[limit] = (now, value)
+        if seconds > 10.0 * _RATE_OVER_S[unit]:
+            return  # nobody looked meanwhile
+        rate = (value - before) / seconds * (60.0 if unit.endswith("min") else 1.0)
+        low, high = self._limits[limit]
+        if not low * _RATE_MARGIN <= rate <= high * _RATE_MARGIN:
+            words = unit.replace("_per_", "/")
+            raise LimitViolation(
+                f"{name} changes by {rate:.3g} {words}, faster than {low:g} to {high:g} (limits.{limit})"
             )

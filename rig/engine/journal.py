@@ -32,7 +32,6 @@ class PointInHand:
         settling: evidence that the axes settled.
         observation: what was read.
         measured_s: elapsed time when the readings began and ended.
-        failures: attempts that failed in this session.
         repeats: how often it was read again for being noisy.
         rejected: readings that were too noisy.
 
@@ -44,9 +43,13 @@ class PointInHand:
     settling: dict[str, Any] = field(default_factory=dict)
     observation: Observation | None = None
     measured_s: tuple[float, float] = (0.0, 0.0)
-    failures: int = 0
     repeats: int = 0
     rejected: list[dict[str, Any]] = field(default_factory=list)
+
+    @property
+    def place(self) -> str:
+        """Where it is, as failures are counted."""
+        return f"point {self.point.index}"
 
 
 class Journal:
@@ -139,15 +142,21 @@ class Journal:
             StorageError: the disk refuses.
 
         """
-        record = self._record(kind, body or {}, status, whole_plot)
+        for noted, about in self._session.observer.to_note():  # durable with the record, or not at all
+            self._add(self._record("event", about, noted, None), commit=False)
+        self._add(self._record(kind, body or {}, status, whole_plot), commit=commit)
+
+    def _add(self, record: Record, *, commit: bool) -> None:
         self._run.append(record, commit=commit)
         self.fold.add(record)
+        self._session.observer.recorded(record)
 
     def finish(self, body: Mapping[str, Any]) -> None:
         """Write the end record and close the run file for good. Raises `StorageError`."""
         record = self._record("end", body, "complete", None)
         self._run.finish(record)
         self.fold.add(record)
+        self._session.observer.recorded(record)
 
     def _record(self, kind: str, body: Mapping[str, Any], status: str | None, whole_plot: int | None) -> Record:
         at = self.at

@@ -66,6 +66,10 @@ class Observation:
         """Names of the quantities that were out of range."""
         return [name for name, c in (*self.outputs.items(), *self.temperatures.items()) if c.overload]
 
+    def frozen(self, before: Mapping[str, float]) -> list[str]:
+        """Outputs whose every reading is, to the last digit, the one that the point before ended with."""
+        return [name for name, c in self.outputs.items() if set(c.readings) == {before.get(name)}]
+
     def noisiest(self) -> tuple[str, float]:
         """The output with the largest standard deviation, and that."""
         name = max(self.outputs, key=lambda n: self.outputs[n].sd)

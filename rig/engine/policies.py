@@ -1,22 +1,121 @@
-"""Which errors at a point a procedure may decide about, and what it decides."""
+"""Policies at work: how often what has failed where, and what the procedure wants done about it.
+
+Counted for each class of fault and each place (a point, or a state that has none), so that a fault at one point does
+not use up the patience with another. A place that is done with is counted anew when it comes again; so is an
+instrument that has worked well for as long as the longest pause, a few times: a soak of hours may lose many replies.
+"""
 
 from __future__ import annotations
 
-from drivers.errors import BadReply, InstrumentError, NoReply, NotReady, Unreachable
-from procedures.settings import FaultSettings
-from rig.engine.actions import NotSettled
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from drivers.errors import DriverError
+from procedures import PitchRollProcedure, Procedure
+from procedures.faults import ABORT, ACCEPT, HOLD, RE_HOME, RE_SOAK, RETRY, SKIP, step_at
+from rig.engine.faults import fault_class
+
+__all__ = ["ABORT", "HOLD", "RETRY", "RE_HOME", "RE_SOAK", "SKIP", "Decision", "Policies"]
+
+_OF_THE_RUN = "temperature_left"
+"""Counted over the whole session: every point and whole plot stands at the same chambers."""
+
+_FORGIVEN = 20
+"""So often what has failed before is forgotten at one place."""
 
 
-class OverloadedError(Exception):
-    """A reading was out of the instrument's range."""
+@dataclass(frozen=True)
+class Decision:
+    """What is done about an error.
+
+    Attributes:
+        fault: its class.
+        action: "retry", "re-home", "re-soak", "skip", "hold" or "abort".
+        failure: how often this class has failed here, this time included.
+        number: how often this action has been taken for it, this time included.
+        pause_s: to wait first.
+
+    """
+
+    fault: str
+    action: str
+    failure: int
+    number: int
+    pause_s: float
 
 
-def policy_for(error: Exception, faults: FaultSettings) -> str | None:
-    """What follows when the retries are used up: "skip", "hold" or "abort"; None if the procedure has no say."""
-    policies: tuple[tuple[tuple[type[Exception], ...], str], ...] = (
-        ((NotSettled,), faults.not_settled),
-        ((OverloadedError,), faults.overload),
-        ((NoReply, BadReply, Unreachable), faults.no_reply),
-        ((InstrumentError, NotReady), faults.instrument_error),
-    )
-    return next((policy for kinds, policy in policies if isinstance(error, kinds)), None)
+class Policies:
+    """The procedure's `[faults]`, and what has failed so far in this session.
+
+    Args:
+        procedure: its policies.
+        now: bench time.
+
+    """
+
+    def __init__(self, procedure: Procedure, now: Callable[[], float]) -> None:
+        self._now = now
+        self._over: dict[tuple[str, str], float] = {}
+        self._forgiven: dict[tuple[str, str], int] = {}
+        self._faults = procedure.faults
+        repeats = {}
+        if not isinstance(procedure, PitchRollProcedure):
+            repeats = {RE_SOAK: procedure.recovery.whole_plot_repeats}
+        self._known = frozenset(self._faults.classes())
+        self._plans = {name: self._faults.plan(name, repeats if name == _OF_THE_RUN else {}) for name in self._known}
+        self._failures: dict[str, dict[str, int]] = {}
+        self._put_off = 0
+
+    def decide(self, error: Exception, place: str, *, at_point: bool) -> Decision | None:
+        """Count a failure and say what follows; None if the procedure has no say in such an error.
+
+        Args:
+            error: what was raised.
+            place: where, as it is counted.
+            at_point: whether a point is in hand; without one there is nothing to skip, and a soak is not repeated.
+
+        """
+        fault = fault_class(error, self._known)
+        if fault is None:
+            return None
+        counts = self._failures.setdefault("run" if fault == _OF_THE_RUN else place, {})
+        if isinstance(error, DriverError) and self._has_worked_since(place, fault):
+            counts[fault] = 0
+        counts[fault] = failure = counts.get(fault, 0) + 1
+        action, number = step_at(self._plans[fault], failure)
+        if action == RE_SOAK and not at_point and fault != _OF_THE_RUN:
+            action = RETRY
+        if action == SKIP and not at_point:
+            action = ABORT
+        if action == SKIP:
+            self._put_off += 1
+            if self._put_off >= self._faults.skips_in_a_row:
+                action = ABORT
+        waits = isinstance(error, DriverError) and action not in (HOLD, ABORT)
+        pause_s = self._faults.pause(failure) if waits else 0.0
+        self._over[place, fault] = self._now() + pause_s
+        return Decision(fault, action, failure, number, pause_s)
+
+    def _has_worked_since(self, place: str, fault: str) -> bool:
+        """Whether all went well for long enough since this last failed here; bounded, or a night would never end."""
+        key = (place, fault)
+        well = self._now() - self._over.get(key, self._now()) >= self._faults.pause_max_s
+        times = self._forgiven.get(key, 0)
+        self._forgiven[key] = times + well
+        return well and times < _FORGIVEN
+
+    def accepts(self, fault: str, place: str) -> bool:
+        """Whether the next failure of this class here is to be accepted, and flagged."""
+        counts = self._failures.get("run" if fault == _OF_THE_RUN else place, {})
+        return step_at(self._plans[fault], counts.get(fault, 0) + 1)[0] == ACCEPT
+
+    def done(self, place: str) -> dict[str, int]:
+        """A place is done with; returns how often what had failed there."""
+        for memory in (self._over, self._forgiven):
+            for key in [key for key in memory if key[0] == place]:
+                del memory[key]
+        return self._failures.pop(place, {})
+
+    def observed(self) -> None:
+        """A point was accepted: those put off before it were exceptions."""
+        self._put_off = 0

@@ -64,3 +64,8 @@ class PointQueue:
     def put_off(self, point: Point) -> None:
         """Try a point again later."""
         self._deferred.append(point)
+
+    def put_back(self, point: Point) -> None:
+        """Have a point that was taken out come next again, unless it has been observed meanwhile."""
+        if point.index not in self._fold.accepted:
+            self._again.append(point)

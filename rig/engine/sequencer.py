@@ -7,31 +7,31 @@ of which nothing has been observed yet.
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
-
-from transitions import Machine
+from collections.abc import Callable
 
 from drivers.clock import Clock
 from drivers.errors import DriverError
 from procedures import PitchRollProcedure, Procedure, RunList, WholePlotProcedure
-from procedures.whole_plot import WholePlotFaults
 from rig.bench import Bench, identities
-from rig.engine.actions import BenchActions, NotSettled
+from rig.engine.actions import BenchActions
 from rig.engine.at_point import AtPoint
 from rig.engine.axes import axes_of, own_limits
+from rig.engine.deciding import Deciding
+from rig.engine.faults import FAULTS, InterlockHold, TemperatureLeft
 from rig.engine.guard import Guard
 from rig.engine.identities import compare_identities
 from rig.engine.journal import Journal, PointInHand
 from rig.engine.live import Requests
-from rig.engine.policies import OverloadedError, policy_for
+from rig.engine.parking import Parking
+from rig.engine.policies import ABORT, HOLD, RE_HOME, RE_SOAK, SKIP, Policies
 from rig.engine.queue import PointQueue
 from rig.engine.run_file import RunWriter
+from rig.engine.safe_state import SafeState, make_safe
 from rig.engine.session import Outcome, Progress, Session, Signals
 from rig.engine.soaking import Soaking
+from rig.engine.standing import Standing
 from rig.engine.state import RunState
-from rig.engine.states import AT_POINT, FINAL, TRANSITIONS, State
+from rig.engine.states import AT_POINT, FINAL, State, machine
 from rig.errors import BenchFault, RigError, StorageError
 
 
@@ -81,10 +81,15 @@ class Sequencer:
         self._clock, self._session, self._signals = clock, session, signals
         self._journal = Journal(run, state, clock, session, on_progress, run_list.whole_plots)
         self._axes = axes_of(bench, run_list.easy)
-        self._guard = Guard(bench.config.limits, bench.config.factors)
+        config = bench.config
+        self._guard = Guard(config.limits, config.factors, config.interlocks, clock.now)
         self._do = BenchActions(bench, self._axes, self._guard, clock, self._wait)
         self._requests = Requests(run.path, session.number, clock.stopwatch)
         self._queue = PointQueue(run_list, state)
+        self._policies = Policies(procedure, clock.now)
+        self._deciding = Deciding(
+            self._policies, self._journal, self._do, clock, look_up=self._look_up, recognise=self._recognise
+        )
         self._soaking: Soaking | None = None
         if isinstance(procedure, WholePlotProcedure):
             self._soaking = Soaking(
@@ -106,22 +111,18 @@ class Sequencer:
             queue=self._queue,
             soaking=self._soaking,
             set_up=self._set_up,
+            policies=self._policies,
         )
+        self._standing = Standing(procedure, self._journal, self._queue, self._soaking)
+        self._way_out = Parking(bench, self._do, self._journal, self._deciding, clock, self._set_up)
         self._poll_s = procedure.settle.poll_s
         self._put_off = set(state.put_off)
         self._released = False
         self._outcome: Outcome | None = None
+        self._ending = ""
         self._needs_set_up = True
-        self._soak_failures = 0
-        self._machine = Machine(
-            states=[str(s) for s in State],
-            initial=str(State.READY),
-            transitions=[
-                {"trigger": t.trigger, "source": [str(s) for s in t.sources], "dest": str(t.target)}
-                for t in TRANSITIONS
-            ],
-            auto_transitions=False,
-        )
+        self._home_again = self._checked = False
+        self._machine = machine()
         self._handlers: dict[str, Callable[[], str]] = {
             State.READY: lambda: "check",
             State.CHECKING: self._checking,
@@ -162,7 +163,7 @@ class Sequencer:
                 self._journal.tell()
             return self._outcome or Outcome.FAULT
         except BaseException:
-            self._bench.make_safe()  # an error nobody foresaw: safe state first, then the traceback
+            make_safe(self._bench, self._clock)  # an error nobody foresaw: safe state first, then the traceback
             raise
         finally:
             self._journal.close()
@@ -176,22 +177,31 @@ class Sequencer:
                 return self._interrupted()
             except _HoldRequested:
                 return self._begin_hold("asked for")
+            except InterlockHold as error:
+                return self._begin_hold(str(error))
             except _StopRequested:
                 self._outcome = Outcome.STOPPED
-                self._do.stop_motion()
+                self._deciding.stop_motion()
                 self._journal.write("stop")
                 return "park"
         except StorageError as error:
             return self._give_up(str(error), recorded=False)
-        except (NotSettled, OverloadedError, DriverError, RigError) as error:
+        except (*FAULTS, RigError) as error:
             return self._give_up(str(error))
 
     def _handled(self) -> str:
         """What the state's handler answers, or the procedure's policy for what went wrong in it."""
+        state, at = self.state, self._journal.at
         try:
-            return self._handlers[self.state]()
-        except (NotSettled, OverloadedError, DriverError) as error:
+            trigger = self._handlers[state]()
+        except FAULTS as error:
             return self._decide(error)  # may wait, and so be interrupted like everything else
+        if state is State.RECORDING and at is not None:
+            self._policies.observed()
+            self._deciding.done(at.place)
+        elif state in (State.CHECKING, State.PREPARING, State.HOLDING):
+            self._deciding.done(str(state))
+        return trigger
 
     # --- waiting, signals, requests -------------------------------------------------------------------------------
 
@@ -218,188 +228,168 @@ class Sequencer:
 
     # --- handlers, one a state ------------------------------------------------------------------------------
 
+    def _recognise(self) -> None:
+        compare_identities(self._journal, identities(self._bench), self._session.accept, self._path)
+
     def _checking(self) -> str:
-        found = identities(self._bench)
-        compare_identities(self._journal, found, self._session.accept, self._path)
+        self._recognise()
         self._do.stop_motion()
         restarted = self._do.restarted()
         as_found = self._do.readback()
         self._journal.write("event", {**as_found, "restarted": restarted}, status="as-found")
         self._guard.check_run_list(self._run_list, own_limits(self._bench, self._run_list))
+        self._checked = True
         if self._queue.peek() is None:
             return "park"
-        return self._go_on(as_found, restarted, certain=self._session.gap_certain)
-
-    def _go_on(self, as_found: Mapping[str, Any], restarted: Sequence[str], *, certain: bool = True) -> str:
-        """Whether what was prepared still stands, by what was just read."""
-        fold = self._journal.fold
-        # Counted from the last work done, so that sessions which were killed while preparing do not hide a gap.
-        idle_s = self._journal.elapsed() - (fold.worked_s or 0.0)
-        point = self._queue.peek()
-        if self._soaking is not None and point is not None:
-            if fold.whole_plot is None or point.whole_plot != fold.planned:
-                return "prepare"
-            why = self._soaking.rules.lost_meanwhile(
-                point, idle_s, certain=certain, restarted=restarted, as_found=as_found
-            )
-            if not why:
-                return "recover"
-            self._soaking.lose(why)
-            return "prepare"
-        homed = all(axis["homed"] for axis in as_found["axes"].values())
-        stands = homed and self._environment_stands(as_found)
-        assert isinstance(self._procedure, PitchRollProcedure)
-        if fold.prepared and stands and idle_s <= self._procedure.recovery.max_gap_s:
-            return "recover"
-        return "prepare"
-
-    def _environment_stands(self, as_found: Mapping[str, Any]) -> bool:
-        wanted = self._procedure.environment if isinstance(self._procedure, PitchRollProcedure) else None
-        return wanted is None or all(
-            c["running"]
-            and abs(c["setpoint_degC"] - wanted.setpoint_degC) < 0.05
-            and abs(c["temperature_degC"] - wanted.setpoint_degC) <= wanted.tolerance_degC
-            for c in as_found["chambers"].values()
-        )
+        return self._standing.go_on(as_found, restarted, certain=self._session.gap_certain)
 
     def _preparing(self) -> str:
-        self._journal.take_up(None)
+        self._put_back()
+        # zeros found again do not disturb an environment that stands
+        stands = (
+            self._home_again and self._journal.fold.prepared and self._standing.environment_stands(self._do.readback())
+        )
         self._journal.write("event", status="preparing")
         self._needs_set_up |= self._soaking is not None  # every whole plot begins with instruments that are known
         self._set_up()
-        if self._do.home(self._poll_s):
+        if self._do.home(self._poll_s, again=self._home_again):
             self._journal.write("event", status="homed")
+        self._home_again = False
         if self._soaking is not None:
             self._soaking.soak()
-            self._soak_failures = 0
-        elif isinstance(self._procedure, PitchRollProcedure) and self._procedure.environment is not None:
+        elif isinstance(self._procedure, PitchRollProcedure) and self._procedure.environment is not None and not stands:
             self._journal.message = "environment settling"
             evidence = self._do.prepare_environment(self._procedure.environment)
             self._journal.write("event", evidence, status="environment-settled")
-            self._journal.message = ""
+        self._journal.message = ""
         self._journal.write("event", status="prepared")
         return "recover"
 
-    def _set_up(self) -> None:
-        if self._needs_set_up:
+    def _put_back(self) -> None:
+        """The point in hand, unless it has just been observed, comes next again once the bench is prepared."""
+        if self._journal.at is not None:
+            self._queue.put_back(self._journal.at.point)
+            self._journal.take_up(None)
+
+    def _set_up(self, *, anew: bool = False) -> None:
+        if self._needs_set_up or anew:
             self._do.set_up()
             self._needs_set_up = False
 
     def _holding(self) -> str:
-        self._journal.message = "held; release it with `rig release`"
-        self._released = False
+        why = self._journal.message
+        self._released = told = False
         limit = self._clock.now() + self._procedure.recovery.hold_max_s
-        while not self._released:
-            self._do.look_around()
+        while True:
+            self._journal.message = f"held{f' ({why})' if why else ''}; release it with `rig release`"
+            try:
+                if self._released:
+                    self._journal.message = ""
+                    if not told:
+                        self._journal.write("release")
+                    told = True
+                    again = "" if self._checked else "repeat-check"
+                    return again or self._standing.go_on(self._do.readback(), self._do.restarted())
+                self._do.look_around()
+            except InterlockHold as error:
+                why = str(error)
+            except DriverError as error:
+                decision, what = self._deciding.decide(error, self.state)
+                if decision.action == ABORT:
+                    return self._give_up(str(what), recorded=False)
+                if decision.action == HOLD:
+                    self._released = told = False
+                    why = str(what)
+                continue
             self._clock.idle(1.0)
             self._look_up()
             if self._clock.now() > limit:
-                raise BenchFault(f"held for {self._procedure.recovery.hold_max_s / 3600:g} h and nobody released it")
-        self._journal.message = ""
-        self._journal.write("release")
-        return self._go_on(self._do.readback(), self._do.restarted())
+                return self._nobody_came()
+
+    def _nobody_came(self) -> str:
+        """A hold that lasts too long ends parked and safe, as a fault that can be resumed."""
+        hours = self._procedure.recovery.hold_max_s / 3600
+        self._outcome, self._ending = Outcome.FAULT, f"held for {hours:g} h and nobody released it; parked"
+        self._journal.write("fault", {"message": self._ending, "state": str(self.state)}, status="abort")
+        return "park"
 
     def _parking(self) -> str:
-        self._set_up()
-        self._do.park(self._poll_s, self._point.move_timeout_s)
-        unsafe = self._bench.make_safe()
-        if unsafe:
-            raise BenchFault("parked, but not everything could be brought to its safe state: " + "; ".join(unsafe))
+        # nothing moves on a bench whose instruments have not been recognised
+        left = self._way_out.park(self._poll_s, self._point.move_timeout_s) if self._checked else ""
+        self._ending = "; ".join(words for words in (self._ending, left) if words)
+        safe = self._way_out.make_safe()
+        if safe.unsafe:
+            return self._give_up(self._ending or "parked", safe=safe)
+        fold = self._journal.fold
         if self._outcome is None:
+            if fold.remaining:
+                raise BenchFault(f"{fold.remaining} points are neither observed nor skipped; resume the run")
             self._outcome = Outcome.COMPLETE
-            fold = self._journal.fold
             skipped = {str(index): why for index, why in fold.skipped.items()}
             lost = {str(number): why for number, why in fold.lost.items()}
             also = {"whole_plots": fold.whole_plots, "lost": lost} if self._soaking is not None else {}
             self._journal.finish({"accepted": len(fold.accepted), "skipped": skipped, **also})
         else:
             self._journal.write("event", status="parked")
+        self._journal.message = self._ending
         return "finish"
 
     # --- what may go wrong ----------------------------------------------------------------------------------
 
     def _decide(self, error: Exception) -> str:
-        """Policy for an error at a point; anywhere else, and for errors no policy covers, it is a fault."""
-        at = self._journal.at
-        faults = self._procedure.faults
-        if self.state == State.PREPARING and self._soaking is not None:
-            return self._soak_failed(error)
-        policy = policy_for(error, faults)
-        if at is None or policy is None or self.state not in AT_POINT:
-            raise error
-        self._needs_set_up = isinstance(error, DriverError)
-        at.failures += 1
-        decision = "retry" if at.failures <= self._procedure.faults.retries else policy
-        body = {"message": str(error), "evidence": getattr(error, "evidence", {}), "error": type(error).__name__}
-        self._journal.write("fault", body, status=decision)
-        if decision == "abort":
-            return self._give_up(str(error), recorded=False)
-        self._stop_patiently(error)
-        at.attempt += 1
-        self._journal.message = f"point {at.point.index}, {decision}: {error}"
-        if decision == "hold":
-            return self._begin_hold(str(error))
-        if decision == "skip":
-            self._skip(at, str(error))
-        return decision
-
-    def _soak_failed(self, error: Exception) -> str:
-        """An instrument that fails in a soak gets its retries; temperatures that do not settle have had their time."""
-        faults = self._procedure.faults
-        assert isinstance(faults, WholePlotFaults)
-        self._needs_set_up = isinstance(error, DriverError)
-        self._soak_failures += 1
-        again = isinstance(error, DriverError) and self._soak_failures <= faults.retries
-        policy = "retry" if again else faults.soak
-        body = {"message": str(error), "evidence": getattr(error, "evidence", {}), "error": type(error).__name__}
-        self._journal.write("fault", body, status=policy)
-        if again:
-            self._stop_patiently(error)
-            self._journal.message = f"soak, retry: {error}"
-            return "repeat-preparation"
-        message = f"the soak failed: {error}"
-        if policy == "abort":
-            return self._give_up(message, recorded=False)
-        self._journal.message = message
-        return self._begin_hold(message)
-
-    def _stop_patiently(self, error: Exception) -> None:
-        """Stop motion; an instrument that has just failed to answer gets time to come back before it is asked again."""
-        pauses = _PAUSES_S if isinstance(error, DriverError) else ()
-        for pause in pauses:
-            self._wait(pause)
-            with contextlib.suppress(DriverError):
-                self._do.stop_motion()
-                return
-        self._do.stop_motion()
+        """The trigger that follows from a procedure's policy; raises the error where the procedure has no say."""
+        state, at = self.state, self._journal.at if self.state in AT_POINT else None
+        self._needs_set_up |= isinstance(error, DriverError)
+        decision, error = self._deciding.decide(error, state)
+        self._needs_set_up |= isinstance(error, DriverError)
+        message = f"the soak failed: {error}" if decision.fault == "soak" else str(error)
+        match decision.action:
+            case action if action == ABORT:
+                return self._give_up(message, recorded=False)
+            case action if action == HOLD:
+                return self._begin_hold(message, surely=False)
+            case action if action == SKIP and at is not None:
+                self._skip(at, message)
+                return "skip"
+            case action if action == RE_HOME:
+                self._home_again = True
+            case action if action == RE_SOAK and at is not None and self._soaking is not None:
+                self._soaking.give_up(message)
+            case _:
+                if at is not None and not isinstance(error, TemperatureLeft):
+                    return "retry"
+        if state is State.CHECKING and not isinstance(error, TemperatureLeft):
+            return "repeat-check"
+        return "repeat-preparation" if state is State.PREPARING else "prepare"
 
     def _skip(self, at: PointInHand, reason: str) -> None:
         again = at.point.index not in self._put_off
-        status = "later" if again else "final"
-        self._journal.write("skip", {"reason": reason}, status=status)
+        self._journal.write("skip", {"reason": reason}, status="later" if again else "final")
+        self._policies.done(at.place)
         if again:
             self._put_off.add(at.point.index)
             self._queue.put_off(at.point)
         self._journal.take_up(None)
 
-    def _begin_hold(self, why: str) -> str:
-        self._do.stop_motion()
+    def _begin_hold(self, why: str, *, surely: bool = True) -> str:
+        if surely:
+            self._deciding.stop_motion()
         self._journal.write("hold", {"why": why})
+        self._journal.message = why
         return "hold"
 
     def _interrupted(self) -> str | None:
         """A signal: stop motion, record it, and leave the run for `rig resume`."""
-        self._do.stop_motion()
+        self._deciding.stop_motion()
         self._journal.write("event", {"signal": self._signals.interrupt}, status="interrupted")
         self._outcome = Outcome.INTERRUPTED
         return None
 
-    def _give_up(self, message: str, *, recorded: bool = True) -> str:
+    def _give_up(self, message: str, *, recorded: bool = True, safe: SafeState | None = None) -> str:
         """Safe state first, then say why."""
-        unsafe = self._bench.make_safe()
-        self._outcome = Outcome.UNSAFE if unsafe else Outcome.FAULT
-        if unsafe:
-            message += "\nNOT everything could be brought to its safe state: " + "; ".join(unsafe)
+        safe = safe or self._way_out.make_safe()
+        self._outcome = Outcome.UNSAFE if safe.unsafe else Outcome.FAULT
+        message += f"\n{safe.words}"
         if recorded:
             try:
                 self._journal.write("fault", {"message": message, "state": str(self.state)}, status="abort")
@@ -407,6 +397,3 @@ class Sequencer:
                 message += f"\n{error}"
         self._journal.message = message
         return "fault"
-
-
-_PAUSES_S = (1.0, 5.0, 15.0, 60.0)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from enum import Enum
-from typing import Any
+from typing import Any, Protocol
+
+from rig.engine.chain import Record
 
 
 class Outcome(Enum):
@@ -42,6 +44,29 @@ class Progress:
     detail: str = ""
 
 
+class Observer(Protocol):
+    """Who is told of every record as it is written: the log, notifications. It never raises and never waits."""
+
+    def recorded(self, record: Record) -> None:
+        """A record was appended; one that becomes durable with the next may be told before it is."""
+        ...
+
+    def to_note(self) -> Sequence[tuple[str, Mapping[str, Any]]]:
+        """Events, as (status, body), that the observer wants in the run file; each is handed out once."""
+        ...
+
+
+class Nobody:
+    """An observer for runs that nobody observes."""
+
+    def recorded(self, record: Record) -> None:
+        """See `Observer.recorded`."""
+
+    def to_note(self) -> Sequence[tuple[str, Mapping[str, Any]]]:
+        """See `Observer.to_note`."""
+        return ()
+
+
 @dataclass
 class Session:
     """One start of the controller on a run.
@@ -53,6 +78,7 @@ class Session:
         gap_certain: False if the gap was bridged by UTC across a reboot.
         accept: names of instruments that may be other ones than before.
         about: what the session record keeps besides (process, host, versions).
+        observer: is told of every record.
 
     """
 
@@ -62,6 +88,7 @@ class Session:
     gap_certain: bool
     accept: frozenset[str]
     about: Mapping[str, Any]
+    observer: Observer = field(default_factory=Nobody)
 
 
 @dataclass

@@ -65,6 +65,10 @@ class Settling:
             self.outcome = "waiting"
         return self.outcome
 
+    def missed(self, now: float) -> None:
+        """A sample that should have been made at clock time `now` is missing: the time around it does not count."""
+        self._last, self._was_inside = now, False
+
     def _slope(self) -> float:
         """Least-squares slope of the samples inside the band over the last dwell, per second."""
         c = self.criteria

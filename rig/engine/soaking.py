@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, NoReturn
 
 from drivers.clock import Clock
 from procedures import Point, RunList, WholePlotProcedure
 from rig.bench import Bench
-from rig.engine.actions import BenchActions, NotSettled
+from rig.engine.actions import BenchActions
+from rig.engine.faults import TemperatureLeft, TemperaturesNotSettled
 from rig.engine.journal import Journal
 from rig.engine.measuring import Channel
 from rig.engine.queue import PointQueue
 from rig.engine.whole_plots import WholePlots
-from rig.errors import BenchFault
 
 
 class Soaking:
@@ -56,7 +56,12 @@ class Soaking:
         self._lost = 0
 
     def soak(self) -> None:
-        """Bring the next point's whole plot to temperature, and give it its identity. Raises `NotSettled`."""
+        """Bring the next point's whole plot to temperature, and give it its identity.
+
+        Raises:
+            TemperaturesNotSettled: they did not arrive in time, or somebody else has set a chamber.
+
+        """
         point = self._queue.peek()
         assert point is not None
         assert point.whole_plot is not None
@@ -77,11 +82,12 @@ class Soaking:
             self.rules.check_thermometers(values)
             disturbed = self.rules.check_chambers(point, self._do.chambers_seen)
             if disturbed:
-                raise NotSettled(disturbed, {})
+                raise TemperaturesNotSettled(disturbed, {})
 
         settings, thermometers = self._procedure.soak, self.rules.thermometers
         evidence = self._do.until_soaked(self.rules.criteria(point), settings.poll_s, thermometers, watch)
         self._journal.message = self._journal.detail = ""
+        self._do.take_unwatched_s()  # what was before the soak is over does not matter
         self._journal.begin_whole_plot(point.whole_plot, {"setpoints_degC": targets, "settling": evidence})
 
     def _leave(self, point: Point) -> None:
@@ -95,25 +101,28 @@ class Soaking:
             limit = self._clock.now() + self._procedure.soak.timeout_s
             while not self.rules.left(point, self._do.environment()):
                 if self._clock.now() > limit:
-                    raise NotSettled("no chamber left the temperature it was at", {})
+                    raise TemperaturesNotSettled("no chamber left the temperature it was at", {})
                 self._wait(self._procedure.soak.poll_s)
         self._journal.write("event", {"planned": point.whole_plot}, status="temperatures-left")
 
-    def lost_while_working(self, point: Point) -> bool:
-        """After something went wrong in a whole plot: gives it up, and says so, if an instrument had no power.
+    def check_while_working(self, point: Point) -> None:
+        """After something went wrong in a whole plot: it is lost if an instrument had no power, or was left too long.
 
         Asked before instruments are set up again, which takes away their evidence of it.
+
+        Raises:
+            TemperatureLeft: the whole plot was lost.
+
         """
         why = self.rules.lost_meanwhile(
             point,
-            self._do.unwatched_s,
+            self._do.take_unwatched_s(),
             certain=True,
             restarted=self._do.restarted(),
             as_found=self._do.readback(),
         )
         if why:
             self.lose(why)
-        return bool(why)
 
     def lost_now(self, point: Point, chambers: Mapping[str, Any], temperatures: Mapping[str, Channel]) -> str:
         """Why what was just read does not belong to the open whole plot any more; "" if it does."""
@@ -123,11 +132,20 @@ class Soaking:
         restarted = self._do.restarted()
         return f"{' and '.join(restarted)} had no power meanwhile" if restarted else ""
 
-    def lose(self, why: str) -> None:
+    def lose(self, why: str) -> NoReturn:
+        """Give the open whole plot up because it is none any more. Raises `TemperatureLeft`, for the policies."""
+        planned, kept = self.give_up(why)
+        again = f"{self._lost} times in this session, last " if self._lost > 1 else ""
+        raise TemperatureLeft(
+            f"whole plot {planned} was lost {again}because {why}; its {kept} readings are kept. Look at the chambers, "
+            f"then resume"
+        )
+
+    def give_up(self, why: str) -> tuple[int, int]:
         """Give the open whole plot up: what was accepted in it stays, and it is measured again under a new identity.
 
-        Raises:
-            BenchFault: it was lost once too often in this session.
+        Returns:
+            Which planned one it was, and how many of its points had been observed.
 
         """
         fold = self._journal.fold
@@ -140,8 +158,4 @@ class Soaking:
         self._journal.write("event", body, status="whole-plot-lost")
         self._queue.refill()
         self._lost += 1
-        if self._lost > self._procedure.recovery.whole_plot_repeats:
-            raise BenchFault(
-                f"whole plot {planned} was lost {self._lost} times in this session, last because {why}; "
-                f"its {kept} readings are kept. Look at the chambers, then resume"
-            )
+        return planned, kept

@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 from rig.engine.chain import Record
 from rig.engine.indexes import IndexCounts, IndexSet
 from rig.engine.run_file import RunReader
+
+_FAULTS_KEPT = 20
+
+
+class Trouble(NamedTuple):
+    """One fault and what was decided about it."""
+
+    elapsed_s: float
+    point: int | None
+    message: str
+    decision: str
 
 
 @dataclass
@@ -35,6 +47,9 @@ class RunState:
         whole_plots: identities given so far.
         left_for: the planned whole plot for which temperatures have been left since the last was measured.
         lost: identity to reason, for whole plots that were given up and measured again.
+        decisions: how often each decision was taken about each class of fault ("no_reply: retry").
+        faults: the last of them, for people.
+        safe: how the bench was last brought to its safe state: body of that event.
         ended: status of the end record, None while the run can be resumed.
         simulated: no real instrument involved.
 
@@ -59,6 +74,9 @@ class RunState:
     whole_plots: int = 0
     left_for: int | None = None
     lost: dict[int, str] = field(default_factory=dict)
+    decisions: dict[str, int] = field(default_factory=dict)
+    faults: deque[Trouble] = field(default_factory=lambda: deque(maxlen=_FAULTS_KEPT))
+    safe: dict[str, Any] = field(default_factory=dict)
     ended: str | None = None
     simulated: bool = False
     run_id: str = ""
@@ -105,6 +123,9 @@ class RunState:
                 if record.run_index is not None:
                     self.attempts[record.run_index] = record.attempt or 1
                 self.last_fault = str(record.data["message"])
+                decision = f"{record.data.get('fault', 'fault')}: {record.status}"
+                self.decisions[decision] = self.decisions.get(decision, 0) + 1
+                self.faults.append(Trouble(record.elapsed_s, record.run_index, self.last_fault, decision))
                 if record.status == "abort":
                     self.rested = "faulted"
             case "end":
@@ -122,6 +143,8 @@ class RunState:
                 self.whole_plots = record.whole_plot or 0
                 self.left_for = None
                 self.worked_s = record.elapsed_s
+            case "safe":
+                self.safe = record.data
             case "temperatures-left":
                 self.left_for = int(record.data["planned"])
             case "whole-plot-lost":

@@ -8,6 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
+from transitions import Machine
+
 
 class State(StrEnum):
     """Where the sequencer is."""
@@ -37,7 +39,7 @@ MEANING = {
     State.RECORDING: "the observation is made durable; the next point is chosen",
     State.HOLDING: "motion stopped; waits for release, stop, or a later resume",
     State.PARKING: "axes go to the parking position",
-    State.DONE: "the sequence is over; the run file says whether it is complete or was stopped",
+    State.DONE: "the sequence is over; the run file says whether it is complete, was stopped, or held for too long",
     State.FAULTED: "every instrument has been brought to its safe state; the run can be resumed",
 }
 
@@ -59,25 +61,38 @@ class Transition:
 TRANSITIONS = (
     Transition("check", (State.READY,), State.CHECKING, "at every start"),
     Transition(
+        "repeat-check", (State.CHECKING, State.HOLDING), State.CHECKING, "an instrument failed; another attempt"
+    ),
+    Transition(
         "prepare",
-        (State.CHECKING, State.HOLDING, State.RECORDING, State.RECOVERING),
+        (State.CHECKING, State.HOLDING, *AT_POINT),
         State.PREPARING,
-        "never completed, an axis not homed, the environment not as asked, idle for too long; or the next point "
-        "belongs to another whole plot, or the open one was lost",
+        "never completed, an axis not homed, the environment not as asked, idle for too long; the next point belongs "
+        "to another whole plot, or the open one was lost; or a fault policy: re-home, re-soak",
     ),
     Transition(
         "recover", (State.CHECKING, State.PREPARING, State.HOLDING), State.RECOVERING, "the last move is unknown"
     ),
     Transition("repeat-preparation", (State.PREPARING,), State.PREPARING, "an instrument failed; another attempt"),
-    Transition("retry", AT_POINT, State.RECOVERING, "another attempt at the point"),
-    Transition("skip", AT_POINT, State.RECOVERING, "given up here for now"),
+    Transition("retry", AT_POINT, State.RECOVERING, "a fault policy: another attempt at the point"),
+    Transition("skip", AT_POINT, State.RECOVERING, "a fault policy: given up here for now"),
     Transition("move", (State.RECOVERING, State.RECORDING), State.MOVING, "there is a point to go to"),
     Transition("settle", (State.MOVING,), State.SETTLING, "no axis moves any more"),
     Transition("measure", (State.SETTLING,), State.MEASURING, "all axes settled"),
     Transition("repeat", (State.MEASURING,), State.MEASURING, "too noisy; read again"),
     Transition("record", (State.MEASURING,), State.RECORDING, "readings complete"),
-    Transition("hold", WORKING, State.HOLDING, "asked for by `rig hold`, or a fault policy"),
-    Transition("park", (*WORKING, State.CHECKING, State.HOLDING), State.PARKING, "all points done, or `rig stop`"),
+    Transition(
+        "hold",
+        (State.CHECKING, *WORKING, State.HOLDING),
+        State.HOLDING,
+        "asked for by `rig hold`, a fault policy, or an interlock",
+    ),
+    Transition(
+        "park",
+        (*WORKING, State.CHECKING, State.HOLDING),
+        State.PARKING,
+        "all points done, `rig stop`, or a hold nobody released",
+    ),
     Transition("finish", (State.PARKING,), State.DONE, "parked"),
     Transition(
         "fault",
@@ -86,6 +101,15 @@ TRANSITIONS = (
         "an error no policy covers, a violated limit, or the disk refuses",
     ),
 )
+
+
+def machine() -> Machine:
+    """A machine that permits what the table permits, at "ready"."""
+    transitions = [
+        {"trigger": t.trigger, "source": [str(s) for s in t.sources], "dest": str(t.target)} for t in TRANSITIONS
+    ]
+    states = [str(s) for s in State]
+    return Machine(states=states, initial=str(State.READY), transitions=transitions, auto_transitions=False)
 
 
 def diagram() -> str:

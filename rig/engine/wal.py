@@ -11,6 +11,7 @@ import struct
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,8 +49,11 @@ class WalState:
 
 _CLEAN = WalState(0, 0, 0, "")
 
+Order = Literal["<", ">"]
+"""Byte order of the log's numbers."""
 
-def _checksum(data: bytes, order: str, s0: int, s1: int) -> tuple[int, int]:
+
+def _checksum(data: bytes, order: Order, s0: int, s1: int) -> tuple[int, int]:
     """Add to the format's running checksum: for each pair of words, s0 += x + s1, then s1 += y + s0, modulo 2^32.
 
     That is linear: n pairs multiply (s0, s1) by the nth power of [[1, 1], [1, 2]], and each pair adds (x, x + y)
@@ -95,14 +99,14 @@ def inspect(database: Path) -> WalState:
     magic, _, page, _, salt0, salt1, sum0, sum1 = _HEADER.unpack_from(data)
     if magic not in (_MAGIC_LITTLE, _MAGIC_BIG):
         return _unusable(data, page, "the log's header is not one")
-    order = ">" if magic == _MAGIC_BIG else "<"
+    order: Order = ">" if magic == _MAGIC_BIG else "<"
     running = _checksum(data[:24], order, 0, 0)
     if running != (sum0, sum1):
         return _unusable(data, page, "the log's header fails its checksum")
     return _frames(data, page, order, (salt0, salt1), running)
 
 
-def _frames(data: bytes, page: int, order: str, salts: tuple[int, int], running: tuple[int, int]) -> WalState:
+def _frames(data: bytes, page: int, order: Order, salts: tuple[int, int], running: tuple[int, int]) -> WalState:
     size = _FRAME.size + page
     places = range(_HEADER.size, len(data), size)
     frames = replayed = lost = 0

@@ -19,7 +19,12 @@ class Line(NamedTuple):
 def story(path: Path) -> list[Line]:
     """The happenings of a run file, in order; observations are left out."""
     with RunReader.open(path) as reader:
-        return [Line(_clock(r.elapsed_s), words) for r in reader.records() if (words := _words(r))]
+        return [Line(_clock(r.elapsed_s), said) for r in reader.records() if (said := _words(r))]
+
+
+def words(record: Record) -> str:
+    """One record in a person's words, "" for what is left out of the story."""
+    return _words(record)
 
 
 def _clock(seconds: float) -> str:
@@ -49,7 +54,12 @@ def _words(record: Record) -> str:
             asset = data["asset"] or "not declared"
             return f"{record.status}: {data['maker']} {data['model']}, {serial}, asset {asset}{again}"
         case "fault":
-            return f"fault{at}: {data['message']} ({record.status})"
+            if "fault" not in data:
+                return f"fault{at}: {data['message']} ({record.status})"
+            waits = f" after {data['pause_s']:g} s" if data["pause_s"] else ""
+            again = f", failure {data['failure']}" if data["failure"] > 1 else ""
+            where = at or f" while {data['where']}"
+            return f"{data['fault'].replace('_', ' ')}{where}{again}: {data['message']} ({record.status}{waits})"
         case "skip":
             return f"point {record.run_index} {'skipped' if record.status == 'final' else 'put off'}: {data['reason']}"
         case "hold":
@@ -60,6 +70,12 @@ def _words(record: Record) -> str:
             return "stopped on request"
         case "event" if record.status in ("homed", "interrupted", "parked", "environment-settled"):
             return record.status.replace("-", " ")
+        case "event" if record.status == "recovered":
+            what = ", ".join(f"{fault.replace('_', ' ')} {n}x" for fault, n in data["failures"].items())
+            return f"{data['place']}: went well in the end, after {what}"
+        case "event" if record.status == "safe":
+            unsafe = "; ".join(data["unsafe"])
+            return f"NOT SAFE: {unsafe}" if unsafe else f"bench safe after {data['seconds']:.1f} s"
         case "event" if record.status == "whole-plot":
             where = ", ".join(f"{name} {degC:g} degC" for name, degC in data["setpoints_degC"].items())
             return f"whole plot {record.whole_plot} soaked (number {data['planned']} of the design): {where}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 TESTS = {"T_bias": "F_bias_95", "T_b": "F_bS_95", "T_S": "F_bS_95", "T_drift": "F_drift_95"}
@@ -18,13 +18,38 @@ _ALL = 0.995
 """A share that whole percent cannot tell from all."""
 
 
+_SKIPPED_TOLD = 5
+
+
 def incomplete(provenance: Mapping[str, Any]) -> str:
     """Says that a run has fewer observations than points and why, "" where it has all or nobody knows."""
     planned, observed = provenance.get("points_planned"), provenance.get("points_observed")
-    if planned is None or observed is None or planned <= observed:
+    skipped = provenance.get("skipped") or []
+    if planned is None or observed is None or (planned <= observed and not skipped):
         return ""
-    why = "the others were skipped" if provenance.get("complete") else "the run is not complete"
-    return f"{observed} of {planned} points; {why}"
+    words = [f"{observed} of {planned} points"]
+    if not skipped:
+        words.append("the others were skipped" if provenance.get("complete") else "the run is not complete")
+    else:
+        told = [f"point {s['point']} ({s['where']}): {s['reason']}" for s in skipped[:_SKIPPED_TOLD]]
+        more = f" and {len(skipped) - _SKIPPED_TOLD} more" if len(skipped) > _SKIPPED_TOLD else ""
+        words.append(f"{len(skipped)} skipped: {', '.join(told)}{more}")
+        if not provenance.get("complete"):
+            words.append("the run is not complete")
+        words.append(_unbalanced(skipped))
+    return "; ".join(words)
+
+
+def _unbalanced(skipped: Sequence[Mapping[str, Any]]) -> str:
+    """What points that are missing do to the design."""
+    whole_plots = sorted({s["whole_plot"] for s in skipped if s.get("whole_plot") is not None})
+    which = "whole plot" if whole_plots else "replication"
+    numbers = whole_plots or sorted({s["replication"] for s in skipped})
+    listed = ", ".join(str(n) for n in numbers)
+    return (
+        f"the design is not balanced: {which}{'s' if len(numbers) > 1 else ''} {listed} "
+        f"{'lack' if len(numbers) > 1 else 'lacks'} points, so effects of order and time do not cancel exactly there"
+    )
 
 
 def significant(table: Mapping[str, Any], test: str) -> bool:

@@ -14,6 +14,7 @@ from procedures import RunList
 from rig.config import parse_toml
 from rig.engine.chain import Record
 from rig.engine.run_file import RunReader
+from rig.engine.state import read_state
 from rig.errors import RunFileError
 from rig.tables.table import MOUNTING, Table
 
@@ -62,6 +63,7 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
         began, last = genesis.utc_s, max((r.utc_s for r in reader.records("observation")), default=genesis.utc_s)
         _, head = reader.head()
         ended = not salvage and any(True for _ in reader.records("end"))
+        skipped = [] if salvage else _skipped(reader, run_list)
     if not rows:
         raise RunFileError(f"{path} holds no observations yet; `rig resume {path}` makes some")
     columns = {name: np.array([row.get(name, math.nan) for row in rows], float) for name in _all_names(rows)}
@@ -79,6 +81,7 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
         "complete": ended,
         "points_planned": len(run_list),
         "points_observed": len(rows),
+        **({"skipped": skipped} if skipped else {}),
     }
     if "sensor_temperature_degC" not in columns:  # a bench may call the package's temperature by another name
         for name, entry in bench.get("temperatures", {}).items():
@@ -101,6 +104,24 @@ def _instruments(reader: RunReader) -> dict[str, str]:
         name = str(record.status)
         found[name] = f"{found[name]}; then {text}" if name in found else text
     return found
+
+
+def _skipped(reader: RunReader, run_list: RunList) -> list[dict[str, Any]]:
+    """Points that were given up for good: which, where, why."""
+    if not any(record.status == "final" for record in reader.records("skip")):
+        return []
+    found = []
+    for index, reason in sorted(read_state(reader).skipped.items()):
+        point = run_list.points[index]
+        where = ", ".join(_setting(name, value) for name, value in run_list.setting(point).items())
+        about = {"replication": point.replication, "whole_plot": point.whole_plot}
+        found.append({"point": index, "where": where, **about, "reason": reason})
+    return found
+
+
+def _setting(name: str, value: float) -> str:
+    stem, _, unit = name.rpartition("_")
+    return f"{stem.replace('_', ' ')} {value:g} {unit}"
 
 
 def _utc(seconds: float) -> str:

@@ -183,11 +183,11 @@ def _approached(night: _Night) -> Iterator[str]:
         for factor, side, setpoint in zip(night.run_list.factors, point.sides, point.setpoints, strict=True):
             if not side or factor.hard:
                 continue
-            arrived, start = r.data["approach"][factor.axis]
+            arrived, start = r.data["approach"].get(factor.axis, (0, setpoint))
             truly = seen[at].direction[factor.name.rpartition("_")[0]] if at < len(seen) else 0
             if arrived != side or truly not in (0, side):
                 yield f"point {point.index}: {factor.axis} came from side {truly or arrived}, planned was {side}"
-            elif (setpoint - start) * side < factor.overtravel - 0.01:
+            elif (setpoint - start) * side < 0.9 * factor.overtravel:
                 yield f"point {point.index}: {factor.axis} came from {start:g}, nearer than its overtravel"
 
 
@@ -265,6 +265,23 @@ def _left_alone(night: _Night) -> Iterator[str]:
 
 _VENTING_S = 900.0
 
+
+def _heeded(night: _Night) -> Iterator[str]:
+    """Nothing is accepted while a chamber has been reporting an alarm for longer than interlocks may go unlooked at."""
+    alarms = [
+        (fault.t_s + _INTERLOCK_S, fault.t_s + fault.fault.for_s, fault.what)
+        for fault in night.played.bench.sim.faults.happened
+        if fault.fault.kind == "chamber-alarm"
+    ]
+    for r in night.accepted():
+        began = night.world_s(r.session, r.data["measured_s"][0])
+        for since, until, what in alarms:
+            if since < began < until:
+                yield f"point {r.run_index} was accepted at {began:.0f} s: {what}"
+
+
+_INTERLOCK_S = 90.0
+
 INVARIANTS: Mapping[str, Callable[[_Night], Iterator[str]]] = {
     "complete": _complete,
     "accounted": _accounted,
@@ -276,4 +293,5 @@ INVARIANTS: Mapping[str, Callable[[_Night], Iterator[str]]] = {
     "in order": _in_order,
     "foreseen": _foreseen,
     "left alone": _left_alone,
+    "heeded": _heeded,
 }

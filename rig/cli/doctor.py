@@ -1,0 +1,68 @@
+"""`rig doctor`: is everything ready for the night?"""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from rig.cli import app
+from rig.cli.run import JsonOption
+from rig.cli.show import err, mark, out, print_json
+from rig.cli.unattended import NotifyFileOption
+from rig.errors import ExitCode
+
+if TYPE_CHECKING:
+    from rig.unattended.doctor import Finding, Level
+
+_STYLES: dict[Level, str] = {"ok": "green", "warning": "yellow", "problem": "bold red"}
+
+
+@app.command(rich_help_panel="Running")
+def doctor(
+    bench: Annotated[Path | None, typer.Option("--bench", "-b", help="the bench file", show_default=False)] = None,
+    procedure: Annotated[
+        Path | None, typer.Option("--procedure", "-p", help="what is to be run on it", show_default=False)
+    ] = None,
+    run_file: Annotated[
+        Path | None, typer.Option("--run", help="a run that is to be resumed", show_default=False)
+    ] = None,
+    out_dir: Annotated[Path, typer.Option("--out", "-o", help="folder the run file is to go to")] = Path("runs"),
+    dry: Annotated[bool, typer.Option("--dry", help="ask simulated instruments")] = False,
+    world: Annotated[Path | None, typer.Option(help="with --dry: the truth behind them", show_default=False)] = None,
+    notify: Annotated[bool, typer.Option("--notify", help="send a test message over every channel")] = False,
+    notify_file: NotifyFileOption = None,
+    as_json: JsonOption = False,
+) -> int:
+    """Check everything that can be known before a night: bench, disk, clock, machine, and who will be told.
+
+    Asks every instrument who it is and changes nothing. Ends with 1 if there is a problem, with 0 otherwise.
+
+    Example: `rig doctor --bench bench.toml --procedure night.toml`
+    """
+    from rig.unattended.doctor import Visit, examine  # noqa: PLC0415
+
+    visit = Visit(bench, procedure, run_file, out_dir, dry, world, notify, notify_file)
+    findings = list(examine(visit))
+    problems = any(finding.level == "problem" for finding in findings)
+    if as_json:
+        print_json({"ready": not problems, "findings": [finding.as_json() for finding in findings]})
+    else:
+        _show(findings, dry=dry)
+    return ExitCode.FAULT if problems else ExitCode.DONE
+
+
+def _show(findings: list[Finding], *, dry: bool) -> None:
+    table = Table("", "check", "found, and what to do next", box=None, pad_edge=False)
+    for finding in findings:
+        text = escape(finding.found) + (f"\n[bold]→ {escape(finding.next_step)}[/]" if finding.next_step else "")
+        table.add_row(f"[{_STYLES[finding.level]}]{finding.level}[/]", escape(finding.check), text)
+    out.print(table)
+    counts = Counter(finding.level for finding in findings)
+    words = ", ".join(f"{counts[level]} {level}" for level in _STYLES if counts[level])
+    verdict = "not ready for the night" if counts["problem"] else "ready for the night"
+    err.print(f"{mark(dry)}{verdict}: {words}")

@@ -1,0 +1,99 @@
+"""`rig status FOLDER`: the runs in a folder; and what `rig status --check` ends with."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from rich.markup import escape
+from rich.table import Table
+
+from rig.cli.show import err, out, print_json
+from rig.durations import duration
+from rig.engine.live import controller_alive, live_path, read_json
+from rig.engine.run_file import RunReader
+from rig.engine.state import RunState, read_state
+from rig.errors import ExitCode, RigError, UsageError
+
+_RESTED = {"stopped": ExitCode.STOPPED, "faulted": ExitCode.FAULT}
+
+
+def check_code(state: RunState, run_file: Path) -> ExitCode:
+    """What a script is told of a run: complete, running (starting counts), stopped, faulted, or interrupted."""
+    if controller_alive(run_file):
+        return ExitCode.RUNNING
+    if state.ended is not None:
+        return ExitCode.DONE
+    return _RESTED.get(state.rested, ExitCode.INTERRUPTED)
+
+
+def list_runs(folder: Path, *, as_json: bool, check: bool) -> int:
+    """Show the runs of a folder, the newest first. With `check` the code is the first one's that is not done."""
+    paths = sorted(folder.glob("*.sqlite"), key=_changed, reverse=True)
+    if not paths:
+        raise UsageError(f"there are no run files in {folder}")
+    rows, codes = [], []
+    for path in paths:
+        row, code = _row(path)
+        rows.append(row)
+        codes.append(code)
+    if as_json:
+        print_json(rows)
+    else:
+        _show(rows)
+    return next((code for code in codes if code), ExitCode.DONE) if check else ExitCode.DONE
+
+
+def _changed(path: Path) -> float:
+    """When a run was last written to: its log file counts, the main file may be hours behind."""
+    log = path.with_name(path.name + "-wal")
+    return max((p.stat().st_mtime for p in (path, log) if p.exists()), default=0.0)
+
+
+def _row(path: Path) -> tuple[dict[str, Any], int]:
+    try:
+        with RunReader.open(path) as reader:
+            state, about = read_state(reader), reader.genesis().data
+    except RigError as error:
+        return {"run_file": str(path), "state": "unreadable", "message": str(error)}, int(ExitCode.FAULT)
+    live = read_json(live_path(path)) or {}
+    running = bool(live) and controller_alive(path)
+    row = {
+        "run_file": str(path),
+        "state": live["state"] if running else state.ended or state.rested,
+        "running": running,
+        "simulated": state.simulated,
+        "procedure": about["procedure"],
+        "bench": about["bench"],
+        "points": state.points,
+        "done": len(state.accepted) + len(state.skipped),
+        "elapsed_s": live["elapsed_s"] if running else state.elapsed_s,
+        "remaining_s": live.get("remaining_s") if running else None,
+        "last_record_utc": datetime.fromtimestamp(state.utc_s, UTC).isoformat(timespec="seconds"),
+        "last_fault": state.last_fault,
+    }
+    return row, int(check_code(state, path))
+
+
+_STYLES = {"complete": "green", "faulted": "red", "unreadable": "red", "holding": "bold yellow"}
+
+
+def _show(rows: list[dict[str, Any]]) -> None:
+    table = Table(box=None, pad_edge=False)
+    for title in ("run file", "state", "points", "bench time", "left", "last record (UTC)"):
+        table.add_column(title, overflow="fold")
+    for row in rows:
+        style = _STYLES.get(row["state"], "bold" if row.get("running") else "yellow")
+        state = f"[{style}]{escape(row['state'])}[/]"
+        if row["state"] == "unreadable":
+            table.add_row(escape(row["run_file"]), state)
+            err.print(f"[red]{escape(row['message'])}[/]", soft_wrap=True)
+            continue
+        mark = " [magenta]SIM[/]" if row["simulated"] else ""
+        left = "" if row["remaining_s"] is None else duration(row["remaining_s"])
+        last = row["last_record_utc"][:16].replace("T", " ")
+        points = f"{row['done']}/{row['points']}"
+        table.add_row(escape(row["run_file"]) + mark, state, points, duration(row["elapsed_s"]), left, last)
+    # Never wrapped, so that grep and cut find a run on one line of its own.
+    (out if out.is_terminal else type(out)(highlight=False, width=10_000)).print(table)

@@ -1,0 +1,105 @@
+"""`rig service`: the systemd unit that keeps a run going through the night."""
+
+from __future__ import annotations
+
+import getpass
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+
+from rig.cli import app
+from rig.cli.run import RunArgument
+from rig.cli.show import err
+from rig.cli.unattended import facts_of
+from rig.config import parse_bench
+from rig.engine.run_file import RunReader
+from rig.errors import ExitCode, UsageError
+from rig.unattended.service import WATCHDOG_S, ServiceUnit, patience_s
+
+
+@app.command(rich_help_panel="Running")
+def service(
+    run_file: RunArgument,
+    install: Annotated[bool, typer.Option("--install", help="write the unit where systemd finds it")] = False,
+    remove: Annotated[bool, typer.Option("--remove", help="take it away again")] = False,
+    system: Annotated[
+        bool | None,
+        typer.Option(
+            "--system/--user", help="a unit of the machine, or of the user; the machine's if root", show_default=False
+        ),
+    ] = None,
+    run_as: Annotated[str, typer.Option(help="whom a unit of the machine runs as", show_default="you")] = "",
+    bench: Annotated[
+        Path | None, typer.Option(help="a bench file with new addresses, as for rig resume", show_default=False)
+    ] = None,
+    watchdog: Annotated[
+        float | None,
+        typer.Option(min=60, max=86400, help="seconds without news after which it hangs", show_default="by the bench"),
+    ] = None,
+    writes_to: Annotated[
+        list[Path] | None,
+        typer.Option(help="another folder that a unit of the machine may write to (a log); repeatable"),
+    ] = None,
+) -> int:
+    """Print, install or remove the systemd unit that carries a run on: after a crash, a hang, a power cut.
+
+    The run file comes from `rig run ... --create-only`, or from a run that was interrupted.
+
+    Examples: `rig service runs/ID.sqlite`, `rig service runs/ID.sqlite --install`
+    """
+    if install and remove:
+        raise UsageError("--install or --remove, not both")
+    facts = facts_of(run_file)
+    as_root = os.geteuid() == 0
+    unit = ServiceUnit(
+        run=run_file.resolve(),
+        run_id=facts.run_id,
+        about=f"{facts.procedure} on {facts.bench}",
+        system=as_root if system is None else system,
+        user=run_as or os.environ.get("SUDO_USER") or getpass.getuser(),
+        watchdog_s=watchdog or _patience_s(run_file),
+        bench=None if bench is None else bench.resolve(),
+        also_write=tuple(path.resolve() for path in writes_to or ()),
+    )
+    if remove:
+        _remove(unit)
+    elif install:
+        _install(unit)
+    else:
+        print(unit.text(), end="")
+    return ExitCode.DONE
+
+
+def _patience_s(run_file: Path) -> float:
+    with RunReader.open(run_file) as reader:
+        text = reader.documents().get("bench.toml")
+    return WATCHDOG_S if text is None else patience_s(parse_bench(text, f"{run_file} (bench.toml)"))
+
+
+def _install(unit: ServiceUnit) -> None:
+    try:
+        unit.path.parent.mkdir(parents=True, exist_ok=True)
+        unit.path.write_text(unit.text(), encoding="utf-8")
+    except OSError as error:
+        raise UsageError(
+            f"{unit.path} cannot be written: {error.strerror}; with --user it needs no rights, or use sudo"
+        ) from error
+    print(unit.path)
+    err.print("installed; now:")
+    for step in unit.next_steps():
+        err.print(f"  {escape(step)}", soft_wrap=True)
+
+
+def _remove(unit: ServiceUnit) -> None:
+    control = "systemctl" if unit.system else "systemctl --user"
+    try:
+        unit.path.unlink()
+    except FileNotFoundError:
+        raise UsageError(f"there is no {unit.path}") from None
+    except OSError as error:
+        raise UsageError(f"{unit.path} cannot be removed: {error.strerror}") from error
+    err.print(f"removed {escape(str(unit.path))}; now: {control} daemon-reload", soft_wrap=True)
+    err.print(f"a controller that is running goes on; {control} stop {escape(unit.name)} ends it", soft_wrap=True)

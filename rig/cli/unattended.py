@@ -1,0 +1,158 @@
+"""Options of `rig run` and `rig resume` that decide who listens: log, notifications, service manager."""
+
+from __future__ import annotations
+
+import contextlib
+import faulthandler
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rig.engine.run_file import RunReader
+from rig.engine.session import Progress
+from rig.errors import ConfigurationError, ExitCode
+from rig.unattended import Listeners, Log, RunFacts, ServiceManager
+from rig.unattended.earlier import ended_without_a_word
+from rig.unattended.logs import LogFormat, default_log, file_writer, logged_by_journal, stderr_writer
+
+LogOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--log",
+        help="append a log to this file; - is stderr. A real bench's run has one beside the run file anyway",
+        show_default=False,
+    ),
+]
+LogFormatOption = Annotated[LogFormat, typer.Option("--log-format", help="lines of the log: text, or JSON objects")]
+NotifyOption = Annotated[
+    bool | None,
+    typer.Option(
+        "--notify/--no-notify",
+        help="tell people as notify.toml says; by default on a real bench, and not in a dry run",
+        show_default=False,
+    ),
+]
+NotifyFileOption = Annotated[
+    Path | None, typer.Option(help="another notify.toml (also: RIG_NOTIFY)", show_default=False)
+]
+
+
+@dataclass(frozen=True)
+class Listening:
+    """What was asked for on the command line.
+
+    Attributes:
+        log: a file, "-" for stderr, None for the default place.
+        log_format: text or JSON lines.
+        notify: whether people are told; None: as is usual for this bench.
+        notify_file: another file than the usual one.
+        dry: a dry run, where nobody waits for news.
+        strict: a wrong notify file is an error, and not only a warning.
+
+    """
+
+    log: Path | None
+    log_format: LogFormat
+    notify: bool | None
+    notify_file: Path | None
+    dry: bool
+    strict: bool
+
+
+@contextlib.contextmanager
+def listening(facts: RunFacts, asked: Listening, warn: Callable[[str], None]) -> Iterator[Listeners]:
+    """Everybody who is to listen to a session, as long as it lasts.
+
+    Raises:
+        ConfigurationError: notify.toml is wrong, where somebody is there to mend it.
+
+    """
+    manager = ServiceManager()
+    if manager.present and not faulthandler.is_enabled():
+        with contextlib.suppress(OSError, ValueError, RuntimeError):
+            faulthandler.enable()  # a watchdog's SIGABRT then leaves in the journal where the program hung
+    listeners = Listeners(replace(facts, served=manager.present), manager)
+    try:
+        _add_logs(listeners, asked)
+        _add_notifier(listeners, asked, warn)
+        yield listeners
+    except Exception as error:
+        listeners.failed(error)
+        raise
+    finally:
+        listeners.close()
+
+
+def heard(listeners: Listeners, show: Callable[[Progress], None]) -> Callable[[Progress], None]:
+    """What to call with the sequencer's news: listeners first, then the terminal unless the log is there."""
+    on_stderr = any(log.on_stderr for log in listeners.logs)
+
+    def progress(news: Progress) -> None:
+        listeners.progress(news)
+        if not on_stderr:
+            show(news)
+
+    return progress
+
+
+def facts_of(run_file: Path) -> RunFacts:
+    """Which run a run file holds, and how its last session ended."""
+    with RunReader.open(run_file) as reader:
+        about = reader.genesis().data
+        return RunFacts(
+            path=run_file,
+            run_id=str(about["run_id"]),
+            bench=str(about["bench"]),
+            procedure=str(about["procedure"]),
+            simulated=bool(about["simulated"]),
+            after_crash=ended_without_a_word(reader),
+        )
+
+
+def outside(code: int) -> str:
+    """What a log and a message say besides the outcome."""
+    return "outside acceptance" if code == ExitCode.OUTSIDE_ACCEPTANCE else ""
+
+
+def _add_logs(listeners: Listeners, asked: Listening) -> None:
+    if logged_by_journal():
+        listeners.logs.append(Log(stderr_writer(), asked.log_format, journal=True, on_stderr=True))
+    if asked.log is not None and str(asked.log) == "-":
+        if not listeners.logs:
+            listeners.logs.append(Log(stderr_writer(), asked.log_format, on_stderr=True))
+    elif asked.log is not None:
+        listeners.logs.append(Log(file_writer(asked.log), asked.log_format))
+    elif listeners.facts.path is not None:
+        add_default_log(listeners, asked)
+
+
+def add_default_log(listeners: Listeners, asked: Listening) -> None:
+    """The log beside the run file, if no other was asked for and this is a real bench."""
+    if asked.log is None and not asked.dry and listeners.facts.path is not None:
+        listeners.logs.append(Log(file_writer(default_log(listeners.facts.path)), asked.log_format))
+
+
+def _add_notifier(listeners: Listeners, asked: Listening, warn: Callable[[str], None]) -> None:
+    if not (not asked.dry if asked.notify is None else asked.notify):
+        return
+    from rig.unattended.notify import Notifier, find_settings, read_settings, senders  # noqa: PLC0415
+
+    path = find_settings(asked.notify_file)
+    if path is None:
+        if asked.notify:
+            raise ConfigurationError("--notify: there is no notify.toml; docs/unattended.md shows one")
+        return
+    try:
+        settings = read_settings(path)
+        sends = senders(settings, str(path))
+    except ConfigurationError as error:
+        if asked.strict:
+            raise
+        text = f"nobody will be told of anything: {error}"
+        listeners.say("warning", text)
+        warn(text)
+        return
+    listeners.notifier = Notifier(settings, sends, told=listeners.told, failed=listeners.not_told)

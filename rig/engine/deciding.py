@@ -1,0 +1,133 @@
+"""What is done about an error: the policy asked, the decision written down, the bench read before it is commanded.
+
+A write is never repeated blindly: motion is stopped and every state read back first, and what fails in that is itself
+decided about.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable
+from dataclasses import replace
+
+from drivers.clock import Clock
+from drivers.errors import DriverError, NoReply, Unreachable
+from rig.engine.actions import BenchActions
+from rig.engine.faults import FAULTS, TemperatureLeft
+from rig.engine.journal import Journal
+from rig.engine.policies import ABORT, HOLD, SKIP, Decision, Policies
+from rig.engine.states import AT_POINT, State
+
+LEAVE = "leave"
+"""What takes the place of giving up while parking: the safe state follows in any case."""
+
+_STOP_AGAIN_S = (1.0, 2.0, 5.0)
+
+
+class Deciding:
+    """Decides about errors, in whatever state.
+
+    Args:
+        policies: what the procedure wants.
+        journal: where decisions are written down.
+        do: actions on the bench.
+        clock: bench time.
+        look_up: looks for signals and requests; may raise to interrupt a pause.
+        recognise: refuses another instrument than before; asked of instruments that were gone for a while.
+
+    """
+
+    def __init__(
+        self,
+        policies: Policies,
+        journal: Journal,
+        do: BenchActions,
+        clock: Clock,
+        *,
+        look_up: Callable[[], None],
+        recognise: Callable[[], None],
+    ) -> None:
+        self._policies, self._journal, self._do = policies, journal, do
+        self._clock, self._look_up, self._recognise = clock, look_up, recognise
+
+    def decide(self, error: Exception, state: State) -> tuple[Decision, Exception]:
+        """Decide, write it down, and get the bench ready for it.
+
+        Returns:
+            The decision, and the error it is about: another one if reading the bench back failed too.
+
+        Raises:
+            Exception: the error itself, where the procedure has no say.
+
+        """
+        while True:
+            at = self._journal.at if state in AT_POINT else None
+            decision = self._policies.decide(error, at.place if at else str(state), at_point=at is not None)
+            if decision is None:
+                raise error
+            if state is State.PARKING and decision.action in (ABORT, HOLD):
+                decision = replace(decision, action=LEAVE)
+            self._write(decision, error, state)
+            if decision.action in (ABORT, LEAVE) or isinstance(error, TemperatureLeft):
+                return decision, error
+            if decision.action in (HOLD, SKIP):
+                with contextlib.suppress(DriverError):  # the next point, or the hold, finds out what is wrong
+                    self._do.stop_motion()
+                return decision, error
+            if at is not None:
+                at.attempt += 1
+            try:
+                self._pause(decision.pause_s)
+                self._read_back(error)
+            except FAULTS as another:
+                error = another
+                continue
+            return decision, error
+
+    def _write(self, decision: Decision, error: Exception, state: State) -> None:
+        body = {
+            "message": str(error),
+            "evidence": getattr(error, "evidence", {}),
+            "error": type(error).__name__,
+            "fault": decision.fault,
+            "where": str(state),
+            "failure": decision.failure,
+            "number": decision.number,
+            "pause_s": decision.pause_s,
+        }
+        self._journal.write("fault", body, status=decision.action)
+        where = f"point {self._journal.at.point.index}" if self._journal.at else str(state)
+        self._journal.message = f"{where}, {decision.action}: {error}"
+
+    def _pause(self, seconds: float) -> None:
+        """Wait; chambers and their interlocks are watched meanwhile, as far as they answer."""
+        end = self._clock.now() + seconds
+        while (left := end - self._clock.now()) > 1e-9:
+            self._clock.sleep(min(left, 5.0))
+            self._look_up()
+            with contextlib.suppress(DriverError):  # it may be a chamber that does not answer
+                self._do.look_around()
+
+    def _read_back(self, error: Exception) -> None:
+        """Stop motion and read every state, before anything else is commanded."""
+        self._do.stop_motion()
+        if isinstance(error, DriverError):
+            found = self._do.readback()
+            self._journal.write("event", {**found, "restarted": self._do.restarted()}, status="read-back")
+        if isinstance(error, (NoReply, Unreachable)):
+            self._recognise()
+
+    def stop_motion(self) -> None:
+        """Stop motion, again if that fails. Raises the last error."""
+        for pause in _STOP_AGAIN_S:
+            with contextlib.suppress(DriverError):
+                self._do.stop_motion()
+                return
+            self._clock.sleep(pause)
+        self._do.stop_motion()
+
+    def done(self, place: str) -> None:
+        """A place is done with, well: how what had failed there has ended is written down."""
+        failures = self._policies.done(place)
+        if failures:
+            self._journal.write("event", {"place": place, "failures": failures}, status="recovered")

@@ -1,0 +1,68 @@
+"""Interlocks: what the bench file says must hold, looked at whenever what they watch is read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from typing import Any
+
+from drivers.roles import ChamberState, is_overload
+from rig.engine.faults import InterlockHold, LimitViolation
+from rig.protection import InterlockConfig
+
+
+class Interlocks:
+    """All interlocks of a bench.
+
+    Args:
+        rules: as in the bench file, by name.
+        now: bench time.
+
+    """
+
+    def __init__(self, rules: Mapping[str, InterlockConfig], now: Callable[[], float] = lambda: 0.0) -> None:
+        self._now = now
+        self._since: dict[str, float] = {}
+        self._rules: dict[str, dict[str, InterlockConfig]] = {}
+        for name, rule in rules.items():
+            self._rules.setdefault(rule.watch, {})[name] = rule
+
+    def watches(self, what: str) -> bool:
+        """Whether an interlock of the bench file is about this."""
+        return what in self._rules
+
+    def check_chamber(self, name: str, state: ChamberState) -> None:
+        """Look at a chamber as just read. Raises `LimitViolation` or `InterlockHold`."""
+        for field, value in asdict(state).items():
+            if f"{name}.{field}" in self._rules:
+                self.check(f"{name}.{field}", value)
+
+    def check(self, what: str, value: Any) -> None:
+        """Look at one reading. Raises `LimitViolation` or `InterlockHold`, naming the interlock."""
+        for name, rule in self._rules.get(what, {}).items():
+            wrong = _wrong(rule, value)
+            if not wrong:
+                self._since.pop(name, None)
+                continue
+            since = self._since.setdefault(name, self._now())
+            if self._now() - since < rule.for_s:
+                continue
+            lasted = f" for {self._now() - since:.0f} s" if rule.for_s else ""
+            then = rule.why or "look at it"
+            message = f"interlock {name}: {what} {wrong}{lasted}; {then}, then {_WAY_ON[rule.then]}"
+            raise (InterlockHold if rule.then == "hold" else LimitViolation)(message)
+
+
+_WAY_ON = {"hold": "release", "safe": "resume"}
+
+
+def _wrong(rule: InterlockConfig, value: Any) -> str:
+    """What is wrong about a reading, "" if nothing."""
+    if rule.within is not None:
+        low, high = rule.within
+        if is_overload(float(value)):
+            return f"cannot be read, and must be {low:g} to {high:g}"
+        return "" if low <= value <= high else f"is {value:g}, and must be {low:g} to {high:g}"
+    if rule.must_be is not None:
+        return "" if value == rule.must_be else f"is {str(value).lower()}, and must be {str(rule.must_be).lower()}"
+    return f"says {', '.join(value)}" if value else ""

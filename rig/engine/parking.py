@@ -1,0 +1,69 @@
+"""The way out: axes to where they rest, then every instrument to its safe state, written down with how long it took."""
+
+from __future__ import annotations
+
+import contextlib
+from typing import Protocol
+
+from drivers.clock import Clock
+from drivers.errors import DriverError
+from rig.bench import Bench
+from rig.engine.actions import BenchActions
+from rig.engine.deciding import LEAVE, Deciding
+from rig.engine.faults import FAULTS, InterlockHold
+from rig.engine.journal import Journal
+from rig.engine.safe_state import SafeState, make_safe
+from rig.engine.states import State
+from rig.errors import StorageError
+
+
+class SetUp(Protocol):
+    """Brings the instruments' settings to what the bench declares, where that is due."""
+
+    def __call__(self, *, anew: bool = False) -> None:
+        """Set up if it is due, or `anew` in any case."""
+        ...
+
+
+class Parking:
+    """Parks a bench and makes it safe.
+
+    Args:
+        bench: opened instruments.
+        do: actions on them.
+        journal: where it is written down.
+        deciding: decides about errors on the way.
+        clock: bench time.
+        set_up: see `SetUp`.
+
+    """
+
+    def __init__(
+        self, bench: Bench, do: BenchActions, journal: Journal, deciding: Deciding, clock: Clock, set_up: SetUp
+    ) -> None:
+        self._bench, self._do, self._journal = bench, do, journal
+        self._deciding, self._clock, self._set_up = deciding, clock, set_up
+
+    def park(self, poll_s: float, timeout_s: float) -> str:
+        """Drive the axes to where they rest; what kept them from it, "" if nothing. The safe state follows anyway."""
+        anew = False
+        while True:
+            try:
+                self._set_up(anew=anew)
+                self._do.park(poll_s, timeout_s)
+            except InterlockHold as error:
+                return f"not parked: {error}"
+            except FAULTS as error:
+                decision, what = self._deciding.decide(error, State.PARKING)
+                anew = isinstance(what, DriverError)
+                if decision.action == LEAVE:
+                    return f"not parked: {what}"
+                continue
+            return ""
+
+    def make_safe(self) -> SafeState:
+        """Bring the bench to its safe state; how long it took and what was read back is written down if it can be."""
+        safe = make_safe(self._bench, self._clock)
+        with contextlib.suppress(StorageError):
+            self._journal.write("event", safe.as_json(), status="safe")
+        return safe

@@ -1,0 +1,221 @@
+"""The safe state: motion stopped, pressure vented, chambers at ambient; reached in a stated time and read back.
+
+Heads are stopped first, vents started next since they take longest, then chambers; nothing waits for an instrument
+that fails. What has failed is tried again until its time is up, and what cannot be shown to be safe is named.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from drivers.clock import Clock
+from drivers.errors import DriverError
+from drivers.roles import Chamber, Head, Instrument, PressureController, Reader
+from rig.bench import Bench
+from rig.protection import SafetyConfig
+
+_POLL_S = 0.5
+_LONGEST_POLL_S = 5.0
+_SLEW_OVER_S = 2.0
+_UNDER_WAY = "under way"
+
+
+@dataclass(frozen=True)
+class SafeState:
+    """What became of bringing a bench to its safe state.
+
+    Attributes:
+        seconds: bench seconds it took.
+        within_s: how long it was to take at most.
+        unsafe: what could not be shown to be safe, one sentence an instrument.
+        silent: instruments that can do no harm and did not answer.
+        found: what was read back, by instrument.
+
+    """
+
+    seconds: float
+    within_s: float
+    unsafe: tuple[str, ...]
+    silent: tuple[str, ...]
+    found: dict[str, dict[str, Any]]
+
+    @property
+    def words(self) -> str:
+        """For a message: "safe after 4.2 s"."""
+        if self.unsafe:
+            return f"NOT everything could be brought to its safe state: {'; '.join(self.unsafe)}"
+        late = f", later than the {self.within_s:g} s stated" if self.seconds > self.within_s else ""
+        return f"safe after {self.seconds:.1f} s{late}"
+
+    def as_json(self) -> dict[str, Any]:
+        """For the run file."""
+        return {
+            "seconds": round(self.seconds, 3),
+            "within_s": self.within_s,
+            "unsafe": list(self.unsafe),
+            "silent": list(self.silent),
+            "found": self.found,
+        }
+
+
+class _Task:
+    """One instrument on its way to its safe state.
+
+    Args:
+        name: the bench's name for it.
+        instrument: opened.
+
+    Attributes:
+        problem: what is wrong at the moment, "" once it is safe.
+        found: what was read back.
+
+    """
+
+    harmless = False
+
+    def __init__(self, name: str, instrument: Any, safety: SafetyConfig, clock: Clock) -> None:
+        self.name, self.problem = name, "not tried yet"
+        self.found: dict[str, Any] = {}
+        self._instrument, self._safety, self._clock = instrument, safety, clock
+        self._tried = False
+
+    def begin(self) -> None:
+        """Do at once what takes time."""
+        self.go_on(last=False)
+
+    def go_on(self, *, last: bool) -> None:
+        """Command it, unless it is found safe already after an earlier try, and read it back.
+
+        Args:
+            last: there is no time left for another look.
+
+        """
+        try:
+            self.problem = self._read_back(last) if self._tried else "not tried yet"
+        except (DriverError, OSError) as error:
+            self.problem = str(error)
+        if not self.problem or self.problem == _UNDER_WAY:
+            return
+        self._tried = True
+        try:
+            self._instrument.make_safe()
+            self.problem = ""  # as far as it can tell; what can be read back is
+            self.problem = self._read_back(last)
+        except (DriverError, OSError) as error:
+            self.problem = str(error)
+
+    def _read_back(self, last: bool) -> str:
+        """What is wrong by what can be read back, "" if nothing."""
+        return self.problem
+
+
+class _Reader(_Task):
+    harmless = True
+
+
+class _Head(_Task):
+    def _read_back(self, last: bool) -> str:
+        axes = self._instrument.read()
+        self.found |= {f"{axis}_deg": state.position_deg for axis, state in axes.items()}
+        moving = [axis for axis, state in axes.items() if state.moving]
+        return f"{' and '.join(moving)} still moving; press the emergency stop" if moving else ""
+
+
+class _Chamber(_Task):
+    def _read_back(self, last: bool) -> str:
+        state = self._instrument.read()
+        self.found |= {"setpoint_degC": state.setpoint_degC, "temperature_degC": state.temperature_degC}
+        low, high = self._safety.ambient_degC
+        if low <= state.setpoint_degC <= high:
+            return ""
+        return f"its setpoint reads {state.setpoint_degC:g} degC, not ambient ({low:g} to {high:g}); set it by hand"
+
+
+class _PressureController(_Task):
+    """Vented while the other instruments have their turn; how fast the pressure goes is watched meanwhile."""
+
+    _before: tuple[float, float] | None = None
+    _venting = False
+
+    def begin(self) -> None:
+        """Start venting; whatever fails here is tried again, and told, by `go_on`."""
+        try:
+            self._instrument.vent()
+            self._venting = self._tried = True
+        except (DriverError, OSError) as error:
+            self.problem = str(error)
+
+    def _read_back(self, last: bool) -> str:
+        state = self._instrument.read()
+        self.found |= {"pressure_psia": state.pressure_psia, "controlling": state.controlling}
+        self._watch_slew(state.pressure_psia)
+        if self._venting:
+            if state.venting and not last:
+                return _UNDER_WAY
+            self._venting = False
+            return "control is to be switched off"
+        low, high = self._safety.ambient_psia
+        if state.controlling:
+            return "it still controls pressure; vent it at its panel"
+        if low <= state.pressure_psia <= high:
+            return ""
+        return (
+            f"the line is still at {state.pressure_psia:.3f} psia, not vented ({low:g} to {high:g} psia): pressure may "
+            f"be trapped; open the line by hand before disconnecting anything"
+        )
+
+    def _watch_slew(self, psia: float) -> None:
+        now = self._clock.now()
+        if self._before is None:
+            self._before = (now, psia)
+        elif now - self._before[0] >= _SLEW_OVER_S:
+            slew = abs(psia - self._before[1]) / (now - self._before[0])
+            self.found["fastest_psi_per_s"] = round(max(slew, self.found.get("fastest_psi_per_s", 0.0)), 4)
+            self._before = (now, psia)
+
+
+_TASKS: tuple[tuple[type, type[_Task]], ...] = (
+    (Head, _Head),
+    (PressureController, _PressureController),
+    (Chamber, _Chamber),
+    (Reader, _Reader),
+    (Instrument, _Task),
+)
+"""Who is asked first, and how."""
+
+
+def make_safe(bench: Bench, clock: Clock) -> SafeState:
+    """Bring every instrument to its safe state, going on past errors, and show by readback that it is there."""
+    safety, began = bench.config.safety, clock.now()
+    end = began + safety.within_s
+    tasks = [
+        kind(name, instrument, safety, clock)
+        for role, kind in _TASKS
+        for name, instrument in bench.instruments.items()
+        if _role(instrument) is role
+    ]
+    for task in tasks:
+        task.begin()
+    pause = _POLL_S
+    while any(task.problem for task in tasks):
+        left = end - clock.now()
+        clock.sleep(min(pause, max(left, 0.0)))
+        pause = min(1.5 * pause, _LONGEST_POLL_S)
+        for task in tasks:
+            if task.problem:
+                task.go_on(last=left <= 0)
+        if left <= 0:
+            break
+    failed = [task for task in tasks if task.problem]
+    return SafeState(
+        clock.now() - began,
+        safety.within_s,
+        tuple(f"{task.name}: {task.problem}" for task in failed if not task.harmless),
+        tuple(f"{task.name}: {task.problem}" for task in failed if task.harmless),
+        {task.name: task.found for task in tasks if task.found},
+    )
+
+
+def _role(instrument: Any) -> type:
+    return next(role for role, _ in _TASKS if role is Instrument or isinstance(instrument, role))

@@ -1,0 +1,71 @@
+"""Whether what was prepared still stands after a gap or a hold, by what is read; and so how the run goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from procedures import PitchRollProcedure, Procedure
+from rig.engine.journal import Journal
+from rig.engine.queue import PointQueue
+from rig.engine.soaking import Soaking
+
+_SETPOINT_STANDS = 0.05
+"""A setpoint within this of what was commanded is that one; instruments keep tenths or hundredths of a degree."""
+
+
+class Standing:
+    """Judges what was prepared.
+
+    Args:
+        procedure: environment and recovery settings.
+        journal: what was done, and when last.
+        queue: points still to be observed.
+        soaking: whole plots, None where nothing is hard to change.
+
+    """
+
+    def __init__(self, procedure: Procedure, journal: Journal, queue: PointQueue, soaking: Soaking | None) -> None:
+        self._procedure, self._journal, self._queue, self._soaking = procedure, journal, queue, soaking
+
+    def go_on(self, as_found: Mapping[str, Any], restarted: Sequence[str], *, certain: bool = True) -> str:
+        """The trigger that follows: "recover" if what was prepared still stands, "prepare" if not.
+
+        Args:
+            as_found: axes and chambers as just read, before anything was commanded.
+            restarted: instruments whose power has been off.
+            certain: whether the time since was measured by one clock.
+
+        Raises:
+            TemperatureLeft: the open whole plot was lost.
+
+        """
+        fold, at = self._journal.fold, self._journal.at
+        # Counted from the last work done, so that sessions which were killed while preparing do not hide a gap.
+        idle_s = self._journal.elapsed() - (fold.worked_s or 0.0)
+        point = at.point if at else self._queue.peek()
+        if self._soaking is not None and point is not None:
+            if fold.whole_plot is None or point.whole_plot != fold.planned:
+                return "prepare"
+            why = self._soaking.rules.lost_meanwhile(
+                point, idle_s, certain=certain, restarted=restarted, as_found=as_found
+            )
+            if why:
+                self._soaking.lose(why)
+            return "recover"
+        homed = all(axis["homed"] for axis in as_found["axes"].values())
+        stands = homed and self.environment_stands(as_found)
+        assert isinstance(self._procedure, PitchRollProcedure)
+        if fold.prepared and stands and idle_s <= self._procedure.recovery.max_gap_s:
+            return "recover"
+        return "prepare"
+
+    def environment_stands(self, as_found: Mapping[str, Any]) -> bool:
+        """Whether every chamber is where a pitch-roll procedure wants it."""
+        wanted = self._procedure.environment if isinstance(self._procedure, PitchRollProcedure) else None
+        return wanted is None or all(
+            c["running"]
+            and abs(c["setpoint_degC"] - wanted.setpoint_degC) < _SETPOINT_STANDS
+            and abs(c["temperature_degC"] - wanted.setpoint_degC) <= wanted.tolerance_degC
+            for c in as_found["chambers"].values()
+        )

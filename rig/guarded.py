@@ -1,0 +1,99 @@
+"""An independent check of every command, at the drivers' boundary.
+
+Whatever part of the program commands an instrument, and whatever it has checked itself, a command goes through here:
+a value outside the bench's `[limits]`, or one that is no number, is refused before the driver sees it. This module
+reads the limits from the bench file by itself and shares no code with those who command.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from functools import cache
+from typing import Any
+
+from drivers.roles import Chamber, Head, Instrument, PressureController
+from rig.errors import BenchFault
+
+Limits = Mapping[str, tuple[float, float]]
+
+
+class Refused(BenchFault):
+    """A command was refused at the driver's boundary; the instrument has not seen it."""
+
+
+class _Guarded:
+    """Stands before one instrument; everything but its commands goes straight through."""
+
+    def __init__(self, name: str, instrument: Any, limits: Limits) -> None:
+        self._guarded_name, self._guarded, self._guarded_limits = name, instrument, limits
+
+    def __getattr__(self, attribute: str) -> Any:
+        return getattr(self._guarded, attribute)
+
+    def _check(self, quantity: str, value: float) -> None:
+        low, high = self._guarded_limits.get(quantity, (-math.inf, math.inf))
+        if not (math.isfinite(value) and low <= value <= high):
+            raise Refused(
+                f"{quantity} = {value:g} was about to be commanded at {self._guarded_name}, outside {low:g} to "
+                f"{high:g} (bench limits); it was not sent. This is a fault of the program: please report it"
+            )
+
+
+class _GuardedHead(_Guarded):
+    def move(self, targets_deg: Mapping[str, float]) -> None:
+        for axis, target in targets_deg.items():
+            self._check(f"{axis}_deg", target)
+        self._guarded.move(targets_deg)
+
+
+class _GuardedChamber(_Guarded):
+    def set_temperature(self, degC: float) -> None:
+        self._check(f"{self._guarded_name}_degC", degC)
+        self._guarded.set_temperature(degC)
+
+
+class _GuardedPressure(_Guarded):
+    def set_pressure(self, psia: float) -> None:
+        self._check("pressure_psia", psia)
+        self._guarded.set_pressure(psia)
+
+
+_GUARDED: tuple[tuple[type, type[_Guarded]], ...] = (
+    (Head, _GuardedHead),
+    (Chamber, _GuardedChamber),
+    (PressureController, _GuardedPressure),
+)
+
+
+def guarded(name: str, instrument: Instrument, limits: Limits) -> Instrument:
+    """An instrument whose commands are checked; one that can be commanded nothing is returned as it is.
+
+    Args:
+        name: the bench's name for it, by which a chamber's limits are named.
+        instrument: what a driver made.
+        limits: (low, high) by quantity, as in the bench file.
+
+    """
+    if isinstance(instrument, _Guarded):
+        return instrument
+    bases = tuple(guard for role, guard in _GUARDED if isinstance(instrument, role))
+    if not bases:
+        return instrument
+    wrapped: Instrument = _class_for(type(instrument), bases)(name, instrument, limits)
+    return wrapped
+
+
+@cache
+def _class_for(driver: type, bases: tuple[type[_Guarded], ...]) -> Any:
+    """A guard that shows every method its driver has: what a role is, is told by the methods of a class."""
+    own = {name for base in bases for name in dir(base)}
+    names = [n for n in dir(driver) if not n.startswith("_") and n not in own and callable(getattr(driver, n))]
+    return type(f"Guarded{driver.__name__}", bases, {name: _forward(name) for name in names})
+
+
+def _forward(name: str) -> Callable[..., Any]:
+    def call(self: Any, *arguments: Any, **options: Any) -> Any:
+        return getattr(self._guarded, name)(*arguments, **options)
+
+    return call

@@ -1,0 +1,146 @@
+"""Addresses of a bench: is the device there, may it be opened, does another program have it?"""
+
+from __future__ import annotations
+
+import grp
+import os
+import pwd
+import re
+import socket
+import stat
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from urllib.parse import urlsplit
+
+from rig.config import InstrumentConfig
+from rig.unattended.doctor.findings import Finding, ok, problem, warning
+
+_RAW_NAME = re.compile(r"/dev/tty(USB|ACM)\d+$")
+
+
+def check_addresses(instruments: Mapping[str, InstrumentConfig]) -> Iterator[tuple[str, Finding]]:
+    """A name and a finding for every instrument; nothing is opened."""
+    holders = _holders()
+    for name, instrument in instruments.items():
+        yield name, _check(f"address of {name}", instrument.address, holders)
+
+
+def device_of(address: str) -> str | None:
+    """The device file an address names, None if it names none."""
+    for start in ("modbus-rtu://", "can:slcan/"):
+        if address.startswith(start):
+            path = address.removeprefix(start).split("@")[0]
+            path = path.rpartition("/")[0] if start == "modbus-rtu://" else path
+            return path if path.startswith("/") else "/" + path
+    return address if address.startswith("/") else None
+
+
+def _check(check: str, address: str, holders: Mapping[str, str]) -> Finding:
+    device = device_of(address)
+    if device is not None:
+        return _check_device(check, Path(device), holders)
+    if address.startswith("can:socketcan/"):
+        return _check_can(check, address.rpartition("/")[2])
+    parts = urlsplit(address)
+    if parts.scheme in ("socket", "rfc2217", "modbus-tcp"):
+        return _check_host(check, address, parts.hostname)
+    return ok(check, address)
+
+
+def _check_device(check: str, device: Path, holders: Mapping[str, str]) -> Finding:
+    try:
+        found = device.stat()
+    except FileNotFoundError:
+        return problem(check, f"there is no {device}", _where_else(device))
+    except OSError as error:
+        return problem(check, f"{device}: {error.strerror}", "ask whoever administers this machine")
+    if not stat.S_ISCHR(found.st_mode):
+        return problem(check, f"{device} is no device", "correct the address in the bench file")
+    if not os.access(device, os.R_OK | os.W_OK):
+        return problem(check, f"{device} may not be opened by {_me()}", _how_to_be_let_in(found))
+    holder = holders.get(os.path.realpath(device))
+    if holder is not None:
+        return problem(check, f"{device} is open in {holder}", "end that program before the run")
+    if _RAW_NAME.search(str(device)):
+        next_step = f"name it by {_by_id(device)}, or by a udev rule (docs/unattended.md)"
+        return warning(check, f"{device} is there; its number changes when cables are moved", next_step)
+    real = os.path.realpath(device)
+    return ok(check, str(device) if real == str(device) else f"{device} -> {real}")
+
+
+def _where_else(device: Path) -> str:
+    links = sorted(Path("/dev/serial/by-id").glob("*")) if Path("/dev/serial/by-id").is_dir() else []
+    ports = [str(p) for p in links] or sorted(str(p) for p in Path("/dev").glob("tty[UA][SC][BM]*"))
+    present = f"serial ports present: {', '.join(ports[:6])}" if ports else "no USB serial port is present"
+    rule = "; a udev rule makes the name (docs/unattended.md)" if str(device).startswith("/dev/rig/") else ""
+    return f"switch it on and connect it, or correct the address; {present}{rule}"
+
+
+def _how_to_be_let_in(found: os.stat_result) -> str:
+    try:
+        group = grp.getgrgid(found.st_gid)
+    except KeyError:
+        return f"it belongs to group {found.st_gid}, which has no name here: give it one, or set it by a udev rule"
+    if group.gr_gid in os.getgroups() or not found.st_mode & stat.S_IWGRP:
+        return 'give its group the right to read and write: udev rule MODE="0660"'
+    if _me() in group.gr_mem:
+        return f"{_me()} is in group {group.gr_name} since the last login: log out and in again"
+    if group.gr_gid == 0:
+        return 'a udev rule with GROUP="dialout", MODE="0660" (docs/unattended.md)'
+    return f"sudo usermod -aG {group.gr_name} {_me()}; then log out and in again"
+
+
+def _me() -> str:
+    try:
+        return pwd.getpwuid(os.geteuid()).pw_name
+    except KeyError:
+        return str(os.geteuid())
+
+
+def _by_id(device: Path) -> str:
+    folder = Path("/dev/serial/by-id")
+    if folder.is_dir():
+        for link in folder.iterdir():
+            if os.path.realpath(link) == os.path.realpath(device):
+                return str(link)
+    return "/dev/serial/by-id/..."
+
+
+def _check_can(check: str, interface: str) -> Finding:
+    folder = Path("/sys/class/net") / interface
+    up = f"sudo ip link set {interface} up type can bitrate 500000 (the bus's own bit rate)"
+    if not folder.is_dir():
+        return problem(check, f"there is no CAN interface {interface}", f"connect the adapter; {up}")
+    try:
+        flags = int((folder / "flags").read_text(encoding="ascii"), 16)
+    except (OSError, ValueError):
+        return warning(check, f"whether {interface} is up cannot be told", "ip -details link")
+    return ok(check, f"{interface} is up") if flags & 1 else problem(check, f"{interface} is down", up)
+
+
+def _check_host(check: str, address: str, host: str | None) -> Finding:
+    if not host:
+        return problem(check, f"{address} names no host", "correct the address in the bench file")
+    try:
+        found = {str(info[4][0]) for info in socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)}
+    except OSError as error:
+        return problem(check, f"{host} is not known: {error.strerror}", "correct the name, or see to the network")
+    known = host if host in found else f"{host} is {', '.join(sorted(found))}"
+    return ok(check, f"{address} ({known})" if known != host else address)
+
+
+def _holders() -> dict[str, str]:
+    """Device files that processes have open, as far as this user may see, with the process's name and number."""
+    held: dict[str, str] = {}
+    for folder in Path("/proc").glob("[0-9]*"):
+        if folder.name == str(os.getpid()):
+            continue
+        try:
+            links = [os.readlink(link) for link in (folder / "fd").iterdir()]
+            devices = [link for link in links if link.startswith("/dev/tty")]
+            if devices:
+                command = (folder / "comm").read_text(encoding="utf-8", errors="replace").strip()
+                held |= dict.fromkeys(devices, f"{command} (process {folder.name})")
+        except OSError:
+            continue
+    return held

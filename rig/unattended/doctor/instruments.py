@@ -1,0 +1,126 @@
+"""The instruments of a bench: free, answering, the right ones, in calibration. Asks who they are, changes nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from datetime import UTC, date, datetime
+from pathlib import Path
+from typing import Any
+
+from drivers.clock import Clock, RealClock, ScaledClock
+from drivers.errors import DriverError
+from drivers.roles import Identity, Instrument
+from drivers.wires import Wires
+from rig.bench import check_options, driver_class
+from rig.config import BenchConfig, InstrumentConfig
+from rig.errors import BusyError
+from rig.locks import locked_addresses
+from rig.unattended.doctor.addresses import check_addresses
+from rig.unattended.doctor.findings import Finding, ok, problem, warning
+
+Known = Mapping[str, Mapping[str, Any]]
+"""Identities that a run file holds, by instrument."""
+
+
+def check_instruments(config: BenchConfig, known: Known, run_file: Path | None) -> Iterator[Finding]:
+    """Findings about a real bench: addresses, locks, who answers.
+
+    Args:
+        config: the bench file.
+        known: who the instruments were when the run last went on; {} for a new one.
+        run_file: the run that is to go on, for messages.
+
+    """
+    addresses = dict(check_addresses(config.instruments))
+    yield from addresses.values()
+    wanting = {name for name, finding in addresses.items() if finding.level == "problem"}
+    try:
+        with locked_addresses(config.instruments):
+            yield ok("locks", "no other controller of this machine uses these addresses")
+            live = config.live
+            clock: Clock = ScaledClock(live.speed, live.epoch_utc, live.started_utc) if live else RealClock()
+            yield from ask(config, clock, Wires(clock), known, run_file, leave_out=wanting)
+    except BusyError as error:
+        yield problem("locks", str(error), "stop that controller, or wait for it; no instrument was asked anything")
+
+
+def check_twins(config: BenchConfig, truth: Mapping[str, Any], known: Known) -> Iterator[Finding]:
+    """The same of a dry run's simulated bench, which has neither addresses nor locks."""
+    from rig.simulated.dry_run import DryBench  # noqa: PLC0415 - a real run never loads the simulation
+
+    dry = DryBench(config, truth)
+    try:
+        yield from ask(dry.config, dry.world, dry.wires, known, None)
+    finally:
+        dry.close()
+
+
+def ask(
+    config: BenchConfig,
+    clock: Clock,
+    wires: Wires,
+    known: Known,
+    run_file: Path | None,
+    *,
+    leave_out: Collection[str] = (),
+) -> Iterator[Finding]:
+    """Ask every instrument who it is, going on past those that do not answer, without those that cannot be reached."""
+    options = check_options(config, "bench")
+    opened: list[Instrument] = []
+    try:
+        for name, declared in config.instruments.items():
+            if name in leave_out:
+                continue
+            try:
+                instrument = driver_class(declared.driver)(name, declared.address, options[name], wires, clock)
+                opened.append(instrument)
+                identity = instrument.identify()
+            except (DriverError, OSError) as error:
+                yield problem(name, str(error), "switch it on, check cable and address; then ask again")
+            else:
+                yield _identity(name, declared, identity, known.get(name), run_file)
+    finally:
+        for instrument in opened:
+            instrument.close()
+        wires.close()
+
+
+def _identity(
+    name: str, declared: InstrumentConfig, found: Identity, before: Mapping[str, Any] | None, run_file: Path | None
+) -> Finding:
+    serial = f"serial number {found.serial}" if found.confirmed else "does not tell its serial number"
+    text = f"{found.maker} {found.model}, {serial}"
+    if declared.serial and found.confirmed and declared.serial != found.serial:
+        advice = "connect the declared instrument, or correct the bench file"
+        return problem(name, f"{text}; the bench file says {declared.serial}", advice)
+    now = {"maker": found.maker, "model": found.model, "serial": found.serial, "asset": declared.asset}
+    if before is not None and any(before[key] != now[key] for key in now):
+        was = f"{before['maker']} {before['model']}, serial number {before['serial'] or 'not told'}"
+        was += f", asset {before['asset']}" if before["asset"] else ""
+        advice = f"connect the first one, or: rig resume {run_file or 'RUN'} --accept {name}"
+        return problem(name, f"{text}; the run began with another one ({was})", advice)
+    if not found.confirmed and not declared.asset:
+        return warning(name, text, "give it an asset number in the bench file: nothing else tells it from another")
+    return ok(name, text if found.confirmed else f"{text}; known by asset number {declared.asset}")
+
+
+def check_due(config: BenchConfig, now_s: float, end_s: float | None) -> Iterator[Finding]:
+    """Findings about the instruments' own calibrations: overdue, or due before the run ends."""
+    today = datetime.fromtimestamp(now_s, UTC).astimezone().date()
+    last = today if end_s is None else datetime.fromtimestamp(end_s, UTC).astimezone().date()
+    for name, instrument in config.instruments.items():
+        yield _due(f"calibration of {name}", instrument.due, today, last)
+
+
+def _due(check: str, due: date | None, today: date, last: date) -> Finding:
+    advice = "have it calibrated first: what is measured with it is not traceable"
+    if due is None:
+        return ok(check, "no due date in the bench file")
+    if due < today:
+        return problem(check, f"was due on {due}, {(today - due).days} days ago", advice)
+    if due <= last:
+        return problem(check, f"is due on {due}, before the run ends (about {last})", advice)
+    days = (due - today).days
+    if days < 30:
+        return warning(check, f"is due on {due}, in {days} days", "plan its calibration")
+    return ok(check, f"is due on {due}")

@@ -1,0 +1,199 @@
+"""Who listens to a session: the log, people, the service manager. One face for the controller, which waits for none.
+
+Whatever goes wrong in here costs news and never a run.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from drivers.clock import RealClock
+from rig.durations import duration
+from rig.engine.chain import Record
+from rig.engine.session import Outcome, Progress
+from rig.engine.states import AT_POINT, State
+from rig.errors import UsageError
+from rig.unattended.happenings import NOT_NOTIFIED, Happening, Kind, RunFacts, from_record, one_line
+from rig.unattended.logs import Log
+from rig.unattended.manager import ServiceManager
+
+if TYPE_CHECKING:  # mail and web are imported where somebody is to be told
+    from rig.unattended.notify import Failure, Notifier
+
+_PROGRESS_S = 3600.0
+_ENDINGS = {
+    Outcome.COMPLETE: (Kind.FINISH, "info"),
+    Outcome.STOPPED: (Kind.STOP, "info"),
+    Outcome.INTERRUPTED: (Kind.INTERRUPT, "warning"),
+    Outcome.FAULT: (Kind.ENDED_BY_FAULT, "error"),
+    Outcome.UNSAFE: (Kind.ENDED_BY_FAULT, "error"),
+}
+
+
+class Listeners:
+    """Everybody who listens to a session; the controller's observer.
+
+    Args:
+        facts: which run it is; a new run's file is made known by `opened`.
+        manager: the service manager.
+
+    Attributes:
+        facts: which run it is.
+        logs: where lines go.
+        notifier: who tells people, None if nobody is to be told.
+
+    """
+
+    def __init__(self, facts: RunFacts, manager: ServiceManager | None = None) -> None:
+        self.facts = facts
+        self.logs: list[Log] = []
+        self.notifier: Notifier | None = None
+        self._manager = manager or ServiceManager(environment={})
+        self._clock = RealClock()
+        self._utc_minus_elapsed: float | None = None
+        self._phase = ""
+        self._tenth = 0
+        self._progress_s = 0.0
+        self._last: Progress | None = None
+        self._failures: deque[Failure] = deque(maxlen=100)
+        self._trouble = ""
+
+    def opened(self, path: Path, run_id: str) -> None:
+        """The run file exists."""
+        self.facts = replace(self.facts, path=path, run_id=run_id)
+
+    # --- what the controller calls --------------------------------------------------------------------------------
+
+    def recorded(self, record: Record) -> None:
+        """See `Observer.recorded`."""
+        try:
+            self._utc_minus_elapsed = record.utc_s - record.elapsed_s
+            happening = from_record(record, after_crash=self.facts.after_crash)
+            if happening is not None:
+                self._spread(happening)
+        except Exception as error:  # see the module's first lines
+            self._in_trouble(error)
+
+    def to_note(self) -> Sequence[tuple[str, Mapping[str, Any]]]:
+        """See `Observer.to_note`: what could not be told to people."""
+        noted = []
+        while self._failures:
+            failure = self._failures.popleft()
+            body = {"channel": failure.channel, "about": str(failure.about), "why": one_line(failure.why)}
+            noted.append((NOT_NOTIFIED, body))
+        return noted
+
+    def progress(self, news: Progress) -> None:
+        """The sequencer's news; often."""
+        try:
+            self._manager.progress(news)
+            self._last = news
+            if self.notifier is not None:
+                self.notifier.progress(news, self.facts, self._utc_s(news.elapsed_s))
+            self._tell_phase(news)
+        except Exception as error:
+            self._in_trouble(error)
+
+    def ended(self, outcome: Outcome, message: str, *, note: str = "") -> None:
+        """The session is over and the bench as safe as it will be.
+
+        Args:
+            outcome: how it ended.
+            message: why, "" if there is nothing to explain.
+            note: what else there is to say: "outside acceptance".
+
+        """
+        kind, level = _ENDINGS[outcome]
+        news = self._last
+        done = "" if news is None else f", {news.done} of {news.total} points in {duration(news.elapsed_s)}"
+        text = "; ".join(part for part in (f"{outcome.value}{done}", note, message) if part)
+        if self._utc_minus_elapsed is None:  # nothing was done in this session: the run was complete already
+            self._manager.ended(text)
+            return
+        elapsed_s = None if news is None else news.elapsed_s
+        utc_s = self._utc_s(elapsed_s)
+        self._manager.ended(text)
+        unsafe = outcome is Outcome.UNSAFE
+        happening = Happening(kind, level, one_line(text), utc_s, elapsed_s, {"outcome": outcome.name.lower()}, unsafe)
+        self._spread(happening)
+
+    def failed(self, error: BaseException) -> None:
+        """The session could not begin, or ended in a way nobody foresaw."""
+        text = f"could not go on: {error or type(error).__name__}"
+        self._manager.failed(text)
+        happening = Happening(Kind.ENDED_BY_FAULT, "error", one_line(text), self._utc_s(None))
+        began = self._utc_minus_elapsed is not None
+        if began or (self.facts.served and not isinstance(error, UsageError)):
+            self._spread(happening)
+        else:  # somebody has just typed the command and reads the message; or another controller goes on undisturbed
+            self._log(happening)
+
+    def say(self, level: str, text: str) -> None:
+        """A line for the logs alone."""
+        self._log(Happening(Kind.LOG, level, one_line(text), self._utc_s(None)))
+
+    def close(self) -> None:
+        """Let what waits go out, for a limited time."""
+        if self.notifier is not None:
+            self.notifier.close()
+        if self._trouble:
+            self.say("warning", f"listening went wrong: {self._trouble}")
+        for log in self.logs:
+            log.close()
+
+    # --- from the channels' threads -------------------------------------------------------------------------------
+
+    def not_told(self, failure: Failure) -> None:
+        """A message did not reach a channel: into the log now, into the run file with its next record."""
+        self._failures.append(failure)
+        self.say("warning", f"{failure.channel} was not told of {failure.about}: {failure.why}")
+
+    def told(self, label: str, headline: str) -> None:
+        """A message went out."""
+        self.say("info", f"{label} was told: {headline}")
+
+    # --- spreading ------------------------------------------------------------------------------------------------
+
+    def _spread(self, happening: Happening) -> None:
+        self._manager.happened(happening, self.facts)
+        self._log(happening)
+        if self.notifier is not None:
+            self.notifier.happened(happening, self.facts)
+
+    def _log(self, happening: Happening) -> None:
+        for log in self.logs:
+            log.happened(happening, self.facts)
+
+    def _tell_phase(self, news: Progress) -> None:
+        """Lines for changes of state, where the states of a point count as one, and for progress now and then."""
+        phase = "observing" if news.state in AT_POINT else str(news.state)
+        data = {"state": str(news.state), "done": news.done, "points": news.total}
+        if phase != self._phase:
+            self._phase = phase
+            text = f"{phase}{f': {news.message}' if news.message else ''}"
+            self._news(Kind.STATE, text, news, data)
+        tenth = 10 * news.done // max(1, news.total)
+        due = news.elapsed_s - self._progress_s >= _PROGRESS_S
+        if (tenth != self._tenth or due) and news.state not in (State.READY, State.CHECKING):
+            self._tenth, self._progress_s = tenth, news.elapsed_s
+            left = "" if news.remaining_s is None else f", {duration(news.remaining_s)} left"
+            text = f"{news.done} of {news.total} points in {duration(news.elapsed_s)}{left}"
+            self._news(Kind.PROGRESS, text, news, {**data, "remaining_s": news.remaining_s})
+
+    def _news(self, kind: Kind, text: str, news: Progress, data: Mapping[str, Any]) -> None:
+        self._log(Happening(kind, "info", one_line(text), self._utc_s(news.elapsed_s), news.elapsed_s, data))
+
+    def _utc_s(self, elapsed_s: float | None) -> float:
+        """Bench time's UTC: from the records, since news tell bench seconds only, and a simulated bench has its own."""
+        if elapsed_s is None and self._last is not None and self.facts.simulated:
+            elapsed_s = self._last.elapsed_s
+        if elapsed_s is None or self._utc_minus_elapsed is None:
+            return self._clock.utc()
+        return self._utc_minus_elapsed + elapsed_s
+
+    def _in_trouble(self, error: Exception) -> None:
+        self._trouble = f"{type(error).__name__}: {error}"

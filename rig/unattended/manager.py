@@ -1,0 +1,121 @@
+"""What systemd is told of a session: ready, alive, what it does, stopping. sd_notify(3) in a few lines.
+
+`WATCHDOG=1` goes out only with the sequencer's own news, so that a driver call that hangs is noticed although the
+process lives.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+from collections.abc import Mapping
+from pathlib import Path
+
+from drivers.clock import Clock, RealClock
+from rig.durations import duration
+from rig.engine.session import Progress
+from rig.engine.states import State
+from rig.unattended.happenings import Happening, Kind, RunFacts, one_line
+
+_STATUS_S = 5.0
+
+
+class ServiceManager:
+    """Tells the service manager; a listener of a session. Does nothing where there is none.
+
+    Args:
+        environment: where `NOTIFY_SOCKET`, `WATCHDOG_USEC` and `WATCHDOG_PID` are.
+        clock: real time.
+
+    """
+
+    def __init__(self, environment: Mapping[str, str] | None = None, clock: Clock | None = None) -> None:
+        env = os.environ if environment is None else environment
+        self._clock = clock or RealClock()
+        self._address = _address(env.get("NOTIFY_SOCKET", ""))
+        self._watchdog_s = _watchdog_s(env)
+        self._ready = False
+        self._stopping = False
+        self._alive = self._told = float("-inf")
+        self._status = ""
+        self._unsent: list[str] = []
+
+    @property
+    def present(self) -> bool:
+        """Whether a service manager wants to know."""
+        return self._address is not None
+
+    def progress(self, news: Progress) -> None:
+        """The sequencer is alive: say so, at half the watchdog's time or more often, and what it does."""
+        if self._address is None:
+            return
+        now = self._clock.now()
+        lines = []
+        alive = self._watchdog_s > 0 and now - self._alive >= self._watchdog_s / 2
+        if alive:
+            lines.append("WATCHDOG=1")
+        if now - self._told >= _STATUS_S:
+            left = "" if news.remaining_s is None else f", {duration(news.remaining_s)} left"
+            status = one_line(f"{news.state}: {news.done} of {news.total} points{left} {news.message}")
+            self._told = now
+            if status != self._status:
+                self._status = status
+                lines.append(f"STATUS={status}")
+        if news.state == State.PARKING and not self._stopping:
+            self._stopping = True
+            lines.append("STOPPING=1")
+        if (lines or self._unsent) and self._send(lines) and alive:
+            self._alive = now
+
+    def happened(self, happening: Happening, _facts: RunFacts) -> None:
+        """Ready once every instrument has answered; stopping when the session is over."""
+        if happening.kind is Kind.EVENT and happening.data.get("status") == "as-found" and not self._ready:
+            self._ready = True
+            self._alive = self._clock.now()
+            self._send(["READY=1", "WATCHDOG=1"])
+
+    def ended(self, text: str) -> None:
+        """The session is over, well or not. One that never became ready has nothing more to become ready for."""
+        lines = [] if self._ready else ["READY=1"]
+        self._ready = self._stopping = True
+        self._send([*lines, f"STATUS={one_line(text)}", "STOPPING=1"], patience_s=1.0)
+
+    def failed(self, text: str) -> None:
+        """The session could not begin or go on."""
+        self._send([f"STATUS={one_line(text)}"], patience_s=1.0)
+
+    def close(self) -> None:
+        """Nothing to close: every message has its own socket."""
+
+    def _send(self, lines: list[str], patience_s: float = 0.0) -> bool:
+        """Whether it was sent, within so many real seconds. What could not be sent now goes with the next news."""
+        if self._address is None:
+            return False
+        lines = [*self._unsent, *lines]
+        try:
+            with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC) as wire:
+                wire.settimeout(patience_s)  # zero: never wait, a manager that is busy must not delay a night
+                wire.sendto("\n".join(lines).encode(), self._address)
+        except OSError:
+            self._unsent = [line for line in lines if line in ("READY=1", "STOPPING=1")]
+            return False
+        self._unsent = []
+        return True
+
+
+def _address(text: str) -> str | None:
+    """A path, or a name in the abstract namespace, which is written with an @ for its leading zero byte."""
+    if text.startswith("@"):
+        return "\0" + text[1:]
+    return text if Path(text).is_absolute() else None
+
+
+def _watchdog_s(env: Mapping[str, str]) -> float:
+    """The watchdog's time in seconds; 0 if there is none or it is another process's."""
+    pid = env.get("WATCHDOG_PID", "")
+    if pid and pid != str(os.getpid()):
+        return 0.0
+    try:
+        return max(0.0, int(env.get("WATCHDOG_USEC", "0")) / 1e6)
+    except ValueError:
+        return 0.0

@@ -1,0 +1,26 @@
+"""Telling people: on hold, fault, warning, stop, finish, and after a crash. Never in the way of a run."""
+
+from rig.unattended.notify.channels import NotSent, Send, sender, senders
+from rig.unattended.notify.message import Message, compose
+from rig.unattended.notify.notifier import Failure, Notifier
+from rig.unattended.notify.settings import (
+    NotifySettings,
+    find_settings,
+    read_settings,
+    secret_files,
+)
+
+__all__ = [
+    "Failure",
+    "Message",
+    "NotSent",
+    "Notifier",
+    "NotifySettings",
+    "Send",
+    "compose",
+    "find_settings",
+    "read_settings",
+    "secret_files",
+    "sender",
+    "senders",
+]

@@ -1,0 +1,147 @@
+"""A message to a person: what, where, when, how far, what to do next. Plain words, the same on every channel."""
+
+from __future__ import annotations
+
+import platform
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+from rig.durations import duration
+from rig.engine.session import Progress
+from rig.unattended.happenings import Happening, Kind, RunFacts, one_line
+
+HEADLINES = {
+    Kind.START: "a session began",
+    Kind.CRASH: "goes on after a crash or power cut",
+    Kind.HOLD: "held",
+    Kind.FAULT: "fault, the run goes on",
+    Kind.WARNING: "warning, the run goes on",
+    Kind.ENDED_BY_FAULT: "ended by a fault",
+    Kind.STOP: "stopped on request",
+    Kind.INTERRUPT: "interrupted",
+    Kind.FINISH: "finished",
+    Kind.TEST: "a test message",
+}
+_AGAIN = (
+    " systemd tries again by itself in a minute, five times in six hours at most; if no other message comes, it has "
+    "given up and needs you."
+)
+_LONGEST = 2000
+URGENT = frozenset({Kind.HOLD, Kind.ENDED_BY_FAULT})
+
+
+@dataclass(frozen=True)
+class Message:
+    """What is sent.
+
+    Attributes:
+        kind: what it is about.
+        headline: one line, for subjects and small screens.
+        what: what happened.
+        where: bench and machine.
+        when: UTC and local time.
+        progress: how far the run is, "" if that is not known.
+        next_step: what to do.
+        run: the run file, "" if there is none.
+        also: what has not been told separately, "" if nothing.
+        urgent: somebody should come.
+
+    """
+
+    kind: Kind
+    headline: str
+    what: str
+    where: str
+    when: str
+    progress: str
+    next_step: str
+    run: str
+    also: str = ""
+    urgent: bool = False
+
+    @property
+    def text(self) -> str:
+        """The message as lines."""
+        lines = [
+            ("What", self.what),
+            ("Where", self.where),
+            ("When", self.when),
+            ("Progress", self.progress),
+            ("What next", self.next_step),
+            ("Also", self.also),
+            ("Run file", self.run),
+        ]
+        return "\n".join(f"{name + ':':<11}{text}" for name, text in lines if text) + "\n"
+
+    def placeholders(self) -> dict[str, str]:
+        """What `{...}` in commands and bodies of webhooks stands for."""
+        return {
+            "event": self.kind.value,
+            "headline": self.headline,
+            "message": self.text,
+            "what": self.what,
+            "where": self.where,
+            "when": self.when,
+            "progress": self.progress,
+            "next": self.next_step,
+            "run": self.run,
+        }
+
+
+def compose(happening: Happening, facts: RunFacts, news: Progress | None) -> Message:
+    """A happening as a message."""
+    mark = "SIMULATED " if facts.simulated else ""
+    who = facts.bench or "rig"
+    headline = f"{mark}{who}: {HEADLINES[happening.kind]}"
+    if happening.unsafe:
+        headline = f"{mark}{who}: FAULT, AND NOT SAFE"
+    return Message(
+        kind=happening.kind,
+        headline=one_line(headline),
+        what=mark + happening.text[:_LONGEST],
+        where=one_line(f"bench {facts.bench}, procedure {facts.procedure}, machine {platform.node()}"),
+        when=when(happening.utc_s),
+        progress="" if news is None else _progress(news, happening),
+        next_step=_next(happening, facts),
+        run="" if facts.path is None else one_line(str(facts.path.absolute())),
+        urgent=happening.kind in URGENT or happening.unsafe,
+    )
+
+
+def when(utc_s: float) -> str:
+    """2026-01-15 02:13 UTC (03:13 CET)."""
+    utc = datetime.fromtimestamp(utc_s, UTC)
+    local = utc.astimezone()
+    here = "" if local.utcoffset() == utc.utcoffset() else f" ({local:%H:%M} {local.tzname()})"
+    return f"{utc:%Y-%m-%d %H:%M} UTC{here}"
+
+
+def _progress(news: Progress, happening: Happening) -> str:
+    text = f"{news.done} of {news.total} points in {duration(news.elapsed_s)}"
+    over = happening.kind in (Kind.FINISH, Kind.STOP, Kind.INTERRUPT, Kind.ENDED_BY_FAULT)
+    if news.remaining_s is None or over:
+        return text
+    return f"{text}, about {duration(news.remaining_s)} left"
+
+
+def _next(happening: Happening, facts: RunFacts) -> str:
+    run = "RUN" if facts.path is None else one_line(str(facts.path.absolute()))
+    if happening.unsafe:
+        return f"Go and look at the bench now: not everything is in its safe state. Then: rig resume {run}"
+    again = _AGAIN if facts.served else ""
+    match happening.kind:
+        case Kind.HOLD:
+            return f"Look at the bench, then: rig release {run} (or rig stop {run} to park it). It waits."
+        case Kind.ENDED_BY_FAULT:
+            where = f"then: rig resume {run}" if facts.path else "then start again"
+            return f"Mend the cause, {where}.{again}"
+        case Kind.STOP | Kind.INTERRUPT:
+            return f"When ready: rig resume {run}"
+        case Kind.FINISH:
+            return f"rig fit {run}; rig trace {run} --report night.html"
+        case Kind.FAULT | Kind.WARNING:
+            return f"Nothing has to be done now. rig status {run} shows more; rig hold {run} makes it wait."
+        case Kind.CRASH:
+            return f"Nothing has to be done; find out why the machine or the program went down. rig status {run}"
+        case _:
+            return "Nothing has to be done."

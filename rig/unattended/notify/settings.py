@@ -1,0 +1,188 @@
+"""`notify.toml`: who is told of what, and how. A user's or a machine's own file, never part of a run.
+
+It is not in the bench file because that is stored in every run file and travels with the data: neither people's
+addresses nor secrets belong there, and who is to be told must be open to change while a run is under way. Secrets
+come from the environment or from a file that holds nothing else.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+from urllib.parse import urlsplit
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from rig.config import parse_toml, read_text, validated
+from rig.errors import ConfigurationError
+from rig.unattended.happenings import Kind
+
+About = Literal["start", "crash", "hold", "fault", "warning", "ended-by-fault", "stop", "interrupt", "finish"]
+EVERYTHING: tuple[About, ...] = (
+    "crash", "hold", "fault", "warning", "ended-by-fault", "stop", "interrupt", "finish",
+)  # fmt: skip
+"""What is told unless `on` says otherwise: all but an ordinary start, at which somebody is present."""
+
+
+class _Channel(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    name: str = Field("", max_length=60, description="what the channel is called in logs and in the run file")
+    on: tuple[About, ...] = Field(EVERYTHING, description="what is told")
+    benches: tuple[str, ...] = Field((), description="only of runs on these benches; all if empty")
+    simulated: bool = Field(True, description="of simulated benches too, marked SIMULATED")
+    timeout_s: float = Field(20.0, gt=0, le=300, description="for every step of a delivery")
+
+    @property
+    def label(self) -> str:
+        """Its name, or what it is."""
+        return self.name or str(getattr(self, "kind", "channel"))
+
+    def wants(self, kind: Kind, bench: str, *, simulated: bool) -> bool:
+        """Whether this is told here."""
+        if kind is Kind.TEST:
+            return True
+        here = not self.benches or bench in self.benches
+        return kind.value in self.on and here and (self.simulated or not simulated)
+
+
+class Mail(_Channel):
+    """`kind = "mail"`: e-mail by SMTP."""
+
+    kind: Literal["mail"]
+    to: tuple[str, ...] = Field(min_length=1, description="addresses")
+    sender: str = Field(description="address it comes from")
+    host: str = Field(description="the mail server")
+    port: int | None = Field(None, gt=0, lt=65536, description="587, 465 with ssl, 25 with none")
+    security: Literal["starttls", "ssl", "none"] = Field("starttls", description="how the way there is secured")
+    user: str = Field("", description="to log in as, if the server asks for it")
+    password_env: str = Field("", description="environment variable that holds the password")
+    password_file: Path | None = Field(None, description="file that holds the password and nothing else")
+
+    @model_validator(mode="after")
+    def _sensible(self) -> Self:
+        if bool(self.user) != bool(self.password_env or self.password_file):
+            raise ValueError("user needs password_env or password_file, and the other way round")
+        if self.user and self.security == "none":
+            raise ValueError('security = "none" would send the password in clear: use "starttls" or "ssl"')
+        for address in (*self.to, self.sender):
+            if "@" not in address or any(c.isspace() or c in "<>," for c in address):
+                raise ValueError(f"{address!r} is no plain e-mail address (name@host)")
+        return self
+
+
+class Webhook(_Channel):
+    """`kind = "webhook"`: an HTTP POST of JSON."""
+
+    kind: Literal["webhook"]
+    url: str = Field("", description="where to; one that is a secret itself goes into url_env or url_file")
+    url_env: str = Field("", description="environment variable that holds the address")
+    url_file: Path | None = Field(None, description="file that holds the address and nothing else")
+    shape: Literal["json", "ntfy", "slack", "teams"] = Field("json", description="what the receiver expects")
+    body: dict[str, Any] | None = Field(
+        None, description="another shape: any table; {headline}, {message}, {next} and so on are filled in"
+    )
+    token_env: str = Field("", description="environment variable that holds a bearer token")
+    token_file: Path | None = Field(None, description="file that holds a bearer token and nothing else")
+
+    @model_validator(mode="after")
+    def _sensible(self) -> Self:
+        if sum(map(bool, (self.url, self.url_env, self.url_file))) != 1:
+            raise ValueError("give one of url, url_env, url_file")
+        if self.url:
+            _check_url(self.url, "url")
+        return self
+
+
+class Command(_Channel):
+    """`kind = "command"`: a program of yours, without a shell; the message is its standard input."""
+
+    kind: Literal["command"]
+    argv: tuple[str, ...] = Field(min_length=1, description="program and arguments; {headline} and so on are filled in")
+
+
+class Apprise(_Channel):
+    """`kind = "apprise"`: any of the services that the library apprise knows (extra `notify`)."""
+
+    kind: Literal["apprise"]
+    url_env: str = Field("", description="environment variable that holds apprise addresses, separated by spaces")
+    url_file: Path | None = Field(None, description="file that holds apprise addresses, one a line")
+
+    @model_validator(mode="after")
+    def _sensible(self) -> Self:
+        if bool(self.url_env) == bool(self.url_file):
+            raise ValueError("give url_env or url_file: apprise addresses hold secrets")
+        return self
+
+
+AnyChannel = Annotated[Mail | Webhook | Command | Apprise, Field(discriminator="kind")]
+
+
+class NotifySettings(BaseModel):
+    """A whole `notify.toml`."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    most_per_hour: int = Field(10, ge=2, le=1000, description="messages of a session on one channel, in any hour")
+    repeats_s: float = Field(900.0, ge=0, le=86400, description="faults and warnings within it are told together")
+    channel: tuple[AnyChannel, ...] = Field((), description="who is told; every `[[channel]]` is one")
+
+
+def find_settings(explicit: Path | None) -> Path | None:
+    """The file that says who is told: `explicit`, $RIG_NOTIFY, the user's, the machine's; None if there is none."""
+    if explicit is not None:
+        return explicit
+    named = os.environ.get("RIG_NOTIFY")
+    if named:
+        return Path(named)
+    home = Path(os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config")
+    places = (home / "calibration-rig" / "notify.toml", Path("/etc/calibration-rig/notify.toml"))
+    return next((place for place in places if place.is_file()), None)
+
+
+def read_settings(path: Path) -> NotifySettings:
+    """Read and check a file. Raises `ConfigurationError`."""
+    settings = validated(NotifySettings, parse_toml(read_text(path, "notify"), str(path)), str(path))
+    labels = [channel.label for channel in settings.channel]
+    for label in labels:
+        if labels.count(label) > 1:
+            raise ConfigurationError(f"{path}: two channels are called {label}: give them names that differ")
+    return settings
+
+
+def secret(env: str, file: Path | None, environment: Mapping[str, str] | None = None) -> str:
+    """A secret from the environment or a file; "" where neither is named. Raises `ConfigurationError`."""
+    if env:
+        value = (os.environ if environment is None else environment).get(env, "").strip()
+        if not value:
+            raise ConfigurationError(f"the environment variable {env} is not set: set it, or name a file")
+        return value
+    if file is None:
+        return ""
+    value = read_text(file.expanduser(), "secret").strip()
+    if not value:
+        raise ConfigurationError(f"{file} is empty: it should hold the secret")
+    return value
+
+
+def secret_files(settings: NotifySettings) -> list[Path]:
+    """Files that hold secrets."""
+    named = ("password_file", "url_file", "token_file")
+    return [f.expanduser() for c in settings.channel for n in named if (f := getattr(c, n, None)) is not None]
+
+
+def web_address(text: str) -> str:
+    """An address of the web, checked. Raises `ConfigurationError` without repeating it, for it may be a secret."""
+    try:
+        _check_url(text, "the address")
+    except ValueError as error:
+        raise ConfigurationError(str(error)) from None
+    return text
+
+
+def _check_url(text: str, what: str) -> None:
+    parts = urlsplit(text)
+    if parts.scheme not in ("http", "https") or not parts.hostname or any(c.isspace() for c in text):
+        raise ValueError(f"{what} must begin with http:// or https:// and name a host")

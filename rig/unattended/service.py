@@ -1,0 +1,197 @@
+"""A systemd unit that carries a run on whatever happens, and gives up where only a person can help."""
+
+from __future__ import annotations
+
+import getpass
+import os
+import re
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from rig.bench import check_options
+from rig.config import BenchConfig
+from rig.errors import ExitCode
+
+WATCHDOG_S = 900.0
+"""Without news for so long the controller hangs. The longest that it is silent for a good reason is while a pressure
+line goes to the atmosphere: from 15 psi at 0.2 psi/s about four minutes."""
+
+_VENT_S = 120.0
+_ATMOSPHERE_PSIA = 14.7
+
+FINAL = (
+    ExitCode.DONE,
+    ExitCode.USAGE,
+    ExitCode.OUTSIDE_ACCEPTANCE,
+    ExitCode.STOPPED,
+    ExitCode.UNSAFE,
+    ExitCode.INTERRUPTED,
+    ExitCode.CONFIGURATION,
+)
+"""Exit codes after which another attempt would be wrong or useless. What is left is a fault with the bench safe (1),
+a signal, a watchdog, a machine that went down."""
+
+GOOD = (ExitCode.OUTSIDE_ACCEPTANCE, ExitCode.STOPPED, ExitCode.INTERRUPTED)
+"""Exit codes besides 0 that are no failure of the service."""
+
+
+@dataclass(frozen=True)
+class ServiceUnit:
+    """A unit for one run.
+
+    Attributes:
+        run: the run file, absolute.
+        run_id: its name.
+        about: procedure and bench, for people.
+        system: a unit of the machine; otherwise of the user, who must be allowed to linger.
+        user: whom a system unit runs as.
+        watchdog_s: see `WATCHDOG_S`.
+        bench: another bench file for `rig resume`, absolute.
+        also_write: folders besides the run's that may be written to.
+
+    """
+
+    run: Path
+    run_id: str
+    about: str
+    system: bool
+    user: str
+    watchdog_s: float = WATCHDOG_S
+    bench: Path | None = None
+    also_write: tuple[Path, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """The unit's file name."""
+        return "rig-" + re.sub(r"[^A-Za-z0-9_.-]", "-", self.run_id) + ".service"
+
+    @property
+    def path(self) -> Path:
+        """Where it is installed."""
+        if self.system:
+            return Path("/etc/systemd/system") / self.name
+        home = Path(os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config")
+        return home / "systemd" / "user" / self.name
+
+    @property
+    def command(self) -> tuple[str, ...]:
+        """What it starts. -P keeps a file called rig.py in the run's folder from being taken for this program."""
+        bench = () if self.bench is None else ("--bench", str(self.bench))
+        return (sys.executable, "-P", "-m", "rig", "resume", str(self.run), "--unless-stopped", *bench)
+
+    def text(self) -> str:
+        """The unit file."""
+        folder = self.run.parent
+        writable = " ".join(_quoted(str(path)) for path in (folder, _LOCKS, *self.also_write))
+        network = "Wants=network-online.target\nAfter=network-online.target time-sync.target\n" if self.system else ""
+        return _UNIT.format(
+            description=f"Calibration run {_plain(self.run_id)} ({_plain(self.about)})",
+            run=_plain(str(self.run)),
+            mounts=_quoted(str(folder)),
+            network=network,
+            command=" ".join(_quoted(part).replace("$", "$$") for part in self.command),
+            folder=_plain(str(folder)),
+            user=f"User={_plain(self.user)}\n" if self.system else "",
+            watchdog=f"{self.watchdog_s:g}",
+            final_words=", ".join(f"{int(code)} {code.name.lower().replace('_', ' ')}" for code in FINAL),
+            final=" ".join(str(int(code)) for code in FINAL),
+            good=" ".join(str(int(code)) for code in GOOD),
+            hardening=_SYSTEM_HARDENING + f"ReadWritePaths={writable}\n" if self.system else "",
+            target="multi-user" if self.system else "default",
+        )
+
+    def next_steps(self) -> list[str]:
+        """Commands that set it to work, and those that look at it."""
+        control = "systemctl" if self.system else "systemctl --user"
+        journal = f"journalctl {'' if self.system else '--user '}-u {self.name}"
+        linger = [] if self.system else [f"loginctl enable-linger {getpass.getuser()}   # lives on after you log out"]
+        return [*linger, f"{control} daemon-reload", f"{control} enable --now {self.name}", f"{journal} -f"]
+
+
+_UNIT = """\
+[Unit]
+Description={description}
+ConditionPathExists={run}
+RequiresMountsFor={mounts}
+{network}# A crash loop ends: five starts in six hours, then a person is needed.
+StartLimitIntervalSec=6h
+StartLimitBurst=5
+
+[Service]
+Type=notify
+NotifyAccess=main
+ExecStart={command}
+WorkingDirectory={folder}
+Environment=PYTHONUNBUFFERED=1 OPENBLAS_NUM_THREADS=1
+# Secrets that notify.toml names, as NAME=VALUE lines; a missing file is no error.
+EnvironmentFile=-%E/calibration-rig/environment
+{user}
+# Ready when every instrument has answered; alive as long as the sequencer itself says so.
+TimeoutStartSec=15min
+WatchdogSec={watchdog}
+
+# Again after a fault (bench safe), a crash, a hang. Not after exit codes that are final:
+# {final_words}
+Restart=on-failure
+RestartSec=60
+RestartPreventExitStatus={final}
+SuccessExitStatus={good}
+
+# SIGTERM to the controller alone: it stops motion, and has time to bring the bench to its
+# safe state and to tell people. What it has started ends with it.
+KillSignal=SIGTERM
+KillMode=mixed
+TimeoutStopSec={watchdog}
+LimitCORE=0
+
+# Nothing here takes serial ports, CAN or locks away. On purpose not used: PrivateDevices and
+# ProtectClock (both close /dev), PrivateTmp (locks of addresses are shared in /tmp),
+# MemoryDenyWriteExecute (numerical libraries).
+NoNewPrivileges=yes
+LockPersonality=yes
+RestrictRealtime=yes
+RestrictSUIDSGID=yes
+SystemCallArchitectures=native
+{hardening}
+[Install]
+WantedBy={target}.target
+"""
+
+_LOCKS = Path(tempfile.gettempdir())
+"""Where every controller of the machine keeps the locks of addresses."""
+
+_SYSTEM_HARDENING = """\
+RestrictAddressFamilies=AF_UNIX AF_INET AF_INET6 AF_CAN AF_NETLINK
+RestrictNamespaces=yes
+ProtectKernelTunables=yes
+ProtectKernelModules=yes
+ProtectControlGroups=yes
+ProtectHostname=yes
+OOMScoreAdjust=-500
+ProtectSystem=strict
+ProtectHome=read-only
+"""
+
+
+def patience_s(config: BenchConfig) -> float:
+    """The watchdog's time for a bench: twice the longest way of a pressure line to the atmosphere, if that is more."""
+    longest = 0.0
+    for options in check_options(config, "bench").values():
+        slew, high = getattr(options, "vent_psi_per_s", None), getattr(options, "high_psia", None)
+        if slew and high is not None:
+            way = max(_ATMOSPHERE_PSIA, abs(high - _ATMOSPHERE_PSIA))
+            longest = max(longest, 1.5 * way / slew + _VENT_S)
+    return max(WATCHDOG_S, 2.0 * longest)
+
+
+def _plain(text: str) -> str:
+    """A value that is one text or one whole path: no quotes there, specifiers doubled."""
+    return re.sub(r"[\x00-\x1f\x7f]+", " ", text).replace("%", "%%").strip()
+
+
+def _quoted(text: str) -> str:
+    """A word of a list: in quotes where needed, specifiers doubled."""
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"').replace("%", "%%")
+    return f'"{escaped}"' if re.search(r"[^A-Za-z0-9_./:=@+,$%-]", text) else escaped

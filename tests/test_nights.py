@@ -1,0 +1,59 @@
+"""A bounded share of the nights; all of them: `make nights`."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+
+from rig.simulated.night.bugs import BUGS
+from rig.simulated.night.campaign import one_night, replay, unbiased
+from rig.simulated.night.scenario import LABS, draw
+
+NIGHTS = {"attitude": range(500, 545), "pressure": range(500, 525)}
+FOUND_BY = {
+    "accept-late-reply": ("attitude", 0),
+    "skip-re-approach": ("attitude", 0),
+    "double-write": ("attitude", 0),
+    "ignore-alarm": ("pressure", 2),
+    "vent-on-resume": ("pressure", 0),
+    "stale-reading": ("pressure", 0),
+    "whole-plot-goes-on": ("pressure", 4),
+}
+"""A night that finds each planted bug."""
+
+
+@pytest.mark.parametrize("lab", LABS)
+def test_whatever_happens_in_a_night_everything_holds_after_it(lab):
+    nights = [one_night(seed, lab) for seed in NIGHTS[lab]]
+    broken = {f"rig night --lab {lab} --seed {n.seed}": n.violations for n in nights if n.violations}
+    assert not broken
+    assert sum(n.happened for n in nights) > 5 * len(nights)
+    bias = unbiased(z for n in nights for z in n.deviations)
+    assert bias is not None
+    assert bias.holds, bias
+
+
+@pytest.mark.parametrize("bug", BUGS)
+def test_a_planted_bug_is_found_and_nothing_without_it(bug):
+    lab, seed = FOUND_BY[bug]
+    print(f"rig night --lab {lab} --seed {seed} --bug {bug}")
+    assert one_night(seed, lab, bug=bug).violations
+    assert not one_night(seed, lab).violations
+
+
+def test_a_night_replays_exactly(tmp_path):
+    folders = [tmp_path / name for name in ("one", "two")]
+    for folder in folders:
+        folder.mkdir()
+    (one, told), (two, retold) = (replay(507, "attitude", folder) for folder in folders)
+    assert told == retold
+    assert dataclasses.astuple(one) == dataclasses.astuple(two)
+    assert any("bench" in line for line in told)
+
+
+def test_every_seed_is_another_night():
+    assert (
+        len({(draw(seed, "pressure").documents["world.toml"], draw(seed, "pressure").mishaps) for seed in range(20)})
+        == 20
+    )
