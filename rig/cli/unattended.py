@@ -17,6 +17,7 @@ from rig.errors import ConfigurationError, ExitCode
 from rig.unattended import Listeners, Log, RunFacts, ServiceManager
 from rig.unattended.earlier import ended_without_a_word
 from rig.unattended.logs import LogFormat, default_log, file_writer, logged_by_journal, stderr_writer
+from rig.unattended.places import find_settings
 
 LogOption = Annotated[
     Path | None,
@@ -138,13 +139,13 @@ def add_default_log(listeners: Listeners, asked: Listening) -> None:
 def _add_notifier(listeners: Listeners, asked: Listening, warn: Callable[[str], None]) -> None:
     if not (not asked.dry if asked.notify is None else asked.notify):
         return
-    from rig.unattended.notify import Notifier, find_settings, read_settings, senders  # noqa: PLC0415
-
     path = find_settings(asked.notify_file)
     if path is None:
         if asked.notify:
             raise ConfigurationError("--notify: there is no notify.toml; docs/unattended.md shows one")
         return
+    from rig.unattended.notify import Notifier, read_settings, senders  # noqa: PLC0415 - mail and web take a while
+
     try:
         settings = read_settings(path)
         sends = senders(settings, str(path))

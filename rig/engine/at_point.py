@@ -63,7 +63,10 @@ class AtPoint:
         self._references = tuple(f for f in run_list.easy if not f.stays)
         self._settle = procedure.settle.judged()
         self._poll_s = procedure.settle.poll_s
+        last = journal.last_read()
         self._last_read: tuple[Point | None, Mapping[str, float]] = (None, {})
+        if last is not None:
+            self._last_read = run_list.points[last[0]], last[1]
         self.move_timeout_s = max(_MOVE_TIMEOUT_S, self._settle.timeout_s)
 
     def recovering(self) -> str:

@@ -151,6 +151,13 @@ class Journal:
         self.fold.add(record)
         self._session.observer.recorded(record)
 
+    def last_read(self) -> tuple[int, dict[str, float]] | None:
+        """Index of the point that was accepted last, in whichever session, and what its outputs read in the end."""
+        record = self._run.latest("observation", "accepted")
+        if record is None or record.run_index is None:
+            return None
+        return record.run_index, {name: output["readings"][-1] for name, output in record.data["outputs"].items()}
+
     def finish(self, body: Mapping[str, Any]) -> None:
         """Write the end record and close the run file for good. Raises `StorageError`."""
         record = self._record("end", body, "complete", None)

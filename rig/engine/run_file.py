@@ -152,6 +152,11 @@ class RunReader:
         where, values = ("kind = ?", (kind,)) if kind else ("1", ())
         return (record for _, record, _, _ in self.chained(where, values))
 
+    def latest(self, kind: str, status: str) -> Record | None:
+        """The last record of a kind and status; None if there is none."""
+        where = "seq = (SELECT max(seq) FROM record WHERE kind = ? AND status = ?)"
+        return next((record for _, record, _, _ in self.chained(where, (kind, status))), None)
+
     def salvage(self) -> Iterator[Record]:
         """Every record that can still be read one by one, whatever the state of the others."""
         with contextlib.suppress(RunFileError):

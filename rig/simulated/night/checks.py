@@ -139,8 +139,11 @@ def _truthful(night: _Night) -> Iterator[str]:
             reader, channel, volts = wires[column]
             seen = witness.readings.get((reader, channel), [])
             at = bisect_left(starts.get((reader, channel), []), began - _CLOCK_S)
+            known, there = None, None
             for value in output["readings"]:
                 true = value * volts
+                if value == known and there is not None:
+                    continue  # a meter may hang for the rest of a point: what it repeats was true in this place
                 while (
                     at < len(seen) and seen[at].t_s <= ended + _CLOCK_S and abs(seen[at].input - true) > digit[reader]
                 ):
@@ -149,7 +152,8 @@ def _truthful(night: _Night) -> Iterator[str]:
                     when = f"between {began:.1f} and {ended:.1f} s"
                     yield f"point {point.index}: {column} = {value:g} was never read {when}"
                     break
-                yield from _there(night, point, column, seen[at].setting)
+                known, there = value, seen[at]
+                yield from _there(night, point, column, there.setting)
                 at += 1
 
 
@@ -186,7 +190,8 @@ def _approached(night: _Night) -> Iterator[str]:
             arrived, start = r.data["approach"].get(factor.axis, (0, setpoint))
             truly = seen[at].direction[factor.name.rpartition("_")[0]] if at < len(seen) else 0
             if arrived != side or truly not in (0, side):
-                yield f"point {point.index}: {factor.axis} came from side {truly or arrived}, planned was {side}"
+                said = f"truly from side {truly}, recorded from {arrived}, planned from {side}"
+                yield f"point {point.index}: {factor.axis} came {said}"
             elif (setpoint - start) * side < 0.9 * factor.overtravel:
                 yield f"point {point.index}: {factor.axis} came from {start:g}, nearer than its overtravel"
 
@@ -269,14 +274,16 @@ _VENTING_S = 900.0
 def _heeded(night: _Night) -> Iterator[str]:
     """Nothing is accepted while a chamber has been reporting an alarm for longer than interlocks may go unlooked at."""
     alarms = [
-        (fault.t_s + _INTERLOCK_S, fault.t_s + fault.fault.for_s, fault.what)
-        for fault in night.played.bench.sim.faults.happened
-        if fault.fault.kind == "chamber-alarm"
+        (one.t_s, one.t_s + one.fault.for_s, one.what)
+        for one in night.played.bench.sim.faults.happened
+        if one.fault.kind == "chamber-alarm"
     ]
+    ends = [until for _, until, _ in alarms]  # one that is over takes an earlier one's alarm with it
     for r in night.accepted():
         began = night.world_s(r.session, r.data["measured_s"][0])
         for since, until, what in alarms:
-            if since < began < until:
+            over = min(end for end in ends if end > since)
+            if since + _INTERLOCK_S < began < min(until, over):
                 yield f"point {r.run_index} was accepted at {began:.0f} s: {what}"
 
 

@@ -9,7 +9,8 @@ from pathlib import Path
 from rig.errors import ConfigurationError
 from rig.unattended.doctor.findings import Finding, ok, problem, warning
 from rig.unattended.happenings import Happening, Kind, RunFacts
-from rig.unattended.notify import NotSent, Send, compose, find_settings, read_settings, secret_files, senders
+from rig.unattended.notify import NotSent, Send, compose, read_settings, secret_files, senders
+from rig.unattended.places import find_settings
 
 
 def check_people(explicit: Path | None, facts: RunFacts, now_s: float, *, send: bool) -> Iterator[Finding]:

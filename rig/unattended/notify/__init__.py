@@ -5,7 +5,6 @@ from rig.unattended.notify.message import Message, compose
 from rig.unattended.notify.notifier import Failure, Notifier
 from rig.unattended.notify.settings import (
     NotifySettings,
-    find_settings,
     read_settings,
     secret_files,
 )
@@ -18,7 +17,6 @@ __all__ = [
     "NotifySettings",
     "Send",
     "compose",
-    "find_settings",
     "read_settings",
     "secret_files",
     "sender",
