@@ -2,6 +2,7 @@
 
     .venv/bin/python -m benchmarks.load                  # everything; half an hour
     .venv/bin/python -m benchmarks.load run 1000000      # one run, in a process of its own
+    .venv/bin/python -m benchmarks.load late 1000000     # the end of one, without waiting for all of it
     .venv/bin/python -m benchmarks.load resume 100000
     .venv/bin/python -m benchmarks.load commit
 
@@ -51,6 +52,7 @@ ROOT = Path(__file__).parent.parent
 SENSORS = ("s1", "s2", "s3", "s4", "s5", "s6", "s7")
 CELLS = 1000
 WINDOW = 10_000
+PARTS = ("all", "run", "late", "resume", "killed", "resumed", "commit")
 
 BENCH = """
 name = "load"
@@ -274,6 +276,25 @@ def one_resume(points: int, folder: Path, options: Sequence[str]) -> dict[str, A
     return {"points": points, "log_bytes": log, **_worker("resumed", str(path), *options)}
 
 
+def one_late(points: int, folder: Path, options: Sequence[str]) -> dict[str, Any]:
+    """The journal in the last points of a long run, recorded beforehand up to there, beside that of a short run."""
+    last = 2 * min(WINDOW, points // 4)
+    plan = planned(points)
+    path = folder / "late.sqlite"
+    about = {"dry": True, "procedure": "load", "bench": "load", "software": {}}
+    create(path, Genesis("late", plan.documents, plan.run_list, True, about), elapsed_s=0.0, utc_s=0.0)
+    with RunWriter.open(path) as run:
+        for i in range(points - last):
+            run.append(
+                Record(1, "observation", float(i), float(i), i, None, 1, "accepted", BODY), commit=i % 1000 == 999
+            )
+        run.commit()
+    late = _worker("resumed", str(path), "--timed", str(last), *options)
+    early = _worker("run", str(last), *options)
+    ratio = [one["journal_processor_us"][1] / one["fixed_work_us"][1] for one in (late, early)]
+    return {"points": points, "late": late, "early": early, "journal_ratio": round(ratio[0] / ratio[1], 3)}
+
+
 def killed(points: int, folder: Path, vfs: str) -> None:
     """Run until ten points are left, and die."""
 
@@ -284,9 +305,10 @@ def killed(points: int, folder: Path, vfs: str) -> None:
     _run(planned(points), folder, vfs, look)
 
 
-def resumed(path: Path, vfs: str) -> dict[str, Any]:
-    """Resume in this process, imports done."""
+def resumed(path: Path, vfs: str, timed: int) -> dict[str, Any]:
+    """Resume in this process, imports done; the journal of so many points is timed."""
     before = peak_mb()
+    times = JournalTimes(timed, timed // 2) if timed else None
     began, Head.first_move_s = time.process_time(), None
     result = resume_run(path, signals=Signals(), on_progress=lambda _: None, site=Site(ideal, vfs))
     assert result.outcome is Outcome.COMPLETE, result.message
@@ -296,6 +318,7 @@ def resumed(path: Path, vfs: str) -> dict[str, Any]:
         "imports_s": round(began, 2),
         "imports_mb": round(before, 1),
         "peak_mb": round(peak_mb(), 1),
+        **(times.summary() if times else {}),
     }
 
 
@@ -353,10 +376,9 @@ def everything(options: list[str]) -> dict[str, Any]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument(
-        "what", nargs="?", default="all", choices=["all", "run", "resume", "killed", "resumed", "commit"]
-    )
+    parser.add_argument("what", nargs="?", default="all", choices=PARTS)
     parser.add_argument("of", nargs="?", default="100000", help="points; for `resumed`, the run file")
+    parser.add_argument("--timed", type=int, default=0, help="with `resumed`: points to be observed, and timed")
     parser.add_argument("--no-sync", action="store_true", help="do not wait for the disk")
     parser.add_argument("--folder", type=Path, default=RUNS, help="where the run files go meanwhile")
     given = parser.parse_args()
@@ -371,11 +393,13 @@ def main() -> None:
                 found = one_run(int(given.of), folder, vfs)
             case "resume":
                 found = one_resume(int(given.of), folder, options)
+            case "late":
+                found = one_late(int(given.of), folder, options)
             case "killed":
                 killed(int(given.of), given.folder, vfs)
                 return
             case "resumed":
-                found = resumed(Path(given.of), vfs)
+                found = resumed(Path(given.of), vfs, given.timed)
             case _:
                 found = commits(folder)
     print(json.dumps(found, indent=1))
