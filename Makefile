@@ -1,12 +1,26 @@
 # The README's commands. Each makes or reuses .venv first: nothing to install by hand.
 STAMP := .venv/.made-for-these-requirements
 
-.PHONY: demo test check clean
+.PHONY: demo test test-page check nights clean
 demo: $(STAMP)
 	@.venv/bin/rig demo
 
 test: $(STAMP)
 	@tools/check
+
+# The live page in a real Chromium, which has to be installed; says so if it is not. Pictures go to PAGE_PICTURES.
+test-page: $(STAMP)
+	@cd tests/page && ../../.venv/bin/python chromium.py && ../../.venv/bin/pytest -q -p no:cacheprovider live_page.py
+
+# What the tests do a bounded share of, in full: nights, crash points, power cuts, real kills. Hours.
+nights: $(STAMP)
+	.venv/bin/rig night --seeds 5000
+	.venv/bin/rig night --seeds 10 --full
+	.venv/bin/python -m benchmarks.planted_bugs
+	.venv/bin/python -m benchmarks.crash_points
+	.venv/bin/python -m benchmarks.power_cuts --cuts 1000
+	.venv/bin/python benchmarks/kill_campaign.py --kills 800
+	.venv/bin/python benchmarks/kill_campaign.py --kills 200 --lab pressure
 
 # Static checks alone, for a quick look while editing.
 check: $(STAMP)

@@ -15,7 +15,7 @@ from procedures.designs import Design, fraction, grid, roll_circle, tumble, unif
 from procedures.faults import PitchRollFaults
 from procedures.orders import Visit, random_order, reversed_pass, walk
 from procedures.run_list import Factor, Point, RunList, Settle
-from procedures.settings import Positive, Strict
+from procedures.settings import Positive, Strict, WarningSettings
 
 _PASS_KEPT = 10_000
 """A pass over a larger design than this is not kept for the next replication, but made again."""
@@ -213,6 +213,7 @@ class PitchRollProcedure(Strict):
     environment: EnvironmentSettings | None = None
     recovery: RecoverySettings = RecoverySettings()
     faults: PitchRollFaults = PitchRollFaults()
+    warnings: WarningSettings = WarningSettings()
     mounting: MountingSettings = MountingSettings()
     model: ModelSettings = ModelSettings()
     expect: ExpectSettings = ExpectSettings()

@@ -12,7 +12,7 @@ import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, overload
+from typing import overload
 
 from procedures.coded import Coded
 
@@ -215,7 +215,13 @@ class RunList:
 
     def sha256(self) -> str:
         """Hash of everything that decides what the bench will do; two equal lists have equal hashes."""
-        return _sha256(self.factors, self.points.texts(), self.seed)
+        digest = hashlib.sha256()
+        head = {"factors": [[f.name, f.axis, f.overtravel, f.hard, f.stays] for f in self.factors], "seed": self.seed}
+        digest.update(json.dumps(head, sort_keys=True).encode())
+        texts = self.points.texts()
+        while part := "".join(itertools.islice(texts, _AT_ONCE)):
+            digest.update(part.encode())
+        return digest.hexdigest()
 
     def extremes(self) -> Mapping[str, tuple[float, float]]:
         """Lowest and highest value each factor can be commanded to, overtravel included, by factor name."""
@@ -243,28 +249,3 @@ class RunList:
                         f"(overtravel {factor.overtravel:g}), outside {low:g} to {high:g}"
                     )
                     break
-
-
-def sha256_of_rows(factors: Sequence[Factor], rows: Iterable[tuple[Any, ...]], seed: int) -> str:
-    """`RunList.sha256` of points as rows, (index, replication, whole plot, *setpoints, *sides), without a run list."""
-    return _sha256(factors, _texts_of_rows(rows, len(factors)), seed)
-
-
-def _texts_of_rows(rows: Iterable[tuple[Any, ...]], width: int) -> Iterator[str]:
-    known: dict[tuple[Any, ...], str] = {}
-    for row in rows:
-        text = known.get(row[3:])
-        if text is None:
-            if len(known) >= _TEXTS_KEPT:
-                known.clear()
-            text = known[row[3:]] = f"{json.dumps(row[3 : 3 + width])}, {json.dumps(row[3 + width :])}]"
-        yield f"[{row[0]}, {row[1]}, {'null' if row[2] is None else row[2]}, {text}"
-
-
-def _sha256(factors: Sequence[Factor], texts: Iterator[str], seed: int) -> str:
-    digest = hashlib.sha256()
-    head = {"factors": [[f.name, f.axis, f.overtravel, f.hard, f.stays] for f in factors], "seed": seed}
-    digest.update(json.dumps(head, sort_keys=True).encode())
-    while part := "".join(itertools.islice(texts, _AT_ONCE)):
-        digest.update(part.encode())
-    return digest.hexdigest()

@@ -17,7 +17,7 @@ from pydantic import Field, model_validator
 from procedures.central_composite import spherical
 from procedures.faults import WholePlotFaults
 from procedures.run_list import Factor, Point, RunList, Settle
-from procedures.settings import Positive, Strict
+from procedures.settings import Positive, Strict, WarningSettings
 
 PRESSURE, SENSOR, SSE = "pressure_psia", "sensor_temperature_degC", "sse_temperature_degC"
 
@@ -187,6 +187,7 @@ class WholePlotProcedure(Strict):
     measure: WholePlotMeasure = WholePlotMeasure()
     recovery: WholePlotRecovery = WholePlotRecovery()
     faults: WholePlotFaults = WholePlotFaults()
+    warnings: WarningSettings = WarningSettings()
     expect: WholePlotExpect = WholePlotExpect()
     acceptance: WholePlotAcceptance = WholePlotAcceptance()
 

@@ -34,12 +34,16 @@ from rig.engine.state import RunState, fold
 from rig.errors import BenchFault, ConfigurationError, StorageError, UsageError
 from rig.locks import locked_addresses
 from rig.matching import check_match
+from rig.previous import parse_previous, previous_text
 
 BYTES_PER_POINT = 6000
 """What an observation takes in the run file, with its share of indexes and log; measured, rounded up."""
 
 WORLD_START = "world_start_s"
 """In the first record of a dry run: how old its world was when the run began, if it was not new."""
+
+PREVIOUS = "previous.json"
+"""Document of the run file that holds the last calibration, where the procedure names one."""
 
 _VIRTUAL = "virtual"
 """Stands for the boot id where time is virtual: its clock continues across sessions by construction."""
@@ -94,6 +98,9 @@ def load_plan(procedure: Path, bench: Path, *, dry: bool = False, world: Path | 
     documents = {"bench.toml": read_text(bench, "bench"), "procedure.toml": read_text(procedure, "procedure")}
     if world is not None:
         documents["world.toml"] = read_text(world, "world")
+    against = parse_procedure(documents["procedure.toml"], str(procedure)).warnings.against
+    if against is not None:
+        documents[PREVIOUS] = previous_text(procedure.parent / against)
     return _plan(documents, dry, {"bench.toml": str(bench), "procedure.toml": str(procedure), "world.toml": str(world)})
 
 
@@ -268,7 +275,7 @@ def _world_start(run: RunReader) -> float:
 def _losses(run: RunWriter, state: RunState, told: int) -> Iterator[str]:
     """What the run file has lost since the last session: by its log's checksums, and by what was last told."""
     log = run.dropped
-    if log.damage:
+    if log.lost_commits:
         yield (
             f"the log of {run.path} is damaged ({log.damage}): {log.lost_commits} record(s) that had been written "
             f"are lost; points without an observation are measured again"
@@ -313,6 +320,7 @@ def _session(
     on_progress: Callable[[Progress], None],
     observer: Observer | None,
 ) -> Result:
+    previous = parse_previous(plan.documents[PREVIOUS], str(run.path)) if PREVIOUS in plan.documents else None
     origin, certain = (_world_start(run), True) if boot == _VIRTUAL else _elapsed_origin(state, clock, boot)
     session = Session(
         elapsed_origin=origin,
@@ -333,6 +341,7 @@ def _session(
         session=session,
         signals=signals,
         on_progress=on_progress,
+        previous=previous,
     )
     outcome = sequencer.run()
     return Result(run.path, outcome, sequencer.message, state, plan.procedure)

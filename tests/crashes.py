@@ -106,9 +106,7 @@ class Run:
                         on_progress=lambda _: None,
                     )
                 else:
-                    result = resume_run(
-                        path, signals=Signals(), on_progress=lambda _: None, warn=self.warnings.append
-                    )
+                    result = resume_run(path, signals=Signals(), on_progress=lambda _: None, warn=self.warnings.append)
             except Crash:
                 return False
         assert result.outcome is Outcome.COMPLETE, result.message

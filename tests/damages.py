@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from crashes import Run, crash_once
+
 from rig.controller import _losses
 from rig.engine.chain import Record
 from rig.engine.live import live_path, read_json
@@ -49,11 +50,11 @@ class Interrupted:
     commits: list[int]
 
     @classmethod
-    def make(cls, lab: str, folder: Path, at: int = 150) -> Interrupted:
+    def make(cls, lab: str, folder: Path, at: int = 152) -> Interrupted:
         """Kill a run at a write, a few commits after its log was begun anew."""
-        for nth in range(at, at + 200):
+        for nth in range(at, at + 200, 6):
             made = cls._killed(lab, folder / str(nth), nth)
-            if 4 <= len(made.commits) <= 8 and len(made.files[made.log]) > made.end:
+            if 3 <= len(made.commits) <= 9 and len(made.files[made.log]) > made.end:
                 return made
         raise AssertionError("no crash point with a few commits in a log begun anew")
 
@@ -150,7 +151,7 @@ def log_damages(killed: Interrupted, every: int) -> tuple[Counter[str], list[str
 
 def way_forward(message: str) -> bool:
     """Whether a message says what to do next."""
-    return "rig export" in message or "rig verify" in message
+    return "rig export" in message or "rig verify" in message or "rig resume" in message
 
 
 def small_finished(lab: str, folder: Path) -> Path:

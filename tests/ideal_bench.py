@@ -121,7 +121,8 @@ class IdealReader:
         return 0.5 * count
 
     def fetch(self) -> Mapping[str, Sequence[float]]:
-        volts = math.sin(math.radians(self.head.position("pitch")))
+        # The last digit is never the same twice, as no meter's is: readings that repeat one count as frozen.
+        volts = math.sin(math.radians(self.head.position("pitch"))) + 1e-9 * self.starts
         readings = [volts + self.noise_V * (-1) ** i for i in range(self._count)]
         if self.starts in self.overloads:
             readings[0] = 9.9e37

@@ -17,7 +17,7 @@ import ideal_bench
 import pytest
 
 from procedures import Factor, PitchRollProcedure, Point, RunList, WholePlotProcedure
-from rig.engine.chain import GENESIS, Record, first_break, link
+from rig.engine.chain import GENESIS, Record, link
 from rig.engine.indexes import IndexCounts, IndexSet
 from rig.engine.queue import PointQueue
 from rig.engine.run_file import Genesis, RunReader, RunWriter, create
@@ -292,17 +292,6 @@ def test_records_have_the_hashes_that_stored_runs_were_made_with():
     for seconds in (float("nan"), float("inf")):
         with pytest.raises(ValueError, match="not JSON compliant"):
             link(GENESIS, 1, Record(1, "event", seconds, 0.0))
-
-
-def test_only_records_before_a_break_are_handed_on():
-    rows, previous = [], GENESIS
-    for seq in range(1, 6):
-        own = link(previous, seq, observed(seq))
-        rows.append((seq, observed(seq, attempt=2 if seq == 4 else 1), previous, own))
-        previous = own
-    seen: list[Record] = []
-    assert first_break(rows, seen.append) == "record 4 (observation of point 4) was changed after it was written"
-    assert [r.run_index for r in seen] == [1, 2, 3]
 
 
 # --- the sequencer --------------------------------------------------------------------------------------------------

@@ -10,9 +10,9 @@ from rig.simulated.night.bugs import BUGS
 from rig.simulated.night.campaign import one_night, replay, unbiased
 from rig.simulated.night.scenario import LABS, draw
 
-NIGHTS = {"attitude": range(500, 545), "pressure": range(500, 525)}
+NIGHTS = {"attitude": range(500, 540), "pressure": range(500, 512)}
 FOUND_BY = {
-    "accept-late-reply": ("attitude", 0),
+    "accept-late-reply": ("attitude", 3),
     "skip-re-approach": ("attitude", 0),
     "double-write": ("attitude", 0),
     "ignore-alarm": ("pressure", 2),
@@ -53,7 +53,6 @@ def test_a_night_replays_exactly(tmp_path):
 
 
 def test_every_seed_is_another_night():
-    assert (
-        len({(draw(seed, "pressure").documents["world.toml"], draw(seed, "pressure").mishaps) for seed in range(20)})
-        == 20
-    )
+    nights = [draw(seed, "pressure") for seed in range(20)]
+    assert len({night.documents["world.toml"] for night in nights}) == 20
+    assert len({repr(night.mishaps) for night in nights}) == 20

@@ -82,9 +82,9 @@ def test_the_file_refuses_to_be_changed(path, statement):
         ("UPDATE record SET body = '{}' WHERE seq = 3", "record 3 (observation of point 1) was changed"),
         ("UPDATE record SET utc_s = utc_s + 1 WHERE seq = 2", "record 2 (observation of point 0) was changed"),
         ("DELETE FROM record WHERE seq = 3", "record 3 is missing"),
-        ("UPDATE document SET body = 'name = 1' WHERE name = 'bench.toml'", "stored bench.toml is not the one"),
+        ("UPDATE document SET body = 'name = 1' WHERE name = 'bench.toml'", "document bench.toml is not the one"),
         ("UPDATE point SET pitch_deg = 1 WHERE run_index = 2", "run list is not the one"),
-        ("INSERT INTO document VALUES ('x', 'y')", "document was added"),
+        ("INSERT INTO document VALUES ('x', 'y')", "document x was added"),
     ],
 )
 def test_an_edit_behind_its_back_is_found_and_named(path, tampering, says):

@@ -37,7 +37,9 @@ def main() -> None:
 
         code = app(standalone_mode=False)
     except RigError as error:
-        print(f"rig: {error}", file=sys.stderr)
+        from rig.cli.show import visible  # noqa: PLC0415
+
+        print(f"rig: {visible(str(error))}", file=sys.stderr)
         code = error.exit_code
     except _UsageProblem as error:
         error.show(file=sys.stderr)  # type: ignore[attr-defined]  # every ClickException has it

@@ -11,4 +11,6 @@ import rig.cli.plan
 import rig.cli.run
 import rig.cli.service
 import rig.cli.sim
-import rig.cli.study  # noqa: F401
+import rig.cli.study
+import rig.cli.verify
+import rig.cli.watch  # noqa: F401

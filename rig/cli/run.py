@@ -1,4 +1,4 @@
-"""`rig run`, `resume`, `status`, `hold`, `release`, `stop`, `verify`."""
+"""`rig run`, `resume`, `status`, `hold`, `release`, `stop`."""
 
 from __future__ import annotations
 
@@ -32,6 +32,7 @@ from rig.cli.unattended import (
 )
 from rig.controller import Result, load_plan, resume_run, start_run
 from rig.durations import duration
+from rig.engine.early_warning import warnings_of
 from rig.engine.live import controller_alive, live_path, read_json, send_request
 from rig.engine.run_file import RunReader
 from rig.engine.session import Outcome, Progress, Signals
@@ -194,6 +195,8 @@ def conclude(result: Result) -> int:
     """Say how a session ended; the exit code."""
     state = result.state
     with contextlib.suppress(OSError):  # a full or closed log does not change how the run ended
+        for words in _warnings(result.path):
+            err.print(f"[bold yellow]warning:[/] {escape(words)}", soft_wrap=True)
         if result.message and result.outcome is not Outcome.INTERRUPTED:
             print(f"rig: {result.message}", file=sys.stderr)
         for index, reason in sorted(state.skipped.items()):
@@ -208,6 +211,13 @@ def conclude(result: Result) -> int:
         if result.outcome is Outcome.COMPLETE and (not state.accepted or _outside_acceptance(result)):
             return ExitCode.OUTSIDE_ACCEPTANCE
     return _EXIT[result.outcome]
+
+
+def _warnings(run_file: Path) -> list[str]:
+    """Early warnings of a run; none of a file that cannot be read, about which others say more."""
+    with contextlib.suppress(RigError), RunReader.open(run_file) as reader:
+        return [str(record.data["message"]) for record in warnings_of(reader)]
+    return []
 
 
 def _outside_acceptance(result: Result) -> bool:
@@ -280,8 +290,8 @@ def status(
     summary: dict[str, Any] = {
         "run_id": state.run_id,
         "simulated": state.simulated,
-        "procedure": genesis.data["procedure"],
-        "bench": genesis.data["bench"],
+        "procedure": genesis.data.get("procedure", ""),
+        "bench": genesis.data.get("bench", ""),
         "state": live["state"] if running else state.ended or state.rested,
         "running": running,
         "points": state.points,
@@ -296,6 +306,7 @@ def status(
         "faults": [fault._asdict() for fault in state.faults],
         "safe": state.safe,
         "message": f"{live.get('message', '')} {live.get('detail', '')}".strip() if running else "",
+        "warnings": _warnings(run_file),
         "whole_plots_lost": {str(k): v for k, v in state.lost.items()},
         "records": count,
         "head": head.hex(),
@@ -313,6 +324,8 @@ def status(
         out.print(f"  [yellow]point {index} skipped:[/] {escape(why)}")
     for number, why in summary["whole_plots_lost"].items():
         out.print(f"  [yellow]whole plot {number} was lost and measured again:[/] {escape(why)}", soft_wrap=True)
+    for words in summary["warnings"]:
+        out.print(f"  [bold yellow]warning:[/] {escape(words)}", soft_wrap=True)
     _tell_faults(state)
     if state.last_fault and not running:
         out.print(f"  [red]last fault:[/] {escape(state.last_fault)}", soft_wrap=True)
@@ -393,15 +406,3 @@ def release(run_file: RunArgument) -> int:
 def stop(run_file: RunArgument) -> int:
     """Park the bench and end the session; the run can be resumed later."""
     return _ask(run_file, "stop")
-
-
-@app.command(rich_help_panel="Data")
-def verify(run_file: RunArgument) -> int:
-    """Check that a run file is whole and unchanged."""
-    with RunReader.open(run_file) as reader:
-        reader.verify()
-        count, head = reader.head()
-        simulated = bool(reader.genesis().data["simulated"])
-    text = f"{escape(str(run_file))}: {count} records, chain unbroken, head {head.hex()}"
-    out.print(mark(simulated) + text, soft_wrap=True)
-    return ExitCode.DONE

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -21,7 +22,19 @@ if TYPE_CHECKING:
     from rig.tables import Table
 
 
+_UNSEEN = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")
+
+
+def visible(text: str) -> str:
+    """Text with characters that would steer a terminal, or turn its lines round, written out."""
+    return _UNSEEN.sub(lambda found: f"\\x{ord(found.group()):02x}", text)
+
+
 class _Console(Console):
+    def render_str(self, text: str, **options: Any) -> Text:
+        """As rich does, with control characters made visible: names and notes come from files of others."""
+        return super().render_str(visible(text), **options)
+
     def on_broken_pipe(self) -> None:
         """Leave it to `rig.cli.main`: whoever read our output has seen enough, which is no fault."""
         raise BrokenPipeError

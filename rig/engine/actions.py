@@ -44,6 +44,7 @@ class BenchActions:
     Attributes:
         arrivals: how each axis came to rest where it is.
         chambers_seen: chambers as last read.
+        judges: what is being waited for to settle, by name; empty at other times.
 
     """
 
@@ -60,6 +61,7 @@ class BenchActions:
         self._unwatched_s = 0.0
         self.arrivals: dict[str, Arrival] = {}
         self.chambers_seen: dict[str, dict[str, Any]] = {}
+        self.judges: dict[str, Settling] = {}
 
     def take_unwatched_s(self) -> float:
         """The longest time for which no chamber was looked at, since this was last asked; bench seconds."""
@@ -222,25 +224,28 @@ class BenchActions:
         bears: int = 0,
     ) -> dict[str, Any]:
         began = self._clock.now()
-        judges = {name: Settling(c, began) for name, c in criteria.items()}
+        judges = self.judges = {name: Settling(c, began) for name, c in criteria.items()}
         missed = in_a_row = 0
-        while True:
-            try:
-                values = read()
-            except (NoReply, BadReply):  # hours of settling are not begun again for one reply that was lost
-                missed, in_a_row = missed + 1, in_a_row + 1
-                if in_a_row > bears:
-                    raise
-                for judge in judges.values():
-                    judge.missed(self._clock.now())
+        try:
+            while True:
+                try:
+                    values = read()
+                except (NoReply, BadReply):  # hours of settling are not begun again for one reply that was lost
+                    missed, in_a_row = missed + 1, in_a_row + 1
+                    if in_a_row > bears:
+                        raise
+                    for judge in judges.values():
+                        judge.missed(self._clock.now())
+                    self._wait(poll_s)
+                    continue
+                now, in_a_row = self._clock.now(), 0
+                watch(values)
+                outcomes = {name: judge.add(now, values[name]) for name, judge in judges.items()}
+                if "waiting" not in outcomes.values():
+                    break
                 self._wait(poll_s)
-                continue
-            now, in_a_row = self._clock.now(), 0
-            watch(values)
-            outcomes = {name: judge.add(now, values[name]) for name, judge in judges.items()}
-            if "waiting" not in outcomes.values():
-                break
-            self._wait(poll_s)
+        finally:
+            self.judges = {}
         evidence = {name: judge.evidence() | ({"missed": missed} if missed else {}) for name, judge in judges.items()}
         failed = [f"{name} {outcome}" for name, outcome in outcomes.items() if outcome != "settled"]
         if failed:

@@ -5,12 +5,13 @@ Every handler answers with the trigger that follows. What goes wrong is raised; 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from procedures import PitchRollProcedure, Point, Procedure, RunList
 from rig.bench import Bench
 from rig.engine.actions import BenchActions
+from rig.engine.early_warning import EarlyWarnings
 from rig.engine.faults import FrozenReading, NotSettled, OverloadedError, TemperatureLeft, TooNoisy
 from rig.engine.journal import Journal, PointInHand
 from rig.engine.measuring import Observation
@@ -36,6 +37,7 @@ class AtPoint:
         queue: points still to be observed.
         soaking: whole plots, None where nothing is hard to change.
         set_up: brings the instruments' settings to what the bench declares, where that is due.
+        warnings: watches over the sensors, None where that is not wanted.
         policies: say which doubtful readings are accepted, with a flag.
 
     Attributes:
@@ -54,17 +56,18 @@ class AtPoint:
         queue: PointQueue,
         soaking: Soaking | None,
         set_up: Callable[[], None],
+        warnings: EarlyWarnings | None,
         policies: Policies,
     ) -> None:
         self._bench, self._run_list, self._procedure = bench, run_list, procedure
         self._do, self._journal, self._queue = do, journal, queue
         self._soaking = soaking
-        self._set_up, self._policies = set_up, policies
+        self._set_up, self._policies, self._warnings = set_up, policies, warnings
         self._references = tuple(f for f in run_list.easy if not f.stays)
         self._settle = procedure.settle.judged()
         self._poll_s = procedure.settle.poll_s
         last = journal.last_read()
-        self._last_read: tuple[Point | None, Mapping[str, float]] = (None, {})
+        self._last_read: tuple[Point | None, Mapping[str, Sequence[float]]] = (None, {})
         if last is not None:
             self._last_read = run_list.points[last[0]], last[1]
         self.move_timeout_s = max(_MOVE_TIMEOUT_S, self._settle.timeout_s)
@@ -145,15 +148,15 @@ class AtPoint:
         return "record"
 
     def _check_alive(self, observation: Observation) -> None:
-        """Two settings do not give the same reading to the last digit: a meter or a sensor hangs, or a reply is old."""
+        """A meter or a sensor that hangs, or a reply that is old, repeats the point before to the last digit."""
         point, (before, last) = self._at.point, self._last_read
-        frozen = observation.frozen(last) if before is not None and before.setpoints != point.setpoints else []
+        frozen = observation.frozen(last, moved=before is None or before.setpoints != point.setpoints)
         if frozen:
             words = (
                 f"{', '.join(frozen)} at point {point.index} repeats the readings of the point before to the last digit"
             )
             self._flag("frozen", "frozen", FrozenReading(words))
-        self._last_read = point, {name: c.readings[-1] for name, c in observation.outputs.items()}
+        self._last_read = point, {name: c.readings for name, c in observation.outputs.items()}
 
     def _flag(self, flag: str, fault: str, error: Exception) -> None:
         """Accept a doubtful reading with a flag, or raise what is doubtful about it: the policies say which."""
@@ -189,12 +192,24 @@ class AtPoint:
                 self._soaking.lose(why)
         self._journal.write("observation", body, status="accepted")
         self._journal.point_observed()
+        if self._warned(at.point, body) and self._procedure.warnings.hold:
+            self._do.stop_motion()
+            self._journal.write("hold", {"why": "a warning, and the procedure asks to hold at one"})
+            self._journal.take_up(None)
+            return "hold"
         elsewhere = self._advance()
         if elsewhere is not None:
             return elsewhere
         band = self._settle.band
         self._at.legs = plan_legs(self._run_list.factors, self._at.point, positions, self._do.arrivals, band)
         return "move"
+
+    def _warned(self, point: Point, body: Mapping[str, Any]) -> bool:
+        """Whether the observation gave reason for a warning; each is written down."""
+        found = [] if self._warnings is None else self._warnings.add(point, self._journal.fold.whole_plot, body)
+        for warning in found:
+            self._journal.write("event", warning.as_json(), status="warning")
+        return bool(found)
 
     def _check_environment(self, chambers: Mapping[str, Any]) -> None:
         """An environment that was asked for still stands; of whole plots their own rules say more."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from math import isfinite
@@ -48,8 +48,13 @@ class Record:
 
     @cached_property
     def data(self) -> dict[str, Any]:
-        """The body, decoded."""
-        decoded: dict[str, Any] = json.loads(self.body)
+        """The body, decoded. Raises ValueError if it is not a JSON object."""
+        try:
+            decoded = json.loads(self.body)
+        except RecursionError:
+            raise ValueError("JSON nested too deeply") from None
+        if not isinstance(decoded, dict):
+            raise ValueError("JSON, but not an object")
         return decoded
 
     def fields(self) -> tuple[object, ...]:
@@ -79,15 +84,20 @@ def link(previous: bytes, seq: int, record: Record) -> bytes:
 
 def _fields(seq: int, record: Record) -> str:
     """A record but for its body, as JSON without the closing bracket."""
-    r = record
-    if not (type(r.elapsed_s) is type(r.utc_s) is float and isfinite(r.elapsed_s + r.utc_s)):
+    r, index, whole_plot, attempt = record, record.run_index, record.whole_plot, record.attempt
+    if not (
+        type(r.elapsed_s) is type(r.utc_s) is float
+        and isfinite(r.elapsed_s + r.utc_s)
+        and type(r.session) is int
+        and (index is None or type(index) is int)
+        and (whole_plot is None or type(whole_plot) is int)
+        and (attempt is None or type(attempt) is int)
+    ):
         return json.dumps([seq, *r.fields()[:-1]], separators=(",", ":"), allow_nan=False)[:-1]
-    place = "null" if r.run_index is None else r.run_index
-    whole_plot = "null" if r.whole_plot is None else r.whole_plot
-    attempt = "null" if r.attempt is None else r.attempt
     return (
         f"[{seq},{r.session},{_word(r.kind)},{r.elapsed_s!r},{r.utc_s!r},"
-        f"{place},{whole_plot},{attempt},{_word(r.status)}"
+        f"{'null' if index is None else index},{'null' if whole_plot is None else whole_plot},"
+        f"{'null' if attempt is None else attempt},{_word(r.status)}"
     )
 
 
@@ -106,30 +116,3 @@ def _quoted(body: object) -> bytes:
         if not plain.translate(None, _PLAIN):
             return b'"%b"' % plain.replace(b'"', b'\\"')
     return json.dumps(body).encode()
-
-
-def first_break(
-    rows: Iterable[tuple[int, Record, bytes, bytes]], each: Callable[[Record], object] = lambda _: None
-) -> str | None:
-    """Where a chain is broken, None if it holds.
-
-    Args:
-        rows: (seq, record, previous, hash) in order of seq.
-        each: called with every record up to there.
-
-    """
-    expected_seq, expected = 1, GENESIS
-    for seq, record, previous, own in rows:
-        if seq != expected_seq:
-            return f"record {expected_seq} is missing: record {seq} follows record {expected_seq - 1}"
-        if previous != expected or link(previous, seq, record) != own:
-            of = "" if record.run_index is None else f" of point {record.run_index}"
-            if previous == expected:
-                return f"record {seq} ({record.kind}{of}) was changed after it was written"
-            return (
-                f"record {seq} ({record.kind}{of}) does not follow the record before it: something was changed, "
-                f"removed or inserted there"
-            )
-        each(record)
-        expected_seq, expected = seq + 1, own
-    return None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import statistics
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -17,8 +17,12 @@ from rig.engine.measuring import Observation
 from rig.engine.motion import Leg
 from rig.engine.run_file import RunWriter
 from rig.engine.session import Progress, Session
+from rig.engine.settling import Settling
 from rig.engine.state import RunState
 from rig.engine.states import State
+
+_SHOWN_S, _SHOWN = 1800.0, 120
+"""How much of a settling quantity's trace the live state tells: the last half hour, so many samples at most."""
 
 
 @dataclass
@@ -68,6 +72,7 @@ class Journal:
         at: the point in hand, if any; records about it name it.
         message: what is going on, "" if the state says it.
         detail: readings of the moment that go with it.
+        settling: tells what is being waited for to settle, by name.
 
     """
 
@@ -88,6 +93,7 @@ class Journal:
         self.at: PointInHand | None = None
         self.message = ""
         self.detail = ""
+        self.settling: Callable[[], Mapping[str, Settling]] = dict
         self._run = run
         self._clock = clock
         self._session = session
@@ -151,12 +157,12 @@ class Journal:
         self.fold.add(record)
         self._session.observer.recorded(record)
 
-    def last_read(self) -> tuple[int, dict[str, float]] | None:
-        """Index of the point that was accepted last, in whichever session, and what its outputs read in the end."""
+    def last_read(self) -> tuple[int, dict[str, Sequence[float]]] | None:
+        """Index of the point that was accepted last, in whichever session, and what its outputs read."""
         record = self._run.latest("observation", "accepted")
         if record is None or record.run_index is None:
             return None
-        return record.run_index, {name: output["readings"][-1] for name, output in record.data["outputs"].items()}
+        return record.run_index, {name: output["readings"] for name, output in record.data["outputs"].items()}
 
     def finish(self, body: Mapping[str, Any]) -> None:
         """Write the end record and close the run file for good. Raises `StorageError`."""
@@ -242,4 +248,5 @@ class Journal:
             "point": None if self.at is None else self.at.point.index,
             "whole_plot": self.fold.planned,
             "whole_plots": self._whole_plots,
+            "settling": {name: judge.lately(_SHOWN_S, _SHOWN) for name, judge in self.settling().items()},
         }

@@ -66,9 +66,19 @@ class Observation:
         """Names of the quantities that were out of range."""
         return [name for name, c in (*self.outputs.items(), *self.temperatures.items()) if c.overload]
 
-    def frozen(self, before: Mapping[str, float]) -> list[str]:
-        """Outputs whose every reading is, to the last digit, the one that the point before ended with."""
-        return [name for name, c in self.outputs.items() if set(c.readings) == {before.get(name)}]
+    def frozen(self, before: Mapping[str, Sequence[float]], *, moved: bool) -> list[str]:
+        """Outputs that repeat, to the last digit, the reading that the point before ended with.
+
+        Args:
+            before: the readings of that point, by column.
+            moved: whether the setting is another one. Where it is not, an output that scattered there is to scatter.
+
+        """
+        return [
+            name
+            for name, c in self.outputs.items()
+            if (then := before.get(name)) and set(c.readings) == {then[-1]} and (moved or len(set(then)) > 1)
+        ]
 
     def noisiest(self) -> tuple[str, float]:
         """The output with the largest standard deviation, and that."""

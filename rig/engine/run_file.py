@@ -12,7 +12,7 @@ import contextlib
 import fcntl
 import hashlib
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Self
@@ -21,39 +21,18 @@ import apsw
 
 from drivers.clock import RealClock
 from procedures import Factor, Point, RunList
-from procedures.run_list import sha256_of_rows
 from rig.engine import wal
-from rig.engine.chain import GENESIS, Record, encode, first_break, link
+from rig.engine.audit import findings
+from rig.engine.chain import GENESIS, Record, encode, link
 from rig.engine.last_word import LastWord, read_last_word
+from rig.engine.schema import APPLICATION_ID, SCHEMA_VERSION, Guarded, guard, statements, strange_tables
 from rig.engine.storage import storage_of
 from rig.errors import BusyError, RunFileError, StorageError, UsageError
 
-APPLICATION_ID = 0x52494721
-SCHEMA_VERSION = 2
-
-_TABLES = """
-CREATE TABLE document (name TEXT PRIMARY KEY, body TEXT NOT NULL) STRICT;
-CREATE TABLE factor (position INTEGER PRIMARY KEY, name TEXT NOT NULL, axis TEXT NOT NULL, overtravel REAL NOT NULL,
-    hard INTEGER NOT NULL, stays INTEGER NOT NULL) STRICT;
-CREATE TABLE record (
-    seq INTEGER PRIMARY KEY, session INTEGER NOT NULL, kind TEXT NOT NULL, elapsed_s REAL NOT NULL,
-    utc_s REAL NOT NULL, run_index INTEGER, whole_plot INTEGER, attempt INTEGER, status TEXT, body TEXT NOT NULL,
-    previous BLOB NOT NULL, hash BLOB NOT NULL) STRICT;
-CREATE UNIQUE INDEX one_accepted_observation ON record (run_index, ifnull(whole_plot, 0))
-    WHERE kind = 'observation' AND status = 'accepted';
-"""
 _SLICE = 200
 _LOWEST, _HIGHEST = -(2**63), 2**63 - 1
 _INSERT = f"INSERT INTO record VALUES ({', '.join('?' * 12)})"
 _COLUMNS = "session, kind, elapsed_s, utc_s, run_index, whole_plot, attempt, status, body"
-
-
-def _append_only(table: str) -> str:
-    return "".join(
-        f"CREATE TRIGGER {table}_refuses_{verb.lower()} BEFORE {verb} ON {table} "
-        f"BEGIN SELECT RAISE(ABORT, 'a run file is append-only'); END;"
-        for verb in ("UPDATE", "DELETE")
-    )
 
 
 @dataclass(frozen=True)
@@ -82,6 +61,7 @@ class RunReader:
     def __init__(self, path: Path, connection: apsw.Connection) -> None:
         self.path = path
         self._db = connection
+        self.guarded = Guarded(connection, lambda: _size(path))
 
     @classmethod
     def open(cls, path: Path) -> Self:
@@ -122,24 +102,19 @@ class RunReader:
 
     def run_list(self) -> RunList:
         """The run list as stored."""
-        factors = self._factors()
-        width = len(factors)
-        points = (
-            Point(row[0], row[1], row[2], row[3 : 3 + width], row[3 + width :]) for row in self._point_rows(factors)
-        )
-        return RunList(factors, points, int(self.genesis().data["seed"]))
-
-    def _factors(self) -> tuple[Factor, ...]:
-        return tuple(
+        factors = tuple(
             Factor(name, axis, overtravel, bool(hard), bool(stays))
             for name, axis, overtravel, hard, stays in self._all(
                 "SELECT name, axis, overtravel, hard, stays FROM factor ORDER BY position"
             )
         )
-
-    def _point_rows(self, factors: Sequence[Factor]) -> Iterator[tuple[Any, ...]]:
+        width = len(factors)
         names = ", ".join([f'"{f.name}"' for f in factors] + [f'"{f.name}_side"' for f in factors])
-        return self._slices(f"run_index, replication, whole_plot, {names} FROM point")
+        points = (
+            Point(row[0], row[1], row[2], row[3 : 3 + width], row[3 + width :])
+            for row in self._slices(f"run_index, replication, whole_plot, {names} FROM point")
+        )
+        return RunList(factors, points, int(self.genesis().data["seed"]))
 
     def genesis(self) -> Record:
         """The first record: what the run is."""
@@ -168,54 +143,31 @@ class RunReader:
     def chained(self, where: str = "1", values: tuple[object, ...] = ()) -> Iterator[tuple[int, Record, bytes, bytes]]:
         """Rows as (seq, record, previous, hash), in order."""
         for row in self._slices(f"seq, {_COLUMNS}, previous, hash FROM record", where, values):
-            yield row[0], Record(*row[1:10]), row[10], row[11]
+            yield row[0], Record(*row[1:10]), _bytes(row[10]), _bytes(row[11])
 
     def head(self) -> tuple[int, bytes]:
         """Number of records and the last one's hash."""
         for seq, own in self._all("SELECT seq, hash FROM record ORDER BY seq DESC LIMIT 1"):
-            return seq, own
+            return seq, _bytes(own)
         return 0, GENESIS
 
-    def _holds(self, seq: int, own: bytes) -> bool:
+    def holds(self, seq: int, own: bytes) -> bool:
         """Whether there is a record of that number and hash."""
         return bool(self._all("SELECT 1 FROM record WHERE seq = ? AND hash = ?", (seq, own)))
 
     def verify(self, each: Callable[[Record], object] = lambda _: None) -> None:
-        """Check integrity, run list, documents and chain; raises `RunFileError` that says what was changed, where.
+        """Check integrity, schema, run list, documents and chain.
 
         Args:
             each: called with every record, as the chain is followed: a state can be folded in the same pass.
 
-        """
-        try:
-            for (answer,) in self._all("PRAGMA quick_check(1)"):
-                if answer != "ok":
-                    raise RunFileError(f"{self.path} is damaged: {answer}. {_WAY_FORWARD}")
-            broken = first_break(self.chained(), each)
-            if broken is None:
-                broken = self._changed_contents()
-        except (apsw.Error, ValueError, TypeError) as error:
-            raise _unreadable(self.path, error) from error
-        if broken is not None:
-            raise RunFileError(f"{self.path} was edited or damaged: {broken}. {_WAY_FORWARD}")
+        Raises:
+            RunFileError: says what was changed first, and where; `rig verify` lists everything.
 
-    def _changed_contents(self) -> str | None:
-        declared = self.genesis().data
-        documents = self.documents()
-        for name, digest in declared["documents"].items():
-            if _digest(documents.get(name, "")) != digest:
-                return f"the stored {name} is not the one the run began with"
-        if sorted(documents) != sorted(declared["documents"]):
-            return "a document was added or removed"
-        factors = self._factors()
-        if sha256_of_rows(factors, self._point_rows(factors), int(declared["seed"])) != declared["run_list"]:
-            return "the run list is not the one the run began with"
-        end = None
-        for seq, record, _, _ in self.chained("kind = 'end'"):
-            end = (seq, record)
-        if end is not None and (end[1].data["records"] != end[0] - 1 or end[0] != self.head()[0]):
-            return "records were added after, or are missing before, the end of the run"
-        return None
+        """
+        wrong = next(findings(self, thorough=False, each=each), None)
+        if wrong is not None:
+            raise _edited(self.path, str(wrong))
 
     def _slices(self, what: str, where: str = "1", values: tuple[object, ...] = ()) -> Iterator[Any]:
         """Rows in order of their key, a slice at a time: no list of them all, and no transaction that stays open.
@@ -240,7 +192,7 @@ class RunReader:
 
     def _all(self, statement: str, values: tuple[object, ...] = ()) -> list[Any]:
         try:
-            return self._db.execute(statement, values).fetchall()
+            return list(self.guarded.rows(statement, values))
         except (apsw.Error, UnicodeDecodeError) as error:
             raise _unreadable(self.path, error) from error
 
@@ -271,6 +223,7 @@ class RunWriter(RunReader):
             dropped = wal.inspect(path)
             try:
                 db = apsw.Connection(str(path), flags=apsw.SQLITE_OPEN_READWRITE, vfs=vfs or None)
+                guard(db, writes=True)
                 run = cls(path, _checked(path, db))
             except apsw.Error as error:
                 raise _unreadable(path, error) from error
@@ -292,6 +245,7 @@ class RunWriter(RunReader):
     def _start(self) -> None:
         try:
             self._db.set_busy_timeout(10_000)
+            self._db.set_progress_handler(None)  # from here on it is our own statements on a file that verifies
             self._db.pragma("synchronous", "extra")  # entering WAL mode, which journals its own way, is durable too
             self._db.pragma("journal_mode", "wal")
             self._db.pragma("synchronous", "full")
@@ -306,13 +260,15 @@ class RunWriter(RunReader):
             self._last_word.say(self._seq, self._hash)
 
     def _cut_off(self, dropped: wal.WalState) -> wal.WalState:
-        """What was dropped, with the records that the last session is known to have written and that are not there."""
+        """What was dropped, in the light of how many records the last session is known to have written."""
         last = read_last_word(self.path)
-        if last is None or self._holds(*last):
+        if last is None:
             return dropped
+        if self.holds(*last):
+            return replace(dropped, lost_commits=0)  # what is cut short at the end had not been acknowledged
         missing = last[0] - self._seq
         damage = f"its last {missing} record(s) are not there" if missing > 0 else f"record {last[0]} is another one"
-        return replace(dropped, damage=dropped.damage or damage, lost_commits=max(dropped.lost_commits, missing))
+        return replace(dropped, damage=dropped.damage or damage, lost_commits=max(1, missing))
 
     def append(self, record: Record, *, commit: bool = True) -> None:
         """Add a record; without `commit` it becomes durable together with the next one that has it.
@@ -404,18 +360,12 @@ def create(path: Path, genesis: Genesis, *, elapsed_s: float, utc_s: float, vfs:
 
 def _fill(db: apsw.Connection, genesis: Genesis, elapsed_s: float, utc_s: float) -> None:
     runs = genesis.run_list
-    columns = "".join(f', "{f.name}" REAL NOT NULL' for f in runs.factors)
-    sides = "".join(f', "{f.name}_side" INTEGER NOT NULL' for f in runs.factors)
     db.pragma("application_id", APPLICATION_ID)
     db.pragma("user_version", SCHEMA_VERSION)
     db.pragma("synchronous", "full")
     db.execute("BEGIN IMMEDIATE")
-    db.execute(_TABLES)
-    db.execute(
-        f"CREATE TABLE point (run_index INTEGER PRIMARY KEY, replication INTEGER NOT NULL, whole_plot INTEGER"
-        f"{columns}{sides}) STRICT"
-    )
-    db.execute("".join(_append_only(table) for table in ("document", "factor", "point", "record")))
+    for statement in statements([f.name for f in runs.factors]).values():
+        db.execute(statement)
     db.executemany("INSERT INTO document VALUES (?, ?)", list(genesis.documents.items()))
     db.executemany(
         "INSERT INTO factor VALUES (?, ?, ?, ?, ?, ?)",
@@ -442,10 +392,16 @@ def _fill(db: apsw.Connection, genesis: Genesis, elapsed_s: float, utc_s: float)
 
 
 _READ = apsw.SQLITE_OPEN_READONLY | apsw.SQLITE_OPEN_URI
+_COPY = ": go on with a copy of it from before, which `rig verify` finds whole"
 _WAY_FORWARD = (
     "Nothing was changed now. Keep the file; `rig export FILE --salvage --out DATA.csv` saves what can still "
     "be read, and a copy from before the damage can be resumed as it is."
 )
+
+
+def _bytes(value: object) -> bytes:
+    """A hash as stored; what is none is one of nothing."""
+    return value if isinstance(value, bytes) else b""
 
 
 def _digest(text: str) -> str:
@@ -462,9 +418,9 @@ def _check_header(path: Path) -> None:
     except OSError as error:
         raise UsageError(f"{path} cannot be read: {error.strerror}") from error
     if not start.startswith(b"SQLite format 3\0") or len(start) < 100:
-        raise UsageError(f"{path} is not a run file (not an SQLite database)")
+        raise UsageError(f"{path} is not a run file (not an SQLite database), or its beginning is damaged{_COPY}")
     if int.from_bytes(start[68:72], "big") != APPLICATION_ID:
-        raise UsageError(f"{path} is not a run file (an SQLite database of another program)")
+        raise UsageError(f"{path} is not a run file (an SQLite database of another program), or damaged{_COPY}")
 
 
 def _locked(descriptor: int) -> bool:
@@ -483,8 +439,14 @@ def _locked(descriptor: int) -> bool:
 def _opened(path: Path, uri: str) -> apsw.Connection:
     db = apsw.Connection(uri, flags=_READ)
     db.set_busy_timeout(2000)
-    db.execute("SELECT count(*) FROM sqlite_master").fetchall()  # SQLite opens lazily
+    guard(db, writes=False)
     return _checked(path, db)
+
+
+def _size(path: Path) -> int:
+    """Bytes of a run file and its log."""
+    files = (path, path.with_name(path.name + "-wal"))
+    return sum(file.stat().st_size for file in files if file.exists())
 
 
 def _rolled_back(path: Path) -> bool:
@@ -512,13 +474,23 @@ def _rolled_back(path: Path) -> bool:
 
 
 def _checked(path: Path, db: apsw.Connection) -> apsw.Connection:
+    """A connection to a file whose tables are those of a run file. SQLite opens lazily: this is the first look."""
     version = db.pragma("user_version")
     if version != SCHEMA_VERSION:
         raise RunFileError(
             f"{path} has run-file format {version}, this program reads format {SCHEMA_VERSION}: "
-            f"use the version of rig that wrote it"
+            f"use the version of rig that wrote it; if this one did, it is damaged{_COPY}"
         )
+    strange = strange_tables(Guarded(db, lambda: _size(path)))
+    if strange is not None:
+        raise _edited(path, strange)
     return db
+
+
+def _edited(path: Path, what: str) -> RunFileError:
+    return RunFileError(
+        f"{path} was edited or damaged: {what}. `rig verify {path}` lists everything that is wrong. {_WAY_FORWARD}"
+    )
 
 
 def _unreadable(path: Path, error: Exception) -> RunFileError:

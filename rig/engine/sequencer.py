@@ -17,6 +17,7 @@ from rig.engine.actions import BenchActions
 from rig.engine.at_point import AtPoint
 from rig.engine.axes import axes_of, own_limits
 from rig.engine.deciding import Deciding
+from rig.engine.early_warning import EarlyWarnings
 from rig.engine.faults import FAULTS, InterlockHold, TemperatureLeft
 from rig.engine.guard import Guard
 from rig.engine.identities import compare_identities
@@ -33,6 +34,7 @@ from rig.engine.standing import Standing
 from rig.engine.state import RunState
 from rig.engine.states import AT_POINT, FINAL, State, machine
 from rig.errors import BenchFault, RigError, StorageError
+from rig.previous import Previous
 
 
 class _Interrupted(Exception):
@@ -60,6 +62,7 @@ class Sequencer:
         session: this start of the controller.
         signals: looked at wherever the sequencer waits.
         on_progress: called with news, often.
+        previous: the last calibration of these sensors, for early warnings.
 
     """
 
@@ -75,6 +78,7 @@ class Sequencer:
         session: Session,
         signals: Signals,
         on_progress: Callable[[Progress], None],
+        previous: Previous | None = None,
     ) -> None:
         self._bench, self._path = bench, run.path
         self._run_list, self._procedure = run_list, procedure
@@ -84,6 +88,7 @@ class Sequencer:
         config = bench.config
         self._guard = Guard(config.limits, config.factors, config.interlocks, clock.now)
         self._do = BenchActions(bench, self._axes, self._guard, clock, self._wait)
+        self._journal.settling = lambda: self._do.judges
         self._requests = Requests(run.path, session.number, clock.stopwatch)
         self._queue = PointQueue(run_list, state)
         self._policies = Policies(procedure, clock.now)
@@ -111,6 +116,7 @@ class Sequencer:
             queue=self._queue,
             soaking=self._soaking,
             set_up=self._set_up,
+            warnings=self._early_warnings(run, state, previous),
             policies=self._policies,
         )
         self._standing = Standing(procedure, self._journal, self._queue, self._soaking)
@@ -147,6 +153,16 @@ class Sequencer:
     def message(self) -> str:
         """What is going on; after the end, what there is to say about it."""
         return self._journal.message
+
+    def _early_warnings(self, run: RunWriter, state: RunState, previous: Previous | None) -> EarlyWarnings | None:
+        if not self._procedure.warnings.enabled:
+            return None
+        mounting = getattr(self._procedure, "mounting", None)
+        turned = {} if mounting is None else mounting.model_dump()
+        warnings = EarlyWarnings(self._run_list, previous, turned)
+        if state.worked_s is not None:
+            warnings.recall(run)
+        return warnings
 
     # --- the loop -------------------------------------------------------------------------------------------
 

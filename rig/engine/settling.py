@@ -82,6 +82,20 @@ class Settling:
         mean_v = sum(v for _, v in recent) / n
         return sum((t - mean_t) * (v - mean_v) for t, v in recent) / spread
 
+    def lately(self, seconds: float, most: int) -> dict[str, object]:
+        """The last `seconds` for whoever watches: criteria, outcome, `most` samples at most as [seconds ago, value]."""
+        newest = self._samples[-1][0] if self._samples else 0.0
+        shown = [(t - newest, value) for t, value in self._samples if t >= newest - seconds]
+        if len(shown) > most:
+            step = (len(shown) - 1) / (most - 1)
+            shown = [shown[round(i * step)] for i in range(most)]
+        return {
+            "target": self.criteria.target,
+            "band": self.criteria.band,
+            "outcome": self.outcome,
+            "samples": [[round(t, 1), value] for t, value in shown],
+        }
+
     def evidence(self) -> dict[str, object]:
         """What was seen, for the run file: outcome, seconds taken, samples as [seconds, value]."""
         samples = self._samples

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 from rig.engine.chain import Record
 from rig.engine.indexes import IndexCounts, IndexSet
 from rig.engine.run_file import RunReader
+from rig.errors import RunFileError
 
 _FAULTS_KEPT = 20
 
@@ -182,15 +183,17 @@ def read_state(reader: RunReader) -> RunState:
     """
     try:
         return fold(reader.records())
-    except (ValueError, LookupError, TypeError, AssertionError, AttributeError):
+    except (ValueError, LookupError, TypeError, AssertionError, AttributeError, ArithmeticError) as error:
         reader.verify()
-        raise
+        raise RunFileError(
+            f"{reader.path} verifies, but its records make no sense together ({type(error).__name__}: {error}): "
+            f"no version of rig wrote them; go on with a copy of it from before"
+        ) from error
 
 
 def is_simulated(reader: RunReader) -> bool:
-    """Whether a run involves no real instrument, without reading all of it. Raises as `read_state`."""
+    """Whether a run involves no real instrument, without reading all of it. Raises `RunFileError` as `read_state`."""
     try:
         return bool(reader.genesis().data["simulated"])
     except (ValueError, LookupError, TypeError, AttributeError):
-        reader.verify()
-        raise
+        return read_state(reader).simulated

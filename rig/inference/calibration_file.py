@@ -54,13 +54,7 @@ def read_calibration(path: Path) -> CalibrationFile:
         raise UsageError(f"{path} is a run file; make a calibration of it first: rig fit {path} --out calibration.json")
     try:
         given = json.loads(path.read_text(encoding="utf-8"))
-        calibration: AttitudeCalibration | Mapping[str, PressureCalibration]
-        if given["data"]["kind"] == "pitch-roll":
-            calibration = AttitudeCalibration.from_dict(given["calibration"])
-        else:
-            sensors = given["sensors"].items()
-            calibration = {name: PressureCalibration.from_dict(sensor["calibration"]) for name, sensor in sensors}
-        return CalibrationFile(calibration, bool(given["data"]["simulated"]), incomplete(given["data"]))
+        return CalibrationFile(calibration_of(given), bool(given["data"]["simulated"]), incomplete(given["data"]))
     except FileNotFoundError:
         raise UsageError(f"there is no file {path}") from None
     except OSError as error:
@@ -69,3 +63,10 @@ def read_calibration(path: Path) -> CalibrationFile:
         raise UsageError(f"{path} is nested too deeply to be a calibration file") from None
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise UsageError(f"{path} is not a calibration file of `rig fit --out`: {error}") from error
+
+
+def calibration_of(given: Mapping[str, Any]) -> AttitudeCalibration | Mapping[str, PressureCalibration]:
+    """The calibration in what `rig fit --out` writes. Raises ValueError, KeyError, TypeError or AttributeError."""
+    if given["data"]["kind"] == "pitch-roll":
+        return AttitudeCalibration.from_dict(given["calibration"])
+    return {n: PressureCalibration.from_dict(sensor["calibration"]) for n, sensor in given["sensors"].items()}

@@ -70,6 +70,8 @@ def _words(record: Record) -> str:
             return "stopped on request"
         case "event" if record.status in ("homed", "interrupted", "parked", "environment-settled"):
             return record.status.replace("-", " ")
+        case "event" if record.status == "warning":
+            return f"warning: {data['message']}"
         case "event" if record.status == "recovered":
             what = ", ".join(f"{fault.replace('_', ' ')} {n}x" for fault, n in data["failures"].items())
             return f"{data['place']}: went well in the end, after {what}"

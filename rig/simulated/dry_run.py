@@ -60,6 +60,7 @@ class DryBench:
         start: virtual seconds at which its time begins.
         where: the world file's name, for messages.
         tap: sees every byte on every wire.
+        key: of its addresses, unique in this process; "" for one of our own making.
         record_tape: keep what truly happens in `sim.tape`, for checkers.
 
     Raises:
@@ -76,9 +77,10 @@ class DryBench:
         where: str = "world",
         tap: Tap | None = None,
         record_tape: bool = False,
+        key: str = "",
     ) -> None:
         values = plain(config)
-        key = f"dry{next(_keys)}"
+        key = key or f"dry{next(_keys)}"
         try:
             self.world = world_for(values, truth, start)
             self.sim = SimBench(self.world, values, truth, key, twin_classes(config), record_tape=record_tape)

@@ -31,6 +31,16 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
         RunFileError: the file was damaged or edited (unless salvaged), or holds no observations.
 
     """
+    try:
+        return _run_table(path, everything, salvage)
+    except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
+        raise RunFileError(
+            f"{path}: its contents are not what a controller writes ({type(error).__name__}: {str(error)[:200]}); "
+            f"`rig verify {path}` says more, `rig export {path} --salvage --out DATA.csv` saves what can be read"
+        ) from error
+
+
+def _run_table(path: Path, everything: bool, salvage: bool) -> Table:
     with RunReader.open(path) as reader:
         if not salvage:
             reader.verify()
@@ -59,8 +69,11 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
             if genesis.data["simulated"]:
                 row["simulated"] = 1.0
             rows.append(row)
-        instruments = _instruments(reader)
-        began, last = genesis.utc_s, max((r.utc_s for r in reader.records("observation")), default=genesis.utc_s)
+        instruments = {} if salvage else _instruments(reader)
+        last = (
+            genesis.utc_s if salvage else max((r.utc_s for r in reader.records("observation")), default=genesis.utc_s)
+        )
+        began = genesis.utc_s
         _, head = reader.head()
         ended = not salvage and any(True for _ in reader.records("end"))
         skipped = [] if salvage else _skipped(reader, run_list)
@@ -72,9 +85,9 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
         "run_id": genesis.data["run_id"],
         "simulated": genesis.data["simulated"],
         "head": head.hex(),
-        "bench": genesis.data["bench"],
-        "procedure": genesis.data["procedure"],
-        "software": genesis.data["software"],
+        "bench": genesis.data.get("bench", ""),
+        "procedure": genesis.data.get("procedure", ""),
+        "software": genesis.data.get("software", {}),
         "began_utc": _utc(began),
         "last_observation_utc": _utc(last),
         "instruments": instruments,

@@ -1,0 +1,80 @@
+"""`rig verify`: is a run file whole, and if not, what was changed in it."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+
+from rig.cli import app
+from rig.cli.run import JsonOption, RunArgument
+from rig.cli.show import mark, out, print_json
+from rig.engine.verification import Verification, verify_file
+from rig.errors import ExitCode, RunFileError, UsageError
+
+
+@app.command(rich_help_panel="Data")
+def verify(
+    run_file: RunArgument,
+    head: Annotated[
+        str | None,
+        typer.Option(help="the head hash printed in a report: a cut or rewritten end shows only against it"),
+    ] = None,
+    as_json: JsonOption = False,
+) -> int:
+    """Check that a run file is whole and unchanged; say what was changed, and where.
+
+    Example: `rig verify runs/20260115T180000-night-1a2b.sqlite --head 3f7a9c0d51e2b846`
+    """
+    if head is not None and not re.fullmatch("[0-9a-f]{8,64}", head := head.strip().lower()):
+        raise UsageError(
+            f"--head {head}: a head hash is 8 to 64 hexadecimal digits, as `rig verify` and reports print it"
+        )
+    found = verify_file(run_file, head)
+    if as_json:
+        _print_json(found)
+    else:
+        _print_text(found)
+    if found.whole:
+        return ExitCode.DONE
+    raise RunFileError(_way_forward(run_file, found))
+
+
+def _way_forward(path: Path, found: Verification) -> str:
+    more = f" ({len(found.findings)} findings in all)" if len(found.findings) > 1 else ""
+    return (
+        f"{path} was edited or damaged: {found.findings[0]}{more}. Keep it as it is. "
+        f"A copy from before the damage can be fitted and resumed; "
+        f"`rig export {path} --salvage --out DATA.csv` saves the observations that can still be read, "
+        f"for which nobody vouches"
+    )
+
+
+def _print_json(found: Verification) -> None:
+    print_json(
+        {
+            "file": str(found.path),
+            "whole": found.whole,
+            "simulated": found.simulated,
+            "records": found.records,
+            "head": found.head,
+            "findings": [dataclasses.asdict(finding) for finding in found.findings],
+            "notes": list(found.notes),
+        }
+    )
+
+
+def _print_text(found: Verification) -> None:
+    start = f"{mark(bool(found.simulated))}{escape(str(found.path))}: {found.records} records"
+    if found.whole:
+        out.print(f"{start}, chain unbroken, head {found.head}", soft_wrap=True)
+    else:
+        out.print(f"{start}, [bold red]NOT WHOLE[/], head {found.head or 'unknown'}", soft_wrap=True)
+    for finding in found.findings:
+        out.print(f"  {escape(str(finding))}", soft_wrap=True)
+    for note in found.notes:
+        out.print(f"  {escape(note)}", soft_wrap=True)

@@ -1,0 +1,55 @@
+"""`rig watch`: the live page of a run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rig.cli import app
+from rig.errors import ExitCode, UsageError
+
+
+@app.command(rich_help_panel="Running")
+def watch(
+    where: Annotated[Path, typer.Argument(help="the run file, or a folder of run files", show_default=False)],
+    port: Annotated[int, typer.Option(min=0, max=65535, help="where to listen; 0 takes any that is free")] = 8321,
+    host: Annotated[str, typer.Option(help="address to listen on; other than this machine's own needs a token")] = (
+        "127.0.0.1"
+    ),
+    token: Annotated[
+        str | None, typer.Option(help="what must be given to look; made and printed where needed", show_default=False)
+    ] = None,
+    against: Annotated[
+        Path | None,
+        typer.Option(help="show residuals against this calibration file or earlier run", show_default=False),
+    ] = None,
+) -> int:
+    """Serve a page that shows a run as it goes: state, time left, readings, residuals, warnings.
+
+    It reads the run file and what the controller says beside it, writes nothing, and needs no internet. The first
+    line printed is the address to open. Ends with Ctrl-C.
+
+    Example: `rig watch runs/`
+    """
+    if token is not None and len(token) < _SHORTEST:
+        raise UsageError(f"--token: {len(token)} characters are too easily guessed; {_SHORTEST} at least, or leave it")
+    from drivers.clock import RealClock  # noqa: PLC0415
+    from rig.watch.server import serve  # noqa: PLC0415 - the web server takes a while to import
+
+    clock = RealClock()
+    serve(
+        where,
+        host=host,
+        port=port,
+        token=token,
+        against=against,
+        stopwatch=clock.stopwatch,
+        utc=clock.utc,
+        announce=lambda text: print(text, flush=True),
+    )
+    return ExitCode.DONE
+
+
+_SHORTEST = 8

@@ -1,0 +1,273 @@
+"""What is wrong with a run file: every break of it, where it is, and as much as can be known of what was changed.
+
+A hash tells that something was changed, not what. But a record is mostly small words and numbers: where putting one
+column back to another possible value restores the hash, that was the change, and what stood there is known again.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import apsw
+
+from procedures import RunList
+from rig.engine.chain import GENESIS, Record, link
+from rig.engine.contents import senseless
+from rig.engine.restore import changed_column
+from rig.engine.schema import Guarded, differences
+from rig.errors import RunFileError
+
+_SEARCHED = 10
+"""In so many changed records at most it is searched for what was changed."""
+
+Row = tuple[int, Record, bytes, bytes]
+Expand = Callable[[Mapping[str, str]], RunList | None]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that is wrong.
+
+    Attributes:
+        where: "file", "schema", "record", "document", "run list", "log" or "head".
+        what: a sentence.
+        record: sequence number, if it is about a record.
+        kind: that record's kind.
+        point: the point of the run list it is about.
+        column: the column that was changed, where that can be known.
+        name: of the document or object of the schema.
+
+    """
+
+    where: str
+    what: str
+    record: int | None = None
+    kind: str | None = None
+    point: int | None = None
+    column: str | None = None
+    name: str | None = None
+
+    def __str__(self) -> str:
+        if self.where == "record":
+            at = "" if self.point is None else f" of point {self.point}"
+            return f"record {self.record} ({self.kind}{at}) {self.what}"
+        return f"{self.where}: {self.what}" if self.name is None else f"{self.name} {self.what}"
+
+
+class Contents(Protocol):
+    """What is needed of a reader."""
+
+    @property
+    def guarded(self) -> Guarded:
+        """Runs statements."""
+
+    def documents(self) -> dict[str, str]:
+        """File texts by name."""
+
+    def run_list(self) -> RunList:
+        """Every point."""
+
+    def chained(self, where: str = "1", values: tuple[object, ...] = ()) -> Iterator[Row]:
+        """Rows in order."""
+
+    def head(self) -> tuple[int, bytes]:
+        """Number of records and the last one's hash."""
+
+
+def findings(
+    run: Contents,
+    *,
+    thorough: bool,
+    expand: Expand = lambda _: None,
+    each: Callable[[Record], object] = lambda _: None,
+) -> Iterator[Finding]:
+    """What is wrong, one after the other; nothing if the file is whole.
+
+    Args:
+        run: the file.
+        thorough: look at every index entry, and search for what was changed in a record.
+        expand: makes the run list anew from the stored documents, to say which point of it was changed.
+        each: called with every record that follows the one before it and has its hash.
+
+    """
+    parts = (_file(run, thorough), _records(run, thorough, each), _genesis(run, thorough, expand), _schema(run))
+    for part in parts:
+        try:
+            yield from part
+        except RunFileError as error:
+            yield Finding("file", str(error).split(". ", 1)[0])
+        except (apsw.Error, ValueError, TypeError, LookupError, ArithmeticError, AttributeError) as error:
+            yield Finding("file", f"it cannot be read: {type(error).__name__}: {str(error)[:200]}")
+
+
+def _file(run: Contents, thorough: bool) -> Iterator[Finding]:
+    check = "PRAGMA integrity_check(100)" if thorough else "PRAGMA quick_check(1)"
+    for (answer,) in run.guarded.rows(check):
+        if answer != "ok":
+            yield Finding("file", f"SQLite finds it damaged: {str(answer)[:300]}")
+
+
+def _schema(run: Contents) -> Iterator[Finding]:
+    for what, about in differences(run.guarded):
+        yield Finding("schema", about, name=what)
+
+
+def _points(run: Contents) -> int:
+    return int(next(run.guarded.rows("SELECT count(*) FROM point"))[0])
+
+
+def _records(run: Contents, thorough: bool, each: Callable[[Record], object]) -> Iterator[Finding]:
+    points = _points(run)
+    rows = run.chained()
+    here = next(rows, None)
+    if here is None:
+        yield Finding("file", "it holds no records")
+        return
+    expected_seq, expected, searched = 1, GENESIS, 0
+    before: tuple[int, bool] | None = None
+    while here is not None:
+        after = next(rows, None)
+        seq, record, previous, own = here
+        if seq == expected_seq and previous == expected and _holds(here, points):
+            each(record)
+            before = (seq, False)
+            expected_seq, expected = seq + 1, own
+            here = after
+            continue
+        if seq != expected_seq:
+            gone = f"records {expected_seq} to {seq - 1} are" if seq - expected_seq > 1 else f"record {seq - 1} is"
+            yield Finding("record", f"follows record {expected_seq - 1}: {gone} missing", seq, record.kind)
+            broken = True
+        else:
+            search = thorough and searched < _SEARCHED
+            broken = False
+            for found in _record(here, expected, after, points, search, before):
+                searched += search
+                broken = True
+                yield found
+        before = (seq, broken)
+        expected_seq, expected = seq + 1, own
+        here = after
+
+
+def _holds(row: Row, points: int) -> bool:
+    """Whether a record that follows the one before it makes sense and has its hash."""
+    seq, record, previous, own = row
+    return senseless(record, points) is None and link(previous, seq, record) == own
+
+
+def _record(
+    row: Row, expected: bytes, after: Row | None, points: int, search: bool, before: tuple[int, bool] | None
+) -> Iterator[Finding]:
+    seq, record = row[:2]
+
+    def finding(what: str, column: str | None = None) -> Finding:
+        return Finding("record", what, seq, str(record.kind)[:40], record.run_index, column)
+
+    wrong, change = senseless(record, points), None
+    with contextlib.suppress(TypeError, ValueError):  # a value of a kind that no record has cannot be hashed
+        change = changed_column(row, expected, None if after is None else after[2], points, search)
+    if change is not None and change.column == "predecessor":
+        if before is None or before[1]:
+            return  # the break is at the record before, and has been told
+        yield finding(
+            f"does not follow the record before it: record {before[0]} was replaced with a hash of its own, or "
+            f"something was removed or inserted there"
+        )
+    elif change is not None:
+        yield finding(change.what, change.column)
+    elif wrong is not None:
+        yield finding(f"makes no sense: {wrong[1]}", wrong[0])
+
+
+def _genesis(run: Contents, thorough: bool, expand: Expand) -> Iterator[Finding]:
+    first = next(run.chained("seq = 1"), None)
+    if first is None:
+        yield Finding("file", "its first record, which says what the run is, is missing")
+        return
+    declared = first[1].data
+    documents = run.documents()
+    intact = dict(documents)
+    for name, digest in declared["documents"].items():
+        if name not in documents:
+            yield Finding("document", "is missing: the run began with it", name=f"document {name}")
+        elif hashlib.sha256(documents[name].encode()).hexdigest() != digest:
+            del intact[name]
+            yield Finding("document", "is not the one the run began with", name=f"document {name}")
+    for name in sorted(documents.keys() - declared["documents"].keys()):
+        yield Finding("document", "was added: the run began without it", name=f"document {name}")
+    yield from _run_list(run, declared, expand(intact) if thorough else None)
+    yield from _twice(run)
+    yield from _end(run)
+
+
+def _run_list(run: Contents, declared: Mapping[str, Any], planned: RunList | None) -> Iterator[Finding]:
+    stored: RunList | None = None
+    with contextlib.suppress(ValueError, TypeError):
+        stored = run.run_list()
+    if stored is not None and stored.sha256() == declared["run_list"]:
+        if len(stored) != declared["points"]:
+            yield Finding("run list", f"it has {len(stored)} points, the run was created with {declared['points']}")
+        return
+    told = False
+    if planned is not None and planned.sha256() == declared["run_list"]:
+        for finding in _points_changed(run, planned):
+            told = True
+            yield finding
+    if not told:
+        yield Finding("run list", "the run list is not the one the run began with")
+
+
+def _points_changed(run: Contents, planned: RunList) -> Iterator[Finding]:
+    names = [f.name for f in planned.factors]
+    columns = ["run_index", "replication", "whole_plot", *names, *(f"{name}_side" for name in names)]
+    quoted = ", ".join(f'"{column}"' for column in columns)
+    rows = {row[0]: row for row in run.guarded.rows(f"SELECT {quoted} FROM point")}
+    for point in planned.points:
+        row = rows.pop(point.index, None)
+        if row is None:
+            yield Finding("run list", f"point {point.index} is missing", point=point.index)
+            continue
+        expected = (point.index, point.replication, point.whole_plot, *point.setpoints, *point.sides)
+        for column, was, is_now in zip(columns, expected, row, strict=True):
+            if was != is_now:
+                yield Finding(
+                    "run list",
+                    f"point {point.index}: {column} is {str(is_now)[:40]}, the run began with {was}",
+                    point=point.index,
+                    column=column,
+                )
+    for index in sorted(rows):
+        yield Finding("run list", f"point {index} was added", point=index)
+    factors = run.guarded.rows("SELECT name, axis, overtravel, hard, stays FROM factor ORDER BY position")
+    for factor, stored in zip(planned.factors, factors, strict=False):
+        began = (factor.name, factor.axis, factor.overtravel, int(factor.hard), int(factor.stays))
+        if began != stored:
+            yield Finding("run list", f"factor {factor.name} is {str(stored)[:80]}, the run began with {began}")
+
+
+def _twice(run: Contents) -> Iterator[Finding]:
+    statement = (
+        "SELECT run_index, whole_plot, group_concat(seq) FROM record "
+        "WHERE kind = 'observation' AND status = 'accepted' "
+        "GROUP BY run_index, ifnull(whole_plot, 0) HAVING count(*) > 1"
+    )
+    for index, whole_plot, numbers in run.guarded.rows(statement):
+        where = "" if whole_plot is None else f" in whole plot {whole_plot}"
+        yield Finding(
+            "record", f"is one of several accepted observations{where}: records {numbers}", None, "observation", index
+        )
+
+
+def _end(run: Contents) -> Iterator[Finding]:
+    last, _ = run.head()
+    ends = list(run.chained("kind = 'end'"))
+    for seq, record, previous, _ in ends:
+        if record.data["records"] != seq - 1 or record.data["head"] != previous.hex():
+            yield Finding("record", "does not count the records before it: some were added or removed", seq, "end")
+    if ends and ends[-1][0] != last:
+        yield Finding("record", f"is the end of the run, and {last - ends[-1][0]} record(s) follow", ends[-1][0], "end")

@@ -1,0 +1,205 @@
+"""Early warnings: what is going wrong with the sensors while there is still a night to save.
+
+Fed with every accepted observation; says each cause once a run. It never stops anything: a warning is an event of the
+run file, shown by `rig status`, `rig watch` and at the end of `rig run`; with `[warnings] hold = true` the run holds.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from procedures import Point, RunList
+from rig.engine.chain import Record
+from rig.engine.response_test import ResponseTest, Row
+from rig.engine.run_file import RunReader
+from rig.engine.warning_tests import ALARM, NoiseTest, Number, PreviousTest, RepeatTest
+from rig.previous import PITCH, PRESSURE, ROLL, Previous
+
+_SETTINGS = 400
+"""Settings whose first readings are kept for comparison, at most about so many, however long the run."""
+_FIRST, _LAST = 200, 40
+"""Observations read again when a run is resumed: what the tests began with, and what their windows held."""
+
+
+@dataclass(frozen=True)
+class Warned:
+    """One warning.
+
+    Attributes:
+        cause: "noise", "drift", "calibration" or "response"; "itself" where warnings have come to an end.
+        output: of which sensor.
+        message: in plain words, with figures.
+
+    """
+
+    cause: str
+    output: str
+    message: str
+
+    def as_json(self) -> dict[str, Any]:
+        """For the run file."""
+        return {"cause": self.cause, "output": self.output, "message": self.message}
+
+
+@dataclass
+class _Output:
+    """The tests of one output."""
+
+    noise: NoiseTest
+    repeats: RepeatTest
+    previous: PreviousTest
+    response: ResponseTest | None
+
+
+class EarlyWarnings:
+    """Watches over the sensors of a run.
+
+    Args:
+        run_list: every point.
+        previous: the last calibration, if the procedure names one.
+        mounting: how the package is turned.
+
+    """
+
+    def __init__(self, run_list: RunList, previous: Previous | None, mounting: Mapping[str, float]) -> None:
+        self._run_list, self._previous, self._mounting = run_list, previous, mounting
+        self._told: set[tuple[str, str]] = set()
+        self._broken = False
+        self._outputs: dict[str, _Output] = {}
+        self._whole_plot: int | None = None
+        names = {f.name for f in run_list.factors}
+        self._kind = "attitude" if {PITCH, ROLL} <= names else "pressure" if PRESSURE in names else ""
+        self._span = self._spans()
+        per_replication = len(run_list) / max(1, run_list.points[-1].replication if run_list.points else 1)
+        self._every = max(1, math.ceil(2 * per_replication / _SETTINGS))
+
+    def add(self, point: Point, whole_plot: int | None, body: Mapping[str, Any]) -> list[Warned]:
+        """Take an accepted observation, as the run file has it; what there is to say now. Never raises."""
+        if self._broken:
+            return []
+        try:
+            return self._judged(point, whole_plot, body)
+        except Exception as error:  # a mistake in here must not decide whether a night lives
+            self._broken = True
+            words = f"early warnings have ended with a mistake of their own ({type(error).__name__}: {error})"
+            return [Warned("itself", "", f"{words}; the run goes on without them")]
+
+    def _judged(self, point: Point, whole_plot: int | None, body: Mapping[str, Any]) -> list[Warned]:
+        outputs: Mapping[str, Any] = body["outputs"]
+        read = self._quantities(point, body)
+        given = {name: np.array([value]) for name, value in read.items()} if self._previous else {}
+        began = whole_plot != self._whole_plot
+        self._whole_plot = whole_plot
+        row = self._row(read)
+        expected = {} if self._previous is None else self._previous.expected(given, self._mounting)
+        found = []
+        for name, channel in outputs.items():
+            number = Number(float(channel["mean"]), float(channel["sd"]) ** 2, len(channel["readings"]))
+            tests = self._outputs.get(name)
+            if tests is None:
+                tests = self._outputs[name] = self._new(name, len(outputs))
+            if began:
+                tests.repeats.forget()
+                if whole_plot is not None:
+                    tests.previous.forget()
+            said = {"noise": tests.noise.add(number), "drift": self._repeated(tests, point, whole_plot, number.mean)}
+            if row is not None and tests.response is not None:
+                new = began and whole_plot is not None
+                said["response"] = tests.response.add(row, number.mean, number.variance, new_whole_plot=new)
+            if name in expected:
+                one = expected[name]
+                draws = len(outputs) * max(1, self._run_list.whole_plots)
+                said["calibration"] = tests.previous.add(
+                    number.mean - float(one.output[0]),
+                    float(one.own[0]),
+                    float(one.shared[0]),
+                    one.reach(0.1 * ALARM / draws),
+                )
+            found += [Warned(cause, name, f"{name} {words}") for cause, words in said.items() if words]
+        fresh = [w for w in found if (w.cause, w.output) not in self._told]
+        self._told |= {(w.cause, w.output) for w in fresh}
+        return fresh
+
+    def recall(self, run: RunReader) -> None:
+        """Take up a run where an earlier session left it: what was said stays said, and the tests know what came first.
+
+        What is read is of bounded size, however long the run.
+        """
+        accepted = "kind = 'observation' AND status = 'accepted'"
+        kept = list(itertools.islice((p.index for p in self._run_list.points if self._keeps(p)), _SETTINGS))
+        marks = ", ".join("?" * len(kept))
+        some: dict[int, Record] = {}
+        for where, values in (
+            (f"seq IN (SELECT seq FROM record WHERE {accepted} ORDER BY seq LIMIT {_FIRST})", ()),
+            (f"{accepted} AND run_index IN ({marks})", tuple(kept)),
+            (f"seq IN (SELECT seq FROM record WHERE {accepted} ORDER BY seq DESC LIMIT {_LAST})", ()),
+        ):
+            some |= {seq: record for seq, record, _, _ in run.chained(where, values)}
+        for _, record in sorted(some.items()):
+            self.add(self._run_list.points[int(record.run_index or 0)], record.whole_plot, record.data)
+        self._told = {(str(r.data["cause"]), str(r.data["output"])) for r in warnings_of(run)}
+
+    def _new(self, name: str, outputs: int) -> _Output:
+        points, say = len(self._run_list), partial(in_unit, name.rpartition("_")[2])
+        least_jump = 0.02 if self._kind == "attitude" else 0.05  # offsets differ between temperatures
+        response = None if self._span is None else ResponseTest(self._span, least_jump, say)
+        return _Output(
+            NoiseTest(points, outputs, say),
+            RepeatTest(points, outputs, say),
+            PreviousTest(points, outputs, say),
+            response,
+        )
+
+    def _repeated(self, tests: _Output, point: Point, whole_plot: int | None, mean: float) -> str:
+        if whole_plot is None and not self._keeps(point):
+            return ""
+        return tests.repeats.add((whole_plot, point.setpoints, point.sides), mean)
+
+    def _keeps(self, point: Point) -> bool:
+        """Whether a setting is one of those compared; a hash chooses, so that all parts of a design are among them."""
+        return hash((point.setpoints, point.sides)) % self._every == 0  # of numbers it is the same in every process
+
+    def _quantities(self, point: Point, body: Mapping[str, Any]) -> dict[str, float]:
+        """What was set, or read where that is known better."""
+        given: dict[str, float] = dict(self._run_list.setting(point))
+        for group in ("temperatures", "references"):
+            given |= {n: float(c["mean"]) for n, c in body.get(group, {}).items()}
+        return given
+
+    def _row(self, given: Mapping[str, float]) -> Row | None:
+        if self._kind == "attitude":
+            pitch, roll = math.radians(given[PITCH]), math.radians(given[ROLL])
+            return (1.0, math.sin(pitch), math.cos(pitch) * math.sin(roll), math.cos(pitch) * math.cos(roll))
+        if self._kind == "pressure":
+            return (1.0, given[PRESSURE], given[PRESSURE] ** 2)
+        return None
+
+    def _spans(self) -> Row | None:
+        """How far each column of the model reaches over the run list, of which many points tell enough."""
+        points = self._run_list.points
+        some = points[:: max(1, len(points) // 2000)]
+        rows = [row for p in some if (row := self._row(self._run_list.setting(p))) is not None]
+        return tuple(max(column) - min(column) for column in zip(*rows, strict=True)) if rows else None
+
+
+def in_unit(unit: str, value: float) -> str:
+    """A value for people: "-34 uV" of -3.4e-5 V."""
+    volts = {"V": 1.0, "mV": 1e-3}.get(unit)
+    if volts is None:
+        return f"{value:.3g} {unit}"
+    for name, scale in (("V", 1.0), ("mV", 1e-3)):
+        if abs(value) * volts >= 0.5 * scale:
+            return f"{value * volts / scale:.4g} {name}"
+    return f"{value * volts * 1e6:.3g} uV"
+
+
+def warnings_of(run: RunReader) -> Iterator[Record]:
+    """The warnings of a run file, in order."""
+    return (record for _, record, _, _ in run.chained("kind = 'event' AND status = 'warning'"))

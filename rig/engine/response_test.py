@@ -1,0 +1,198 @@
+"""Whether a sensor is alive: does its output follow what the bench is set to? For one output each.
+
+No significance here but plain disproportion: a sensor that works follows its settings to a part in ten thousand, one
+that died not at all, and between the two there is room for any threshold.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+Row = tuple[float, ...]
+"""Columns of a simple model at one observation, the first of them 1."""
+
+_MODEL_ROWS = 200
+_WINDOWS = (4, 8, 12)
+_FROZEN = 3
+_JUMPED = 3
+_BEYOND_SCATTER = 50.0
+_SPANNED = 0.3
+_ODD = 0.05
+_TO_JUDGE_A_SLOPE, _SLOPE_OFF = 8, 0.2
+
+
+@dataclass
+class _Seen:
+    """One of the last observations: where, what, whether every reading was the same, what the model expects."""
+
+    row: Row
+    mean: float
+    still: bool
+    expected: float | None
+
+
+class _Model:
+    """The output as a linear function of the columns, fitted to the first observations."""
+
+    def __init__(self, rows: Sequence[Row], outputs: Sequence[float]) -> None:
+        columns, y = np.array(rows), np.array(outputs)
+        solved = np.linalg.lstsq(columns, y, rcond=1e-9)[0]
+        left = y - columns @ solved
+        total = float(np.sum((y - y.mean()) ** 2))
+        self.explained = 1.0 - float(left @ left) / total if total > 0.0 else None
+        self.scatter = float(np.sqrt(left @ left / max(1, len(y) - len(solved))))
+        self.low, self.high = float(y.min()), float(y.max())
+        self._solved = solved.tolist()
+        self._inverse = np.linalg.pinv(columns.T @ columns)
+
+    def expects(self, row: Row) -> float | None:
+        """The output there; None far from everything it was fitted to."""
+        at = np.array(row)
+        if float(at @ self._inverse @ at) > 1.0:
+            return None
+        return float(sum(c * x for c, x in zip(self._solved, row, strict=True)))
+
+
+class ResponseTest:
+    """Fits output to settings at the first points, and asks whether later ones keep to it.
+
+    Args:
+        span: how far each column reaches over the whole run list.
+        least_jump: the smallest jump worth saying, as a part of the output's span.
+        say: a value with its unit.
+
+    """
+
+    def __init__(self, span: Sequence[float], least_jump: float, say: Callable[[float], str]) -> None:
+        self._span, self._least_jump, self._say = span, least_jump, say
+        self._rows: list[Row] = []
+        self._outputs: list[float] = []
+        self._recent: deque[_Seen] = deque(maxlen=max(_WINDOWS))
+        self._model: _Model | None = None
+        self._next_fit = 12
+        self._noisy = False
+        self._off = 0
+
+    def add(self, row: Row, mean: float, variance: float, *, new_whole_plot: bool) -> str:
+        """Take an observation.
+
+        Args:
+            row: the model's columns.
+            mean: of the output.
+            variance: of its readings.
+            new_whole_plot: offsets may differ from what came before.
+
+        Returns:
+            What there is to say, "" if nothing.
+
+        """
+        if new_whole_plot:
+            self._recent.clear()
+        self._noisy |= variance > 0.0
+        expected = None if self._model is None else self._model.expects(row)
+        self._recent.append(_Seen(row, mean, variance == 0.0, expected))
+        last = list(self._recent)
+        said = self._frozen(last) or self._deaf(last) or self._jumped(last) or self._weak(last)
+        if not said and len(self._rows) < _MODEL_ROWS and self._believable(mean, expected):
+            self._rows.append(row)
+            self._outputs.append(mean)
+            said = self._learn()
+        return said
+
+    def _believable(self, mean: float, expected: float | None) -> bool:
+        """Whether there is something to learn from an observation, rather than something wrong with it."""
+        model = self._model
+        return model is None or expected is None or abs(mean - expected) <= _ODD * (model.high - model.low)
+
+    def _frozen(self, last: list[_Seen]) -> str:
+        """Every reading the same number, at settings that differ, of a sensor that had noise."""
+        last = last[-_FROZEN:]
+        if not self._noisy or len(last) < _FROZEN or not all(s.still for s in last):
+            return ""
+        if len({s.mean for s in last}) > 1 or len({s.row for s in last}) == 1:
+            return ""
+        return f"is frozen: every reading at the last {_FROZEN} points was {self._say(last[0].mean)}"
+
+    def _learn(self) -> str:
+        """Fit anew now and then while there is more to learn from; says it if the output never followed anything."""
+        n = len(self._rows)
+        if n < self._next_fit:
+            return ""
+        reached = [max(column) - min(column) for column in zip(*self._rows, strict=True)]
+        if any(r < _SPANNED * s for r, s in zip(reached, self._span, strict=True)):
+            self._next_fit = n + 5
+            return ""
+        self._next_fit = max(n + 1, min(_MODEL_ROWS, int(n * 1.5)))
+        model = _Model(self._rows, self._outputs)
+        if model.explained is None:
+            return f"does not follow the settings: it read {self._say(model.low)} at all {n} points so far"
+        if model.explained < 0.5:
+            return f"does not follow the settings: they explain {100 * model.explained:.0f} % of what it read so far"
+        self._model = model
+        for seen in self._recent:
+            seen.expected = model.expects(seen.row)
+        return ""
+
+    def _deaf(self, last: list[_Seen]) -> str:
+        """The settings should have moved the output, and it stayed."""
+        model = self._model
+        for size in _WINDOWS:
+            some = last[-size:]
+            expected = [s.expected for s in some if s.expected is not None]
+            if model is None or len(expected) < size:
+                break
+            should = max(expected) - min(expected)
+            if should <= max(_BEYOND_SCATTER * model.scatter, 0.01 * (model.high - model.low)):
+                continue
+            did = max(s.mean for s in some) - min(s.mean for s in some)
+            if did < 0.1 * should:
+                stays = f"{self._say(some[-1].mean)}{_at_rail(model, some[-1].mean)}"
+                return (
+                    f"does not follow the settings: the last {size} should have moved it by {self._say(should)}, "
+                    f"and it stays at {stays}"
+                )
+        return ""
+
+    def _weak(self, last: list[_Seen]) -> str:
+        """The settings move the output by another factor than before, three times running: one stray point is none."""
+        model, some = self._model, last[-_TO_JUDGE_A_SLOPE:]
+        expected = [s.expected for s in some if s.expected is not None]
+        slope, error, should = 1.0, 0.0, 0.0
+        if model is not None and len(expected) == _TO_JUDGE_A_SLOPE:
+            should = max(expected) - min(expected)
+            if should > max(_BEYOND_SCATTER * model.scatter, 0.01 * (model.high - model.low)):
+                slope, error = _slope(expected, [s.mean for s in some])
+        off = abs(slope - 1.0) > _SLOPE_OFF and error < 0.01 * should
+        self._off = self._off + 1 if off else 0
+        if self._off < _JUMPED:
+            return ""
+        return f"follows the settings with {100 * slope:.0f} % of what it did before, over {len(some)} points"
+
+    def _jumped(self, last: list[_Seen]) -> str:
+        """Far from where its settings put it before, several points in a row."""
+        model, some = self._model, last[-_JUMPED:]
+        off = [s.mean - s.expected for s in some if s.expected is not None]
+        if model is None or len(off) < _JUMPED:
+            return ""
+        if min(abs(o) for o in off) <= max(
+            _BEYOND_SCATTER * model.scatter, self._least_jump * (model.high - model.low)
+        ):
+            return ""
+        rail = _at_rail(model, some[-1].mean)
+        return f"reads {self._say(off[-1])} away from what its settings gave before, {_JUMPED} points in a row{rail}"
+
+
+def _slope(expected: list[float], read: list[float]) -> tuple[float, float]:
+    """Of what was read against what was expected, and the rms of what the line leaves."""
+    x, y = np.array(expected), np.array(read)
+    slope, offset = np.polyfit(x, y, 1)
+    return float(slope), float(np.sqrt(np.mean((y - slope * x - offset) ** 2)))
+
+
+def _at_rail(model: _Model, value: float) -> str:
+    furthest = max(abs(model.low), abs(model.high))
+    return ", further out than anything it read before: is it at a rail?" if abs(value) > 1.05 * furthest else ""

@@ -1,0 +1,118 @@
+"""What was changed in a record, found by putting it back: the change that restores the hash is the one."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from rig.engine.chain import Record, link
+
+_KINDS = ("run", "session", "identity", "event", "observation", "skip", "fault", "hold", "release", "stop", "end")
+_STATUS = (None, "accepted", "rejected", "retry", "skip", "final", "later", "hold", "abort", "complete", "prepared")
+_LONGEST_BODY = 6000
+"""Characters of a body in which a single flipped bit is searched for; of one three times as long, nothing is."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """What was changed in a record.
+
+    Attributes:
+        column: where, None if that cannot be known; "predecessor" if the record itself is whole.
+        what: a sentence.
+
+    """
+
+    column: str | None
+    what: str
+
+
+def changed_column(
+    row: tuple[int, Record, bytes, bytes], expected: bytes, claimed: bytes | None, points: int, search: bool
+) -> Change | None:
+    """What is wrong between a record and its hashes; None if all holds.
+
+    Args:
+        row: number, record, the predecessor's hash and its own, as stored.
+        expected: the predecessor's hash.
+        claimed: this record's hash according to the record after it, None for the last one.
+        points: of the run list.
+        search: try what could have stood there.
+
+    """
+    seq, record, previous, own = row
+    hashed = link(previous, seq, record)
+    if hashed == own:
+        if previous == expected:
+            return None
+        return Change("predecessor", "does not follow the record before it")
+    if previous != expected and link(expected, seq, record) == own:
+        return Change("previous", "was changed after it was written: its column previous")
+    if claimed is not None and claimed == hashed != own:
+        return Change("hash", "was changed after it was written: its column hash")
+    if search and len(record.body) < 3 * _LONGEST_BODY:
+        for base in {previous, expected}:
+            for column, was, tried_seq, tried in _candidates(seq, record, points):
+                if link(base, tried_seq, tried) in (own, claimed):
+                    return Change(column, f"was changed after it was written: {column} was {was}")
+            place = _flipped_bit(base, seq, record, own)
+            if place is not None:
+                return Change("body", f"was changed after it was written: one bit of body, in character {place + 1}")
+        return Change(None, "was changed after it was written: elapsed_s, utc_s or body, or several columns")
+    return Change(None, "was changed after it was written")
+
+
+def _candidates(seq: int, record: Record, points: int) -> Iterator[tuple[str, str, int, Record]]:
+    """Records that differ in one column."""
+    for other in range(max(1, seq - 5), seq + 6):
+        yield "seq", f"{other}, so records were removed or inserted before it", other, record
+    tries: dict[str, Any] = {
+        "kind": _KINDS,
+        "status": _STATUS,
+        "run_index": (None, *range(min(points, 20_000))),
+        "whole_plot": (None, *range(300)),
+        "attempt": (None, *range(50)),
+        "session": range(300),
+    }
+    for column, values in tries.items():
+        for value in values:
+            yield column, repr(value), seq, dataclasses.replace(record, **{column: value})
+    for column in ("elapsed_s", "utc_s"):
+        number = getattr(record, column)
+        near = [round(number + step, 6) for step in (*range(-100, 101), 3600, -3600, 86400, -86400)]
+        for value in (*_flipped_float(number), *near):
+            yield column, repr(value), seq, dataclasses.replace(record, **{column: value})
+
+
+def _flipped_float(number: float) -> Iterator[float]:
+    (bits,) = struct.unpack(">Q", struct.pack(">d", number))
+    for bit in range(64):
+        (value,) = struct.unpack(">d", struct.pack(">Q", bits ^ 1 << bit))
+        if value - value == 0:  # finite
+            yield value
+
+
+def _flipped_bit(previous: bytes, seq: int, record: Record, own: bytes) -> int | None:
+    """Which character of the body had one bit flipped; None if none had."""
+    body = record.body
+    if len(body) > _LONGEST_BODY or not body.isascii():
+        return None
+    mark = "\x00"
+    text = json.dumps([seq, *dataclasses.replace(record, body=mark).fields()], separators=(",", ":"), allow_nan=False)
+    start, end = text.split(json.dumps(mark)[1:-1], 1)
+    pieces = [json.dumps(character)[1:-1].encode() for character in body]
+    hashed = hashlib.sha256(previous + start.encode())
+    for place, piece in enumerate(pieces):
+        rest = b"".join(pieces[place + 1 :]) + end.encode()
+        for bit in range(7):
+            tried = hashed.copy()
+            tried.update(json.dumps(chr(ord(body[place]) ^ 1 << bit))[1:-1].encode() + rest)
+            if tried.digest() == own:
+                return place
+        hashed.update(piece)
+    return None

@@ -1,0 +1,121 @@
+"""A run file held against itself, against what was last said of it, and against a head hash written down elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from procedures import RunList
+from rig.config import parse_procedure
+from rig.engine import wal
+from rig.engine.audit import Finding, findings
+from rig.engine.last_word import read_last_word
+from rig.engine.live import controller_alive
+from rig.engine.run_file import RunReader
+from rig.errors import RunFileError
+
+MOST = 1000
+"""So many findings are told at most."""
+
+
+@dataclass(frozen=True)
+class Verification:
+    """What a run file is found to be.
+
+    Attributes:
+        path: the file.
+        records: how many it holds, 0 if it cannot be opened.
+        head: hash of the last record.
+        simulated: whether no real instrument was involved, None if that cannot be known.
+        findings: what is wrong; empty if the file is whole.
+        notes: what is worth knowing and not wrong.
+
+    """
+
+    path: Path
+    records: int
+    head: str
+    simulated: bool | None
+    findings: tuple[Finding, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def whole(self) -> bool:
+        """Whether nothing is wrong."""
+        return not self.findings
+
+
+def verify_file(path: Path, expected_head: str | None = None) -> Verification:
+    """Look at everything that can be known of a run file; changes nothing.
+
+    Args:
+        path: the run file.
+        expected_head: the head hash as printed in a report or by an earlier look, hexadecimal, lower case.
+
+    Raises:
+        UsageError: this is no run file.
+
+    """
+    working = controller_alive(path)
+    log = wal.WalState(0, 0, 0, "") if working else wal.inspect(path)
+    try:
+        with RunReader.open(path) as run:
+            found = []
+            for finding in findings(run, thorough=True, expand=_expanded):
+                found.append(finding)
+                if len(found) == MOST:
+                    found.append(Finding("file", f"there is more; the first {MOST} findings are told"))
+                    break
+            found += _cut_off(run, path, log)
+            heads, notes = _held_against(run, expected_head)
+            count, head = run.head()
+            simulated = _simulated(run)
+    except RunFileError as error:
+        return Verification(path, 0, "", None, (Finding("file", str(error).split(". ", 1)[0]),), ())
+    if working:
+        notes.append("a controller is at work on it: this is how it stood a moment ago")
+    return Verification(path, count, head.hex(), simulated, (*found, *heads), tuple(notes))
+
+
+def _expanded(documents: Mapping[str, str]) -> RunList | None:
+    """The run list that the stored procedure makes; None if this version of rig makes none of it."""
+    try:
+        return parse_procedure(documents["procedure.toml"], "procedure.toml").expand()
+    except Exception:  # whatever is wrong with a stored procedure, its digest decides whether it was changed
+        return None
+
+
+def _simulated(run: RunReader) -> bool | None:
+    try:
+        return bool(run.genesis().data["simulated"])
+    except (RunFileError, ValueError, LookupError):
+        return None
+
+
+def _cut_off(run: RunReader, path: Path, log: wal.WalState) -> list[Finding]:
+    """What had been written and is not there any more."""
+    last = read_last_word(path)
+    if last is not None:
+        if run.holds(*last):
+            return []
+        count, _ = run.head()
+        missing = (
+            f"its last {last[0] - count} record(s) are missing" if last[0] > count else f"record {last[0]} differs"
+        )
+        return [Finding("head", f"{missing}: {path.stem}.head beside it says that it had {last[0]} records")]
+    if log.lost_commits:
+        return [Finding("log", f"{log.damage}: {log.lost_commits} transaction(s) in {path.name}-wal cannot be read")]
+    return []
+
+
+def _held_against(run: RunReader, expected: str | None) -> tuple[list[Finding], list[str]]:
+    if expected is None:
+        return [], []
+    for seq, _, _, own in run.chained():
+        if own.hex().startswith(expected):
+            count, _ = run.head()
+            more = count - seq
+            return [], [f"the head given is that of record {seq}; {more} record(s) follow it"] if more else []
+    what = f"no record has the hash {expected}: records were cut off at the end, or the chain was written anew"
+    return [Finding("head", what)], []

@@ -1,0 +1,209 @@
+"""The tests behind early warnings, for one output each: noise, drift at repeated settings, drift from a calibration.
+
+Every test is made after every observation, on windows of the last few. Thresholds are such that the chance of any
+false alarm in a whole run is below `ALARM` for all of them together, by Bonferroni over points, outputs and windows,
+which holds however much windows have in common. What they take for granted: readings within a point are independent
+and normal, and so are the errors of settings. Slow changes that a laboratory takes for granted are drift to them.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections import deque
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass
+
+from scipy import special
+
+ALARM = 0.01
+"""Chance of a false alarm in a run, all outputs and tests together."""
+_SHARE = 0.3
+"""Of it, for each of the three tests."""
+
+
+@dataclass(frozen=True)
+class Number:
+    """Mean and variance of one output's readings at one point.
+
+    Attributes:
+        mean: of the readings.
+        variance: of one reading; 0 where there is only one.
+        n: readings.
+
+    """
+
+    mean: float
+    variance: float
+    n: int
+
+
+def threshold(points: int, outputs: int, windows: int) -> float:
+    """Probability below which a single test says something."""
+    return ALARM * _SHARE / max(1, points * outputs * windows)
+
+
+class NoiseTest:
+    """Whether readings within a point scatter more than at the first points: F test of pooled variances.
+
+    Args:
+        points: of the run.
+        outputs: of the bench.
+        say: a value with its unit.
+
+    """
+
+    FIRST = 30
+    WINDOWS = (4, 16, 48)
+    LEAST = 1.25
+    """Noise that has risen by less, in standard deviation, is not worth a person's time."""
+
+    def __init__(self, points: int, outputs: int, say: Callable[[float], str]) -> None:
+        self._say = say
+        self._p = threshold(points, outputs, len(self.WINDOWS))
+        self._first: list[float] = []
+        self._recent: deque[float] = deque(maxlen=max(self.WINDOWS))
+        self._df = 0.0
+
+    @property
+    def sd(self) -> float:
+        """Of one reading at the first points; 0 until there have been enough."""
+        return math.sqrt(sum(self._first) / len(self._first)) if len(self._first) >= self.FIRST else 0.0
+
+    def add(self, number: Number) -> str:
+        """Take the next point; what there is to say of it, "" if nothing."""
+        if number.n < 2:
+            return ""
+        if len(self._first) < self.FIRST:
+            self._first.append(number.variance)
+            self._df = _df_of(self._first, number.n - 1)
+            return ""
+        self._recent.append(number.variance)
+        before = sum(self._first) / len(self._first)
+        if before <= 0.0:
+            return ""
+        for size in self.WINDOWS:
+            if len(self._recent) < size:
+                continue
+            now = sum(list(self._recent)[-size:]) / size
+            ratio = now / before
+            if ratio < self.LEAST**2:
+                continue
+            if special.fdtrc(size * self._df, len(self._first) * self._df, ratio) < self._p:
+                return (
+                    f"has become {math.sqrt(ratio):.2g} times as noisy as at the first {self.FIRST} points: the sd of "
+                    f"a reading is {self._say(math.sqrt(now))} at the last {size} points, it was "
+                    f"{self._say(math.sqrt(before))}"
+                )
+        return ""
+
+
+def _df_of(variances: list[float], most: float) -> float:
+    """Degrees of freedom of one point's variance, by how much variances scatter; `most` if they are as they should be.
+
+    Readings that hang together, or are noisier at some settings, make variances scatter more than independent ones.
+    """
+    n = len(variances)
+    mean = sum(variances) / n
+    if n < 5 or mean <= 0.0:
+        return most
+    scatter = sum((v - mean) ** 2 for v in variances) / (n - 1) / mean**2
+    return most if scatter <= 0.0 else max(0.5, min(most, 2.0 / scatter))
+
+
+class RepeatTest:
+    """Whether outputs at repeated settings have moved: t test of the mean difference from the first visit.
+
+    The differences' own scatter is taken from neighbours (half their mean squared step), which a slow drift leaves
+    alone; its degrees of freedom are 2/3 of their number (von Neumann).
+
+    Args:
+        points: of the run.
+        outputs: of the bench.
+        say: a value with its unit.
+
+    """
+
+    WINDOWS = (10, 30)
+
+    def __init__(self, points: int, outputs: int, say: Callable[[float], str]) -> None:
+        self._say = say
+        self._p = threshold(points, outputs, len(self.WINDOWS))
+        self._firsts: dict[Hashable, float] = {}
+        self._steps: deque[float] = deque(maxlen=max(self.WINDOWS))
+
+    def forget(self) -> None:
+        """A new whole plot: what was first read in another does not count."""
+        self._firsts.clear()
+
+    def add(self, key: Hashable, mean: float) -> str:
+        """Take an observation at a setting; what there is to say, "" if nothing."""
+        if key not in self._firsts:
+            self._firsts[key] = mean
+            return ""
+        self._steps.append(mean - self._firsts[key])
+        for size in self.WINDOWS:
+            if len(self._steps) < size:
+                continue
+            values = list(self._steps)[-size:]
+            shift = sum(values) / size
+            variance = sum((b - a) ** 2 for a, b in itertools.pairwise(values)) / (2 * (size - 1))
+            if variance <= 0.0:
+                continue
+            t = abs(shift) / math.sqrt(variance / size)
+            if abs(shift) > math.sqrt(variance) and 2.0 * special.stdtr(size * 2.0 / 3.0, -t) < self._p:
+                return (
+                    f"has drifted by {self._say(shift)}: the mean over the last {size} repeated settings against the "
+                    f"first readings there, of which one differs by {self._say(math.sqrt(variance))} (sd) by chance"
+                )
+        return ""
+
+
+class PreviousTest:
+    """Whether outputs leave a previous calibration by more than that and its errors explain.
+
+    Args:
+        points: of the run.
+        outputs: of the bench.
+        say: a value with its unit.
+
+    """
+
+    WINDOWS = (5, 20)
+
+    def __init__(self, points: int, outputs: int, say: Callable[[float], str]) -> None:
+        self._say = say
+        self._z = -float(special.ndtri(threshold(points, outputs, len(self.WINDOWS)) / 4.0))
+        self._recent: deque[tuple[float, float, float]] = deque(maxlen=max(self.WINDOWS))
+
+    def forget(self) -> None:
+        """A new whole plot has an error of its own."""
+        self._recent.clear()
+
+    def add(self, residual: float, own: float, shared: float, reach: float) -> str:
+        """Take a residual.
+
+        Args:
+            residual: output less what the calibration expects.
+            own: standard deviation of what is new at every observation.
+            shared: of what the window's observations have in common.
+            reach: how many of the latter are allowed for.
+
+        Returns:
+            What there is to say, "" if nothing.
+
+        """
+        self._recent.append((residual, own, reach * shared))
+        for size in self.WINDOWS:
+            if len(self._recent) < size:
+                continue
+            values = list(self._recent)[-size:]
+            mean = sum(r for r, _, _ in values) / size
+            chance = self._z * math.sqrt(sum(o * o for _, o, _ in values)) / size
+            allowed = chance + max(s for _, _, s in values)
+            if abs(mean) > allowed:
+                return (
+                    f"has left its last calibration by {self._say(mean)} over the last {size} points; errors of both "
+                    f"allow for {self._say(allowed)}"
+                )
+        return ""

@@ -1,0 +1,116 @@
+"""Who may look: GET only, known host names, a token where it is asked for; and the headers every answer carries."""
+
+from __future__ import annotations
+
+import hmac
+import ipaddress
+import platform
+from dataclasses import dataclass, field
+from urllib.parse import parse_qs, urlencode
+
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.requests import cookie_parser
+from starlette.responses import PlainTextResponse, RedirectResponse, Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+COOKIE = "rig_watch"
+
+_HEADERS = {
+    "content-security-policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; "
+    "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    "x-content-type-options": "nosniff",
+    "referrer-policy": "no-referrer",
+    "cross-origin-resource-policy": "same-origin",
+    "cross-origin-opener-policy": "same-origin",
+    "cache-control": "no-store",
+}
+
+
+@dataclass(frozen=True)
+class Access:
+    """What is asked of whoever looks.
+
+    Attributes:
+        token: to be given once as `?token=`, then kept in a cookie; "" if none is asked for.
+        names: host names the page is reached by, besides addresses and localhost.
+
+    """
+
+    token: str = ""
+    names: frozenset[str] = field(default_factory=lambda: frozenset({platform.node().lower()}))
+
+    def host_known(self, host: str) -> bool:
+        """Whether a Host header is one of ours.
+
+        A page of another site whose name was made to lead here (DNS rebinding) sends that name: addresses and our own
+        names are safe, every other name is refused.
+        """
+        name = _without_port(host)
+        if name == "localhost" or name in self.names:
+            return bool(name)
+        try:
+            ipaddress.ip_address(name)
+        except ValueError:
+            return False
+        return True
+
+    def admits(self, given: str) -> bool:
+        """Whether a token is the one; takes as long for a wrong one."""
+        return hmac.compare_digest(given.encode("utf-8", "replace"), self.token.encode())
+
+
+class Guarded:
+    """The application behind its checks."""
+
+    def __init__(self, app: ASGIApp, access: Access) -> None:
+        self._app, self._access = app, access
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """See ASGI."""
+        if scope["type"] != "http":
+            if scope["type"] == "lifespan":
+                await self._app(scope, receive, send)
+            return
+
+        async def answer(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                headers = MutableHeaders(scope=message)
+                for name, value in _HEADERS.items():
+                    headers[name] = value
+            await send(message)
+
+        refusal = self._refusal(scope)
+        await (self._app if refusal is None else refusal)(scope, receive, answer)
+
+    def _refusal(self, scope: Scope) -> Response | None:
+        """What is answered instead of the page; None to go on."""
+        headers = Headers(scope=scope)
+        if scope["method"] not in ("GET", "HEAD"):
+            return PlainTextResponse("This page can only be looked at.\n", 405, {"allow": "GET, HEAD"})
+        if not self._access.host_known(headers.get("host", "")):
+            return PlainTextResponse("This is not a name of this page's server; use its address.\n", 421)
+        if not self._access.token:
+            return None
+        asked = parse_qs(scope["query_string"].decode("latin-1"))
+        if "token" in asked:
+            if not self._access.admits(asked.pop("token")[0]):
+                return _ask_for_token()
+            # Out of the address bar at once: addresses are shown, kept and copied.
+            query = f"?{urlencode(asked, doseq=True)}" if asked else ""
+            here = RedirectResponse("/" + scope["path"].lstrip("/") + query, 303)
+            here.set_cookie(COOKIE, self._access.token, httponly=True, samesite="strict", path="/")
+            return here
+        cookies = cookie_parser(headers.get("cookie", ""))
+        return None if self._access.admits(cookies.get(COOKIE, "")) else _ask_for_token()
+
+
+def _ask_for_token() -> Response:
+    text = "A token is needed: open the address that `rig watch` printed, with ?token=... at its end.\n"
+    return PlainTextResponse(text, 401)
+
+
+def _without_port(host: str) -> str:
+    host = host.strip().lower()
+    if host.startswith("["):
+        return host[1:].partition("]")[0]
+    return host.rpartition(":")[0] if host.count(":") == 1 else host

@@ -1,0 +1,303 @@
+"""One run as the page shows it, kept up to date by reading what is new."""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from procedures import Factor
+from rig.config import parse_toml
+from rig.engine.live import controller_alive, live_path, read_json
+from rig.engine.state import RunState
+from rig.errors import RigError, RunFileError
+from rig.previous import Previous
+from rig.watch.happenings import Happenings
+from rig.watch.reading import BATCH, Seen, WatchReader
+from rig.watch.residuals import residuals
+from rig.watch.sample import Sample
+from rig.watch.words import expected_end, number, settling_now, state_now
+
+_LEAST_S = 0.5
+"""However many pages are open, a run file is looked at no more often."""
+_CHARTS_S = 4.0
+"""Charts are made anew no more often."""
+_TICK_S = 2.0
+"""A file's time of change is coarse on some file systems: two writes within it may show as one."""
+_BAD = (ValueError, LookupError, TypeError, AssertionError, AttributeError)
+
+
+@dataclass
+class _Charts:
+    """What is drawn over the whole run, and of how many records it was drawn."""
+
+    seq: int = 0
+    made: float = -1e9
+    version: int = 0
+    content: dict[str, Any] | None = None
+
+
+class RunFeed:
+    """One run file, read as it grows. May be asked from several threads.
+
+    Args:
+        path: the run file.
+        reference: a previous calibration to hold observations against.
+        stopwatch: real seconds.
+        utc: real seconds since 1970-01-01.
+
+    Attributes:
+        seq: the last record taken in.
+
+    """
+
+    def __init__(
+        self, path: Path, reference: Previous | None, stopwatch: Callable[[], float], utc: Callable[[], float]
+    ) -> None:
+        self.path = path
+        self.seq = 0
+        self._reference, self._stopwatch, self._utc = reference, stopwatch, utc
+        self._lock = threading.Lock()
+        self._looked = -1e9
+        self._print: tuple[object, ...] = ()
+        self._state = RunState()
+        self._happenings = Happenings()
+        self._sample = Sample()
+        self._factors: tuple[Factor, ...] = ()
+        self._whole_plots = 0
+        self._about: dict[str, Any] = {}
+        self._declared: Mapping[str, Any] = {}
+        self._mounting: Mapping[str, float] = {}
+        self._loaded: dict[int, Seen] = {}
+        self._last_seq = 0
+        self._last: Seen | None = None
+        self._charts = _Charts()
+        self._error = ""
+
+    def check(self) -> None:
+        """Whether there is a run file to show at all. Raises `UsageError` or `RunFileError`."""
+        WatchReader.open(self.path).close()
+
+    def refresh(self) -> None:
+        """Take in what is new; what cannot be read is said on the page, never raised."""
+        with self._lock:
+            now = self._stopwatch()
+            if now - self._looked < _LEAST_S:
+                return
+            self._looked = now
+            try:
+                self._read()
+                self._draw(now)
+            except RigError as error:
+                self._error = str(error)
+            except OSError as error:
+                self._error = f"{self.path.name} cannot be read: {error.strerror}"
+
+    def view(self) -> dict[str, Any]:
+        """Everything the page shows, by section, JSON-ready; always of bounded size."""
+        with self._lock:
+            live = read_json(live_path(self.path)) or {}
+            running = bool(live) and controller_alive(self.path)
+            news_s = None
+            if running:
+                try:
+                    news_s = max(0.0, self._utc() - live_path(self.path).stat().st_mtime)
+                except OSError:
+                    news_s = None
+            return {
+                "about": self._about,
+                "state": self._now(live if running else {}, running, news_s),
+                "settling": settling_now(live, self._factors) if running else [],
+                "readings": self._readings(),
+                "warnings": [dict(one) for one in self._happenings.warnings],
+                "sessions": [dict(one) for one in self._happenings.sessions],
+                "whole_plots": [dict(one) for one in self._happenings.whole_plots],
+                "charts": self._charts.content,
+            }
+
+    def lines(self, after: int) -> dict[str, Any]:
+        """What happened after record `after`, in plain words, and how many lines there are in all."""
+        with self._lock:
+            return {"lines": self._happenings.after(after), "told": self._happenings.told, "seq": self.seq}
+
+    # --- reading ----------------------------------------------------------------------------------------------
+
+    def _read(self) -> None:
+        seen, changed = _print(self.path)
+        if seen == self._print:
+            return
+        if self._utc() - changed < _TICK_S:
+            seen = ()  # more may be written without a file's time or size showing it
+        while True:  # a transaction a batch; the writer is never in the way of one for long
+            with WatchReader.open(self.path) as reader:
+                if not self.seq:
+                    self._begin(reader)
+                batch = reader.since(self.seq)
+                for seq, record in batch:
+                    try:
+                        self._take(seq, record)
+                    except _BAD as error:
+                        raise RunFileError(
+                            f"record {seq} of {self.path.name} makes no sense: `rig verify {self.path}` says more"
+                        ) from error
+                if len(batch) == BATCH:
+                    continue
+                if self._last is None or self._last.seq != self._last_seq:
+                    latest = reader.observations([self._last_seq], self._factors) if self._last_seq else []
+                    self._last = latest[0] if latest else None
+                break
+        self._print, self._error = seen, ""
+
+    def _begin(self, reader: WatchReader) -> None:
+        genesis, documents = reader.genesis(), reader.documents()
+        self._factors, self._whole_plots = reader.factors(), reader.planned_whole_plots()
+        try:
+            procedure = parse_toml(documents.get("procedure.toml", ""), self.path.name)
+            self._declared = dict(procedure.get("model", {}))
+            self._mounting = dict(procedure.get("mounting", {}))
+            data = genesis.data
+            self._about = {
+                "run_id": str(data["run_id"]),
+                "file": self.path.name,
+                "procedure": str(data["procedure"]),
+                "bench": str(data["bench"]),
+                "simulated": bool(data["simulated"]),
+                "began_utc_s": genesis.utc_s,
+                "against": self._reference.name if self._reference else None,
+                "software": str(data.get("software", {}).get("calibration-rig", "")),
+            }
+        except _BAD as error:
+            raise RunFileError(
+                f"{self.path.name} does not say what it is: `rig verify {self.path}` says more"
+            ) from error
+
+    def _take(self, seq: int, record: Any) -> None:
+        self._state.add(record)
+        self._happenings.add(seq, record)
+        if record.kind == "observation" and record.status == "accepted":
+            self._sample.add(seq)
+            self._last_seq = seq
+        self.seq = seq
+
+    # --- what is shown ------------------------------------------------------------------------------------------
+
+    def _now(self, live: Mapping[str, Any], running: bool, news_s: float | None) -> dict[str, Any]:
+        fold = self._state
+        done = len(fold.accepted) + len(fold.skipped)
+        return {
+            **state_now(fold, live, running, self.path),
+            "running": running,
+            "ended": fold.ended,
+            "news_s": None if news_s is None else round(news_s, 1),
+            "done": done,
+            "accepted": len(fold.accepted),
+            "skipped": len(fold.skipped),
+            "points": fold.points,
+            "elapsed_s": number(live.get("elapsed_s")) or fold.elapsed_s,
+            "remaining_s": number(live.get("remaining_s")),
+            "end_utc_s": expected_end(live),
+            "last_record_utc_s": fold.utc_s or None,
+            "whole_plot": fold.planned,
+            "whole_plots": self._whole_plots,
+            "faults": self._happenings.faults,
+            "last_fault": fold.last_fault,
+            "error": self._error,
+        }
+
+    def _readings(self) -> dict[str, Any] | None:
+        last = self._last
+        if last is None:
+            return None
+        groups = (("output", last.outputs), ("temperature", last.temperatures), ("reference", last.references))
+        rows = [
+            {"kind": kind, "name": name, "mean": mean, "sd": sd if n > 1 else None, "n": n}
+            for kind, group in groups
+            for name, (mean, sd, n) in group.items()
+        ]
+        rows += [
+            {"kind": "chamber", "name": f"{name}_degC", "mean": degC, "sd": None, "n": 1}
+            for name, degC in last.environment.items()
+        ]
+        return {
+            "index": last.index,
+            "utc_s": last.utc_s,
+            "setpoints": dict(last.setpoints),
+            "flags": list(last.flags),
+            "rows": rows,
+        }
+
+    def _draw(self, now: float) -> None:
+        charts = self._charts
+        if charts.content is not None and (charts.seq == self._last_seq or now - charts.made < _CHARTS_S):
+            return
+        chosen = self._sample.seqs()
+        missing = chosen - self._loaded.keys()
+        if missing:
+            with WatchReader.open(self.path) as reader:
+                self._loaded |= {s.seq: s for s in reader.observations(missing, self._factors)}
+        self._loaded = {seq: self._loaded[seq] for seq in sorted(chosen) if seq in self._loaded}
+        shown = list(self._loaded.values())
+        charts.seq, charts.made, charts.version = self._last_seq, now, charts.version + 1
+        charts.content = {
+            "version": charts.version,
+            "shown": len(shown),
+            "observed": len(self._state.accepted),
+            "residuals": self._residuals(shown),
+            "temperatures": _temperatures(shown),
+        }
+
+    def _residuals(self, shown: list[Seen]) -> dict[str, Any]:
+        try:
+            return residuals(shown, self._reference, self._declared, self._mounting)
+        except _BAD as error:
+            why = f"residuals cannot be computed: {error}"
+            return {"against": "", "why_none": why, "elapsed_s": [], "sensors": []}
+
+
+def _temperatures(shown: list[Seen]) -> dict[str, Any]:
+    """Recorded temperatures and chambers over the run."""
+    names = sorted({name for s in shown for name in s.temperatures})
+    chambers = sorted({name for s in shown for name in s.environment})
+    series = {n: [s.temperatures[n][0] if n in s.temperatures else None for s in shown] for n in names}
+    series |= {f"{n}_degC": [s.environment.get(n) for s in shown] for n in chambers}
+    return {
+        "elapsed_s": [round(s.elapsed_s, 1) for s in shown],
+        "series": [
+            {"name": n, "values": [None if v is None else round(v, 4) for v in values]} for n, values in series.items()
+        ],
+    }
+
+
+def _print(path: Path) -> tuple[tuple[object, ...], float]:
+    """What changes whenever a run file or its log does, and when that was last, seconds since 1970-01-01."""
+    found: list[object] = []
+    changed = 0.0
+    for one in (path, path.with_name(path.name + "-wal")):
+        try:
+            stat = one.stat()
+            found.append((stat.st_ino, stat.st_size, stat.st_mtime_ns))
+            changed = max(changed, stat.st_mtime)
+        except OSError:
+            found.append(None)
+    return tuple(found), changed
+
+
+def encoded(value: object) -> str:
+    """JSON with numbers JSON has."""
+    try:
+        return json.dumps(value, separators=(",", ":"), allow_nan=False)
+    except ValueError:
+        return json.dumps(_finite(value), separators=(",", ":"), allow_nan=False)
+
+
+def _finite(value: object) -> object:
+    if isinstance(value, float):
+        return value if abs(value) < float("inf") else None
+    if isinstance(value, Mapping):
+        return {str(k): _finite(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(v) for v in value]
+    return value

@@ -1,0 +1,135 @@
+"""What the page reads of a run file: new records by their number, a few observations whole, in short transactions."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from procedures import Factor
+from rig.engine.chain import Record
+from rig.engine.run_file import RunReader
+
+BATCH = 20_000
+"""Records read at once: the first look at a long run is many short transactions, not one long."""
+
+_ASKED = 500
+
+
+@dataclass(frozen=True)
+class Seen:
+    """One accepted observation, as much of it as the page shows.
+
+    Attributes:
+        seq: of its record.
+        elapsed_s: when it was made.
+        utc_s: when it was made.
+        index: its point.
+        whole_plot: it belongs to, if any.
+        setpoints: by factor name.
+        outputs: by column name: mean, standard deviation of one reading, number of readings.
+        temperatures: the same.
+        references: the same.
+        environment: temperature of every chamber, degrees Celsius.
+        flags: as recorded.
+
+    """
+
+    seq: int
+    elapsed_s: float
+    utc_s: float
+    index: int
+    whole_plot: int | None
+    setpoints: Mapping[str, float]
+    outputs: Mapping[str, tuple[float, float, int]]
+    temperatures: Mapping[str, tuple[float, float, int]]
+    references: Mapping[str, tuple[float, float, int]]
+    environment: Mapping[str, float]
+    flags: Sequence[str]
+
+    def mean(self, name: str) -> float | None:
+        """What a factor was: measured, where it was, else as it was set."""
+        for group in (self.references, self.temperatures):
+            if name in group:
+                return group[name][0]
+        return self.setpoints.get(name)
+
+
+class WatchReader(RunReader):
+    """A run file opened read-only for one look. Raises `RunFileError` where it cannot be read."""
+
+    def since(self, seq: int) -> list[tuple[int, Record]]:
+        """The next records after `seq`, at most `BATCH`; bodies of observations are left where they are."""
+        rows = self._all(
+            "SELECT seq, session, kind, elapsed_s, utc_s, run_index, whole_plot, attempt, status, "
+            "CASE kind WHEN 'observation' THEN '{}' ELSE body END FROM record WHERE seq > ? ORDER BY seq LIMIT ?",
+            (seq, BATCH),
+        )
+        return [(row[0], Record(*row[1:])) for row in rows]
+
+    def factors(self) -> tuple[Factor, ...]:
+        """What the run list varies."""
+        return tuple(
+            Factor(name, axis, overtravel, bool(hard), bool(stays))
+            for name, axis, overtravel, hard, stays in self._all(
+                "SELECT name, axis, overtravel, hard, stays FROM factor ORDER BY position"
+            )
+        )
+
+    def observations(self, seqs: Iterable[int], factors: Sequence[Factor]) -> list[Seen]:
+        """Observations by their records' numbers; one whose contents make no sense is left out."""
+        wanted, found = sorted(set(seqs)), []
+        for first in range(0, len(wanted), _ASKED):
+            some = tuple(wanted[first : first + _ASKED])
+            marks = ", ".join("?" * len(some))
+            names = "".join(f', point."{f.name}"' for f in factors)
+            rows = self._all(
+                f"SELECT seq, elapsed_s, utc_s, record.run_index, record.whole_plot, body{names} FROM record "
+                f"JOIN point ON point.run_index = record.run_index WHERE seq IN ({marks}) ORDER BY seq",
+                some,
+            )
+            found += [seen for row in rows if (seen := _seen(row, factors)) is not None]
+        return found
+
+    def accepted(self) -> int:
+        """Points with an accepted observation; the index of accepted observations answers that by itself."""
+        return int(
+            self._all(
+                "SELECT count(DISTINCT run_index) FROM record WHERE kind = 'observation' AND status = 'accepted'"
+            )[0][0]
+        )
+
+    def ended(self) -> str:
+        """How the run ended, "" if it has not."""
+        for (status,) in self._all("SELECT status FROM record WHERE kind = 'end' ORDER BY seq DESC LIMIT 1"):
+            return str(status)
+        return ""
+
+    def planned_whole_plots(self) -> int:
+        """Whole plots of the run list; 0 where nothing is hard to change."""
+        return int(self._all("SELECT count(DISTINCT whole_plot) FROM point")[0][0])
+
+
+def _seen(row: Sequence[Any], factors: Sequence[Factor]) -> Seen | None:
+    try:
+        body = json.loads(row[5])
+        return Seen(
+            seq=row[0],
+            elapsed_s=row[1],
+            utc_s=row[2],
+            index=row[3],
+            whole_plot=row[4],
+            setpoints={f.name: float(v) for f, v in zip(factors, row[6:], strict=True)},
+            outputs=_channels(body["outputs"]),
+            temperatures=_channels(body.get("temperatures", {})),
+            references=_channels(body.get("references", {})),
+            environment={n: float(c["temperature_degC"]) for n, c in body.get("environment", {}).items()},
+            flags=[str(flag) for flag in body.get("flags", [])],
+        )
+    except (ValueError, LookupError, TypeError, AttributeError):
+        return None  # not what a controller writes; `rig verify` says more
+
+
+def _channels(group: Mapping[str, Any]) -> dict[str, tuple[float, float, int]]:
+    return {n: (float(c["mean"]), float(c["sd"]), len(c["readings"])) for n, c in group.items()}

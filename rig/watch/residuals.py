@@ -1,0 +1,84 @@
+"""Residuals so far, for a chart: of a previous calibration, or of the declared model fitted to the observations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from rig.previous import Previous
+from rig.watch.against import columns_of, model_columns
+from rig.watch.reading import Seen
+
+_SCALE = {"V": 1e6, "mV": 1e3}
+"""Outputs in volts or millivolts to microvolts."""
+_SPARE = 6
+"""Observations beyond the model's columns before its residuals mean anything."""
+
+
+def residuals(
+    seen: Sequence[Seen], reference: Previous | None, declared: Mapping[str, Any], mounting: Mapping[str, float]
+) -> dict[str, Any]:
+    """Residuals of every sensor, and what they are residuals of, JSON-ready.
+
+    Args:
+        seen: the observations to show, in order.
+        reference: a previous calibration, if any.
+        declared: `[model]` of the procedure.
+        mounting: how the package is turned.
+
+    """
+    names = sorted({name for s in seen for name in s.outputs})
+    outputs = {n: np.array([s.outputs[n][0] if n in s.outputs else np.nan for s in seen]) for n in names}
+    found: dict[str, FloatArray] = {}
+    if reference is not None:
+        against = f"the calibration {reference.name}"
+        expected = reference.expected(columns_of(seen), mounting) if seen else {}
+        found = {n: y - expected[n].output for n, y in outputs.items() if n in expected}
+        why = "" if found or not seen else f"{reference.name} is a calibration of other sensors"
+    else:
+        against = "the declared model, fitted to the points so far"
+        found, why = _fitted(seen, outputs, declared)
+    return {
+        "against": against,
+        "why_none": why,
+        "elapsed_s": [round(s.elapsed_s, 1) for s in seen] if found else [],
+        "sensors": [_sensor(name, found[name]) for name in names if name in found],
+    }
+
+
+def _fitted(
+    seen: Sequence[Seen], outputs: Mapping[str, FloatArray], declared: Mapping[str, Any]
+) -> tuple[dict[str, FloatArray], str]:
+    columns = model_columns(seen, temperature=bool(declared.get("temperature"))) if seen else None
+    if columns is None:
+        return {}, "" if seen else "nothing has been observed yet"
+    columns = columns / np.maximum(np.abs(columns).max(axis=0), 1e-300)
+    usable = np.all(np.isfinite(columns), axis=1)
+    rank = int(np.linalg.matrix_rank(columns[usable])) if usable.any() else 0
+    if usable.sum() < rank + _SPARE or rank < 2:
+        return {}, f"{int(usable.sum())} points are too few for the model yet"
+    found = {}
+    for name, y in outputs.items():
+        rows = usable & np.isfinite(y)
+        left = np.full(len(y), np.nan)
+        if rows.sum() >= rank + _SPARE:
+            coefficients = np.linalg.lstsq(columns[rows], y[rows], rcond=1e-9)[0]
+            left[rows] = y[rows] - columns[rows] @ coefficients
+            found[name] = left
+    return found, ""
+
+
+def _sensor(name: str, values: FloatArray) -> dict[str, Any]:
+    unit = name.rpartition("_")[2]
+    scaled = values * _SCALE.get(unit, 1.0)
+    finite = scaled[np.isfinite(scaled)]
+    rms = float(np.sqrt(np.mean(finite**2))) if finite.size else None
+    return {
+        "name": name,
+        "unit": "uV" if unit in _SCALE else unit,
+        "rms": rms,
+        "values": [float(f"{v:.4g}") if np.isfinite(v) else None for v in scaled],
+    }

@@ -1,0 +1,144 @@
+"""Which runs the page shows: one, or all of a folder, the newest first."""
+
+from __future__ import annotations
+
+import re
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+from rig.engine.live import controller_alive, live_path, read_json
+from rig.errors import RigError
+from rig.previous import Previous
+from rig.watch.feed import RunFeed
+from rig.watch.reading import WatchReader
+
+_LISTED = 200
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One run in the list.
+
+    Attributes:
+        name: of the file, without its ending.
+        procedure: its name; "" if the file cannot be read.
+        bench: its name.
+        state: in a word or two.
+        running: whether a controller has it.
+        done: points observed.
+        points: points in all.
+        began_utc_s: when it was created.
+        simulated: no real instrument involved.
+        problem: why it cannot be read, "" if it can.
+
+    """
+
+    name: str
+    procedure: str = ""
+    bench: str = ""
+    state: str = ""
+    running: bool = False
+    done: int = 0
+    points: int = 0
+    began_utc_s: float = 0.0
+    simulated: bool = False
+    problem: str = ""
+
+
+class Shelf:
+    """Run files by name.
+
+    Args:
+        where: a run file, or a folder of them.
+        reference: a previous calibration to hold observations against.
+        stopwatch: real seconds.
+        utc: real seconds since 1970-01-01.
+
+    """
+
+    def __init__(
+        self, where: Path, reference: Previous | None, stopwatch: Callable[[], float], utc: Callable[[], float]
+    ) -> None:
+        self._where, self._reference = where, reference
+        self._stopwatch, self._utc = stopwatch, utc
+        self._feeds: dict[str, RunFeed] = {}
+        self._known: dict[str, tuple[float, Entry]] = {}
+        self._lock = threading.Lock()
+
+    @property
+    def only(self) -> str | None:
+        """The run's name where there is but one."""
+        return None if self._where.is_dir() else self._where.stem
+
+    def feed(self, name: str) -> RunFeed | None:
+        """The run of that name; None if there is none. Names are looked up, never made into paths."""
+        path = self._paths().get(name)
+        if path is None:
+            return None
+        with self._lock:
+            if name not in self._feeds:
+                self._feeds[name] = RunFeed(path, self._reference, self._stopwatch, self._utc)
+            return self._feeds[name]
+
+    def entries(self) -> list[Entry]:
+        """The runs, the newest first; one whose file has not changed is not read again."""
+        found = []
+        for name, path in self._paths().items():
+            changed = _changed(path)
+            known = self._known.get(name)
+            if known is None or known[0] != changed or known[1].running or controller_alive(path):
+                known = (changed, _entry(name, path))
+                self._known[name] = known
+            found.append((_made(name, changed), known[1]))
+        return [entry for _, entry in sorted(found, key=lambda one: (one[0], one[1].name), reverse=True)]
+
+    def _paths(self) -> dict[str, Path]:
+        if not self._where.is_dir():
+            return {self._where.stem: self._where}
+        paths = sorted(self._where.glob("*.sqlite"), key=_changed, reverse=True)[:_LISTED]
+        return {path.stem: path for path in paths}
+
+
+def _made(name: str, changed: float) -> str:
+    """When a run was made, for sorting: by its name, which begins with it; a dry run's own clock is no help."""
+    if re.match(r"\d{8}T\d{6}", name):
+        return name[:15]
+    return datetime.fromtimestamp(changed, UTC).strftime("%Y%m%dT%H%M%S")
+
+
+def _changed(path: Path) -> float:
+    times = []
+    for one in (path, path.with_name(path.name + "-wal")):
+        try:
+            times.append(one.stat().st_mtime)
+        except OSError:
+            continue
+    return max(times, default=0.0)
+
+
+def _entry(name: str, path: Path) -> Entry:
+    try:
+        with WatchReader.open(path) as reader:
+            data, began = reader.genesis().data, reader.genesis().utc_s
+            done, ended = reader.accepted(), reader.ended()
+        live = read_json(live_path(path)) or {}
+        running = bool(live) and controller_alive(path)
+        state = str(live.get("state", "running")) if running else ended or "not running"
+        return Entry(
+            name,
+            str(data["procedure"]),
+            str(data["bench"]),
+            state,
+            running,
+            done,
+            int(data["points"]),
+            began,
+            bool(data["simulated"]),
+        )
+    except RigError as error:
+        return Entry(name, problem=str(error))
+    except (OSError, ValueError, LookupError, TypeError, AttributeError):
+        return Entry(name, problem=f"its contents make no sense; `rig verify {path}` says more")

@@ -1,0 +1,91 @@
+"""What a running controller says, in the page's words. `RUN.live` is a file like any other: not trusted."""
+
+from __future__ import annotations
+
+import math
+import shlex
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from procedures import Factor
+from rig.engine.state import RunState
+
+_DOING = {
+    "ready": "starting",
+    "checking": "checking instruments",
+    "preparing": "preparing",
+    "recovering": "finding the way to the next point",
+    "moving": "moving",
+    "settling": "settling",
+    "measuring": "reading the sensors",
+    "recording": "recording",
+    "holding": "on hold",
+    "parking": "parking",
+    "done": "done",
+    "faulted": "fault; the bench was brought to its safe state",
+}
+_RESTED = {
+    "created": "created, never run",
+    "interrupted": "interrupted",
+    "stopped": "stopped",
+    "faulted": "stopped by a fault",
+}
+
+
+def state_now(fold: RunState, live: Mapping[str, Any], running: bool, path: Path) -> dict[str, str]:
+    """Word, sentence, tone ("good", "busy", "hold", "bad") and what a person can type next.
+
+    Args:
+        fold: what the run file says.
+        live: what a running controller says; {} if there is none.
+        running: whether there is one.
+        path: the run file, for commands to type.
+
+    """
+    file = shlex.quote(str(path))
+    if running:
+        state = str(live.get("state", ""))
+        said = " ".join(str(live.get(key) or "") for key in ("message", "detail")).strip()
+        point = number(live.get("point"))
+        said = said or ("" if point is None else f"point {point:.0f}")
+        tone = {"holding": "hold", "faulted": "bad"}.get(state, "busy")
+        todo = f"rig release {file}" if state == "holding" else ""
+        return {"word": state, "doing": _DOING.get(state, state), "said": said, "tone": tone, "todo": todo}
+    if fold.ended is not None:
+        return {"word": fold.ended, "doing": fold.ended, "said": "", "tone": "good", "todo": ""}
+    return {
+        "word": fold.rested,
+        "doing": _RESTED.get(fold.rested, fold.rested),
+        "said": "No controller is running on this run file.",
+        "tone": "hold" if fold.rested == "stopped" else "bad",
+        "todo": f"rig resume {file}",
+    }
+
+
+def expected_end(live: Mapping[str, Any]) -> float | None:
+    """When the run will be done by the bench's clock, seconds since 1970-01-01."""
+    now, left = number(live.get("utc_s")), number(live.get("remaining_s"))
+    return None if now is None or left is None else now + left
+
+
+def number(value: object) -> float | None:
+    """A finite number, or None."""
+    good = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+    return float(value) if good else None  # type: ignore[arg-type]
+
+
+def settling_now(live: Mapping[str, Any], factors: Sequence[Factor]) -> list[dict[str, Any]]:
+    """What is being waited for to settle: name, unit, target, band, outcome, samples as [seconds ago, value]."""
+    given, found = live.get("settling"), []
+    units = {f.axis: f.name.rpartition("_")[2] for f in factors if not f.hard}
+    for name, one in given.items() if isinstance(given, Mapping) else ():
+        try:
+            samples = [[float(t), float(value)] for t, value in one["samples"]]
+            shown = {"target": float(one["target"]), "band": float(one["band"]), "outcome": str(one["outcome"])}
+        except (KeyError, TypeError, ValueError):
+            continue
+        found.append(
+            {"name": str(name).removesuffix("_degC"), "unit": units.get(name, "degC"), **shown, "samples": samples}
+        )
+    return found

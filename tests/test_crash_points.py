@@ -1,0 +1,49 @@
+"""A share of `benchmarks/crash_points.py` and `power_cuts.py`: crashes, power cuts and damage, and nothing lost."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from crashes import crash_once, power_cuts
+from damages import Interrupted, file_damages, log_damages, small_finished
+
+
+@pytest.mark.parametrize(("lab", "every"), [("attitude", 61), ("pressure", 131)])
+@pytest.mark.parametrize("lost", ["none", "all", "some"])
+def test_a_crash_at_any_write_or_sync_is_gone_on_from(tmp_path, lab, every, lost):
+    first = {"none": 1, "all": 11, "some": 21}[lost]
+    nth, crashed = first, True
+    while crashed:
+        crashed, _, verdict = crash_once(lab, tmp_path / str(nth), nth, lost, seed=nth)
+        assert not verdict, f"{lab}, crash at {nth}, {lost} lost: {verdict}"
+        nth += every
+    assert nth > 130
+
+
+@pytest.mark.parametrize(("lab", "seeds"), [("attitude", (1, 2)), ("pressure", (4,))])
+def test_power_cuts_at_random_moments(tmp_path, lab, seeds):
+    cuts = 0
+    for seed in seeds:
+        done, _, verdict = power_cuts(lab, tmp_path / str(seed), seed, cuts=8)
+        assert not verdict, f"{lab}, seed {seed}: {verdict}"
+        cuts += done
+    assert cuts >= 5 * len(seeds)
+
+
+@pytest.fixture(scope="module")
+def killed(tmp_path_factory) -> Interrupted:
+    return Interrupted.make("attitude", tmp_path_factory.mktemp("killed"))
+
+
+def test_a_damaged_log_is_told_of_or_has_lost_nothing(killed):
+    counts, wrong = log_damages(killed, every=211)
+    assert not wrong
+    assert counts["distinct outcomes resumed to the end"] >= 3
+    assert not any("not said" in what for what in counts if not what.startswith("0 "))
+
+
+def test_a_damaged_file_is_refused_with_a_way_forward_or_has_lost_nothing(tmp_path: Path):
+    counts, wrong = file_damages(small_finished("attitude", tmp_path), 4096 - 50, every=3)
+    assert not wrong
+    assert sum(counts.values()) > 40

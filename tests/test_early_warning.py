@@ -1,0 +1,303 @@
+"""Early warnings: what each test says and when, that a clean run is left alone, and what the controller does of it."""
+
+from __future__ import annotations
+
+import json
+import math
+import random
+import re
+import statistics
+from pathlib import Path
+from unittest.mock import patch
+
+import pytest
+from command import rig
+from dry import SHORT, write_short
+from ideal_bench import PROCEDURE, new_run, run_session
+
+from procedures import PitchRollProcedure
+from rig.engine.early_warning import EarlyWarnings, in_unit, warnings_of
+from rig.engine.run_file import RunReader
+from rig.engine.session import Outcome
+from rig.engine.warning_tests import NoiseTest, Number, PreviousTest, RepeatTest
+from rig.examples import example
+
+LAB = example("attitude-lab")
+
+NIGHT = PitchRollProcedure.model_validate(
+    {
+        "kind": "pitch-roll",
+        "name": "night",
+        "replications": 4,
+        "design": {"type": "D1", "pitch_max_deg": 30, "pitch_count": 7, "roll_count": 9},
+    }
+).expand()
+
+
+def say(value: float) -> str:
+    return f"{value:.3g}"
+
+
+def body(point, rng, *, sd=50e-6, spoil=lambda readings: readings):
+    """An observation of a sensor along the package's x axis, 5 V/g."""
+    true = 0.01 + 5.0 * math.sin(math.radians(point.setpoints[0]))
+    readings = spoil([true + rng.gauss(0.0, sd) for _ in range(10)])
+    return {
+        "outputs": {
+            "x_V": {"mean": statistics.fmean(readings), "sd": statistics.stdev(readings), "readings": readings}
+        },
+        "temperatures": {"sensor_temperature_degC": {"mean": 23.0, "sd": 0.0, "readings": [23.0]}},
+    }
+
+
+def told(since, spoil, *, seed=3, sd=50e-6):
+    """(points after `since`, warning) of a night in which something goes wrong."""
+    rng, warnings, found = random.Random(seed), EarlyWarnings(NIGHT, None, {}), []
+    for i, point in enumerate(NIGHT.points):
+        wrong = spoil(point) if i >= since else (lambda readings: readings)
+        found += [(i - since + 1, w) for w in warnings.add(point, None, body(point, rng, sd=sd, spoil=wrong))]
+    return found
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_clean_night_is_left_alone(seed):
+    assert told(10**9, None, seed=seed) == []
+
+
+def test_a_bench_without_any_noise_is_left_alone():
+    assert told(10**9, None, sd=0.0) == []
+
+
+def around_mean(times):
+    def spoil(_point):
+        def louder(readings):
+            mean = statistics.fmean(readings)
+            return [mean + times * (r - mean) for r in readings]
+
+        return louder
+
+    return spoil
+
+
+def test_rising_noise_is_told_once_with_how_much():
+    ((after, warning),) = told(130, around_mean(2.0))
+    assert after <= 6
+    assert (warning.cause, warning.output) == ("noise", "x_V")
+    assert "times as noisy" in warning.message
+    assert "uV" in warning.message
+
+
+@pytest.mark.parametrize(
+    ("what", "readings", "words"),
+    [
+        ("frozen", lambda _: [1.25] * 10, "is frozen"),
+        ("open", lambda rng: [rng.gauss(0, 1e-3) for _ in range(10)], ""),
+        ("rail", lambda rng: [rng.gauss(11.9, 1e-3) for _ in range(10)], "is it at a rail?"),
+    ],
+)
+def test_a_sensor_that_died_is_told_within_a_few_points(what, readings, words):
+    rng = random.Random(1)
+    found = [(after, w) for after, w in told(130, lambda _: lambda _: readings(rng)) if w.cause == "response"]
+    assert len(found) == 1, what
+    assert found[0][0] <= 4, what
+    assert words in found[0][1].message
+
+
+def test_a_sensor_that_lost_half_its_response_is_told():
+    assert "response" in {w.cause for _, w in told(130, lambda _: lambda readings: [r / 2 for r in readings])}
+
+
+def test_a_sensor_that_never_lived_is_told_as_soon_as_the_settings_have_moved():
+    rng = random.Random(1)
+    found = told(0, lambda _: lambda _: [rng.gauss(0, 1e-4) for _ in range(10)])
+    assert [w.cause for _, w in found] == ["response"]
+    assert found[0][0] <= len(NIGHT) // 8
+
+
+def test_drift_is_told_at_repeated_settings():
+    drift = {"now": 0.0}
+
+    def spoil(_point):
+        drift["now"] += 2e-6
+        return lambda readings: [r + drift["now"] for r in readings]
+
+    found = told(0, spoil)
+    assert [w.cause for _, w in found] == ["drift"]
+    assert "uV" in found[0][1].message
+
+
+def test_false_alarms_of_each_test_are_as_rare_as_was_promised():
+    """6000 points of each test alone; benchmarks/early_warnings.py does it at length."""
+    rng, runs, points = random.Random(7), 60, 100
+    alarms = dict.fromkeys(("noise", "repeats", "previous"), 0)
+    for _ in range(runs):
+        tests = NoiseTest(points, 1, say), RepeatTest(points, 1, say), PreviousTest(points, 1, say)
+        said = [
+            tests[0].add(Number(0.0, statistics.variance(rng.gauss(0, 1) for _ in range(8)), 8)) for _ in range(points)
+        ]
+        alarms["noise"] += any(said)
+        alarms["repeats"] += any(tests[1].add(i % 40, rng.gauss(0, 1)) for i in range(points))
+        alarms["previous"] += any(tests[2].add(rng.gauss(0, 1), 1.0, 0.0, 0.0) for _ in range(points))
+    assert sum(alarms.values()) <= 1, alarms
+
+
+def test_a_calibration_allows_for_its_own_error():
+    test = PreviousTest(1000, 3, say)
+    assert not any(test.add(3.0, 0.1, 1.0, 4.0) for _ in range(50))
+    test = PreviousTest(1000, 3, say)
+    assert any(test.add(5.0, 0.1, 1.0, 4.0) for _ in range(50))
+
+
+@pytest.mark.parametrize(
+    ("unit", "value", "text"),
+    [
+        ("V", -3.37e-5, "-33.7 uV"),
+        ("V", 1.322, "1.322 V"),
+        ("mV", 0.012, "12 uV"),
+        ("mV", 9.9, "9.9 mV"),
+        ("A", 2.0, "2 A"),
+    ],
+)
+def test_values_are_told_in_units_for_people(unit, value, text):
+    assert in_unit(unit, value) == text
+
+
+# --- in the controller -----------------------------------------------------------------------------------------
+
+
+LONGER = PROCEDURE.model_copy(update={"replications": 4})
+
+
+def dies(after):
+    """From then on the sensor has noise about one number, whatever the head does."""
+
+    def spoil(_bench, head, reader):
+        reader.noise_V = 1e-4
+        fetch = reader.fetch
+
+        def dead():
+            found = fetch()
+            if reader.starts <= after:
+                return found
+            return {**found, "1": [0.3 + 1e-4 * (-1) ** i + 1e-6 * reader.starts for i in range(len(found["1"]))]}
+
+        reader.fetch = dead
+
+    return spoil
+
+
+def warned(path):
+    with RunReader.open(path) as reader:
+        reader.verify()
+        return [(r.session, r.data["cause"]) for r in warnings_of(reader)]
+
+
+def first_warned(path):
+    """The first warning; each is there once only."""
+    found = warned(path)
+    causes = [cause for _, cause in found]
+    assert len(causes) == len(set(causes)), found
+    return found[0]
+
+
+def test_a_warning_is_in_the_run_file_and_stops_nothing(tmp_path):
+    path = new_run(tmp_path, LONGER)
+    outcome, state, *_ = run_session(path, procedure=LONGER, spoil=dies(20))
+    assert outcome is Outcome.COMPLETE
+    assert len(state.accepted) == state.points
+    assert first_warned(path) == (1, "response")
+    shown = rig("status", path)
+    assert "warning: x_V reads" in shown.stdout
+    assert "what its settings gave before" in json.loads(rig("status", path, "--json").stdout)["warnings"][0]
+
+
+class Killed(BaseException):
+    """Stands for SIGKILL."""
+
+
+def test_what_was_said_is_not_said_again_by_the_next_session(tmp_path):
+    path = new_run(tmp_path, LONGER)
+
+    def on_progress(news):
+        if news.done >= 28:
+            raise Killed
+
+    with pytest.raises(Killed):
+        run_session(path, procedure=LONGER, spoil=dies(20), on_progress=on_progress)
+    assert first_warned(path) == (1, "response")
+    outcome, *_ = run_session(path, procedure=LONGER, spoil=dies(0))
+    assert outcome is Outcome.COMPLETE
+    assert first_warned(path) == (1, "response")
+
+
+def test_the_next_session_knows_what_came_before_it(tmp_path):
+    path = new_run(tmp_path, LONGER)
+
+    def on_progress(news):
+        if news.done >= 20:
+            raise Killed
+
+    with pytest.raises(Killed):
+        run_session(path, procedure=LONGER, spoil=dies(99), on_progress=on_progress)
+    run_session(path, procedure=LONGER, spoil=dies(0))
+    assert first_warned(path) == (2, "response")
+
+
+def test_a_run_holds_at_a_warning_where_the_procedure_asks_for_it_and_goes_on_when_released(tmp_path):
+    procedure = LONGER.model_copy(update={"warnings": LONGER.warnings.model_copy(update={"hold": True})})
+    path = new_run(tmp_path, procedure)
+    held = []
+
+    def on_progress(news):
+        if news.state == "holding":
+            held.append(news.done)
+            raise Killed
+
+    with pytest.raises(Killed):
+        run_session(path, procedure=procedure, spoil=dies(20), on_progress=on_progress)
+    with RunReader.open(path) as reader:
+        kinds = [r.kind for r in reader.records()]
+    assert kinds[-2:] == ["event", "hold"]
+    assert held == [23]
+    outcome, state, *_ = run_session(path, procedure=procedure, spoil=dies(20))
+    assert outcome is Outcome.COMPLETE
+    assert len(state.accepted) == state.points
+
+
+def test_a_mistake_in_the_warnings_themselves_costs_the_warnings_and_not_the_night(tmp_path):
+    path = new_run(tmp_path)
+    with patch.object(EarlyWarnings, "_judged", side_effect=ZeroDivisionError("planted")):
+        outcome, state, *_ = run_session(path)
+    assert outcome is Outcome.COMPLETE
+    assert len(state.accepted) == state.points
+    assert warned(path) == [(1, "itself")]
+
+
+def test_a_procedure_can_do_without(tmp_path):
+    procedure = LONGER.model_copy(update={"warnings": LONGER.warnings.model_copy(update={"enabled": False})})
+    path = new_run(tmp_path, procedure)
+    run_session(path, procedure=procedure, spoil=dies(20))
+    assert warned(path) == []
+
+
+def test_readings_that_leave_the_last_calibration_are_told_and_it_is_kept_in_the_run_file(tmp_path):
+    bench, world = LAB / "bench.toml", tmp_path / "first.toml"
+    # Without what nobody declared: a calibration that drifts between two replications allows for anything.
+    world.write_text((LAB / "world.toml").read_text().partition("# What nobody declared")[0])
+    first = rig("run", write_short(tmp_path), "--bench", bench, "--dry", "--world", world, "--out", tmp_path / "runs")
+    assert first.returncode == 0, first.stderr
+    earlier = first.stdout.strip()
+    assert rig("fit", earlier, "--out", tmp_path / "last.json").returncode == 0
+    shifted = tmp_path / "world.toml"
+    shifted.write_text(world.read_text().replace("offset_V = 0.0123", "offset_V = 0.0153"))
+    again = write_short(tmp_path / "b", SHORT + '[warnings]\nagainst = "../last.json"\n')
+    moved = rig("run", again, "--bench", bench, "--dry", "--world", shifted, "--out", tmp_path / "runs")
+    assert re.search(r"warning: x_V has left its last calibration by [23]\.?\d* mV", moved.stderr), moved.stderr
+    assert "y_V has left" not in moved.stderr
+    assert "z_V has left" not in moved.stderr
+    with RunReader.open(Path(moved.stdout.strip())) as reader:
+        assert "previous.json" in reader.documents()
+    missing = write_short(tmp_path / "c", SHORT + '[warnings]\nagainst = "none.json"\n')
+    refused = rig("run", missing, "--bench", bench, "--dry", "--out", tmp_path / "runs")
+    assert refused.returncode == 2
+    assert "none.json" in refused.stderr

@@ -1,0 +1,59 @@
+"""Names and notes with markup in them come out as text: in the terminal, in tables, in reports."""
+
+from __future__ import annotations
+
+import csv
+
+import pytest
+from command import rig
+from dry import LAB, dry
+
+NAME = '<script>alert(1)</script>[red]&"$x^{$ \\u001b[2J'
+
+
+@pytest.fixture(scope="module")
+def run_file(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("markup")
+    bench = (LAB / "bench.toml").read_text()
+    first = next(line for line in bench.splitlines() if line.startswith("name ="))
+    (folder / "bench.toml").write_text(bench.replace(first, f'name = "{NAME}"'.replace('&"$', '&\\"$')))
+    text = """
+kind = "pitch-roll"
+name = "<b>night</b> [bold]x[/]"
+replications = 2
+[design]
+type = "D"
+pitch_deg = [-90, -45, 0, 45, 90]
+roll_deg = [-120, 0, 120]
+[settle]
+dwell_s = 2
+[measure]
+readings = 2
+"""
+    return dry(folder, bench=folder / "bench.toml", text=text)
+
+
+def test_in_the_terminal(run_file):
+    for command in ("status", "verify", "fit"):
+        done = rig(command, run_file)
+        assert done.returncode == 0, done.stderr
+        assert "\x1b" not in done.stdout + done.stderr
+    said = rig("status", run_file).stdout
+    assert "<b>night</b> [bold]x[/]" in said
+    assert "<script>alert(1)</script>[red]" in said
+
+
+def test_in_a_report(run_file, tmp_path):
+    page = tmp_path / "page.html"
+    done = rig("trace", run_file, "--report", page)
+    assert done.returncode in (0, 3), done.stderr
+    html = page.read_text()
+    assert "<script>alert" not in html
+    assert "<b>night" not in html
+    assert "&lt;b&gt;night" in html
+
+
+def test_in_a_table(run_file, tmp_path):
+    assert rig("export", run_file, "--out", tmp_path / "data.csv").returncode == 0
+    with (tmp_path / "data.csv").open(newline="") as file:
+        assert len(list(csv.DictReader(file))) == 30
