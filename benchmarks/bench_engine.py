@@ -1,8 +1,8 @@
 """Our own time per point, with a durable commit, beside bluesky's RunEngine, which stores nothing.
 
 Both run 2,886 points on instruments that answer at once, in the same process, in turn. Also: what the file system
-asks for one fdatasync of a record's size, and how many syncs a commit really makes (counted by strace where it is
-installed, otherwise through a recording VFS).
+asks for one fdatasync of a record's size, what a commit takes beside it (`benchmarks.load`, which has the long runs
+too), and how many syncs a commit really makes, counted by a recording VFS.
 
     .venv/bin/python benchmarks/bench_engine.py
 """
@@ -19,10 +19,12 @@ from pathlib import Path
 import apsw
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
+sys.path.insert(0, str(Path(__file__).parent.parent))
 
 import ideal_bench
-from scratch import RUNS
 
+from benchmarks.load import commits
+from benchmarks.scratch import RUNS
 from procedures import PitchRollProcedure
 from rig.engine.chain import Record, encode
 from rig.engine.run_file import RunWriter
@@ -42,12 +44,18 @@ def procedure() -> PitchRollProcedure:
     )
 
 
+def noisy(_, __, reader: ideal_bench.IdealReader) -> None:
+    """Readings that never change are taken for frozen ones."""
+    reader.noise_V = 1e-6
+
+
 def ours(folder: Path) -> float:
     """Seconds a point, ideal instruments' arithmetic included."""
     path = ideal_bench.new_run(folder, procedure())
     began = time.perf_counter()
-    ideal_bench.run_session(path, procedure=procedure())
+    _, state, *_ = ideal_bench.run_session(path, procedure=procedure(), spoil=noisy)
     seconds = time.perf_counter() - began
+    assert len(state.accepted) == POINTS
     path.unlink()
     return seconds / POINTS
 
@@ -132,6 +140,9 @@ def main() -> None:
         bare = bare_sync(folder)
         print(f"ours, one durable commit a point: {statistics.median(mine) * 1e6:7.0f} us a point")
         print(f"bare fdatasync of 2 kB:           {bare * 1e6:7.0f} us")
+        beside = commits(folder)
+        low, middle = beside["ratio"]
+        print(f"a commit over a bare fdatasync:   {middle:7.2f} (medians; lowest tenths {low:.2f})")
         for key, value in syncs(folder).items():
             print(f"syncs of the {key} file a commit:   {value:7.3f}")
     try:

@@ -6,8 +6,49 @@ decided elsewhere (`procedures.orders`).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from array import array
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import overload
+
+
+class Cells(Sequence[tuple[int, int]]):
+    """(row, column) of cells of a grid, row by row, packed: a full grid takes nothing, a part of it a few bytes a cell.
+
+    Args:
+        columns: of the grid.
+        numbers: of the cells kept, counted row by row from 0.
+
+    """
+
+    def __init__(self, columns: int, numbers: range | Iterable[int]) -> None:
+        self.columns = columns
+        self.numbers = numbers if isinstance(numbers, range) else array("Q", numbers)
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+    @overload
+    def __getitem__(self, index: int) -> tuple[int, int]: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> tuple[tuple[int, int], ...]: ...
+
+    def __getitem__(self, index: int | slice) -> tuple[int, int] | tuple[tuple[int, int], ...]:
+        if isinstance(index, slice):
+            return tuple(divmod(number, self.columns) for number in self.numbers[index])
+        return divmod(self.numbers[index], self.columns)
+
+    def __iter__(self) -> Iterator[tuple[int, int]]:
+        return (divmod(number, self.columns) for number in self.numbers)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Cells):
+            return NotImplemented
+        return (self.columns, list(self.numbers)) == (other.columns, list(other.numbers))
+
+    def __hash__(self) -> int:
+        return hash((self.columns, len(self)))
 
 
 @dataclass(frozen=True)
@@ -25,7 +66,7 @@ class Design:
     name: str
     pitch_deg: tuple[float, ...]
     roll_deg: tuple[float, ...]
-    cells: tuple[tuple[int, int], ...]
+    cells: Sequence[tuple[int, int]]
 
     def __len__(self) -> int:
         return len(self.cells)
@@ -73,8 +114,7 @@ def grid(name: str, pitch_deg: Sequence[float], roll_deg: Sequence[float]) -> De
         if not values:
             raise ValueError(f"a design needs at least one {what} angle")
     rows, columns = tuple(sorted(pitch_deg)), tuple(sorted(roll_deg))
-    cells = tuple((i, j) for i in range(len(rows)) for j in range(len(columns)))
-    return Design(name, rows, columns, cells)
+    return Design(name, rows, columns, Cells(len(columns), range(len(rows) * len(columns))))
 
 
 def tumble(*, roll: bool) -> Design:
@@ -106,5 +146,5 @@ def fraction(full: Design, *, pitch_every: int, roll_every: int) -> Design:
             raise ValueError(
                 f"cannot keep every {every}th of {lines} {what} angles with both ends: {lines} - 1 is not a multiple"
             )
-    kept = tuple((i, j) for i, j in full.cells if i % pitch_every == 0 or j % roll_every == 0)
-    return replace(full, cells=kept)
+    kept = (i * m + j for i, j in full.cells if i % pitch_every == 0 or j % roll_every == 0)
+    return replace(full, cells=Cells(m, kept))

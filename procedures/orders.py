@@ -9,6 +9,7 @@ of approach is random too and controlled, not left to wherever the axis came fro
 from __future__ import annotations
 
 import random
+from array import array
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -43,21 +44,6 @@ def reversed_pass(replication: int, pattern: str) -> bool:
     raise ValueError(f"unknown pattern {pattern!r}: use abba, alternate or same")
 
 
-def _sweep(design: Design, *, upwards: bool, first_right: bool) -> list[Visit]:
-    by_row: dict[int, list[int]] = {}
-    for row, column in design.cells:
-        by_row.setdefault(row, []).append(column)
-    visits = []
-    right = first_right
-    for row in sorted(by_row, reverse=not upwards):
-        side = 1 if right else -1
-        columns = sorted(by_row[row], reverse=not right)
-        visits += [Visit(row, column, 1 if upwards else -1, side) for column in columns]
-        if len(by_row[row]) > 1:
-            right = not right
-    return visits
-
-
 def serpentine(design: Design, *, backwards: bool, up_and_down: bool) -> list[Visit]:
     """Boustrophedon pass: pitch row after row, roll to and fro (recommendation 4 of the paper).
 
@@ -65,23 +51,44 @@ def serpentine(design: Design, *, backwards: bool, up_and_down: bool) -> list[Vi
         design: what to visit.
         backwards: walk the same path from its end, every axis then arriving from the other side.
         up_and_down: return to the first row, visiting every point a second time, each on its own side; without
-            it one pass goes up and the reversed replications bring it down.
+            it one pass goes up and the reversed replications bring it down. Walked backwards it is the same path.
 
     """
-    path = _sweep(design, upwards=True, first_right=True)
-    if up_and_down:
-        path += [Visit(v.row, v.column, -v.pitch_side, -v.roll_side) for v in reversed(path)]
-    if backwards:
-        path = [Visit(v.row, v.column, -v.pitch_side, -v.roll_side) for v in reversed(path)]
-    return path
+    return list(walk(design, backwards=backwards, up_and_down=up_and_down))
+
+
+def walk(design: Design, *, backwards: bool, up_and_down: bool) -> Iterator[Visit]:
+    """The visits of a `serpentine` one by one."""
+    if up_and_down or not backwards:
+        yield from _sweep(design, 1)
+    if up_and_down or backwards:
+        yield from _sweep(design, -1)
+
+
+def _sweep(design: Design, way: int) -> Iterator[Visit]:
+    """From the first row to the last (way 1), or the same path from its end (way -1)."""
+    by_row: dict[int, array[int]] = {}
+    for row, column in design.cells:
+        by_row.setdefault(row, array("L")).append(column)
+    rows: list[tuple[int, bool]] = []
+    right = True
+    for row in sorted(by_row):
+        rows.append((row, right))
+        right ^= len(by_row[row]) > 1
+    for row, right in rows[::way]:
+        forwards = right == (way == 1)
+        side = 1 if forwards else -1
+        for column in sorted(by_row[row], reverse=not forwards):
+            yield Visit(row, column, way, side)
 
 
 def random_order(design: Design, rng: random.Random) -> Iterator[Visit]:
     """Every point once in random order, each axis approached from a random side, as many from one as the other."""
-    cells = list(design.cells)
+    cells = array("L", range(len(design)))
     rng.shuffle(cells)
-    pitch_sides, roll_sides = ([1 if i % 2 else -1 for i in range(len(cells))] for _ in range(2))
+    pitch_sides, roll_sides = (array("b", (1 if i % 2 else -1 for i in range(len(cells)))) for _ in range(2))
     rng.shuffle(pitch_sides)
     rng.shuffle(roll_sides)
-    for (row, column), pitch_side, roll_side in zip(cells, pitch_sides, roll_sides, strict=True):
+    for number, pitch_side, roll_side in zip(cells, pitch_sides, roll_sides, strict=True):
+        row, column = design.cells[number]
         yield Visit(row, column, pitch_side, roll_side)

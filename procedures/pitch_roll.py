@@ -6,15 +6,19 @@ Field by field this is also the reference of the file format: `docs/files.md` is
 from __future__ import annotations
 
 import random
+from collections.abc import Iterable, Iterator
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
 from procedures.designs import Design, fraction, grid, roll_circle, tumble, uniform
 from procedures.faults import PitchRollFaults
-from procedures.orders import Visit, random_order, reversed_pass, serpentine
+from procedures.orders import Visit, random_order, reversed_pass, walk
 from procedures.run_list import Factor, Point, RunList, Settle
 from procedures.settings import Positive, Strict, WarningSettings
+
+_PASS_KEPT = 10_000
+"""A pass over a larger design than this is not kept for the next replication, but made again."""
 
 Side = Annotated[list[float], Field(min_length=1)]
 
@@ -223,23 +227,31 @@ class PitchRollProcedure(Strict):
 
     def expand(self) -> RunList:
         """Every point of the run, in order."""
-        design = self.design.build()
         overtravel = self.approach.overtravel_deg
         factors = (Factor("pitch_deg", "pitch", overtravel), Factor("roll_deg", "roll", overtravel))
-        rng = random.Random(self.seed)
-        points: list[Point] = []
-        for replication in range(1, self.replications + 1):
-            for visit in self._visits(design, replication, rng):
-                setpoints = (design.pitch_deg[visit.row], design.roll_deg[visit.column])
-                sides = (visit.pitch_side, visit.roll_side)
-                points.append(Point(len(points), replication, None, setpoints, sides))
-        return RunList(factors, tuple(points), self.seed)
+        return RunList(factors, self._points(), self.seed)
 
-    def _visits(self, design: Design, replication: int, rng: random.Random) -> list[Visit]:
+    def _points(self) -> Iterator[Point]:
+        design = self.design.build()
+        rng = random.Random(self.seed)
+        passes: dict[bool, list[Visit]] = {}
+        index = 0
+        for replication in range(1, self.replications + 1):
+            for visit in self._visits(design, replication, rng, passes):
+                setpoints = (design.pitch_deg[visit.row], design.roll_deg[visit.column])
+                yield Point(index, replication, None, setpoints, (visit.pitch_side, visit.roll_side))
+                index += 1
+
+    def _visits(
+        self, design: Design, replication: int, rng: random.Random, passes: dict[bool, list[Visit]]
+    ) -> Iterable[Visit]:
+        """One pass over the design; `passes` keeps those that are walked more than once, by direction."""
         if self.order.type == "random":
-            return list(random_order(design, rng))
-        return serpentine(
-            design,
-            backwards=reversed_pass(replication, self.order.replications),
-            up_and_down=self.order.type == "up-and-down",
-        )
+            return random_order(design, rng)
+        backwards = reversed_pass(replication, self.order.replications)
+        visits = walk(design, backwards=backwards, up_and_down=self.order.type == "up-and-down")
+        if len(design) > _PASS_KEPT:
+            return visits
+        if backwards not in passes:
+            passes[backwards] = list(visits)
+        return passes[backwards]

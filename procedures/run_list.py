@@ -1,11 +1,20 @@
-"""The run list: every point of a run, in order, frozen before anything moves."""
+"""The run list: every point of a run, in order, frozen before anything moves.
+
+Points are taken in one by one and kept packed, and what is asked of all of them is answered from the few different
+settings they have: a run list of a million points takes a few megabytes, and no more while it is made or checked.
+"""
 
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import overload
+
+from procedures.coded import Coded
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +76,92 @@ class Point:
     sides: tuple[int, ...]
 
 
-@dataclass(frozen=True)
+_AT_ONCE = 256
+"""Points taken in together: more of them would keep the garbage collector busy."""
+
+_TEXTS_KEPT = 10_000
+
+
+class Points(Sequence[Point]):
+    """Points in order, packed; each is made again when it is looked at.
+
+    Args:
+        points: any number of them, numbered from 0.
+        width: number of factors.
+
+    Raises:
+        ValueError: a point is numbered wrongly, or has not one setpoint and one side for each factor.
+
+    """
+
+    def __init__(self, points: Iterable[Point], width: int) -> None:
+        self.places: Coded[tuple[int, int | None]] = Coded()
+        self.settings: tuple[Coded[tuple[float, int]], ...] = tuple(Coded() for _ in range(width))
+        points = iter(points)
+        while some := list(itertools.islice(points, _AT_ONCE)):
+            for position, point in enumerate(some, len(self)):
+                if point.index != position:
+                    raise ValueError(f"point {position} of the run list is numbered {point.index}")
+                if len(point.setpoints) != width or len(point.sides) != width:
+                    raise ValueError(f"point {position} does not have one setpoint and one side for each factor")
+            self.places.extend([(point.replication, point.whole_plot) for point in some])
+            for at, column in enumerate(self.settings):  # no -0.0, which a run file does not keep
+                column.extend([(point.setpoints[at] + 0.0, point.sides[at]) for point in some])
+
+    def __len__(self) -> int:
+        return len(self.places)
+
+    @overload
+    def __getitem__(self, index: int) -> Point: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> tuple[Point, ...]: ...
+
+    def __getitem__(self, index: int | slice) -> Point | tuple[Point, ...]:
+        if isinstance(index, slice):
+            return tuple(self[i] for i in range(*index.indices(len(self))))
+        index = range(len(self))[index]
+        replication, whole_plot = self.places[index]
+        at = [column[index] for column in self.settings]
+        return Point(index, replication, whole_plot, tuple([v for v, _ in at]), tuple([s for _, s in at]))
+
+    def __iter__(self) -> Iterator[Point]:
+        for index, (replication, whole_plot), *at in zip(itertools.count(), self.places, *self.settings, strict=False):
+            yield Point(index, replication, whole_plot, tuple([v for v, _ in at]), tuple([s for _, s in at]))
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Points):
+            return NotImplemented
+        return self.places == other.places and self.settings == other.settings
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def span(self, whole_plot: int) -> tuple[int, int]:
+        """First index and number of the points of a whole plot. Raises `KeyError`."""
+        codes = [code for code, (_, number) in enumerate(self.places.levels) if number == whole_plot]
+        if not codes:
+            raise KeyError(f"the run list has no whole plot {whole_plot}")
+        return min(self.places.first(code) for code in codes), sum(self.places.count(code) for code in codes)
+
+    def texts(self) -> Iterator[str]:
+        """Every point as JSON, as it is hashed: [index, replication, whole plot, [setpoints], [sides]]."""
+        places = [json.dumps(place)[1:-1] for place in self.places.levels]
+        values = [[json.dumps(value) for value, _ in column.levels] for column in self.settings]
+        sides = [[json.dumps(side) for _, side in column.levels] for column in self.settings]
+        known: dict[tuple[int, ...], str] = {}
+        coded = zip(self.places.codes(), zip(*(column.codes() for column in self.settings), strict=True), strict=True)
+        for index, (place, at) in enumerate(coded):
+            text = known.get(at)
+            if text is None:
+                if len(known) >= _TEXTS_KEPT:
+                    known.clear()
+                setpoints = ", ".join([texts[code] for texts, code in zip(values, at, strict=True)])
+                from_sides = ", ".join([texts[code] for texts, code in zip(sides, at, strict=True)])
+                text = known[at] = f"[{setpoints}], [{from_sides}]]"
+            yield f"[{index}, {places[place]}, {text}"
+
+
+@dataclass(frozen=True, init=False)
 class RunList:
     """Points in order, with what is needed to make the same list again.
 
@@ -79,16 +173,14 @@ class RunList:
     """
 
     factors: tuple[Factor, ...]
-    points: tuple[Point, ...]
+    points: Points
     seed: int
 
-    def __post_init__(self) -> None:
-        width = len(self.factors)
-        for position, point in enumerate(self.points):
-            if point.index != position:
-                raise ValueError(f"point {position} of the run list is numbered {point.index}")
-            if len(point.setpoints) != width or len(point.sides) != width:
-                raise ValueError(f"point {position} does not have one setpoint and one side for each factor")
+    def __init__(self, factors: Iterable[Factor], points: Iterable[Point], seed: int) -> None:
+        """Take points in one by one. Raises ValueError where they are not numbered from 0, or lack a factor."""
+        object.__setattr__(self, "factors", tuple(factors))
+        object.__setattr__(self, "points", Points(points, len(self.factors)))
+        object.__setattr__(self, "seed", seed)
 
     def __len__(self) -> int:
         return len(self.points)
@@ -103,10 +195,10 @@ class RunList:
         """The factors that a whole plot shares."""
         return tuple(f for f in self.factors if f.hard)
 
-    @property
+    @cached_property
     def whole_plots(self) -> int:
         """How many whole plots are planned; 0 where nothing is hard to change."""
-        return len({p.whole_plot for p in self.points} - {None})
+        return len({whole_plot for _, whole_plot in self.points.places.levels} - {None})
 
     def factor(self, name: str) -> Factor:
         """The factor of that name. Raises `KeyError`."""
@@ -116,43 +208,44 @@ class RunList:
         """Setpoints of a point by factor name."""
         return {f.name: value for f, value in zip(self.factors, point.setpoints, strict=True)}
 
+    def levels(self, factor: Factor) -> list[float]:
+        """The different setpoints of a factor, in order of first appearance."""
+        column = self.points.settings[self.factors.index(factor)]
+        return list(dict.fromkeys(value for value, _ in column.levels))
+
     def sha256(self) -> str:
         """Hash of everything that decides what the bench will do; two equal lists have equal hashes."""
         digest = hashlib.sha256()
         head = {"factors": [[f.name, f.axis, f.overtravel, f.hard, f.stays] for f in self.factors], "seed": self.seed}
         digest.update(json.dumps(head, sort_keys=True).encode())
-        for p in self.points:
-            row = [p.index, p.replication, p.whole_plot, p.setpoints, p.sides]
-            digest.update(json.dumps(row).encode())
+        texts = self.points.texts()
+        while part := "".join(itertools.islice(texts, _AT_ONCE)):
+            digest.update(part.encode())
         return digest.hexdigest()
 
     def extremes(self) -> Mapping[str, tuple[float, float]]:
         """Lowest and highest value each factor can be commanded to, overtravel included, by factor name."""
         found = {}
-        for column, factor in enumerate(self.factors):
-            reach = [
-                value
-                for p in self.points
-                for value in (p.setpoints[column], p.setpoints[column] - p.sides[column] * factor.overtravel)
-            ]
+        for factor, column in zip(self.factors, self.points.settings, strict=True):
+            reach = [at for value, side in column.levels for at in (value, value - side * factor.overtravel)]
             found[factor.name] = (min(reach), max(reach))
         return found
 
     def beyond(self, limits: Mapping[str, tuple[float, float]]) -> Iterator[str]:
         """Sentences for every factor that the list would drive outside `limits` (low, high), by factor name."""
-        for column, factor in enumerate(self.factors):
+        for factor, column in zip(self.factors, self.points.settings, strict=True):
             if factor.name not in limits:
                 continue
             low, high = limits[factor.name]
-            for p in self.points:
-                value = p.setpoints[column]
-                start = value - p.sides[column] * factor.overtravel
+            for code, (value, side) in enumerate(column.levels):  # in order of first appearance
+                start = value - side * factor.overtravel
                 if not low <= value <= high:
-                    yield f"point {p.index} asks for {factor.name} = {value:g}, outside {low:g} to {high:g}"
+                    at = column.first(code)
+                    yield f"point {at} asks for {factor.name} = {value:g}, outside {low:g} to {high:g}"
                     break
                 if not low <= start <= high:
                     yield (
-                        f"point {p.index} ({factor.name} = {value:g}) is approached from {start:g} "
+                        f"point {column.first(code)} ({factor.name} = {value:g}) is approached from {start:g} "
                         f"(overtravel {factor.overtravel:g}), outside {low:g} to {high:g}"
                     )
                     break

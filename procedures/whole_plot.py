@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 import random
+from collections.abc import Iterator
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
@@ -229,17 +230,21 @@ class WholePlotProcedure(Strict):
             Factor(SENSOR, "sensor_temperature", hard=True),
             Factor(SSE, "sse_temperature", hard=True),
         )
+        return RunList(factors, self._points(), self.seed)
+
+    def _points(self) -> Iterator[Point]:
         rng = random.Random(self.seed)
-        points: list[Point] = []
-        whole_plot = 0
+        index = whole_plot = 0
+        before: tuple[float, float] | None = None
         for replication in range(1, self.replications + 1):
-            for pair in _apart(self.design.pairs(), rng, before=points[-1].setpoints[1:] if points else None):
+            for pair in _apart(self.design.pairs(), rng, before):
                 whole_plot += 1
+                before = pair
                 pressures = [*self.design.pressures_psia, *self.design.repeated_psia]
                 rng.shuffle(pressures)
                 for pressure, side in zip(pressures, _sides(pressures), strict=True):
-                    points.append(Point(len(points), replication, whole_plot, (pressure, *pair), (side, 0, 0)))
-        return RunList(factors, tuple(points), self.seed)
+                    yield Point(index, replication, whole_plot, (pressure, *pair), (side, 0, 0))
+                    index += 1
 
 
 def _apart(

@@ -216,7 +216,8 @@ def start_run(
             with RunReader.open(path) as reader:
                 return Result(path, Outcome.INTERRUPTED, "created, nothing was moved", fold(reader.records()), None)
         with RunWriter.open(path, vfs=site.vfs) as run:
-            return _session(run, plan, bench, clock, boot, frozenset(), signals, on_progress, observer)
+            state = fold(run.records())
+            return _session(run, state, plan, bench, clock, boot, frozenset(), signals, on_progress, observer)
 
 
 def resume_run(
@@ -246,14 +247,15 @@ def resume_run(
 
     """
     with RunReader.open(path) as reader:  # a finished run is not opened for writing, and not changed
-        reader.verify()
-        state = fold(reader.records())
+        head, state = reader.head(), RunState()
+        reader.verify(state.add)
         if state.ended is not None:
             plan = _stored_plan(reader, path, None)
             return Result(path, Outcome.COMPLETE, f"{path} is complete: nothing to resume", state, plan.procedure)
     told = int((read_json(live_path(path)) or {}).get("done", 0))
-    with RunWriter.open(path, vfs=site.vfs) as run:
-        state = fold(run.records())
+    with RunWriter.open(path, vfs=site.vfs, verified=head) as run:
+        if run.head() != head:
+            state = fold(run.records())
         for warning in _losses(run, state, told):
             warn(warning)
         plan = _stored_plan(run, path, bench)
@@ -263,7 +265,7 @@ def resume_run(
             raise UsageError(f"--accept {unknown[0]}: there is no such instrument on this bench ({known})")
         _check_space(path.parent, state.remaining)
         with site.opened(plan, start=_world_start(run) + state.elapsed_s + dry_gap_s) as (opened_bench, clock, boot):
-            return _session(run, plan, opened_bench, clock, boot, accept, signals, on_progress, observer)
+            return _session(run, state, plan, opened_bench, clock, boot, accept, signals, on_progress, observer)
 
 
 def _world_start(run: RunReader) -> float:
@@ -308,6 +310,7 @@ def _stored_plan(run: RunReader, path: Path, bench: Path | None) -> Plan:
 
 def _session(
     run: RunWriter,
+    state: RunState,
     plan: Plan,
     bench: Bench,
     clock: Clock,
@@ -317,7 +320,6 @@ def _session(
     on_progress: Callable[[Progress], None],
     observer: Observer | None,
 ) -> Result:
-    state = fold(run.records())
     previous = parse_previous(plan.documents[PREVIOUS], str(run.path)) if PREVIOUS in plan.documents else None
     origin, certain = (_world_start(run), True) if boot == _VIRTUAL else _elapsed_origin(state, clock, boot)
     session = Session(

@@ -79,8 +79,8 @@ def _check_whole_plots(
         )
     for factor in run_list.hard:
         low, high = guard.limits.get(factor.name, (float("-inf"), float("inf")))
-        for point in run_list.points:
-            away = renewal(run_list.setting(point)[factor.name], procedure.soak.renew_degC)
+        for target in run_list.levels(factor):
+            away = renewal(target, procedure.soak.renew_degC)
             if not low <= away <= high:
                 raise ConfigurationError(
                     f"{where}: {factor.name}: a temperature that stands is left for {away:g} degC first "

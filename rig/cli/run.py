@@ -33,7 +33,7 @@ from rig.durations import duration
 from rig.engine.early_warning import warnings_of
 from rig.engine.run_file import RunReader
 from rig.engine.session import Outcome, Progress, Signals
-from rig.engine.state import read_state
+from rig.engine.state import RunState, is_simulated, read_state
 from rig.errors import ExitCode, RigError
 from rig.unattended import Listeners, RunFacts, ServiceManager
 
@@ -154,15 +154,16 @@ def resume(
     Example: `rig resume runs/20260115T180000-night-1a2b.sqlite`
     """
     with RunReader.open(run_file) as reader:
-        state, dry = read_state(reader), bool(reader.genesis().data.get("dry"))
-    if unless_stopped and state.rested == "stopped" and state.ended is None:
+        simulated, dry = is_simulated(reader), bool(reader.genesis().data.get("dry"))
+        state = read_state(reader) if unless_stopped else RunState()
+    if state.rested == "stopped" and state.ended is None:
         ServiceManager().ended("stopped by rig stop")
         name = escape(str(run_file))
         err.print(f"{name} was stopped by a person; rig resume {name} carries on", soft_wrap=True)
         return ExitCode.STOPPED
     asked = Listening(log, log_format, notify, notify_file, dry=dry, strict=False)
     with listening(facts_of(run_file), asked, _warn) as listeners:
-        with run_progress(simulated=state.simulated) as show:
+        with run_progress(simulated=simulated) as show:
             result = resume_run(
                 run_file,
                 signals=signals(),

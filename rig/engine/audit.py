@@ -78,16 +78,23 @@ class Contents(Protocol):
         """Number of records and the last one's hash."""
 
 
-def findings(run: Contents, *, thorough: bool, expand: Expand = lambda _: None) -> Iterator[Finding]:
+def findings(
+    run: Contents,
+    *,
+    thorough: bool,
+    expand: Expand = lambda _: None,
+    each: Callable[[Record], object] = lambda _: None,
+) -> Iterator[Finding]:
     """What is wrong, one after the other; nothing if the file is whole.
 
     Args:
         run: the file.
         thorough: look at every index entry, and search for what was changed in a record.
         expand: makes the run list anew from the stored documents, to say which point of it was changed.
+        each: called with every record that follows the one before it and has its hash.
 
     """
-    parts = (_file(run, thorough), _records(run, thorough), _genesis(run, thorough, expand), _schema(run))
+    parts = (_file(run, thorough), _records(run, thorough, each), _genesis(run, thorough, expand), _schema(run))
     for part in parts:
         try:
             yield from part
@@ -113,7 +120,7 @@ def _points(run: Contents) -> int:
     return int(next(run.guarded.rows("SELECT count(*) FROM point"))[0])
 
 
-def _records(run: Contents, thorough: bool) -> Iterator[Finding]:
+def _records(run: Contents, thorough: bool, each: Callable[[Record], object]) -> Iterator[Finding]:
     points = _points(run)
     rows = run.chained()
     here = next(rows, None)
@@ -126,6 +133,7 @@ def _records(run: Contents, thorough: bool) -> Iterator[Finding]:
         after = next(rows, None)
         seq, record, previous, own = here
         if seq == expected_seq and previous == expected and _holds(here, points):
+            each(record)
             before = (seq, False)
             expected_seq, expected = seq + 1, own
             here = after

@@ -11,10 +11,10 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
+from math import isfinite
 from typing import Any
 
-_ENCODER = json.JSONEncoder(separators=(",", ":"), allow_nan=False)
 GENESIS = bytes(32)
 """What the first record names as its predecessor."""
 
@@ -79,5 +79,40 @@ def encode(body: Mapping[str, Any]) -> str:
 
 def link(previous: bytes, seq: int, record: Record) -> bytes:
     """Hash of a record given its predecessor's."""
-    text = _ENCODER.encode([seq, *record.fields()])
-    return hashlib.sha256(previous + text.encode()).digest()
+    return hashlib.sha256(b"%b%b,%b]" % (previous, _fields(seq, record).encode(), _quoted(record.body))).digest()
+
+
+def _fields(seq: int, record: Record) -> str:
+    """A record but for its body, as JSON without the closing bracket."""
+    r, index, whole_plot, attempt = record, record.run_index, record.whole_plot, record.attempt
+    if not (
+        type(r.elapsed_s) is type(r.utc_s) is float
+        and isfinite(r.elapsed_s + r.utc_s)
+        and type(r.session) is int
+        and (index is None or type(index) is int)
+        and (whole_plot is None or type(whole_plot) is int)
+        and (attempt is None or type(attempt) is int)
+    ):
+        return json.dumps([seq, *r.fields()[:-1]], separators=(",", ":"), allow_nan=False)[:-1]
+    return (
+        f"[{seq},{r.session},{_word(r.kind)},{r.elapsed_s!r},{r.utc_s!r},"
+        f"{'null' if index is None else index},{'null' if whole_plot is None else whole_plot},"
+        f"{'null' if attempt is None else attempt},{_word(r.status)}"
+    )
+
+
+@lru_cache(maxsize=1000)
+def _word(text: str | None) -> str:
+    return json.dumps(text)
+
+
+_PLAIN = bytes(code for code in range(0x20, 0x7F) if code != ord("\\"))
+
+
+def _quoted(body: object) -> bytes:
+    """Body as a JSON string. Long and mostly plain, it is sooner searched as a whole than looked at by letters."""
+    if isinstance(body, str) and body.isascii():
+        plain = body.encode()
+        if not plain.translate(None, _PLAIN):
+            return b'"%b"' % plain.replace(b'"', b'\\"')
+    return json.dumps(body).encode()

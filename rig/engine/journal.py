@@ -87,7 +87,8 @@ class Journal:
     ) -> None:
         self.fold = fold
         self._whole_plots = whole_plots
-        self._soaks: list[float] = []
+        self._soaks: deque[float] = deque(maxlen=200)
+        self._soak_s: float | None = None
         self.state = State.READY
         self.at: PointInHand | None = None
         self.message = ""
@@ -201,6 +202,7 @@ class Journal:
     def begin_whole_plot(self, planned: int, body: Mapping[str, Any]) -> None:
         """A soak is over: what follows belongs to a new whole plot. Raises `StorageError`."""
         self._soaks.append(self.elapsed() - self._taken_up_s)
+        self._soak_s = statistics.median(self._soaks)
         self.write("event", {"planned": planned, **body}, status="whole-plot", whole_plot=self.fold.whole_plots + 1)
 
     def acknowledge(self, request_id: str) -> None:
@@ -223,7 +225,7 @@ class Journal:
         remaining = None if self._point_s is None else fold.remaining * self._point_s
         soaks = self._whole_plots - (fold.planned or 0)
         if remaining is not None and soaks:
-            remaining = remaining + soaks * statistics.median(self._soaks) if self._soaks else None
+            remaining = None if self._soak_s is None else remaining + soaks * self._soak_s
         done = len(fold.accepted) + len(fold.skipped)
         return Progress(self.state, done, fold.points, self.elapsed(), remaining, self.message, self.detail)
 

@@ -12,7 +12,7 @@ import contextlib
 import fcntl
 import hashlib
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Self
@@ -29,6 +29,9 @@ from rig.engine.schema import APPLICATION_ID, SCHEMA_VERSION, Guarded, guard, st
 from rig.engine.storage import storage_of
 from rig.errors import BusyError, RunFileError, StorageError, UsageError
 
+_SLICE = 200
+_LOWEST, _HIGHEST = -(2**63), 2**63 - 1
+_INSERT = f"INSERT INTO record VALUES ({', '.join('?' * 12)})"
 _COLUMNS = "session, kind, elapsed_s, utc_s, run_index, whole_plot, attempt, status, body"
 
 
@@ -107,9 +110,9 @@ class RunReader:
         )
         width = len(factors)
         names = ", ".join([f'"{f.name}"' for f in factors] + [f'"{f.name}_side"' for f in factors])
-        points = tuple(
-            Point(row[0], row[1], row[2], tuple(row[3 : 3 + width]), tuple(row[3 + width :]))
-            for row in self._all(f"SELECT run_index, replication, whole_plot, {names} FROM point ORDER BY run_index")
+        points = (
+            Point(row[0], row[1], row[2], row[3 : 3 + width], row[3 + width :])
+            for row in self._slices(f"run_index, replication, whole_plot, {names} FROM point")
         )
         return RunList(factors, points, int(self.genesis().data["seed"]))
 
@@ -139,8 +142,7 @@ class RunReader:
 
     def chained(self, where: str = "1", values: tuple[object, ...] = ()) -> Iterator[tuple[int, Record, bytes, bytes]]:
         """Rows as (seq, record, previous, hash), in order."""
-        statement = f"SELECT seq, {_COLUMNS}, previous, hash FROM record WHERE {where} ORDER BY seq"
-        for row in self._all(statement, values):
+        for row in self._slices(f"seq, {_COLUMNS}, previous, hash FROM record", where, values):
             yield row[0], Record(*row[1:10]), _bytes(row[10]), _bytes(row[11])
 
     def head(self) -> tuple[int, bytes]:
@@ -153,16 +155,40 @@ class RunReader:
         """Whether there is a record of that number and hash."""
         return bool(self._all("SELECT 1 FROM record WHERE seq = ? AND hash = ?", (seq, own)))
 
-    def verify(self) -> None:
+    def verify(self, each: Callable[[Record], object] = lambda _: None) -> None:
         """Check integrity, schema, run list, documents and chain.
+
+        Args:
+            each: called with every record, as the chain is followed: a state can be folded in the same pass.
 
         Raises:
             RunFileError: says what was changed first, and where; `rig verify` lists everything.
 
         """
-        wrong = next(findings(self, thorough=False), None)
+        wrong = next(findings(self, thorough=False, each=each), None)
         if wrong is not None:
             raise _edited(self.path, str(wrong))
+
+    def _slices(self, what: str, where: str = "1", values: tuple[object, ...] = ()) -> Iterator[Any]:
+        """Rows in order of their key, a slice at a time: no list of them all, and no transaction that stays open.
+
+        Args:
+            what: the key, other columns, and the table.
+            where: which rows.
+            values: for the marks in it.
+
+        """
+        key = what.partition(",")[0]
+        statement = f"SELECT {what} WHERE {key} >= ? AND ({where}) ORDER BY {key} LIMIT {_SLICE}"
+        since = _LOWEST
+        while rows := self._all(statement, (since, *values)):
+            yield from rows
+            last = rows[-1][0]
+            if last < since:  # a tree that leads in circles
+                raise _unreadable(self.path, ValueError(f"{key} {last} comes after {since - 1}"))
+            if len(rows) < _SLICE or last == _HIGHEST:
+                return
+            since = last + 1
 
     def _all(self, statement: str, values: tuple[object, ...] = ()) -> list[Any]:
         try:
@@ -179,8 +205,15 @@ class RunWriter(RunReader):
     _vfs: str
 
     @classmethod
-    def open(cls, path: Path, *, vfs: str = "") -> Self:
-        """Lock, look at the log, open, verify. Raises `BusyError` or `RunFileError`."""
+    def open(cls, path: Path, *, vfs: str = "", verified: tuple[int, bytes] | None = None) -> Self:
+        """Lock, look at the log, open, verify. Raises `BusyError` or `RunFileError`.
+
+        Args:
+            path: the run file.
+            vfs: what it lies on.
+            verified: the head it had when it was verified a moment ago, which need not be done again while it has it.
+
+        """
         _check_header(path)
         lock = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
         try:
@@ -198,7 +231,8 @@ class RunWriter(RunReader):
             run._lock = lock
             run._vfs = vfs
             try:
-                run.verify()
+                if verified is None or run.head() != verified:
+                    run.verify()
                 run._start()
             except BaseException:
                 RunReader.close(run)
@@ -257,7 +291,7 @@ class RunWriter(RunReader):
         rows = [(seq, *record.fields(), previous, own) for seq, record, previous, own in self._pending]
         try:
             self._db.execute("BEGIN IMMEDIATE")
-            self._db.executemany(f"INSERT INTO record VALUES ({', '.join('?' * 12)})", rows)
+            self._db.executemany(_INSERT, rows)
             self._db.execute("COMMIT")
         except apsw.Error as error:
             with contextlib.suppress(apsw.Error):
@@ -353,7 +387,7 @@ def _fill(db: apsw.Connection, genesis: Genesis, elapsed_s: float, utc_s: float)
     }
     first = Record(0, "run", elapsed_s, utc_s, body=encode(body))
     row = (1, *first.fields(), GENESIS, link(GENESIS, 1, first))
-    db.execute(f"INSERT INTO record VALUES ({', '.join('?' * 12)})", row)
+    db.execute(_INSERT, row)
     db.execute("COMMIT")
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from rig.engine.chain import Record
+from rig.engine.indexes import IndexCounts, IndexSet
 from rig.engine.run_file import RunReader
 from rig.errors import RunFileError
 
@@ -57,13 +58,13 @@ class RunState:
 
     points: int = 0
     sessions: int = 0
-    accepted: set[int] = field(default_factory=set)
+    accepted: IndexSet = field(default_factory=IndexSet)
     prepared: bool = False
     worked_s: float | None = None
     rested: str = "created"
     skipped: dict[int, str] = field(default_factory=dict)
-    put_off: set[int] = field(default_factory=set)
-    attempts: dict[int, int] = field(default_factory=dict)
+    put_off: IndexSet = field(default_factory=IndexSet)
+    attempts: IndexCounts = field(default_factory=IndexCounts)
     elapsed_s: float = 0.0
     utc_s: float = 0.0
     identities: dict[str, dict[str, Any]] = field(default_factory=dict)
@@ -91,6 +92,13 @@ class RunState:
         """Take one more record, in order."""
         self.elapsed_s, self.utc_s = record.elapsed_s, record.utc_s
         match record.kind:
+            case "observation":
+                assert record.run_index is not None
+                self.attempts[record.run_index] = record.attempt or 1
+                if record.status == "accepted":
+                    self.worked_s = record.elapsed_s
+                    self.accepted.add(record.run_index)
+                    self.last_index = record.run_index
             case "run":
                 self.points = int(record.data["points"])
                 self.simulated = bool(record.data["simulated"])
@@ -106,13 +114,6 @@ class RunState:
                 self.rested = "stopped"
             case "identity":
                 self.identities[str(record.status)] = record.data
-            case "observation":
-                assert record.run_index is not None
-                self.attempts[record.run_index] = record.attempt or 1
-                if record.status == "accepted":
-                    self.worked_s = record.elapsed_s
-                    self.accepted.add(record.run_index)
-                    self.last_index = record.run_index
             case "skip":
                 assert record.run_index is not None
                 self.attempts[record.run_index] = record.attempt or 1
@@ -188,3 +189,11 @@ def read_state(reader: RunReader) -> RunState:
             f"{reader.path} verifies, but its records make no sense together ({type(error).__name__}: {error}): "
             f"no version of rig wrote them; go on with a copy of it from before"
         ) from error
+
+
+def is_simulated(reader: RunReader) -> bool:
+    """Whether a run involves no real instrument, without reading all of it. Raises `RunFileError` as `read_state`."""
+    try:
+        return bool(reader.genesis().data["simulated"])
+    except (ValueError, LookupError, TypeError, AttributeError):
+        return read_state(reader).simulated

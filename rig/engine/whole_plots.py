@@ -84,8 +84,7 @@ class WholePlots:
 
     def span(self, whole_plot: int) -> tuple[int, int]:
         """First index and number of the points of a planned whole plot."""
-        indexes = [p.index for p in self._run_list.points if p.whole_plot == whole_plot]
-        return indexes[0], len(indexes)
+        return self._run_list.points.span(whole_plot)
 
     def criteria(self, point: Point) -> dict[str, Criteria]:
         """When the soak of a point's whole plot is over, by chamber name and temperature column."""
