@@ -22,6 +22,17 @@ FOUND_BY = {
 }
 """A night that finds each planted bug."""
 
+BREAKS = {
+    "accept-late-reply": {"truthful"},
+    "skip-re-approach": {"approached"},
+    "double-write": {"foreseen"},
+    "ignore-alarm": {"heeded"},
+    "vent-on-resume": {"left alone"},
+    "stale-reading": {"truthful"},
+    "whole-plot-goes-on": {"one stay"},
+}
+"""What does not hold then, and not just anything: a bug that stops the controller altogether would prove nothing."""
+
 
 @pytest.mark.parametrize("lab", LABS)
 def test_whatever_happens_in_a_night_everything_holds_after_it(lab):
@@ -38,7 +49,8 @@ def test_whatever_happens_in_a_night_everything_holds_after_it(lab):
 def test_a_planted_bug_is_found_and_nothing_without_it(bug):
     lab, seed = FOUND_BY[bug]
     print(f"rig night --lab {lab} --seed {seed} --bug {bug}")
-    assert one_night(seed, lab, bug=bug).violations
+    broken = {violation.invariant for violation in one_night(seed, lab, bug=bug).violations}
+    assert broken & BREAKS[bug], broken
     assert not one_night(seed, lab).violations
 
 

@@ -86,7 +86,7 @@ def _vent_on_resume() -> AbstractContextManager[Any]:
     checking = sequencer.Sequencer._checking
 
     def safe_first(self: Any) -> str:
-        self._bench.make_safe()
+        self._way_out.make_safe()
         return checking(self)
 
     return patch.object(sequencer.Sequencer, "_checking", safe_first)
