@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from datetime import UTC, datetime, timedelta
+from html import escape
 from pathlib import Path
 
 import command
@@ -213,7 +214,7 @@ def test_report_holds_charts_tests_and_where_everything_is_from(charted):
     html = chart_report(charted)
     assert html.count("data:image/png;base64,") == 2
     assert all(one.provenance["run_id"] in html for one in charted.given)
-    assert charted.to_json()["sensors"]["x_V"]["sentences"][0] in html
+    assert escape(charted.to_json()["sensors"]["x_V"]["sentences"][0]) in html
     assert "the earlier of both" in html.lower()
 
 

@@ -16,6 +16,7 @@ from sims.physics.rotations import apply, pitch_matrix, roll_matrix
 
 LAB = example("attitude-lab")
 WORLD = """
+seed = 4
 [effects.isolation_pad]
 pitch_compliance_deg_per_g = 3e-3
 [sensors.x]

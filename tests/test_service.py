@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import shutil
@@ -235,8 +236,9 @@ def LimitErrorOf():
         ("", None, False, 75),
     ],
 )
-def test_status_tells_scripts_how_it_is_and_a_crash_is_known_as_one(tmp_path, how, outcome, crash, code):
-    path = new_run(tmp_path)
+def test_status_tells_scripts_how_it_is_and_a_crash_is_known_as_one(tmp_path, monkeypatch, how, outcome, crash, code):
+    path, ticks = new_run(tmp_path), itertools.count()
+    monkeypatch.setattr("sims.world.World.stopwatch", lambda _self: float(next(ticks)))  # requests are seen at once
     if how:
         assert interrupted(path, how) is outcome
     assert facts_of(path).after_crash is crash

@@ -92,7 +92,7 @@ def test_what_a_run_observed_is_what_its_table_says(tmp_path):
     table = run_table(path)
     assert len(table) == 18
     truth = np.sin(np.radians(table.columns["pitch_deg"]))
-    np.testing.assert_allclose(table.columns["x_V"], truth, atol=1e-12)
+    np.testing.assert_allclose(table.columns["x_V"], truth, atol=1e-7)  # the ideal meter counts in its last digit
     assert list(table.columns["order"]) == list(range(1, 19))
     assert (np.diff(table.columns["elapsed_s"]) > 0).all()
     assert table.simulated

@@ -1,4 +1,4 @@
-"""`rig run`, `resume`, `status`, `hold`, `release`, `stop`."""
+"""`rig run`, `resume`."""
 
 from __future__ import annotations
 
@@ -7,17 +7,15 @@ import os
 import signal
 import sys
 from collections.abc import Callable
-from datetime import UTC, datetime
 from pathlib import Path
 from types import FrameType
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from rich.markup import escape
 
 from rig.cli import app
-from rig.cli.runs import check_code, list_runs
-from rig.cli.show import err, mark, out, print_json, run_progress
+from rig.cli.show import err, mark, run_progress
 from rig.cli.unattended import (
     Listening,
     LogFormatOption,
@@ -33,11 +31,10 @@ from rig.cli.unattended import (
 from rig.controller import Result, load_plan, resume_run, start_run
 from rig.durations import duration
 from rig.engine.early_warning import warnings_of
-from rig.engine.live import controller_alive, live_path, read_json, send_request
 from rig.engine.run_file import RunReader
 from rig.engine.session import Outcome, Progress, Signals
 from rig.engine.state import RunState, is_simulated, read_state
-from rig.errors import ExitCode, RigError, UsageError
+from rig.errors import ExitCode, RigError
 from rig.unattended import Listeners, RunFacts, ServiceManager
 
 RunArgument = Annotated[Path, typer.Argument(help="the run file, DIR/ID.sqlite", show_default=False)]
@@ -195,7 +192,7 @@ def conclude(result: Result) -> int:
     """Say how a session ended; the exit code."""
     state = result.state
     with contextlib.suppress(OSError):  # a full or closed log does not change how the run ended
-        for words in _warnings(result.path):
+        for words in warnings_in(result.path):
             err.print(f"[bold yellow]warning:[/] {escape(words)}", soft_wrap=True)
         if result.message and result.outcome is not Outcome.INTERRUPTED:
             print(f"rig: {result.message}", file=sys.stderr)
@@ -213,7 +210,7 @@ def conclude(result: Result) -> int:
     return _EXIT[result.outcome]
 
 
-def _warnings(run_file: Path) -> list[str]:
+def warnings_in(run_file: Path) -> list[str]:
     """Early warnings of a run; none of a file that cannot be read, about which others say more."""
     with contextlib.suppress(RigError), RunReader.open(run_file) as reader:
         return [str(record.data["message"]) for record in warnings_of(reader)]
@@ -261,148 +258,3 @@ def _killing(show: Callable[[Progress], None], at_point: int | None) -> Callable
         show(news)
 
     return show_or_die
-
-
-@app.command(rich_help_panel="Running")
-def status(
-    run_file: Annotated[Path, typer.Argument(help="a run file, or a folder of them", show_default=False)] = Path(
-        "runs"
-    ),
-    as_json: JsonOption = False,
-    check: Annotated[
-        bool, typer.Option("--check", help="end with an exit code that tells: see docs/exit-codes.md")
-    ] = False,
-) -> int:
-    """Show what a run has come to, running or not; of a folder, its runs, the newest first.
-
-    With --check it ends with 0 if the run is complete, 6 if it is running, 4 if it was stopped, 1 if it ended by a
-    fault, 75 if it was interrupted or never begun.
-
-    Examples: `rig status runs/ID.sqlite`, `rig status runs`, `rig status RUN --check && rig fit RUN`
-    """
-    if run_file.is_dir():
-        return list_runs(run_file, as_json=as_json, check=check)
-    with RunReader.open(run_file) as reader:
-        state, genesis = read_state(reader), reader.genesis()
-        count, head = reader.head()
-    live = read_json(live_path(run_file)) or {}
-    running = bool(live) and controller_alive(run_file)
-    summary: dict[str, Any] = {
-        "run_id": state.run_id,
-        "simulated": state.simulated,
-        "procedure": genesis.data.get("procedure", ""),
-        "bench": genesis.data.get("bench", ""),
-        "state": live["state"] if running else state.ended or state.rested,
-        "running": running,
-        "points": state.points,
-        "accepted": len(state.accepted),
-        "skipped": {str(k): v for k, v in state.skipped.items()},
-        "sessions": state.sessions,
-        "elapsed_s": live["elapsed_s"] if running else state.elapsed_s,
-        "remaining_s": live.get("remaining_s") if running else None,
-        "last_record_utc": datetime.fromtimestamp(state.utc_s, UTC).isoformat(timespec="seconds"),
-        "last_fault": state.last_fault,
-        "decisions": state.decisions,
-        "faults": [fault._asdict() for fault in state.faults],
-        "safe": state.safe,
-        "message": f"{live.get('message', '')} {live.get('detail', '')}".strip() if running else "",
-        "warnings": _warnings(run_file),
-        "whole_plots_lost": {str(k): v for k, v in state.lost.items()},
-        "records": count,
-        "head": head.hex(),
-    }
-    code = check_code(state, run_file) if check else ExitCode.DONE
-    if as_json:
-        print_json(summary)
-        return code
-    left = "" if summary["remaining_s"] is None else f", {duration(summary['remaining_s'])} left"
-    what, where = escape(summary["procedure"]), escape(summary["bench"])
-    out.print(f"{mark(state.simulated)}[bold]{what}[/] on {where}: {summary['state']}")
-    out.print(f"  {summary['accepted']} of {summary['points']} points in {duration(summary['elapsed_s'])}{left}")
-    out.print(f"  {summary['sessions']} session(s), last record {summary['last_record_utc']}")
-    for index, why in summary["skipped"].items():
-        out.print(f"  [yellow]point {index} skipped:[/] {escape(why)}")
-    for number, why in summary["whole_plots_lost"].items():
-        out.print(f"  [yellow]whole plot {number} was lost and measured again:[/] {escape(why)}", soft_wrap=True)
-    for words in summary["warnings"]:
-        out.print(f"  [bold yellow]warning:[/] {escape(words)}", soft_wrap=True)
-    _tell_faults(state)
-    if state.last_fault and not running:
-        out.print(f"  [red]last fault:[/] {escape(state.last_fault)}", soft_wrap=True)
-    if summary["message"]:
-        out.print(f"  {escape(summary['message'])}")
-    if not running and state.ended is None:
-        out.print(f"  carry on with: rig resume {escape(str(run_file))}", soft_wrap=True)
-    return code
-
-
-_FAULTS_TOLD = 5
-
-
-def _tell_faults(state: RunState) -> None:
-    """What went wrong so far, and what was done about it."""
-    if not state.decisions:
-        return
-    counts = ", ".join(f"{decision} {count}x" for decision, count in state.decisions.items())
-    out.print(f"  [yellow]faults, and what was done:[/] {escape(counts)}", soft_wrap=True)
-    for fault in list(state.faults)[-_FAULTS_TOLD:]:
-        where = "" if fault.point is None else f"point {fault.point}, "
-        words = f"{duration(fault.elapsed_s)}: {where}{fault.decision}: {fault.message}"
-        out.print(f"    {escape(words)}", soft_wrap=True)
-
-
-def _ask(run_file: Path, verb: str) -> int:
-    if not run_file.exists():
-        raise UsageError(f"there is no run file {run_file}")
-    from drivers.clock import RealClock  # noqa: PLC0415
-
-    clock = RealClock()
-    give_up = clock.now() + 30.0
-    request_id = ""
-    while clock.now() < give_up:
-        if not request_id:
-            with contextlib.suppress(FileExistsError):
-                posted = send_request(run_file, verb)
-                if posted is None:
-                    status = f"`rig status {run_file}` shows what it has come to"
-                    raise UsageError(f"no controller is running on {run_file}; {status}")
-                request_id = posted
-        live = read_json(live_path(run_file))
-        if live is not None and live.get("acknowledged") == request_id:
-            break
-        if not controller_alive(run_file):
-            return _ended(run_file, verb)
-        clock.sleep(0.05)
-    else:
-        raise RigError(f"the controller of {run_file} did not acknowledge within 30 s; look at the process itself")
-    err.print(f"{verb}: acknowledged")
-    return ExitCode.DONE
-
-
-def _ended(run_file: Path, verb: str) -> int:
-    """The controller ended before it acknowledged: was that what was asked for?"""
-    with RunReader.open(run_file) as reader:
-        state = read_state(reader)
-    how = state.ended or state.rested
-    if verb == "stop" and how in ("stopped", "complete"):
-        err.print(f"{verb}: the run is {how}")
-        return ExitCode.DONE
-    raise RigError(f"the controller ended before it could {verb}: the run is {how}; `rig status {run_file}` says more")
-
-
-@app.command(rich_help_panel="Running")
-def hold(run_file: RunArgument) -> int:
-    """Stop all motion, leave chambers as they are, and wait; `rig release` lets the run go on."""
-    return _ask(run_file, "hold")
-
-
-@app.command(rich_help_panel="Running")
-def release(run_file: RunArgument) -> int:
-    """Let a held run go on."""
-    return _ask(run_file, "release")
-
-
-@app.command(rich_help_panel="Running")
-def stop(run_file: RunArgument) -> int:
-    """Park the bench and end the session; the run can be resumed later."""
-    return _ask(run_file, "stop")

@@ -1,0 +1,71 @@
+"""`rig hold`, `release`, `stop`: what a person asks of a running controller."""
+
+from __future__ import annotations
+
+import contextlib
+from pathlib import Path
+
+from rig.cli import app
+from rig.cli.run import RunArgument
+from rig.cli.show import err
+from rig.engine.live import controller_alive, live_path, read_json, send_request
+from rig.engine.run_file import RunReader
+from rig.engine.state import read_state
+from rig.errors import ExitCode, RigError, UsageError
+
+
+def _ask(run_file: Path, verb: str) -> int:
+    if not run_file.exists():
+        raise UsageError(f"there is no run file {run_file}")
+    from drivers.clock import RealClock  # noqa: PLC0415
+
+    clock = RealClock()
+    give_up = clock.now() + 30.0
+    request_id = ""
+    while clock.now() < give_up:
+        if not request_id:
+            with contextlib.suppress(FileExistsError):
+                posted = send_request(run_file, verb)
+                if posted is None:
+                    status = f"`rig status {run_file}` shows what it has come to"
+                    raise UsageError(f"no controller is running on {run_file}; {status}")
+                request_id = posted
+        live = read_json(live_path(run_file))
+        if live is not None and live.get("acknowledged") == request_id:
+            break
+        if not controller_alive(run_file):
+            return _ended(run_file, verb)
+        clock.sleep(0.05)
+    else:
+        raise RigError(f"the controller of {run_file} did not acknowledge within 30 s; look at the process itself")
+    err.print(f"{verb}: acknowledged")
+    return ExitCode.DONE
+
+
+def _ended(run_file: Path, verb: str) -> int:
+    """The controller ended before it acknowledged: was that what was asked for?"""
+    with RunReader.open(run_file) as reader:
+        state = read_state(reader)
+    how = state.ended or state.rested
+    if verb == "stop" and how in ("stopped", "complete"):
+        err.print(f"{verb}: the run is {how}")
+        return ExitCode.DONE
+    raise RigError(f"the controller ended before it could {verb}: the run is {how}; `rig status {run_file}` says more")
+
+
+@app.command(rich_help_panel="Running")
+def hold(run_file: RunArgument) -> int:
+    """Stop all motion, leave chambers as they are, and wait; `rig release` lets the run go on."""
+    return _ask(run_file, "hold")
+
+
+@app.command(rich_help_panel="Running")
+def release(run_file: RunArgument) -> int:
+    """Let a held run go on."""
+    return _ask(run_file, "release")
+
+
+@app.command(rich_help_panel="Running")
+def stop(run_file: RunArgument) -> int:
+    """Park the bench and end the session; the run can be resumed later."""
+    return _ask(run_file, "stop")

@@ -1,0 +1,108 @@
+"""`rig status`: what a run has come to, or the runs of a folder."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.markup import escape
+
+from rig.cli import app
+from rig.cli.run import JsonOption, warnings_in
+from rig.cli.runs import check_code, list_runs
+from rig.cli.show import mark, out, print_json
+from rig.durations import duration
+from rig.engine.live import controller_alive, live_path, read_json
+from rig.engine.run_file import RunReader
+from rig.engine.state import RunState, read_state
+from rig.errors import ExitCode
+
+
+@app.command(rich_help_panel="Running")
+def status(
+    run_file: Annotated[Path, typer.Argument(help="a run file, or a folder of them", show_default=False)] = Path(
+        "runs"
+    ),
+    as_json: JsonOption = False,
+    check: Annotated[
+        bool, typer.Option("--check", help="end with an exit code that tells: see docs/exit-codes.md")
+    ] = False,
+) -> int:
+    """Show what a run has come to, running or not; of a folder, its runs, the newest first.
+
+    With --check it ends with 0 if the run is complete, 6 if it is running, 4 if it was stopped, 1 if it ended by a
+    fault, 75 if it was interrupted or never begun.
+
+    Examples: `rig status runs/ID.sqlite`, `rig status runs`, `rig status RUN --check && rig fit RUN`
+    """
+    if run_file.is_dir():
+        return list_runs(run_file, as_json=as_json, check=check)
+    with RunReader.open(run_file) as reader:
+        state, genesis = read_state(reader), reader.genesis()
+        count, head = reader.head()
+    live = read_json(live_path(run_file)) or {}
+    running = bool(live) and controller_alive(run_file)
+    summary: dict[str, Any] = {
+        "run_id": state.run_id,
+        "simulated": state.simulated,
+        "procedure": genesis.data.get("procedure", ""),
+        "bench": genesis.data.get("bench", ""),
+        "state": live["state"] if running else state.ended or state.rested,
+        "running": running,
+        "points": state.points,
+        "accepted": len(state.accepted),
+        "skipped": {str(k): v for k, v in state.skipped.items()},
+        "sessions": state.sessions,
+        "elapsed_s": live["elapsed_s"] if running else state.elapsed_s,
+        "remaining_s": live.get("remaining_s") if running else None,
+        "last_record_utc": datetime.fromtimestamp(state.utc_s, UTC).isoformat(timespec="seconds"),
+        "last_fault": state.last_fault,
+        "decisions": state.decisions,
+        "faults": [fault._asdict() for fault in state.faults],
+        "safe": state.safe,
+        "message": f"{live.get('message', '')} {live.get('detail', '')}".strip() if running else "",
+        "warnings": warnings_in(run_file),
+        "whole_plots_lost": {str(k): v for k, v in state.lost.items()},
+        "records": count,
+        "head": head.hex(),
+    }
+    code = check_code(state, run_file) if check else ExitCode.DONE
+    if as_json:
+        print_json(summary)
+        return code
+    left = "" if summary["remaining_s"] is None else f", {duration(summary['remaining_s'])} left"
+    what, where = escape(summary["procedure"]), escape(summary["bench"])
+    out.print(f"{mark(state.simulated)}[bold]{what}[/] on {where}: {summary['state']}")
+    out.print(f"  {summary['accepted']} of {summary['points']} points in {duration(summary['elapsed_s'])}{left}")
+    out.print(f"  {summary['sessions']} session(s), last record {summary['last_record_utc']}")
+    for index, why in summary["skipped"].items():
+        out.print(f"  [yellow]point {index} skipped:[/] {escape(why)}")
+    for number, why in summary["whole_plots_lost"].items():
+        out.print(f"  [yellow]whole plot {number} was lost and measured again:[/] {escape(why)}", soft_wrap=True)
+    for words in summary["warnings"]:
+        out.print(f"  [bold yellow]warning:[/] {escape(words)}", soft_wrap=True)
+    _tell_faults(state)
+    if state.last_fault and not running:
+        out.print(f"  [red]last fault:[/] {escape(state.last_fault)}", soft_wrap=True)
+    if summary["message"]:
+        out.print(f"  {escape(summary['message'])}")
+    if not running and state.ended is None:
+        out.print(f"  carry on with: rig resume {escape(str(run_file))}", soft_wrap=True)
+    return code
+
+
+_FAULTS_TOLD = 5
+
+
+def _tell_faults(state: RunState) -> None:
+    """What went wrong so far, and what was done about it."""
+    if not state.decisions:
+        return
+    counts = ", ".join(f"{decision} {count}x" for decision, count in state.decisions.items())
+    out.print(f"  [yellow]faults, and what was done:[/] {escape(counts)}", soft_wrap=True)
+    for fault in list(state.faults)[-_FAULTS_TOLD:]:
+        where = "" if fault.point is None else f"point {fault.point}, "
+        words = f"{duration(fault.elapsed_s)}: {where}{fault.decision}: {fault.message}"
+        out.print(f"    {escape(words)}", soft_wrap=True)
