@@ -33,6 +33,9 @@ MOST_SESSIONS = 40
 SAFE_WITHIN_S = 10.0
 """So long after a session's end all must be at rest: what is stopped still decelerates."""
 
+_SLOWER = 30.0
+"""Bench seconds in a second of the machine: how often the live state is written and requests are looked for."""
+
 
 class Killed(BaseException):
     """The controller's process ends here. Nothing of ours may catch it."""
@@ -103,7 +106,7 @@ class _Stage:
         self.bench = DryBench(self.plan.bench, self.plan.truth, key="night")  # messages name it: no counter
         self.world = self.bench.world
         # Nothing in a night may depend on how fast this machine is.
-        self.world.stopwatch = self.world.now  # type: ignore[method-assign]
+        self.world.stopwatch = lambda: self.world.now() / _SLOWER  # type: ignore[method-assign]
         self.world.idle = self.world.sleep  # type: ignore[method-assign]
         self.played = Played(scenario, self.plan, self.bench, Witness(self.bench))
         self._folder = folder

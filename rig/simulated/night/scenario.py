@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import random
+import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -80,14 +81,14 @@ seed = {seed}
 [lab]
 daily_amplitude_degC = 0.5
 [sensors]
-""" + "".join(
-    f"bridge_{n} = {{{{ offset_mV = {0.1 * n:g}, sensitivity_mV_per_psi = {1.9 + 0.03 * n:g}, "
-    "nonlinearity_uV_per_psi2 = 0, offset_uV_per_degC = 0, offset_nV_per_degC2 = 0, sensitivity_ppm_per_degC = 0, "
-    "sse_offset_uV_per_degC = 0, sse_offset_nV_per_degC2 = 0, sse_gain_ppm_per_degC = 0, "
-    "cross_offset_nV_per_degC2 = 0 }}\n"
-    for n in range(1, 8)
+"""
+
+_STRAIGHT = (
+    "bridge_{n} = {{ offset_mV = {offset:g}, sensitivity_mV_per_psi = {sensitivity:g}, nonlinearity_uV_per_psi2 = 0, "
+    "offset_uV_per_degC = 0, offset_nV_per_degC2 = 0, sensitivity_ppm_per_degC = 0, sse_offset_uV_per_degC = 0, "
+    "sse_offset_nV_per_degC2 = 0, sse_gain_ppm_per_degC = 0, cross_offset_nV_per_degC2 = 0 }}\n"
 )
-"""Transducers that a straight line describes: what a night does to the data shows in it, and nothing else does."""
+"""A transducer that a straight line describes: what a night does to the data shows in it, and nothing else does."""
 
 
 @dataclass(frozen=True)
@@ -167,11 +168,13 @@ def draw(seed: int, lab: Lab, *, full: bool = False, mishaps: int = 2, faults: i
     lasts = _LASTS_S[lab][full]
     folder = example(f"{lab}-lab")
     bench = (folder / "bench.toml").read_text(encoding="utf-8")
+    if not full:
+        bench = _fewer(bench)
     happening = sorted(
         (_mishap(rng, rng.uniform(0.0, 1.2 * lasts)) for _ in range(mishaps)), key=lambda mishap: mishap.at_s
     )
     gaps = tuple(rng.choice((2.0, 30.0, 120.0, 700.0, 2000.0)) for _ in range(20))
-    world = (_ATTITUDE_WORLD if lab == "attitude" else _PRESSURE_WORLD).format(seed=rng.randrange(2**31))
+    world = _world(rng.randrange(2**31), lab, bench.count("[sensors."))
     drivers = {name: str(table["driver"]) for name, table in tomllib.loads(bench)["instruments"].items()}
     tables = [_fault(rng, drivers, rng.uniform(0.0, lasts)) for _ in range(faults)]
     documents = {
@@ -180,6 +183,20 @@ def draw(seed: int, lab: Lab, *, full: bool = False, mishaps: int = 2, faults: i
         "world.toml": world + "".join(map(_table, tables)),
     }
     return Scenario(seed, lab, documents, tuple(happening), gaps)
+
+
+def _world(seed: int, lab: Lab, sensors: int) -> str:
+    if lab == "attitude":
+        return _ATTITUDE_WORLD.format(seed=seed)
+    transducers = (_STRAIGHT.format(n=n, offset=0.1 * n, sensitivity=1.9 + 0.03 * n) for n in range(1, sensors + 1))
+    return _PRESSURE_WORLD.format(seed=seed) + "".join(transducers)
+
+
+def _fewer(bench: str) -> str:
+    """A bench of which the third transducer and those after it are left out: short nights are to be many."""
+    tables = re.split(r"(?m)^(?=\[)", bench)
+    kept = [table for table in tables if not re.match(r"\[sensors\.bridge_[3-9]\]", table)]
+    return re.sub(r'"10[3-7]" = "volts", (?=.*"108")', "", "".join(kept))
 
 
 def _mishap(rng: random.Random, at_s: float) -> Mishap:

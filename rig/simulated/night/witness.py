@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from rig.simulated.dry_run import DryBench
 
@@ -24,6 +25,15 @@ class Seen:
 
     t_s: float
     input: float
+    setting: Mapping[str, float]
+    direction: Mapping[str, int]
+    whole_plot: int
+    air_degC: Mapping[str, float]
+
+
+class _State(NamedTuple):
+    """Where everything truly is; see `Seen`."""
+
     setting: Mapping[str, float]
     direction: Mapping[str, int]
     whole_plot: int
@@ -53,6 +63,8 @@ class Witness:
         plant = self.bench.sim.plant
         volts, degrees = plant.channel_V, plant.channel_degC
         factors = self.bench.config.factors
+        first = next(iter(self.bench.config.sensors.values()))
+        self._first, self._state = (first.reader, first.channel), _State({}, {}, 0, {})
         self._line = plant.stand.line(factors["pressure_psia"]) if "pressure_psia" in factors else None
         self._chambers = {n: c for n in self.bench.config.instruments if (c := plant.stand.chamber(n))}
 
@@ -71,19 +83,28 @@ class Witness:
         self._watch_commands()
 
     def _note(self, instrument: str, channel: str, t: float, value: float) -> None:
+        if (instrument, channel) == self._first:  # a sweep takes seconds, in which nothing moves
+            self._state = self._now(t)
+        state = self._state
+        seen = Seen(t, value, state.setting, state.direction, state.whole_plot, state.air_degC)
+        self.readings.setdefault((instrument, channel), []).append(seen)
+
+    def _now(self, t: float) -> _State:
         plant = self.bench.sim.plant
         if self._line is not None:
-            setting = {"pressure": self._line.pressure_psia(t)}
-            direction = {"pressure": self._line.settings.direction(t)}
-            whole_plot = plant.stand.conditions(t - 1e-3, t + 1e-3).whole_plot
-            air = {name: chamber.air_degC(t) for name, chamber in self._chambers.items()}
-        else:
-            axes = plant.head.axes
-            setting = {name: axis.true_deg(t) for name, axis in axes.items()}
-            direction = {name: round(axis.leg(t).course.direction) for name, axis in axes.items()}
-            whole_plot, air = 0, {}
-        seen = Seen(t, value, setting, direction, whole_plot, air)
-        self.readings.setdefault((instrument, channel), []).append(seen)
+            return _State(
+                {"pressure": self._line.pressure_psia(t)},
+                {"pressure": self._line.settings.direction(t)},
+                plant.stand.conditions(t - 1e-3, t + 1e-3).whole_plot,
+                {name: chamber.air_degC(t) for name, chamber in self._chambers.items()},
+            )
+        axes = plant.head.axes
+        return _State(
+            {name: axis.true_deg(t) for name, axis in axes.items()},
+            {name: round(axis.leg(t).course.direction) for name, axis in axes.items()},
+            0,
+            {},
+        )
 
     def _watch_commands(self) -> None:
         head, line = self.bench.sim.plant.head, self._line
