@@ -99,11 +99,8 @@ class Points(Sequence[Point]):
         self.settings: tuple[Coded[tuple[float, int]], ...] = tuple(Coded() for _ in range(width))
         points = iter(points)
         while some := list(itertools.islice(points, _AT_ONCE)):
-            for position, point in enumerate(some, len(self)):
-                if point.index != position:
-                    raise ValueError(f"point {position} of the run list is numbered {point.index}")
-                if len(point.setpoints) != width or len(point.sides) != width:
-                    raise ValueError(f"point {position} does not have one setpoint and one side for each factor")
+            if not _in_order(some, len(self), width):
+                _refuse(some, len(self), width)
             self.places.extend([(point.replication, point.whole_plot) for point in some])
             for at, column in enumerate(self.settings):  # no -0.0, which a run file does not keep
                 column.extend([(point.setpoints[at] + 0.0, point.sides[at]) for point in some])
@@ -159,6 +156,19 @@ class Points(Sequence[Point]):
                 from_sides = ", ".join([texts[code] for texts, code in zip(sides, at, strict=True)])
                 text = known[at] = f"[{setpoints}], [{from_sides}]]"
             yield f"[{index}, {places[place]}, {text}"
+
+
+def _in_order(points: list[Point], first: int, width: int) -> bool:
+    widths = {len(point.setpoints) for point in points} | {len(point.sides) for point in points}
+    return widths == {width} and [point.index for point in points] == list(range(first, first + len(points)))
+
+
+def _refuse(points: list[Point], first: int, width: int) -> None:
+    for position, point in enumerate(points, first):
+        if point.index != position:
+            raise ValueError(f"point {position} of the run list is numbered {point.index}")
+        if len(point.setpoints) != width or len(point.sides) != width:
+            raise ValueError(f"point {position} does not have one setpoint and one side for each factor")
 
 
 @dataclass(frozen=True, init=False)

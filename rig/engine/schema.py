@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Sequence
+from operator import length_hint
 from typing import Any
 
 import apsw
@@ -143,9 +144,7 @@ class Guarded:
         self._steps, self._most_steps = 0, 20_000_000 + 20 * size
         most = (64 << 20) + 8 * size
         for row in self._db.execute(statement, values):
-            for value in row:
-                if value.__class__ is str or value.__class__ is bytes:
-                    content += len(value)
+            content += sum(map(length_hint, row))  # of texts and blobs; numbers and NULL have none
             if content > most:
                 raise apsw.TooBigError("it gives more content than a file of its size can hold")
             yield row
