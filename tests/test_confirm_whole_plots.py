@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from command import rig
-from dry_pressure import dry
+from dry_pressure import LAB, dry
+from few_sensors import with_sensors
 from whole_plot_truth import Bench, Run, Transducer, simulate
 
 from fitter.confirm import NOTHING, WholePlotTogether, confirm, confirm_all, questions_of, separation
@@ -69,7 +70,8 @@ def test_the_forecast_is_that_of_a_difference_between_two_runs() -> None:
 
 
 def test_the_command_confirms_on_the_simulated_bench(tmp_path) -> None:
-    first = dry(tmp_path)
+    bench, world = with_sensors(LAB, tmp_path, "bridge_1", "bridge_2")
+    first = dry(tmp_path, bench=bench, world=world)
     done = rig("confirm", first, "--dry", "--json", "--formula", "1 + P + T_sensor + T_SSE", "--out", tmp_path)
     assert done.returncode in (0, 3), done.stderr
     told = json.loads(done.stdout)

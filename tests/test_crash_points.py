@@ -9,7 +9,7 @@ from crashes import crash_once, power_cuts
 from damages import Interrupted, file_damages, log_damages, small_finished
 
 
-@pytest.mark.parametrize(("lab", "every"), [("attitude", 61), ("pressure", 131)])
+@pytest.mark.parametrize(("lab", "every"), [("attitude", 97), ("pressure", 241)])
 @pytest.mark.parametrize("lost", ["none", "all", "some"])
 def test_a_crash_at_any_write_or_sync_is_gone_on_from(tmp_path, lab, every, lost):
     first = {"none": 1, "all": 11, "some": 21}[lost]
