@@ -132,9 +132,11 @@ def _truthful(night: _Night) -> Iterator[str]:
     digit = {name: _METER * float(i.options.get("range_V", 10.0)) for name, i in config.instruments.items()}
     witness = night.played.witness
     starts = {wire: [s.t_s for s in seen] for wire, seen in witness.readings.items()}
-    for r in night.accepted():
+    for count, r in enumerate(night.accepted()):
         point = night.point(r)
         began, ended = (night.world_s(r.session, t) for t in r.data["measured_s"])
+        if count == 0:  # nothing was read before that a hanging meter could be known by: it was true in this place
+            began = _there_since(night, point, began)
         for column, output in r.data["outputs"].items():
             reader, channel, volts = wires[column]
             seen = witness.readings.get((reader, channel), [])
@@ -155,6 +157,16 @@ def _truthful(night: _Night) -> Iterator[str]:
                 known, there = value, seen[at]
                 yield from _there(night, point, column, there.setting)
                 at += 1
+
+
+def _there_since(night: _Night, point: Point, began: float) -> float:
+    """World time of the first reading before `began` from which on everything stood where a point wants it."""
+    for seen in reversed(next(iter(night.played.witness.readings.values()))):
+        if seen.t_s < began:
+            if any(_there(night, point, "", seen.setting)):
+                break
+            began = seen.t_s
+    return began
 
 
 _CLOCK_S = 0.5
