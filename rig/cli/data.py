@@ -281,7 +281,7 @@ def trace(
         if temperature is not None:
             raise UsageError("--temperature is for attitude sensors; in any other table name its column as a candidate")
         if unnamed:
-            raise UsageError("--unnamed is for attitude sensors; of any other table what remains is told with its curve")
+            raise UsageError("--unnamed is for attitude sensors; elsewhere what remains is told with its curve")
         trace_any(data, response, formula, parts, as_json=as_json, report=report)
         return ExitCode.DONE
     check_no_parts(parts)
