@@ -153,19 +153,21 @@ _LASTS_S: Mapping[Lab, Mapping[bool, float]] = {
 """How long a night without trouble takes, by lab, short and full."""
 
 
-def draw(seed: int, lab: Lab, *, full: bool = False, mishaps: int = 2, faults: int = 5) -> Scenario:
+_HAPPENING = {False: (2, 5), True: (6, 20)}
+"""How many mishaps, and how many faults of instruments and wires, a short and a full night has."""
+
+
+def draw(seed: int, lab: Lab, *, full: bool = False) -> Scenario:
     """The night of a seed.
 
     Args:
         seed: any whole number.
         lab: which laboratory.
         full: the example's whole procedure instead of a short one.
-        mishaps: how many things happen to the controller, its machine or the building.
-        faults: how many happen to instruments and wires.
-
     """
     rng = random.Random(f"{lab} {full} {seed}")
     lasts = _LASTS_S[lab][full]
+    mishaps, faults = _HAPPENING[full]
     folder = example(f"{lab}-lab")
     bench = (folder / "bench.toml").read_text(encoding="utf-8")
     if not full:
