@@ -153,7 +153,7 @@ class AtPoint:
         frozen = observation.frozen(last, moved=before is None or before.setpoints != point.setpoints)
         if frozen:
             words = (
-                f"{', '.join(frozen)} at point {point.index} repeats the readings of the point before to the last digit"
+                f"{', '.join(frozen)} at point {point.index} hangs: the same reading to the last digit, again and again"
             )
             self._flag("frozen", "frozen", FrozenReading(words))
         self._last_read = point, {name: c.readings for name, c in observation.outputs.items()}

@@ -132,10 +132,10 @@ def _truthful(night: _Night) -> Iterator[str]:
     digit = {name: _METER * float(i.options.get("range_V", 10.0)) for name, i in config.instruments.items()}
     witness = night.played.witness
     starts = {wire: [s.t_s for s in seen] for wire, seen in witness.readings.items()}
-    for count, r in enumerate(night.accepted()):
+    for r in night.accepted():
         point = night.point(r)
         began, ended = (night.world_s(r.session, t) for t in r.data["measured_s"])
-        if count == 0:  # nothing was read before that a hanging meter could be known by: it was true in this place
+        if r.attempt != 1 or r.run_index == 0:  # what an attempt that failed has read here was as true
             began = _there_since(night, point, began)
         for column, output in r.data["outputs"].items():
             reader, channel, volts = wires[column]
