@@ -375,7 +375,7 @@ def test_utc_steps_and_is_set_right_while_durations_go_on():
             'kind = "no-replay"\non = "pace"\nexchange = 1',
             r"faults\[1\].kind.no-replay is not known; did you mean no-reply",
         ),
-        ('on = "pace"\nexchange = 1', r"faults\[1\].kind.None is not known"),
+        ('on = "pace"\nexchange = 1', r"faults\[1\].kind is missing"),
         (
             'kind = "no-reply"\non = "pane"\nexchange = 1',
             r"faults\[1\].on must be an instrument of the bench \(cia402, pace",
