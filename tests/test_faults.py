@@ -375,7 +375,7 @@ def test_utc_steps_and_is_set_right_while_durations_go_on():
             'kind = "no-replay"\non = "pace"\nexchange = 1',
             r"faults\[1\].kind.no-replay is not known; did you mean no-reply",
         ),
-        ('on = "pace"\nexchange = 1', r"faults\[1\].kind.None is not known"),
+        ('on = "pace"\nexchange = 1', r"faults\[1\].kind is missing"),
         (
             'kind = "no-reply"\non = "pane"\nexchange = 1',
             r"faults\[1\].on must be an instrument of the bench \(cia402, pace",
@@ -383,9 +383,9 @@ def test_utc_steps_and_is_set_right_while_durations_go_on():
         ('kind = "no-reply"\nexchange = 1', r"faults\[1\].on must be an instrument"),
         (
             'kind = "no-reply"\non = "pace"',
-            r"faults\[1\] \(no-reply\) must say when, by one of at_s, exchange, probability",
+            r"faults\[1\] \(no-reply\) must say when, by exactly one of at_s, exchange, probability",
         ),
-        ('kind = "no-reply"\non = "pace"\nexchange = 1\nat_s = 3', r"must say when, by one of"),
+        ('kind = "no-reply"\non = "pace"\nexchange = 1\nat_s = 3', r"must say when, by exactly one of"),
         ('kind = "no-reply"\non = "pace"\nexchange = 0', r"faults\[1\].exchange must be a whole number from 1 on"),
         ('kind = "no-reply"\non = "pace"\nprobability = 1.5', r"faults\[1\].probability = 1.5 is outside 0 to 1"),
         ('kind = "no-reply"\non = "pace"\nat_s = 1\ntimes = 0', r"faults\[1\].times must be a whole number from 1 on"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sqlite3
 import subprocess
 import sys
@@ -13,6 +14,7 @@ import pytest
 from procedures import Factor, Point, RunList
 from rig.engine import wal
 from rig.engine.chain import Record, encode
+from rig.engine.live import live_path, read_json, read_live, request_path
 from rig.engine.run_file import Genesis, RunReader, RunWriter, create
 from rig.engine.state import fold
 from rig.errors import BusyError, RunFileError, StorageError, UsageError
@@ -299,3 +301,38 @@ def test_a_damaged_frame_is_told_from_one_left_over_from_an_earlier_log(path):
             seen = wal.inspect(path)
             assert (seen.frames, seen.replayed, seen.lost_commits) == (present, 0, 1), (byte, bit)
             assert seen.damage, (byte, bit)
+
+
+@pytest.mark.parametrize("how", ["moved", "deleted", "replaced"])
+def test_a_file_that_loses_its_name_is_noticed_and_rescued(path, tmp_path, how):
+    run = RunWriter.open(path)
+    try:
+        run.append(observation(0))
+        if how == "replaced":
+            create(tmp_path / "other.sqlite", genesis(), elapsed_s=0.0, utc_s=1e9)
+            (tmp_path / "other.sqlite").replace(path)
+        elif how == "moved":
+            path.rename(tmp_path / "elsewhere.sqlite")
+        else:
+            path.unlink()
+        for _ in range(2):
+            with pytest.raises(StorageError, match=r"moved, deleted or replaced.*rig resume"):
+                run.append(observation(1))
+    finally:
+        run.close()
+    (copy,) = tmp_path.glob("a-run-rescued-*.sqlite")
+    with RunWriter.open(copy) as rescued:
+        rescued.verify()
+        assert fold(rescued.records()).accepted == {0}
+        rescued.append(observation(1))
+
+
+def test_news_and_requests_that_are_none_hold_nobody_up(path):
+    live_path(path).write_text('{"state": 5}')
+    assert read_live(path) is None
+    with RunWriter.open(path):
+        for garbage in ('{"state": 5}', "[]", "{", "[" * 100_000, '{"state": "x", "elapsed_s": NaN}'):
+            live_path(path).write_text(garbage)
+            assert (read_live(path) or {})["state"] == "running"
+        os.mkfifo(request_path(path))
+        assert read_json(request_path(path)) is None

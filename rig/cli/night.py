@@ -88,7 +88,9 @@ def _campaign(seeds: range, lab: Lab, full: bool, bug: str, jobs: int) -> dict[s
                 err.print(f"[red]{lab}[/] {escape(line)}", soft_wrap=True)
         if verdict.violations:
             err.print(
-                f"  replay: rig night --lab {lab} --seed {verdict.seed}{' --full' if full else ''}", soft_wrap=True
+                f"  replay: rig night --lab {lab} --seed {verdict.seed}"
+                f"{' --full' if full else ''}{f' --bug {bug}' if bug else ''}",
+                soft_wrap=True,
             )
             if bug:
                 break

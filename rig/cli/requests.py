@@ -26,18 +26,22 @@ def _ask(run_file: Path, verb: str) -> int:
         if not request_id:
             with contextlib.suppress(FileExistsError):
                 posted = send_request(run_file, verb)
-                if posted is None:
+                if posted is None and not controller_alive(run_file):
                     status = f"`rig status {run_file}` shows what it has come to"
                     raise UsageError(f"no controller is running on {run_file}; {status}")
-                request_id = posted
+                request_id = posted or ""  # it runs, and has not said which session yet, or cannot
         live = read_json(live_path(run_file))
-        if live is not None and live.get("acknowledged") == request_id:
+        if request_id and live is not None and live.get("acknowledged") == request_id:
             break
         if not controller_alive(run_file):
             return _ended(run_file, verb)
         clock.sleep(0.05)
     else:
-        raise RigError(f"the controller of {run_file} did not acknowledge within 30 s; look at the process itself")
+        stands = f"it will {verb} when it looks again" if request_id else f"it was not asked to {verb}"
+        raise RigError(
+            f"the controller of {run_file} did not acknowledge within 30 s ({stands}): an instrument keeps it "
+            f"waiting, its disk is full, or it hangs; `rig status {run_file}`"
+        )
     err.print(f"{verb}: acknowledged")
     return ExitCode.DONE
 

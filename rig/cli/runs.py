@@ -11,7 +11,7 @@ from rich.table import Table
 
 from rig.cli.show import err, out, print_json
 from rig.durations import duration
-from rig.engine.live import controller_alive, live_path, read_json
+from rig.engine.live import controller_alive, read_live
 from rig.engine.run_file import RunReader
 from rig.engine.state import RunState, read_state
 from rig.errors import ExitCode, RigError, UsageError
@@ -57,8 +57,8 @@ def _row(path: Path) -> tuple[dict[str, Any], int]:
             state, about = read_state(reader), reader.genesis().data
     except RigError as error:
         return {"run_file": str(path), "state": "unreadable", "message": str(error)}, int(ExitCode.FAULT)
-    live = read_json(live_path(path)) or {}
-    running = bool(live) and controller_alive(path)
+    said = read_live(path)
+    running, live = said is not None, said or {}
     row = {
         "run_file": str(path),
         "state": live["state"] if running else state.ended or state.rested,
@@ -68,8 +68,8 @@ def _row(path: Path) -> tuple[dict[str, Any], int]:
         "bench": about["bench"],
         "points": state.points,
         "done": len(state.accepted) + len(state.skipped),
-        "elapsed_s": live["elapsed_s"] if running else state.elapsed_s,
-        "remaining_s": live.get("remaining_s") if running else None,
+        "elapsed_s": live.get("elapsed_s", state.elapsed_s),
+        "remaining_s": live.get("remaining_s"),
         "last_record_utc": datetime.fromtimestamp(state.utc_s, UTC).isoformat(timespec="seconds"),
         "last_fault": state.last_fault,
     }

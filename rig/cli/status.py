@@ -14,7 +14,7 @@ from rig.cli.run import JsonOption, warnings_in
 from rig.cli.runs import check_code, list_runs
 from rig.cli.show import mark, out, print_json
 from rig.durations import duration
-from rig.engine.live import controller_alive, live_path, read_json
+from rig.engine.live import read_live, silent_s
 from rig.engine.run_file import RunReader
 from rig.engine.state import RunState, read_state
 from rig.errors import ExitCode
@@ -42,8 +42,8 @@ def status(
     with RunReader.open(run_file) as reader:
         state, genesis = read_state(reader), reader.genesis()
         count, head = reader.head()
-    live = read_json(live_path(run_file)) or {}
-    running = bool(live) and controller_alive(run_file)
+    said = read_live(run_file)
+    running, live = said is not None, said or {}
     summary: dict[str, Any] = {
         "run_id": state.run_id,
         "simulated": state.simulated,
@@ -55,8 +55,8 @@ def status(
         "accepted": len(state.accepted),
         "skipped": {str(k): v for k, v in state.skipped.items()},
         "sessions": state.sessions,
-        "elapsed_s": live["elapsed_s"] if running else state.elapsed_s,
-        "remaining_s": live.get("remaining_s") if running else None,
+        "elapsed_s": live.get("elapsed_s", state.elapsed_s),
+        "remaining_s": live.get("remaining_s"),
         "last_record_utc": datetime.fromtimestamp(state.utc_s, UTC).isoformat(timespec="seconds"),
         "last_fault": state.last_fault,
         "decisions": state.decisions,
@@ -86,14 +86,27 @@ def status(
     _tell_faults(state)
     if state.last_fault and not running:
         out.print(f"  [red]last fault:[/] {escape(state.last_fault)}", soft_wrap=True)
+    if state.safe.get("unsafe") and not running and state.ended is None:
+        out.print(
+            f"  [bold red]NOT in its safe state:[/] {escape('; '.join(map(str, state.safe['unsafe'])))}", soft_wrap=True
+        )
     if summary["message"]:
         out.print(f"  {escape(summary['message'])}")
+    quiet_s = _silence(run_file) if running else 0.0
+    if quiet_s > _QUIET_S:
+        out.print(f"  [bold yellow]nothing heard from its controller for {duration(quiet_s)}[/]")
     if not running and state.ended is None:
         out.print(f"  carry on with: rig resume {escape(str(run_file))}", soft_wrap=True)
     return code
 
 
-_FAULTS_TOLD = 5
+def _silence(run_file: Path) -> float:
+    from drivers.clock import RealClock  # noqa: PLC0415
+
+    return silent_s(run_file, RealClock().utc())
+
+
+_FAULTS_TOLD, _QUIET_S = 5, 60.0
 
 
 def _tell_faults(state: RunState) -> None:

@@ -12,8 +12,10 @@ import fcntl
 import json
 import os
 import secrets
+import stat
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -33,17 +35,54 @@ def request_path(run: Path) -> Path:
 def replace_json(path: Path, content: Mapping[str, Any]) -> None:
     """Write a small JSON file so that readers see the old or the new one, never a part."""
     temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")
-    temporary.write_text(json.dumps(content) + "\n", encoding="utf-8")
-    os.replace(temporary, path)
+    try:
+        temporary.write_text(json.dumps(content) + "\n", encoding="utf-8")
+        os.replace(temporary, path)
+    except OSError:
+        with contextlib.suppress(OSError):
+            temporary.unlink(missing_ok=True)
+        raise
 
 
 def read_json(path: Path) -> dict[str, Any] | None:
-    """A small JSON file's object; None if it is missing or not one."""
+    """A small JSON file's object; None if it is missing or not one. Never waits, as opening a pipe would."""
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        with open(os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK), "rb") as file:
+            if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+                return None
+            content = json.loads(file.read(_MOST_BYTES))
+    except (OSError, ValueError, RecursionError):
         return None
     return content if isinstance(content, dict) else None
+
+
+_MOST_BYTES = 1_000_000  # of a file that has a few hundred
+
+
+def read_live(run: Path) -> dict[str, Any] | None:
+    """What the controller of a run says, if one is running.
+
+    Where its news are missing or make no sense (a full disk), it still runs: the state is "running" then.
+    """
+    if not controller_alive(run):
+        return None
+    live = read_json(live_path(run)) or {}
+    elapsed_s, remaining_s = live.get("elapsed_s"), live.get("remaining_s")
+    if not isinstance(live.get("state"), str) or not _is_number(elapsed_s):
+        return {"state": "running", "detail": "a controller is running, and what it says cannot be read"}
+    return {**live, "remaining_s": remaining_s if _is_number(remaining_s) else None}
+
+
+def silent_s(run: Path, utc_s: float) -> float:
+    """How long ago, at `utc_s`, the controller of a run last said something, seconds; 0 if that is not known."""
+    try:
+        return max(0.0, utc_s - live_path(run).stat().st_mtime)
+    except OSError:
+        return 0.0
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
 
 
 class LiveState:

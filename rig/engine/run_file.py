@@ -25,6 +25,7 @@ from rig.engine import wal
 from rig.engine.audit import findings
 from rig.engine.chain import GENESIS, Record, encode, link
 from rig.engine.last_word import LastWord, read_last_word
+from rig.engine.rescue import is_still_at, rescue
 from rig.engine.schema import APPLICATION_ID, SCHEMA_VERSION, Guarded, guard, statements, strange_tables
 from rig.engine.storage import storage_of
 from rig.errors import BusyError, RunFileError, StorageError, UsageError
@@ -254,6 +255,7 @@ class RunWriter(RunReader):
         self._seq, self._hash = self.head()
         self._pending: list[tuple[int, Record, bytes, bytes]] = []
         self._finished = False
+        self._lost: StorageError | None = None
         self.dropped = self._cut_off(self.dropped)
         self._last_word = LastWord(self.path)
         if self._seq > 1:
@@ -285,9 +287,10 @@ class RunWriter(RunReader):
             self.commit()
 
     def commit(self) -> None:
-        """Make everything appended durable. Raises `StorageError`."""
+        """Make everything appended durable. Raises `StorageError`, also if the file has lost its name."""
         if not self._pending:
             return
+        self._must_be_there()
         rows = [(seq, *record.fields(), previous, own) for seq, record, previous, own in self._pending]
         try:
             self._db.execute("BEGIN IMMEDIATE")
@@ -302,6 +305,13 @@ class RunWriter(RunReader):
         self._seq, _, _, self._hash = self._pending[-1]
         self._pending.clear()
         self._last_word.say(self._seq, self._hash)
+
+    def _must_be_there(self) -> None:
+        """A file without its name would take a night's records with it when it is closed."""
+        if self._lost is None and not is_still_at(self.path, self._lock):
+            self._lost = rescue(self.path, self._db)
+        if self._lost is not None:
+            raise self._lost
 
     def finish(self, record: Record) -> None:
         """Write the end record with count and head hash, and turn the file into an ordinary one."""

@@ -133,6 +133,8 @@ def _told(record: Record, after_crash: bool) -> tuple[Kind, str, str]:
         case "event" if record.status == "warning":
             text = _message(record.data, encode(record.data)[:300])
             return Kind.WARNING, "warning", f"early warning: {text}"
+        case "event" if record.status == "safe" and record.data.get("unsafe"):
+            return Kind.EVENT, "error", text
         case "event" if not text:
             said = _message(record.data, "")
             name = str(record.status or "").replace("-", " ")

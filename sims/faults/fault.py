@@ -98,6 +98,8 @@ def _read(item: object, where: str, drivers: Mapping[str, str], wires: Mapping[s
     if not isinstance(item, Mapping):
         raise WorldError(f"{where} must be a table, [[faults]] (it is {item!r})")
     name = item.get("kind")
+    if name is None:
+        raise WorldError(f"{where}.kind is missing (kinds: {', '.join(KINDS)})")
     if not isinstance(name, str) or name not in KINDS:
         known_keys({str(name): None}, KINDS, f"{where}.kind", "kinds")
         raise WorldError(f"{where}.kind must be a word (it is {name!r})")
@@ -106,7 +108,8 @@ def _read(item: object, where: str, drivers: Mapping[str, str], wires: Mapping[s
     on = _instrument(item, where, name, kind, drivers, wires)
     when = [key for key in _WHEN if key in item]
     if len(when) != 1:
-        raise WorldError(f"{where} ({name}) must say when, by one of {', '.join(_WHEN)}")
+        said = f"; it says {' and '.join(when)}" if when else ""
+        raise WorldError(f"{where} ({name}) must say when, by exactly one of {', '.join(_WHEN)}{said}")
     if kind.of_bench and when != ["at_s"]:
         raise WorldError(f"{where}.{when[0]}: {name} happens at a time, at_s; no instrument's exchanges bring it about")
     for key, goes in (("times", bool(kind.counts)), ("for_s", bool(kind.counts) or kind.lasts_s > 0.0)):

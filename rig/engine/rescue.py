@@ -1,0 +1,50 @@
+"""A run file that was moved, deleted or replaced while it was written: noticed, and what was in it saved."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from pathlib import Path
+
+import apsw
+
+from rig.errors import StorageError
+
+
+def is_still_at(path: Path, descriptor: int) -> bool:
+    """Whether `path` still names the file that is open as `descriptor`.
+
+    A folder that cannot be looked at just now is no evidence: writing tells what is wrong with it.
+    """
+    try:
+        there = os.stat(path)
+    except (FileNotFoundError, NotADirectoryError):
+        return False
+    except OSError:
+        return True
+    return os.path.samestat(there, os.fstat(descriptor))
+
+
+def rescue(path: Path, db: apsw.Connection) -> StorageError:
+    """Copy what a run file held that has lost its name, before the last to hold it open lets it go.
+
+    Returns:
+        what to raise: what happened, where the copy is, what to do next.
+
+    """
+    happened = f"{path} was moved, deleted or replaced while the run was writing to it"
+    copy = path.with_name(f"{path.stem}-rescued-{os.getpid()}.sqlite")
+    try:
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        os.close(os.open(copy, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o644))
+        to = apsw.Connection(str(copy))
+        try:
+            with to.backup("main", db, "main") as backup:
+                backup.step()
+        finally:
+            to.close()
+    except (OSError, apsw.Error) as error:
+        with contextlib.suppress(OSError):
+            copy.unlink(missing_ok=True)
+        return StorageError(f"{happened}, and no copy could be made ({error}): look for the file that was moved")
+    return StorageError(f"{happened}. Everything up to the last observation is in {copy}; then: rig resume {copy}")
