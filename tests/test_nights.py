@@ -54,6 +54,11 @@ def test_a_planted_bug_is_found_and_nothing_without_it(bug):
     assert not one_night(seed, lab).violations
 
 
+def test_a_disk_that_fails_at_the_very_end_leaves_a_run_that_can_be_finished():
+    """The end record was written again together with what followed it: nothing could resume such a file."""
+    assert not one_night(30310, "pressure").violations
+
+
 def test_a_night_replays_exactly(tmp_path):
     folders = [tmp_path / name for name in ("one", "two")]
     for folder in folders:

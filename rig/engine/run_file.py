@@ -317,9 +317,13 @@ class RunWriter(RunReader):
         """Write the end record with count and head hash, and turn the file into an ordinary one."""
         self.commit()
         body = {**record.data, "records": self._seq, "head": self._hash.hex()}
-        self.append(
-            Record(record.session, "end", record.elapsed_s, record.utc_s, status=record.status, body=encode(body))
-        )
+        try:
+            self.append(
+                Record(record.session, "end", record.elapsed_s, record.utc_s, status=record.status, body=encode(body))
+            )
+        except StorageError:
+            self._pending.clear()  # what is still written about the failure must not follow an end
+            raise
         self._db.set_busy_timeout(200)
         # A reader is looking, or the disk refuses: every record is safe, only the log file stays.
         with contextlib.suppress(apsw.Error, OSError):
