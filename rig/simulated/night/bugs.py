@@ -18,7 +18,6 @@ from procedures import Factor, Point
 from rig.engine import at_point, sequencer
 from rig.engine.guard import Guard
 from rig.engine.journal import Journal
-from rig.engine.run_file import RunWriter
 from rig.engine.whole_plots import WholePlots
 
 
@@ -111,16 +110,6 @@ def _whole_plot_goes_on() -> AbstractContextManager[Any]:
         patch.object(WholePlots, "lost_meanwhile", lambda *_, **__: ""),
         patch.object(WholePlots, "lost_now", lambda *_, **__: ""),
     )
-
-
-def _commit_later() -> AbstractContextManager[Any]:
-    """An observation is told as done before it is on the disk."""
-    append = RunWriter.append
-
-    def lazily(self: Any, record: Any, *, commit: bool = True) -> None:
-        append(self, record, commit=commit and record.kind != "observation")
-
-    return patch.object(RunWriter, "append", lazily)
 
 
 BUGS: Mapping[str, Callable[[], AbstractContextManager[Any]]] = {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from rig.simulated.dry_run import DryBench
 
@@ -66,7 +66,8 @@ class Witness:
         first = next(iter(self.bench.config.sensors.values()))
         self._first, self._state = (first.reader, first.channel), _State({}, {}, 0, {})
         self._line = plant.stand.line(factors["pressure_psia"]) if "pressure_psia" in factors else None
-        self._chambers = {n: c for n in self.bench.config.instruments if (c := plant.stand.chamber(n))}
+        instruments = self.bench.config.instruments.items()
+        self._chambers = {name: plant.chamber(name) for name, one in instruments if one.driver == "watlow-f4t"}
 
         def channel_V(instrument: str, channel: str, t0: float, t1: float) -> float:  # noqa: N802
             value = volts(instrument, channel, t0, t1)
@@ -115,6 +116,8 @@ class Witness:
             move(axis, target_deg, speed, accel)
 
         head.move = watched_move  # type: ignore[method-assign]
+        for name, chamber in self._chambers.items():
+            self._watch_setpoint(name, chamber)
         if line is not None:
             command = line.command
 
@@ -133,14 +136,18 @@ class Witness:
 
             line.vent = watched_vent  # type: ignore[method-assign]
 
+    def _watch_setpoint(self, name: str, chamber: Any) -> None:
+        told = chamber.command
+
+        def watched(*arguments: Any, **options: Any) -> None:
+            told(*arguments, **options)
+            self._extend(f"{name}_degC", chamber.setpoint_degC)
+
+        chamber.command = watched
+
     def _extend(self, quantity: str, value: float) -> None:
         low, high = self.extremes.get(quantity, (value, value))
         self.extremes[quantity] = (min(low, value), max(high, value))
-
-    def chambers_told(self) -> None:
-        """Take the chambers' setpoints of this moment into the extremes."""
-        for name, chamber in self._chambers.items():
-            self._extend(f"{name}_degC", chamber.setpoint_degC)
 
     def not_safe(self, *, moving_only: bool) -> list[str]:
         """What on the bench is not safe at this moment, in words.
@@ -153,15 +160,12 @@ class Witness:
         found = []
         if self._line is None:
             found += [f"{axis} is moving" for axis in plant.head.axes if plant.head.moving(axis, now)]
-            return found
         if moving_only:
             return found
-        away = self._line.pressure_psia(now) - self._line.ambient_psia(now)
-        if self._line.controlling or abs(away) > _AT_THE_ATMOSPHERE_PSI:
-            found.append(
-                f"the line is at {self._line.pressure_psia(now):.2f} psia, "
-                f"{'controlled' if self._line.controlling else 'closed'}"
-            )
+        if self._line is not None:
+            psia = self._line.pressure_psia(now)
+            if self._line.controlling or abs(psia - self._line.ambient_psia(now)) > _AT_THE_ATMOSPHERE_PSI:
+                found.append(f"the line is at {psia:.2f} psia, {'controlled' if self._line.controlling else 'closed'}")
         for name, chamber in self._chambers.items():
             if not _HARMLESS_DEGC[0] <= chamber.setpoint_degC <= _HARMLESS_DEGC[1]:
                 found.append(f"{name} is left at a setpoint of {chamber.setpoint_degC:.1f} degC")
