@@ -12,17 +12,27 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Annotated, ClassVar, Self
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from procedures.settings import Positive, Strict
-
-Policy = str | list[str]
 
 RETRY, RE_HOME, RE_SOAK = "retry", "re-home", "re-soak"
 SKIP, HOLD, ABORT, ACCEPT = "skip", "hold", "abort", "accept"
 _REPEATED = (RETRY, RE_HOME, RE_SOAK)
 _LAST = (SKIP, HOLD, ABORT, ACCEPT)
 _MOST = 100
+
+_Steps = str | list[str]
+
+
+def _steps_only(value: object) -> object:
+    """A policy, or one message where the two shapes it may have would each give one."""
+    if isinstance(value, str) or (isinstance(value, list) and all(isinstance(step, str) for step in value)):
+        return value
+    raise ValueError('should be a step or a list of steps, each in quotes, as "skip" or ["retry 3", "skip"]')
+
+
+Policy = Annotated[_Steps, BeforeValidator(_steps_only)]
 
 Times = Annotated[int, Field(ge=0, le=20)]
 
@@ -113,7 +123,7 @@ class FaultSettings(Strict):
     @classmethod
     def classes(cls) -> Iterator[str]:
         """Every class of fault there is a policy for."""
-        return (name for name, field in cls.model_fields.items() if field.annotation == Policy)
+        return (name for name, field in cls.model_fields.items() if field.annotation == _Steps)
 
     @model_validator(mode="after")
     def _policies_make_sense(self) -> Self:

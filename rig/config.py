@@ -5,18 +5,19 @@ A message names the file, the place in it, what is wrong, and what would be righ
 
 from __future__ import annotations
 
-import difflib
+import json
 import tomllib
 from collections.abc import Mapping
 from datetime import date
 from pathlib import Path
-from typing import Any, Literal, Self, TypeVar, get_args, get_origin
+from typing import Any, Literal, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from procedures import WHOLE_PLOT_FACTORS, PitchRollProcedure, Procedure, WholePlotProcedure
 from rig.columns import UNITS
 from rig.errors import ConfigurationError
+from rig.explained import explain
 from rig.protection import InterlockConfig, SafetyConfig
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -165,45 +166,12 @@ def parse_procedure(text: str, where: str) -> Procedure:
     return validated(_KINDS[kind], values, where)
 
 
-def explain(error: ValidationError, where: str, model: type[BaseModel]) -> str:
-    """A pydantic error as lines a person can act on."""
-    lines = []
-    for item in error.errors():
-        place = ".".join(str(part) for part in item["loc"])
-        if item["type"] == "extra_forbidden":
-            message = f"{place} is not known here{_hint(model, item['loc'])}"
-        elif item["type"] == "missing":
-            message = f"{place} is missing"
-        else:
-            got = item.get("input")
-            shown = "" if isinstance(got, Mapping) or not place else f" (it is {got!r})"
-            message = f"{place}: {item['msg'].removeprefix('Value error, ')}{shown}".removeprefix(": ")
-        lines.append(f"{where}: {message}")
-    return "\n".join(lines)
-
-
-def _hint(model: type[BaseModel], place: tuple[int | str, ...]) -> str:
-    """The nearest known names to an unknown one, at a place inside nested tables."""
-    inner: type[BaseModel] | None = model
-    parts = iter(place[:-1])
-    for part in parts:
-        field = inner.model_fields.get(str(part)) if inner else None
-        if field is None:
-            return ""
-        kinds = (field.annotation, *get_args(field.annotation))
-        inner = next((k for k in kinds if isinstance(k, type) and issubclass(k, BaseModel)), None)
-        if get_origin(field.annotation) is dict:
-            next(parts, None)  # the name a user gave to the table
-    if inner is None:
-        return ""
-    names = list(inner.model_fields)
-    near = difflib.get_close_matches(str(place[-1]), names, n=1)
-    return f"; did you mean {near[0]}?" if near else f" (known: {', '.join(names)})"
-
-
 def validated(model: type[Model], values: Mapping[str, Any], where: str) -> Model:
-    """An instance of `model`; raises `ConfigurationError` listing everything that is wrong."""
+    """An instance of `model`; raises `ConfigurationError` listing everything that is wrong.
+
+    Strictly, as JSON has it: a list is a tuple and a text a path, but "yes" is no truth, "3" no number, 3.0 no count.
+    """
     try:
-        return model.model_validate(values)
+        return model.model_validate_json(json.dumps(values, default=str), strict=True)
     except ValidationError as error:
         raise ConfigurationError(explain(error, where, model)) from error

@@ -332,8 +332,7 @@ def test_a_test_message_is_sent_over_every_channel_on_request_only(tmp_path, qui
         secret.write_text(hook.url())
         secret.chmod(0o644)
         settings.write_text(
-            f'[[channel]]\nkind = "webhook"\nurl_file = "{secret}"\n'
-            '[[channel]]\nkind = "command"\nargv = ["/no/such/program"]\n'
+            f'[[channel]]\nkind = "webhook"\nurl_file = "{secret}"\n[[channel]]\nkind = "command"\nargv = ["false"]\n'
         )
         arguments = ("doctor", "--notify-file", settings, "--out", tmp_path, "--json")
         asked = json.loads(rig(*arguments, env=quiet).stdout)

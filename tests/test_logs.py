@@ -85,6 +85,7 @@ def test_a_record_the_story_cannot_tell_is_told_plainly_all_the_same():
 def test_a_log_that_cannot_be_written_costs_lines_and_nothing_else(tmp_path, where):
     done = run(tmp_path, "--log", tmp_path / where)
     assert done.returncode == 0, done.stderr
+    assert "line(s) of the log could not be written" in done.stderr
 
 
 def test_lines_lost_are_counted_in_the_next_one_that_gets_through():

@@ -19,8 +19,8 @@ from small_run import write_small
 from rig.engine.run_file import RunReader
 from rig.engine.session import Progress
 from rig.errors import ConfigurationError
-from rig.unattended import Happening, Kind, RunFacts
-from rig.unattended.notify import Notifier, NotifySettings, NotSent, compose, read_settings, sender
+from rig.unattended import Happening, Kind, Listeners, RunFacts
+from rig.unattended.notify import Failure, Notifier, NotifySettings, NotSent, compose, read_settings, sender
 
 FACTS = RunFacts(Path("/runs/night-1.sqlite"), "night-1", "lab", "night", simulated=True)
 NEWS = Progress("holding", 12, 30, 7200.0, 3600.0, "")
@@ -177,11 +177,11 @@ def test_a_webhook_gets_the_shape_it_expects(shape):
 
 def test_a_webhook_may_have_a_body_of_its_own_and_a_token(monkeypatch):
     monkeypatch.setenv("HOOK_TOKEN", "s3cret")
-    body = {"title": "{headline}", "deep": [{"n": 1, "text": "{event} {unknown}"}]}
+    body = {"title": "{headline}", "deep": [{"n": 1, "text": "{event} {{event}}"}]}
     with serving(Hook()) as hook:
         sender(channel(kind="webhook", url=hook.url(), body=body, token_env="HOOK_TOKEN"))(compose(HELD, FACTS, NEWS))
     (got,) = hook.received
-    assert got.content == {"title": "SIMULATED lab: held", "deep": [{"n": 1, "text": "hold {unknown}"}]}
+    assert got.content == {"title": "SIMULATED lab: held", "deep": [{"n": 1, "text": "hold {event}"}]}
     assert got.headers["Authorization"] == "Bearer s3cret"
 
 
@@ -337,8 +337,19 @@ COMMAND = '[[channel]]\nkind = "command"\nargv = ["x"]\n'
     [
         ('[[channel]]\nkind = "pigeon"\n', "pigeon"),
         (COMMAND + COMMAND, "two channels are called command"),
-        (COMMAND.replace("argv", "arv"), "channel.0.command.arv is not known"),
+        (COMMAND.replace("argv", "arv"), "channel.0.command.arv is not known here; did you mean argv"),
+        (COMMAND.replace('"command"', '"comand"'), "channel.0.kind = 'comand' is not known; did you mean 'command'"),
+        (COMMAND.replace('kind = "command"', ""), "channel.0.kind is missing"),
         (COMMAND + 'on = ["party"]\n', "party"),
+        (COMMAND + 'on = ["finsh"]\n', "'finsh' is not known; did you mean 'finish'"),
+        (COMMAND + 'simulated = "no"\n', "channel.0.command.simulated: should be true or false"),
+        (COMMAND.replace('"x"', '"x", "{haedline}"'), r"argv.0: there is no {haedline}; did you mean {headline}"),
+        ("most_per_hour = 10.5", "most_per_hour: should be a whole number"),
+        ("[[chanel]]", "chanel is not known here; did you mean channel"),
+        (
+            '[[channel]]\nkind = "webhook"\nurl = "http://x/"\nbody = { a = [{ b = "{mesage}" }] }\n',
+            r"body.a.0.b: there is no {mesage}; did you mean {message}\?.*write {{mesage}}",
+        ),
         ('[[channel]]\nkind = "webhook"\nurl = "file:///etc/passwd"\n', "must begin with http"),
         ('[[channel]]\nkind = "webhook"\nurl = "http://x/"\nurl_env = "X"\n', "give one of url, url_env, url_file"),
         (
@@ -382,7 +393,8 @@ def test_a_missing_secret_is_named_before_anything_moves_but_does_not_end_a_resu
 
 def test_what_could_not_be_told_is_in_the_run_file_and_in_the_log(tmp_path):
     path, log = tmp_path / "notify.toml", tmp_path / "night.log"
-    path.write_text('[[channel]]\nkind = "command"\nargv = ["/no/such/program"]\non = ["start", "finish"]\n')
+    bell = no_program(tmp_path)
+    path.write_text(f'[[channel]]\nkind = "command"\nargv = ["{bell}"]\non = ["start", "finish"]\n')
     arguments = (write_small(tmp_path), "-b", LAB / "bench.toml", "--dry", "--out", tmp_path, "--log", log)
     done = rig("run", *arguments, "--notify", "--notify-file", path)
     assert done.returncode == 0, done.stderr
@@ -390,7 +402,72 @@ def test_what_could_not_be_told_is_in_the_run_file_and_in_the_log(tmp_path):
         reader.verify()
         noted = [r.data for r in reader.records("event") if r.status == "not-notified"]
     assert [n["about"] for n in noted] == ["start"]
-    assert "/no/such/program" in noted[0]["why"]
+    assert str(bell) in noted[0]["why"]
     text = log.read_text()
     assert "command was not told of start" in text
     assert "command was not told of finish" in text
+    assert f"command was not told of start, finish: {bell}" in " ".join(done.stderr.split())
+
+
+def no_program(folder):
+    """A file that looks like a program until it is started."""
+    bell = folder / "bell"
+    bell.write_bytes(b"\0no program")
+    bell.chmod(0o755)
+    return bell
+
+
+def test_messages_that_fail_when_the_run_is_over_are_told_at_the_terminal_and_the_run_is_done_all_the_same(tmp_path):
+    path = tmp_path / "notify.toml"
+    path.write_text(f'[[channel]]\nname = "bell"\nkind = "command"\nargv = ["{no_program(tmp_path)}"]\n')
+    arguments = (write_small(tmp_path), "-b", LAB / "bench.toml", "--dry", "--out", tmp_path)
+    done = rig("run", *arguments, "--notify", "--notify-file", path)
+    assert done.returncode == 0, done.stderr
+    assert "bell was not told of finish" in done.stderr
+    with RunReader.open(Path(done.stdout.strip())) as reader:
+        reader.verify()
+        assert [r.kind for r in reader.records()][-1] == "end"
+
+
+def test_why_messages_fail_is_told_once_for_each_reason_and_of_many_reasons_not_all():
+    listeners = Listeners(FACTS)
+    for n in range(100):
+        listeners.not_told(Failure("bell", Kind.FAULT, "no modem" if n % 2 else f"reason {n}"))
+    said = listeners.close()
+    assert "bell was not told of fault (50 times): no modem" in said
+    assert len(said) <= 21
+
+
+@pytest.mark.parametrize(
+    ("program", "says"),
+    [
+        ("no-such-program-of-ours", "there is no program no-such-program-of-ours in PATH"),
+        ("/no/such/program", "there is no program /no/such/program"),
+        ("./bell", "give its whole path"),
+        ("{folder}/notify.toml", "chmod"),
+    ],
+)
+def test_a_program_that_cannot_be_started_is_refused_before_anything_moves(tmp_path, program, says):
+    path = tmp_path / "notify.toml"
+    path.write_text(f'[[channel]]\nkind = "command"\nargv = ["{program.format(folder=tmp_path)}"]\n')
+    arguments = (write_small(tmp_path), "-b", LAB / "bench.toml", "--dry", "--out", tmp_path / "runs")
+    refused = rig("run", *arguments, "--notify", "--notify-file", path)
+    assert refused.returncode == 78
+    assert f"{path}: channel command: " in refused.stderr
+    assert says in refused.stderr
+    assert not (tmp_path / "runs").exists()
+    seen = rig("doctor", "--notify-file", path, "--out", tmp_path, env={"COLUMNS": "1000"})
+    assert seen.returncode == 1
+    assert says in seen.stdout
+
+
+def test_a_resumed_run_leaves_out_the_channel_that_is_out_of_order_and_tells_the_others(tmp_path):
+    path, log = tmp_path / "notify.toml", tmp_path / "night.log"
+    told = '[[channel]]\nkind = "command"\nargv = ["true"]\n[[channel]]\nname = "bell"\nkind = "command"\n'
+    path.write_text(told + 'argv = ["/no/such/program"]\n')
+    made = rig("run", write_small(tmp_path), "-b", LAB / "bench.toml", "--dry", "--out", tmp_path, "--create-only")
+    resumed = rig("resume", made.stdout.strip(), "--notify", "--notify-file", path, "--log", log)
+    assert resumed.returncode == 0, resumed.stderr
+    assert "nobody will be told there" in resumed.stderr
+    assert "channel bell: there is no program" in resumed.stderr
+    assert "command was told: SIMULATED attitude-lab: finished" in log.read_text()

@@ -84,7 +84,9 @@ def listening(facts: RunFacts, asked: Listening, warn: Callable[[str], None]) ->
         listeners.failed(error)
         raise
     finally:
-        listeners.close()
+        for words in listeners.close():
+            with contextlib.suppress(OSError):  # a terminal that has gone does not change how the run ended
+                warn(words)
 
 
 def heard(listeners: Listeners, show: Callable[[Progress], None]) -> Callable[[Progress], None]:
@@ -148,7 +150,6 @@ def _add_notifier(listeners: Listeners, asked: Listening, warn: Callable[[str], 
 
     try:
         settings = read_settings(path)
-        sends = senders(settings, str(path))
     except ConfigurationError as error:
         if asked.strict:
             raise
@@ -156,4 +157,11 @@ def _add_notifier(listeners: Listeners, asked: Listening, warn: Callable[[str], 
         listeners.say("warning", text)
         warn(text)
         return
+    sends, wrong = senders(settings, str(path))
+    if wrong and asked.strict:
+        raise ConfigurationError("\n".join(wrong))
+    for text in wrong:  # the other channels still tell
+        said = f"nobody will be told {'there' if sends else 'of anything'}: {text}"
+        listeners.say("warning", said)
+        warn(said)
     listeners.notifier = Notifier(settings, sends, told=listeners.told, failed=listeners.not_told)

@@ -148,9 +148,13 @@ class Journal:
             StorageError: the disk refuses.
 
         """
-        for noted, about in self._session.observer.to_note():  # durable with the record, or not at all
-            self._add(self._record("event", about, noted, None), commit=False)
+        self._note()
         self._add(self._record(kind, body or {}, status, whole_plot), commit=commit)
+
+    def _note(self) -> None:
+        """What the observer wants in the run file: durable with the record that follows, or not at all."""
+        for noted, about in self._session.observer.to_note():
+            self._add(self._record("event", about, noted, None), commit=False)
 
     def _add(self, record: Record, *, commit: bool) -> None:
         self._run.append(record, commit=commit)
@@ -166,6 +170,7 @@ class Journal:
 
     def finish(self, body: Mapping[str, Any]) -> None:
         """Write the end record and close the run file for good. Raises `StorageError`."""
+        self._note()
         record = self._record("end", body, "complete", None)
         self._run.finish(record)
         self.fold.add(record)

@@ -5,7 +5,7 @@ Whatever goes wrong in here costs news and never a run.
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -25,6 +25,7 @@ if TYPE_CHECKING:  # mail and web are imported where somebody is to be told
     from rig.unattended.notify import Failure, Notifier
 
 _PROGRESS_S = 3600.0
+_REASONS = 20
 _ENDINGS = {
     Outcome.COMPLETE: (Kind.FINISH, "info"),
     Outcome.STOPPED: (Kind.STOP, "info"),
@@ -60,6 +61,7 @@ class Listeners:
         self._progress_s = 0.0
         self._last: Progress | None = None
         self._failures: deque[Failure] = deque(maxlen=100)
+        self._untold: dict[tuple[str, str], Counter[str]] = {}
         self._trouble = ""
 
     def opened(self, path: Path, run_id: str) -> None:
@@ -136,20 +138,41 @@ class Listeners:
         """A line for the logs alone."""
         self._log(Happening(Kind.LOG, level, one_line(text), self._utc_s(None)))
 
-    def close(self) -> None:
-        """Let what waits go out, for a limited time."""
+    def close(self) -> list[str]:
+        """Let what waits go out, for a limited time.
+
+        Returns:
+            what a terminal has not shown yet, a sentence each: messages that reached nobody, lines that no log has.
+
+        """
         if self.notifier is not None:
             self.notifier.close()
         if self._trouble:
             self.say("warning", f"listening went wrong: {self._trouble}")
         for log in self.logs:
             log.close()
+        if any(log.on_stderr for log in self.logs):
+            return []
+        lost = sum(log.lost for log in self.logs)
+        return [*self._not_told(), *([f"{lost} line(s) of the log could not be written"] if lost else [])]
+
+    def _not_told(self) -> list[str]:
+        """A channel's failures in one sentence for each reason; the run file has those that came before its last record."""
+        told = []
+        for (channel, why), counts in list(self._untold.items()):  # a channel's thread may still be at it
+            about = ", ".join(f"{kind}{f' ({n} times)' if n > 1 else ''}" for kind, n in list(counts.items()))
+            told.append(f"{channel} was not told of {about}: {why}")
+        return told
 
     # --- from the channels' threads -------------------------------------------------------------------------------
 
     def not_told(self, failure: Failure) -> None:
         """A message did not reach a channel: into the log now, into the run file with its next record."""
         self._failures.append(failure)
+        reason = (failure.channel, one_line(failure.why))
+        if reason not in self._untold and len(self._untold) >= _REASONS:
+            reason = (failure.channel, "other reasons, see the log")
+        self._untold.setdefault(reason, Counter())[str(failure.about)] += 1
         self.say("warning", f"{failure.channel} was not told of {failure.about}: {failure.why}")
 
     def told(self, label: str, headline: str) -> None:

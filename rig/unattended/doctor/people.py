@@ -29,16 +29,18 @@ def check_people(explicit: Path | None, facts: RunFacts, now_s: float, *, send: 
         return
     try:
         settings = read_settings(path)
-        sends = senders(settings, str(path))
     except ConfigurationError as error:
         yield problem("notifications", str(error), "correct it; a resumed run would go on and tell nobody")
         return
+    sends, wrong = senders(settings, str(path))
+    for text in wrong:
+        yield problem("notifications", text, "correct it; a resumed run would go on and tell nobody there")
     for file in secret_files(settings):
-        if file.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO):
+        if file.exists() and file.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO):
             yield warning("notifications: secrets", f"{file} may be read by others", f"chmod 600 {file}")
-    if not sends:
+    if not settings.channel:
         yield warning("notifications", f"{path} has no [[channel]]", "add one (docs/unattended.md)")
-    elif not send:
+    elif sends and not send:
         yield ok("notifications", f"{path}: {', '.join(sends)}; not tried (--notify sends a test message)")
     else:
         yield from _try(sends, facts, now_s)

@@ -7,7 +7,7 @@ import importlib
 import importlib.util
 import json
 import os
-import re
+import shutil
 import signal
 import smtplib
 import ssl
@@ -15,9 +15,10 @@ import subprocess
 import tempfile
 import urllib.error
 import urllib.request
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from email.message import EmailMessage
 from email.utils import formatdate, make_msgid
+from pathlib import Path
 from typing import Any, NoReturn
 from urllib.parse import urlsplit
 
@@ -33,6 +34,7 @@ from rig.unattended.notify.settings import (
     secret,
     web_address,
 )
+from rig.unattended.notify.template import filled
 
 Send = Callable[[Message], None]
 
@@ -63,15 +65,15 @@ def sender(channel: Mail | Webhook | Command | Apprise) -> Send:
             return _apprise(channel)
 
 
-def senders(settings: NotifySettings, where: str) -> dict[str, Send]:
-    """What sends over each channel, by label. Raises `ConfigurationError` naming channel and file."""
-    found = {}
+def senders(settings: NotifySettings, where: str) -> tuple[dict[str, Send], list[str]]:
+    """What sends over each channel, by label; and what is wrong with each of the others, naming channel and file."""
+    found, wrong = {}, []
     for channel in settings.channel:
         try:
             found[channel.label] = sender(channel)
         except ConfigurationError as error:
-            raise ConfigurationError(f"{where}: channel {channel.label}: {error}") from None
-    return found
+            wrong.append(f"{where}: channel {channel.label}: {error}")
+    return found, wrong
 
 
 # --- mail -------------------------------------------------------------------------------------------------------------
@@ -189,17 +191,6 @@ def payload(message: Message, channel: Webhook, url: str) -> tuple[str, object]:
             return url, {**message.placeholders(), "urgent": message.urgent, "also": message.also}
 
 
-def filled(value: object, words: Mapping[str, str]) -> object:
-    """A table of the user's with `{name}` filled in, in every text at every depth; unknown names stay as they are."""
-    if isinstance(value, str):
-        return re.sub(r"\{(\w+)\}", lambda name: words.get(name[1], name[0]), value)
-    if isinstance(value, Mapping):
-        return {str(k): filled(v, words) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [filled(v, words) for v in value]
-    return value
-
-
 def _slack(text: str) -> str:
     for character, entity in (("&", "&amp;"), ("<", "&lt;"), (">", "&gt;"), ("```", "'''")):
         text = text.replace(character, entity)
@@ -212,9 +203,13 @@ _NOT_FOR_CHILDREN = ("NOTIFY_SOCKET", "WATCHDOG_USEC", "WATCHDOG_PID")
 
 
 def _command(channel: Command) -> Send:
+    program = channel.argv[0]
+    if shutil.which(program) is None:
+        raise ConfigurationError(_no_program(program))
+
     def send(message: Message) -> None:
         words = message.placeholders()
-        argv = [str(filled(part, words)).replace("\0", "") for part in channel.argv]
+        argv = [program, *(str(filled(part, words)).replace("\0", "") for part in channel.argv[1:])]
         told = {f"RIG_{name.upper()}": text.replace("\0", "") for name, text in words.items()}
         env = {k: v for k, v in os.environ.items() if k not in _NOT_FOR_CHILDREN} | told
         with tempfile.TemporaryFile() as complaints:  # a file, so that a grandchild cannot keep us waiting on a pipe
@@ -240,6 +235,17 @@ def _command(channel: Command) -> Send:
                 raise NotSent(f"{argv[0]} ended with {process.returncode} {said}")
 
     return send
+
+
+def _no_program(program: str) -> str:
+    """Why a program cannot be started, and what to do."""
+    if os.sep not in program:
+        return f"there is no program {program} in PATH: install it, or give its whole path"
+    path = Path(program)
+    if not path.is_file():
+        whole = "" if path.is_absolute() else " (give its whole path: a service starts in another folder)"
+        return f"there is no program {program}{whole}: correct argv, or install it"
+    return f"{program} may not be executed: chmod +x {program}"
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:

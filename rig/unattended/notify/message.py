@@ -28,6 +28,8 @@ _AGAIN = (
 )
 _LONGEST = 2000
 URGENT = frozenset({Kind.HOLD, Kind.ENDED_BY_FAULT})
+PLACEHOLDERS = ("event", "headline", "message", "what", "where", "when", "progress", "next", "run")
+"""Names that `{...}` may have in `notify.toml`."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +76,7 @@ class Message:
         return "\n".join(f"{name + ':':<11}{text}" for name, text in lines if text) + "\n"
 
     def placeholders(self) -> dict[str, str]:
-        """What `{...}` in commands and bodies of webhooks stands for."""
+        """What `{...}` in commands and bodies of webhooks stands for, by `PLACEHOLDERS`."""
         return {
             "event": self.kind.value,
             "headline": self.headline,

@@ -64,7 +64,7 @@ class Notifier:
 
     Args:
         settings: who is told of what.
-        sends: what sends over each channel, by label.
+        sends: what sends over each channel, by label; a channel that is not here is out of order.
         told: called from a channel's thread when a message went out, with its label and headline.
         failed: called from a channel's thread, or at the end, with every message that could not be sent.
         clock: real time.
@@ -87,7 +87,8 @@ class Notifier:
         self._told, self._failed = told, failed
         self._pauses_s = tuple(pauses_s)
         self._news: Progress | None = None
-        self._desks = [self._desk(channel, sends[channel.label]) for channel in settings.channel]
+        open_ones = [channel for channel in settings.channel if channel.label in sends]
+        self._desks = [self._desk(channel, sends[channel.label]) for channel in open_ones]
 
     def _desk(self, channel: _Channel, send: Send) -> _Desk:
         worker: Worker[Message]

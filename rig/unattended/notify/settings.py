@@ -18,6 +18,8 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from rig.config import parse_toml, read_text, validated
 from rig.errors import ConfigurationError
 from rig.unattended.happenings import Kind
+from rig.unattended.notify.message import PLACEHOLDERS
+from rig.unattended.notify.template import check_names
 
 About = Literal["start", "crash", "hold", "fault", "warning", "ended-by-fault", "stop", "interrupt", "finish"]
 EVERYTHING: tuple[About, ...] = (
@@ -82,7 +84,8 @@ class Webhook(_Channel):
     url_file: Path | None = Field(None, description="file that holds the address and nothing else")
     shape: Literal["json", "ntfy", "slack", "teams"] = Field("json", description="what the receiver expects")
     body: dict[str, Any] | None = Field(
-        None, description="another shape: any table; {headline}, {message}, {next} and so on are filled in"
+        None,
+        description="another shape: any table; {headline}, {message}, {next} and so on are filled in, {{x}} stays {x}",
     )
     token_env: str = Field("", description="environment variable that holds a bearer token")
     token_file: Path | None = Field(None, description="file that holds a bearer token and nothing else")
@@ -93,6 +96,7 @@ class Webhook(_Channel):
             raise ValueError("give one of url, url_env, url_file")
         if self.url:
             _check_url(self.url, "url")
+        check_names(self.body, PLACEHOLDERS, "body")
         return self
 
 
@@ -101,6 +105,13 @@ class Command(_Channel):
 
     kind: Literal["command"]
     argv: tuple[str, ...] = Field(min_length=1, description="program and arguments; {headline} and so on are filled in")
+
+    @model_validator(mode="after")
+    def _sensible(self) -> Self:
+        check_names(self.argv[1:], PLACEHOLDERS, "argv")
+        if not self.argv[0].strip():
+            raise ValueError("argv: it begins with the program, which has no name here")
+        return self
 
 
 class Apprise(_Channel):

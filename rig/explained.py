@@ -1,0 +1,87 @@
+"""What is wrong with a file's values, as lines a person can act on: pydantic's findings in our words."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, Literal, get_args, get_origin
+
+from pydantic import BaseModel, ValidationError
+
+_PLAIN = {
+    "bool_type": "should be true or false, without quotes",
+    "int_type": "should be a whole number, without quotes or decimal point",
+    "float_type": "should be a number, without quotes",
+    "string_type": "should be a text in quotes",
+}
+
+
+def explain(error: ValidationError, where: str, model: type[BaseModel]) -> str:
+    """One line for everything that is wrong, each naming file and place."""
+    return "\n".join(f"{where}: {_line(item, model)}" for item in error.errors())
+
+
+def _line(item: Mapping[str, Any], model: type[BaseModel]) -> str:
+    place = ".".join(str(part) for part in item["loc"])
+    got = item.get("input")
+    match item["type"]:
+        case "extra_forbidden":
+            return f"{place} is not known here{_near_field(model, item['loc'])}"
+        case "missing":
+            return f"{place} is missing"
+        case "union_tag_not_found":
+            return f"{place}.{item['ctx']['discriminator'].strip(chr(39))} is missing"
+        case "union_tag_invalid":
+            key, known = item["ctx"]["discriminator"].strip("'"), _quoted(item["ctx"]["expected_tags"])
+            return f"{place}.{key} = {item['ctx']['tag']!r} is not known; {_near(item['ctx']['tag'], known)}"
+        case "literal_error" if isinstance(got, str):
+            return f"{place}: {got!r} is not known; {_near(got, _quoted(item['ctx']['expected']))}"
+        case _:
+            words = _PLAIN.get(item["type"], item["msg"].removeprefix("Value error, "))
+            shown = "" if isinstance(got, Mapping) or not place else f" (it is {got!r})"
+            return f"{place}: {words}{shown}".removeprefix(": ")
+
+
+def _quoted(text: str) -> list[str]:
+    return re.findall(r"'([^']*)'", text)
+
+
+def _near(given: str, known: Iterable[str]) -> str:
+    known = list(known)
+    near = difflib.get_close_matches(given, known, n=1)
+    return f"did you mean {near[0]!r}?" if near else f"known: {', '.join(repr(k) for k in known)}"
+
+
+def _near_field(model: type[BaseModel], place: tuple[int | str, ...]) -> str:
+    """The nearest known name to an unknown one, at a place inside nested tables."""
+    inner: list[type[BaseModel]] = [model]
+    parts = iter(place[:-1])
+    for part in parts:
+        fields = [m.model_fields[str(part)] for m in inner if str(part) in m.model_fields]
+        if fields:
+            inner = [m for field in fields for m in _models(field.annotation)]
+            if any(get_origin(field.annotation) is dict for field in fields):
+                next(parts, None)  # the name a user gave to the table
+        else:  # the number of a table, or what tells its kind
+            inner = [m for m in inner if _is_of_kind(m, part)] or inner
+    names = [name for m in inner for name in m.model_fields]
+    if not names:
+        return ""
+    near = difflib.get_close_matches(str(place[-1]), names, n=1)
+    return f"; did you mean {near[0]}?" if near else f" (known: {', '.join(dict.fromkeys(names))})"
+
+
+def _models(annotation: Any) -> Iterator[type[BaseModel]]:
+    """Every table that may stand there."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for argument in get_args(annotation):
+        yield from _models(argument)
+
+
+def _is_of_kind(model: type[BaseModel], tag: int | str) -> bool:
+    return any(
+        get_origin(field.annotation) is Literal and tag in get_args(field.annotation)
+        for field in model.model_fields.values()
+    )

@@ -1,0 +1,72 @@
+"""Values of files are taken as they are written: no "yes" for true, no "3" for 3, and one line says what is wrong."""
+
+from __future__ import annotations
+
+import pytest
+
+from rig.bench import check_options
+from rig.config import parse_bench, parse_procedure
+from rig.errors import ConfigurationError
+from rig.examples import example
+
+PROCEDURE = 'kind = "pitch-roll"\nname = "n"\nreplications = 2\n[design]\ntype = "T6"\n'
+BENCH = example("attitude-lab") / "bench.toml"
+
+
+def refused(text):
+    with pytest.raises(ConfigurationError) as caught:
+        parse_procedure(text, "night.toml")
+    (line,) = str(caught.value).splitlines()
+    return line
+
+
+@pytest.mark.parametrize(
+    ("more", "says"),
+    [
+        ('[warnings]\nhold = "yes"', "warnings.hold: should be true or false, without quotes (it is 'yes')"),
+        ("[warnings]\nhold = 1", "warnings.hold: should be true or false, without quotes (it is 1)"),
+        ("[measure]\nreadings = 4.0", "measure.readings: should be a whole number, without quotes or decimal point"),
+        ('[measure]\nreadings = "4"', "measure.readings: should be a whole number"),
+        ("[measure]\nreadings = true", "measure.readings: should be a whole number"),
+        ('[settle]\ndwell_s = "2"', "settle.dwell_s: should be a number, without quotes (it is '2')"),
+        ("[settle]\ndwell_s = true", "settle.dwell_s: should be a number"),
+        ("[warnings]\nagainst = 3", "warnings.against: should be a text in quotes (it is 3)"),
+        ("[faults]\nno_reply = 3", "faults.no_reply: should be a step or a list of steps, each in quotes"),
+        ('[faults]\nno_reply = ["retry", 3]', "faults.no_reply: should be a step or a list of steps"),
+        ("[faults]\nno_reply = { retry = 3 }", "faults.no_reply: should be a step or a list of steps"),
+    ],
+)
+def test_a_value_of_another_kind_is_refused_in_one_line(more, says):
+    assert refused(f"{PROCEDURE}{more}\n").startswith(f"night.toml: {says}")
+
+
+def test_a_word_that_is_nearly_right_is_named():
+    assert refused(PROCEDURE.replace('"T6"', '"T66"')).endswith("design.type: 'T66' is not known; did you mean 'T6'?")
+
+
+def test_a_whole_number_will_do_where_a_number_is_asked_for():
+    assert parse_procedure(f"{PROCEDURE}[settle]\ndwell_s = 2\n", "night.toml").settle.dwell_s == 2.0
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        (
+            'name = "attitude-lab"',
+            'name = "attitude-lab"\nsimulated = "no"',
+            "bench.toml: simulated: should be true or",
+        ),
+        ("[limits]", "[limits]\npitch_degg = [true, 3]", "bench.toml: limits.pitch_degg.0: should be a number"),
+    ],
+)
+def test_a_bench_file_is_taken_just_as_strictly(old, new, says):
+    text = BENCH.read_text()
+    assert old in text
+    with pytest.raises(ConfigurationError, match=says):
+        parse_bench(text.replace(old, new), "bench.toml")
+
+
+def test_and_so_are_the_options_of_drivers():
+    text = BENCH.read_text().replace("speed_deg_per_s = 5.0", 'speed_deg_per_s = "5.0"')
+    with pytest.raises(ConfigurationError, match=r"instruments.head: speed_deg_per_s: should be a number"):
+        check_options(parse_bench(text, "bench.toml"), "bench.toml")
