@@ -13,7 +13,7 @@ import secrets
 import shutil
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -31,7 +31,7 @@ from rig.engine.run_file import Genesis, RunReader, RunWriter, create
 from rig.engine.sequencer import Sequencer
 from rig.engine.session import Nobody, Observer, Outcome, Progress, Session, Signals
 from rig.engine.state import RunState, fold
-from rig.errors import BenchFault, ConfigurationError, StorageError, UsageError
+from rig.errors import BenchFault, ConfigurationError, RigError, StorageError, UsageError
 from rig.locks import locked_addresses
 from rig.matching import check_match
 from rig.previous import parse_previous, previous_text
@@ -100,7 +100,11 @@ def load_plan(procedure: Path, bench: Path, *, dry: bool = False, world: Path | 
         documents["world.toml"] = read_text(world, "world")
     against = parse_procedure(documents["procedure.toml"], str(procedure)).warnings.against
     if against is not None:
-        documents[PREVIOUS] = previous_text(procedure.parent / against)
+        try:
+            documents[PREVIOUS] = previous_text(procedure.parent / against)
+        except (RigError, OSError) as error:
+            what = f"{procedure}: warnings.against = {against!r}: {error}"
+            raise ConfigurationError(f"{what}; name the last calibration, or leave the line out") from error
     return _plan(documents, dry, {"bench.toml": str(bench), "procedure.toml": str(procedure), "world.toml": str(world)})
 
 
@@ -264,8 +268,25 @@ def resume_run(
             known = ", ".join(sorted(plan.bench.instruments))
             raise UsageError(f"--accept {unknown[0]}: there is no such instrument on this bench ({known})")
         _check_space(path.parent, state.remaining)
-        with site.opened(plan, start=_world_start(run) + state.elapsed_s + dry_gap_s) as (opened_bench, clock, boot):
-            return _session(run, state, plan, opened_bench, clock, boot, accept, signals, on_progress, observer)
+        hint, before = "" if bench else _moved(plan, path), len(state.accepted)
+        try:
+            with site.opened(plan, start=_world_start(run) + state.elapsed_s + dry_gap_s) as (found, clock, boot):
+                result = _session(run, state, plan, found, clock, boot, accept, signals, on_progress, observer)
+        except BenchFault as error:
+            raise BenchFault(f"{error}{hint}") from error
+        served_anew = plan.bench.live is not None and len(state.accepted) == before
+        if served_anew and result.outcome in (Outcome.FAULT, Outcome.UNSAFE):
+            return replace(result, message=f"{result.message}{hint}")
+        return result
+
+
+def _moved(plan: Plan, path: Path) -> str:
+    """What to do if the instruments answer at other addresses than those that the run file has."""
+    if plan.dry:
+        return ""
+    if plan.bench.live is not None:
+        return f"\nThe run began on a bench of `rig sim`; if that was started anew: rig resume {path} --bench LIVE.toml"
+    return f"\nIf it has another address now, correct it in the bench file; then: rig resume {path} --bench BENCH"
 
 
 def _world_start(run: RunReader) -> float:

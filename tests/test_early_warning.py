@@ -299,5 +299,5 @@ def test_readings_that_leave_the_last_calibration_are_told_and_it_is_kept_in_the
         assert "previous.json" in reader.documents()
     missing = write_short(tmp_path / "c", SHORT + '[warnings]\nagainst = "none.json"\n')
     refused = rig("run", missing, "--bench", bench, "--dry", "--out", tmp_path / "runs")
-    assert refused.returncode == 2
-    assert "none.json" in refused.stderr
+    assert refused.returncode == 78
+    assert f"{missing}: warnings.against = 'none.json': there is no file" in refused.stderr

@@ -12,10 +12,12 @@ from rich.table import Table
 from rig.cli.show import err, out, print_json
 from rig.durations import duration
 from rig.engine.live import controller_alive, read_live
-from rig.engine.run_file import RunReader
-from rig.engine.state import RunState, read_state
+from rig.engine.state import RunState
+from rig.engine.verification import CUT_SHORT, glance
 from rig.errors import ExitCode, RigError, UsageError
 
+_VERIFIED = 10_000
+"""Runs of so many records at most are verified on the way, so that a folder of them is listed within seconds."""
 _RESTED = {"stopped": ExitCode.STOPPED, "faulted": ExitCode.FAULT}
 
 
@@ -53,8 +55,12 @@ def _changed(path: Path) -> float:
 
 def _row(path: Path) -> tuple[dict[str, Any], int]:
     try:
-        with RunReader.open(path) as reader:
-            state, about = read_state(reader), reader.genesis().data
+        reader, state, wrong, _ = glance(path, _VERIFIED)
+        with reader:
+            about = reader.genesis().data
+        if wrong is not None and wrong.where not in CUT_SHORT:
+            message = f"{path} was edited or damaged: {wrong}; rig verify {path} lists everything that is wrong"
+            return {"run_file": str(path), "state": "not whole", "message": message}, int(ExitCode.FAULT)
     except RigError as error:
         return {"run_file": str(path), "state": "unreadable", "message": str(error)}, int(ExitCode.FAULT)
     said = read_live(path)
@@ -76,7 +82,7 @@ def _row(path: Path) -> tuple[dict[str, Any], int]:
     return row, int(check_code(state, path))
 
 
-_STYLES = {"complete": "green", "faulted": "red", "unreadable": "red", "holding": "bold yellow"}
+_STYLES = {"complete": "green", "faulted": "red", "unreadable": "red", "not whole": "red", "holding": "bold yellow"}
 
 
 def _show(rows: list[dict[str, Any]]) -> None:
@@ -86,7 +92,7 @@ def _show(rows: list[dict[str, Any]]) -> None:
     for row in rows:
         style = _STYLES.get(row["state"], "bold" if row.get("running") else "yellow")
         state = f"[{style}]{escape(row['state'])}[/]"
-        if row["state"] == "unreadable":
+        if row["state"] in ("unreadable", "not whole"):
             table.add_row(escape(row["run_file"]), state)
             err.print(f"[red]{escape(row['message'])}[/]", soft_wrap=True)
             continue

@@ -15,8 +15,11 @@ from rig.cli.run import RunArgument
 from rig.cli.show import err
 from rig.cli.unattended import facts_of
 from rig.config import parse_bench
+from rig.engine.live import controller_alive
 from rig.engine.run_file import RunReader
-from rig.errors import ExitCode, UsageError
+from rig.engine.state import RunState
+from rig.errors import ExitCode, RigError, UsageError
+from rig.unattended import RunFacts
 from rig.unattended.service import WATCHDOG_S, ServiceUnit, patience_s
 
 
@@ -46,13 +49,16 @@ def service(
 ) -> int:
     """Print, install or remove the systemd unit that carries a run on: after a crash, a hang, a power cut.
 
-    The run file comes from `rig run ... --create-only`, or from a run that was interrupted.
+    The run file comes from `rig run ... --create-only`, or from a run that was interrupted. There is none for a run
+    that is complete (exit 2), broken (1) or stopped by a person (4).
 
     Examples: `rig service runs/ID.sqlite`, `rig service runs/ID.sqlite --install`
     """
     if install and remove:
         raise UsageError("--install or --remove, not both")
-    facts = facts_of(run_file)
+    if not remove and (refused := _refused(run_file)) is not None:
+        return refused
+    facts = _facts(run_file, remove=remove)
     as_root = os.geteuid() == 0
     unit = ServiceUnit(
         run=run_file.resolve(),
@@ -60,7 +66,7 @@ def service(
         about=f"{facts.procedure} on {facts.bench}",
         system=as_root if system is None else system,
         user=run_as or os.environ.get("SUDO_USER") or getpass.getuser(),
-        watchdog_s=watchdog or _patience_s(run_file),
+        watchdog_s=WATCHDOG_S if remove else watchdog or _patience_s(run_file),
         bench=None if bench is None else bench.resolve(),
         also_write=tuple(path.resolve() for path in writes_to or ()),
     )
@@ -71,6 +77,43 @@ def service(
     else:
         print(unit.text(), end="")
     return ExitCode.DONE
+
+
+def _refused(run_file: Path) -> ExitCode | None:
+    """What to end with where a service could not carry the run on; None where it can. Says what was found.
+
+    Raises:
+        RunFileError: the file is broken, and no resume would go on with it.
+        UsageError: nothing is left to do.
+
+    """
+    state = RunState()
+    with RunReader.open(run_file) as reader:
+        reader.verify(state.add)
+    name, stands = escape(str(run_file)), f"{len(state.accepted)} of {state.points} points"
+    if state.ended is not None:
+        raise UsageError(f"{run_file} is {state.ended} ({stands}): nothing is left for a service to carry on")
+    if controller_alive(run_file):
+        what = f"a controller is running on it ({stands}); the service can begin when that has ended"
+        err.print(f"{name}: {what}", soft_wrap=True)
+    elif state.rested == "stopped":
+        why = "a service leaves it alone, as a machine that restarts should"
+        err.print(f"{name} was stopped by a person ({stands}): {why}; rig resume {name} carries on", soft_wrap=True)
+        return ExitCode.STOPPED
+    else:
+        why = f": {state.last_fault}" if state.rested == "faulted" else ""
+        err.print(f"{name}: {state.rested}, {stands}{escape(why)}", soft_wrap=True)
+    return None
+
+
+def _facts(run_file: Path, *, remove: bool) -> RunFacts:
+    """Which run it is; a unit can be taken away even if its run file is broken or has gone."""
+    try:
+        return facts_of(run_file)
+    except RigError:
+        if not remove:
+            raise
+        return RunFacts(run_file, run_file.stem, "", "", simulated=False)
 
 
 def _patience_s(run_file: Path) -> float:

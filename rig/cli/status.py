@@ -15,8 +15,8 @@ from rig.cli.runs import check_code, list_runs
 from rig.cli.show import mark, out, print_json
 from rig.durations import duration
 from rig.engine.live import read_live, silent_s
-from rig.engine.run_file import RunReader
-from rig.engine.state import RunState, read_state
+from rig.engine.state import RunState
+from rig.engine.verification import CUT_SHORT, glance
 from rig.errors import ExitCode
 
 
@@ -33,14 +33,15 @@ def status(
     """Show what a run has come to, running or not; of a folder, its runs, the newest first.
 
     With --check it ends with 0 if the run is complete, 6 if it is running, 4 if it was stopped, 1 if it ended by a
-    fault, 75 if it was interrupted or never begun.
+    fault, 75 if it was interrupted or never begun. A file that was edited or damaged ends with 1 in any case.
 
     Examples: `rig status runs/ID.sqlite`, `rig status runs`, `rig status RUN --check && rig fit RUN`
     """
     if run_file.is_dir():
         return list_runs(run_file, as_json=as_json, check=check)
-    with RunReader.open(run_file) as reader:
-        state, genesis = read_state(reader), reader.genesis()
+    reader, state, wrong, looked = glance(run_file, VERIFIED)
+    with reader:
+        genesis = reader.genesis()
         count, head = reader.head()
     said = read_live(run_file)
     running, live = said is not None, said or {}
@@ -67,8 +68,11 @@ def status(
         "whole_plots_lost": {str(k): v for k, v in state.lost.items()},
         "records": count,
         "head": head.hex(),
+        "whole": False if wrong else True if looked else None,
+        "finding": str(wrong) if wrong else "",
     }
-    code = check_code(state, run_file) if check else ExitCode.DONE
+    broken = wrong is not None and wrong.where not in CUT_SHORT
+    code = ExitCode.FAULT if broken else check_code(state, run_file) if check else ExitCode.DONE
     if as_json:
         print_json(summary)
         return code
@@ -77,6 +81,16 @@ def status(
     out.print(f"{mark(state.simulated)}[bold]{what}[/] on {where}: {summary['state']}")
     out.print(f"  {summary['accepted']} of {summary['points']} points in {duration(summary['elapsed_s'])}{left}")
     out.print(f"  {summary['sessions']} session(s), last record {summary['last_record_utc']}")
+    name = escape(str(run_file))
+    if wrong and not broken:
+        out.print(
+            f"  [bold yellow]cut short:[/] {escape(str(wrong))}; rig resume measures again what is gone", soft_wrap=True
+        )
+    elif wrong:
+        what = f"edited or damaged: {escape(str(wrong))}. Do not trust what is said here; rig verify {name} lists all"
+        out.print(f"  [bold red]NOT WHOLE:[/] {what}", soft_wrap=True)
+    elif not looked:
+        out.print(f"  not verified, {count} records take a while: rig verify {name}", soft_wrap=True)
     for index, why in summary["skipped"].items():
         out.print(f"  [yellow]point {index} skipped:[/] {escape(why)}")
     for number, why in summary["whole_plots_lost"].items():
@@ -95,8 +109,8 @@ def status(
     quiet_s = _silence(run_file) if running else 0.0
     if quiet_s > _QUIET_S:
         out.print(f"  [bold yellow]nothing heard from its controller for {duration(quiet_s)}[/]")
-    if not running and state.ended is None:
-        out.print(f"  carry on with: rig resume {escape(str(run_file))}", soft_wrap=True)
+    if not running and state.ended is None and not broken:
+        out.print(f"  carry on with: rig resume {name}", soft_wrap=True)
     return code
 
 
@@ -107,6 +121,8 @@ def _silence(run_file: Path) -> float:
 
 
 _FAULTS_TOLD, _QUIET_S = 5, 60.0
+VERIFIED = 100_000
+"""A run of so many records at most is verified on the way: about two seconds."""
 
 
 def _tell_faults(state: RunState) -> None:

@@ -13,10 +13,14 @@ from rig.engine.audit import Finding, findings
 from rig.engine.last_word import read_last_word
 from rig.engine.live import controller_alive
 from rig.engine.run_file import RunReader
+from rig.engine.state import RunState, read_state
 from rig.errors import RunFileError
 
 MOST = 1000
 """So many findings are told at most."""
+
+CUT_SHORT = ("head", "log")
+"""Findings about records that are not there any more: what is there holds, and a resume goes on from it."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +80,37 @@ def verify_file(path: Path, expected_head: str | None = None) -> Verification:
     if working:
         notes.append("a controller is at work on it: this is how it stood a moment ago")
     return Verification(path, count, head.hex(), simulated, (*found, *heads), tuple(notes))
+
+
+def glance(path: Path, most: int) -> tuple[RunReader, RunState, Finding | None, bool]:
+    """Open a run file to tell what it has come to, and look whether it is whole while its records are read anyway.
+
+    Args:
+        path: the run file.
+        most: a file of more records is not looked at more closely, which would take seconds.
+
+    Returns:
+        the reader, which the caller closes; the state; what is wrong first, None if nothing is known to be; whether
+        it was looked for.
+
+    Raises:
+        RunFileError: it cannot be read at all.
+        UsageError: this is no run file.
+
+    """
+    log = wal.WalState(0, 0, 0, "") if controller_alive(path) else wal.inspect(path)
+    run = RunReader.open(path)
+    try:
+        if run.head()[0] > most:
+            return run, read_state(run), next(iter(_cut_off(run, path, log)), None), False
+        state = RunState()
+        wrong = next(findings(run, thorough=False, each=state.add), None)
+        if wrong is not None:
+            return run, read_state(run), wrong, True
+        return run, state, next(iter(_cut_off(run, path, log)), None), True
+    except BaseException:
+        run.close()
+        raise
 
 
 def _expanded(documents: Mapping[str, str]) -> RunList | None:

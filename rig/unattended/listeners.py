@@ -157,7 +157,7 @@ class Listeners:
         return [*self._not_told(), *([f"{lost} line(s) of the log could not be written"] if lost else [])]
 
     def _not_told(self) -> list[str]:
-        """A channel's failures in one sentence for each reason; the run file has those that came before its last record."""
+        """A channel's failures, a sentence for each reason. The run file has those that came before its last record."""
         told = []
         for (channel, why), counts in list(self._untold.items()):  # a channel's thread may still be at it
             about = ", ".join(f"{kind}{f' ({n} times)' if n > 1 else ''}" for kind, n in list(counts.items()))
