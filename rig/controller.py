@@ -25,6 +25,7 @@ from rig import __version__
 from rig.bench import Bench, check_options, identities, open_bench
 from rig.config import BenchConfig, parse_bench, parse_procedure, parse_toml, read_text
 from rig.engine.axes import own_limits
+from rig.engine.elsewhere import goes_on_in
 from rig.engine.guard import Guard
 from rig.engine.live import live_path, read_json
 from rig.engine.run_file import Genesis, RunReader, RunWriter, create
@@ -256,6 +257,11 @@ def resume_run(
         if state.ended is not None:
             plan = _stored_plan(reader, path, None)
             return Result(path, Outcome.COMPLETE, f"{path} is complete: nothing to resume", state, plan.procedure)
+        other = goes_on_in(reader, state)
+        if other is not None:
+            raise UsageError(f"{path} was moved or replaced while it was written; the run goes on: rig resume {other}")
+        if state.rescued:
+            warn(f"{path} goes on in {state.rescued}, which is not there: it goes on here now; never resume both")
     told = int((read_json(live_path(path)) or {}).get("done", 0))
     with RunWriter.open(path, vfs=site.vfs, verified=head) as run:
         if run.head() != head:

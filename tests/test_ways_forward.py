@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import shutil
+from pathlib import Path
 
 import apsw
 import pytest
@@ -16,7 +18,7 @@ from rig.engine.journal import typical_s
 from rig.engine.last_word import head_path
 from rig.engine.live import replace_json, request_path
 from rig.engine.run_file import Genesis, RunReader, RunWriter, create
-from rig.engine.session import Signals
+from rig.engine.session import Outcome, Signals
 
 
 def edited(path, statement="UPDATE record SET utc_s = utc_s + 1 WHERE seq = 9"):
@@ -184,3 +186,56 @@ def test_ways_that_are_long_by_design_count_in_full():
     assert typical_s([10.0] * 90 + [600.0] * 10) == pytest.approx(69.0)
     assert typical_s([10.0]) == 10.0
     assert typical_s([10.0] * 199 + [3600.0]) == pytest.approx(10.0)
+
+
+# --- a file that lost its name while it was written -------------------------------------------------------------------
+
+
+def rescued(path, how):
+    """A session in whose middle the file is moved, or an older copy is put in its place: the file at hand, the copy."""
+    older = shutil.copy(path, path.with_name("older"))
+    found = {"moved": path.with_name("elsewhere") / "moved.sqlite", "renamed": path.with_name("b.sqlite")}.get(
+        how, path
+    )
+    found.parent.mkdir(exist_ok=True)
+
+    def progress(told):
+        if told.done == 3 and told.state == "recording":
+            if how == "replaced":
+                Path(older).replace(path)
+            elif not found.exists():
+                path.rename(found)
+
+    outcome, _, _, message = run_session(path, on_progress=progress)
+    assert outcome is Outcome.FAULT
+    (copy,) = path.parent.glob("*-rescued-*.sqlite")
+    assert f"rig resume {copy}" in message
+    return found, copy
+
+
+@pytest.mark.parametrize("how", ["moved", "renamed", "replaced"])
+def test_a_file_that_was_rescued_says_where_the_run_goes_on_and_is_not_carried_on_beside_it(tmp_path, how):
+    path, copy = rescued(new_run(tmp_path), how)
+    before = path.read_bytes()
+    refused = rig("resume", path)
+    assert refused.returncode == 2, refused.stderr
+    assert f"the run goes on: rig resume {copy}" in refused.stderr
+    assert path.read_bytes() == before
+    assert rig("service", path).returncode == 2
+    shown = rig("status", path).stdout
+    assert f"carry on with: rig resume {copy}" in shown
+    checked = rig("verify", path)
+    assert checked.returncode == (1 if how == "replaced" else 0), "an older copy lacks what came after it"
+    assert f"the run goes on in {copy}" in checked.stdout
+    assert f"carry on with: rig resume {copy}" in rig("status", copy).stdout
+    assert run_session(copy)[0] is Outcome.COMPLETE
+    assert rig("resume", path).returncode == 2
+
+
+def test_all_that_was_observed_is_in_the_file_that_was_moved_too_and_it_can_go_on_if_the_copy_is_lost(tmp_path):
+    path, copy = rescued(new_run(tmp_path), "moved")
+    with RunReader.open(copy) as one, RunReader.open(path) as other:
+        assert list(one.chained()) == list(other.chained())[:-1]
+    copy.unlink()
+    assert "which is not there: look for it before you carry on here" in rig("status", path).stdout
+    assert run_session(path)[0] is Outcome.COMPLETE

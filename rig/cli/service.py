@@ -15,6 +15,7 @@ from rig.cli.run import RunArgument
 from rig.cli.show import err
 from rig.cli.unattended import facts_of
 from rig.config import parse_bench
+from rig.engine.elsewhere import goes_on_in
 from rig.engine.live import controller_alive
 from rig.engine.run_file import RunReader
 from rig.engine.state import RunState
@@ -90,9 +91,12 @@ def _refused(run_file: Path) -> ExitCode | None:
     state = RunState()
     with RunReader.open(run_file) as reader:
         reader.verify(state.add)
+        other = goes_on_in(reader, state)
     name, stands = escape(str(run_file)), f"{len(state.accepted)} of {state.points} points"
     if state.ended is not None:
         raise UsageError(f"{run_file} is {state.ended} ({stands}): nothing is left for a service to carry on")
+    if other is not None:
+        raise UsageError(f"{run_file} was moved or replaced while it was written; the run goes on: rig service {other}")
     if controller_alive(run_file):
         what = f"a controller is running on it ({stands}); the service can begin when that has ended"
         err.print(f"{name}: {what}", soft_wrap=True)

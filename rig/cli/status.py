@@ -14,6 +14,7 @@ from rig.cli.run import JsonOption, warnings_in
 from rig.cli.runs import check_code, list_runs
 from rig.cli.show import mark, out, print_json
 from rig.durations import duration
+from rig.engine.elsewhere import goes_on_in
 from rig.engine.live import read_live, silent_s
 from rig.engine.state import RunState
 from rig.engine.verification import CUT_SHORT, glance
@@ -43,6 +44,7 @@ def status(
     with reader:
         genesis = reader.genesis()
         count, head = reader.head()
+        other = goes_on_in(reader, state)
     said = read_live(run_file)
     running, live = said is not None, said or {}
     summary: dict[str, Any] = {
@@ -70,6 +72,7 @@ def status(
         "head": head.hex(),
         "whole": False if wrong else True if looked else None,
         "finding": str(wrong) if wrong else "",
+        "goes_on_in": str(other) if other else None,
     }
     broken = wrong is not None and wrong.where not in CUT_SHORT
     code = ExitCode.FAULT if broken else check_code(state, run_file) if check else ExitCode.DONE
@@ -109,8 +112,13 @@ def status(
     quiet_s = _silence(run_file) if running else 0.0
     if quiet_s > _QUIET_S:
         out.print(f"  [bold yellow]nothing heard from its controller for {duration(quiet_s)}[/]")
+    if other is not None:
+        out.print("  [bold yellow]it was moved or replaced while it was written, and goes on in another file[/]")
+    elif state.rescued:
+        lost = f"goes on in {escape(state.rescued)}, which is not there: look for it before you carry on here"
+        out.print(f"  [bold yellow]{lost}[/]", soft_wrap=True)
     if not running and state.ended is None and not broken:
-        out.print(f"  carry on with: rig resume {name}", soft_wrap=True)
+        out.print(f"  carry on with: rig resume {name if other is None else escape(str(other))}", soft_wrap=True)
     return code
 
 

@@ -51,6 +51,7 @@ _NEEDED: Mapping[tuple[str, str | None], Mapping[str, _Check]] = {
     ("skip", "final"): {"reason": _text},
     ("fault", None): {"message": _text},
     ("event", "whole-plot"): {"planned": _count},
+    ("event", "rescued"): {"to": _text},
     ("event", "temperatures-left"): {"planned": _count},
     ("event", "whole-plot-lost"): {"first": _count, "count": _count, "reason": _text},
     ("end", None): {"records": _count, "head": _text},

@@ -8,7 +8,11 @@ from pathlib import Path
 
 import apsw
 
+from rig.engine.chain import Record, encode, link
 from rig.errors import StorageError
+
+RESCUED = "rescued"
+"""Status of the event that says in which file a run goes on."""
 
 
 def is_still_at(path: Path, descriptor: int) -> bool:
@@ -47,4 +51,20 @@ def rescue(path: Path, db: apsw.Connection) -> StorageError:
         with contextlib.suppress(OSError):
             copy.unlink(missing_ok=True)
         return StorageError(f"{happened}, and no copy could be made ({error}): look for the file that was moved")
+    with contextlib.suppress(apsw.Error):
+        _hand_over(db, copy)
     return StorageError(f"{happened}. Everything up to the last observation is in {copy}; then: rig resume {copy}")
+
+
+def _hand_over(db: apsw.Connection, copy: Path) -> None:
+    """Leave word in the file that lost its name where the run goes on, so that nobody carries on with both.
+
+    Its log stays behind under the old name: what is in there goes into the file, and the log is emptied, lest it be
+    taken for that of another file which gets the name.
+    """
+    (row,) = db.execute("SELECT seq, session, elapsed_s, utc_s, hash FROM record ORDER BY seq DESC LIMIT 1")
+    seq, session, elapsed_s, utc_s, head = row
+    record = Record(session, "event", elapsed_s, utc_s, status=RESCUED, body=encode({"to": str(copy.absolute())}))
+    values = (seq + 1, *record.fields(), head, link(head, seq + 1, record))
+    db.execute(f"INSERT INTO record VALUES ({', '.join('?' * len(values))})", values)
+    db.wal_checkpoint(mode=apsw.SQLITE_CHECKPOINT_TRUNCATE)

@@ -52,6 +52,7 @@ class RunState:
         faults: the last of them, for people.
         safe: how the bench was last brought to its safe state: body of that event.
         ended: status of the end record, None while the run can be resumed.
+        rescued: the copy in which the run goes on since this file lost its name; "" if it goes on here.
         simulated: no real instrument involved.
 
     """
@@ -79,6 +80,7 @@ class RunState:
     faults: deque[Trouble] = field(default_factory=lambda: deque(maxlen=_FAULTS_KEPT))
     safe: dict[str, Any] = field(default_factory=dict)
     ended: str | None = None
+    rescued: str = ""
     simulated: bool = False
     run_id: str = ""
     last_fault: str | None = None
@@ -108,6 +110,7 @@ class RunState:
                 self.session = record.data
                 self.last_fault = None
                 self.rested = "interrupted"
+                self.rescued = ""
             case "event":
                 self._add_event(record)
             case "stop":
@@ -146,6 +149,8 @@ class RunState:
                 self.worked_s = record.elapsed_s
             case "safe":
                 self.safe = record.data
+            case "rescued":
+                self.rescued = str(record.data["to"])
             case "temperatures-left":
                 self.left_for = int(record.data["planned"])
             case "whole-plot-lost":

@@ -10,6 +10,7 @@ from procedures import RunList
 from rig.config import parse_procedure
 from rig.engine import wal
 from rig.engine.audit import Finding, findings
+from rig.engine.elsewhere import goes_on_in
 from rig.engine.last_word import read_last_word
 from rig.engine.live import controller_alive
 from rig.engine.run_file import RunReader
@@ -65,14 +66,15 @@ def verify_file(path: Path, expected_head: str | None = None) -> Verification:
     log = wal.WalState(0, 0, 0, "") if working else wal.inspect(path)
     try:
         with RunReader.open(path) as run:
-            found = []
-            for finding in findings(run, thorough=True, expand=_expanded):
+            found, state = [], RunState()
+            for finding in findings(run, thorough=True, expand=_expanded, each=state.add):
                 found.append(finding)
                 if len(found) == MOST:
                     found.append(Finding("file", f"there is more; the first {MOST} findings are told"))
                     break
             found += _cut_off(run, path, log)
             heads, notes = _held_against(run, expected_head)
+            notes += _elsewhere(run, state) if all(f.where in CUT_SHORT for f in found) else []
             count, head = run.head()
             simulated = _simulated(run)
     except RunFileError as error:
@@ -111,6 +113,11 @@ def glance(path: Path, most: int) -> tuple[RunReader, RunState, Finding | None, 
     except BaseException:
         run.close()
         raise
+
+
+def _elsewhere(run: RunReader, state: RunState) -> list[str]:
+    other = goes_on_in(run, state) or state.rescued
+    return [f"it was moved or replaced while it was written; the run goes on in {other}"] if other else []
 
 
 def _expanded(documents: Mapping[str, str]) -> RunList | None:

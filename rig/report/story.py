@@ -70,6 +70,8 @@ def _words(record: Record) -> str:
             return "stopped on request"
         case "event" if record.status in ("homed", "interrupted", "parked", "environment-settled"):
             return record.status.replace("-", " ")
+        case "event" if record.status == "rescued":
+            return f"the file was moved, deleted or replaced; the run goes on in {data['to']}"
         case "event" if record.status == "warning":
             return f"warning: {data['message']}"
         case "event" if record.status == "recovered":

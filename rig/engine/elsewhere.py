@@ -1,0 +1,35 @@
+"""Whether a run goes on in another file than the one at hand: the copy that was rescued when this one lost its name."""
+
+from __future__ import annotations
+
+import contextlib
+from pathlib import Path
+
+from rig.engine.run_file import RunReader
+from rig.engine.state import RunState
+from rig.errors import RigError
+
+
+def goes_on_in(run: RunReader, state: RunState) -> Path | None:
+    """The rescued copy in which a run goes on; None if it goes on here, or the copy is not to be found.
+
+    Args:
+        run: the file at hand, which may have been moved since, or be an older copy that got its name.
+        state: what it says.
+
+    """
+    if state.ended is not None:
+        return None
+    here = run.path.absolute()
+    if state.rescued:
+        named = Path(state.rescued)
+        return next((p for p in (named, here.with_name(named.name)) if p.is_file() and p != here), None)
+    return next((p for p in sorted(here.parent.glob("*-rescued-*.sqlite")) if p != here and _continues(p, run)), None)
+
+
+def _continues(other: Path, run: RunReader) -> bool:
+    """Whether another file holds all that this one does, and more."""
+    seq, own = run.head()
+    with contextlib.suppress(RigError, OSError), RunReader.open(other) as copy:
+        return copy.head()[0] > seq and copy.holds(seq, own)
+    return False
