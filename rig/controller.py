@@ -10,7 +10,6 @@ import os
 import platform
 import re
 import secrets
-import shutil
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
@@ -26,19 +25,18 @@ from rig.bench import Bench, check_options, identities, open_bench
 from rig.config import BenchConfig, parse_bench, parse_procedure, parse_toml, read_text
 from rig.engine.axes import own_limits
 from rig.engine.elsewhere import goes_on_in
+from rig.engine.gap import Gap, gap_since
 from rig.engine.guard import Guard
 from rig.engine.live import live_path, read_json
 from rig.engine.run_file import Genesis, RunReader, RunWriter, create
 from rig.engine.sequencer import Sequencer
 from rig.engine.session import Nobody, Observer, Outcome, Progress, Session, Signals
 from rig.engine.state import RunState, fold
-from rig.errors import BenchFault, ConfigurationError, RigError, StorageError, UsageError
+from rig.errors import BenchFault, ConfigurationError, RigError, UsageError
 from rig.locks import locked_addresses
 from rig.matching import check_match
 from rig.previous import parse_previous, previous_text
-
-BYTES_PER_POINT = 6000
-"""What an observation takes in the run file, with its share of indexes and log; measured, rounded up."""
+from rig.room import check_may_write, check_room
 
 WORLD_START = "world_start_s"
 """In the first record of a dry run: how old its world was when the run began, if it was not new."""
@@ -198,7 +196,7 @@ def start_run(
     run: `world_start_s` is its time, in seconds, when the run begins. `observer` is told of every record. With
     `create_only` nothing is carried out: a later resume does that.
     """
-    _check_space(folder, len(plan.run_list))
+    check_room(folder, len(plan.run_list))
     with site.opened(plan, start=world_start_s) as (bench, clock, boot):
         guard = Guard(plan.bench.limits, plan.bench.factors)
         guard.check_run_list(plan.run_list, own_limits(bench, plan.run_list))
@@ -262,6 +260,7 @@ def resume_run(
             raise UsageError(f"{path} was moved or replaced while it was written; the run goes on: rig resume {other}")
         if state.rescued:
             warn(f"{path} goes on in {state.rescued}, which is not there: it goes on here now; never resume both")
+    check_may_write(path)
     told = int((read_json(live_path(path)) or {}).get("done", 0))
     with RunWriter.open(path, vfs=site.vfs, verified=head) as run:
         if run.head() != head:
@@ -273,11 +272,11 @@ def resume_run(
         if unknown:
             known = ", ".join(sorted(plan.bench.instruments))
             raise UsageError(f"--accept {unknown[0]}: there is no such instrument on this bench ({known})")
-        _check_space(path.parent, state.remaining)
+        check_room(path, state.remaining)
         hint, before = "" if bench else _moved(plan, path), len(state.accepted)
         try:
             with site.opened(plan, start=_world_start(run) + state.elapsed_s + dry_gap_s) as (found, clock, boot):
-                result = _session(run, state, plan, found, clock, boot, accept, signals, on_progress, observer)
+                result = _session(run, state, plan, found, clock, boot, accept, signals, on_progress, observer, warn)
         except BenchFault as error:
             raise BenchFault(f"{error}{hint}") from error
         served_anew = plan.bench.live is not None and len(state.accepted) == before
@@ -346,14 +345,18 @@ def _session(
     signals: Signals,
     on_progress: Callable[[Progress], None],
     observer: Observer | None,
+    warn: Callable[[str], None] = lambda _: None,
 ) -> Result:
     previous = parse_previous(plan.documents[PREVIOUS], str(run.path)) if PREVIOUS in plan.documents else None
-    origin, certain = (_world_start(run), True) if boot == _VIRTUAL else _elapsed_origin(state, clock, boot)
+    gap = Gap(_world_start(run)) if boot == _VIRTUAL else gap_since(state, clock, boot)
+    if gap.warning:
+        warn(gap.warning)
     session = Session(
-        elapsed_origin=origin,
+        elapsed_origin=gap.origin,
         number=state.sessions + 1,
-        gap_s=max(0.0, clock.now() - origin - state.elapsed_s),
-        gap_certain=certain,
+        gap_s=max(0.0, clock.now() - gap.origin - state.elapsed_s),
+        gap_certain=gap.certain,
+        gap_known=gap.known,
         accept=accept,
         about={"pid": os.getpid(), "host": platform.node(), "boot": boot, "software": versions()},
         observer=observer or Nobody(),
@@ -374,17 +377,6 @@ def _session(
     return Result(run.path, outcome, sequencer.message, state, plan.procedure)
 
 
-def _elapsed_origin(state: RunState, clock: Clock, boot: str) -> tuple[float, bool]:
-    """Clock reading at which elapsed time was zero, and whether the clock itself says so (no reboot between)."""
-    if not state.sessions:
-        return clock.now() - state.elapsed_s, True
-    before = state.session
-    if boot and before["boot"] == boot:
-        return before["clock_s"] - before["elapsed_s"], True
-    gap = max(0.0, clock.utc() - state.utc_s)
-    return clock.now() - state.elapsed_s - gap, False
-
-
 def versions() -> dict[str, str]:
     """What computed this: our version, Python's, and the libraries whose answers matter."""
     import apsw  # noqa: PLC0415
@@ -402,14 +394,3 @@ def _new_id(name: str) -> str:
     slug = re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")[:40] or "run"
     moment = datetime.fromtimestamp(RealClock().utc(), UTC)
     return f"{moment:%Y%m%dT%H%M%S}-{slug}-{secrets.token_hex(2)}"
-
-
-def _check_space(folder: Path, points: int) -> None:
-    existing = next((p for p in (folder, *folder.absolute().parents) if p.exists()), Path("/"))
-    free = shutil.disk_usage(existing).free
-    needed = points * BYTES_PER_POINT + 10_000_000
-    if free < needed:
-        raise StorageError(
-            f"{existing} has {free / 1e6:.0f} MB free and the run may need {needed / 1e6:.0f} MB: "
-            f"free some, or choose another folder with --out"
-        )

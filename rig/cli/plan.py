@@ -18,10 +18,11 @@ from rig.bench import driver_class
 from rig.cli import app
 from rig.cli.run import BenchOption, JsonOption, ProcedureArgument
 from rig.cli.show import out, print_json, run_progress
-from rig.controller import BYTES_PER_POINT, Plan, load_plan
+from rig.controller import Plan, load_plan
 from rig.durations import duration
 from rig.engine.guard import Guard
 from rig.errors import ConfigurationError, ExitCode, UsageError
+from rig.room import BYTES_PER_POINT
 
 
 @app.command(rich_help_panel="Running")

@@ -131,6 +131,7 @@ class Journal:
                 "elapsed_s": self.elapsed(),
                 "gap_s": session.gap_s,
                 "gap_certain": session.gap_certain,
+                "gap_known": session.gap_known,
                 "wal_frames_dropped": dropped.dropped,
                 "wal_commits_lost": dropped.lost_commits,
                 "wal_damage": dropped.damage,

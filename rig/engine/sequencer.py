@@ -257,7 +257,8 @@ class Sequencer:
         self._checked = True
         if self._queue.peek() is None:
             return "park"
-        return self._standing.go_on(as_found, restarted, certain=self._session.gap_certain)
+        session = self._session
+        return self._standing.go_on(as_found, restarted, certain=session.gap_certain, known=session.gap_known)
 
     def _preparing(self) -> str:
         self._put_back()

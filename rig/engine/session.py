@@ -76,6 +76,7 @@ class Session:
         number: from 1.
         gap_s: bench seconds since the last record.
         gap_certain: False if the gap was bridged by UTC across a reboot.
+        gap_known: False if UTC cannot be right; `gap_s` is 0 then.
         accept: names of instruments that may be other ones than before.
         about: what the session record keeps besides (process, host, versions).
         observer: is told of every record.
@@ -89,6 +90,7 @@ class Session:
     accept: frozenset[str]
     about: Mapping[str, Any]
     observer: Observer = field(default_factory=Nobody)
+    gap_known: bool = True
 
 
 @dataclass

@@ -28,13 +28,16 @@ class Standing:
     def __init__(self, procedure: Procedure, journal: Journal, queue: PointQueue, soaking: Soaking | None) -> None:
         self._procedure, self._journal, self._queue, self._soaking = procedure, journal, queue, soaking
 
-    def go_on(self, as_found: Mapping[str, Any], restarted: Sequence[str], *, certain: bool = True) -> str:
+    def go_on(
+        self, as_found: Mapping[str, Any], restarted: Sequence[str], *, certain: bool = True, known: bool = True
+    ) -> str:
         """The trigger that follows: "recover" if what was prepared still stands, "prepare" if not.
 
         Args:
             as_found: axes and chambers as just read, before anything was commanded.
             restarted: instruments whose power has been off.
             certain: whether the time since was measured by one clock.
+            known: whether it was measured at all.
 
         Raises:
             TemperatureLeft: the open whole plot was lost.
@@ -56,7 +59,7 @@ class Standing:
         homed = all(axis["homed"] for axis in as_found["axes"].values())
         stands = homed and self.environment_stands(as_found)
         assert isinstance(self._procedure, PitchRollProcedure)
-        if fold.prepared and stands and idle_s <= self._procedure.recovery.max_gap_s:
+        if fold.prepared and stands and known and idle_s <= self._procedure.recovery.max_gap_s:
             return "recover"
         return "prepare"
 

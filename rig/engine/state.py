@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from math import inf
 from typing import Any, NamedTuple
 
 from rig.engine.chain import Record
@@ -40,6 +41,7 @@ class RunState:
         attempts: index to number of attempts so far.
         elapsed_s: of the last record.
         utc_s: of the last record.
+        latest_zero_s: UTC at which elapsed time was zero, by the session whose clock was ahead of all others'.
         identities: who the instruments were, by name, as last accepted.
         session: body of the last session record: boot id, clock reading and the elapsed time that went with it.
         last_index: the point last observed.
@@ -68,6 +70,7 @@ class RunState:
     attempts: IndexCounts = field(default_factory=IndexCounts)
     elapsed_s: float = 0.0
     utc_s: float = 0.0
+    latest_zero_s: float = -inf
     identities: dict[str, dict[str, Any]] = field(default_factory=dict)
     session: dict[str, Any] = field(default_factory=dict)
     last_index: int | None = None
@@ -107,6 +110,7 @@ class RunState:
                 self.run_id = str(record.data["run_id"])
             case "session":
                 self.sessions = record.session
+                self.latest_zero_s = max(self.latest_zero_s, record.utc_s - record.elapsed_s)
                 self.session = record.data
                 self.last_fault = None
                 self.rested = "interrupted"

@@ -27,6 +27,9 @@ def words(record: Record) -> str:
     return _words(record)
 
 
+_UNKNOWN_GAP = "a gap that nobody knows: the machine restarted, and its clock was wrong or is"
+
+
 def _clock(seconds: float) -> str:
     minutes = int(seconds // 60)
     return f"{minutes // 60}:{minutes % 60:02d}"
@@ -42,7 +45,8 @@ def _words(record: Record) -> str:
             words = f"session {record.session} began"
             if record.session > 1:
                 certain = "" if data["gap_certain"] else " (by UTC, across a restart of the machine)"
-                words += f" after a gap of {data['gap_s']:.0f} s{certain}"
+                known = data.get("gap_known", True)
+                words += f" after a gap of {data['gap_s']:.0f} s{certain}" if known else f" after {_UNKNOWN_GAP}"
             if data["wal_commits_lost"]:
                 words += (
                     f"; {data['wal_commits_lost']} record(s) had been lost from a damaged log ({data['wal_damage']})"

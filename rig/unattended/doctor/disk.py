@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from drivers.clock import RealClock
-from rig.controller import BYTES_PER_POINT
+from rig.room import largest_file_bytes, needed_bytes
 from rig.unattended.doctor.findings import Finding, ok, problem, warning
 
 _NETWORK = {
@@ -64,11 +64,14 @@ def _room(folder: Path, points: int | None) -> Finding:
         if free < 1e9:
             return warning("disk: room", has, "name the procedure, to know what it needs; or free some")
         return ok("disk: room", has)
-    needed = points * BYTES_PER_POINT + 10_000_000
+    needed, largest = needed_bytes(points), largest_file_bytes()
     text = f"{has}; {points} points need {needed / 1e6:.0f} MB"
     names = os.statvfs(folder).f_favail
     if free < needed:
         return problem("disk: room", text, "free some, or choose another folder with --out")
+    if largest is not None and largest < needed:
+        limited = f"{text}, and files may have {largest / 1e6:.1f} MB at most here"
+        return problem("disk: room", limited, "ulimit -f unlimited; LimitFSIZE= of a service")
     if os.statvfs(folder).f_files and names < 100:
         return problem("disk: room", f"{folder} has room for {names} more files only", "remove files there")
     if free < 5 * needed + 1e9:

@@ -1,0 +1,72 @@
+"""How long a run was left alone between two sessions: by one clock that went on, or by UTC across a restart."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+from drivers.clock import Clock
+from rig.engine.state import RunState
+
+LONGEST_S = 366 * 86400.0
+"""A longer gap by UTC is a clock that was or is wrong; a bench left alone for longer begins anew anyway."""
+_STEP_S = 120.0
+"""A clock may be set back by so much without the gap being any less known than it is by UTC."""
+
+
+@dataclass(frozen=True)
+class Gap:
+    """The time since the last record.
+
+    Attributes:
+        origin: clock reading at which the run's elapsed time was zero.
+        certain: one clock has counted it.
+        known: False if UTC cannot be right; it counts as nothing then, and nothing is taken to stand.
+        warning: what a person should hear about it, "" if nothing.
+
+    """
+
+    origin: float
+    certain: bool = True
+    known: bool = True
+    warning: str = ""
+
+
+def gap_since(state: RunState, clock: Clock, boot: str) -> Gap:
+    """The gap between the last record and now; none before the first session.
+
+    Args:
+        state: what the run has come to.
+        clock: bench time.
+        boot: the name of this boot of the bench's clock, "" if that has none.
+
+    """
+    last = clock.now() - state.elapsed_s
+    if not state.sessions:
+        return Gap(last)
+    before = state.session
+    if boot and before["boot"] == boot:
+        return Gap(before["clock_s"] - before["elapsed_s"])
+    utc_s = clock.utc()
+    gap_s = utc_s - state.utc_s
+    if -_STEP_S <= gap_s <= LONGEST_S:
+        return Gap(last - max(0.0, gap_s), certain=False)
+    # The last session may have had a wrong clock and an earlier one the right: it says when elapsed time was zero.
+    by_earlier_s = utc_s - state.latest_zero_s - state.elapsed_s
+    if 0.0 <= by_earlier_s <= LONGEST_S:
+        return Gap(last - by_earlier_s, certain=False, warning=_words(state, utc_s, "an earlier session's is taken"))
+    return Gap(last, certain=False, known=False, warning=_words(state, utc_s, "the gap is not known; set the clock"))
+
+
+def _words(state: RunState, utc_s: float, then: str) -> str:
+    return (
+        f"the machine's clock was wrong or is: it says {_date(utc_s)}, the last record {_date(state.utc_s)} UTC, "
+        f"with a restart between them; {then}"
+    )
+
+
+def _date(utc_s: float) -> str:
+    try:
+        return f"{datetime.fromtimestamp(utc_s, UTC):%Y-%m-%d %H:%M}"
+    except (OverflowError, ValueError, OSError):
+        return f"{utc_s:.0f} s after 1970"
