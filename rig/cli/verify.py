@@ -13,7 +13,9 @@ from rich.markup import escape
 from rig.cli import app
 from rig.cli.run import JsonOption, RunArgument
 from rig.cli.show import mark, out, print_json
-from rig.engine.verification import Verification, verify_file
+from rig.engine.run_file import RunReader
+from rig.engine.state import read_state
+from rig.engine.verification import Verification, restored, verify_file
 from rig.errors import ExitCode, RunFileError, UsageError
 
 
@@ -24,12 +26,22 @@ def verify(
         str | None,
         typer.Option(help="the head hash printed in a report: a cut or rewritten end shows only against it"),
     ] = None,
+    restore: Annotated[
+        Path | None,
+        typer.Option(
+            help="write what a damaged file still proves, from the first record on, into this new run file",
+            show_default=False,
+        ),
+    ] = None,
     as_json: JsonOption = False,
 ) -> int:
     """Check that a run file is whole and unchanged; say what was changed, and where.
 
-    Example: `rig verify runs/20260115T180000-night-1a2b.sqlite --head 3f7a9c0d51e2b846`
+    Examples: `rig verify runs/20260115T180000-night-1a2b.sqlite --head 3f7a9c0d51e2b846`,
+    `rig verify DAMAGED.sqlite --restore NEW.sqlite`
     """
+    if restore is not None:
+        return _restore(run_file, restore, as_json)
     if head is not None and not re.fullmatch("[0-9a-f]{8,64}", head := head.strip().lower()):
         raise UsageError(
             f"--head {head}: a head hash is 8 to 64 hexadecimal digits, as `rig verify` and reports print it"
@@ -44,11 +56,29 @@ def verify(
     raise RunFileError(_way_forward(run_file, found))
 
 
+def _restore(damaged: Path, new: Path, as_json: bool) -> int:
+    found = restored(damaged, new)
+    with RunReader.open(new) as reader:
+        state = read_state(reader)
+    if as_json:
+        print_json({"file": str(new), "records": found.records, "known": found.known, "points": len(state.accepted)})
+        return ExitCode.DONE
+    out.print(
+        f"{mark(state.simulated)}{escape(str(new))}: {found.records} records, each proven by its hash, of "
+        f"{found.known} known; {len(state.accepted)} of {state.points} points",
+        soft_wrap=True,
+    )
+    if state.ended is None:
+        out.print(f"  measure again what is missing: rig resume {escape(str(new))}", soft_wrap=True)
+    return ExitCode.DONE
+
+
 def _way_forward(path: Path, found: Verification) -> str:
     more = f" ({len(found.findings)} findings in all)" if len(found.findings) > 1 else ""
     return (
         f"{path} was edited or damaged: {found.findings[0]}{more}. Keep it as it is. "
         f"A copy from before the damage can be fitted and resumed; "
+        f"`rig verify {path} --restore NEW.sqlite` saves the beginning that is proven, to be fitted and resumed too; "
         f"`rig export {path} --salvage --out DATA.csv` saves the observations that can still be read, "
         f"for which nobody vouches"
     )

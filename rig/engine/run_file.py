@@ -406,10 +406,14 @@ def _fill(db: apsw.Connection, genesis: Genesis, elapsed_s: float, utc_s: float)
 
 
 _READ = apsw.SQLITE_OPEN_READONLY | apsw.SQLITE_OPEN_URI
-_COPY = ": go on with a copy of it from before, which `rig verify` finds whole"
+_COPY = (
+    ": go on with a copy of it from before, which `rig verify` finds whole, or with what `rig verify FILE --restore "
+    "NEW.sqlite` makes of it"
+)
 _WAY_FORWARD = (
     "Nothing was changed now. Keep the file; `rig export FILE --salvage --out DATA.csv` saves what can still "
-    "be read, and a copy from before the damage can be resumed as it is."
+    "be read, `rig verify FILE --restore NEW.sqlite` the beginning that is proven; that, or a copy from before the "
+    "damage, can be resumed."
 )
 
 

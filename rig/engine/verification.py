@@ -13,9 +13,10 @@ from rig.engine.audit import Finding, findings
 from rig.engine.elsewhere import goes_on_in
 from rig.engine.last_word import read_last_word
 from rig.engine.live import controller_alive
+from rig.engine.prefix import Restored, restore
 from rig.engine.run_file import RunReader
 from rig.engine.state import RunState, read_state
-from rig.errors import RunFileError
+from rig.errors import RunFileError, UsageError
 
 MOST = 1000
 """So many findings are told at most."""
@@ -118,6 +119,13 @@ def glance(path: Path, most: int) -> tuple[RunReader, RunState, Finding | None, 
 def _elsewhere(run: RunReader, state: RunState) -> list[str]:
     other = goes_on_in(run, state) or state.rescued
     return [f"it was moved or replaced while it was written; the run goes on in {other}"] if other else []
+
+
+def restored(path: Path, to: Path) -> Restored:
+    """What a damaged run file still proves, in a new one; see `rig.engine.prefix.restore`."""
+    if controller_alive(path):
+        raise UsageError(f"a controller is at work on {path}: nothing to restore while it writes")
+    return restore(path, to, _expanded)
 
 
 def _expanded(documents: Mapping[str, str]) -> RunList | None:
