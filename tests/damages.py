@@ -17,6 +17,7 @@ from rig.engine.chain import Record
 from rig.engine.live import live_path, read_json
 from rig.engine.run_file import RunReader, RunWriter
 from rig.engine.state import fold
+from rig.engine.verification import restored
 from rig.errors import RigError
 from rig.simulated.disk import Disk
 from rig.tables import run_table
@@ -192,7 +193,12 @@ def file_damages(path: Path, flips: int, every: int) -> tuple[Counter[str], list
                 wrong.append(f"{what}: {error}")
             kept = _salvaged(path)
             share = "all" if kept == rows else "some" if kept else "none"
+            count, same = _restored(path, before)
+            new = "all" if count == len(before) else "some" if count else "none"
+            if not same:
+                wrong.append(f"{what}: what was restored is not what was written")
             counts[f"refused ({type(error).__name__}), {share} of the observations salvaged"] += 1
+            counts[f"of those refused: {new} of the records restored"] += 1
     path.write_bytes(whole)
     return counts, wrong
 
@@ -202,6 +208,19 @@ def _flipped(whole: bytes, places: Iterable[int]) -> Iterator[Damage]:
         damaged = bytearray(whole)
         damaged[at] ^= 1 << at // 7 % 8
         yield f"bit flipped in byte {at}", bytes(damaged)
+
+
+def _restored(path: Path, before: list[tuple[int, Record, bytes, bytes]]) -> tuple[int, bool]:
+    """How many records a damaged file gives back, and whether they are those that were written."""
+    new = path.with_name("restored.sqlite")
+    try:
+        count = restored(path, new).records
+        with RunReader.open(new) as reader:
+            return count, list(reader.chained()) == before[:count]
+    except RigError:
+        return 0, True
+    finally:
+        new.unlink(missing_ok=True)
 
 
 def _salvaged(path: Path) -> int:

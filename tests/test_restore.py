@@ -49,7 +49,7 @@ def test_whatever_is_damaged_only_what_is_proven_is_kept(tmp_path, finished):
     seed = 7
     draw = random.Random(seed)
     share = []
-    for _ in range(60):
+    for _ in range(25):
         content = bytearray(whole)
         for _ in range(draw.choice((1, 3, 20))):
             content[draw.randrange(len(whole))] ^= 1 << draw.randrange(8)
@@ -66,14 +66,14 @@ def test_whatever_is_damaged_only_what_is_proven_is_kept(tmp_path, finished):
             assert list(run.chained()) == records[:count], f"seed {seed}"
         share.append(count / len(records))
         new.unlink()
-    assert sum(s > 0 for s in share) > 20
+    assert sum(s > 0 for s in share) > 8
     assert not list(tmp_path.glob("*.part*"))
 
 
 def test_a_file_cut_anywhere_gives_back_what_is_before_the_cut_or_says_why_not(tmp_path, finished):
     whole, records = finished
     new, counts = tmp_path / "new.sqlite", []
-    for end in range(0, len(whole), 4096):
+    for end in range(0, len(whole), 3 * 4096):
         try:
             counts.append(restored(damaged(tmp_path, whole[:end]), new).records)
         except RigError:
