@@ -456,7 +456,7 @@ def test_a_program_that_cannot_be_started_is_refused_before_anything_moves(tmp_p
     assert f"{path}: channel command: " in refused.stderr
     assert says in refused.stderr
     assert not (tmp_path / "runs").exists()
-    seen = rig("doctor", "--notify-file", path, "--out", tmp_path, env={"COLUMNS": "1000"})
+    seen = rig("doctor", "--notify-file", path, "--out", tmp_path, "--json")
     assert seen.returncode == 1
     assert says in seen.stdout
 
