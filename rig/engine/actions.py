@@ -11,7 +11,7 @@ from typing import Any
 
 from drivers.clock import Clock
 from drivers.errors import BadReply, NoReply
-from drivers.roles import Restartable
+from drivers.roles import Restartable, is_overload
 from procedures import Factor, Settle
 from procedures.pitch_roll import EnvironmentSettings
 from rig.bench import Bench
@@ -62,6 +62,7 @@ class BenchActions:
         self.arrivals: dict[str, Arrival] = {}
         self.chambers_seen: dict[str, dict[str, Any]] = {}
         self.judges: dict[str, Settling] = {}
+        self._in_passing: dict[str, tuple[float, ...]] = {}
 
     def take_unwatched_s(self) -> float:
         """The longest time for which no chamber was looked at, since this was last asked; bench seconds."""
@@ -288,9 +289,29 @@ class BenchActions:
         if readers:
             self._wait(max(reader.start(1) for reader in readers.values()))
         fetched = {name: reader.fetch() for name, reader in readers.items()}
+        self._note_passing(fetched)
         values = {column: float(fetched[name][channel][0]) for column, (name, channel) in source.items()}
         self._guard.check_temperatures(values)
         return values
+
+    def _note_passing(self, fetched: Mapping[str, Mapping[str, Sequence[float]]]) -> None:
+        """A sweep reads outputs along with the temperatures: what a meter that hangs later on may repeat."""
+        for column, (reader, channel) in self._bench.sensors.items():
+            if reader not in fetched or is_overload(volts := fetched[reader][channel][-1]):
+                continue
+            before, value = self._in_passing.get(column, ()), volts * self._bench.scales[column]
+            if value not in before[-1:]:
+                self._in_passing[column] = (*before[-1:], value)
+
+    def take_in_passing(self) -> dict[str, tuple[float, ...]]:
+        """What outputs read while only temperatures were wanted, since last asked.
+
+        Returns:
+            By column, in its unit, the last two that differ.
+
+        """
+        taken, self._in_passing = self._in_passing, {}
+        return taken
 
     def set_chamber(self, name: str, setpoint_degC: float) -> None:
         """Command a chamber's setpoint, limits checked first."""

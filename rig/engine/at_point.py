@@ -148,10 +148,13 @@ class AtPoint:
         return "record"
 
     def _check_alive(self, observation: Observation) -> None:
-        """A meter or a sensor that hangs, or a reply that is old, repeats the point before to the last digit."""
+        """A meter or a sensor that hangs, or a reply that is old, repeats what was read before to the last digit."""
         point, (before, last) = self._at.point, self._last_read
+        passing = self._do.take_in_passing()
+        last = {name: (*last.get(name, ()), *passing.get(name, ())) for name in observation.outputs}
         frozen = observation.frozen(last, moved=before is None or before.setpoints != point.setpoints)
         if frozen:
+            self._last_read = before, last
             words = (
                 f"{', '.join(frozen)} at point {point.index} hangs: the same reading to the last digit, again and again"
             )

@@ -67,10 +67,10 @@ class Observation:
         return [name for name, c in (*self.outputs.items(), *self.temperatures.items()) if c.overload]
 
     def frozen(self, before: Mapping[str, Sequence[float]], *, moved: bool) -> list[str]:
-        """Outputs that repeat, to the last digit, the reading that the point before ended with.
+        """Outputs that repeat, to the last digit, what was read last before.
 
         Args:
-            before: the readings of that point, by column.
+            before: the readings of the point before and those since, by column.
             moved: whether the setting is another one. Where it is not, an output that scattered there is to scatter.
 
         """

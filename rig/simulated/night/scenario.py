@@ -55,7 +55,7 @@ repeated_psia = {repeated}
 [soak]
 dwell_s = 60
 drift_degC_per_h = 20
-poll_s = 60
+poll_s = 58
 [settle]
 dwell_s = 4
 poll_s = 4
