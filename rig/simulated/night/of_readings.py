@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from math import sqrt
 
 from procedures import Point
@@ -15,8 +16,8 @@ from sims.tape import Reading
 def truthful(night: Night) -> Iterator[str]:
     """Every accepted reading is what its sensor truly gave, within noise, while it says it was measured, in its place.
 
-    The number is one that the instrument then made of that input, to the last digit; two readings are never one. And it
-    is the truth of that moment within `_Input.noise`, whatever a fault of the input has made of it.
+    The number is one that the instrument then made of that input, to the last digit, and no two readings are the same
+    one. And it is the truth of that moment within `_Input.bound`, whatever a fault of the input has made of it.
     """
     inputs = _inputs(night)
     for record in night.accepted():
@@ -28,6 +29,7 @@ def truthful(night: Night) -> Iterator[str]:
 
 
 def _read(night: Night, record: Record, point: Point, of: _Input, values: list[float]) -> Iterator[str]:
+    """What is wrong with the first reading of a column with which anything is."""
     made = night.of_input(of.wire)
     left = iter(night.meanwhile(record, of.wire))
     for value in values:
@@ -39,15 +41,16 @@ def _read(night: Night, record: Record, point: Point, of: _Input, values: list[f
             return
         reading = made[at]
         off = abs(reading.given - reading.true)
-        if off > of.noise(reading):
-            yield f"point {point.index}: {of.column} = {value:g} is off by {off:.2g} {reading.unit}"
-        yield from _there(night, point, of.column, reading)
-        # A meter that hangs says the truth as long as what it repeats is from this place, however often it is asked.
-        first = at
-        while first and made[first].given != made[first].found and made[first - 1].given == reading.given:
-            first -= 1
-        if first != at:
-            yield from _there(night, point, of.column, made[first])
+        wrong = list(_there(night, point, of.column, reading))
+        if off > of.bound(reading):
+            wrong.append(f"point {point.index}: {of.column} = {value:g} is off by {off:.2g} {reading.unit}")
+        # What a meter that hangs repeats may be from elsewhere and within the noise by chance: it must be from here.
+        while at and made[at].given != made[at].found and made[at - 1].given == reading.given:
+            at -= 1
+        wrong += _there(night, point, f"{of.column}, repeated since then,", made[at])
+        if wrong:
+            yield wrong[0]
+            return
 
 
 def _readback(night: Night, record: Record, column: str, values: list[float]) -> Iterator[str]:
@@ -63,8 +66,10 @@ def _readback(night: Night, record: Record, column: str, values: list[float]) ->
             return
         if abs(said.given - said.true) > bound:
             yield f"point {record.run_index}: {column} = {value:g} is off by {said.given - said.true:.2g} psi"
+            return
 
 
+@dataclass(frozen=True)
 class _Input:
     """Where the readings of a column come from, and how far from the truth they may be.
 
@@ -72,44 +77,38 @@ class _Input:
         column: its name.
         wire: (instrument, channel).
         scale: volts or degrees Celsius in its unit.
-        digit: the instrument's last, where it says fewer of them than `_TEXT` allows for.
+        noise: standard deviation of the sensor's mean over 1 s, volts or degrees Celsius.
+        adds: what the instrument may add, likewise.
+        digit: its last, where it sends fewer than `_TEXT` allows for.
 
     """
 
-    def __init__(self, night: Night, column: str, wire: tuple[str, str], scale: float, sensor: str = "") -> None:
-        self.column, self.wire, self.scale = column, wire, scale
-        bench, truth = night.played.plan.bench, night.played.bench.sim.plant.truth
-        instrument = bench.instruments[wire[0]]
-        self.digit = _DIGIT_DEGC.get(instrument.driver, 0.0) if not sensor else 0.0
-        self._own = _THERMOMETER_DEGC[instrument.driver] if not sensor else 0.0
-        self._sensor = 0.0
-        if sensor:
-            self._own = _METER * float(instrument.options.get("range_V", 10.0))
-            true = truth.sensors[sensor]
-            self._sensor = true.noise_mV * 1e-3 if isinstance(true, TransducerTruth) else true.noise_V
+    column: str
+    wire: tuple[str, str]
+    scale: float
+    noise: float
+    adds: float
+    digit: float = 0.0
 
-    def noise(self, reading: Reading) -> float:
-        """How far a reading may be from the truth: `_SDS` standard deviations of the sensor's noise, and what the
-        instrument may add.
-        """
-        return _SDS * self._sensor / sqrt(reading.end_s - reading.t_s) + self._own
+    def bound(self, reading: Reading) -> float:
+        """How far a reading may be from the truth."""
+        return _SDS * self.noise / sqrt(reading.end_s - reading.t_s) + self.adds
 
 
 def _inputs(night: Night) -> dict[str, _Input]:
-    bench = night.played.plan.bench
-    found = {
-        f"{name}_{sensor.unit}": _Input(
-            night,
-            f"{name}_{sensor.unit}",
-            (sensor.reader, sensor.channel),
-            1e-3 if sensor.unit == "mV" else 1.0,
-            name,
-        )
-        for name, sensor in bench.sensors.items()
-    }
-    for column, thermometer in bench.temperatures.items():
-        found[column] = _Input(night, column, (thermometer.reader, thermometer.channel), 1.0)
-    return found
+    """Of every column that is recorded."""
+    bench, truth = night.played.plan.bench, night.played.bench.sim.plant.truth
+    found = []
+    for name, sensor in bench.sensors.items():
+        true, range_V = truth.sensors[name], bench.instruments[sensor.reader].options.get("range_V", 10.0)
+        noise = true.noise_mV * 1e-3 if isinstance(true, TransducerTruth) else true.noise_V
+        scale = 1e-3 if sensor.unit == "mV" else 1.0
+        wire = (sensor.reader, sensor.channel)
+        found.append(_Input(f"{name}_{sensor.unit}", wire, scale, noise, _METER * float(range_V)))
+    for column, at in bench.temperatures.items():
+        adds, digit = _THERMOMETERS[bench.instruments[at.reader].driver]
+        found.append(_Input(column, (at.reader, at.channel), 1.0, 0.0, adds, digit))
+    return {one.column: one for one in found}
 
 
 _SDS = 6.0
@@ -118,14 +117,13 @@ _SDS = 6.0
 _METER = 8e-7
 """What a meter of these benches may add to a voltage, of its range: six standard deviations of its noise, a digit."""
 
-_THERMOMETER_DEGC = {"keysight-34970a": 4e-3, "can-daq": 1.3e-2}
-"""The same of a temperature, degrees Celsius."""
+_THERMOMETERS = {"keysight-34970a": (4e-3, 0.0), "can-daq": (1.3e-2, 6e-5)}
+"""The same of a temperature, and half the last digit that is sent, degrees Celsius; by driver."""
 
 _TEXT = 6e-9
-"""Numbers are sent with nine digits."""
+"""Of a number that is sent with nine digits."""
 
 _DIGIT_PSI = 1e-7
-_DIGIT_DEGC = {"can-daq": 6e-5}
 
 _THERE = {"deg": 0.003, "psia": 0.02}
 """How far the truth may be from the setpoint: band, encoder and reference errors and control noise."""
