@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from rig.report.pictures import png, side_by_side
+from rig.report.pictures import colour_scale, legend_below, png, side_by_side
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -59,7 +59,7 @@ def residuals_against(picture: Picture, x: Array, label: str, *, legend: bool) -
     axes[0].set_ylabel(f"residual / {UNIT}", fontsize=9)
     if legend:
         handles, labels = axes[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower center", ncols=10, fontsize=7, frameon=False, markerscale=2)
+        legend_below(figure, handles, labels, 10, markerscale=2)
     bound = 1.15 * SCALE * float(np.percentile(np.abs(picture.before_deg), 99.8))
     axes[0].set_ylim(-bound, bound)
     return png(figure)
@@ -101,5 +101,5 @@ def residual_map(picture: Picture) -> str:
         axis.set_xlabel("pitch / deg", fontsize=9)
         axis.tick_params(labelsize=8)
     axes[0].set_ylabel("roll / deg", fontsize=9)
-    figure.colorbar(mesh, ax=axes, label=UNIT)
+    colour_scale(figure, mesh, UNIT)
     return png(figure)

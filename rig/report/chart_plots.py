@@ -14,7 +14,7 @@ from fitter.history.forecast import predict
 from fitter.quantiles import t_limit
 from rig.closed_loop.chart import DAYS, SensorChart
 from rig.closed_loop.chart_words import change_scale, label
-from rig.report.pictures import grid, png
+from rig.report.pictures import grid, legend_below, png
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -31,7 +31,8 @@ def parameter_charts(sensor: SensorChart) -> str:
     for axis, q in zip(axes, charts, strict=False):
         _parameter(axis, q, sensor)
         _dates(axis, due)
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=7, fontsize=7, frameon=False)
+    handles, labels = axes[0].get_legend_handles_labels()
+    legend_below(figure, handles, labels, 7)
     return png(figure)
 
 

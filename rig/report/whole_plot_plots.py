@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from fitter.whole_plot_data import WholePlotData
-from rig.report.pictures import png, side_by_side
+from rig.report.pictures import colour_scale, png, side_by_side
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -83,7 +83,7 @@ def between_whole_plots(residuals: Residuals) -> str:
         dots = axis.scatter(position, mean, c=warmth, s=28, cmap="coolwarm", edgecolors="0.4", linewidths=0.4)
         _dress(axis, "whole plot, in the order of running", title)
     axes[0].set_ylabel("mean residual / mV", fontsize=9)
-    figure.colorbar(dots, ax=axes, label="sensor / degC")
+    colour_scale(figure, dots, "sensor / degC")
     return png(figure)
 
 

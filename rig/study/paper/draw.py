@@ -9,9 +9,8 @@ import matplotlib.figure
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from rig.report.pictures import png
+from rig.report.pictures import legend_below, plots, png
 from rig.study.paper.plots import Figure, Line, Panel
 
 _LINES = {"-", "--", ":", "-."}
@@ -29,9 +28,8 @@ def _picture(figure: Figure) -> matplotlib.figure.Figure:
     count = len(figure.panels)
     columns = 1 if count == 1 else 3 if count == 3 else 2
     rows = -(-count // columns)
-    picture = matplotlib.figure.Figure(figsize=(7.0 if count == 1 else 9.6, 3.5 * rows), dpi=90, layout="constrained")
-    FigureCanvasAgg(picture)
-    axes = picture.subplots(rows, columns, squeeze=False).ravel()
+    picture, places = plots(rows, columns, height=3.5 * rows, width=7.0 if count == 1 else 9.6, dpi=90)
+    axes = places.ravel()
     for axis, panel in zip(axes, figure.panels, strict=True):
         _panel(axis, panel)
     handles: dict[str, Artist] = {}
@@ -41,14 +39,7 @@ def _picture(figure: Figure) -> matplotlib.figure.Figure:
     if handles:
         widest = max(len(label) for label in handles)
         columns_of_legend = max(2, min(7, (100 if count == 1 else 140) // (widest + 4)))
-        picture.legend(
-            list(handles.values()),
-            list(handles),
-            loc="outside lower center",
-            ncols=columns_of_legend,
-            fontsize=7,
-            frameon=False,
-        )
+        legend_below(picture, list(handles.values()), list(handles), columns_of_legend)
     return picture
 
 
