@@ -209,6 +209,33 @@ def test_a_pressure_that_does_not_settle_is_put_off_and_tried_again_in_its_own_w
     assert {r.whole_plot for r in accepted(path)} == {1, 2, 3}
 
 
+def test_a_stray_readback_while_the_sensors_are_read_does_not_become_their_reference(tmp_path):
+    path, bench = new_run(tmp_path), PressureBench()
+    read, start, strayed, due = bench.supply.read, bench.dvm.start, [], []
+
+    def counted(count):
+        if count > 1 and not strayed:  # a sweep of a point; soaks read one sweep
+            due.append(True)
+        return start(count)
+
+    def strays_once():
+        state = read()
+        if due and not strayed:
+            strayed.append(state.pressure_psia)
+            return replace(state, pressure_psia=state.pressure_psia + 0.05)
+        return state
+
+    bench.dvm.start, bench.supply.read = counted, strays_once
+    outcome, _, message = run_session(path, bench)
+    assert outcome is Outcome.COMPLETE, message
+    assert len(strayed) == 1
+    (fault,) = records(path, "fault")
+    assert "not within 0.002 of" in fault.data["message"], fault.data
+    for record in accepted(path):
+        reference, setpoint = record.data["references"]["pressure_psia"], PROCEDURE.expand().points[record.run_index]
+        assert reference["readings"] == pytest.approx([setpoint.setpoints[0]] * len(reference["readings"]), abs=1e-9)
+
+
 @pytest.mark.parametrize(("policy", "outcome"), [("abort", Outcome.FAULT), ("hold", Outcome.FAULT)])
 def test_a_soak_that_never_settles_ends_in_the_safe_state_and_says_which_chamber(tmp_path, policy, outcome):
     procedure = PROCEDURE.model_copy(
