@@ -44,7 +44,8 @@ from rig.bench import Bench
 from rig.controller import Plan, Result, Site, plan_of, resume_run, start_run
 from rig.engine.chain import Record, encode
 from rig.engine.journal import Journal
-from rig.engine.run_file import Genesis, RunWriter, create
+from rig.engine.run_creation import Genesis, create
+from rig.engine.run_writer import RunWriter
 from rig.engine.session import Outcome, Progress, Signals
 from sims.world import World
 

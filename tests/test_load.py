@@ -20,7 +20,9 @@ from procedures import Factor, PitchRollProcedure, Point, RunList, WholePlotProc
 from rig.engine.chain import GENESIS, Record, link
 from rig.engine.indexes import IndexCounts, IndexSet
 from rig.engine.queue import PointQueue
-from rig.engine.run_file import Genesis, RunReader, RunWriter, create
+from rig.engine.run_creation import Genesis, create
+from rig.engine.run_reader import RunReader
+from rig.engine.run_writer import RunWriter
 from rig.engine.session import Outcome, Signals
 from rig.engine.state import RunState, fold
 

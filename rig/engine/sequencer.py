@@ -26,7 +26,7 @@ from rig.engine.live import Requests
 from rig.engine.parking import Parking
 from rig.engine.policies import ABORT, HOLD, RE_HOME, RE_SOAK, SKIP, Policies
 from rig.engine.queue import PointQueue
-from rig.engine.run_file import RunWriter
+from rig.engine.run_writer import RunWriter
 from rig.engine.safe_state import SafeState, make_safe
 from rig.engine.session import Outcome, Progress, Session, Signals
 from rig.engine.soaking import Soaking

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from rig.engine.chain import Record
 from rig.engine.indexes import IndexCounts, IndexSet
-from rig.engine.run_file import RunReader
+from rig.engine.run_reader import RunReader
 from rig.errors import RunFileError
 
 _FAULTS_KEPT = 20

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from procedures import Point, RunList
 from rig.engine.chain import Record
 from rig.engine.live import live_path
-from rig.engine.run_file import RunReader
+from rig.engine.run_reader import RunReader
 from rig.engine.session import Outcome
 from rig.errors import RunFileError
 from rig.simulated.night.play import MOST_SESSIONS, Played
