@@ -94,7 +94,7 @@ def _fill(db: apsw.Connection, genesis: Genesis, elapsed_s: float, utc_s: float)
         **genesis.about,
     }
     first = Record(0, "run", elapsed_s, utc_s, body=encode(body))
-    row = (1, *first.fields(), GENESIS, link(GENESIS, 1, first))
+    row = (1, *first, GENESIS, link(GENESIS, 1, first))
     db.execute(INSERT_RECORD, row)
     db.execute("COMMIT")
 

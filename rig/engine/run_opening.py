@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import os
 from pathlib import Path
@@ -58,8 +59,11 @@ def opened_to_read(path: Path, uri: str) -> apsw.Connection:
 
 def size_of(path: Path) -> int:
     """Bytes of a run file and its log."""
-    files = (path, path.with_name(path.name + "-wal"))
-    return sum(file.stat().st_size for file in files if file.exists())
+    found = 0
+    for name in (str(path), f"{path}-wal"):
+        with contextlib.suppress(FileNotFoundError):
+            found += os.stat(name).st_size
+    return found
 
 
 def rolled_back(path: Path) -> bool:

@@ -8,15 +8,15 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Self
 
 import apsw
 
-from procedures import Factor, Point, RunList
+from procedures import Factor, Point, RunList, rows_sha256
 from rig.engine.audit import findings
-from rig.engine.chain import GENESIS, Record
+from rig.engine.chain import GENESIS, Record, StoredRow
 from rig.engine.run_opening import check_header, edited, opened_to_read, rolled_back, size_of, unreadable
 from rig.engine.schema import Guarded
 from rig.errors import RunFileError, UsageError
@@ -73,19 +73,32 @@ class RunReader:
 
     def run_list(self) -> RunList:
         """The run list as stored."""
-        factors = tuple(
+        factors = self._factors()
+        width = len(factors)
+        points = (
+            Point(row[0], row[1], row[2], row[3 : 3 + width], row[3 + width :])
+            for rows in self._point_rows(factors)
+            for row in rows
+        )
+        return RunList(factors, points, int(self.genesis().data["seed"]))
+
+    def run_list_sha256(self) -> str:
+        """Hash of the run list as stored, as `RunList.sha256`; no point is made of its rows."""
+        factors = self._factors()
+        return rows_sha256(factors, int(self.genesis().data["seed"]), self._point_rows(factors))
+
+    def _factors(self) -> tuple[Factor, ...]:
+        return tuple(
             Factor(name, axis, overtravel, bool(hard), bool(stays))
             for name, axis, overtravel, hard, stays in self._all(
                 "SELECT name, axis, overtravel, hard, stays FROM factor ORDER BY position"
             )
         )
-        width = len(factors)
+
+    def _point_rows(self, factors: Sequence[Factor]) -> Iterator[list[Any]]:
+        """Points as (index, replication, whole plot, setpoints..., sides...)."""
         names = ", ".join([f'"{f.name}"' for f in factors] + [f'"{f.name}_side"' for f in factors])
-        points = (
-            Point(row[0], row[1], row[2], row[3 : 3 + width], row[3 + width :])
-            for row in self._slices(f"run_index, replication, whole_plot, {names} FROM point")
-        )
-        return RunList(factors, points, int(self.genesis().data["seed"]))
+        return self._slices(f"run_index, replication, whole_plot, {names} FROM point")
 
     def genesis(self) -> Record:
         """The first record: what the run is."""
@@ -113,8 +126,13 @@ class RunReader:
 
     def chained(self, where: str = "1", values: tuple[object, ...] = ()) -> Iterator[tuple[int, Record, bytes, bytes]]:
         """Rows as (seq, record, previous, hash), in order."""
-        for row in self._slices(f"seq, {_COLUMNS}, previous, hash FROM record", where, values):
-            yield row[0], Record(*row[1:10]), _bytes(row[10]), _bytes(row[11])
+        for rows in self.record_rows(where, values):
+            for row in rows:
+                yield row[0], Record._make(row[1:10]), _bytes(row[10]), _bytes(row[11])
+
+    def record_rows(self, where: str = "1", values: tuple[object, ...] = ()) -> Iterator[list[StoredRow]]:
+        """Records as stored, in order, in lists of a few hundred."""
+        return self._slices(f"seq, {_COLUMNS}, previous, hash FROM record", where, values)
 
     def head(self) -> tuple[int, bytes]:
         """Number of records and the last one's hash."""
@@ -140,8 +158,8 @@ class RunReader:
         if wrong is not None:
             raise edited(self.path, str(wrong))
 
-    def _slices(self, what: str, where: str = "1", values: tuple[object, ...] = ()) -> Iterator[Any]:
-        """Rows in order of their key, a slice at a time: no list of them all, and no transaction that stays open.
+    def _slices(self, what: str, where: str = "1", values: tuple[object, ...] = ()) -> Iterator[list[Any]]:
+        """Rows in order of their key, in lists of a slice each: no list of all, and no transaction that stays open.
 
         Args:
             what: the key, other columns, and the table.
@@ -153,7 +171,7 @@ class RunReader:
         statement = f"SELECT {what} WHERE {key} >= ? AND ({where}) ORDER BY {key} LIMIT {_SLICE}"
         since = _LOWEST
         while rows := self._all(statement, (since, *values)):
-            yield from rows
+            yield rows
             last = rows[-1][0]
             if last < since:  # a tree that leads in circles
                 raise unreadable(self.path, ValueError(f"{key} {last} comes after {since - 1}"))

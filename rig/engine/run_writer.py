@@ -119,7 +119,7 @@ class RunWriter(RunReader):
         if not self._pending:
             return
         self._must_be_there()
-        rows = [(seq, *record.fields(), previous, own) for seq, record, previous, own in self._pending]
+        rows = [(seq, *record, previous, own) for seq, record, previous, own in self._pending]
         try:
             self._db.execute("BEGIN IMMEDIATE")
             self._db.executemany(INSERT_RECORD, rows)
