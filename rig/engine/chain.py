@@ -93,7 +93,7 @@ def followed(rows: Sequence[StoredRow], seq: int, previous: bytes) -> int:
         number, session, kind, elapsed_s, utc_s, index, whole_plot, attempt, status, body, before, own = row
         if number != seq or before != previous:
             return count
-        hashed = b""
+        held = False
         if (
             type(elapsed_s) is type(utc_s) is float
             and type(session) is type(index) is type(attempt) is int
@@ -106,8 +106,8 @@ def followed(rows: Sequence[StoredRow], seq: int, previous: bytes) -> int:
                 f"{'null' if whole_plot is None else whole_plot},{attempt},{_word(status)}"
             )
             quoted = body.encode().replace(b"\\", b"\\\\").replace(b'"', b'\\"')
-            hashed = sha256(b'%b%b,"%b"]' % (previous, head.encode(), quoted)).digest()
-        if hashed != own and not _holds(row):
+            held = sha256(b'%b%b,"%b"]' % (previous, head.encode(), quoted)).digest() == own
+        if not held and not _holds(row):
             return count
         seq, previous = seq + 1, own
     return len(rows)
