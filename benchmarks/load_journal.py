@@ -16,7 +16,7 @@ from typing import Any
 
 from rig.engine.journal import Journal
 
-BLOCK = 250
+BLOCK = 50
 
 
 class JournalTimes:

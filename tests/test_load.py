@@ -15,6 +15,7 @@ from typing import Any
 
 import ideal_bench
 import pytest
+from night_procedure import procedure
 
 from procedures import Factor, PitchRollProcedure, Point, RunList, WholePlotProcedure, rows_sha256
 from rig.engine.chain import GENESIS, Record, followed, link
@@ -25,18 +26,6 @@ from rig.engine.run_reader import RunReader
 from rig.engine.run_writer import RunWriter
 from rig.engine.session import Outcome, Signals
 from rig.engine.state import RunState, fold
-
-NIGHT = {
-    "kind": "pitch-roll",
-    "name": "night",
-    "seed": 7,
-    "replications": 6,
-    "design": {"type": "D1", "pitch_max_deg": 180, "pitch_count": 37, "roll_count": 13},
-}
-
-
-def procedure(**changes: Any) -> PitchRollProcedure:
-    return PitchRollProcedure.model_validate({**NIGHT, **changes})
 
 
 def long_procedure(points: int) -> PitchRollProcedure:
@@ -322,7 +311,6 @@ def test_rows_are_followed_as_far_as_their_links_hold(seed):
             continue
         changed = (*here[:column], other, *here[column + 1 :])
         assert followed([changed], at + 1, here[10]) == 0, f"seed {seed}, record {at + 1}, column {column}: {other!r}"
-
 
 
 def test_a_record_that_json_does_not_have_has_no_hash():
