@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from rig.engine.run_file import RunReader
+from rig.engine.run_reader import RunReader
 from rig.simulated.night.checks import INVARIANTS
 from rig.simulated.night.judged import Night
 from rig.simulated.night.play import play

@@ -9,7 +9,7 @@ import pytest
 from ideal_pressure_bench import EACH, IN_ALL, PROCEDURE, PressureBench, new_run, run_session
 
 from drivers.errors import NoReply
-from rig.engine.run_file import RunReader
+from rig.engine.run_reader import RunReader
 from rig.engine.session import Outcome, Signals
 
 

@@ -12,7 +12,7 @@ from rich.table import Table
 from rig.cli.show import err, out, print_json
 from rig.durations import duration
 from rig.engine.live import controller_alive, read_live
-from rig.engine.run_file import RunReader
+from rig.engine.run_reader import RunReader
 from rig.engine.state import RunState, read_state
 from rig.errors import ExitCode, RigError, UsageError
 

@@ -15,7 +15,7 @@ from rig.cli.run import RunArgument
 from rig.cli.show import err
 from rig.cli.unattended import facts_of
 from rig.config import parse_bench
-from rig.engine.run_file import RunReader
+from rig.engine.run_reader import RunReader
 from rig.errors import ExitCode, UsageError
 from rig.unattended.service import WATCHDOG_S, ServiceUnit, patience_s
 

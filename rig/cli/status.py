@@ -15,7 +15,7 @@ from rig.cli.runs import check_code, list_runs
 from rig.cli.show import mark, out, print_json
 from rig.durations import duration
 from rig.engine.live import read_live, silent_s
-from rig.engine.run_file import RunReader
+from rig.engine.run_reader import RunReader
 from rig.engine.state import RunState, read_state
 from rig.errors import ExitCode
 

@@ -12,7 +12,7 @@ from rig.engine import wal
 from rig.engine.audit import Finding, findings
 from rig.engine.last_word import read_last_word
 from rig.engine.live import controller_alive
-from rig.engine.run_file import RunReader
+from rig.engine.run_reader import RunReader
 from rig.errors import RunFileError
 
 MOST = 1000
