@@ -27,7 +27,7 @@ from benchmarks.load import commits
 from benchmarks.scratch import RUNS
 from procedures import PitchRollProcedure
 from rig.engine.chain import Record, encode
-from rig.engine.run_file import RunWriter
+from rig.engine.run_writer import RunWriter
 
 POINTS = 2886
 ROUNDS = 5

@@ -14,7 +14,8 @@ from pathlib import Path
 
 from procedures import Factor, Point, RunList
 from rig.engine.chain import Record, encode
-from rig.engine.run_file import Genesis, RunWriter, create
+from rig.engine.run_creation import Genesis, create
+from rig.engine.run_writer import RunWriter
 from rig.watch.feed import RunFeed, encoded
 
 

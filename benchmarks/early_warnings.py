@@ -19,7 +19,7 @@ from typing import Any
 
 from rig.controller import load_plan, start_run
 from rig.engine.early_warning import EarlyWarnings, Warned
-from rig.engine.run_file import RunReader
+from rig.engine.run_reader import RunReader
 from rig.engine.session import Signals
 from rig.examples import example
 from rig.previous import Previous, read_previous

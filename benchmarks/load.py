@@ -2,7 +2,7 @@
 
     .venv/bin/python -m benchmarks.load                  # everything; half an hour
     .venv/bin/python -m benchmarks.load run 1000000      # one run, in a process of its own
-    .venv/bin/python -m benchmarks.load late 1000000     # the end of one, without waiting for all of it
+    .venv/bin/python -m benchmarks.load late 1000000     # the journal at the end of one, beside a short one
     .venv/bin/python -m benchmarks.load resume 100000
     .venv/bin/python -m benchmarks.load commit
 
@@ -15,8 +15,6 @@ cut): processor time and memory are the same, and a busy disk does not take hour
 from __future__ import annotations
 
 import argparse
-import contextlib
-import hashlib
 import itertools
 import json
 import os
@@ -27,209 +25,23 @@ import sys
 import tempfile
 import time
 from array import array
-from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-import apsw
-
-sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
-
-import ideal_bench
-
+from benchmarks.load_bench import BODY, Head, UnsyncedVFS, ideal, planned
+from benchmarks.load_journal import JournalTimes, Turns, compared
 from benchmarks.scratch import RUNS
 from procedures import Factor, Point, RunList
-from rig.bench import Bench
-from rig.controller import Plan, Result, Site, plan_of, resume_run, start_run
-from rig.engine.chain import Record, encode
-from rig.engine.journal import Journal
-from rig.engine.run_file import Genesis, RunWriter, create
+from rig.controller import Plan, Result, Site, resume_run, start_run
+from rig.engine.chain import Record
+from rig.engine.run_creation import Genesis, create
+from rig.engine.run_writer import RunWriter
 from rig.engine.session import Outcome, Progress, Signals
-from sims.world import World
 
 ROOT = Path(__file__).parent.parent
-SENSORS = ("s1", "s2", "s3", "s4", "s5", "s6", "s7")
-CELLS = 1000
 WINDOW = 10_000
 PARTS = ("all", "run", "late", "resume", "killed", "resumed", "commit")
-
-BENCH = """
-name = "load"
-[instruments.head]
-driver = "newport-esp301"
-address = "/dev/rig/head"
-[instruments.scanner]
-driver = "keysight-34970a"
-address = "/dev/rig/scanner"
-[instruments.scanner.channels]
-108 = "thermistor-10k"
-CHANNELS
-[temperatures.sensor_temperature_degC]
-reader = "scanner"
-channel = "108"
-[limits]
-pitch_deg = [-95, 95]
-roll_deg = [-185, 185]
-"""
-SENSOR = """
-[sensors.NAME]
-axis = "x"
-reader = "scanner"
-channel = "CHANNEL"
-"""
-PROCEDURE = """
-kind = "pitch-roll"
-name = "load"
-seed = 1
-replications = REPLICATIONS
-[design]
-type = "D1"
-pitch_max_deg = 90
-pitch_count = 40
-roll_count = 25
-[settle]
-dwell_s = 1.0
-[measure]
-readings = 5
-"""
-
-
-_READ = {"mean": 0.7857167547142776, "sd": 1.951915885742837e-06, "readings": [0.7857155202142776] * 5}
-_SETTLED = {"outcome": "settled", "seconds": 1.0, "samples": [[0.5 * i, -25.384615385] for i in range(3)]}
-OBSERVATION = {
-    "approach": {"pitch": [1, -30.0], "roll": [1, -180.0]},
-    "readback": {"pitch_deg": -25.384615385, "roll_deg": -165.0},
-    "settling": {"pitch": _SETTLED, "roll": _SETTLED},
-    "measured_s": [123456.5, 123459.0],
-    "environment": {},
-    "outputs": {f"{name}_V": _READ for name in SENSORS},
-    "temperatures": {"sensor_temperature_degC": _READ},
-    "flags": [],
-}
-BODY = encode(OBSERVATION)
-"""As large as an observation of seven sensors."""
-
-
-def planned(points: int) -> Plan:
-    """The plan of a run of so many points, a multiple of 1000, as from files."""
-    channels = {name: str(101 + i) for i, name in enumerate(SENSORS)}
-    bench = BENCH.replace("CHANNELS", "\n".join(f'{channel} = "volts"' for channel in channels.values()))
-    bench += "".join(SENSOR.replace("NAME", n).replace("CHANNEL", c) for n, c in channels.items())
-    procedure = PROCEDURE.replace("REPLICATIONS", str(points // CELLS))
-    return plan_of({"bench.toml": bench, "procedure.toml": procedure}, dry=True)
-
-
-class Head(ideal_bench.IdealHead):
-    """The ideal head, which does not remember where it was sent. Notes when it was first asked to move."""
-
-    first_move_s: float | None = None
-
-    def __init__(self, world: World) -> None:
-        super().__init__(world)
-        self.sent = deque(maxlen=1)  # type: ignore[assignment]
-
-    def move(self, targets_deg: Mapping[str, float]) -> None:
-        if Head.first_move_s is None:
-            Head.first_move_s = time.process_time()
-        super().move(targets_deg)
-
-
-class Scanner(ideal_bench.IdealReader):
-    """Seven sensors and a thermistor; every reading with all its digits, as an instrument gives them."""
-
-    def channels(self) -> Sequence[str]:
-        return tuple(str(101 + i) for i in range(len(SENSORS) + 1))
-
-    def fetch(self) -> Mapping[str, Sequence[float]]:
-        volts = self.world.now() / 7.0 % 1.0
-        readings = [volts + 1.2345e-6 * i for i in range(self._count)]
-        found: dict[str, Sequence[float]] = {str(101 + i): [r / (i + 1) for r in readings] for i in range(len(SENSORS))}
-        return found | {str(101 + len(SENSORS)): [23.0123 + r for r in readings]}
-
-
-@contextlib.contextmanager
-def ideal(plan: Plan, *, start: float = 0.0) -> Iterator[tuple[Bench, World, str]]:
-    """The bench of a plan with ideal instruments."""
-    world = World(start)
-    head = Head(world)
-    instruments = {"head": head, "scanner": Scanner(world, head)}
-    yield Bench(plan.bench, instruments, world, ideal_bench.NoWires()), world, "virtual"  # type: ignore[arg-type]
-
-
-class _UnsyncedFile(apsw.VFSFile):
-    def __init__(self, name: Any, flags: list[int]) -> None:
-        super().__init__("", name, flags)
-
-    def xSync(self, flags: int) -> None:  # noqa: N802 - apsw's name
-        """Leave it to the system."""
-
-
-class UnsyncedVFS(apsw.VFS):
-    """A disk that says it is done at once."""
-
-    def __init__(self) -> None:
-        super().__init__("unsynced", "")
-
-    def xOpen(self, name: Any, flags: list[int]) -> apsw.VFSFile:  # noqa: N802 - apsw's name
-        return _UnsyncedFile(name, flags)
-
-
-class JournalTimes:
-    """Time spent in the journal point by point: records written, state kept up to date, news spread.
-
-    Args:
-        points: of the run.
-        window: how many of the first and of the last of them are kept.
-
-    """
-
-    def __init__(self, points: int, window: int) -> None:
-        self._total, self._window, self._points = points, window, 0
-        self._first: list[tuple[float, float, float]] = []
-        self._last: list[tuple[float, float, float]] = []
-        self._depth = 0
-        self._wall_s = self._processor_s = 0.0
-        for name in ("write", "tell", "take_up", "point_observed"):
-            setattr(Journal, name, self._timed(getattr(Journal, name)))
-
-    def _timed(self, method: Any) -> Any:
-        def timed(journal: Journal, *args: Any, **named: Any) -> Any:
-            self._depth += 1
-            wall, processor = time.perf_counter(), time.process_time()
-            try:
-                return method(journal, *args, **named)
-            finally:
-                self._depth -= 1
-                if not self._depth:
-                    self._wall_s += time.perf_counter() - wall
-                    self._processor_s += time.process_time() - processor
-                if method.__name__ == "point_observed":
-                    self._keep((self._wall_s, self._processor_s))
-
-        return timed
-
-    def _keep(self, journal: tuple[float, float]) -> None:
-        self._points += 1
-        if self._points <= self._window or self._points > self._total - self._window:
-            began = time.process_time()
-            hashlib.sha256(encode(OBSERVATION).encode()).digest()
-            kept = self._first if self._points <= self._window else self._last
-            kept.append((*journal, time.process_time() - began))
-        self._wall_s = self._processor_s = 0.0
-
-    def summary(self) -> dict[str, Any]:
-        """Medians of the first and last points, microseconds, and last over first.
-
-        The last figure is the processor time's ratio with the machine's own speed taken out of it, which on a busy
-        machine changes by half within a run: every point of both windows has a fixed piece of work timed beside it.
-        """
-        found: dict[str, Any] = {"window": self._window}
-        for at, name in enumerate(("journal_wall", "journal_processor", "fixed_work")):
-            first, last = (statistics.median(p[at] * 1e6 for p in points) for points in (self._first, self._last))
-            found[f"{name}_us"] = [round(first, 1), round(last, 1), round(last / first, 3)]
-        ratio = found["journal_processor_us"][2] / found["fixed_work_us"][2]
-        return {**found, "journal_ratio": round(ratio, 3)}
 
 
 def peak_mb() -> float:
@@ -241,12 +53,10 @@ def peak_mb() -> float:
 def one_run(points: int, folder: Path, vfs: str) -> dict[str, Any]:
     """A whole run, in this process."""
     imports = peak_mb()
-    times = JournalTimes(points, min(WINDOW, points // 2))
     began = time.process_time()
     plan = planned(points)
     expanded = time.process_time()
-    result = _run(plan, folder, vfs)
-    assert result.outcome is Outcome.COMPLETE, result.message
+    result = _complete(_run(plan, folder, vfs))
     assert len(result.state.accepted) == points
     size = result.path.stat().st_size
     result.path.unlink()
@@ -258,7 +68,6 @@ def one_run(points: int, folder: Path, vfs: str) -> dict[str, Any]:
         "file_bytes_a_point": round(size / points),
         "expand_s": round(expanded - began, 1),
         "processor_us_a_point": round((time.process_time() - expanded) / points * 1e6),
-        **times.summary(),
     }
 
 
@@ -276,10 +85,10 @@ def one_resume(points: int, folder: Path, options: Sequence[str]) -> dict[str, A
     return {"points": points, "log_bytes": log, **_worker("resumed", str(path), *options)}
 
 
-def one_late(points: int, folder: Path, options: Sequence[str]) -> dict[str, Any]:
+def one_late(points: int, folder: Path, vfs: str) -> dict[str, Any]:
     """The journal in the last points of a long run, recorded beforehand up to there, beside that of a short run."""
-    last = 2 * min(WINDOW, points // 4)
-    plan = planned(points)
+    last = min(WINDOW, points // 4)
+    plan, short = planned(points), planned(last)
     path = folder / "late.sqlite"
     about = {"dry": True, "procedure": "load", "bench": "load", "software": {}}
     create(path, Genesis("late", plan.documents, plan.run_list, True, about), elapsed_s=0.0, utc_s=0.0)
@@ -289,10 +98,18 @@ def one_late(points: int, folder: Path, options: Sequence[str]) -> dict[str, Any
                 Record(1, "observation", float(i), float(i), i, None, 1, "accepted", BODY), commit=i % 1000 == 999
             )
         run.commit()
-    late = _worker("resumed", str(path), "--timed", str(last), *options)
-    early = _worker("run", str(last), *options)
-    ratio = [one["journal_processor_us"][1] / one["fixed_work_us"][1] for one in (late, early)]
-    return {"points": points, "late": late, "early": early, "journal_ratio": round(ratio[0] / ratio[1], 3)}
+    turns = Turns()
+    times = JournalTimes(turns.point_done)
+    turns.carry_out(
+        lambda: _complete(resume_run(path, signals=Signals(), on_progress=lambda _: None, site=Site(ideal, vfs))),
+        lambda: _complete(_run(short, folder / "early", vfs)),
+    )
+    return {"points": points, "window": last, "peak_mb": round(peak_mb(), 1), **compared(*times.of.values())}
+
+
+def _complete(result: Result) -> Result:
+    assert result.outcome is Outcome.COMPLETE, result.message
+    return result
 
 
 def killed(points: int, folder: Path, vfs: str) -> None:
@@ -305,20 +122,17 @@ def killed(points: int, folder: Path, vfs: str) -> None:
     _run(planned(points), folder, vfs, look)
 
 
-def resumed(path: Path, vfs: str, timed: int) -> dict[str, Any]:
-    """Resume in this process, imports done; the journal of so many points is timed."""
+def resumed(path: Path, vfs: str) -> dict[str, Any]:
+    """Resume in this process, imports done."""
     before = peak_mb()
-    times = JournalTimes(timed, timed // 2) if timed else None
     began, Head.first_move_s = time.process_time(), None
-    result = resume_run(path, signals=Signals(), on_progress=lambda _: None, site=Site(ideal, vfs))
-    assert result.outcome is Outcome.COMPLETE, result.message
+    _complete(resume_run(path, signals=Signals(), on_progress=lambda _: None, site=Site(ideal, vfs)))
     assert Head.first_move_s is not None
     return {
         "ready_to_command_s": round(Head.first_move_s - began, 2),
         "imports_s": round(began, 2),
         "imports_mb": round(before, 1),
         "peak_mb": round(peak_mb(), 1),
-        **(times.summary() if times else {}),
     }
 
 
@@ -369,6 +183,7 @@ def everything(options: list[str]) -> dict[str, Any]:
     return {
         "run": [small, large],
         "growth_mb": round(large["peak_mb"] - small["peak_mb"], 1),
+        "late": _worker("late", "1000000", *options),
         "resume": _worker("resume", "100000", *options),
         "commit": _worker("commit"),
     }
@@ -378,7 +193,6 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", nargs="?", default="all", choices=PARTS)
     parser.add_argument("of", nargs="?", default="100000", help="points; for `resumed`, the run file")
-    parser.add_argument("--timed", type=int, default=0, help="with `resumed`: points to be observed, and timed")
     parser.add_argument("--no-sync", action="store_true", help="do not wait for the disk")
     parser.add_argument("--folder", type=Path, default=RUNS, help="where the run files go meanwhile")
     given = parser.parse_args()
@@ -394,12 +208,12 @@ def main() -> None:
             case "resume":
                 found = one_resume(int(given.of), folder, options)
             case "late":
-                found = one_late(int(given.of), folder, options)
+                found = one_late(int(given.of), folder, vfs)
             case "killed":
                 killed(int(given.of), given.folder, vfs)
                 return
             case "resumed":
-                found = resumed(Path(given.of), vfs, given.timed)
+                found = resumed(Path(given.of), vfs)
             case _:
                 found = commits(folder)
     print(json.dumps(found, indent=1))

@@ -7,7 +7,7 @@ point of the run, in order. The run list is hashed and stored; the run is the ru
 from procedures.designs import Design, fraction, grid, tumble
 from procedures.orders import Visit, random_order, serpentine
 from procedures.pitch_roll import PitchRollProcedure
-from procedures.run_list import Factor, Point, RunList, Settle
+from procedures.run_list import Factor, Point, RunList, Settle, rows_sha256
 from procedures.whole_plot import FACTORS as WHOLE_PLOT_FACTORS
 from procedures.whole_plot import WholePlotProcedure
 
@@ -28,6 +28,7 @@ __all__ = [
     "fraction",
     "grid",
     "random_order",
+    "rows_sha256",
     "serpentine",
     "tumble",
 ]

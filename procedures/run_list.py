@@ -9,10 +9,10 @@ from __future__ import annotations
 import hashlib
 import itertools
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import overload
+from typing import Any, overload
 
 from procedures.coded import Coded
 
@@ -225,13 +225,8 @@ class RunList:
 
     def sha256(self) -> str:
         """Hash of everything that decides what the bench will do; two equal lists have equal hashes."""
-        digest = hashlib.sha256()
-        head = {"factors": [[f.name, f.axis, f.overtravel, f.hard, f.stays] for f in self.factors], "seed": self.seed}
-        digest.update(json.dumps(head, sort_keys=True).encode())
         texts = self.points.texts()
-        while part := "".join(itertools.islice(texts, _AT_ONCE)):
-            digest.update(part.encode())
-        return digest.hexdigest()
+        return _sha256(self.factors, self.seed, iter(lambda: "".join(itertools.islice(texts, _AT_ONCE)), ""))
 
     def extremes(self) -> Mapping[str, tuple[float, float]]:
         """Lowest and highest value each factor can be commanded to, overtravel included, by factor name."""
@@ -259,3 +254,50 @@ class RunList:
                         f"(overtravel {factor.overtravel:g}), outside {low:g} to {high:g}"
                     )
                     break
+
+
+def rows_sha256(factors: Sequence[Factor], seed: int, slices: Iterable[Sequence[tuple[Any, ...]]]) -> str:
+    """The hash that the run list of these points has (`RunList.sha256`), without making it.
+
+    Args:
+        factors: what the setpoints mean, in that order.
+        seed: of every random choice in the order.
+        slices: the points, some at a time, each as (index, replication, whole plot, setpoints..., sides...).
+
+    """
+    width = len(factors)
+    places, settings = _Texts(_place_text), _Texts(lambda row: _setting_text(row, width))
+    parts = (
+        "".join([f"[{row[0]}, {places[row[1:3]]}, {settings[row[3:]]}" for row in rows])  # as `Points.texts` has it
+        for rows in slices
+    )
+    return _sha256(factors, seed, parts)
+
+
+class _Texts(dict[tuple[Any, ...], str]):
+    """Texts of different rows, made once and kept while they are few."""
+
+    def __init__(self, text: Callable[[tuple[Any, ...]], str]) -> None:
+        self._text = text
+
+    def __missing__(self, row: tuple[Any, ...]) -> str:
+        if len(self) >= _TEXTS_KEPT:
+            self.clear()
+        made = self[row] = self._text(row)
+        return made
+
+
+def _place_text(row: tuple[Any, ...]) -> str:
+    return json.dumps(row)[1:-1]
+
+
+def _setting_text(row: tuple[Any, ...], width: int) -> str:
+    return f"{json.dumps(row[:width])}, {json.dumps(row[width:])}]"
+
+
+def _sha256(factors: Sequence[Factor], seed: int, parts: Iterable[str]) -> str:
+    head = {"factors": [[f.name, f.axis, f.overtravel, f.hard, f.stays] for f in factors], "seed": seed}
+    digest = hashlib.sha256(json.dumps(head, sort_keys=True).encode())
+    for part in parts:
+        digest.update(part.encode())
+    return digest.hexdigest()

@@ -28,7 +28,9 @@ from rig.engine.elsewhere import goes_on_in
 from rig.engine.gap import Gap, gap_since
 from rig.engine.guard import Guard
 from rig.engine.live import live_path, read_json
-from rig.engine.run_file import Genesis, RunReader, RunWriter, create
+from rig.engine.run_creation import Genesis, create
+from rig.engine.run_reader import RunReader
+from rig.engine.run_writer import RunWriter
 from rig.engine.sequencer import Sequencer
 from rig.engine.session import Nobody, Observer, Outcome, Progress, Session, Signals
 from rig.engine.state import RunState, fold

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from procedures import RunList
 from rig.controller import Plan, start_run
-from rig.engine.run_file import RunReader
+from rig.engine.run_reader import RunReader
 from rig.engine.session import Outcome, Progress, Signals
 from rig.errors import RigError
 

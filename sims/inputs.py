@@ -7,8 +7,8 @@ from collections.abc import Callable
 Tamper = Callable[[str, str, float, float], float]
 """Takes channel, unit, the moment and the reading; gives what the instrument will say."""
 
-Heard = Callable[[str, str, float, float, float], None]
-"""Told channel, unit, begin and end of the window, and the reading given."""
+Heard = Callable[[str, str, float, float, float, float], None]
+"""Told channel, unit, begin and end of the window, what the converter found, and the reading given."""
 
 
 class Inputs:
@@ -43,9 +43,10 @@ class Inputs:
             value: what the converter found.
 
         """
+        found = value
         for tamper in tuple(self.tampers):
             value = tamper(channel, unit, t0, value)
         self.latest[channel] = value
         if self.heard is not None:
-            self.heard(channel, unit, t0, t1, value)
+            self.heard(channel, unit, t0, t1, found, value)
         return value

@@ -7,10 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
+from math import nan
 from typing import Any, NamedTuple
 
 from sims.faults.kinds import HEADS
 from sims.physics import Plant
+from sims.physics.chamber import Chamber
+from sims.physics.thermal import Enclosure
 from sims.physics.told import Told
 from sims.world import World
 
@@ -25,9 +28,14 @@ class Reading(NamedTuple):
         channel: its input.
         unit: "V" or "degC".
         true: what the sensor gave over the window, without noise; faults of the input are not in it.
-        given: the number made of it; an overload is 9.9e37, on the data-acquisition unit anything beyond its range.
+        found: the number that the converter made of it, its noise and the sensor's included; so far no fault of the
+            input is in it.
+        given: the number said; an overload is 9.9e37, on the data-acquisition unit anything beyond its range.
         factors: what was true in the middle of the window: pitch_deg and roll_deg of the table, or pressure_psia at
             the transducers (mean over the window), and sensor_temperature_degC, sse_temperature_degC.
+        sides: from which side pitch_deg and roll_deg, or pressure_psia, had come there: 1 going up, -1, 0 if neither.
+        stay: number of the stay at a pair of temperatures, as the transducers' own errors count; 0 without transducers.
+        air_degC: of every chamber in the middle of the window, by instrument.
 
     """
 
@@ -37,12 +45,35 @@ class Reading(NamedTuple):
     channel: str
     unit: str
     true: float
+    found: float
     given: float
     factors: Mapping[str, float]
+    sides: Mapping[str, int]
+    stay: int
+    air_degC: Mapping[str, float]
+
+
+class Readback(NamedTuple):
+    """A pressure that a pressure controller read of its line.
+
+    Attributes:
+        t_s: world time.
+        instrument: the controller.
+        true: pressure at the transducers, psi.
+        given: the number said, psi; its own sensor's errors and noise are in it, and so is any fault.
+
+    """
+
+    t_s: float
+    instrument: str
+    true: float
+    given: float
 
 
 class Change(NamedTuple):
     """Something that safety depends on was commanded, or reached.
+
+    A command is noted whenever it is given, also one that changes nothing; what is on or off, when it changes.
 
     Attributes:
         t_s: world time.
@@ -60,6 +91,9 @@ class Change(NamedTuple):
     value: float | str
 
 
+_STATES = ("on", "off", "closed")
+
+
 class Tape:
     """Listens to a simulated bench from now on.
 
@@ -71,35 +105,54 @@ class Tape:
 
     Attributes:
         readings: of meters and data-acquisition units, in the order in which they were made.
+        readbacks: of pressure controllers, likewise.
         changes: in order.
 
     """
 
     def __init__(self, world: World, plant: Plant, twins: Mapping[str, Any], drivers: Mapping[str, str]) -> None:
         self.readings: list[Reading] = []
+        self.readbacks: list[Readback] = []
         self.changes: list[Change] = []
         self._world = world
         self._plant = plant
         self._last: dict[tuple[str, str], float | str] = {}
+        self._chambers: dict[str, Chamber | Enclosure] = {}
+        self._then = (nan, nan)
+        self._there: tuple[Mapping[str, float], Mapping[str, int], int, Mapping[str, float]] = ({}, {}, 0, {})
         for name, twin in twins.items():
             told = partial(self._change, name)
             if drivers[name] == "druck-pace":
                 plant.pressure_line(name).told = told
+                twin.inputs.heard = partial(self._readback, name)
             elif drivers[name] == "watlow-f4t":
-                plant.chamber(name).told = told
+                self._chambers[name] = plant.chamber(name)
+                self._chambers[name].told = told
             elif drivers[name] in HEADS:
                 for axis, mechanics in plant.head.axes.items():
                     mechanics.told = self._axis(name, axis)
             elif hasattr(twin, "inputs"):
                 twin.inputs.heard = partial(self._reading, name)
 
-    def _reading(self, instrument: str, channel: str, unit: str, t0: float, t1: float, given: float) -> None:
-        plant = self._plant
-        if unit == "V":
-            true = plant.clean_V(instrument, channel, t0, t1)
-        else:
-            true = plant.channel_degC(instrument, channel, (t0 + t1) / 2.0)
-        self.readings.append(Reading(t0, t1, instrument, channel, unit, true, given, plant.factors(t0, t1)))
+    def _reading(
+        self, instrument: str, channel: str, unit: str, t0: float, t1: float, found: float, given: float
+    ) -> None:
+        plant, middle = self._plant, (t0 + t1) / 2.0
+        true = (
+            plant.clean_V(instrument, channel, t0, t1)
+            if unit == "V"
+            else plant.channel_degC(instrument, channel, middle)
+        )
+        if self._then != (t0, t1):  # a unit that measures all its inputs at once asks only once where everything is
+            air = {name: chamber.air_degC(middle) for name, chamber in self._chambers.items()}
+            self._then = t0, t1
+            self._there = plant.factors(t0, t1), plant.sides(middle), plant.stay(middle), air
+        self.readings.append(Reading(t0, t1, instrument, channel, unit, true, found, given, *self._there))
+
+    def _readback(
+        self, instrument: str, _channel: str, _unit: str, t: float, _end: float, _found: float, given: float
+    ) -> None:
+        self.readbacks.append(Readback(t, instrument, self._plant.pressure_line(instrument).pressure_psia(t), given))
 
     def _change(self, instrument: str, what: str, value: float | str, after_s: float = 0.0) -> None:
         """Note a change; one that is still to come only if nothing else happens to it before."""
@@ -112,7 +165,7 @@ class Tape:
                     self._change(instrument, what, value)
 
             self._world.call_in(after_s, due)
-        elif self._last.get((instrument, what)) != value or what.endswith("_deg"):
+        elif value not in _STATES or self._last.get((instrument, what)) != value:
             self._last[instrument, what] = value
             self.changes.append(Change(self._world.now(), instrument, what, value))
 

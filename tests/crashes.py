@@ -19,7 +19,8 @@ from kills import judge
 
 from rig.controller import Plan, plan_of, resume_run, start_run
 from rig.engine.live import LiveState
-from rig.engine.run_file import RunReader, RunWriter
+from rig.engine.run_reader import RunReader
+from rig.engine.run_writer import RunWriter
 from rig.engine.session import Outcome, Signals
 from rig.examples import example
 from rig.simulated.disk import Crash, Disk

@@ -15,7 +15,8 @@ from crashes import Run, crash_once
 from rig.controller import _losses
 from rig.engine.chain import Record
 from rig.engine.live import live_path, read_json
-from rig.engine.run_file import RunReader, RunWriter
+from rig.engine.run_reader import RunReader
+from rig.engine.run_writer import RunWriter
 from rig.engine.state import fold
 from rig.engine.verification import restored
 from rig.errors import RigError

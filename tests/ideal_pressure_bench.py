@@ -15,7 +15,8 @@ from drivers.roles import ChamberState, Identity, PressureState
 from procedures import WholePlotProcedure
 from rig.bench import Bench
 from rig.config import BenchConfig
-from rig.engine.run_file import Genesis, RunWriter, create
+from rig.engine.run_creation import Genesis, create
+from rig.engine.run_writer import RunWriter
 from rig.engine.sequencer import Sequencer
 from rig.engine.session import Outcome, Session, Signals
 from rig.engine.state import RunState, fold

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from procedures import RunList
-from rig.engine.run_file import RunReader
+from rig.engine.run_reader import RunReader
 from rig.examples import example
 
 ATTITUDE = """

@@ -10,7 +10,9 @@ import pytest
 from test_run_file import genesis, observation
 
 from drivers.clock import Clock
-from rig.engine.run_file import RunReader, RunWriter, create
+from rig.engine.run_creation import create
+from rig.engine.run_reader import RunReader
+from rig.engine.run_writer import RunWriter
 from rig.engine.state import fold
 from rig.errors import StorageError
 from rig.simulated.disk import Crash, Disk

@@ -12,7 +12,7 @@ import pytest
 from dry import LAB, SHORT, dry, fingerprint, write_short
 
 from rig.controller import load_plan, resume_run, start_run
-from rig.engine.run_file import RunReader
+from rig.engine.run_reader import RunReader
 from rig.engine.session import Outcome, Signals
 from rig.tables import run_table
 

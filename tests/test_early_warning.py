@@ -17,7 +17,7 @@ from ideal_bench import PROCEDURE, new_run, run_session
 
 from procedures import PitchRollProcedure
 from rig.engine.early_warning import EarlyWarnings, in_unit, warnings_of
-from rig.engine.run_file import RunReader
+from rig.engine.run_reader import RunReader
 from rig.engine.session import Outcome
 from rig.engine.warning_tests import NoiseTest, Number, PreviousTest, RepeatTest
 from rig.examples import example

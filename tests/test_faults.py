@@ -470,6 +470,8 @@ def test_the_tape_has_what_was_true_and_what_was_given():
     middle = (reading.t_s + reading.end_s) / 2.0
     assert reading.factors["pitch_deg"] == pytest.approx(head.true_deg("pitch", middle))
     assert set(reading.factors) == {"pitch_deg", "roll_deg", "sensor_temperature_degC"}
+    assert volts[0].found == pytest.approx(volts[0].given - 0.25)
+    assert volts[1].found == volts[1].given
 
 
 def test_the_tape_has_what_was_commanded_and_reached():
@@ -494,6 +496,46 @@ def test_the_tape_has_what_was_commanded_and_reached():
     whats = [(c.what, c.value) for c in rig.sim.tape.changes if c.instrument == "pace"]
     assert ("setpoint_psia", 2.0) in whats
     assert whats[-2:] == [("vent", "open"), ("vent", "complete")] or ("vent", "complete") in whats
+
+
+def test_the_tape_has_from_which_side_an_axis_came():
+    rig = up("esp301", record_tape=True)
+    scanner = rig.sim.twin("scanner")
+    for target, side in ((20.0, 1), (10.0, -1)):
+        rig.driver.move({"pitch": target})
+        rig.dry.world.sleep(30.0)
+        now = rig.dry.world.now()
+        scanner.inputs.given("101", "V", now - 0.2, now, 0.0)
+        reading = rig.sim.tape.readings[-1]
+        assert reading.sides["pitch_deg"] == side
+        assert reading.factors["pitch_deg"] == pytest.approx(target, abs=0.003)
+        assert reading.stay == 0
+
+
+def test_the_tape_has_a_target_that_a_stalled_axis_does_not_go_to():
+    rig = up("esp301", record_tape=True)
+    rig.sim.plant.head.axes["pitch"].stall(rig.dry.world.now() + 60.0)
+    rig.sim.tape.changes.clear()
+    rig.driver.move({"pitch": 20.0})
+    rig.dry.world.sleep(30.0)
+    assert [(c.what, c.value) for c in rig.sim.tape.changes] == [("pitch target_deg", 20.0)]
+
+
+def test_the_tape_has_every_command_to_vent_and_every_pressure_read():
+    rig = up("pace", record_tape=True)
+    rig.driver.set_pressure(2.0)
+    rig.dry.world.sleep(60.0)
+    rig.sim.tape.readbacks.clear()
+    rig.strike("spike", amount_psi=0.5)
+    said = [rig.driver.read().pressure_psia for _ in range(2)]
+    assert [b.given for b in rig.sim.tape.readbacks][:2] == pytest.approx(said, abs=1e-6)
+    assert [b.given - b.true for b in rig.sim.tape.readbacks][:2] == pytest.approx([0.5, 0.0], abs=1e-4)
+    line = rig.sim.plant.pressure_line("pace")
+    rig.sim.tape.changes.clear()
+    for _ in range(2):
+        line.vent(rig.dry.world.now(), 0.1)
+        rig.dry.world.sleep(1.0)
+    assert [(c.what, c.value) for c in rig.sim.tape.changes].count(("vent", "open")) == 2
 
 
 def test_a_bench_without_faults_does_what_it_did():

@@ -21,7 +21,7 @@ from test_verify import tamper
 
 from rig.config import parse_bench, parse_procedure
 from rig.controller import plan_of
-from rig.engine.run_file import RunReader
+from rig.engine.run_reader import RunReader
 from rig.engine.state import read_state
 from rig.engine.verification import verify_file
 from rig.errors import ConfigurationError, ExitCode, RigError, RunFileError, UsageError

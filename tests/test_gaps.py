@@ -14,7 +14,8 @@ from small_run import write_small
 
 from rig.engine.chain import Record, encode
 from rig.engine.gap import gap_since
-from rig.engine.run_file import RunReader, RunWriter
+from rig.engine.run_reader import RunReader
+from rig.engine.run_writer import RunWriter
 from rig.engine.sequencer import Sequencer
 from rig.engine.session import Outcome, Session, Signals
 from rig.engine.state import RunState, fold

@@ -15,7 +15,8 @@ from drivers.roles import Chamber, Head, PressureController, Reader, Referenced,
 from rig.bench import check_options, driver_class, open_bench
 from rig.config import InstrumentConfig, parse_bench
 from rig.engine.guard import Guard
-from rig.engine.run_file import RunReader, RunWriter
+from rig.engine.run_reader import RunReader
+from rig.engine.run_writer import RunWriter
 from rig.engine.safe_state import make_safe
 from rig.engine.session import Outcome
 from rig.errors import BenchFault, BusyError, ConfigurationError

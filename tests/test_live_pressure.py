@@ -10,7 +10,7 @@ import kills
 import pytest
 from command import rig
 
-from rig.engine.run_file import RunReader
+from rig.engine.run_reader import RunReader
 from rig.examples import example
 
 LAB = example("pressure-lab")

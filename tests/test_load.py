@@ -15,26 +15,17 @@ from typing import Any
 
 import ideal_bench
 import pytest
+from night_procedure import procedure
 
-from procedures import Factor, PitchRollProcedure, Point, RunList, WholePlotProcedure
-from rig.engine.chain import GENESIS, Record, link
+from procedures import Factor, PitchRollProcedure, Point, RunList, WholePlotProcedure, rows_sha256
+from rig.engine.chain import GENESIS, Record, followed, link
 from rig.engine.indexes import IndexCounts, IndexSet
 from rig.engine.queue import PointQueue
-from rig.engine.run_file import Genesis, RunReader, RunWriter, create
+from rig.engine.run_creation import Genesis, create
+from rig.engine.run_reader import RunReader
+from rig.engine.run_writer import RunWriter
 from rig.engine.session import Outcome, Signals
 from rig.engine.state import RunState, fold
-
-NIGHT = {
-    "kind": "pitch-roll",
-    "name": "night",
-    "seed": 7,
-    "replications": 6,
-    "design": {"type": "D1", "pitch_max_deg": 180, "pitch_count": 37, "roll_count": 13},
-}
-
-
-def procedure(**changes: Any) -> PitchRollProcedure:
-    return PitchRollProcedure.model_validate({**NIGHT, **changes})
 
 
 def long_procedure(points: int) -> PitchRollProcedure:
@@ -106,6 +97,9 @@ def test_points_come_out_of_a_run_list_as_they_went_in():
     assert [run_list.points[i] for i in range(700)] == points
     assert run_list.points[-1] == points[-1]
     assert list(run_list.points[5:600:7]) == points[5:600:7]
+    rows = [(p.index, p.replication, p.whole_plot, *p.setpoints, *p.sides) for p in points]
+    slices = [rows[at : at + 90] for at in range(0, len(rows), 90)]
+    assert rows_sha256(run_list.factors, 1, slices) == run_list.sha256() != rows_sha256(run_list.factors, 1, slices[1:])
     assert run_list.whole_plots == len({p.whole_plot for p in points} - {None})
     at = [p.index for p in points if p.whole_plot == 11]
     assert run_list.points.span(11) == (at[0], len(at))
@@ -287,8 +281,39 @@ def test_records_have_the_hashes_that_stored_runs_were_made_with():
         whole = rng.choice([None, 0, 7, 2**62])
         seconds = rng.choice([rng.random() * 1e9, 0.0, -0.0, 1e300, 3])
         record = Record(i, word(True), seconds, 1.5, whole, None, 1, rng.choice([None, word(False)]), word(i % 2 == 0))
-        text = json.dumps([i, *record.fields()], separators=(",", ":"), allow_nan=False)
+        text = json.dumps([i, *record], separators=(",", ":"), allow_nan=False)
         assert link(GENESIS, i, record) == hashlib.sha256(GENESIS + text.encode()).digest(), record
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_rows_are_followed_as_far_as_their_links_hold(seed):
+    """The short cut for plain records and `link` are of one mind, whatever is in a body."""
+    rng = random.Random(seed)
+    letters = ["a", "0", '"', "\\", "\n", "\t", "\x00", "\x7f", "é", "\U0001f600", "\ud800"]
+
+    def row(seq: int, previous: bytes) -> list[Any]:
+        body = "".join(rng.choices(letters[: rng.choice([4, 4, 11])], k=rng.randrange(9)))
+        numbers = (rng.choice([None, 3]), rng.choice([None, 0, 2]), rng.choice([None, 1]))
+        record = Record(1, "observation", rng.random() * 1e6, 3.25, *numbers, rng.choice([None, "accepted"]), body)
+        return [seq, *record, previous, link(previous, seq, record)]
+
+    rows: list[list[Any]] = []
+    for seq in range(1, 400):
+        rows.append(row(seq, rows[-1][11] if rows else GENESIS))
+    assert followed([tuple(r) for r in rows], 1, GENESIS) == len(rows)
+    assert followed([tuple(r) for r in rows], 2, GENESIS) == followed([tuple(r) for r in rows], 1, b"other") == 0
+    for _ in range(600):
+        at, column = rng.randrange(len(rows)), rng.randrange(12)
+        here = rows[at]
+        others = [None, 1, 1.0, "x", b"", float("inf"), 2**70, here[9] + rng.choice(letters), f'{here[9]}\\"']
+        other = rng.choice(others)
+        if other == here[column] and type(other) is type(here[column]):
+            continue
+        changed = (*here[:column], other, *here[column + 1 :])
+        assert followed([changed], at + 1, here[10]) == 0, f"seed {seed}, record {at + 1}, column {column}: {other!r}"
+
+
+def test_a_record_that_json_does_not_have_has_no_hash():
     for seconds in (float("nan"), float("inf")):
         with pytest.raises(ValueError, match="not JSON compliant"):
             link(GENESIS, 1, Record(1, "event", seconds, 0.0))

@@ -6,7 +6,7 @@ import csv
 
 import pytest
 from command import rig
-from dry import LAB, dry
+from dry import LAB, SHORT, dry
 
 NAME = '<script>alert(1)</script>[red]&"$x^{$ \\u001b[2J'
 
@@ -17,19 +17,7 @@ def run_file(tmp_path_factory):
     bench = (LAB / "bench.toml").read_text()
     first = next(line for line in bench.splitlines() if line.startswith("name ="))
     (folder / "bench.toml").write_text(bench.replace(first, f'name = "{NAME}"'.replace('&"$', '&\\"$')))
-    text = """
-kind = "pitch-roll"
-name = "<b>night</b> [bold]x[/]"
-replications = 2
-[design]
-type = "D"
-pitch_deg = [-90, -45, 0, 45, 90]
-roll_deg = [-120, 0, 120]
-[settle]
-dwell_s = 2
-[measure]
-readings = 2
-"""
+    text = SHORT.partition("[environment]")[0].replace('"short"', '"<b>night</b> [bold]x[/]"')
     return dry(folder, bench=folder / "bench.toml", text=text)
 
 

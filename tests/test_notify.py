@@ -16,7 +16,7 @@ from command import rig
 from dry import LAB
 from small_run import write_small
 
-from rig.engine.run_file import RunReader
+from rig.engine.run_reader import RunReader
 from rig.engine.session import Progress
 from rig.errors import ConfigurationError
 from rig.unattended import Happening, Kind, Listeners, RunFacts

@@ -22,7 +22,7 @@ from rig.config import parse_bench, parse_procedure
 from rig.engine.actions import BenchActions
 from rig.engine.axes import Axes, HeadMover
 from rig.engine.guard import Guard
-from rig.engine.run_file import RunReader
+from rig.engine.run_reader import RunReader
 from rig.engine.session import Outcome
 from rig.errors import ConfigurationError
 from rig.examples import example

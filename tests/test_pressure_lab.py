@@ -15,7 +15,7 @@ from few_sensors import with_sensors
 from rig.acceptance import judge
 from rig.closed_loop import fit_whole_plots
 from rig.controller import load_plan, resume_run, start_run
-from rig.engine.run_file import RunReader
+from rig.engine.run_reader import RunReader
 from rig.engine.session import Outcome, Signals
 from rig.errors import ConfigurationError
 from rig.tables import run_table, whole_plot_data, write_csv

@@ -11,7 +11,7 @@ from damages import small_finished
 from dry import LAB
 from small_run import write_small
 
-from rig.engine.run_file import RunReader
+from rig.engine.run_reader import RunReader
 from rig.engine.verification import restored
 from rig.errors import RigError, RunFileError, UsageError
 

@@ -3,22 +3,10 @@
 from __future__ import annotations
 
 import pytest
+from night_procedure import procedure
 
-from procedures import PitchRollProcedure
 from rig.config import parse_procedure
 from rig.errors import ConfigurationError
-
-NIGHT = {
-    "kind": "pitch-roll",
-    "name": "night",
-    "seed": 7,
-    "replications": 6,
-    "design": {"type": "D1", "pitch_max_deg": 180, "pitch_count": 37, "roll_count": 13},
-}
-
-
-def procedure(**changes: object) -> PitchRollProcedure:
-    return PitchRollProcedure.model_validate({**NIGHT, **changes})
 
 
 def test_the_night_has_2886_points_in_six_replications():

@@ -12,7 +12,7 @@ import pytest
 from command import rig
 from damages import small_finished
 
-from rig.engine.run_file import RunReader
+from rig.engine.run_reader import RunReader
 from rig.engine.verification import verify_file
 from rig.errors import RigError, RunFileError
 

@@ -21,7 +21,8 @@ from rig.closed_loop import fit_table
 from rig.engine import live as live_module
 from rig.engine.chain import Record, encode
 from rig.engine.live import live_path, replace_json
-from rig.engine.run_file import Genesis, RunWriter, create
+from rig.engine.run_creation import Genesis, create
+from rig.engine.run_writer import RunWriter
 from rig.engine.settling import Criteria, Settling
 from rig.previous import read_previous
 from rig.tables import read_table

@@ -17,7 +17,9 @@ from rig.controller import load_plan, versions
 from rig.engine.journal import typical_s
 from rig.engine.last_word import head_path
 from rig.engine.live import replace_json, request_path
-from rig.engine.run_file import Genesis, RunReader, RunWriter, create
+from rig.engine.run_creation import Genesis, create
+from rig.engine.run_reader import RunReader
+from rig.engine.run_writer import RunWriter
 from rig.engine.session import Outcome, Signals
 
 

@@ -9,7 +9,7 @@ import pytest
 from ideal_pressure_bench import EACH, IN_ALL, PROCEDURE, PressureBench, new_run, run_session
 
 from drivers.errors import NoReply
-from rig.engine.run_file import RunReader
+from rig.engine.run_reader import RunReader
 from rig.engine.session import Outcome, Signals
 
 
@@ -207,6 +207,33 @@ def test_a_pressure_that_does_not_settle_is_put_off_and_tried_again_in_its_own_w
     assert order.index(late) == EACH - 1, "last of its whole plot"
     assert sorted(order) == list(range(IN_ALL))
     assert {r.whole_plot for r in accepted(path)} == {1, 2, 3}
+
+
+def test_a_stray_readback_while_the_sensors_are_read_does_not_become_their_reference(tmp_path):
+    path, bench = new_run(tmp_path), PressureBench()
+    read, start, strayed, due = bench.supply.read, bench.dvm.start, [], []
+
+    def counted(count):
+        if count > 1 and not strayed:  # a sweep of a point; soaks read one sweep
+            due.append(True)
+        return start(count)
+
+    def strays_once():
+        state = read()
+        if due and not strayed:
+            strayed.append(state.pressure_psia)
+            return replace(state, pressure_psia=state.pressure_psia + 0.05)
+        return state
+
+    bench.dvm.start, bench.supply.read = counted, strays_once
+    outcome, _, message = run_session(path, bench)
+    assert outcome is Outcome.COMPLETE, message
+    assert len(strayed) == 1
+    (fault,) = records(path, "fault")
+    assert "not within 0.002 of" in fault.data["message"], fault.data
+    for record in accepted(path):
+        reference, setpoint = record.data["references"]["pressure_psia"], PROCEDURE.expand().points[record.run_index]
+        assert reference["readings"] == pytest.approx([setpoint.setpoints[0]] * len(reference["readings"]), abs=1e-9)
 
 
 @pytest.mark.parametrize(("policy", "outcome"), [("abort", Outcome.FAULT), ("hold", Outcome.FAULT)])

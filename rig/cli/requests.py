@@ -9,7 +9,7 @@ from rig.cli import app
 from rig.cli.run import RunArgument
 from rig.cli.show import err
 from rig.engine.live import controller_alive, live_path, read_json, send_request
-from rig.engine.run_file import RunReader
+from rig.engine.run_reader import RunReader
 from rig.engine.state import read_state
 from rig.errors import ExitCode, RigError, UsageError
 

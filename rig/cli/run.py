@@ -31,7 +31,7 @@ from rig.cli.unattended import (
 from rig.controller import Result, load_plan, resume_run, start_run
 from rig.durations import duration
 from rig.engine.early_warning import warnings_of
-from rig.engine.run_file import RunReader
+from rig.engine.run_reader import RunReader
 from rig.engine.session import Outcome, Progress, Signals
 from rig.engine.state import RunState, is_simulated, read_state
 from rig.errors import ExitCode, RigError

@@ -17,7 +17,7 @@ from rig.cli.unattended import facts_of
 from rig.config import parse_bench
 from rig.engine.elsewhere import goes_on_in
 from rig.engine.live import controller_alive
-from rig.engine.run_file import RunReader
+from rig.engine.run_reader import RunReader
 from rig.engine.state import RunState
 from rig.errors import ExitCode, RigError, UsageError
 from rig.unattended import RunFacts

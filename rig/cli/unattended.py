@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from rig.engine.run_file import RunReader
+from rig.engine.run_reader import RunReader
 from rig.engine.session import Progress
 from rig.errors import ConfigurationError, ExitCode
 from rig.unattended import Listeners, Log, RunFacts, ServiceManager

@@ -13,7 +13,7 @@ from rich.markup import escape
 from rig.cli import app
 from rig.cli.run import JsonOption, RunArgument
 from rig.cli.show import mark, out, print_json
-from rig.engine.run_file import RunReader
+from rig.engine.run_reader import RunReader
 from rig.engine.state import read_state
 from rig.engine.verification import Verification, restored, verify_file
 from rig.errors import ExitCode, RunFileError, UsageError

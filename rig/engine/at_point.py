@@ -136,6 +136,7 @@ class AtPoint:
             self._journal.write("observation", observation.as_json(), status="rejected")
             raise OverloadedError(f"{', '.join(overloaded)} out of range at point {at.point.index}")
         self._check_alive(observation)
+        self._check_references(observation)
         name, sd = observation.noisiest()
         most = self._procedure.max_sd_V
         if most is not None and sd > most * self._bench.scales[name]:
@@ -160,6 +161,17 @@ class AtPoint:
             )
             self._flag("frozen", "frozen", FrozenReading(words))
         self._last_read = point, {name: c.readings for name, c in observation.outputs.items()}
+
+    def _check_references(self, observation: Observation) -> None:
+        """What sensors are calibrated against stood while it was read: one stray readback would shift its mean."""
+        at, band = self._at, self._settle.band
+        targets = self._targets(at.point)
+        for factor in self._references:
+            readings, target = observation.references[factor.name].readings, targets[factor.axis]
+            worst = max(readings, key=lambda r: abs(r - target))
+            if abs(worst - target) > band:
+                words = f"{factor.axis} read {worst:g} while it was measured, not within {band:g} of {target:g}"
+                raise NotSettled(words, at.settling)
 
     def _flag(self, flag: str, fault: str, error: Exception) -> None:
         """Accept a doubtful reading with a flag, or raise what is doubtful about it: the policies say which."""

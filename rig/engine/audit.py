@@ -15,7 +15,7 @@ from typing import Any, Protocol
 import apsw
 
 from procedures import RunList
-from rig.engine.chain import GENESIS, Record, link
+from rig.engine.chain import GENESIS, Record, StoredRow, followed, link
 from rig.engine.contents import senseless
 from rig.engine.restore import changed_column
 from rig.engine.schema import Guarded, differences
@@ -25,6 +25,7 @@ _SEARCHED = 10
 """In so many changed records at most it is searched for what was changed."""
 
 Row = tuple[int, Record, bytes, bytes]
+End = tuple[int, Record, bytes]
 Expand = Callable[[Mapping[str, str]], RunList | None]
 
 
@@ -71,8 +72,14 @@ class Contents(Protocol):
     def run_list(self) -> RunList:
         """Every point."""
 
+    def run_list_sha256(self) -> str:
+        """Hash of the points as they are stored."""
+
     def chained(self, where: str = "1", values: tuple[object, ...] = ()) -> Iterator[Row]:
         """Rows in order."""
+
+    def record_rows(self) -> Iterator[list[StoredRow]]:
+        """All rows in order, some at a time."""
 
     def head(self) -> tuple[int, bytes]:
         """Number of records and the last one's hash."""
@@ -94,7 +101,13 @@ def findings(
         each: called with every record that follows the one before it and has its hash.
 
     """
-    parts = (_file(run, thorough), _records(run, thorough, each), _genesis(run, thorough, expand), _schema(run))
+    ends: list[End] = []
+    parts = (
+        _file(run, thorough),
+        _records(run, thorough, each, ends),
+        _genesis(run, thorough, expand, ends),
+        _schema(run),
+    )
     for part in parts:
         try:
             yield from part
@@ -120,18 +133,23 @@ def _points(run: Contents) -> int:
     return int(next(run.guarded.rows("SELECT count(*) FROM point"))[0])
 
 
-def _records(run: Contents, thorough: bool, each: Callable[[Record], object]) -> Iterator[Finding]:
+def _records(run: Contents, thorough: bool, each: Callable[[Record], object], ends: list[End]) -> Iterator[Finding]:
+    """What is wrong with records and chain; end records are put into `ends`."""
     points = _points(run)
-    rows = run.chained()
-    here = next(rows, None)
-    if here is None:
-        yield Finding("file", "it holds no records")
+    sound, expected, broken_at = _sound(run, points, each, ends)
+    if broken_at is None:
+        if not sound:
+            yield Finding("file", "it holds no records")
         return
-    expected_seq, expected, searched = 1, GENESIS, 0
-    before: tuple[int, bool] | None = None
+    expected_seq, searched = sound + 1, 0
+    before = (sound, False) if sound else None
+    rows = run.chained("seq >= ?", (broken_at,))
+    here = next(rows, None)
     while here is not None:
         after = next(rows, None)
         seq, record, previous, own = here
+        if record.kind == "end":
+            ends.append((seq, record, previous))
         if seq == expected_seq and previous == expected and _holds(here, points):
             each(record)
             before = (seq, False)
@@ -152,6 +170,31 @@ def _records(run: Contents, thorough: bool, each: Callable[[Record], object]) ->
         before = (seq, broken)
         expected_seq, expected = seq + 1, own
         here = after
+
+
+def _sound(
+    run: Contents, points: int, each: Callable[[Record], object], ends: list[End]
+) -> tuple[int, bytes, int | None]:
+    """Follow the chain while everything about it holds, as it does all the way in a whole file.
+
+    Returns:
+        How many records are sound, the last one's hash, and the number of the first that is not (None: all are).
+
+    """
+    sound, head = 0, GENESIS
+    for rows in run.record_rows():
+        good = followed(rows, sound + 1, head)
+        for row in rows[:good]:
+            record = Record._make(row[1:10])
+            if senseless(record, points) is not None:
+                return sound, head, row[0]
+            each(record)
+            if record.kind == "end":
+                ends.append((row[0], record, row[10]))
+            sound, head = row[0], row[11]
+        if good < len(rows):
+            return sound, head, rows[good][0]
+    return sound, head, None
 
 
 def _holds(row: Row, points: int) -> bool:
@@ -184,7 +227,7 @@ def _record(
         yield finding(f"makes no sense: {wrong[1]}", wrong[0])
 
 
-def _genesis(run: Contents, thorough: bool, expand: Expand) -> Iterator[Finding]:
+def _genesis(run: Contents, thorough: bool, expand: Expand, ends: list[End]) -> Iterator[Finding]:
     first = next(run.chained("seq = 1"), None)
     if first is None:
         yield Finding("file", "its first record, which says what the run is, is missing")
@@ -202,16 +245,17 @@ def _genesis(run: Contents, thorough: bool, expand: Expand) -> Iterator[Finding]
         yield Finding("document", "was added: the run began without it", name=f"document {name}")
     yield from _run_list(run, declared, expand(intact) if thorough else None)
     yield from _twice(run)
-    yield from _end(run)
+    yield from _end(run, ends)
 
 
 def _run_list(run: Contents, declared: Mapping[str, Any], planned: RunList | None) -> Iterator[Finding]:
-    stored: RunList | None = None
+    stored = ""
     with contextlib.suppress(ValueError, TypeError):
-        stored = run.run_list()
-    if stored is not None and stored.sha256() == declared["run_list"]:
-        if len(stored) != declared["points"]:
-            yield Finding("run list", f"it has {len(stored)} points, the run was created with {declared['points']}")
+        stored = run.run_list_sha256()
+    if stored == declared["run_list"]:
+        points = _points(run)
+        if points != declared["points"]:
+            yield Finding("run list", f"it has {points} points, the run was created with {declared['points']}")
         return
     told = False
     if planned is not None and planned.sha256() == declared["run_list"]:
@@ -251,22 +295,22 @@ def _points_changed(run: Contents, planned: RunList) -> Iterator[Finding]:
 
 
 def _twice(run: Contents) -> Iterator[Finding]:
-    statement = (
-        "SELECT run_index, whole_plot, group_concat(seq) FROM record "
-        "WHERE kind = 'observation' AND status = 'accepted' "
+    grouped = (
+        "FROM record WHERE kind = 'observation' AND status = 'accepted' "
         "GROUP BY run_index, ifnull(whole_plot, 0) HAVING count(*) > 1"
     )
-    for index, whole_plot, numbers in run.guarded.rows(statement):
+    if not list(run.guarded.rows(f"SELECT run_index {grouped} LIMIT 1")):  # answered by the index alone
+        return
+    for index, whole_plot, numbers in run.guarded.rows(f"SELECT run_index, whole_plot, group_concat(seq) {grouped}"):
         where = "" if whole_plot is None else f" in whole plot {whole_plot}"
         yield Finding(
             "record", f"is one of several accepted observations{where}: records {numbers}", None, "observation", index
         )
 
 
-def _end(run: Contents) -> Iterator[Finding]:
+def _end(run: Contents, ends: list[End]) -> Iterator[Finding]:
     last, _ = run.head()
-    ends = list(run.chained("kind = 'end'"))
-    for seq, record, previous, _ in ends:
+    for seq, record, previous in ends:
         if record.data["records"] != seq - 1 or record.data["head"] != previous.hex():
             yield Finding("record", "does not count the records before it: some were added or removed", seq, "end")
     if ends and ends[-1][0] != last:

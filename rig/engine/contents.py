@@ -79,21 +79,22 @@ _COLUMNS: Mapping[str, _Check] = {
 }
 
 
-def _plain_observation(r: Record, points: int) -> bool:
+def _plain_observation(record: Record, points: int) -> bool:
+    session, kind, elapsed_s, utc_s, index, whole_plot, attempt, status, body = record
     return (
-        r.kind == "observation"
-        and (r.status == "accepted" or r.status == "rejected")  # noqa: PLR1714 - twice as quick, once a record
-        and type(r.run_index) is int
-        and 0 <= r.run_index < points
-        and type(r.elapsed_s) is float
-        and -_LATEST_S < r.elapsed_s < _LATEST_S
-        and type(r.utc_s) is float
-        and -_LATEST_S < r.utc_s < _LATEST_S
-        and type(r.session) is int
-        and r.session >= 0
-        and type(r.body) is str
-        and (r.attempt is None or (type(r.attempt) is int and r.attempt >= 0))
-        and (r.whole_plot is None or (type(r.whole_plot) is int and r.whole_plot >= 0))
+        kind == "observation"
+        and (status == "accepted" or status == "rejected")  # noqa: PLR1714 - twice as quick, once a record
+        and type(index) is int
+        and 0 <= index < points
+        and type(elapsed_s) is float
+        and -_LATEST_S < elapsed_s < _LATEST_S
+        and type(utc_s) is float
+        and -_LATEST_S < utc_s < _LATEST_S
+        and type(session) is int
+        and session >= 0
+        and type(body) is str
+        and (attempt is None or (type(attempt) is int and attempt >= 0))
+        and (whole_plot is None or (type(whole_plot) is int and whole_plot >= 0))
     )
 
 

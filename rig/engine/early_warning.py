@@ -18,7 +18,7 @@ import numpy as np
 from procedures import Point, RunList
 from rig.engine.chain import Record
 from rig.engine.response_test import ResponseTest, Row
-from rig.engine.run_file import RunReader
+from rig.engine.run_reader import RunReader
 from rig.engine.warning_tests import ALARM, NoiseTest, Number, PreviousTest, RepeatTest
 from rig.previous import PITCH, PRESSURE, ROLL, Previous
 

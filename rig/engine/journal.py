@@ -15,7 +15,7 @@ from rig.engine.chain import Record, encode
 from rig.engine.live import LiveState
 from rig.engine.measuring import Observation
 from rig.engine.motion import Leg
-from rig.engine.run_file import RunWriter
+from rig.engine.run_writer import RunWriter
 from rig.engine.session import Progress, Session
 from rig.engine.settling import Settling
 from rig.engine.state import RunState

@@ -21,8 +21,8 @@ from procedures import Factor, Point, RunList
 from rig.engine.chain import GENESIS, Record, link
 from rig.engine.last_word import read_last_word
 from rig.engine.pages import Pages, Row
-from rig.engine.run_file import RunReader
-from rig.engine.schema import APPLICATION_ID, SCHEMA_VERSION, statements
+from rig.engine.run_reader import RunReader
+from rig.engine.schema import APPLICATION_ID, INSERT_RECORD, SCHEMA_VERSION, statements
 from rig.engine.storage import storage_of
 from rig.errors import RunFileError, StorageError, UsageError
 
@@ -110,7 +110,7 @@ def _fill(db: apsw.Connection, path: Path, expand: Expand) -> tuple[int, int]:
         while (following := _next(waiting.pop(count + 1, []), head)) is not None:
             count, record, previous, head = following
             first = first or record
-            db.execute(_INSERT, (count, *record.fields(), previous, head))
+            db.execute(INSERT_RECORD, (count, *record, previous, head))
     if first is None:
         raise RunFileError(f"{path} is too damaged: not even its first record, which says what the run is, can be read")
     intact = _documents(path, first.data, documents)
@@ -118,9 +118,6 @@ def _fill(db: apsw.Connection, path: Path, expand: Expand) -> tuple[int, int]:
     _write_run_list(db, _run_list(path, first.data, intact, pages, expand))
     db.execute("COMMIT")
     return count, seen
-
-
-_INSERT = f"INSERT INTO record VALUES ({', '.join('?' * _COLUMNS)})"
 
 
 def _record(row: Row) -> _Chained | None:

@@ -9,6 +9,7 @@ from pathlib import Path
 import apsw
 
 from rig.engine.chain import Record, encode, link
+from rig.engine.schema import INSERT_RECORD
 from rig.errors import StorageError
 
 RESCUED = "rescued"
@@ -65,6 +66,6 @@ def _hand_over(db: apsw.Connection, copy: Path) -> None:
     (row,) = db.execute("SELECT seq, session, elapsed_s, utc_s, hash FROM record ORDER BY seq DESC LIMIT 1")
     seq, session, elapsed_s, utc_s, head = row
     record = Record(session, "event", elapsed_s, utc_s, status=RESCUED, body=encode({"to": str(copy.absolute())}))
-    values = (seq + 1, *record.fields(), head, link(head, seq + 1, record))
-    db.execute(f"INSERT INTO record VALUES ({', '.join('?' * len(values))})", values)
+    values = (seq + 1, *record, head, link(head, seq + 1, record))
+    db.execute(INSERT_RECORD, values)
     db.wal_checkpoint(mode=apsw.SQLITE_CHECKPOINT_TRUNCATE)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import hashlib
 import json
 import struct
@@ -81,12 +80,12 @@ def _candidates(seq: int, record: Record, points: int) -> Iterator[tuple[str, st
     }
     for column, values in tries.items():
         for value in values:
-            yield column, repr(value), seq, dataclasses.replace(record, **{column: value})
+            yield column, repr(value), seq, record._replace(**{column: value})
     for column in ("elapsed_s", "utc_s"):
         number = getattr(record, column)
         near = [round(number + step, 6) for step in (*range(-100, 101), 3600, -3600, 86400, -86400)]
         for value in (*_flipped_float(number), *near):
-            yield column, repr(value), seq, dataclasses.replace(record, **{column: value})
+            yield column, repr(value), seq, record._replace(**{column: value})
 
 
 def _flipped_float(number: float) -> Iterator[float]:
@@ -103,7 +102,7 @@ def _flipped_bit(previous: bytes, seq: int, record: Record, own: bytes) -> int |
     if len(body) > _LONGEST_BODY or not body.isascii():
         return None
     mark = "\x00"
-    text = json.dumps([seq, *dataclasses.replace(record, body=mark).fields()], separators=(",", ":"), allow_nan=False)
+    text = json.dumps([seq, *record._replace(body=mark)], separators=(",", ":"), allow_nan=False)
     start, end = text.split(json.dumps(mark)[1:-1], 1)
     pieces = [json.dumps(character)[1:-1].encode() for character in body]
     hashed = hashlib.sha256(previous + start.encode())

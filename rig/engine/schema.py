@@ -19,6 +19,7 @@ import apsw
 APPLICATION_ID = 0x52494721
 SCHEMA_VERSION = 2
 TABLES = ("document", "factor", "point", "record")
+INSERT_RECORD = f"INSERT INTO record VALUES ({', '.join('?' * 12)})"
 
 # As they stand in every run file of this format, line breaks included: what is compared is the text.
 _FIXED = {

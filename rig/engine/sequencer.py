@@ -21,12 +21,13 @@ from rig.engine.early_warning import EarlyWarnings
 from rig.engine.faults import FAULTS, InterlockHold, TemperatureLeft
 from rig.engine.guard import Guard
 from rig.engine.identities import compare_identities
+from rig.engine.interruptions import HoldRequested, Interrupted, Interruptions, StopRequested
 from rig.engine.journal import Journal, PointInHand
 from rig.engine.live import Requests
 from rig.engine.parking import Parking
 from rig.engine.policies import ABORT, HOLD, RE_HOME, RE_SOAK, SKIP, Policies
 from rig.engine.queue import PointQueue
-from rig.engine.run_file import RunWriter
+from rig.engine.run_writer import RunWriter
 from rig.engine.safe_state import SafeState, make_safe
 from rig.engine.session import Outcome, Progress, Session, Signals
 from rig.engine.soaking import Soaking
@@ -35,18 +36,6 @@ from rig.engine.state import RunState
 from rig.engine.states import AT_POINT, FINAL, State, machine
 from rig.errors import BenchFault, RigError, StorageError
 from rig.previous import Previous
-
-
-class _Interrupted(Exception):
-    pass
-
-
-class _HoldRequested(Exception):
-    pass
-
-
-class _StopRequested(Exception):
-    pass
 
 
 class Sequencer:
@@ -89,7 +78,9 @@ class Sequencer:
         self._guard = Guard(config.limits, config.factors, config.interlocks, clock.now)
         self._do = BenchActions(bench, self._axes, self._guard, clock, self._wait)
         self._journal.settling = lambda: self._do.judges
-        self._requests = Requests(run.path, session.number, clock.stopwatch)
+        requests = Requests(run.path, session.number, clock.stopwatch)
+        self._interruptions = Interruptions(signals, requests, self._journal, lambda: self.state)
+        self._look_up = self._interruptions.look_up
         self._queue = PointQueue(run_list, state)
         self._policies = Policies(procedure, clock.now)
         self._deciding = Deciding(
@@ -123,7 +114,6 @@ class Sequencer:
         self._way_out = Parking(bench, self._do, self._journal, self._deciding, clock, self._set_up)
         self._poll_s = procedure.settle.poll_s
         self._put_off = set(state.put_off)
-        self._released = False
         self._outcome: Outcome | None = None
         self._ending = ""
         self._needs_set_up = True
@@ -189,13 +179,13 @@ class Sequencer:
         try:
             try:
                 return self._handled()
-            except _Interrupted:
+            except Interrupted:
                 return self._interrupted()
-            except _HoldRequested:
+            except HoldRequested:
                 return self._begin_hold("asked for")
             except InterlockHold as error:
                 return self._begin_hold(str(error))
-            except _StopRequested:
+            except StopRequested:
                 self._outcome = Outcome.STOPPED
                 self._deciding.stop_motion()
                 self._journal.write("stop")
@@ -228,19 +218,6 @@ class Sequencer:
             self._clock.sleep(min(left, 5.0))
             self._look_up()
         self._do.look_around()
-
-    def _look_up(self) -> None:
-        if self._signals.interrupt:
-            raise _Interrupted
-        request = self._requests.poll()
-        if request is not None and self.state != State.PARKING:
-            self._journal.acknowledge(request.request_id)
-            if request.verb == "stop":
-                raise _StopRequested
-            if request.verb == "hold" and self.state != State.HOLDING:
-                raise _HoldRequested
-            self._released = request.verb == "release"
-        self._journal.tell()
 
     # --- handlers, one a state ------------------------------------------------------------------------------
 
@@ -295,12 +272,12 @@ class Sequencer:
 
     def _holding(self) -> str:
         why = self._journal.message
-        self._released = told = False
+        self._interruptions.released = told = False
         limit = self._clock.now() + self._procedure.recovery.hold_max_s
         while True:
             self._journal.message = f"held{f' ({why})' if why else ''}; release it with `rig release`"
             try:
-                if self._released:
+                if self._interruptions.released:
                     self._journal.message = ""
                     if not told:
                         self._journal.write("release")
@@ -315,7 +292,7 @@ class Sequencer:
                 if decision.action == ABORT:
                     return self._give_up(str(what), recorded=False)
                 if decision.action == HOLD:
-                    self._released = told = False
+                    self._interruptions.released = told = False
                     why = str(what)
                 continue
             self._clock.idle(1.0)

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from rig.engine.chain import Record
 from rig.engine.indexes import IndexCounts, IndexSet
-from rig.engine.run_file import RunReader
+from rig.engine.run_reader import RunReader
 from rig.errors import RunFileError
 
 _FAULTS_KEPT = 20
@@ -95,15 +95,15 @@ class RunState:
 
     def add(self, record: Record) -> None:
         """Take one more record, in order."""
-        self.elapsed_s, self.utc_s = record.elapsed_s, record.utc_s
-        match record.kind:
+        _, kind, self.elapsed_s, self.utc_s, index, _, attempt, status, _ = record
+        match kind:
             case "observation":
-                assert record.run_index is not None
-                self.attempts[record.run_index] = record.attempt or 1
-                if record.status == "accepted":
-                    self.worked_s = record.elapsed_s
-                    self.accepted.add(record.run_index)
-                    self.last_index = record.run_index
+                assert index is not None
+                self.attempts[index] = attempt or 1
+                if status == "accepted":
+                    self.worked_s = self.elapsed_s
+                    self.accepted.add(index)
+                    self.last_index = index
             case "run":
                 self.points = int(record.data["points"])
                 self.simulated = bool(record.data["simulated"])

@@ -14,7 +14,7 @@ from rig.engine.elsewhere import goes_on_in
 from rig.engine.last_word import read_last_word
 from rig.engine.live import controller_alive
 from rig.engine.prefix import Restored, restore
-from rig.engine.run_file import RunReader
+from rig.engine.run_reader import RunReader
 from rig.engine.state import RunState, read_state
 from rig.errors import RunFileError, UsageError
 

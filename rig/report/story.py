@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from rig.engine.chain import Record
-from rig.engine.run_file import RunReader
+from rig.engine.run_reader import RunReader
 
 
 class Line(NamedTuple):

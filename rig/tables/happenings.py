@@ -9,7 +9,7 @@ from typing import IO
 
 from rig.atomic import write_whole
 from rig.engine.chain import Record
-from rig.engine.run_file import RunReader
+from rig.engine.run_reader import RunReader
 
 COLUMNS = (
     "elapsed_s",

@@ -13,7 +13,7 @@ import numpy as np
 from procedures import RunList
 from rig.config import parse_toml
 from rig.engine.chain import Record
-from rig.engine.run_file import RunReader
+from rig.engine.run_reader import RunReader
 from rig.engine.state import read_state
 from rig.errors import RunFileError
 from rig.tables.table import MOUNTING, Table

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rig.engine.chain import Record
-from rig.engine.run_file import RunReader
+from rig.engine.run_reader import RunReader
 
 _LOOK_BACK = 20
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from procedures import Factor
 from rig.engine.chain import Record
-from rig.engine.run_file import RunReader
+from rig.engine.run_reader import RunReader
 
 BATCH = 20_000
 """Records read at once: the first look at a long run is many short transactions, not one long."""

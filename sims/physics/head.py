@@ -63,6 +63,10 @@ class Axis:
         """Encoder speed."""
         return self.leg(t).speed(t)
 
+    def side(self, t: float) -> int:
+        """From which side it came to where it is at `t`: 1 from below, going up, or -1."""
+        return round(self.leg(t).course.direction)
+
     def moving(self, t: float) -> bool:
         """Whether the motion profile is still running; the creep after it does not count."""
         return t < self._legs[-1].end
@@ -88,6 +92,8 @@ class Axis:
         """Go to an encoder angle; both speed (deg/s) and acceleration (deg/s^2) must be positive."""
         if not (speed > 0.0 and acceleration > 0.0):
             raise ValueError(f"speed {speed} and acceleration {acceleration} must be positive")
+        if self.told is not None:
+            self.told("target_deg", target)
         if self._world.now() < self._stalled_until:
             return
         now = self._interrupt()
@@ -103,7 +109,6 @@ class Axis:
         wait = sqrt(2.0 * m.gear_play_deg / acceleration) if reversing else 0.0
         self._append(now, towards(angle, moving_at, target, speed, acceleration, m.creep_deg, wait))
         if self.told is not None:
-            self.told("target_deg", target)
             self.told("reached_deg", target, self._legs[-1].end - self._world.now())
 
     def stop(self, deceleration_deg_per_s2: float | None = None) -> None:

@@ -160,6 +160,19 @@ class Plant:
             "sensor_temperature_degC": self.enclosure.package_degC(t),
         }
 
+    def sides(self, t: float) -> Mapping[str, int]:
+        """From which side each factor that is easily changed truly came to where it is: 1 going up, -1, 0 if neither.
+
+        An axis that has never moved counts as one that went up.
+        """
+        if self.stand.transducers:
+            return {"pressure_psia": self.stand.side(t)}
+        return {"pitch_deg": self._pitch.side(t), "roll_deg": self._roll.side(t)}
+
+    def stay(self, t: float) -> int:
+        """Number of the stay at a pair of temperatures, as the transducers' own errors count; 0 without transducers."""
+        return self.stand.whole_plot(t) if self.stand.transducers else 0
+
     def temperature_degC(self, place: str, t: float) -> float:
         """Temperature at virtual time `t` of a place.
 

@@ -154,10 +154,14 @@ class PressureStand:
             degC_per_h=rate,
             setting=event_at(settings.since(t)),
             set_psia=settings.value(t),
-            whole_plot=self._whole_plot(t),
+            whole_plot=self.whole_plot(t),
         )
 
-    def _whole_plot(self, t: float) -> int:
+    def side(self, t: float) -> int:
+        """From which side the pressure came to its setting: 1 going up, -1 down, 0 if it was never set."""
+        return self._line.settings.direction(t)
+
+    def whole_plot(self, t: float) -> int:
         """A number for the stay at a pair of temperatures: when the last one changed, and which have drifted off."""
         chambers = [c for c in (self._sensors, self._sse) if c]
         latest = max((c.temperatures.since(t) for c in chambers), default=self._start)

@@ -15,7 +15,7 @@ from procedures import Procedure
 from rig.closed_loop import AttitudeTraced, Traced, trace_table
 from rig.config import BenchConfig
 from rig.controller import WORLD_START, plan_of
-from rig.engine.run_file import RunReader
+from rig.engine.run_reader import RunReader
 from rig.errors import UsageError
 from rig.tables import attitude_data, run_table, whole_plot_data
 

@@ -13,7 +13,8 @@ from pathlib import Path
 
 from rig.simulated.night.bias import deviations
 from rig.simulated.night.bugs import BUGS
-from rig.simulated.night.checks import Violation, judge
+from rig.simulated.night.checks import judge
+from rig.simulated.night.judged import Violation
 from rig.simulated.night.play import Played, play
 from rig.simulated.night.scenario import Lab, draw
 from rig.simulated.night.story import timeline

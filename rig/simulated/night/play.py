@@ -24,8 +24,9 @@ from rig.engine.session import Outcome, Signals
 from rig.errors import RigError
 from rig.simulated.disk import Crash, Disk
 from rig.simulated.dry_run import DryBench
+from rig.simulated.night.safety import not_safe
 from rig.simulated.night.scenario import Mishap, Scenario
-from rig.simulated.night.witness import Witness
+from sims.tape import Tape
 
 MOST_SESSIONS = 40
 """A night that is not over after so many starts of the controller is a dead end."""
@@ -76,17 +77,21 @@ class Played:
         sessions: every start of the controller.
         happened: (world time, what) of mishaps that met anything.
         bench: the simulated bench, for its truth.
-        witness: what truly happened.
 
     """
 
     scenario: Scenario
     plan: Plan
     bench: DryBench
-    witness: Witness
     path: Path | None = None
     sessions: list[Ended] = field(default_factory=list)
     happened: list[tuple[float, str]] = field(default_factory=list)
+
+    @property
+    def tape(self) -> Tape:
+        """What truly happened."""
+        assert self.bench.sim.tape is not None
+        return self.bench.sim.tape
 
     @property
     def complete(self) -> bool:
@@ -103,12 +108,13 @@ class _Stage:
 
     def __init__(self, scenario: Scenario, folder: Path, disk: Disk) -> None:
         self.plan = plan_of(scenario.documents, dry=True)
-        self.bench = DryBench(self.plan.bench, self.plan.truth, key="night")  # messages name it: no counter
+        # Its key is in messages: no counter.
+        self.bench = DryBench(self.plan.bench, self.plan.truth, key="night", record_tape=True)
         self.world = self.bench.world
         # Nothing in a night may depend on how fast this machine is.
         self.world.stopwatch = lambda: self.world.now() / _SLOWER  # type: ignore[method-assign]
         self.world.idle = self.world.sleep  # type: ignore[method-assign]
-        self.played = Played(scenario, self.plan, self.bench, Witness(self.bench))
+        self.played = Played(scenario, self.plan, self.bench)
         self._folder = folder
         self._signals = Signals()
         self._running = False
@@ -168,15 +174,15 @@ class _Stage:
             where = traceback.extract_tb(error.__traceback__)[-1]
             how, message = "unforeseen", f"{error!r} in {Path(where.filename).name}, line {where.lineno}"
         self._running, ended = False, self.world.now()
-        not_safe: tuple[str, ...] = ()
+        left: tuple[str, ...] = ()
         if how == "killed":
             self._bury()
         elif how != "refused":
             self.world.sleep(SAFE_WITHIN_S)
-            not_safe = tuple(self.played.witness.not_safe(moving_only=outcome is Outcome.INTERRUPTED))
+            left = tuple(not_safe(self.bench, moving_only=outcome is Outcome.INTERRUPTED))
         for cable in self.bench.sim.cables.values():
             cable.attach(None)  # a dead process holds no port
-        return Ended(began, ended, how, message, outcome, not_safe, skipped)
+        return Ended(began, ended, how, message, outcome, left, skipped)
 
     def _announced(self, path: Path) -> None:
         self.played.path = path

@@ -6,7 +6,7 @@ import heapq
 from collections.abc import Iterator
 
 from rig.engine.chain import Record
-from rig.engine.run_file import RunReader
+from rig.engine.run_reader import RunReader
 from rig.errors import RunFileError
 from rig.simulated.night.play import Played
 

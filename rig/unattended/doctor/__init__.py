@@ -16,7 +16,7 @@ from rig.config import BenchConfig, parse_bench, parse_toml, read_text
 from rig.controller import Plan, load_plan, plan_of
 from rig.durations import duration
 from rig.engine.live import controller_alive
-from rig.engine.run_file import RunReader
+from rig.engine.run_reader import RunReader
 from rig.engine.state import RunState, read_state
 from rig.errors import RigError, UsageError
 from rig.unattended.doctor.disk import check_disk

@@ -1,0 +1,55 @@
+"""What may interrupt a wait: a signal, or a request beside the run file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from rig.engine.journal import Journal
+from rig.engine.live import Requests
+from rig.engine.session import Signals
+from rig.engine.states import State
+
+
+class Interrupted(Exception):
+    """A signal asks for the run to be left for a later resume."""
+
+
+class HoldRequested(Exception):
+    """Somebody asks for the run to be held."""
+
+
+class StopRequested(Exception):
+    """Somebody asks for the run to be stopped."""
+
+
+class Interruptions:
+    """Looked for wherever the sequencer waits.
+
+    Args:
+        signals: set from a signal handler.
+        requests: what people ask for.
+        journal: told that a request has been seen.
+        state: where the sequencer is.
+
+    Attributes:
+        released: whether the last request was to release a hold.
+
+    """
+
+    def __init__(self, signals: Signals, requests: Requests, journal: Journal, state: Callable[[], State]) -> None:
+        self._signals, self._requests, self._journal, self._state = signals, requests, journal, state
+        self.released = False
+
+    def look_up(self) -> None:
+        """Spread the news. Raises `Interrupted`, `HoldRequested` or `StopRequested` where that is asked for."""
+        if self._signals.interrupt:
+            raise Interrupted
+        request = self._requests.poll()
+        if request is not None and self._state() != State.PARKING:
+            self._journal.acknowledge(request.request_id)
+            if request.verb == "stop":
+                raise StopRequested
+            if request.verb == "hold" and self._state() != State.HOLDING:
+                raise HoldRequested
+            self.released = request.verb == "release"
+        self._journal.tell()

@@ -1,0 +1,103 @@
+"""Creating a run file: what a run is goes in before anything moves, and is never changed again."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import apsw
+
+from procedures import RunList
+from rig.engine.chain import GENESIS, Record, encode, link
+from rig.engine.schema import APPLICATION_ID, INSERT_RECORD, SCHEMA_VERSION, statements
+from rig.engine.storage import storage_of
+from rig.errors import RunFileError, StorageError
+
+
+@dataclass(frozen=True)
+class Genesis:
+    """What a run is, fixed when it is created.
+
+    Attributes:
+        run_id: its name, also the file's.
+        documents: the bench, procedure (and, for a dry run, world) files as given, by name.
+        run_list: every point.
+        simulated: whether no real instrument is involved.
+        about: versions and whatever else should travel with the run.
+
+    """
+
+    run_id: str
+    documents: Mapping[str, str]
+    run_list: RunList
+    simulated: bool
+    about: Mapping[str, Any]
+
+
+def create(path: Path, genesis: Genesis, *, elapsed_s: float, utc_s: float, vfs: str = "") -> None:
+    """Make a run file: whole and durable under its final name, or not there at all.
+
+    Raises:
+        StorageError: the disk refuses.
+        RunFileError: something of that name exists.
+
+    """
+    if path.exists():
+        raise RunFileError(f"{path} exists already; a run is never overwritten")
+    part, disk = path.with_name(path.name + ".part"), storage_of(vfs)
+    try:
+        disk.make_folder(path.parent)
+        disk.remove(part)
+        db = apsw.Connection(str(part), vfs=vfs or None)
+        try:
+            _fill(db, genesis, elapsed_s, utc_s)
+        finally:
+            db.close()
+        disk.replace(part, path)
+        disk.sync_folder(path.parent)
+    except (apsw.Error, OSError) as error:
+        for name in (part, part.with_name(part.name + "-journal"), path):
+            with contextlib.suppress(OSError):
+                disk.remove(name)
+        raise StorageError(f"cannot create {path}: {error}. Nothing was moved and nothing is left behind.") from error
+
+
+def _fill(db: apsw.Connection, genesis: Genesis, elapsed_s: float, utc_s: float) -> None:
+    runs = genesis.run_list
+    db.pragma("application_id", APPLICATION_ID)
+    db.pragma("user_version", SCHEMA_VERSION)
+    db.pragma("synchronous", "full")
+    db.execute("BEGIN IMMEDIATE")
+    for statement in statements([f.name for f in runs.factors]).values():
+        db.execute(statement)
+    db.executemany("INSERT INTO document VALUES (?, ?)", list(genesis.documents.items()))
+    db.executemany(
+        "INSERT INTO factor VALUES (?, ?, ?, ?, ?, ?)",
+        [(i, f.name, f.axis, f.overtravel, int(f.hard), int(f.stays)) for i, f in enumerate(runs.factors)],
+    )
+    marks = ", ".join("?" * (3 + 2 * len(runs.factors)))
+    db.executemany(
+        f"INSERT INTO point VALUES ({marks})",
+        ((p.index, p.replication, p.whole_plot, *p.setpoints, *p.sides) for p in runs.points),
+    )
+    body = {
+        "run_id": genesis.run_id,
+        "simulated": genesis.simulated,
+        "documents": {name: _digest(text) for name, text in genesis.documents.items()},
+        "run_list": runs.sha256(),
+        "points": len(runs),
+        "seed": runs.seed,
+        **genesis.about,
+    }
+    first = Record(0, "run", elapsed_s, utc_s, body=encode(body))
+    row = (1, *first, GENESIS, link(GENESIS, 1, first))
+    db.execute(INSERT_RECORD, row)
+    db.execute("COMMIT")
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()

@@ -1,0 +1,120 @@
+"""Opening a run file: what is looked at before anything is read from it, and what is said where it cannot be."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+from pathlib import Path
+
+import apsw
+
+from drivers.clock import RealClock
+from rig.engine.schema import APPLICATION_ID, SCHEMA_VERSION, Guarded, guard, strange_tables
+from rig.errors import RunFileError, UsageError
+
+_READ_ONLY = apsw.SQLITE_OPEN_READONLY | apsw.SQLITE_OPEN_URI
+_COPY = (
+    ": go on with a copy of it from before, which `rig verify` finds whole, or with what `rig verify FILE --restore "
+    "NEW.sqlite` makes of it"
+)
+_WAY_FORWARD = (
+    "Nothing was changed now. Keep the file; `rig export FILE --salvage --out DATA.csv` saves what can still "
+    "be read, `rig verify FILE --restore NEW.sqlite` the beginning that is proven; that, or a copy from before the "
+    "damage, can be resumed."
+)
+
+
+def check_header(path: Path) -> None:
+    """Refuse what is no run file before SQLite touches it."""
+    try:
+        with path.open("rb") as file:
+            start = file.read(100)
+    except FileNotFoundError:
+        raise UsageError(f"there is no run file {path}") from None
+    except OSError as error:
+        raise UsageError(f"{path} cannot be read: {error.strerror}") from error
+    if not start.startswith(b"SQLite format 3\0") or len(start) < 100:
+        raise UsageError(f"{path} is not a run file (not an SQLite database), or its beginning is damaged{_COPY}")
+    if int.from_bytes(start[68:72], "big") != APPLICATION_ID:
+        raise UsageError(f"{path} is not a run file (an SQLite database of another program), or damaged{_COPY}")
+
+
+def locked(descriptor: int) -> bool:
+    """Take the lock; somebody who only looks whether it is taken holds it for an instant, so try for half a second."""
+    clock = RealClock()
+    for _ in range(10):
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            clock.sleep(0.05)
+        else:
+            return True
+    return False
+
+
+def opened_to_read(path: Path, uri: str) -> apsw.Connection:
+    """A connection that can do nothing but read. Raises `apsw.Error` or `RunFileError`."""
+    db = apsw.Connection(uri, flags=_READ_ONLY)
+    db.set_busy_timeout(2000)
+    guard(db, writes=False)
+    return checked(path, db)
+
+
+def size_of(path: Path) -> int:
+    """Bytes of a run file and its log."""
+    found = 0
+    for name in (str(path), f"{path}-wal"):
+        with contextlib.suppress(FileNotFoundError):
+            found += os.stat(name).st_size
+    return found
+
+
+def rolled_back(path: Path) -> bool:
+    """Let SQLite undo a half-written change of the file's mode; False if there is none, or somebody is at work.
+
+    Entering and leaving WAL mode is journalled, and a connection that only reads cannot finish with a journal that a
+    power cut left.
+    """
+    if not path.with_name(path.name + "-journal").exists():
+        return False
+    lock = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        if not locked(lock):
+            return False
+        db = apsw.Connection(str(path), flags=apsw.SQLITE_OPEN_READWRITE)
+        try:
+            db.execute("SELECT count(*) FROM sqlite_master").fetchall()
+        finally:
+            db.close()
+    except apsw.Error:
+        return False
+    finally:
+        os.close(lock)
+    return not path.with_name(path.name + "-journal").exists()
+
+
+def checked(path: Path, db: apsw.Connection) -> apsw.Connection:
+    """A connection to a file whose tables are those of a run file. SQLite opens lazily: this is the first look."""
+    version = db.pragma("user_version")
+    if version != SCHEMA_VERSION:
+        raise RunFileError(
+            f"{path} has run-file format {version}, this program reads format {SCHEMA_VERSION}: "
+            f"use the version of rig that wrote it; if this one did, it is damaged{_COPY}"
+        )
+    strange = strange_tables(Guarded(db, lambda: size_of(path)))
+    if strange is not None:
+        raise edited(path, strange)
+    return db
+
+
+def edited(path: Path, what: str) -> RunFileError:
+    """The file was changed by somebody or something else."""
+    return RunFileError(
+        f"{path} was edited or damaged: {what}. `rig verify {path}` lists everything that is wrong. {_WAY_FORWARD}"
+    )
+
+
+def unreadable(path: Path, error: Exception) -> RunFileError:
+    """SQLite cannot make anything of the file."""
+    return RunFileError(f"{path} is damaged and cannot be read ({error}). {_WAY_FORWARD}")

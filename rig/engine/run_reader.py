@@ -1,0 +1,191 @@
+"""Reading a run file: one SQLite database that holds a run, append-only, durable, self-checking.
+
+Reading never stands in the writer's way and changes nothing. What a run file is made of is in `rig.engine.schema`,
+how its records are chained by hash in `rig.engine.chain`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any, Self
+
+import apsw
+
+from procedures import Factor, Point, RunList, rows_sha256
+from rig.engine.audit import findings
+from rig.engine.chain import GENESIS, Record, StoredRow
+from rig.engine.run_opening import check_header, edited, opened_to_read, rolled_back, size_of, unreadable
+from rig.engine.schema import Guarded
+from rig.errors import RunFileError, UsageError
+
+_SLICE = 200
+_LOWEST, _HIGHEST = -(2**63), 2**63 - 1
+_COLUMNS = "session, kind, elapsed_s, utc_s, run_index, whole_plot, attempt, status, body"
+
+
+class RunReader:
+    """A run file opened read-only: short transactions, never in the writer's way."""
+
+    def __init__(self, path: Path, connection: apsw.Connection) -> None:
+        self.path = path
+        self._db = connection
+        self.guarded = Guarded(connection, lambda: size_of(path))
+
+    @classmethod
+    def open(cls, path: Path) -> Self:
+        """Open for reading. Raises `RunFileError` if this is not a run file."""
+        check_header(path)
+        uri = path.absolute().as_uri()
+        try:
+            return cls(path, opened_to_read(path, f"{uri}?mode=ro"))
+        except apsw.Error as error:
+            if os.access(path.parent, os.W_OK):
+                if not rolled_back(path):
+                    raise unreadable(path, error) from error
+                return cls.open(path)
+        # On a read-only medium SQLite cannot make its index of the log; without a log it needs none.
+        if any(path.with_name(path.name + suffix).exists() for suffix in ("-wal", "-journal")):
+            raise UsageError(
+                f"{path} was not closed and lies in a read-only folder: copy it elsewhere with its -wal or -journal"
+            )
+        try:
+            return cls(path, opened_to_read(path, f"{uri}?mode=ro&immutable=1"))
+        except apsw.Error as error:
+            raise unreadable(path, error) from error
+
+    def close(self) -> None:
+        """Close the database; idempotent. Folding the log into the file can wait: what it holds is durable."""
+        with contextlib.suppress(apsw.Error):
+            self._db.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def documents(self) -> dict[str, str]:
+        """The files the run was made from, by name."""
+        return dict(self._all("SELECT name, body FROM document ORDER BY name"))
+
+    def run_list(self) -> RunList:
+        """The run list as stored."""
+        factors = self._factors()
+        width = len(factors)
+        points = (
+            Point(row[0], row[1], row[2], row[3 : 3 + width], row[3 + width :])
+            for rows in self._point_rows(factors)
+            for row in rows
+        )
+        return RunList(factors, points, int(self.genesis().data["seed"]))
+
+    def run_list_sha256(self) -> str:
+        """Hash of the run list as stored, as `RunList.sha256`; no point is made of its rows."""
+        factors = self._factors()
+        return rows_sha256(factors, int(self.genesis().data["seed"]), self._point_rows(factors))
+
+    def _factors(self) -> tuple[Factor, ...]:
+        return tuple(
+            Factor(name, axis, overtravel, bool(hard), bool(stays))
+            for name, axis, overtravel, hard, stays in self._all(
+                "SELECT name, axis, overtravel, hard, stays FROM factor ORDER BY position"
+            )
+        )
+
+    def _point_rows(self, factors: Sequence[Factor]) -> Iterator[list[Any]]:
+        """Points as (index, replication, whole plot, setpoints..., sides...)."""
+        names = ", ".join([f'"{f.name}"' for f in factors] + [f'"{f.name}_side"' for f in factors])
+        return self._slices(f"run_index, replication, whole_plot, {names} FROM point")
+
+    def genesis(self) -> Record:
+        """The first record: what the run is."""
+        for _, record, _, _ in self.chained("seq = 1"):
+            return record
+        raise RunFileError(f"{self.path} holds no records: it was never finished being created; delete it")
+
+    def records(self, kind: str | None = None) -> Iterator[Record]:
+        """Records in order, all or of one kind."""
+        where, values = ("kind = ?", (kind,)) if kind else ("1", ())
+        return (record for _, record, _, _ in self.chained(where, values))
+
+    def latest(self, kind: str, status: str) -> Record | None:
+        """The last record of a kind and status; None if there is none."""
+        where = "seq = (SELECT max(seq) FROM record WHERE kind = ? AND status = ?)"
+        return next((record for _, record, _, _ in self.chained(where, (kind, status))), None)
+
+    def salvage(self) -> Iterator[Record]:
+        """Every record that can still be read one by one, whatever the state of the others."""
+        with contextlib.suppress(RunFileError):
+            last, _ = self.head()
+            for seq in range(1, last + 1):
+                with contextlib.suppress(RunFileError):
+                    yield from (record for _, record, _, _ in self.chained("seq = ?", (seq,)))
+
+    def chained(self, where: str = "1", values: tuple[object, ...] = ()) -> Iterator[tuple[int, Record, bytes, bytes]]:
+        """Rows as (seq, record, previous, hash), in order."""
+        for rows in self.record_rows(where, values):
+            for row in rows:
+                yield row[0], Record._make(row[1:10]), _bytes(row[10]), _bytes(row[11])
+
+    def record_rows(self, where: str = "1", values: tuple[object, ...] = ()) -> Iterator[list[StoredRow]]:
+        """Records as stored, in order, in lists of a few hundred."""
+        return self._slices(f"seq, {_COLUMNS}, previous, hash FROM record", where, values)
+
+    def head(self) -> tuple[int, bytes]:
+        """Number of records and the last one's hash."""
+        for seq, own in self._all("SELECT seq, hash FROM record ORDER BY seq DESC LIMIT 1"):
+            return seq, _bytes(own)
+        return 0, GENESIS
+
+    def holds(self, seq: int, own: bytes) -> bool:
+        """Whether there is a record of that number and hash."""
+        return bool(self._all("SELECT 1 FROM record WHERE seq = ? AND hash = ?", (seq, own)))
+
+    def verify(self, each: Callable[[Record], object] = lambda _: None) -> None:
+        """Check integrity, schema, run list, documents and chain.
+
+        Args:
+            each: called with every record, as the chain is followed: a state can be folded in the same pass.
+
+        Raises:
+            RunFileError: says what was changed first, and where; `rig verify` lists everything.
+
+        """
+        wrong = next(findings(self, thorough=False, each=each), None)
+        if wrong is not None:
+            raise edited(self.path, str(wrong))
+
+    def _slices(self, what: str, where: str = "1", values: tuple[object, ...] = ()) -> Iterator[list[Any]]:
+        """Rows in order of their key, in lists of a slice each: no list of all, and no transaction that stays open.
+
+        Args:
+            what: the key, other columns, and the table.
+            where: which rows.
+            values: for the marks in it.
+
+        """
+        key = what.partition(",")[0]
+        statement = f"SELECT {what} WHERE {key} >= ? AND ({where}) ORDER BY {key} LIMIT {_SLICE}"
+        since = _LOWEST
+        while rows := self._all(statement, (since, *values)):
+            yield rows
+            last = rows[-1][0]
+            if last < since:  # a tree that leads in circles
+                raise unreadable(self.path, ValueError(f"{key} {last} comes after {since - 1}"))
+            if len(rows) < _SLICE or last == _HIGHEST:
+                return
+            since = last + 1
+
+    def _all(self, statement: str, values: tuple[object, ...] = ()) -> list[Any]:
+        try:
+            return list(self.guarded.rows(statement, values))
+        except (apsw.Error, UnicodeDecodeError) as error:
+            raise unreadable(self.path, error) from error
+
+
+def _bytes(value: object) -> bytes:
+    """A hash as stored; what is none is one of nothing."""
+    return value if isinstance(value, bytes) else b""

@@ -1,0 +1,192 @@
+"""Writing a run file: by one connection, ever.
+
+Write-ahead log with synchronous=FULL: a commit that returned survives a power cut. Triggers refuse UPDATE and DELETE,
+records are chained by hash (`rig.engine.chain`), and a partial unique index makes a second accepted observation of a
+point in one whole plot impossible. A finished run leaves WAL mode: one ordinary file.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import Self
+
+import apsw
+
+from rig.engine import wal
+from rig.engine.chain import Record, encode, link
+from rig.engine.last_word import LastWord, read_last_word
+from rig.engine.rescue import is_still_at, rescue
+from rig.engine.run_opening import check_header, checked, locked, unreadable
+from rig.engine.run_reader import RunReader
+from rig.engine.schema import INSERT_RECORD, guard
+from rig.engine.storage import storage_of
+from rig.errors import BusyError, StorageError
+
+
+class RunWriter(RunReader):
+    """The one connection that writes. Holds an exclusive lock on the run file while it lives."""
+
+    dropped: wal.WalState
+    _lock: int
+    _vfs: str
+
+    @classmethod
+    def open(cls, path: Path, *, vfs: str = "", verified: tuple[int, bytes] | None = None) -> Self:
+        """Lock, look at the log, open, verify. Raises `BusyError` or `RunFileError`.
+
+        Args:
+            path: the run file.
+            vfs: what it lies on.
+            verified: the head it had when it was verified a moment ago, which need not be done again while it has it.
+
+        """
+        check_header(path)
+        lock = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+        try:
+            if not locked(lock):
+                raise BusyError(f"{path} is in use by another controller; `rig status {path}` shows it")
+            _renew_log(path, vfs)
+            dropped = wal.inspect(path)
+            try:
+                db = apsw.Connection(str(path), flags=apsw.SQLITE_OPEN_READWRITE, vfs=vfs or None)
+                guard(db, writes=True)
+                run = cls(path, checked(path, db))
+            except apsw.Error as error:
+                raise unreadable(path, error) from error
+            run.dropped = dropped
+            run._lock = lock
+            run._vfs = vfs
+            try:
+                if verified is None or run.head() != verified:
+                    run.verify()
+                run._start()
+            except BaseException:
+                RunReader.close(run)
+                raise
+        except BaseException:
+            os.close(lock)
+            raise
+        return run
+
+    def _start(self) -> None:
+        try:
+            self._db.set_busy_timeout(10_000)
+            self._db.set_progress_handler(None)  # from here on it is our own statements on a file that verifies
+            self._db.pragma("synchronous", "extra")  # entering WAL mode, which journals its own way, is durable too
+            self._db.pragma("journal_mode", "wal")
+            self._db.pragma("synchronous", "full")
+        except apsw.Error as error:
+            raise _not_durable(self.path, error) from error
+        self._seq, self._hash = self.head()
+        self._pending: list[tuple[int, Record, bytes, bytes]] = []
+        self._finished = False
+        self._lost: StorageError | None = None
+        self.dropped = self._cut_off(self.dropped)
+        self._last_word = LastWord(self.path)
+        if self._seq > 1:
+            self._last_word.say(self._seq, self._hash)
+
+    def _cut_off(self, dropped: wal.WalState) -> wal.WalState:
+        """What was dropped, in the light of how many records the last session is known to have written."""
+        last = read_last_word(self.path)
+        if last is None:
+            return dropped
+        if self.holds(*last):
+            return replace(dropped, lost_commits=0)  # what is cut short at the end had not been acknowledged
+        missing = last[0] - self._seq
+        damage = f"its last {missing} record(s) are not there" if missing > 0 else f"record {last[0]} is another one"
+        return replace(dropped, damage=dropped.damage or damage, lost_commits=max(1, missing))
+
+    def append(self, record: Record, *, commit: bool = True) -> None:
+        """Add a record; without `commit` it becomes durable together with the next one that has it.
+
+        Raises:
+            StorageError: the record could not be made durable; the run must stop. It may still be found in the file
+                later, or become durable with the next commit.
+
+        """
+        seq = self._seq + len(self._pending) + 1
+        previous = self._pending[-1][3] if self._pending else self._hash
+        self._pending.append((seq, record, previous, link(previous, seq, record)))
+        if commit:
+            self.commit()
+
+    def commit(self) -> None:
+        """Make everything appended durable. Raises `StorageError`, also if the file has lost its name."""
+        if not self._pending:
+            return
+        self._must_be_there()
+        rows = [(seq, *record, previous, own) for seq, record, previous, own in self._pending]
+        try:
+            self._db.execute("BEGIN IMMEDIATE")
+            self._db.executemany(INSERT_RECORD, rows)
+            self._db.execute("COMMIT")
+        except apsw.Error as error:
+            with contextlib.suppress(apsw.Error):
+                self._db.execute("ROLLBACK")
+            if isinstance(error, apsw.ConstraintError):
+                raise
+            raise _not_durable(self.path, error) from error
+        self._seq, _, _, self._hash = self._pending[-1]
+        self._pending.clear()
+        self._last_word.say(self._seq, self._hash)
+
+    def _must_be_there(self) -> None:
+        """A file without its name would take a night's records with it when it is closed."""
+        if self._lost is None and not is_still_at(self.path, self._lock):
+            self._lost = rescue(self.path, self._db)
+        if self._lost is not None:
+            raise self._lost
+
+    def finish(self, record: Record) -> None:
+        """Write the end record with count and head hash, and turn the file into an ordinary one."""
+        self.commit()
+        body = {**record.data, "records": self._seq, "head": self._hash.hex()}
+        try:
+            self.append(
+                Record(record.session, "end", record.elapsed_s, record.utc_s, status=record.status, body=encode(body))
+            )
+        except StorageError:
+            self._pending.clear()  # what is still written about the failure must not follow an end
+            raise
+        self._db.set_busy_timeout(200)
+        # A reader is looking, or the disk refuses: every record is safe, only the log file stays.
+        with contextlib.suppress(apsw.Error, OSError):
+            self._db.wal_checkpoint(mode=apsw.SQLITE_CHECKPOINT_TRUNCATE)
+            self._db.pragma("synchronous", "extra")
+            self._db.pragma("journal_mode", "delete")
+            storage_of(self._vfs).sync_folder(self.path.parent)
+        self._finished = True
+
+    def close(self) -> None:
+        """Close; records not committed are lost, as they would be in a crash."""
+        try:
+            super().close()
+        finally:
+            self._last_word.close(finished=self._finished)
+            if self._lock >= 0:
+                os.close(self._lock)  # after SQLite: closing any descriptor drops its own locks on the file
+                self._lock = -1
+
+
+def _renew_log(path: Path, vfs: str) -> None:
+    """Write the log over itself before anything is built on it: a failed fsync may have left it in memory only.
+
+    Raises `StorageError`: nothing can be made durable.
+    """
+    log = path.with_name(path.name + "-wal")
+    try:
+        if log.exists():
+            storage_of(vfs).rewrite(log)
+    except OSError as error:
+        raise _not_durable(path, error) from error
+
+
+def _not_durable(path: Path, error: Exception) -> StorageError:
+    return StorageError(
+        f"cannot write to {path}: {error}. Everything up to the last observation is safe. "
+        f"Free space or mend the disk, then: rig resume {path}"
+    )
