@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 
 import pytest
 
@@ -37,7 +36,7 @@ def told(good, change, *, which=5):
     accepted = [r for r in records if r.kind == "observation" and r.status == "accepted"]
     data = json.loads(accepted[which].body)
     change(data)
-    otherwise = replace(accepted[which], body=json.dumps(data))
+    otherwise = accepted[which]._replace(body=json.dumps(data))
     return Night(played, run_list, [otherwise if r is accepted[which] else r for r in records])
 
 

@@ -22,7 +22,7 @@ from rig.engine.chain import GENESIS, Record, link
 from rig.engine.last_word import read_last_word
 from rig.engine.pages import Pages, Row
 from rig.engine.run_reader import RunReader
-from rig.engine.schema import APPLICATION_ID, INSERT_RECORD, SCHEMA_VERSION, statements
+from rig.engine.schema import APPLICATION_ID, INSERT_RECORD, SCHEMA_VERSION, statements, write_run_list
 from rig.engine.storage import storage_of
 from rig.errors import RunFileError, StorageError, UsageError
 
@@ -115,7 +115,7 @@ def _fill(db: apsw.Connection, path: Path, expand: Expand) -> tuple[int, int]:
         raise RunFileError(f"{path} is too damaged: not even its first record, which says what the run is, can be read")
     intact = _documents(path, first.data, documents)
     db.executemany("INSERT INTO document VALUES (?, ?)", list(intact.items()))
-    _write_run_list(db, _run_list(path, first.data, intact, pages, expand))
+    _make_run_list(db, _run_list(path, first.data, intact, pages, expand))
     db.execute("COMMIT")
     return count, seen
 
@@ -191,16 +191,8 @@ def _points(stored: Mapping[int, tuple[Any, ...]], factors: int) -> Iterator[Poi
             yield Point(index, c[1], c[2], tuple(map(float, c[3 : 3 + factors])), c[3 + factors :])
 
 
-def _write_run_list(db: apsw.Connection, runs: RunList) -> None:
+def _make_run_list(db: apsw.Connection, runs: RunList) -> None:
     for name, statement in statements([f.name for f in runs.factors]).items():
         if name == "point" or "_refuses_" in name:
             db.execute(statement)
-    db.executemany(
-        "INSERT INTO factor VALUES (?, ?, ?, ?, ?, ?)",
-        [(i, f.name, f.axis, f.overtravel, int(f.hard), int(f.stays)) for i, f in enumerate(runs.factors)],
-    )
-    marks = ", ".join("?" * (3 + 2 * len(runs.factors)))
-    db.executemany(
-        f"INSERT INTO point VALUES ({marks})",
-        ((p.index, p.replication, p.whole_plot, *p.setpoints, *p.sides) for p in runs.points),
-    )
+    write_run_list(db, runs)

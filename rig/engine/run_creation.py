@@ -13,7 +13,7 @@ import apsw
 
 from procedures import RunList
 from rig.engine.chain import GENESIS, Record, encode, link
-from rig.engine.schema import APPLICATION_ID, INSERT_RECORD, SCHEMA_VERSION, statements
+from rig.engine.schema import APPLICATION_ID, INSERT_RECORD, SCHEMA_VERSION, statements, write_run_list
 from rig.engine.storage import storage_of
 from rig.errors import RunFileError, StorageError
 
@@ -75,15 +75,7 @@ def _fill(db: apsw.Connection, genesis: Genesis, elapsed_s: float, utc_s: float)
     for statement in statements([f.name for f in runs.factors]).values():
         db.execute(statement)
     db.executemany("INSERT INTO document VALUES (?, ?)", list(genesis.documents.items()))
-    db.executemany(
-        "INSERT INTO factor VALUES (?, ?, ?, ?, ?, ?)",
-        [(i, f.name, f.axis, f.overtravel, int(f.hard), int(f.stays)) for i, f in enumerate(runs.factors)],
-    )
-    marks = ", ".join("?" * (3 + 2 * len(runs.factors)))
-    db.executemany(
-        f"INSERT INTO point VALUES ({marks})",
-        ((p.index, p.replication, p.whole_plot, *p.setpoints, *p.sides) for p in runs.points),
-    )
+    write_run_list(db, runs)
     body = {
         "run_id": genesis.run_id,
         "simulated": genesis.simulated,

@@ -16,6 +16,8 @@ from typing import Any
 
 import apsw
 
+from procedures import RunList
+
 APPLICATION_ID = 0x52494721
 SCHEMA_VERSION = 2
 TABLES = ("document", "factor", "point", "record")
@@ -60,6 +62,19 @@ _PRAGMAS = {
     "data_version",
 }
 _FUNCTIONS = {"count", "ifnull", "typeof", "group_concat", "max", "min", "length"}
+
+
+def write_run_list(db: apsw.Connection, runs: RunList) -> None:
+    """Every factor and point, into tables that are there."""
+    db.executemany(
+        "INSERT INTO factor VALUES (?, ?, ?, ?, ?, ?)",
+        [(i, f.name, f.axis, f.overtravel, int(f.hard), int(f.stays)) for i, f in enumerate(runs.factors)],
+    )
+    marks = ", ".join("?" * (3 + 2 * len(runs.factors)))
+    db.executemany(
+        f"INSERT INTO point VALUES ({marks})",
+        ((p.index, p.replication, p.whole_plot, *p.setpoints, *p.sides) for p in runs.points),
+    )
 
 
 def statements(factors: Sequence[str]) -> dict[str, str]:
