@@ -5,7 +5,8 @@ most 80 characters, separated by semicolons; every query of a line is answered w
 
 The controller does not tell whether an axis has been homed. This driver therefore leaves a mark when it has seen a
 home search end well: a distinctive jog speed (JW), which is lost at power-off just as the encoder's zero is. It is
-never saved to the controller's memory, and jogging from the front panel merely runs at that speed.
+never saved to the controller's memory, and jogging from the front panel merely runs at that speed. Another one marks
+a search under way: a controller that was switched off in it stands still at what it calls zero, too.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from drivers.wires import SerialSettings, Wires
 Axis = Literal["pitch", "roll"]
 
 _HOMED_MARK_DEG_PER_S = 0.1357
+_SEARCHING_MARK_DEG_PER_S = 0.2468
 _NOT_HOMED_DEG_PER_S = 1.0
 _HOME_TOLERANCE_DEG = 0.01
 _DEGREES = 7  # SN's number for this unit
@@ -140,7 +142,7 @@ class NewportESP301:
         self.read()
         for axis, n in self._numbers.items():
             if not self._homed[axis]:
-                self._line.write(f"{n}JW{_NOT_HOMED_DEG_PER_S:g};{n}OR{self._options.home_mode}")
+                self._line.write(f"{n}JW{_SEARCHING_MARK_DEG_PER_S:g};{n}OR{self._options.home_mode}")
                 self._homing[axis] = self._clock.now()
                 self._faults[axis] = ""
         self._unchecked = True
@@ -219,13 +221,16 @@ class NewportESP301:
                 if moving[axis]:
                     continue
                 del self._homing[axis]
-                if not self._faults[axis] and abs(positions[axis]) <= _HOME_TOLERANCE_DEG:
+                at_zero = enabled[axis] and not self._faults[axis] and abs(positions[axis]) <= _HOME_TOLERANCE_DEG
+                if at_zero and self._has_mark(n, _SEARCHING_MARK_DEG_PER_S):
                     self._line.write(f"{n}JW{_HOMED_MARK_DEG_PER_S:g}")
                 self._homed[axis] = None
             if self._homed[axis] is None or not enabled[axis]:
-                question = f"{n}JW?"
-                mark = self._number(question, self._line.query(question))
-                self._homed[axis] = math.isclose(mark, _HOMED_MARK_DEG_PER_S, rel_tol=_SPEED_ROUNDING)
+                self._homed[axis] = self._has_mark(n, _HOMED_MARK_DEG_PER_S)
+
+    def _has_mark(self, n: int, deg_per_s: float) -> bool:
+        question = f"{n}JW?"
+        return math.isclose(self._number(question, self._line.query(question)), deg_per_s, rel_tol=_SPEED_ROUNDING)
 
     def _collect_errors(self) -> None:
         """Move the controller's errors to the axes they belong to."""

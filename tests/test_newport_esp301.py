@@ -150,6 +150,25 @@ def test_the_home_mark_alone_does_not_come_from_an_interrupted_search():
     assert states["pitch"].fault == "AXIS-1 HOMING ABORTED (error 120)"
 
 
+def test_a_controller_switched_off_in_a_search_has_not_found_its_zero():
+    """It stands still at what it calls zero; somebody may even have switched the motors on again."""
+    rig = Rig()
+    rig.head.prepare()
+    rig.head.home()
+    rig.world.sleep(1.0)
+    rig.twin.power_cycle()
+    states = rig.until_still()
+    assert states["pitch"].position_deg == 0.0
+    assert not any(s.homed for s in states.values())
+    rig.head.home()
+    rig.world.sleep(1.0)
+    rig.twin.power_cycle()
+    rig.head.prepare()
+    states = rig.until_still()
+    assert all(s.enabled for s in states.values())
+    assert not any(s.homed for s in states.values())
+
+
 def test_move_starts_both_axes_with_one_line():
     rig = Rig().ready()
     rig.head.move({"pitch": 12.5, "roll": -30.0})
