@@ -222,10 +222,10 @@ class NewportESP301:
                     continue
                 del self._homing[axis]
                 at_zero = enabled[axis] and not self._faults[axis] and abs(positions[axis]) <= _HOME_TOLERANCE_DEG
-                if at_zero and self._has_mark(n, _SEARCHING_MARK_DEG_PER_S):
+                self._homed[axis] = at_zero and self._has_mark(n, _SEARCHING_MARK_DEG_PER_S)
+                if self._homed[axis]:  # a mark that is lost on its way costs another search, no more
                     self._line.write(f"{n}JW{_HOMED_MARK_DEG_PER_S:g}")
-                self._homed[axis] = None
-            if self._homed[axis] is None or not enabled[axis]:
+            elif self._homed[axis] is None or not enabled[axis]:
                 self._homed[axis] = self._has_mark(n, _HOMED_MARK_DEG_PER_S)
 
     def _has_mark(self, n: int, deg_per_s: float) -> bool:
