@@ -46,6 +46,10 @@ class Noise(Protocol):
     def slow(self) -> BoolArray:
         """(G,) whether errors are remembered so long that they look like an effect in time."""
 
+    @property
+    def memory(self) -> FloatArray:
+        """(G,) variance of the mean of all rows over that of independent ones; ones if order plays no part."""
+
     def whiten(self, which: IntArray, columns: FloatArray) -> FloatArray:
         """(len(which), n, m) `columns` (n, m) as they are where errors are independent with one variance."""
 
@@ -85,6 +89,11 @@ class Independent:
     def slow(self) -> BoolArray:
         """See `Noise`."""
         return np.zeros(1, np.bool_)
+
+    @property
+    def memory(self) -> FloatArray:
+        """See `Noise`."""
+        return np.ones(1)
 
     def whiten(self, which: IntArray, columns: FloatArray) -> FloatArray:
         """See `Noise`."""
@@ -157,6 +166,13 @@ class Wandering:
         correlation = self._grid[0]
         shortest = np.exp(-MEMORIES / max(float(np.ptp(self.when)), 1.0))
         return np.asarray(correlation > min(SLOW, shortest))
+
+    @cached_property
+    def memory(self) -> FloatArray:
+        """See `Noise`."""
+        ones = np.ones((len(self.when), 1))
+        every = range(len(self._grid[0]))
+        return np.array([np.sum(self.root(g, ones) ** 2) / np.sum(self.variances(g)) for g in every])
 
     @cached_property
     def _filter(self) -> tuple[FloatArray, FloatArray, FloatArray]:
