@@ -27,8 +27,8 @@ DOUBTFUL = 5.0
 """Weight of p of a drift over an order that nobody vouches for; others count as one (weighted family-wise error:
 Genovese, Roeder and Wasserman, Biometrika 93 (2006) 509)."""
 PAIRED = 3
-"""Effects in time beside which another is tried where none stands out by itself. That each of two has to stand out
-beside the other outweighs that several are tried: python -m benchmarks.tables_campaign noise --only walk."""
+"""Effects in time beside which another is tried where none stands out by itself. Each of two has to stand out beside
+the other, one of them by so many times more, since so many are tried."""
 ALIKE = 4.0
 """Difference of twice the log-likelihood up to which the order of the catalogue decides."""
 MOST_TERMS = 3
@@ -80,9 +80,12 @@ class TableJudge:
             return ()
         for j in [j for j in ranked if self.candidates[j].effect.source == "time"][:PAIRED]:
             for k in self._ranked((*chosen, j)):
-                if self.candidates[k].effect.name != self.candidates[j].effect.name and all(
-                    self._adjusted((*chosen, one), other) <= ALPHA for one, other in ((j, k), (k, j))
-                ):
+                other = self.candidates[k].effect
+                if other.source != "time" or other.name == self.candidates[j].effect.name:
+                    continue
+                p = self._adjusted((*chosen, j), k)
+                both = (p, self._adjusted((*chosen, k), j)) if p <= ALPHA else (p,)
+                if max(both) <= ALPHA and min(both) <= ALPHA / PAIRED:
                     return (j, k)
         return ()
 
