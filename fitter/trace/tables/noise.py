@@ -18,9 +18,10 @@ from fitter.arrays import FloatArray, IntArray
 
 SHARES = (1.0, 0.7, 0.4, 0.15)
 """Of the variance of one row, what wanders; the rest is drawn anew for every row."""
-CORRELATIONS = (0.2, 0.4, 0.6, 0.75, 0.87, 0.94, 0.97, 0.99)
-"""Of what wanders, between neighbouring rows."""
-WALKS = (0.001, 0.01, 0.1, 1.0, 30.0)
+CORRELATIONS = (0.2, 0.4, 0.6, 0.75, 0.83, 0.89, 0.93, 0.96, 0.98, 0.99)
+"""Of what wanders, between neighbouring rows. Where long tables tell more, what is between two of these is drawn with
+too little or too much of slow noise: between 0.87 and 0.94 a third too little."""
+WALKS = (0.001, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 30.0)
 """Variance of a random walk's step over that of what is drawn anew for every row."""
 LEAST_WHITE = 0.01
 SLOW, MEMORIES = 0.9, 6.0
@@ -45,6 +46,10 @@ class Noise(Protocol):
     @property
     def slow(self) -> BoolArray:
         """(G,) whether errors are remembered so long that they look like an effect in time."""
+
+    @property
+    def memory(self) -> FloatArray:
+        """(G,) variance of the mean of all rows over that of independent ones; ones if order plays no part."""
 
     def whiten(self, which: IntArray, columns: FloatArray) -> FloatArray:
         """(len(which), n, m) `columns` (n, m) as they are where errors are independent with one variance."""
@@ -85,6 +90,11 @@ class Independent:
     def slow(self) -> BoolArray:
         """See `Noise`."""
         return np.zeros(1, np.bool_)
+
+    @property
+    def memory(self) -> FloatArray:
+        """See `Noise`."""
+        return np.ones(1)
 
     def whiten(self, which: IntArray, columns: FloatArray) -> FloatArray:
         """See `Noise`."""
@@ -157,6 +167,13 @@ class Wandering:
         correlation = self._grid[0]
         shortest = np.exp(-MEMORIES / max(float(np.ptp(self.when)), 1.0))
         return np.asarray(correlation > min(SLOW, shortest))
+
+    @cached_property
+    def memory(self) -> FloatArray:
+        """See `Noise`."""
+        ones = np.ones((len(self.when), 1))
+        every = range(len(self._grid[0]))
+        return np.array([np.sum(self.root(g, ones) ** 2) / np.sum(self.variances(g)) for g in every])
 
     @cached_property
     def _filter(self) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -23,7 +23,7 @@ ORDERS = ("second-order", "third-order", "fourth-order", "fifth-order")
 """Kinds that lead their alias class as its simplest even if they just miss standing out by themselves."""
 JUST = 2.0
 """Up to so many times the limit of the probability; another of the class is below it."""
-FEWEST_FOR_WANDER = 10
+FEWEST_FOR_WANDER = 6
 
 
 @dataclass(frozen=True, eq=False)

@@ -46,6 +46,11 @@ class Shared:
         """See `Noise`."""
         return np.zeros(len(self._ratio), np.bool_)
 
+    @property
+    def memory(self) -> FloatArray:
+        """See `Noise`."""
+        return np.ones(len(self._ratio))
+
     @cached_property
     def log_det(self) -> FloatArray:
         """See `Noise`."""
