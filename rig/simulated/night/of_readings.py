@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Iterator
 from dataclasses import dataclass
 from math import sqrt
+from operator import attrgetter
 
 from procedures import Point
 from rig.engine.chain import Record
@@ -54,18 +56,31 @@ def _read(night: Night, record: Record, point: Point, of: _Input, values: list[f
 
 
 def _readback(night: Night, record: Record, column: str, values: list[float]) -> Iterator[str]:
-    """The pressure that the sensors are calibrated against: what the controller then said, and what was true."""
+    """The pressure that the sensors are calibrated against: what the controller then said, and what was true.
+
+    What a controller repeats that hangs has to have been true when it was first said, at this setpoint, in the band
+    that a pressure has to stay in to count as settled: it is off by the width of that at most.
+    """
     began, ended = night.measured_s(record)
     instrument = night.played.plan.bench.factors[column]
-    made = (b for b in night.tape.readbacks if b.instrument == instrument and began - 1e-6 <= b.t_s <= ended)
+    made = [b for b in night.tape.readbacks if b.instrument == instrument and b.t_s <= ended]
+    first = bisect_left(made, began - 1e-6, key=attrgetter("t_s"))
     bound = _SDS * night.played.bench.sim.plant.pressure_line(instrument).truth.reference_noise_psi + _DIGIT_PSI
+    setpoint = night.run_list.setting(night.point(record))[column]
+    band = night.played.plan.procedure.settle.judged().band
+    left = iter(range(first, len(made)))
     for value in values:
-        said = next((b for b in made if abs(b.given - value) <= _DIGIT_PSI), None)
-        if said is None:
+        at = next((i for i in left if abs(made[i].given - value) <= _DIGIT_PSI), None)
+        if at is None:
             yield f"point {record.run_index}: {column} = {value:g} was not read between {began:.1f} and {ended:.1f} s"
             return
-        if abs(said.given - said.true) > bound:
-            yield f"point {record.run_index}: {column} = {value:g} is off by {said.given - said.true:.2g} psi"
+        now = made[at]
+        while at and made[at - 1].given == now.given:
+            at -= 1
+        then = made[at]
+        stood = then is not now and max(abs(then.given - setpoint), abs(now.true - setpoint)) <= band
+        if abs(now.given - (then if stood else now).true) > bound:
+            yield f"point {record.run_index}: {column} = {value:g} is off by {now.given - now.true:.2g} psi"
             return
 
 
