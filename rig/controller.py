@@ -37,7 +37,6 @@ from rig.engine.state import RunState, fold
 from rig.errors import BenchFault, ConfigurationError, RigError, UsageError
 from rig.locks import locked_addresses
 from rig.matching import check_match
-from rig.previous import parse_previous, previous_text
 from rig.room import check_may_write, check_room
 
 WORLD_START = "world_start_s"
@@ -101,6 +100,8 @@ def load_plan(procedure: Path, bench: Path, *, dry: bool = False, world: Path | 
         documents["world.toml"] = read_text(world, "world")
     against = parse_procedure(documents["procedure.toml"], str(procedure)).warnings.against
     if against is not None:
+        from rig.previous import previous_text  # noqa: PLC0415 - brings the fitter, which few runs need
+
         try:
             documents[PREVIOUS] = previous_text(procedure.parent / against)
         except (RigError, OSError) as error:
@@ -349,7 +350,11 @@ def _session(
     observer: Observer | None,
     warn: Callable[[str], None] = lambda _: None,
 ) -> Result:
-    previous = parse_previous(plan.documents[PREVIOUS], str(run.path)) if PREVIOUS in plan.documents else None
+    previous = None
+    if PREVIOUS in plan.documents:
+        from rig.previous import parse_previous  # noqa: PLC0415
+
+        previous = parse_previous(plan.documents[PREVIOUS], str(run.path))
     gap = Gap(_world_start(run)) if boot == _VIRTUAL else gap_since(state, clock, boot)
     if gap.warning:
         warn(gap.warning)

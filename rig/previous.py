@@ -18,9 +18,8 @@ from fitter.inverse import AttitudeCalibration
 from fitter.pressure import PressureCalibration
 from rig.errors import UsageError
 from rig.inference.calibration_file import calibration_of, read_calibration
+from rig.quantities import PITCH, PRESSURE, ROLL, SENSOR, SSE
 
-PITCH, ROLL = "pitch_deg", "roll_deg"
-PRESSURE, SENSOR, SSE = "pressure_psia", "sensor_temperature_degC", "sse_temperature_degC"
 _TO_GRAVITY = np.array([1.0, -1.0, -1.0])
 
 Columns = Mapping[str, FloatArray]

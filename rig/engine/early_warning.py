@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,7 +20,10 @@ from rig.engine.chain import Record
 from rig.engine.response_test import ResponseTest, Row
 from rig.engine.run_reader import RunReader
 from rig.engine.warning_tests import ALARM, NoiseTest, Number, PreviousTest, RepeatTest
-from rig.previous import PITCH, PRESSURE, ROLL, Previous
+from rig.quantities import PITCH, PRESSURE, ROLL
+
+if TYPE_CHECKING:
+    from rig.previous import Previous
 
 _SETTINGS = 400
 """Settings whose first readings are kept for comparison, at most about so many, however long the run."""

@@ -8,6 +8,7 @@ of which nothing has been observed yet.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from drivers.clock import Clock
 from drivers.errors import DriverError
@@ -35,7 +36,9 @@ from rig.engine.standing import Standing
 from rig.engine.state import RunState
 from rig.engine.states import AT_POINT, FINAL, State, machine
 from rig.errors import BenchFault, RigError, StorageError
-from rig.previous import Previous
+
+if TYPE_CHECKING:
+    from rig.previous import Previous
 
 
 class Sequencer:

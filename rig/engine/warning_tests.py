@@ -13,8 +13,7 @@ import math
 from collections import deque
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
-
-from scipy import special
+from statistics import NormalDist
 
 ALARM = 0.01
 """Chance of a false alarm in a run, all outputs and tests together."""
@@ -89,7 +88,7 @@ class NoiseTest:
             ratio = now / before
             if ratio < self.LEAST**2:
                 continue
-            if special.fdtrc(size * self._df, len(self._first) * self._df, ratio) < self._p:
+            if _chance_f(size * self._df, len(self._first) * self._df, ratio) < self._p:
                 return (
                     f"has become {math.sqrt(ratio):.2g} times as noisy as at the first {self.FIRST} points: the sd of "
                     f"a reading is {self._say(math.sqrt(now))} at the last {size} points, it was "
@@ -151,7 +150,7 @@ class RepeatTest:
             if variance <= 0.0:
                 continue
             t = abs(shift) / math.sqrt(variance / size)
-            if abs(shift) > math.sqrt(variance) and 2.0 * special.stdtr(size * 2.0 / 3.0, -t) < self._p:
+            if abs(shift) > math.sqrt(variance) and 2.0 * _chance_t(size * 2.0 / 3.0, -t) < self._p:
                 return (
                     f"has drifted by {self._say(shift)}: the mean over the last {size} repeated settings against the "
                     f"first readings there, of which one differs by {self._say(math.sqrt(variance))} (sd) by chance"
@@ -173,7 +172,7 @@ class PreviousTest:
 
     def __init__(self, points: int, outputs: int, say: Callable[[float], str]) -> None:
         self._say = say
-        self._z = -float(special.ndtri(threshold(points, outputs, len(self.WINDOWS)) / 4.0))
+        self._z = -NormalDist().inv_cdf(threshold(points, outputs, len(self.WINDOWS)) / 4.0)
         self._recent: deque[tuple[float, float, float]] = deque(maxlen=max(self.WINDOWS))
 
     def forget(self) -> None:
@@ -207,3 +206,17 @@ class PreviousTest:
                     f"allow for {self._say(allowed)}"
                 )
         return ""
+
+
+def _chance_f(of: float, to: float, ratio: float) -> float:
+    """Chance of so large a ratio of variances."""
+    from scipy.special import fdtrc  # noqa: PLC0415 - takes half a second, when nobody waits for a prompt
+
+    return float(fdtrc(of, to, ratio))
+
+
+def _chance_t(df: float, t: float) -> float:
+    """Chance of a t below this."""
+    from scipy.special import stdtr  # noqa: PLC0415
+
+    return float(stdtr(df, t))

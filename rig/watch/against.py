@@ -9,7 +9,7 @@ import numpy as np
 from fitter.arrays import FloatArray
 from fitter.attitude import attitude_columns
 from fitter.pressure.models import named_formula
-from rig.previous import PITCH, PRESSURE, ROLL, SENSOR, SSE
+from rig.quantities import PITCH, PRESSURE, ROLL, SENSOR, SSE
 from rig.watch.reading import Seen
 
 
