@@ -31,7 +31,11 @@ def truthful(night: Night) -> Iterator[str]:
 
 
 def _read(night: Night, record: Record, point: Point, of: _Input, values: list[float]) -> Iterator[str]:
-    """What is wrong with the first reading of a column with which anything is."""
+    """What is wrong with the first reading of a column with which anything is.
+
+    A thermometer that hangs is excepted: what it repeats must have been true when it was first said, wherever that was.
+    One that has never been seen to change cannot be told from a coarse one.
+    """
     made = night.of_input(of.wire)
     left = iter(night.meanwhile(record, of.wire))
     for value in values:
@@ -41,15 +45,18 @@ def _read(night: Night, record: Record, point: Point, of: _Input, values: list[f
             began, ended = night.measured_s(record)
             yield f"point {point.index}: {of.column} = {value:g} was not read between {began:.1f} and {ended:.1f} s"
             return
-        reading = made[at]
-        off = abs(reading.given - reading.true)
-        wrong = list(_there(night, point, of.column, reading))
-        if off > of.bound(reading):
-            wrong.append(f"point {point.index}: {of.column} = {value:g} is off by {off:.2g} {reading.unit}")
+        reading = then = made[at]
         # What a meter that hangs repeats may be from elsewhere and within the noise by chance: it must be from here.
         while at and made[at].given != made[at].found and made[at - 1].given == reading.given:
             at -= 1
-        wrong += _there(night, point, f"{of.column}, repeated since then,", made[at])
+            then = made[at]
+        judged = then if reading.unit == "degC" else reading
+        off = abs(judged.given - judged.true)
+        wrong = list(_there(night, point, of.column, reading))
+        if off > of.bound(judged):
+            wrong.append(f"point {point.index}: {of.column} = {value:g} is off by {off:.2g} {reading.unit}")
+        if reading.unit == "V":
+            wrong += _there(night, point, f"{of.column}, repeated since then,", then)
         if wrong:
             yield wrong[0]
             return
