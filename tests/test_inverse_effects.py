@@ -33,7 +33,7 @@ def contributions(found):
 @pytest.fixture(scope="module")
 def traced():
     print(f"seed {SEED}")
-    data, _ = simulate(PADS, D1(180, 13, 13, replications=4), SEED)
+    data, _ = simulate(PADS, D1(180, 13, 13, replications=2), SEED)
     return data, contributions(trace(data, validate=False))
 
 
