@@ -58,10 +58,11 @@ class Blocks:
 
     def sums(self, values: Floats) -> Floats:
         """(J,) or (J, m): sums over each block of values (D,) or (D, m) of its columns."""
-        out = np.zeros((len(self.rank), *values.shape[1:]), values.dtype)
-        filled = self.rank > 0
-        if np.any(filled):
-            out[filled] = np.add.reduceat(values, self.start[:-1][filled], axis=0)
+        rank, start = self.rank, self.start[:-1]
+        out = np.zeros((len(rank), *values.shape[1:]), values.dtype)
+        for k in range(int(rank.max(initial=0))):  # few are wide; `add.reduceat` takes three times as long
+            wide = rank > k
+            out[wide] += values[start[wide] + k]
         return out
 
 
