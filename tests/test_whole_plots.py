@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from ideal_pressure_bench import EACH, IN_ALL, PROCEDURE, PressureBench, new_run, run_session
 
@@ -234,6 +235,24 @@ def test_a_stray_readback_while_the_sensors_are_read_does_not_become_their_refer
     for record in accepted(path):
         reference, setpoint = record.data["references"]["pressure_psia"], PROCEDURE.expand().points[record.run_index]
         assert reference["readings"] == pytest.approx([setpoint.setpoints[0]] * len(reference["readings"]), abs=1e-9)
+
+
+def test_a_reference_that_is_noisy_is_no_stray_one(tmp_path):
+    """Of forty readbacks with half the band for standard deviation two are outside it; their mean is not."""
+    rng = np.random.default_rng(11)
+    procedure = PROCEDURE.model_copy(update={"measure": PROCEDURE.measure.model_copy(update={"readings": 40})})
+    path, bench = new_run(tmp_path, procedure), PressureBench()
+    read = bench.supply.read
+
+    def noisy():
+        state = read()
+        return replace(state, pressure_psia=state.pressure_psia + rng.normal(0.0, 0.001))
+
+    bench.supply.read = noisy
+    outcome, _, message = run_session(path, bench, procedure=procedure)
+    assert outcome is Outcome.COMPLETE, message
+    assert not [r for r in records(path, "fault") if "while it was measured" in r.data["message"]]
+    assert max(r.data["references"]["pressure_psia"]["sd"] for r in accepted(path)) > 0.0008
 
 
 @pytest.mark.parametrize(("policy", "outcome"), [("abort", Outcome.FAULT), ("hold", Outcome.FAULT)])

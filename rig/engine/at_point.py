@@ -6,6 +6,7 @@ Every handler answers with the trigger that follows. What goes wrong is raised; 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from statistics import median
 from typing import Any
 
 from procedures import PitchRollProcedure, Point, Procedure, RunList
@@ -23,6 +24,8 @@ from rig.engine.soaking import Soaking
 _MOVE_TIMEOUT_S = 600.0
 _NEARLY = 0.9
 """Of its overtravel an axis must have come at least: where it turned it may have stood a little short of it."""
+_STRAY_SDS = 6.0
+_SDS_OF_MAD = 1.4826
 
 
 class AtPoint:
@@ -163,13 +166,18 @@ class AtPoint:
         self._last_read = point, {name: c.readings for name, c in observation.outputs.items()}
 
     def _check_references(self, observation: Observation) -> None:
-        """What sensors are calibrated against stood while it was read: one stray readback would shift its mean."""
+        """What sensors are calibrated against stood while it was read: no stray readback goes into its mean.
+
+        The mean is to be in the band, and no readback further off than that and than readbacks scatter.
+        """
         at, band = self._at, self._settle.band
         targets = self._targets(at.point)
         for factor in self._references:
-            readings, target = observation.references[factor.name].readings, targets[factor.axis]
-            worst = max(readings, key=lambda r: abs(r - target))
-            if abs(worst - target) > band:
+            channel, target = observation.references[factor.name], targets[factor.axis]
+            middle = median(channel.readings)
+            scatter = _SDS_OF_MAD * median(abs(r - middle) for r in channel.readings)
+            worst = max(channel.readings, key=lambda r: abs(r - target))
+            if abs(channel.mean - target) > band or abs(worst - target) > max(band, _STRAY_SDS * scatter):
                 words = f"{factor.axis} read {worst:g} while it was measured, not within {band:g} of {target:g}"
                 raise NotSettled(words, at.settling)
 
