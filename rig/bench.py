@@ -51,7 +51,7 @@ def driver_class(name: str) -> DriverClass:
     return found
 
 
-def check_options(config: BenchConfig, where: str) -> dict[str, BaseModel]:
+def check_options(config: BenchConfig, where: str, *, strict: bool = True) -> dict[str, BaseModel]:
     """Every instrument's options checked by its driver, by name; raises `ConfigurationError`."""
     checked = {}
     for name, instrument in config.instruments.items():
@@ -60,7 +60,7 @@ def check_options(config: BenchConfig, where: str) -> dict[str, BaseModel]:
         except ConfigurationError as error:
             raise ConfigurationError(f"{where}: instruments.{name}: {error}") from None
         options = with_contracts(instrument.driver, instrument.options)
-        checked[name] = validated(cls.Options, options, f"{where}: instruments.{name}")
+        checked[name] = validated(cls.Options, options, f"{where}: instruments.{name}", strict=strict)
     _check_limit_names(config, where)
     _check_rates(config, checked, where)
     _check_interlocks(config, where)

@@ -9,6 +9,7 @@ import json
 import tomllib
 from collections.abc import Mapping
 from datetime import date
+from math import isfinite
 from pathlib import Path
 from typing import Any, Literal, Self, TypeVar
 
@@ -118,6 +119,8 @@ class BenchConfig(_Strict):
         for name, (low, high) in self.limits.items():
             if not low < high:
                 raise ValueError(f"limits.{name}: {low:g} is not below {high:g}")
+            if not (isfinite(low) and isfinite(high)):
+                raise ValueError(f"limits.{name}: {low:g} to {high:g} limits nothing; give two numbers")
         return self
 
 
@@ -145,9 +148,9 @@ def read_text(path: Path, what: str) -> str:
         raise ConfigurationError(f"{path} cannot be read: {error.strerror}") from error
 
 
-def parse_bench(text: str, where: str) -> BenchConfig:
-    """Check the text of a bench file."""
-    return validated(BenchConfig, parse_toml(text, where), where)
+def parse_bench(text: str, where: str, *, strict: bool = True) -> BenchConfig:
+    """Check the text of a bench file; `strict` as in `validated`."""
+    return validated(BenchConfig, parse_toml(text, where), where, strict=strict)
 
 
 _KINDS: dict[str, type[PitchRollProcedure] | type[WholePlotProcedure]] = {
@@ -156,22 +159,23 @@ _KINDS: dict[str, type[PitchRollProcedure] | type[WholePlotProcedure]] = {
 }
 
 
-def parse_procedure(text: str, where: str) -> Procedure:
-    """Check the text of a procedure file."""
+def parse_procedure(text: str, where: str, *, strict: bool = True) -> Procedure:
+    """Check the text of a procedure file; `strict` as in `validated`."""
     values = parse_toml(text, where)
     kind = values.get("kind")
     if kind not in _KINDS:
         known = ", ".join(f'"{k}"' for k in _KINDS)
         raise ConfigurationError(f"{where}: kind = {kind!r} is not a kind of procedure; known: {known}")
-    return validated(_KINDS[kind], values, where)
+    return validated(_KINDS[kind], values, where, strict=strict)
 
 
-def validated(model: type[Model], values: Mapping[str, Any], where: str) -> Model:
+def validated(model: type[Model], values: Mapping[str, Any], where: str, *, strict: bool = True) -> Model:
     """An instance of `model`; raises `ConfigurationError` listing everything that is wrong.
 
     Strictly, as JSON has it: a list is a tuple and a text a path, but "yes" is no truth, "3" no number, 3.0 no count.
+    What a run file holds is read otherwise: versions that took these began runs that are to be finished.
     """
     try:
-        return model.model_validate_json(json.dumps(values, default=str), strict=True)
+        return model.model_validate_json(json.dumps(values, default=str), strict=strict)
     except ValidationError as error:
         raise ConfigurationError(explain(error, where, model)) from error

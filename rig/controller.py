@@ -17,6 +17,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from pydantic import BaseModel
+
 from drivers.clock import Clock, RealClock, ScaledClock, boot_id
 from drivers.errors import DriverError
 from procedures import PitchRollProcedure, Procedure, RunList
@@ -110,19 +112,37 @@ def load_plan(procedure: Path, bench: Path, *, dry: bool = False, world: Path | 
     return _plan(documents, dry, {"bench.toml": str(bench), "procedure.toml": str(procedure), "world.toml": str(world)})
 
 
-def _plan(documents: Mapping[str, str], dry: bool, where: Mapping[str, str]) -> Plan:
-    config = parse_bench(documents["bench.toml"], where["bench.toml"])
-    check_options(config, where["bench.toml"])
-    procedure = parse_procedure(documents["procedure.toml"], where["procedure.toml"])
+def _plan(documents: Mapping[str, str], dry: bool, where: Mapping[str, str], *, strict: bool = True) -> Plan:
+    config = parse_bench(documents["bench.toml"], where["bench.toml"], strict=strict)
+    checked = check_options(config, where["bench.toml"], strict=strict)
+    if not strict:
+        config = _as_checked(config, checked)
+    procedure = parse_procedure(documents["procedure.toml"], where["procedure.toml"], strict=strict)
     run_list = procedure.expand()
     check_match(config, procedure, run_list, where["bench.toml"])
     truth = parse_toml(documents["world.toml"], where["world.toml"]) if "world.toml" in documents else {}
     return Plan(documents, config, procedure, run_list, dry, truth)
 
 
-def plan_of(documents: Mapping[str, str], *, dry: bool) -> Plan:
-    """Check what decides a run, from the texts of its files by document name. Raises `ConfigurationError`."""
-    return _plan(documents, dry, {name: name for name in documents})
+def _as_checked(config: BenchConfig, checked: Mapping[str, BaseModel]) -> BenchConfig:
+    """The bench with options of the kinds that their drivers take them for."""
+    instruments = {}
+    for name, one in config.instruments.items():
+        options = checked[name].model_dump(mode="json")
+        instruments[name] = one.model_copy(update={k: options.get(k, v) for k, v in one.options.items()})
+    return config.model_copy(update={"instruments": instruments})
+
+
+def plan_of(documents: Mapping[str, str], *, dry: bool, stored: bool = False) -> Plan:
+    """Check what decides a run, from the texts of its files by document name. Raises `ConfigurationError`.
+
+    Args:
+        documents: the texts.
+        dry: whether the run is a dry one.
+        stored: they are those of a run file, perhaps of an earlier version's.
+
+    """
+    return _plan(documents, dry, {name: name for name in documents}, strict=not stored)
 
 
 def _mounted(plan: Plan) -> Mapping[str, Any]:
@@ -319,7 +339,8 @@ def _losses(run: RunWriter, state: RunState, told: int) -> Iterator[str]:
 
 def _stored_plan(run: RunReader, path: Path, bench: Path | None) -> Plan:
     documents = run.documents()
-    plan = _plan(documents, bool(run.genesis().data["dry"]), {name: f"{path} ({name})" for name in documents})
+    where = {name: f"{path} ({name})" for name in documents}
+    plan = _plan(documents, bool(run.genesis().data["dry"]), where, strict=False)
     if plan.run_list.sha256() != run.genesis().data["run_list"]:
         raise ConfigurationError(
             f"{path}: this version of rig expands the stored procedure to another run list; "

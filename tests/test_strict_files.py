@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
+from dry import write_short
+from pydantic import BaseModel
 
 from rig.bench import check_options
 from rig.config import parse_bench, parse_procedure
+from rig.controller import load_plan, resume_run, start_run
+from rig.engine.session import Outcome, Signals
 from rig.errors import ConfigurationError
 from rig.examples import example
 
@@ -70,3 +76,33 @@ def test_and_so_are_the_options_of_drivers():
     text = BENCH.read_text().replace("speed_deg_per_s = 5.0", 'speed_deg_per_s = "5.0"')
     with pytest.raises(ConfigurationError, match=r"instruments.head: speed_deg_per_s: should be a number"):
         check_options(parse_bench(text, "bench.toml"), "bench.toml")
+
+
+def test_a_run_that_a_laxer_version_began_goes_on(tmp_path, monkeypatch):
+    """Quotes that were taken for numbers and truths when the run began are in its file for good."""
+    lax = BENCH.read_text().replace("nplc = 10", 'nplc = "10"')
+    assert lax != BENCH.read_text()
+    (tmp_path / "bench.toml").write_text(lax)
+    with pytest.raises(ConfigurationError, match="nplc: should be"):
+        load_plan(write_short(tmp_path), tmp_path / "bench.toml", dry=True)
+    with monkeypatch.context() as earlier:
+        earlier.setattr(BaseModel, "model_validate_json", _laxly)
+        plan = load_plan(write_short(tmp_path), tmp_path / "bench.toml", dry=True)
+        run = []
+        start_run(plan, tmp_path, signals=Signals("SIGTERM"), announce=run.append, on_progress=lambda _: None)
+    result = resume_run(run[0], signals=Signals(), on_progress=lambda _: None)
+    assert result.outcome is Outcome.COMPLETE, result.message
+
+
+_STRICTLY = BaseModel.model_validate_json.__func__
+
+
+@classmethod
+def _laxly(cls, text, **options):
+    return _STRICTLY(cls, text, **{**options, "strict": False})
+
+
+@pytest.mark.parametrize("limit", ["[-inf, inf]", "[0, inf]", "[nan, 5]"])
+def test_a_limit_that_limits_nothing_is_refused(limit):
+    with pytest.raises(ConfigurationError, match=r"limits\.pitch_deg"):
+        parse_bench(re.sub(r"(?m)^pitch_deg = .*$", f"pitch_deg = {limit}", BENCH.read_text()), "bench.toml")

@@ -123,7 +123,7 @@ def _facts(run_file: Path, *, remove: bool) -> RunFacts:
 def _patience_s(run_file: Path) -> float:
     with RunReader.open(run_file) as reader:
         text = reader.documents().get("bench.toml")
-    return WATCHDOG_S if text is None else patience_s(parse_bench(text, f"{run_file} (bench.toml)"))
+    return WATCHDOG_S if text is None else patience_s(parse_bench(text, f"{run_file} (bench.toml)", strict=False))
 
 
 def _install(unit: ServiceUnit) -> None:

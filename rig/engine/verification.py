@@ -131,7 +131,7 @@ def restored(path: Path, to: Path) -> Restored:
 def _expanded(documents: Mapping[str, str]) -> RunList | None:
     """The run list that the stored procedure makes; None if this version of rig makes none of it."""
     try:
-        return parse_procedure(documents["procedure.toml"], "procedure.toml").expand()
+        return parse_procedure(documents["procedure.toml"], "procedure.toml", strict=False).expand()
     except Exception:  # whatever is wrong with a stored procedure, its digest decides whether it was changed
         return None
 

@@ -86,7 +86,7 @@ def open_traced(path: Path, model: str | None = None) -> First:
     table = run_table(path)
     with RunReader.open(path) as reader:
         documents, genesis = reader.documents(), reader.genesis()
-    plan = plan_of(documents, dry=bool(genesis.data["dry"]))
+    plan = plan_of(documents, dry=bool(genesis.data["dry"]), stored=True)
     traced = trace_table(table, model)
     return First(
         path=path,

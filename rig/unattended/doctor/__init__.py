@@ -125,7 +125,7 @@ def _read_run(visit: Visit, patient: _Patient) -> Iterator[Finding]:
         yield problem("run file", f"{text}: nothing to resume", "start another run")
     else:
         yield ok("run file", text)
-    patient.plan = plan_of(documents, dry=patient.dry)
+    patient.plan = plan_of(documents, dry=patient.dry, stored=True)
     patient.config, patient.truth, patient.left = patient.plan.bench, patient.plan.truth, state.remaining
 
 
