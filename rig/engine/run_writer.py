@@ -129,7 +129,15 @@ class RunWriter(RunReader):
                 self._db.execute("ROLLBACK")
             if isinstance(error, apsw.ConstraintError):
                 raise
+            with contextlib.suppress(apsw.Error):
+                # A COMMIT also fails where only the log could not be moved into the file afterwards: the records are
+                # there, and must not be written again with what is still said of the failure.
+                if self.head() == (self._pending[-1][0], self._pending[-1][3]):
+                    self._committed()
             raise _not_durable(self.path, error) from error
+        self._committed()
+
+    def _committed(self) -> None:
         self._seq, _, _, self._hash = self._pending[-1]
         self._pending.clear()
         self._last_word.say(self._seq, self._hash)
