@@ -245,6 +245,10 @@ class _Stage:
         self._disk.full_after(None)
 
 
+_AT_LAST_S = 600.0
+"""Between sessions beyond those that gaps are drawn for: somebody takes his time to look at what is wrong."""
+
+
 def play(scenario: Scenario, folder: Path) -> Played:
     """Play a night in an empty folder; whoever gets it closes its bench."""
     with Disk(scenario.seed) as disk:
@@ -256,7 +260,7 @@ def play(scenario: Scenario, folder: Path) -> Played:
                 break
             stage.repair()
             gaps = scenario.gaps_s
-            stage.world.sleep(gaps[min(number, len(gaps) - 1)])
+            stage.world.sleep(gaps[number] if number < len(gaps) else _AT_LAST_S)
     played.happened += [(h.t_s, f"{h.fault.kind} on {h.fault.on}: {h.what}") for h in played.bench.sim.faults.happened]
     played.happened.sort()
     return played

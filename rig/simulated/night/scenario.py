@@ -135,7 +135,7 @@ class Scenario:
         lab: which laboratory.
         documents: bench, procedure and world file.
         mishaps: what happens besides the world file's faults, in order of time.
-        gaps_s: how long the bench is left alone after each session; the last one goes for all that follow.
+        gaps_s: how long the bench is left alone after each of the first sessions.
 
     """
 
