@@ -262,7 +262,7 @@ def safe_of(spoil=lambda _: None, **safety):
     return bench, make_safe(opened_bench, world), world
 
 
-def refuses(instrument, times, method="make_safe"):
+def refuses(instrument, times, method="make_safe", error=NoReply):
     def spoil(bench):
         target, left = getattr(bench, instrument), [times]
         do = getattr(target, method)
@@ -270,7 +270,7 @@ def refuses(instrument, times, method="make_safe"):
         def sometimes(*arguments):
             left[0] -= 1
             if left[0] >= 0:
-                raise NoReply(f"{instrument} does not answer")
+                raise error(f"{instrument} does not answer")
             return do(*arguments)
 
         setattr(target, method, sometimes)
@@ -291,8 +291,9 @@ def test_the_safe_state_is_read_back_and_timed():
 
 @pytest.mark.parametrize("instrument", ["supply", "cold_box", "hot_box", "dvm"])
 @pytest.mark.parametrize("times", [1, 5])
-def test_what_fails_on_the_way_to_the_safe_state_is_tried_again_and_the_others_do_not_wait(instrument, times):
-    bench, safe, _ = safe_of(refuses(instrument, times))
+@pytest.mark.parametrize("error", [NoReply, MemoryError])
+def test_what_fails_on_the_way_to_the_safe_state_is_tried_again_and_the_others_do_not_wait(instrument, times, error):
+    bench, safe, _ = safe_of(refuses(instrument, times, error=error))
     assert safe.unsafe == ()
     assert all(getattr(bench, name).safe for name in ("supply", "cold_box", "hot_box", "dvm"))
 

@@ -6,11 +6,11 @@ that fails. What has failed is tried again until its time is up, and what cannot
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass
 from typing import Any
 
 from drivers.clock import Clock
-from drivers.errors import DriverError
 from drivers.roles import Chamber, Head, Instrument, PressureController, Reader
 from rig.bench import Bench
 from rig.protection import SafetyConfig
@@ -93,8 +93,8 @@ class _Task:
         """
         try:
             self.problem = self._read_back(last) if self._tried else "not tried yet"
-        except (DriverError, OSError) as error:
-            self.problem = str(error)
+        except Exception as error:  # nothing that goes wrong here may keep the others from their safe state
+            self.problem = str(error) or repr(error)
         if not self.problem or self.problem == _UNDER_WAY:
             return
         self._tried = True
@@ -102,8 +102,8 @@ class _Task:
             self._instrument.make_safe()
             self.problem = ""  # as far as it can tell; what can be read back is
             self.problem = self._read_back(last)
-        except (DriverError, OSError) as error:
-            self.problem = str(error)
+        except Exception as error:  # nothing that goes wrong here may keep the others from their safe state
+            self.problem = str(error) or repr(error)
 
     def _read_back(self, last: bool) -> str:
         """What is wrong by what can be read back, "" if nothing."""
@@ -143,8 +143,8 @@ class _PressureController(_Task):
         try:
             self._instrument.vent()
             self._venting = self._tried = True
-        except (DriverError, OSError) as error:
-            self.problem = str(error)
+        except Exception as error:  # nothing that goes wrong here may keep the others from their safe state
+            self.problem = str(error) or repr(error)
 
     def _read_back(self, last: bool) -> str:
         state = self._instrument.read()
@@ -200,7 +200,8 @@ def make_safe(bench: Bench, clock: Clock) -> SafeState:
     pause = _POLL_S
     while any(task.problem for task in tasks):
         left = end - clock.now()
-        clock.sleep(min(pause, max(left, 0.0)))
+        with contextlib.suppress(Exception):  # out of memory, say: what is left to do is done all the same
+            clock.sleep(min(pause, max(left, 0.0)))
         pause = min(1.5 * pause, _LONGEST_POLL_S)
         for task in tasks:
             if task.problem:
