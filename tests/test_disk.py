@@ -93,10 +93,9 @@ def test_a_record_is_not_written_twice_where_only_the_log_could_not_be_moved_int
             run._db.wal_autocheckpoint(1)
             disk.fail_sync(nth=sync)
             with pytest.raises(StorageError, match="rig resume"):
-                for i in range(3):
-                    run.append(observation(i))
-            run.append(observation(5))
-        assert 5 in accepted(path)
+                append_until_it_fails(run, set())
+            run.append(observation(9))
+        assert 9 in accepted(path)
 
 
 def test_an_error_of_the_disk_is_one_message(tmp_path):
