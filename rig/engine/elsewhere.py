@@ -10,17 +10,18 @@ from rig.engine.state import RunState
 from rig.errors import RigError
 
 
-def goes_on_in(run: RunReader, state: RunState) -> Path | None:
+def goes_on_in(run: RunReader, state: RunState, instead_of: Path | None = None) -> Path | None:
     """The rescued copy in which a run goes on; None if it goes on here, or the copy is not to be found.
 
     Args:
         run: the file at hand, which may have been moved since, or be an older copy that got its name.
         state: what it says.
+        instead_of: the file it was restored from, beside which the copy would lie.
 
     """
     if state.ended is not None:
         return None
-    here = run.path.absolute()
+    here = (instead_of or run.path).absolute()
     if state.rescued:
         named = Path(state.rescued)
         return next((p for p in (named, here.with_name(named.name)) if p.is_file() and p != here), None)
