@@ -26,7 +26,10 @@ def verify(
     run_file: RunArgument,
     head: Annotated[
         str | None,
-        typer.Option(help="the head hash printed in a report: a cut or rewritten end shows only against it"),
+        typer.Option(
+            help="the head hash printed in a report: a cut or rewritten end shows only against it; "
+            "with --restore: only a chain that has it is restored"
+        ),
     ] = None,
     restore: Annotated[
         Path | None,

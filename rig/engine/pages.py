@@ -170,7 +170,7 @@ def _leaf(first_of_file: bool, page: bytes) -> Iterator[tuple[int, _Cell]]:
     """The cells of a page taken for a table's leaf, whatever its header says: that may be what was damaged."""
     first, pointers = len(page), set()
     at = (100 if first_of_file else 0) + 8
-    types, content = _Most(2 * _PAGE), _Most(2 * _PAGE)  # cells that lie in one another hold more than a page
+    types, content = _Most(_PAGE), _Most(2 * _PAGE)  # cells that lie in one another hold more than a page
     while at + 2 <= first:  # pointers end at the latest where the first cell begins
         (pointer,) = struct.unpack_from(">H", page, at)
         at += 2
