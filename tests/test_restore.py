@@ -344,3 +344,18 @@ def test_a_restored_run_that_goes_on_in_a_rescued_copy_says_so(tmp_path):
     shutil.move(copy, tmp_path / "hidden")
     said = rig("verify", path, "--restore", tmp_path / "new" / "again.sqlite")
     assert "which is not there: look for it before you resume" in said.stdout
+
+
+def test_what_is_restored_of_a_damaged_rescued_copy_goes_on_although_the_copy_lies_beside_it(tmp_path):
+    path, new = new_run(tmp_path), tmp_path / "new.sqlite"
+    assert run_session(path)[0] is Outcome.COMPLETE
+    copy = path.rename(tmp_path / "small-rescued-7.sqlite")
+    db = apsw.Connection(str(copy))
+    db.execute("DROP TRIGGER record_refuses_update")
+    db.execute("UPDATE record SET body = replace(body, '1', '2') WHERE seq = 15")
+    db.close()
+    said = rig("verify", copy, "--restore", new)
+    assert f"measure again what is missing: rig resume {new}" in said.stdout, said.stderr
+    assert str(copy) not in rig("status", new).stdout
+    assert run_session(new)[0] is Outcome.COMPLETE
+    assert rig("verify", new).returncode == 0
