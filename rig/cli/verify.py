@@ -13,8 +13,10 @@ from rich.markup import escape
 from rig.cli import app
 from rig.cli.run import JsonOption, RunArgument
 from rig.cli.show import mark, out, print_json
+from rig.engine.elsewhere import goes_on_in
+from rig.engine.proven import Other
 from rig.engine.run_reader import RunReader
-from rig.engine.state import read_state
+from rig.engine.state import RunState, read_state
 from rig.engine.verification import Verification, restored, verify_file
 from rig.errors import ExitCode, RunFileError, UsageError
 
@@ -24,7 +26,10 @@ def verify(
     run_file: RunArgument,
     head: Annotated[
         str | None,
-        typer.Option(help="the head hash printed in a report: a cut or rewritten end shows only against it"),
+        typer.Option(
+            help="the head hash printed in a report: a cut or rewritten end shows only against it; "
+            "with --restore: only a chain that has it is restored"
+        ),
     ] = None,
     restore: Annotated[
         Path | None,
@@ -40,12 +45,12 @@ def verify(
     Examples: `rig verify runs/20260115T180000-night-1a2b.sqlite --head 3f7a9c0d51e2b846`,
     `rig verify DAMAGED.sqlite --restore NEW.sqlite`
     """
-    if restore is not None:
-        return _restore(run_file, restore, as_json)
     if head is not None and not re.fullmatch("[0-9a-f]{8,64}", head := head.strip().lower()):
         raise UsageError(
             f"--head {head}: a head hash is 8 to 64 hexadecimal digits, as `rig verify` and reports print it"
         )
+    if restore is not None:
+        return _restore(run_file, restore, head, as_json)
     found = verify_file(run_file, head)
     if as_json:
         _print_json(found)
@@ -56,21 +61,50 @@ def verify(
     raise RunFileError(_way_forward(run_file, found))
 
 
-def _restore(damaged: Path, new: Path, as_json: bool) -> int:
-    found = restored(damaged, new)
+def _restore(damaged: Path, new: Path, head: str | None, as_json: bool) -> int:
+    found = restored(damaged, new, head or "")
+    whole = verify_file(new, head)
+    if not whole.whole:
+        raise RunFileError(f"{new} was written and is not whole: {whole.findings[0]}. Do not use it")
     with RunReader.open(new) as reader:
         state = read_state(reader)
+        other = goes_on_in(reader, state, damaged) or (Path(state.rescued) if state.rescued else None)
     if as_json:
-        print_json({"file": str(new), "records": found.records, "known": found.known, "points": len(state.accepted)})
+        others = [dataclasses.asdict(one) for one in found.others]
+        said = {"file": str(new), "records": found.records, "known": found.known, "points": len(state.accepted)}
+        print_json({**said, "head": whole.head, "goes_on_in": str(other) if other else None, "others": others})
         return ExitCode.DONE
     out.print(
         f"{mark(state.simulated)}{escape(str(new))}: {found.records} records, each proven by its hash, of "
         f"{found.known} known; {len(state.accepted)} of {state.points} points",
         soft_wrap=True,
     )
-    if state.ended is None:
-        out.print(f"  measure again what is missing: rig resume {escape(str(new))}", soft_wrap=True)
+    for note in (*whole.notes, *(_not_restored(damaged, one) for one in found.others), _next(new, state, other)):
+        if note:
+            out.print(f"  {escape(note)}", soft_wrap=True)
     return ExitCode.DONE
+
+
+def _next(new: Path, state: RunState, other: Path | None) -> str:
+    """What to do with a restored file."""
+    if state.ended is not None:
+        return ""
+    if other is None:
+        return f"measure again what is missing: rig resume {new}"
+    if other.is_file():
+        return f"the run goes on in {other}, which has what is missing here: rig resume {other}; never resume both"
+    return f"the run goes on in {other}, which is not there: look for it before you resume {new}; never resume both"
+
+
+def _not_restored(damaged: Path, one: Other) -> str:
+    ended = ", to its end" if one.ended else ""
+    what = (
+        f"this run as it went on otherwise after record {one.same_until}"
+        if one.same_until
+        else f"another run, {one.run or 'which does not say its name'}"
+    )
+    way = f"rig verify {damaged} --restore OTHER.sqlite --head {one.head[:16]}"
+    return f"not restored: {what}, {one.records} records{ended}: {way}"
 
 
 def _way_forward(path: Path, found: Verification) -> str:

@@ -5,22 +5,24 @@ from __future__ import annotations
 import contextlib
 from pathlib import Path
 
+from rig.engine.chain import link
 from rig.engine.run_reader import RunReader
 from rig.engine.state import RunState
 from rig.errors import RigError
 
 
-def goes_on_in(run: RunReader, state: RunState) -> Path | None:
+def goes_on_in(run: RunReader, state: RunState, instead_of: Path | None = None) -> Path | None:
     """The rescued copy in which a run goes on; None if it goes on here, or the copy is not to be found.
 
     Args:
         run: the file at hand, which may have been moved since, or be an older copy that got its name.
         state: what it says.
+        instead_of: the file it was restored from, beside which the copy would lie.
 
     """
     if state.ended is not None:
         return None
-    here = run.path.absolute()
+    here = (instead_of or run.path).absolute()
     if state.rescued:
         named = Path(state.rescued)
         return next((p for p in (named, here.with_name(named.name)) if p.is_file() and p != here), None)
@@ -28,8 +30,13 @@ def goes_on_in(run: RunReader, state: RunState) -> Path | None:
 
 
 def _continues(other: Path, run: RunReader) -> bool:
-    """Whether another file holds all that this one does, and more."""
+    """Whether another file holds all that this one does, and more.
+
+    The record that follows must hold: this file may be what was restored of the other, up to where that is damaged.
+    """
     seq, own = run.head()
-    with contextlib.suppress(RigError, OSError), RunReader.open(other) as copy:
-        return copy.head()[0] > seq and copy.holds(seq, own)
+    with contextlib.suppress(RigError, OSError, TypeError, ValueError), RunReader.open(other) as copy:
+        following = copy.chained("seq IN (?, ?)", (seq, seq + 1))
+        (_, _, _, here), (number, record, previous, its) = following
+        return here == own == previous and link(previous, number, record) == its
     return False

@@ -1,7 +1,8 @@
 """Rows of a run file read from its pages, without SQLite, which stops at the first thing that is wrong.
 
 By the file format (https://www.sqlite.org/fileformat2.html#b_tree_pages): the cells of table leaf pages, with their
-overflow pages. Nothing of it is believed: what a row is worth is for its reader to prove.
+overflow pages. Nothing of it is believed: what a row is worth is for its reader to prove. No cell is read twice from a
+page, no overflow page twice for a cell, and no more altogether than files of this size account for.
 """
 
 from __future__ import annotations
@@ -9,24 +10,55 @@ from __future__ import annotations
 import mmap
 import os
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
+
+from rig.errors import RunFileError
 
 Value = int | float | str | bytes | None
 Row = tuple[int, tuple[Value, ...]]
 """Row number and columns, as stored."""
+Place = int
+"""Where a cell is: 4096 times where its page begins, in file and log taken as one, plus where in the page it begins."""
 
 _PAGE = 4096
 """What run files are made with; a header that says otherwise is damaged, or from elsewhere."""
 _WAL_HEADER, _FRAME_HEADER = 32, 24
 _MOST_COLUMNS = 300
 _MOST_BYTES = 64 << 20
+_TIMES = 16
+"""So many times the size of the files is read from overflow pages: a page in the log is there in several versions."""
 _NO_BYTES, _REAL = (0, 8, 9), 7
 _INTEGERS = {1: 1, 2: 2, 3: 3, 4: 4, 5: 6, 6: 8}
 
 
+@dataclass
+class _Most:
+    """How much more may be read."""
+
+    left: int
+
+    def take(self, n: int) -> bool:
+        """Whether so much may still be read."""
+        self.left -= n
+        return self.left >= 0
+
+
+@dataclass(frozen=True)
+class _Cell:
+    """A cell as it stands in its page: what does not fit into it begins in page `following`."""
+
+    key: int
+    types: list[int]
+    begin: int
+    size: int
+    here: bytes
+    following: int
+
+
 class Pages:
-    """The pages of a file and its log; the latest version of each unless asked for all.
+    """The pages of a file and its log, in every version that is there.
 
     Args:
         path: the file.
@@ -34,92 +66,155 @@ class Pages:
     """
 
     def __init__(self, path: Path) -> None:
-        with path.open("rb") as file:
-            size = os.fstat(file.fileno()).st_size
-            self._main = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) if size else b""
-        self._count = size // _PAGE
-        self._frames = list(_logged(path.with_name(path.name + "-wal")))
-        self._latest = dict(self._frames)
+        self._path = path
+        self._main, self._log = _mapped(path), _mapped(path.with_name(path.name + "-wal"))
+        self._count = len(self._main) // _PAGE
+        self._size = len(self._main) + len(self._log)
+        self._overflow = _Most(0)
+        self._logged: dict[int, list[int]] = {}
+        for at in self._frames():
+            (number,) = struct.unpack_from(">I", self._log, at - len(self._main) - _FRAME_HEADER)
+            self._logged.setdefault(number, []).append(at)
 
-    def rows(self) -> Iterator[Row]:
-        """Every row that can be read, mostly in order; one may come repeatedly, from earlier versions of its page."""
-        for number in sorted({*range(1, self._count + 1), *self._latest}):
-            yield from _leaf(number, self.page(number), self)
-        for number, page in self._frames:
-            yield from _leaf(number, page, self)
-        for number in self._latest:
-            yield from _leaf(number, self._in_main(number), self)
+    def cells(self) -> Iterator[tuple[Place, Iterator[Row]]]:
+        """Every cell that may be a row, those of the file first; with what it may read, as of `rows`.
 
-    def page(self, number: int) -> bytes:
-        """The latest version of a page, "" if there is none."""
-        return self._latest.get(number) or self._in_main(number)
+        Raises:
+            RunFileError: the pages lead to more than the files can hold.
 
-    def _in_main(self, number: int) -> bytes:
-        return bytes(self._main[(number - 1) * _PAGE : number * _PAGE]) if 1 <= number <= self._count else b""
+        """
+        self._overflow = _Most((1 << 20) + _TIMES * self._size)
+        for at in (*range(0, self._count * _PAGE, _PAGE), *self._frames()):
+            page = self._page(at)
+            for pointer, cell in _leaf(at == 0, page):
+                yield at * _PAGE + pointer, self._rows(at, cell)
+
+    def rows(self, place: Place) -> Iterator[Row]:
+        """What the cell at a place may read: more than one row where its overflow pages are there in versions."""
+        at, pointer = divmod(place, _PAGE)
+        cell = _cell(self._page(at), pointer, _Most(_PAGE))
+        if cell is not None:
+            yield from self._rows(at, cell)
+
+    def _frames(self) -> Iterator[int]:
+        """Where the pages of the log begin, whether they would be replayed or not."""
+        for at in range(_WAL_HEADER, len(self._log) - _FRAME_HEADER - _PAGE + 1, _FRAME_HEADER + _PAGE):
+            yield len(self._main) + at + _FRAME_HEADER
+
+    def _page(self, at: int) -> bytes:
+        if at < len(self._main):
+            return bytes(self._main[at : at + _PAGE])
+        return bytes(self._log[at - len(self._main) : at - len(self._main) + _PAGE])
+
+    def _versions(self, number: int) -> list[int]:
+        """Where a page is, the newest version first, that in the file last."""
+        main = [(number - 1) * _PAGE] if 1 <= number <= self._count else []
+        return [*reversed(self._logged.get(number, ())), *main]
+
+    def _rows(self, at: int, cell: _Cell) -> Iterator[Row]:
+        for payload in self._payloads(at, cell):
+            try:
+                yield cell.key, _columns(payload, cell.types, cell.begin)
+            except (IndexError, struct.error, ValueError):
+                continue
+
+    def _payloads(self, at: int, cell: _Cell) -> Iterator[bytes]:
+        if len(cell.here) == cell.size:
+            yield cell.here
+            return
+        if cell.size > self._size:
+            return
+        main = len(self._main)
+        choices: tuple[Callable[[list[int]], int], ...] = (
+            lambda v: v[0],  # as SQLite reads it
+            lambda v: next((p for p in v if p <= at), v[-1]),  # as it stood when the cell's page was written
+            lambda v: v[-1] if v[-1] < main else v[0],  # as if the log were another's
+            lambda v: v[-1],
+        )
+        tried: list[list[int]] = []
+        for choose in choices:
+            places = self._followed(cell, choose)
+            if places is None or places in tried:
+                continue
+            tried.append(places)
+            if not self._overflow.take(cell.size):
+                raise RunFileError(
+                    f"{self._path}: its pages lead to more content than a file of its size can hold: "
+                    f"this is no damage, it was made so. Nothing was restored; go on with a copy from before"
+                )
+            yield b"".join((cell.here, *(self._page(p)[4:] for p in places)))[: cell.size]
+
+    def _followed(self, cell: _Cell, choose: Callable[[list[int]], int]) -> list[int] | None:
+        """Where the overflow pages of a cell are; None if they are not all there, or lead to one another."""
+        left, number = cell.size - len(cell.here), cell.following
+        places: dict[int, int] = {}
+        while left > 0:
+            versions = self._versions(number)
+            if not versions or number in places:
+                return None
+            places[number] = at = choose(versions)
+            (number,) = struct.unpack(">I", self._page(at)[:4])
+            left -= _PAGE - 4
+        return list(places.values())
 
 
-def _logged(log: Path) -> Iterator[tuple[int, bytes]]:
-    """Pages of a log, oldest first, whether it would be replayed or not."""
-    data = log.read_bytes() if log.is_file() else b""
-    for at in range(_WAL_HEADER, len(data) - _FRAME_HEADER - _PAGE + 1, _FRAME_HEADER + _PAGE):
-        (number,) = struct.unpack_from(">I", data, at)
-        yield number, data[at + _FRAME_HEADER : at + _FRAME_HEADER + _PAGE]
+def _mapped(path: Path) -> mmap.mmap | bytes:
+    if not path.is_file():
+        return b""
+    with path.open("rb") as file:
+        size = os.fstat(file.fileno()).st_size
+        return mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) if size else b""
 
 
-def _leaf(number: int, page: bytes, pages: Pages) -> Iterator[Row]:
+def _leaf(first_of_file: bool, page: bytes) -> Iterator[tuple[int, _Cell]]:
     """The cells of a page taken for a table's leaf, whatever its header says: that may be what was damaged."""
-    if len(page) < _PAGE:
-        return
-    first = _PAGE
-    at = (100 if number == 1 else 0) + 8
+    first, pointers = len(page), set()
+    at = (100 if first_of_file else 0) + 8
+    types, content = _Most(_PAGE), _Most(2 * _PAGE)  # cells that lie in one another hold more than a page
     while at + 2 <= first:  # pointers end at the latest where the first cell begins
         (pointer,) = struct.unpack_from(">H", page, at)
         at += 2
-        row = _cell(page, pointer, pages) if at <= pointer < _PAGE else None
-        if row is not None:
+        if not at <= pointer < _PAGE or pointer in pointers:
+            continue
+        pointers.add(pointer)
+        cell = _cell(page, pointer, types)
+        if types.left < 0:
+            return
+        if cell is not None and content.take(len(cell.here)):
             first = min(first, pointer)
-            yield row
+            yield pointer, cell
 
 
-def _cell(page: bytes, at: int, pages: Pages) -> Row | None:
+def _cell(page: bytes, at: int, most: _Most) -> _Cell | None:
     try:
         size, at = _varint(page, at)
         key, at = _varint(page, at)
-        payload = _payload(page, at, size, pages)
-        return (key, _columns(payload)) if payload is not None else None
-    except (IndexError, struct.error, UnicodeDecodeError, ValueError):
+        here = _here(size)
+        if at + here + (4 if here < size else 0) > _PAGE:
+            return None
+        local = page[at : at + here]
+        types, begin = _types(local, most)
+        if begin + sum(map(_size, types)) != size:  # before pages are followed that nothing leads to
+            return None
+        following = struct.unpack_from(">I", page, at + here)[0] if here < size else 0
+        return _Cell(key - (key >> 63 << 64), types, begin, size, local, following)
+    except (IndexError, struct.error, ValueError):
         return None
 
 
-def _payload(page: bytes, at: int, size: int, pages: Pages) -> bytes | None:
+def _here(size: int) -> int:
+    """How many bytes of a row of so many stand in its leaf page."""
     if not 2 <= size <= _MOST_BYTES:
-        return None
+        raise ValueError("no record")
     most, least = _PAGE - 35, (_PAGE - 12) * 32 // 255 - 23
     if size <= most:
-        return page[at : at + size] if at + size <= _PAGE else None
+        return size
     here = least + (size - least) % (_PAGE - 4)
-    here = here if here <= most else least
-    if at + here + 4 > _PAGE:
-        return None
-    types, begin = _types(page[at : at + here])
-    if begin + sum(map(_size, types)) != size:  # before pages are followed that nothing leads to
-        return None
-    found = [page[at : at + here]]
-    (following,) = struct.unpack_from(">I", page, at + here)
-    left = size - here
-    while left > 0:
-        more = pages.page(following)
-        if len(more) < _PAGE:
-            return None
-        (following,) = struct.unpack_from(">I", more, 0)
-        found.append(more[4 : 4 + min(left, _PAGE - 4)])
-        left -= _PAGE - 4
-    return b"".join(found)
+    return here if here <= most else least
 
 
-def _columns(payload: bytes) -> tuple[Value, ...]:
-    """A record's columns. Raises ValueError or IndexError if it is none."""
-    types, at = _types(payload)
+def _columns(payload: bytes, types: list[int], at: int) -> tuple[Value, ...]:
+    """A record's columns, the first of which begins at `at`. Raises ValueError or IndexError if it is none."""
     found: list[Value] = []
     for kind in types:
         value, at = _value(payload, at, kind)
@@ -129,15 +224,17 @@ def _columns(payload: bytes) -> tuple[Value, ...]:
     return tuple(found)
 
 
-def _types(payload: bytes) -> tuple[list[int], int]:
+def _types(payload: bytes, most: _Most) -> tuple[list[int], int]:
     """What kind each column is of, and where the first begins. Raises as `_columns`."""
     end, at = _varint(payload, 0)
     if not 1 < end <= min(len(payload), 9 * _MOST_COLUMNS):
         raise ValueError("no record")
-    types = []
+    types: list[int] = []
     while at < end:
         kind, at = _varint(payload, at)
         types.append(kind)
+        if not most.take(1) or len(types) > _MOST_COLUMNS:
+            raise ValueError("no record")
     return types, end
 
 

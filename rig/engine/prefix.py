@@ -9,8 +9,8 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
-from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping
+import secrets
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,17 +18,18 @@ from typing import Any
 import apsw
 
 from procedures import Factor, Point, RunList
-from rig.engine.chain import GENESIS, Record, link
-from rig.engine.last_word import read_last_word
-from rig.engine.pages import Pages, Row
+from rig.engine.audit import findings
+from rig.engine.last_word import head_path, read_last_word
+from rig.engine.live import live_path, request_path
+from rig.engine.pages import Pages, Value
+from rig.engine.proven import Chained, Chains, Other
 from rig.engine.run_reader import RunReader
 from rig.engine.schema import APPLICATION_ID, INSERT_RECORD, SCHEMA_VERSION, statements, write_run_list
 from rig.engine.storage import storage_of
 from rig.errors import RunFileError, StorageError, UsageError
 
 Expand = Callable[[Mapping[str, str]], RunList | None]
-_Chained = tuple[int, Record, bytes, bytes]
-_COLUMNS = 12
+_MOST_RUNS, _MOST_OTHERS = 10, 5
 
 
 @dataclass(frozen=True)
@@ -37,116 +38,159 @@ class Restored:
 
     Attributes:
         records: in the new file.
-        known: how many the damaged one is known to have had at least.
+        known: how many of this run the damaged one is known to have had at least.
+        others: other chains that were found, the longest first, five at most.
 
     """
 
     records: int
     known: int
+    others: tuple[Other, ...] = ()
 
 
-def restore(path: Path, to: Path, expand: Expand) -> Restored:
-    """Write the longest proven beginning of a damaged run file into a new one. Changes nothing in the old.
+@dataclass(frozen=True)
+class _Run:
+    """What is written into the new file."""
+
+    tip: bytes
+    documents: dict[str, str]
+    run_list: RunList
+
+
+def restore(path: Path, to: Path, expand: Expand, head: str = "") -> Restored:
+    """Write the longest proven chain of a damaged run file into a new one. Changes nothing in the old.
 
     Args:
         path: the damaged file.
-        to: the new one, which must not exist.
+        to: the new one, of which nothing may be there.
         expand: makes the run list from documents, None if it cannot.
+        head: how the hash of a record begins that the chain must have, hexadecimal; "" for the longest of all.
 
     Raises:
-        UsageError: the new file exists already, or the old one does not.
-        RunFileError: not even what the run is can be read.
+        UsageError: the new file or one that goes with it exists already, or the old one does not.
+        RunFileError: not even what the run is can be read, or no chain has that record.
         StorageError: the disk refuses.
 
     """
-    if to.exists():
-        raise UsageError(f"{to} exists already; a run is never overwritten")
+    _check_free(to)
     if not path.is_file():
         raise UsageError(f"there is no run file {path}")
-    part, disk = to.with_name(to.name + ".part"), storage_of("")
+    disk = storage_of("")
+    part = to.with_name(f"restore-{secrets.token_hex(12)}.part")
+    made = False
     try:
+        pages = Pages(path)
+        chains = Chains.found_in(pages)
+        run = _chosen(path, chains, pages, expand, head)
         disk.make_folder(to.parent)
-        part.unlink(missing_ok=True)
+        os.close(os.open(part, os.O_CREAT | os.O_EXCL | os.O_WRONLY | os.O_CLOEXEC, 0o644))
+        made = True
         db = apsw.Connection(str(part))
         try:
-            found = _fill(db, path, expand)
+            count = _fill(db, run, [*reversed(chains.path(run.tip))], chains, pages)
         finally:
             db.close()
-        with RunReader.open(part) as run:
-            run.verify()
+        with RunReader.open(part) as written:
+            wrong = next(findings(written, thorough=False), None)
+        if wrong is not None:
+            raise RunFileError(f"{path}: its records hold, but make no run ({wrong}): nothing was restored")
+        _check_free(to)
         disk.replace(part, to)
         disk.sync_folder(to.parent)
+        with RunReader.open(to) as written:  # under its name SQLite may see what it did not see before
+            if written.head() != (count, run.tip):
+                raise RunFileError(f"{to} is not what was written there: something else works in {to.parent}")
+    except apsw.ConstraintError as error:
+        raise RunFileError(f"{path}: its records hold, but make no run ({error}): nothing was restored") from error
     except (apsw.Error, OSError) as error:
         raise StorageError(f"cannot restore into {to}: {error}. {path} was not changed") from error
     finally:
-        with contextlib.suppress(OSError):
-            os.unlink(part)
-    last = read_last_word(path)
-    return Restored(found[0], max(*found, last[0] if last else 0))
+        for one in (part, part.with_name(part.name + "-journal")) if made else ():
+            with contextlib.suppress(OSError):
+                os.unlink(one)
+    known = chains.known(chains.first(run.tip), read_last_word(path))
+    return Restored(count, max(count, known), tuple(chains.others(run.tip, pages, _MOST_OTHERS)))
 
 
-def _fill(db: apsw.Connection, path: Path, expand: Expand) -> tuple[int, int]:
-    """How many records were proven, and the highest number seen."""
-    pages = Pages(path)
-    documents: dict[str, set[str]] = defaultdict(set)
+def _check_free(to: Path) -> None:
+    """Refuse a name that is taken, or beside which lies what would be taken for the new file's."""
+    if os.path.lexists(to):
+        raise UsageError(f"{to} exists already; a run is never overwritten: choose another name")
+    aside = (head_path(to), live_path(to), request_path(to))
+    if to in aside:
+        raise UsageError(f"{to} would be taken for what lies beside a run file: choose a name that ends in .sqlite")
+    for one in (*(to.with_name(to.name + suffix) for suffix in ("-wal", "-journal", "-shm")), *aside):
+        if os.path.lexists(one):
+            raise UsageError(
+                f"{one} is there and would be taken for a part of {to}: nothing was written. "
+                f"Choose another name, or move it away if it belongs to nothing"
+            )
+
+
+def _chosen(path: Path, chains: Chains, pages: Pages, expand: Expand, head: str) -> _Run:
+    """The longest chain of a run of which everything else can be read too."""
+    tips = chains.tips(head)
+    if not tips and head and (longest := chains.tips()):
+        raise RunFileError(
+            f"{path}: no chain that is proven has a record whose hash begins with {head}: nothing was restored. "
+            f"Without --head the longest is, of {len(chains.path(longest[0]))} records"
+        )
+    first: RunFileError | None = None
+    tried: set[bytes] = set()
+    for tip in tips:
+        if chains.first(tip) in tried:
+            continue
+        tried.add(chains.first(tip))
+        try:
+            declared = _declared(path, chains.read(chains.first(tip), pages))
+            documents = _documents(path, declared, chains, pages)
+            return _Run(tip, documents, _run_list(path, declared, documents, pages, expand))
+        except RunFileError as error:
+            first = first or error
+        if len(tried) == _MOST_RUNS:
+            break
+    raise first or RunFileError(
+        f"{path} is too damaged: not even its first record, which says what the run is, can be read"
+    )
+
+
+def _fill(db: apsw.Connection, run: _Run, path: Iterable[bytes], chains: Chains, pages: Pages) -> int:
+    """Write it all; how many records there are."""
     db.pragma("application_id", APPLICATION_ID)
     db.pragma("user_version", SCHEMA_VERSION)
     db.execute("BEGIN IMMEDIATE")
-    fixed = statements([])
-    for name in ("document", "factor", "record", "one_accepted_observation"):
-        db.execute(fixed[name])
-    first, count, seen = None, 0, 0
-    waiting: dict[int, list[_Chained]] = defaultdict(list)
-    head = GENESIS
-    for row in pages.rows():
-        if len(row[1]) == 2 and all(isinstance(v, str) for v in row[1]):
-            documents[str(row[1][0])].add(str(row[1][1]))
-            continue
-        chained = _record(row)
-        if chained is None or chained[0] <= count:
-            continue
-        seen = max(seen, chained[0])
-        waiting[chained[0]].append(chained)
-        while (following := _next(waiting.pop(count + 1, []), head)) is not None:
-            count, record, previous, head = following
-            first = first or record
-            db.execute(INSERT_RECORD, (count, *record, previous, head))
-    if first is None:
-        raise RunFileError(f"{path} is too damaged: not even its first record, which says what the run is, can be read")
-    intact = _documents(path, first.data, documents)
-    db.executemany("INSERT INTO document VALUES (?, ?)", list(intact.items()))
-    _make_run_list(db, _run_list(path, first.data, intact, pages, expand))
+    objects = statements([f.name for f in run.run_list.factors])
+    for name, statement in objects.items():
+        if "_refuses_" not in name:
+            db.execute(statement)
+    count = 0
+    for own in path:
+        count, record, previous, _ = chains.read(own, pages)
+        db.execute(INSERT_RECORD, (count, *record, previous, own))
+    db.executemany("INSERT INTO document VALUES (?, ?)", list(run.documents.items()))
+    write_run_list(db, run.run_list)
+    for name, statement in objects.items():
+        if "_refuses_" in name:
+            db.execute(statement)
     db.execute("COMMIT")
-    return count, seen
+    return count
 
 
-def _record(row: Row) -> _Chained | None:
-    """A row as a record of a run file that has its hash; None if it is none."""
-    seq, c = row
-    if len(c) != _COLUMNS or c[0] is not None or not (isinstance(c[10], bytes) and isinstance(c[11], bytes)):
-        return None
-    values: list[Any] = [*c[1:3], _real(c[3]), _real(c[4]), *c[5:10]]
-    with contextlib.suppress(TypeError, ValueError):
-        record = Record(*values)
-        if link(c[10], seq, record) == c[11]:
-            return seq, record, c[10], c[11]
-    return None
+def _declared(path: Path, first: Chained) -> Mapping[str, Any]:
+    """What the first record says the run is."""
+    with contextlib.suppress(ValueError):
+        data = first[1].data
+        documents = data.get("documents")
+        if isinstance(documents, dict) and isinstance(data.get("run_list"), str) and type(data.get("seed")) is int:
+            return data
+    raise RunFileError(f"{path}: its first record does not say what the run is: nothing can be restored")
 
 
-def _real(value: object) -> object:
-    """A column of real numbers, where whole ones are stored as such."""
-    return float(value) if isinstance(value, int) else value
-
-
-def _next(candidates: list[_Chained], head: bytes) -> _Chained | None:
-    return next((c for c in candidates if c[2] == head), None)
-
-
-def _documents(path: Path, declared: Mapping[str, Any], found: Mapping[str, set[str]]) -> dict[str, str]:
+def _documents(path: Path, declared: Mapping[str, Any], chains: Chains, pages: Pages) -> dict[str, str]:
     intact = {}
     for name, digest in declared["documents"].items():
-        texts = (text for text in found.get(name, ()) if hashlib.sha256(text.encode()).hexdigest() == digest)
-        text = next(texts, None)
+        places = chains.documents.get((name, str(digest)), ())
+        text = next((text for place in places for text in _texts(pages, place, name, digest)), None)
         if text is None:
             raise RunFileError(
                 f"{path}: the document {name} that the run began with cannot be read: nothing can be restored; "
@@ -156,43 +200,54 @@ def _documents(path: Path, declared: Mapping[str, Any], found: Mapping[str, set[
     return intact
 
 
+def _texts(pages: Pages, place: int, name: str, digest: str) -> Iterator[str]:
+    for _, c in pages.rows(place):
+        text = c[1] if len(c) == 2 and c[0] == name else None
+        if isinstance(text, str) and hashlib.sha256(text.encode()).hexdigest() == digest:
+            yield text
+
+
 def _run_list(
     path: Path, declared: Mapping[str, Any], documents: Mapping[str, str], pages: Pages, expand: Expand
 ) -> RunList:
     """The run list, made anew from the procedure or read; it must have the digest that the first record names."""
     ways: tuple[Callable[[], RunList | None], ...] = (
         lambda: expand(documents),
-        lambda: _stored_run_list(pages, int(declared["seed"])),
+        lambda: _stored_run_list(pages, int(declared["seed"]), latest=False),
+        lambda: _stored_run_list(pages, int(declared["seed"]), latest=True),
     )
     for make in ways:
         with contextlib.suppress(ValueError, TypeError, KeyError):
             run_list = make()
             if run_list is not None and run_list.sha256() == declared["run_list"]:
+                statements([factor.name for factor in run_list.factors])  # raises where one has no name for a column
                 return run_list
     raise RunFileError(f"{path}: its run list can neither be made anew nor read: nothing can be restored")
 
 
-def _stored_run_list(pages: Pages, seed: int) -> RunList:
+def _stored_run_list(pages: Pages, seed: int, *, latest: bool) -> RunList:
+    """The run list as the pages have it: as the file or, where they differ, as the end of the log has it."""
     factors: dict[int, Factor] = {}
     points: dict[int, tuple[Any, ...]] = {}
-    for key, c in pages.rows():
-        values: tuple[Any, ...] = c
-        if len(c) == 6 and c[0] is None and isinstance(c[1], str) and isinstance(c[2], str):
-            factors.setdefault(key, Factor(values[1], values[2], float(values[3]), bool(values[4]), bool(values[5])))
-        elif len(c) >= 5 and c[0] is None and all(isinstance(v, int | float) or v is None for v in c[1:]):
-            points.setdefault(key, values)
+    for _, rows in pages.cells():
+        for key, c in rows:
+            _take(key, c, factors, points, latest=latest)
     n = len(factors)
     return RunList([factors[i] for i in range(n)], _points(points, n), seed)
+
+
+def _take(
+    key: int, c: tuple[Value, ...], factors: dict[int, Factor], points: dict[int, tuple[Any, ...]], *, latest: bool
+) -> None:
+    values: tuple[Any, ...] = c
+    if len(c) == 6 and c[0] is None and isinstance(c[1], str) and isinstance(c[2], str):
+        if latest or key not in factors:
+            factors[key] = Factor(values[1], values[2], float(values[3]), bool(values[4]), bool(values[5]))
+    elif len(c) >= 5 and all(isinstance(v, int | float) or v is None for v in c) and (latest or key not in points):
+        points[key] = values
 
 
 def _points(stored: Mapping[int, tuple[Any, ...]], factors: int) -> Iterator[Point]:
     for index, c in sorted(stored.items()):
         if len(c) == 3 + 2 * factors:
             yield Point(index, c[1], c[2], tuple(map(float, c[3 : 3 + factors])), c[3 + factors :])
-
-
-def _make_run_list(db: apsw.Connection, runs: RunList) -> None:
-    for name, statement in statements([f.name for f in runs.factors]).items():
-        if name == "point" or "_refuses_" in name:
-            db.execute(statement)
-    write_run_list(db, runs)

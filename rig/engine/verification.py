@@ -121,11 +121,11 @@ def _elsewhere(run: RunReader, state: RunState) -> list[str]:
     return [f"it was moved or replaced while it was written; the run goes on in {other}"] if other else []
 
 
-def restored(path: Path, to: Path) -> Restored:
+def restored(path: Path, to: Path, head: str = "") -> Restored:
     """What a damaged run file still proves, in a new one; see `rig.engine.prefix.restore`."""
     if controller_alive(path):
         raise UsageError(f"a controller is at work on {path}: nothing to restore while it writes")
-    return restore(path, to, _expanded)
+    return restore(path, to, _expanded, head)
 
 
 def _expanded(documents: Mapping[str, str]) -> RunList | None:
