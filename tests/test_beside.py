@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+import apsw
 import pytest
 from command import rig
 from test_run_file import RUN_LIST
@@ -20,7 +21,9 @@ from rig.errors import RunFileError
 
 POINTS = 120
 STEP = 20
+_MAGIC = bytes.fromhex("d9d505f920a163d7")
 Files = Mapping[str, bytes]
+Nights = tuple[list[Files], Files, list[Files], Files]
 
 
 def points(count: int) -> RunList:
@@ -62,7 +65,7 @@ def night(folder: Path, run_id: str, count: int = POINTS) -> tuple[list[Files], 
 
 
 @pytest.fixture(scope="module")
-def nights(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[Files], Files, list[Files], Files]:
+def nights(tmp_path_factory: pytest.TempPathFactory) -> Nights:
     folder = tmp_path_factory.mktemp("nights")
     return *night(folder, "one"), *night(folder, "two", POINTS // 2)
 
@@ -97,7 +100,7 @@ def refused(path: Path, files: Files) -> str:
     return said[1]
 
 
-def test_of_every_file_and_log_of_two_nights_each_pair_opens_whole_or_is_refused(tmp_path, nights):
+def test_of_every_file_and_log_of_two_nights_each_pair_opens_whole_or_is_refused(tmp_path: Path, nights: Nights):
     ones, done, twos, other = nights
     opened = 0
     for i, main in enumerate([*ones, done, *twos, other]):
@@ -144,3 +147,65 @@ def test_every_command_refuses_a_finished_run_with_a_log_from_before(tmp_path, m
     assert said.returncode == 1, said.stderr
     assert f"{path.name}-wal is not the log of" in said.stderr.replace("\n", "")
     assert taken(path) == files
+
+
+def changing_mode(folder: Path, files: Files, to: str) -> list[Files]:
+    """A run file and its journal as they stood at every write while its mode was changed."""
+    path, seen = laid(folder, files), []
+
+    class Watching(apsw.VFSFile):
+        def xWrite(self, data: bytes, offset: int) -> None:
+            super().xWrite(data, offset)
+            seen.append(taken(path))
+
+        def xSync(self, flags: int) -> None:
+            super().xSync(flags)
+            seen.append(taken(path))
+
+    class Disk(apsw.VFS):
+        def __init__(self) -> None:
+            super().__init__("watching", "")
+
+        def xOpen(self, name: str | apsw.URIFilename | None, flags: list[int]) -> apsw.VFSFile:
+            return Watching("", name, flags)
+
+    disk = Disk()
+    db = apsw.Connection(str(path), vfs="watching")
+    db.pragma("synchronous", "extra")
+    assert db.pragma("journal_mode", to) == to
+    db.close()
+    disk.unregister()
+    return [files for files in seen if "-journal" in files]
+
+
+@pytest.mark.parametrize("to", ["wal", "delete"])
+def test_a_journal_of_a_change_of_mode_is_gone_on_with_and_beside_another_file_refused(tmp_path, nights, to):
+    ones, done, _, other = nights
+    before = done if to == "wal" else laid_over(tmp_path / "mode", done)
+    stood = changing_mode(tmp_path / "own", before, to)
+    hot = [files for files in stood if files["-journal"][:8] == _MAGIC]
+    assert len(stood) >= 4
+    assert hot
+    whole = len(records(laid(tmp_path / "whole", done)))
+    for files in stood:
+        for opening in (RunReader, RunWriter):
+            with opening.open(laid(tmp_path / "cut", {**files, "-wal": b""})) as run:
+                run.verify()
+                assert run.head()[0] == whole
+    for main in (other, ones[4], {"": done[""] + bytes(4096)}):
+        for files in hot:
+            pair = {"": main[""], "-journal": files["-journal"]}
+            for opening in (RunReader, RunWriter):
+                path = laid(tmp_path / "pair", pair)
+                with pytest.raises(ForeignFileError, match=r"(?s)is not the journal of .* Move .*-journal to another"):
+                    opening.open(path)
+                assert taken(path) == pair
+
+
+def laid_over(folder: Path, done: Files) -> Files:
+    """A finished run put back into the mode of one under way."""
+    path = laid(folder, done)
+    db = apsw.Connection(str(path))
+    db.pragma("journal_mode", "wal")
+    db.close()
+    return taken(path)
