@@ -73,9 +73,16 @@ def test_the_gap_by_utc_and_what_it_is_worth(sessions, utc_s, gap_s, known):
 
 
 def test_a_clock_that_went_on_is_believed_whatever_utc_says():
-    gap = gap_since(after((NOON, 100.0)), Times(NOON - 30 * YEAR), "1")
+    gap = gap_since(after((NOON, 20.0)), Times(NOON - 30 * YEAR), "1")
     assert (gap.certain, gap.known, gap.warning) == (True, True, "")
     assert gap.origin == 7.0
+
+
+def test_a_clock_that_was_put_back_without_a_restart_knows_no_gap():
+    gap = gap_since(after((NOON, 100.0)), Times(NOON + 400.0), "1")  # at 50 s, the last record at 107 s
+    assert (gap.certain, gap.known) == (False, False)
+    assert 50.0 - gap.origin == 100.0
+    assert "57 s behind the last record's" in gap.warning
 
 
 @pytest.mark.parametrize("known", [True, False])

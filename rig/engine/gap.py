@@ -12,6 +12,8 @@ LONGEST_S = 366 * 86400.0
 """A longer gap by UTC is a clock that was or is wrong; a bench left alone for longer begins anew anyway."""
 _STEP_S = 120.0
 """A clock may be set back by so much without the gap being any less known than it is by UTC."""
+_ROUNDING_S = 0.001
+"""Sums of clock readings differ by less."""
 
 
 @dataclass(frozen=True)
@@ -21,7 +23,8 @@ class Gap:
     Attributes:
         origin: clock reading at which the run's elapsed time was zero.
         certain: one clock has counted it.
-        known: False if UTC cannot be right; it counts as nothing then, and nothing is taken to stand.
+        known: False if UTC cannot be right, or the one clock went back; the gap counts as nothing then, and nothing is
+            taken to stand.
         warning: what a person should hear about it, "" if nothing.
 
     """
@@ -46,7 +49,17 @@ def gap_since(state: RunState, clock: Clock, boot: str) -> Gap:
         return Gap(last)
     before = state.session
     if boot and before["boot"] == boot:
-        return Gap(before["clock_s"] - before["elapsed_s"])
+        origin = before["clock_s"] - before["elapsed_s"]
+        behind_s = origin - last
+        if behind_s <= _ROUNDING_S:
+            return Gap(origin)
+        return Gap(
+            last,
+            certain=False,
+            known=False,
+            warning=f"the bench's clock is {behind_s:.0f} s behind the last record's without a restart between them "
+            f"(was a snapshot of the machine restored?); the gap is not known",
+        )
     utc_s = clock.utc()
     gap_s = utc_s - state.utc_s
     if -_STEP_S <= gap_s <= LONGEST_S:

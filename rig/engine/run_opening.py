@@ -10,6 +10,7 @@ from pathlib import Path
 import apsw
 
 from drivers.clock import RealClock
+from rig.engine.beside import Alone, alone, check_journal, has_log
 from rig.engine.schema import APPLICATION_ID, SCHEMA_VERSION, Guarded, guard, strange_tables
 from rig.errors import RunFileError, UsageError
 
@@ -61,6 +62,24 @@ def opened_to_read(path: Path, uri: str) -> apsw.Connection:
     return checked(path, db)
 
 
+def by_itself(path: Path) -> Alone | None:
+    """What a run file holds without its log; None if there is no log, or nothing can be said of the file alone."""
+    if not has_log(path):
+        return None
+    with contextlib.suppress(apsw.Error, RunFileError, UnicodeDecodeError, ValueError, TypeError):
+        db = opened_without_log(path)
+        try:
+            return alone(path, Guarded(db, lambda: size_of(path)))
+        finally:
+            db.close()
+    return None
+
+
+def opened_without_log(path: Path) -> apsw.Connection:
+    """A connection that reads a file as if there were nothing beside it. Raises as `opened_to_read`."""
+    return opened_to_read(path, f"{path.absolute().as_uri()}?mode=ro&immutable=1")
+
+
 def size_of(path: Path) -> int:
     """Bytes of a run file and its log."""
     found = 0
@@ -74,8 +93,9 @@ def rolled_back(path: Path) -> bool:
     """Let SQLite undo a half-written change of the file's mode; False if there is none, or somebody is at work.
 
     Entering and leaving WAL mode is journalled, and a connection that only reads cannot finish with a journal that a
-    power cut left.
+    power cut left. Raises `ForeignFileError` if the journal is not the file's own.
     """
+    check_journal(path)
     if not path.with_name(path.name + "-journal").exists():
         return False
     lock = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
@@ -83,6 +103,7 @@ def rolled_back(path: Path) -> bool:
         if not locked(lock):
             return False
         db = apsw.Connection(str(path), flags=apsw.SQLITE_OPEN_READWRITE)
+        db.config(apsw.SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1)
         try:
             db.execute("SELECT count(*) FROM sqlite_master").fetchall()
         finally:

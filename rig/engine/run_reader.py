@@ -16,8 +16,18 @@ import apsw
 
 from procedures import Factor, Point, RunList, rows_sha256
 from rig.engine.audit import findings
+from rig.engine.beside import Alone, ForeignFileError, check_journal, check_log, foreign_log, has_log
 from rig.engine.chain import GENESIS, Record, StoredRow
-from rig.engine.run_opening import check_header, edited, opened_to_read, rolled_back, size_of, unreadable
+from rig.engine.run_opening import (
+    by_itself,
+    check_header,
+    edited,
+    opened_to_read,
+    opened_without_log,
+    rolled_back,
+    size_of,
+    unreadable,
+)
 from rig.engine.schema import Guarded
 from rig.errors import RunFileError, UsageError
 
@@ -36,12 +46,20 @@ class RunReader:
 
     @classmethod
     def open(cls, path: Path) -> Self:
-        """Open for reading. Raises `RunFileError` if this is not a run file."""
+        """Open for reading. Raises `RunFileError` if this is not a run file, or what lies beside it not its own."""
         check_header(path)
+        check_journal(path)
+        alone = by_itself(path)
         uri = path.absolute().as_uri()
         try:
-            return cls(path, opened_to_read(path, f"{uri}?mode=ro"))
+            return cls._checked(path, alone, opened_to_read(path, f"{uri}?mode=ro"))
+        except RunFileError as error:
+            if alone is not None and not isinstance(error, ForeignFileError):
+                raise foreign_log(path, alone.records, "cannot be read") from error
+            raise
         except apsw.Error as error:
+            if alone is not None and isinstance(error, apsw.CorruptError | apsw.NotADBError):
+                raise foreign_log(path, alone.records, f"cannot be read ({error})") from error
             if os.access(path.parent, os.W_OK):
                 if not rolled_back(path):
                     raise unreadable(path, error) from error
@@ -52,9 +70,21 @@ class RunReader:
                 f"{path} was not closed and lies in a read-only folder: copy it elsewhere with its -wal or -journal"
             )
         try:
-            return cls(path, opened_to_read(path, f"{uri}?mode=ro&immutable=1"))
+            return cls(path, opened_without_log(path))
         except apsw.Error as error:
             raise unreadable(path, error) from error
+
+    @classmethod
+    def _checked(cls, path: Path, alone: Alone | None, db: apsw.Connection) -> Self:
+        """A reader of a file and its log, if the log is its own. Raises `ForeignFileError`, and closes then."""
+        run = cls(path, db)
+        try:
+            if alone is not None:
+                check_log(path, alone, run.guarded)
+        except BaseException:
+            db.close()
+            raise
+        return run
 
     def close(self) -> None:
         """Close the database; idempotent. Folding the log into the file can wait: what it holds is durable."""
@@ -156,7 +186,21 @@ class RunReader:
         """
         wrong = next(findings(self, thorough=False, each=each), None)
         if wrong is not None:
+            self.must_be_its_log()
             raise edited(self.path, str(wrong))
+
+    def must_be_its_log(self) -> None:
+        """Of a file that does not verify: raise `ForeignFileError` if it does without its log."""
+        if not has_log(self.path):
+            return
+        try:
+            with RunReader(self.path, opened_without_log(self.path)) as alone:
+                if next(findings(alone, thorough=False), None) is not None:
+                    return
+                records = alone.head()[0]
+        except (apsw.Error, RunFileError):
+            return
+        raise foreign_log(self.path, records, "does not verify")
 
     def _slices(self, what: str, where: str = "1", values: tuple[object, ...] = ()) -> Iterator[list[Any]]:
         """Rows in order of their key, in lists of a slice each: no list of all, and no transaction that stays open.

@@ -16,14 +16,15 @@ from typing import Self
 import apsw
 
 from rig.engine import wal
+from rig.engine.beside import Alone, check_journal, foreign_log
 from rig.engine.chain import Record, encode, link
 from rig.engine.last_word import LastWord, read_last_word
 from rig.engine.rescue import is_still_at, rescue
-from rig.engine.run_opening import check_header, checked, locked, unreadable
+from rig.engine.run_opening import by_itself, check_header, checked, locked, unreadable
 from rig.engine.run_reader import RunReader
 from rig.engine.schema import INSERT_RECORD, guard
 from rig.engine.storage import storage_of
-from rig.errors import BusyError, StorageError
+from rig.errors import BusyError, RunFileError, StorageError
 
 
 class RunWriter(RunReader):
@@ -48,20 +49,18 @@ class RunWriter(RunReader):
         try:
             if not locked(lock):
                 raise BusyError(f"{path} is in use by another controller; `rig status {path}` shows it")
+            check_journal(path)
+            alone = by_itself(path)
             _renew_log(path, vfs)
             dropped = wal.inspect(path)
-            try:
-                db = apsw.Connection(str(path), flags=apsw.SQLITE_OPEN_READWRITE, vfs=vfs or None)
-                guard(db, writes=True)
-                run = cls(path, checked(path, db))
-            except apsw.Error as error:
-                raise unreadable(path, error) from error
+            run = cls._checked(path, alone, _connected(path, vfs, alone))
             run.dropped = dropped
             run._lock = lock
             run._vfs = vfs
             try:
                 if verified is None or run.head() != verified:
                     run.verify()
+                run._db.config(apsw.SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 0)
                 run._start()
             except BaseException:
                 RunReader.close(run)
@@ -178,6 +177,26 @@ class RunWriter(RunReader):
             if self._lock >= 0:
                 os.close(self._lock)  # after SQLite: closing any descriptor drops its own locks on the file
                 self._lock = -1
+
+
+def _connected(path: Path, vfs: str, alone: Alone | None) -> apsw.Connection:
+    """A connection that writes, and until it is told otherwise leaves the log as it is when it is closed.
+
+    Raises:
+        RunFileError: this is no run file, or what lies beside it is not its own.
+
+    """
+    try:
+        db = apsw.Connection(str(path), flags=apsw.SQLITE_OPEN_READWRITE, vfs=vfs or None)
+        db.config(apsw.SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1)
+        guard(db, writes=True)
+        return checked(path, db)
+    except (apsw.Error, RunFileError) as error:
+        if alone is not None and isinstance(error, apsw.CorruptError | apsw.NotADBError | RunFileError):
+            raise foreign_log(path, alone.records, "cannot be read") from error
+        if isinstance(error, RunFileError):
+            raise
+        raise unreadable(path, error) from error
 
 
 def _renew_log(path: Path, vfs: str) -> None:

@@ -10,6 +10,7 @@ from procedures import RunList
 from rig.config import parse_procedure
 from rig.engine import wal
 from rig.engine.audit import Finding, findings
+from rig.engine.beside import ForeignFileError
 from rig.engine.elsewhere import goes_on_in
 from rig.engine.last_word import read_last_word
 from rig.engine.live import controller_alive
@@ -61,6 +62,7 @@ def verify_file(path: Path, expected_head: str | None = None) -> Verification:
 
     Raises:
         UsageError: this is no run file.
+        ForeignFileError: what lies beside it is not its own.
 
     """
     working = controller_alive(path)
@@ -73,11 +75,15 @@ def verify_file(path: Path, expected_head: str | None = None) -> Verification:
                 if len(found) == MOST:
                     found.append(Finding("file", f"there is more; the first {MOST} findings are told"))
                     break
+            if found:
+                run.must_be_its_log()
             found += _cut_off(run, path, log)
             heads, notes = _held_against(run, expected_head)
             notes += _elsewhere(run, state) if all(f.where in CUT_SHORT for f in found) else []
             count, head = run.head()
             simulated = _simulated(run)
+    except ForeignFileError:
+        raise  # what it says to do comes before anything else
     except RunFileError as error:
         return Verification(path, 0, "", None, (Finding("file", str(error).split(". ", 1)[0]),), ())
     if working:
@@ -109,6 +115,7 @@ def glance(path: Path, most: int) -> tuple[RunReader, RunState, Finding | None, 
         state = RunState()
         wrong = next(findings(run, thorough=False, each=state.add), None)
         if wrong is not None:
+            run.must_be_its_log()
             return run, read_state(run), wrong, True
         return run, state, next(iter(_cut_off(run, path, log)), None), True
     except BaseException:

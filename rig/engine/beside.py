@@ -1,0 +1,215 @@
+"""What lies beside a run file, its log and its journal: are they its own?
+
+SQLite takes whatever has the right name. A log of the same run from earlier, or of another run, hides the records of
+the file or mixes with them (copying a finished run over an interrupted one leaves one behind), and a journal from
+elsewhere is rolled back into the file. A run file only grows: whatever record it holds by itself, it holds with its
+own log too; and its own journal changes nothing of it but the mode of its header.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from operator import length_hint
+from pathlib import Path
+
+import apsw
+
+from rig.engine.chain import followed
+from rig.engine.schema import Guarded
+from rig.errors import RunFileError
+
+_WAL_HEADER, _FRAME_HEADER = 32, 24
+_JOURNAL_MAGIC = bytes.fromhex("d9d505f920a163d7")
+_MODE = (*range(18, 20), *range(24, 28), *range(92, 100))
+"""Bytes of page 1 that a change of mode changes: read and write version, change counter, by which version."""
+_TABLE_LEAF = 13
+_MOST_KEYS, _MOST_BYTES = 20_000, 256 << 20
+
+_LAST = "SELECT max(seq) FROM record"
+_ROW = "SELECT * FROM record WHERE seq = ?"
+_HELD = "SELECT 1 FROM record WHERE seq = ? AND hash = ?"
+_FOLLOWED = "SELECT 1 FROM record WHERE seq = ? + 1 AND previous = ?"
+
+
+class ForeignFileError(RunFileError):
+    """A log or journal beside a run file is not its own; nothing was changed."""
+
+
+@dataclass(frozen=True)
+class Alone:
+    """What a run file holds by itself, whatever its log says.
+
+    Attributes:
+        records: how many.
+        known: number and hash of its last record and of others its log could hide; each has its hash.
+
+    """
+
+    records: int
+    known: tuple[tuple[int, bytes], ...]
+
+
+def has_log(path: Path) -> bool:
+    """Whether there is a log with anything in it."""
+    with contextlib.suppress(OSError):
+        return os.stat(f"{path}-wal").st_size > _WAL_HEADER
+    return False
+
+
+def alone(path: Path, main: Guarded) -> Alone:
+    """Look at a run file by itself, before its log is looked at: a writer at work only adds to it.
+
+    Args:
+        path: the run file.
+        main: reads it without its log.
+
+    Raises:
+        apsw.Error: it cannot be read by itself, as after a crash while its log was folded into it.
+
+    """
+    last = next(iter(main.rows(_LAST)))[0] or 0
+    keys = {1, last or 1, *(key for key in _hidden(path) if 1 <= key <= last)}
+    known, content = [], 0
+    for key in sorted(keys, reverse=True):
+        for row in main.rows(_ROW, (key,)):
+            content += sum(map(length_hint, row))
+            if content > _MOST_BYTES:
+                raise apsw.TooBigError("a few of its records give more content than they can have")
+            if followed([row], key, row[10]):  # half a folding gives half a record
+                known.append((key, row[11]))
+    return Alone(last, tuple(known))
+
+
+def check_log(path: Path, by_itself: Alone, view: Guarded) -> None:
+    """Refuse a log with which records are gone that the file holds by itself, or are not followed by their next.
+
+    Args:
+        path: the run file.
+        by_itself: what it holds without the log.
+        view: reads it with the log.
+
+    Raises:
+        ForeignFileError: the log is not its own.
+
+    """
+    try:
+        last = next(iter(view.rows(_LAST)))[0] or 0
+        missing = [seq for seq, own in by_itself.known if not list(view.rows(_HELD, (seq, own)))]
+        missing += [
+            seq + 1 for seq, own in by_itself.known if seq < last and not list(view.rows(_FOLLOWED, (seq, own)))
+        ]
+    except apsw.Error as error:
+        raise foreign_log(path, by_itself.records, f"cannot be read ({error})") from error
+    if not missing:
+        return
+    if last < min(missing):
+        raise foreign_log(path, by_itself.records, f"has {last}")
+    raise foreign_log(path, by_itself.records, f"has no record {min(missing)}, or another")
+
+
+def foreign_log(path: Path, records: int, seen: str) -> ForeignFileError:
+    """The log is not the file's own.
+
+    Args:
+        path: the run file.
+        records: how many it holds by itself.
+        seen: what it does with the log.
+
+    """
+    return ForeignFileError(
+        f"{path}-wal is not the log of {path}, or an old or damaged one: by itself the file has {records} record(s), "
+        f"with that log it {seen}. Nothing was changed. {_move(path, 'wal')}"
+    )
+
+
+def check_journal(path: Path) -> None:
+    """Refuse a journal that would put anything but the mode back.
+
+    Raises:
+        ForeignFileError: it is not the file's own.
+
+    """
+    try:
+        with path.with_name(path.name + "-journal").open("rb") as file:
+            header = file.read(28)
+            if len(header) < 28 or header[:8] != _JOURNAL_MAGIC:
+                return  # SQLite takes nothing from it
+            count, nonce, pages, sector, size = struct.unpack_from(">5I", header, 8)
+            file.seek(sector)
+            data = file.read(size * 1000)
+        with path.open("rb") as main:
+            wrong = _put_back(main.fileno(), data, count, nonce, pages, size)
+    except OSError:
+        return
+    if wrong:
+        raise ForeignFileError(
+            f"{path}-journal is not the journal of {path}: rolled back, {wrong}. Nothing was changed. "
+            f"{_move(path, 'journal')}"
+        )
+
+
+def _move(path: Path, suffix: str) -> str:
+    return (
+        f"Move {path}-{suffix} to another folder and keep it (it may belong to another copy of the run); then "
+        f"`rig verify {path}` says what the file holds"
+    )
+
+
+def _hidden(path: Path) -> Iterator[int]:
+    """Numbers of rows, of any table, that end those leaves of the file which its log has other versions of."""
+    with contextlib.suppress(OSError), path.open("rb") as main, open(f"{path}-wal", "rb") as log:
+        header = log.read(_WAL_HEADER)
+        size = struct.unpack_from(">I", header, 8)[0] if len(header) == _WAL_HEADER else 0
+        if not (512 <= size <= 65536 and size & (size - 1) == 0):
+            return
+        seen: set[int] = set()
+        for at in range(_WAL_HEADER, os.fstat(log.fileno()).st_size - _FRAME_HEADER + 1, _FRAME_HEADER + size):
+            (number,) = struct.unpack(">I", os.pread(log.fileno(), 4, at) or bytes(4))
+            if number > 1 and number not in seen and len(seen) < _MOST_KEYS:
+                seen.add(number)
+                key = _last_key(os.pread(main.fileno(), size, (number - 1) * size))
+                if key is not None:
+                    yield key
+
+
+def _last_key(page: bytes) -> int | None:
+    """Number of the last row of a table's leaf; None if the page is none."""
+    if len(page) < 512 or page[0] != _TABLE_LEAF:
+        return None
+    (cells,) = struct.unpack_from(">H", page, 3)
+    if not 0 < cells <= (len(page) - 8) // 2:
+        return None
+    (at,) = struct.unpack_from(">H", page, 8 + 2 * (cells - 1))
+    while at < len(page) and page[at] >= 0x80:  # the size of the row
+        at += 1
+    key = 0
+    for byte in page[at + 1 : at + 9]:
+        key = key << 7 | byte & 0x7F
+        if byte < 0x80:
+            return key
+    return None
+
+
+def _put_back(main: int, data: bytes, count: int, nonce: int, pages: int, size: int) -> str:
+    """What of a file a journal would change beside the mode, "" if nothing."""
+    there = os.fstat(main).st_size
+    if pages * size != there:
+        return f"the file would have {pages * size} bytes instead of {there}"
+    whole = range(0, len(data) - size - 7, size + 8)
+    for at in whole[: count if 0 < count < 0xFFFFFFFF else None]:
+        (number,) = struct.unpack_from(">I", data, at)
+        before = data[at + 4 : at + 4 + size]
+        (check,) = struct.unpack_from(">I", data, at + 4 + size)
+        if check != (nonce + sum(before[i] for i in range(size - 200, 0, -200))) & 0xFFFFFFFF:
+            break  # SQLite goes no further
+        now = bytearray(os.pread(main, size, (number - 1) * size))
+        if number == 1:
+            for i in _MODE:
+                now[i : i + 1] = before[i : i + 1]
+        if before != now:
+            return f"page {number} of the file would be another one"
+    return ""
