@@ -409,7 +409,7 @@ def test_a_long_run_is_read_once_and_shown_in_little(tmp_path):
         run._db.execute(
             f"WITH RECURSIVE n(i) AS (SELECT 0 UNION ALL SELECT i + 1 FROM n WHERE i < {many - 2}) "
             "INSERT INTO record SELECT i + 2, 1, 'observation', i * 10.0, 1e9 + i * 10.0, i, NULL, 1, 'accepted', ?, "
-            "x'00', x'00' FROM n",
+            "CASE i WHEN 0 THEN (SELECT hash FROM record WHERE seq = 1) ELSE x'00' END, x'00' FROM n",
             (observation(0.1),),
         )
         asked: list[int] = []
