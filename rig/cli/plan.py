@@ -22,7 +22,7 @@ from rig.controller import Plan, load_plan
 from rig.durations import duration
 from rig.engine.guard import Guard
 from rig.errors import ConfigurationError, ExitCode, UsageError
-from rig.room import BYTES_PER_POINT
+from rig.room import needed_bytes
 
 
 @app.command(rich_help_panel="Running")
@@ -76,7 +76,7 @@ def plan(
     end = now + timedelta(seconds=forecast.latest_s)
     overdue = _due(planned.bench.instruments, end.date())
     existing = next(p for p in (out_dir, *out_dir.absolute().parents) if p.exists())
-    free, needed = shutil.disk_usage(existing).free, len(planned.run_list) * BYTES_PER_POINT
+    free, needed = shutil.disk_usage(existing).free, needed_bytes(len(planned.run_list))
     reach, limits = planned.run_list.extremes(), Guard(planned.bench.limits, planned.bench.factors).limits
     result: dict[str, Any] = {
         "procedure": planned.procedure.name,
