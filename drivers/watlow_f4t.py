@@ -10,6 +10,7 @@ import math
 import struct
 import tomllib
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 from typing import Literal
 
 from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
@@ -56,6 +57,11 @@ class RegisterMap(BaseModel, extra="forbid", frozen=True):
     codes: Mapping[str, Mapping[str, int]]
 
 
+@lru_cache(maxsize=8)
+def _map_of(text: str) -> RegisterMap:
+    return RegisterMap.model_validate(tomllib.loads(text))
+
+
 class WatlowF4T:
     """One control loop of the controller, or one cascade of two; satisfies `drivers.roles.Chamber`.
 
@@ -94,7 +100,7 @@ class WatlowF4T:
         @classmethod
         def _readable(cls, text: str) -> str:
             try:
-                RegisterMap.model_validate(tomllib.loads(text))
+                _map_of(text)
             except (tomllib.TOMLDecodeError, ValidationError) as error:
                 raise ValueError(f"the register map cannot be read: {error}") from error
             return text
@@ -109,7 +115,7 @@ class WatlowF4T:
                 raise ValueError(f"limit_modules {self.limit_modules}: a controller has slots 1 to 6")
             if self.cascade and self.ramp_degC_per_min is not None:
                 raise ValueError("a cascade's ramp cannot be set from here; leave ramp_degC_per_min out")
-            registers = RegisterMap.model_validate(tomllib.loads(self.register_map))
+            registers = _map_of(self.register_map)
             if self.cascade and not registers.cascade:
                 raise ValueError("the register map knows no cascade")
             if self.limit_modules and "limit_state" not in registers.registers:
@@ -119,7 +125,7 @@ class WatlowF4T:
     def __init__(self, name: str, address: str, options: Options, wires: Wires, clock: Clock) -> None:
         self.name = name
         self._options = options
-        self._map = RegisterMap.model_validate(tomllib.loads(options.register_map))
+        self._map = _map_of(options.register_map)
         self._low_first = self._map.word_order == "low-first"
         self._line = wires.modbus(address, name, options.timeout_s)
 
