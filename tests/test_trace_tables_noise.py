@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.special import fdtrc
-from table_truth import Lab, options, simulate
+from table_truth import MISSING, Lab, options, simulate
 
 from fitter.effects.tables_scene import TableScene
 from fitter.trace.tables import search_table
@@ -111,3 +111,15 @@ def test_a_reading_alone_is_held_back_and_a_level_is_not():
     level[60:70] += 12.0
     assert np.flatnonzero(excess(spike, ordered=True)).tolist() == [40]
     assert not np.any(excess(level, ordered=True))
+
+
+@pytest.mark.parametrize("name", ["drift", "step"])
+def test_what_changes_with_a_clock_is_named_although_a_wander_could_do_it(name):
+    """One sd of it in 120 rows. What is slower than noise is a drift itself, and less probable here than this one."""
+    missing = MISSING[name]
+    for seed in range(2):
+        columns = simulate(missing.lab, seed, missing.at(1.0))
+        data, _ = roles_of(Table("simulated", columns, True, {}), Roles(**options(missing.lab)))
+        result = search_table(data)
+        names = {result.judge.candidates[j].effect.name for j in result.chosen}
+        assert names == {f"{name}:t_s"}, seed

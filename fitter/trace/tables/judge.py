@@ -180,7 +180,7 @@ class TableJudge:
     def family(self, at: int, rival: Rivalry = "any") -> TableFamily:
         """What the best of all scores by chance under covariance `at`, held against a `rival`."""
         if (at, rival) not in self.families:
-            without, beside = possible_of(self.problem.noise, rival)
+            without, beside = possible_of(self.problem, rival)
             self.families[at, rival] = family_of(
                 self.problem,
                 at,
@@ -195,14 +195,15 @@ class TableJudge:
     def _adjusted(self, chosen: tuple[int, ...], j: int) -> float:
         """Family-wise p of `j` beside those `chosen`.
 
-        It has to stand out from the noise that fits best without it, whatever that is; or, with noise that forgets
-        soon beside it, both from noise that forgets soon and from slow wanders (a test of hypotheses of which neither
-        contains the other: Cox, Proc. 4th Berkeley Symp. 1 (1961) 105, its distribution simulated).
+        It has to stand out from the noise that fits best without it, whatever that is. Or it has to be ahead of every
+        slow wander, with noise that forgets soon beside it, and to stand out both from noise that forgets soon and
+        from those slow wanders that are noise (a test of hypotheses of which neither contains the other: Cox, Proc.
+        4th Berkeley Symp. 1 (1961) 105, its distribution simulated).
         """
         trial = self._trial(chosen, j)
         if trial.ahead > np.log(self.problem.n) * self.candidates[j].term.price:
-            p = self._against(trial, chosen, j, "slow")
-            if p <= ALPHA and (p := max(p, self._against(trial, chosen, j, "fast"))) <= ALPHA:
+            p = max(self._against(trial, chosen, j, "fast"), self._against(trial, chosen, j, "slow"))
+            if p <= ALPHA:
                 return p
         return self._against(trial, chosen, j, "any")
 
@@ -212,7 +213,9 @@ class TableJudge:
         The larger of two: with the noise that is most probable without it, and with the slowest that is plausible. How
         alike neighbours are is underestimated in short tables (Berger and Boos, JASA 89 (1994) 1012).
         """
-        possible = possible_of(self.problem.noise, rival)
+        possible = possible_of(self.problem, rival)
+        if not np.any(possible[0]):
+            return 0.0
         at = trial.beside.best_of(possible[1])
         scores, _ = score(self.view(at), self._white(at, trial.y), chosen, (j,))
         if scores.ratio[0] <= 0.0:

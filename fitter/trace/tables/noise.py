@@ -25,8 +25,8 @@ WALKS = (0.001, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 30.0)
 """Variance of a random walk's step over that of what is drawn anew for every row."""
 LEAST_WHITE = 0.01
 SLOW, MEMORIES = 0.9, 6.0
-"""Correlation between neighbours of what wanders, from which a wander is slow; and how often its memory, the time in
-which correlation falls by a factor of e, is to go into the table for it not to be."""
+"""Correlation between neighbours of what wanders, above which it is a drift of no known shape rather than noise; it is
+slow, too, if its memory, the time in which correlation falls by a factor of e, goes into the table less often."""
 
 
 BoolArray = NDArray[np.bool_]
@@ -46,6 +46,10 @@ class Noise(Protocol):
     @property
     def slow(self) -> BoolArray:
         """(G,) whether errors are remembered so long that they look like an effect in time."""
+
+    @property
+    def drifting(self) -> BoolArray:
+        """(G,) whether it is slower than noise, a drift of no known shape."""
 
     @property
     def memory(self) -> FloatArray:
@@ -88,6 +92,11 @@ class Independent:
 
     @property
     def slow(self) -> BoolArray:
+        """See `Noise`."""
+        return np.zeros(1, np.bool_)
+
+    @property
+    def drifting(self) -> BoolArray:
         """See `Noise`."""
         return np.zeros(1, np.bool_)
 
@@ -167,6 +176,11 @@ class Wandering:
         correlation = self._grid[0]
         shortest = np.exp(-MEMORIES / max(float(np.ptp(self.when)), 1.0))
         return np.asarray(correlation > min(SLOW, shortest))
+
+    @property
+    def drifting(self) -> BoolArray:
+        """See `Noise`."""
+        return np.asarray(self._grid[0] > SLOW)
 
     @cached_property
     def memory(self) -> FloatArray:

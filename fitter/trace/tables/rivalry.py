@@ -9,11 +9,12 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.trace.tables.likelihood import Beside
-from fitter.trace.tables.noise import BoolArray, Noise
+from fitter.trace.tables.noise import BoolArray
+from fitter.trace.tables.problem import Problem
 
 Rivalry = Literal["any", "fast", "slow"]
 """The noise that fits best, without an effect and beside it; the same of noise that forgets soon; or, with noise that
-forgets soon beside it, slow wanders without it."""
+forgets soon beside it, slow wanders without it, as far as they are noise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +49,13 @@ class Trial:
         return 2.0 * float(self.beside.ml[~slow].max() - self.without.ml[slow].max())
 
 
-def possible_of(noise: Noise, rival: Rivalry) -> tuple[BoolArray, BoolArray]:
-    """(G,) covariances that are fitted without a candidate, and those that are fitted beside it."""
+def possible_of(problem: Problem, rival: Rivalry) -> tuple[BoolArray, BoolArray]:
+    """(G,) covariances that are fitted without a candidate, and those that are fitted beside it.
+
+    A slow wander that is a drift itself is as much an answer as any effect in time: of the two the more probable one
+    holds. Only where nobody vouches for the order of the rows does an effect have to be shown against it.
+    """
+    noise = problem.noise
     every = np.ones(len(noise.slow), np.bool_)
-    return {"any": (every, every), "fast": (~noise.slow, ~noise.slow), "slow": (noise.slow, ~noise.slow)}[rival]
+    soon, slow = ~noise.slow, noise.slow if problem.presumed else noise.slow & ~noise.drifting
+    return {"any": (every, every), "fast": (soon, soon), "slow": (slow, soon)}[rival]

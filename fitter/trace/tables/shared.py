@@ -47,6 +47,11 @@ class Shared:
         return np.zeros(len(self._ratio), np.bool_)
 
     @property
+    def drifting(self) -> BoolArray:
+        """See `Noise`."""
+        return np.zeros(len(self._ratio), np.bool_)
+
+    @property
     def memory(self) -> FloatArray:
         """See `Noise`."""
         return np.ones(len(self._ratio))
