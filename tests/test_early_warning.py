@@ -19,7 +19,7 @@ from procedures import PitchRollProcedure
 from rig.engine.early_warning import EarlyWarnings, in_unit, warnings_of
 from rig.engine.run_reader import RunReader
 from rig.engine.session import Outcome
-from rig.engine.warning_tests import NoiseTest, Number, PreviousTest, RepeatTest
+from rig.engine.warning_tests import NoiseTest, Number, PreviousTest, RepeatTest, StillTest
 from rig.examples import example
 
 LAB = example("attitude-lab")
@@ -112,6 +112,29 @@ def test_a_sensor_that_never_lived_is_told_as_soon_as_the_settings_have_moved():
     found = told(0, lambda _: lambda _: [rng.gauss(0, 1e-4) for _ in range(10)])
     assert [w.cause for _, w in found] == ["response"]
     assert found[0][0] <= len(NIGHT) // 8
+
+
+@pytest.mark.parametrize(("step", "told_of"), [(0.001, True), (0.1, False)])
+def test_a_thermometer_that_hangs_is_told_unless_it_is_so_coarse_that_nobody_can_know(step, told_of):
+    rng, warnings, found = random.Random(5), EarlyWarnings(NIGHT, None, {}), []
+    for i, point in enumerate(NIGHT.points):
+        given = body(point, rng)
+        true = 23.0 + 0.3 * math.sin(i / 60.0)
+        readings = [step * round((true + rng.gauss(0.0, 0.005)) / step) for _ in range(10)] if i < 100 else [22.9] * 10
+        given["temperatures"]["sensor_temperature_degC"]["readings"] = readings
+        found += [(i - 99, w) for w in warnings.add(point, None, given)]
+    assert [w.cause for _, w in found] == ["thermometer"] * told_of
+    if told_of:
+        at, warned = found[0]
+        assert at == 1
+        assert warned.message.startswith("sensor_temperature_degC hangs: it has read 22.9 degC 10 times in a row")
+
+
+def test_thermometers_are_told_of_as_rarely_as_was_promised():
+    """A thermometer whose neighbouring readings are the same in one of four cases, 20 runs of 2,000 readings."""
+    for seed in range(20):
+        rng, test = random.Random(seed), StillTest(200, 1)
+        assert not any(test.add([rng.randrange(4) for _ in range(10)]) for _ in range(200)), seed
 
 
 def test_drift_is_told_at_repeated_settings():

@@ -19,7 +19,7 @@ from procedures import Point, RunList
 from rig.engine.chain import Record
 from rig.engine.response_test import ResponseTest, Row
 from rig.engine.run_reader import RunReader
-from rig.engine.warning_tests import ALARM, NoiseTest, Number, PreviousTest, RepeatTest
+from rig.engine.warning_tests import ALARM, NoiseTest, Number, PreviousTest, RepeatTest, StillTest
 from rig.quantities import PITCH, PRESSURE, ROLL
 
 if TYPE_CHECKING:
@@ -36,8 +36,8 @@ class Warned:
     """One warning.
 
     Attributes:
-        cause: "noise", "drift", "calibration" or "response"; "itself" where warnings have come to an end.
-        output: of which sensor.
+        cause: "noise", "drift", "calibration", "response" or "thermometer"; "itself" where warnings have ended.
+        output: of which sensor or thermometer.
         message: in plain words, with figures.
 
     """
@@ -76,6 +76,7 @@ class EarlyWarnings:
         self._told: set[tuple[str, str]] = set()
         self._broken = False
         self._outputs: dict[str, _Output] = {}
+        self._thermometers: dict[str, StillTest] = {}
         self._whole_plot: int | None = None
         names = {f.name for f in run_list.factors}
         self._kind = "attitude" if {PITCH, ROLL} <= names else "pressure" if PRESSURE in names else ""
@@ -126,6 +127,7 @@ class EarlyWarnings:
                     one.reach(0.1 * ALARM / draws),
                 )
             found += [Warned(cause, name, f"{name} {words}") for cause, words in said.items() if words]
+        found += list(self._still(body.get("temperatures", {})))
         fresh = [w for w in found if (w.cause, w.output) not in self._told]
         self._told |= {(w.cause, w.output) for w in fresh}
         return fresh
@@ -159,6 +161,13 @@ class EarlyWarnings:
             PreviousTest(points, outputs, say),
             response,
         )
+
+    def _still(self, temperatures: Mapping[str, Any]) -> Iterator[Warned]:
+        for name, channel in temperatures.items():
+            if name not in self._thermometers:
+                self._thermometers[name] = StillTest(len(self._run_list), len(temperatures))
+            if words := self._thermometers[name].add(channel["readings"]):
+                yield Warned("thermometer", name, f"{name} {words}")
 
     def _repeated(self, tests: _Output, point: Point, whole_plot: int | None, mean: float) -> str:
         if whole_plot is None and not self._keeps(point):

@@ -1,5 +1,7 @@
 """The tests behind early warnings, for one output each: noise, drift at repeated settings, drift from a calibration.
 
+And one for thermometers: whether they hang.
+
 Every test is made after every observation, on windows of the last few. Thresholds are such that the chance of any
 false alarm in a whole run is below `ALARM` for all of them together, by Bonferroni over points, outputs and windows,
 which holds however much windows have in common. What they take for granted: readings within a point are independent
@@ -11,14 +13,14 @@ from __future__ import annotations
 import itertools
 import math
 from collections import deque
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
 
 ALARM = 0.01
 """Chance of a false alarm in a run, all outputs and tests together."""
-_SHARE = 0.3
-"""Of it, for each of the three tests."""
+_SHARE, _THERMOMETERS = 0.3, 0.1
+"""Of it, for each of the three tests of an output, and for that of thermometers."""
 
 
 @dataclass(frozen=True)
@@ -206,6 +208,45 @@ class PreviousTest:
                     f"allow for {self._say(allowed)}"
                 )
         return ""
+
+
+class StillTest:
+    """Whether a thermometer repeats one reading for longer than it ever would: what hangs looks like calm.
+
+    Held against how often neighbouring readings were the same before. Thermometers so coarse that this is common are
+    left alone: how often they change depends on where between two of their steps the temperature stands.
+
+    Args:
+        points: of the run.
+        thermometers: of the bench.
+
+    """
+
+    FEWEST = 30
+    """Pairs of readings that have to be known."""
+    COMMON = 0.3
+
+    def __init__(self, points: int, thermometers: int) -> None:
+        self._p = ALARM * _THERMOMETERS / max(1, points * thermometers)
+        self._last: float | None = None
+        self._pairs = self._same = self._run = 0
+
+    def add(self, readings: Sequence[float]) -> str:
+        """Take the readings of the next point; what there is to say of them, "" if nothing."""
+        for reading in readings:
+            if reading == self._last:
+                self._run += 1
+                continue
+            if self._last is not None:
+                self._pairs, self._same = self._pairs + self._run + 1, self._same + self._run
+            self._last, self._run = reading, 0
+        often = (self._same + 1) / (self._pairs + 2)
+        if self._pairs < self.FEWEST or often > self.COMMON or often**self._run >= self._p:
+            return ""
+        return (
+            f"hangs: it has read {self._last:g} degC {self._run + 1} times in a row, and neighbouring readings were "
+            f"the same in {self._same} of {self._pairs} cases before. Temperatures recorded since are not to be trusted"
+        )
 
 
 def _chance_f(of: float, to: float, ratio: float) -> float:
