@@ -2,9 +2,11 @@
 
     .venv/bin/python benchmarks/pressure_campaign.py reading-error --seeds 50
     .venv/bin/python benchmarks/pressure_campaign.py coverage --calibrations 10000
+    .venv/bin/python benchmarks/pressure_campaign.py few --calibrations 30000
 
 Reading error is the largest |marginal residual| at a pressure over dV/dP and that pressure, in percent. Coverage counts
-how often nominal 95 % intervals of a whole calibration, made by the functions a user calls, hold the truth.
+how often nominal 95 % intervals of a whole calibration, made by the functions a user calls, hold the truth. Few: how
+far the degrees of freedom hold in a run as small as a simulated night of four whole plots and three pressures.
 """
 
 from __future__ import annotations
@@ -21,8 +23,10 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 import numpy as np
 from pressure_truth import GROWING, GROWING_AND_CUBIC, HOMOSCEDASTIC, coverage, simulate
+from scipy.special import ndtri, stdtr
 
 from fitter.pressure import METHODS, fit_pressure
+from fitter.split_plot import SplitPlotDesign
 
 READING_ERROR = {
     "homoscedastic, variance ratio 10": HOMOSCEDASTIC,
@@ -68,9 +72,26 @@ def show_coverage(calibrations: int, first: int) -> None:
             print(f"  {interval:55s} {100 * count / calibrations:6.2f}", flush=True)
 
 
+def show_few(calibrations: int, first: int) -> None:
+    """Coefficients less the truth over their standard errors, made standard normal by their t distributions."""
+    pressure, plot = np.tile([0.12, 1.0, 2.5], 4), np.repeat(np.arange(4), 3)
+    x = np.column_stack([np.ones(12), pressure])
+    design, truth = SplitPlotDesign(x, plot, ("1", "P")), np.array([1.0, 2.0])
+    scores = []
+    for i in range(calibrations):
+        rng = np.random.default_rng(first + i)
+        y = x @ truth + rng.normal(0.0, 0.0155, 4)[plot] + rng.normal(0.0, 0.0049, 12)
+        fit = design.fit(y)
+        scores.append(ndtri(stdtr(fit.df, (fit.coefficients - truth) / fit.stderr)))
+    for name, z in zip(("offset", "sensitivity"), np.array(scores).T, strict=True):
+        print(
+            f"{name:12s} mean {z.mean():+.3f}, sd {z.std():.3f}, outside 95 % {100 * np.mean(np.abs(z) > 1.96):.2f} %"
+        )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("what", choices=("reading-error", "coverage"))
+    parser.add_argument("what", choices=("reading-error", "coverage", "few"))
     parser.add_argument("--seeds", type=int, default=50)
     parser.add_argument("--model", default="hierarchical")
     parser.add_argument("--pressure", type=float, default=0.12)
@@ -79,6 +100,8 @@ def main() -> None:
     asked = parser.parse_args()
     if asked.what == "reading-error":
         show_reading_error(asked.seeds, asked.model, asked.pressure)
+    elif asked.what == "few":
+        show_few(asked.calibrations, asked.first)
     else:
         show_coverage(asked.calibrations, asked.first)
 

@@ -122,7 +122,7 @@ class Bias:
     def holds(self) -> bool:
         """Whether mean and scatter are those of nights without trouble, as chance has it once in 30,000 times."""
         root = math.sqrt(self.quantities)
-        return abs(self.mean) * root < _CHANCE and (self.sd - 1.0) * root * math.sqrt(2.0) < _CHANCE
+        return abs(self.mean) * root < _CHANCE and (self.sd - _SMALL_DESIGN) * root * math.sqrt(2.0) < _CHANCE
 
     def __str__(self) -> str:
         """In words."""
@@ -133,6 +133,9 @@ class Bias:
 
 
 _CHANCE = 4.0
+_SMALL_DESIGN = 1.04
+"""Standard deviation that the method itself may have: degrees of freedom of four whole plots are an approximation, and
+offsets of simulated data of that design, no bench involved, have 1.03 (docs/nights.md)."""
 
 
 def unbiased(deviations: Iterable[tuple[str, float, float]]) -> Bias | None:

@@ -15,6 +15,8 @@ from functools import partial
 from pathlib import Path
 from typing import Literal, NoReturn
 
+import apsw
+
 from drivers.clock import Clock
 from drivers.wires import Wires
 from rig.bench import Bench, check_options, open_bench
@@ -249,9 +251,23 @@ _AT_LAST_S = 600.0
 """Between sessions beyond those that gaps are drawn for: somebody takes his time to look at what is wrong."""
 
 
+@contextlib.contextmanager
+def _folding(pages: int) -> Iterator[None]:
+    """Logs of run files that are opened meanwhile are folded into them after so many pages."""
+
+    def hook(database: apsw.Connection) -> None:
+        database.wal_autocheckpoint(pages)
+
+    apsw.connection_hooks.append(hook)
+    try:
+        yield
+    finally:
+        apsw.connection_hooks.remove(hook)
+
+
 def play(scenario: Scenario, folder: Path) -> Played:
     """Play a night in an empty folder; whoever gets it closes its bench."""
-    with Disk(scenario.seed) as disk:
+    with Disk(scenario.seed) as disk, _folding(scenario.fold_pages):
         stage = _Stage(scenario, folder, disk)
         played = stage.played
         for number in range(MOST_SESSIONS):

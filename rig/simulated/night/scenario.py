@@ -136,6 +136,7 @@ class Scenario:
         documents: bench, procedure and world file.
         mishaps: what happens besides the world file's faults, in order of time.
         gaps_s: how long the bench is left alone after each of the first sessions.
+        fold_pages: pages after which the run file's log is folded into it; short nights would never come to it.
 
     """
 
@@ -144,6 +145,7 @@ class Scenario:
     documents: Mapping[str, str]
     mishaps: tuple[Mishap, ...]
     gaps_s: tuple[float, ...]
+    fold_pages: int
 
 
 _LASTS_S: Mapping[Lab, Mapping[bool, float]] = {
@@ -184,7 +186,11 @@ def draw(seed: int, lab: Lab, *, full: bool = False) -> Scenario:
         "procedure.toml": (folder / "procedure.toml").read_text(encoding="utf-8") if full else _procedure(rng, lab),
         "world.toml": world + "".join(map(_table, tables)),
     }
-    return Scenario(seed, lab, documents, tuple(happening), gaps)
+    fold_pages = _SQLITES_OWN if full else rng.choice((3, 10, 40, _SQLITES_OWN))
+    return Scenario(seed, lab, documents, tuple(happening), gaps, fold_pages)
+
+
+_SQLITES_OWN = 1000
 
 
 def _world(seed: int, lab: Lab, sensors: int) -> str:
