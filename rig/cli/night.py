@@ -12,10 +12,12 @@ from rich.markup import escape
 
 from rig.cli import app
 from rig.cli.run import JsonOption
-from rig.cli.show import err, out, print_json
+from rig.cli.show import counting, err, out, print_json
 from rig.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from rig.simulated.night.scenario import Lab
 
 
@@ -59,52 +61,55 @@ def night(
         if lab == "both":
             raise UsageError("--seed replays one night: say of which laboratory with --lab")
         return _replay(seed, labs[0], full, bug or "", keep)
-    summary = {one: _campaign(range(first, first + seeds), one, full, bug or "", jobs) for one in labs}
+    if keep is not None:
+        raise UsageError("--keep leaves the run file of one night: say which with --seed and --lab")
+    console = err if as_json else out
+    summary = {one: _campaign(range(first, first + seeds), one, full, bug or "", jobs, console) for one in labs}
     if as_json:
         print_json(summary)
-    failed = sum(s["violations"] for s in summary.values())
     if bug:
-        return ExitCode.DONE if failed else ExitCode.FAULT
-    return ExitCode.FAULT if failed else ExitCode.DONE
+        return ExitCode.DONE if any(s["violations"] for s in summary.values()) else ExitCode.FAULT
+    return ExitCode.DONE if all(s["holds"] for s in summary.values()) else ExitCode.FAULT
 
 
-def _campaign(seeds: range, lab: Lab, full: bool, bug: str, jobs: int) -> dict[str, Any]:
+def _campaign(seeds: range, lab: Lab, full: bool, bug: str, jobs: int, console: Console) -> dict[str, Any]:
     from rig.simulated.night.campaign import many_nights, unbiased  # noqa: PLC0415
 
-    total = Counter[str]()
-    worst: list[str] = []
+    total = Counter(dict.fromkeys(("nights", "sessions", "happened", "skipped", "violations"), 0))
+    found: list[str] = []
     off: list[tuple[str, float, float]] = []
-    for verdict in many_nights(seeds, lab, full=full, bug=bug, jobs=jobs):
-        total["nights"] += 1
-        total["sessions"] += verdict.sessions
-        total["happened"] += verdict.happened
-        total["skipped"] += verdict.skipped
-        total["violations"] += bool(verdict.violations)
-        off += verdict.deviations
-        for violation in verdict.violations:
-            line = f"seed {verdict.seed}: {violation.invariant}: {violation.what}"
-            worst.append(line)
-            if len(worst) <= _SHOWN:
-                err.print(f"[red]{lab}[/] {escape(line)}", soft_wrap=True)
-        if verdict.violations:
-            err.print(
-                f"  replay: rig night --lab {lab} --seed {verdict.seed}"
-                f"{' --full' if full else ''}{f' --bug {bug}' if bug else ''}",
-                soft_wrap=True,
-            )
-            if bug:
+    with counting(lab, len(seeds)) as one_more:
+        for verdict in many_nights(seeds, lab, full=full, bug=bug, jobs=jobs):
+            total["nights"] += 1
+            total["sessions"] += verdict.sessions
+            total["happened"] += verdict.happened
+            total["skipped"] += verdict.skipped
+            total["violations"] += bool(verdict.violations)
+            off += verdict.deviations
+            for violation in verdict.violations:
+                line = f"seed {verdict.seed}: {violation.invariant}: {violation.what}"
+                found.append(line)
+                if len(found) <= _SHOWN:
+                    err.print(f"[red]{lab}[/] {escape(line)}", soft_wrap=True)
+            if verdict.violations:
+                options = f"{' --full' if full else ''}{f' --bug {bug}' if bug else ''}"
+                err.print(f"  replay: rig night --lab {lab} --seed {verdict.seed}{options}", soft_wrap=True)
+            one_more(f"{total['violations']} in which something did not hold")
+            if bug and verdict.violations:
                 break
-        if total["nights"] % 500 == 0:
-            err.print(f"{lab}: {total['nights']} nights, {total['violations']} with a violation")
     bias = unbiased(off)
     words = (
         f"{lab}: {total['nights']} nights, {total['happened']} things that went wrong, {total['sessions']} sessions, "
         f"{total['skipped']} points given up for a reason; {total['violations']} nights in which something did not hold"
     )
-    out.print(words, soft_wrap=True)
+    console.print(words, soft_wrap=True)
     if bias is not None:
-        out.print(f"  {bias}", soft_wrap=True)
-    return {**total, "violations": total["violations"] + (bias is not None and not bias.holds), "found": worst[:_KEPT]}
+        console.print(f"  {bias}", soft_wrap=True)
+        if not bias.holds:
+            err.print(f"[red]{lab}[/] unbiased: mean or sd are not what chance leaves of 0 and 1", soft_wrap=True)
+    figures = None if bias is None else {"coefficients": bias.quantities, "mean": bias.mean, "sd": bias.sd}
+    holds = not total["violations"] and (bias is None or bias.holds)
+    return {**total, "holds": holds, "bias": figures, "found": found[:_KEPT]}
 
 
 _SHOWN, _KEPT = 10, 100

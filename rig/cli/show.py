@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import Console, RenderableType
 from rich.markup import escape
-from rich.progress import BarColumn, Progress, TextColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
+from drivers.clock import RealClock
 from rig.durations import duration
 from rig.engine.session import Progress as News
 from rig.report.words import incomplete
@@ -126,6 +127,43 @@ def run_progress(*, simulated: bool) -> Iterator[Callable[[News], None]]:
         yield show
     finally:
         bar.stop()
+
+
+@contextmanager
+def counting(what: str, total: int) -> Iterator[Callable[[str], None]]:
+    """What to call, with a few words, whenever one of many things is done: a bar with time left on stderr.
+
+    Where that is no terminal a line a minute.
+    """
+    stopwatch = RealClock().stopwatch
+    began = told = stopwatch()
+    done = 0
+
+    def plain(words: str) -> None:
+        nonlocal done, told
+        done += 1
+        now = stopwatch()
+        if now - told > _EVERY_S and done < total:
+            told = now
+            left = duration((now - began) / done * (total - done))
+            print(f"{what}: {done}/{total}, {words}, {left} left", file=sys.stderr, flush=True)
+
+    if not err.is_terminal:
+        yield plain
+        return
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(bar_width=None),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[words]}"),
+        TimeRemainingColumn(elapsed_when_finished=True),
+    )
+    with Progress(*columns, console=err, refresh_per_second=5, expand=True) as bar:
+        task = bar.add_task(what, total=total, words="")
+        yield lambda words: bar.update(task, advance=1, words=words)
+
+
+_EVERY_S = 60.0
 
 
 class _PlainProgress:
