@@ -54,9 +54,14 @@ def test_a_planted_bug_is_found_and_nothing_without_it(bug):
     assert not one_night(seed, lab).violations
 
 
-def test_a_disk_that_fails_at_the_very_end_leaves_a_run_that_can_be_finished():
-    """The end record was written again together with what followed it: nothing could resume such a file."""
-    assert not one_night(30310, "pressure").violations
+@pytest.mark.parametrize(("lab", "seed"), [("pressure", 30310), ("attitude", 201136)])
+def test_a_disk_that_fails_at_the_very_end_leaves_a_run_that_can_be_finished(lab, seed):
+    """Nothing could resume a file in which records follow the end, be it written twice or only not folded."""
+    assert not one_night(seed, lab).violations
+
+
+def test_a_meter_that_hangs_at_a_spike_at_the_very_first_point_is_not_believed():
+    assert not one_night(201080, "attitude").violations
 
 
 def test_a_night_replays_exactly(tmp_path):

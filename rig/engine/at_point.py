@@ -5,7 +5,7 @@ Every handler answers with the trigger that follows. What goes wrong is raised; 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from statistics import median
 from typing import Any
 
@@ -15,6 +15,7 @@ from rig.engine.actions import BenchActions
 from rig.engine.early_warning import EarlyWarnings
 from rig.engine.faults import FrozenReading, NotSettled, OverloadedError, TemperatureLeft, TooNoisy
 from rig.engine.journal import Journal, PointInHand
+from rig.engine.liveness import Liveness
 from rig.engine.measuring import Observation
 from rig.engine.motion import plan_legs, recovery_legs
 from rig.engine.policies import Policies
@@ -69,10 +70,10 @@ class AtPoint:
         self._references = tuple(f for f in run_list.easy if not f.stays)
         self._settle = procedure.settle.judged()
         self._poll_s = procedure.settle.poll_s
+        readers = {name: reader for name, (reader, _) in bench.sensors.items()}
         last = journal.last_read()
-        self._last_read: tuple[Point | None, Mapping[str, Sequence[float]]] = (None, {})
-        if last is not None:
-            self._last_read = run_list.points[last[0]], last[1]
+        at, read = (None, {}) if last is None else (run_list.points[last[0]], last[1])
+        self._liveness = Liveness(readers, at, read)
         self.move_timeout_s = max(_MOVE_TIMEOUT_S, self._settle.timeout_s)
 
     def recovering(self) -> str:
@@ -152,18 +153,12 @@ class AtPoint:
         return "record"
 
     def _check_alive(self, observation: Observation) -> None:
-        """A meter or a sensor that hangs, or a reply that is old, repeats what was read before to the last digit."""
-        point, (before, last) = self._at.point, self._last_read
-        passing = self._do.take_in_passing()
-        last = {name: (*last.get(name, ()), *passing.get(name, ())) for name in observation.outputs}
-        frozen = observation.frozen(last, moved=before is None or before.setpoints != point.setpoints)
-        if frozen:
-            self._last_read = before, last
-            words = (
-                f"{', '.join(frozen)} at point {point.index} hangs: the same reading to the last digit, again and again"
-            )
-            self._flag("frozen", "frozen", FrozenReading(words))
-        self._last_read = point, {name: c.readings for name, c in observation.outputs.items()}
+        """A meter or a sensor that hangs, or a reply that is old, repeats itself to the last digit."""
+        point = self._at.point
+        hanging = self._liveness.hanging(point, observation, self._do.take_in_passing())
+        if hanging:
+            words = f"{', '.join(hanging)} at point {point.index} hangs: the same reading to the last digit"
+            self._flag("frozen", "frozen", FrozenReading(f"{words}, again and again"))
 
     def _check_references(self, observation: Observation) -> None:
         """What sensors are calibrated against stood while it was read: no stray readback goes into its mean.

@@ -157,8 +157,10 @@ class RunWriter(RunReader):
                 Record(record.session, "end", record.elapsed_s, record.utc_s, status=record.status, body=encode(body))
             )
         except StorageError:
-            self._pending.clear()  # what is still written about the failure must not follow an end
-            raise
+            if self._pending:
+                self._pending.clear()  # what is still written about the failure must not follow an end
+                raise
+            # The end is there: only the log could not be moved into the file, which is tried again below.
         self._db.set_busy_timeout(200)
         # A reader is looking, or the disk refuses: every record is safe, only the log file stays.
         with contextlib.suppress(apsw.Error, OSError):

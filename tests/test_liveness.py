@@ -1,0 +1,74 @@
+"""Whether a meter hangs or stands still: by what it has done before."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+
+from procedures import PitchRollProcedure
+from rig.engine.liveness import Liveness
+from rig.engine.measuring import Channel, Observation
+
+POINTS = (
+    PitchRollProcedure.model_validate(
+        {"kind": "pitch-roll", "name": "night", "replications": 4, "design": {"type": "T6"}}
+    )
+    .expand()
+    .points
+)
+THREE = dict.fromkeys(("x_V", "y_V", "z_V"), "scanner")
+
+
+def observed(readings):
+    return Observation({name: Channel(tuple(values)) for name, values in readings.items()}, {})
+
+
+def lively(rng, at, count=3):
+    return observed({name: [at + k + rng.gauss(0.0, 1e-4) for _ in range(count)] for k, name in enumerate(THREE)})
+
+
+def still(at, count=3, of=THREE):
+    return observed({name: [at + k] * count for k, name in enumerate(of)})
+
+
+def test_a_meter_that_hangs_at_the_very_first_point_is_not_believed_however_often_it_is_asked():
+    alive = Liveness(THREE, None, {})
+    for _ in range(6):
+        assert alive.hanging(POINTS[0], still(1.0), {}) == list(THREE)
+    assert not alive.hanging(POINTS[0], lively(random.Random(1), 1.0), {})
+
+
+def test_a_coarse_meter_is_doubted_at_one_point_and_believed_from_then_on():
+    alive = Liveness(THREE, None, {})
+    assert alive.hanging(POINTS[0], still(0.5), {})
+    for k, point in enumerate(POINTS[1:]):
+        assert not alive.hanging(point, still(1.0 + k), {})
+    assert not alive.hanging(POINTS[0], still(0.25), {})
+
+
+def test_a_meter_that_hangs_at_a_number_it_never_read_before_is_told_by_its_other_points():
+    rng, alive = random.Random(2), Liveness(THREE, None, {})
+    for point in POINTS[:10]:
+        assert not alive.hanging(point, lively(rng, point.setpoints[0]), {})
+    assert alive.hanging(POINTS[10], still(7.0), {}) == list(THREE)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_meter_that_stands_still_now_and_then_is_left_alone(seed):
+    """All three readings on a channel the same at one point in three, each channel for itself."""
+    rng, alive = random.Random(seed), Liveness(THREE, None, {})
+    told = 0
+    for k in range(200):
+        at = {name: k + j for j, name in enumerate(THREE)}
+        readings = {n: [v + (rng.random() < 1 / 3 and 0.1 * rng.random())] * 3 for n, v in at.items()}
+        for values in readings.values():
+            if rng.random() > 1 / 3:
+                values[1] += 1e-4
+        told += bool(alive.hanging(POINTS[k % len(POINTS)], observed(readings), {}))
+    assert told <= 2
+
+
+def test_one_reading_a_point_says_nothing():
+    alive = Liveness(THREE, None, {})
+    assert not any(alive.hanging(point, still(0.1 * k, count=1), {}) for k, point in enumerate(POINTS))
