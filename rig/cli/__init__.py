@@ -45,9 +45,9 @@ def main() -> None:
         error.show(file=sys.stderr)  # type: ignore[attr-defined]  # every ClickException has it
         code = ExitCode.USAGE
     except (typer.Abort, KeyboardInterrupt):
-        code = ExitCode.INTERRUPTED
+        code = _interrupted()
     except SystemExit as ended:
-        code = ExitCode.INTERRUPTED if ended.code == _BY_SIGINT else ended.code
+        code = _interrupted() if ended.code == _BY_SIGINT else ended.code
     except BrokenPipeError:
         # Whoever read our output has gone; there is nobody to tell, not even when Python flushes at its end.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -63,6 +63,12 @@ def main() -> None:
 
 _BY_SIGINT = 130
 """What the command-line library ends with after Ctrl-C."""
+
+
+def _interrupted() -> ExitCode:
+    """Interrupted where nothing runs yet, or nothing any more: what runs on a bench says so itself."""
+    print("rig: interrupted; nothing was begun that is not in a run file", file=sys.stderr)
+    return ExitCode.INTERRUPTED
 
 
 def _unforeseen(error: Exception) -> str:
