@@ -1,6 +1,8 @@
 """Crash at every write of a short run, damage every byte of its last commits and its file's every page, and go on.
 
-python -m benchmarks.crash_points [--lab attitude] [--part crashes|log|file] [--every 1]
+python -m benchmarks.crash_points [--lab attitude] [--part crashes|folded|log|file] [--every 1]
+
+Folded: crashes again, in runs whose log is folded into the file every few pages, as that of a long run is in the end.
 """
 
 from __future__ import annotations
@@ -16,6 +18,11 @@ sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 
 from crashes import PROCEDURES, crash_once
 from damages import FLIPS, Interrupted, file_damages, log_damages, small_finished
+
+from rig.simulated.disk import folding
+
+_PARTS = ("crashes", "folded", "log", "file")
+_FOLD_PAGES = 4
 
 
 def crash_points(lab: str, folder: Path, every: int) -> tuple[Counter[str], list[str]]:
@@ -37,17 +44,20 @@ def crash_points(lab: str, folder: Path, every: int) -> tuple[Counter[str], list
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--lab", choices=PROCEDURES, action="append")
-    parser.add_argument("--part", choices=("crashes", "log", "file"), action="append")
+    parser.add_argument("--part", choices=_PARTS, action="append")
     parser.add_argument("--every", type=int, default=1, help="only every nth crash point or byte")
     asked = parser.parse_args()
     bad = 0
     for lab in asked.lab or PROCEDURES:
-        for part in asked.part or ("crashes", "log", "file"):
+        for part in asked.part or _PARTS:
             start = time.process_time()
             with tempfile.TemporaryDirectory() as name:
                 folder = Path(name)
                 if part == "crashes":
                     counts, wrong = crash_points(lab, folder, asked.every)
+                elif part == "folded":
+                    with folding(_FOLD_PAGES):
+                        counts, wrong = crash_points(lab, folder, asked.every)
                 elif part == "log":
                     counts, wrong = log_damages(Interrupted.make(lab, folder), asked.every)
                 else:

@@ -17,12 +17,13 @@ as a journalling file system keeps them; a folder made by `make_folder` survives
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import itertools
 import os
 import random
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -68,6 +69,20 @@ class _Countdown:
             self._times -= 1
             return True
         return False
+
+
+@contextlib.contextmanager
+def folding(pages: int) -> Iterator[None]:
+    """Logs of run files that are opened meanwhile are folded into them after so many pages, not SQLite's own 1000."""
+
+    def hook(database: apsw.Connection) -> None:
+        database.wal_autocheckpoint(pages)
+
+    apsw.connection_hooks.append(hook)
+    try:
+        yield
+    finally:
+        apsw.connection_hooks.remove(hook)
 
 
 class Disk(storage.Storage):

@@ -15,8 +15,6 @@ from functools import partial
 from pathlib import Path
 from typing import Literal, NoReturn
 
-import apsw
-
 from drivers.clock import Clock
 from drivers.wires import Wires
 from rig.bench import Bench, check_options, open_bench
@@ -24,7 +22,7 @@ from rig.controller import Plan, Site, plan_of, resume_run, start_run
 from rig.engine.live import live_path, send_request
 from rig.engine.session import Outcome, Signals
 from rig.errors import RigError
-from rig.simulated.disk import Crash, Disk
+from rig.simulated.disk import Crash, Disk, folding
 from rig.simulated.dry_run import DryBench
 from rig.simulated.night.safety import not_safe
 from rig.simulated.night.scenario import Mishap, Scenario
@@ -251,23 +249,9 @@ _AT_LAST_S = 600.0
 """Between sessions beyond those that gaps are drawn for: somebody takes his time to look at what is wrong."""
 
 
-@contextlib.contextmanager
-def _folding(pages: int) -> Iterator[None]:
-    """Logs of run files that are opened meanwhile are folded into them after so many pages."""
-
-    def hook(database: apsw.Connection) -> None:
-        database.wal_autocheckpoint(pages)
-
-    apsw.connection_hooks.append(hook)
-    try:
-        yield
-    finally:
-        apsw.connection_hooks.remove(hook)
-
-
 def play(scenario: Scenario, folder: Path) -> Played:
     """Play a night in an empty folder; whoever gets it closes its bench."""
-    with Disk(scenario.seed) as disk, _folding(scenario.fold_pages):
+    with Disk(scenario.seed) as disk, folding(scenario.fold_pages):
         stage = _Stage(scenario, folder, disk)
         played = stage.played
         for number in range(MOST_SESSIONS):
