@@ -16,9 +16,10 @@ from pathlib import Path
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from rig.closed_loop import trace_table
-from rig.controller import load_plan, start_run
+from rig.controller import start_run
 from rig.engine.session import Signals
 from rig.examples import example
+from rig.plans import load_plan
 from rig.tables import run_table
 
 LAB = example("attitude-lab")

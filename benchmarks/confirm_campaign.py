@@ -18,9 +18,10 @@ from pathlib import Path
 
 from rig.closed_loop.confirm import judge, open_traced, plan_for, propose
 from rig.config import parse_toml
-from rig.controller import plan_of, start_run
+from rig.controller import start_run
 from rig.engine.session import Signals
 from rig.examples import example
+from rig.plans import plan_of
 from rig.toml_text import toml_text
 
 LAB = example("attitude-lab")

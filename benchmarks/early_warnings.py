@@ -17,11 +17,12 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from rig.controller import load_plan, start_run
+from rig.controller import start_run
 from rig.engine.early_warning import EarlyWarnings, Warned
 from rig.engine.run_reader import RunReader
 from rig.engine.session import Signals
 from rig.examples import example
+from rig.plans import load_plan
 from rig.previous import Previous, read_previous
 
 Body = dict[str, Any]

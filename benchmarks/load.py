@@ -33,11 +33,12 @@ from benchmarks.load_bench import BODY, Head, UnsyncedVFS, ideal, planned
 from benchmarks.load_journal import JournalTimes, Turns, compared
 from benchmarks.scratch import RUNS
 from procedures import Factor, Point, RunList
-from rig.controller import Plan, Result, Site, resume_run, start_run
+from rig.controller import Result, Site, resume_run, start_run
 from rig.engine.chain import Record
 from rig.engine.run_creation import Genesis, create
 from rig.engine.run_writer import RunWriter
 from rig.engine.session import Outcome, Progress, Signals
+from rig.plans import Plan
 
 ROOT = Path(__file__).parent.parent
 WINDOW = 10_000

@@ -17,14 +17,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel
-
 from drivers.clock import Clock, RealClock, ScaledClock, boot_id
 from drivers.errors import DriverError
-from procedures import PitchRollProcedure, Procedure, RunList
-from rig import __version__
+from procedures import PitchRollProcedure, Procedure
 from rig.bench import Bench, check_options, identities, open_bench
-from rig.config import BenchConfig, parse_bench, parse_procedure, parse_toml, read_text
 from rig.engine.axes import own_limits
 from rig.engine.elsewhere import goes_on_in
 from rig.engine.gap import Gap, gap_since
@@ -36,41 +32,17 @@ from rig.engine.run_writer import RunWriter
 from rig.engine.sequencer import Sequencer
 from rig.engine.session import Nobody, Observer, Outcome, Progress, Session, Signals
 from rig.engine.state import RunState, fold
-from rig.errors import BenchFault, ConfigurationError, RigError, UsageError
+from rig.errors import BenchFault, UsageError
 from rig.locks import locked_addresses
-from rig.matching import check_match
+from rig.plans import PREVIOUS, Plan, stored_plan
 from rig.room import check_may_write, check_room
+from rig.versions import versions
 
 WORLD_START = "world_start_s"
 """In the first record of a dry run: how old its world was when the run began, if it was not new."""
 
-PREVIOUS = "previous.json"
-"""Document of the run file that holds the last calibration, where the procedure names one."""
-
 _VIRTUAL = "virtual"
 """Stands for the boot id where time is virtual: its clock continues across sessions by construction."""
-
-
-@dataclass(frozen=True)
-class Plan:
-    """What is to be run, checked: texts as given and what they mean.
-
-    Attributes:
-        documents: file texts by document name ("bench.toml", "procedure.toml", "world.toml").
-        bench: the bench file.
-        procedure: the procedure file.
-        run_list: every point.
-        dry: whether twins take the place of the instruments.
-        truth: the world file's values; only ever given to twins.
-
-    """
-
-    documents: Mapping[str, str]
-    bench: BenchConfig
-    procedure: Procedure
-    run_list: RunList
-    dry: bool
-    truth: Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -91,58 +63,6 @@ class Result:
     message: str
     state: RunState
     procedure: Procedure | None
-
-
-def load_plan(procedure: Path, bench: Path, *, dry: bool = False, world: Path | None = None) -> Plan:
-    """Read and check everything that decides a run. Raises `ConfigurationError`."""
-    if world is not None and not dry:
-        raise UsageError("--world describes a simulated bench; it goes with --dry")
-    documents = {"bench.toml": read_text(bench, "bench"), "procedure.toml": read_text(procedure, "procedure")}
-    if world is not None:
-        documents["world.toml"] = read_text(world, "world")
-    against = parse_procedure(documents["procedure.toml"], str(procedure)).warnings.against
-    if against is not None:
-        from rig.previous import previous_text  # noqa: PLC0415 - brings the fitter, which few runs need
-
-        try:
-            documents[PREVIOUS] = previous_text(procedure.parent / against)
-        except (RigError, OSError) as error:
-            what = f"{procedure}: warnings.against = {against!r}: {error}"
-            raise ConfigurationError(f"{what}; name the last calibration, or leave the line out") from error
-    return _plan(documents, dry, {"bench.toml": str(bench), "procedure.toml": str(procedure), "world.toml": str(world)})
-
-
-def _plan(documents: Mapping[str, str], dry: bool, where: Mapping[str, str], *, strict: bool = True) -> Plan:
-    config = parse_bench(documents["bench.toml"], where["bench.toml"], strict=strict)
-    checked = check_options(config, where["bench.toml"], strict=strict)
-    if not strict:
-        config = _as_checked(config, checked)
-    procedure = parse_procedure(documents["procedure.toml"], where["procedure.toml"], strict=strict)
-    run_list = procedure.expand()
-    check_match(config, procedure, run_list, where["bench.toml"])
-    truth = parse_toml(documents["world.toml"], where["world.toml"]) if "world.toml" in documents else {}
-    return Plan(documents, config, procedure, run_list, dry, truth)
-
-
-def _as_checked(config: BenchConfig, checked: Mapping[str, BaseModel]) -> BenchConfig:
-    """The bench with options of the kinds that their drivers take them for."""
-    instruments = {}
-    for name, one in config.instruments.items():
-        options = checked[name].model_dump(mode="json")
-        instruments[name] = one.model_copy(update={k: options.get(k, v) for k, v in one.options.items()})
-    return config.model_copy(update={"instruments": instruments})
-
-
-def plan_of(documents: Mapping[str, str], *, dry: bool, stored: bool = False) -> Plan:
-    """Check what decides a run, from the texts of its files by document name. Raises `ConfigurationError`.
-
-    Args:
-        documents: the texts.
-        dry: whether the run is a dry one.
-        stored: they are those of a run file, perhaps of an earlier version's.
-
-    """
-    return _plan(documents, dry, {name: name for name in documents}, strict=not stored)
 
 
 def _mounted(plan: Plan) -> Mapping[str, Any]:
@@ -276,7 +196,7 @@ def resume_run(
         head, state = reader.head(), RunState()
         reader.verify(state.add)
         if state.ended is not None:
-            plan = _stored_plan(reader, path, None)
+            plan = stored_plan(reader, path, None)
             return Result(path, Outcome.COMPLETE, f"{path} is complete: nothing to resume", state, plan.procedure)
         other = goes_on_in(reader, state)
         if other is not None:
@@ -290,7 +210,7 @@ def resume_run(
             state = fold(run.records())
         for warning in _losses(run, state, told):
             warn(warning)
-        plan = _stored_plan(run, path, bench)
+        plan = stored_plan(run, path, bench)
         unknown = sorted(accept - set(plan.bench.instruments))
         if unknown:
             known = ", ".join(sorted(plan.bench.instruments))
@@ -335,27 +255,6 @@ def _losses(run: RunWriter, state: RunState, told: int) -> Iterator[str]:
             f"the last session had {told} points done, {run.path} holds {told - missing}: {missing} are lost "
             f"(was its -wal file removed?) and are measured again"
         )
-
-
-def _stored_plan(run: RunReader, path: Path, bench: Path | None) -> Plan:
-    documents = run.documents()
-    where = {name: f"{path} ({name})" for name in documents}
-    plan = _plan(documents, bool(run.genesis().data["dry"]), where, strict=False)
-    if plan.run_list.sha256() != run.genesis().data["run_list"]:
-        raise ConfigurationError(
-            f"{path}: this version of rig expands the stored procedure to another run list; "
-            f"resume it with the version that began it ({run.genesis().data['software']['calibration-rig']})"
-        )
-    if bench is None:
-        return plan
-    other = parse_bench(read_text(bench, "bench"), str(bench))
-    check_options(other, str(bench))
-    for what in ("name", "sensors", "temperatures", "factors", "limits", "interlocks", "safety", "simulated"):
-        if getattr(other, what) != getattr(plan.bench, what):
-            raise ConfigurationError(f"{bench}: {what} differ from the bench the run began on; only instruments may")
-    if {n: i.driver for n, i in other.instruments.items()} != {n: i.driver for n, i in plan.bench.instruments.items()}:
-        raise ConfigurationError(f"{bench}: it has other instruments than the bench the run began on")
-    return Plan(plan.documents, other, plan.procedure, plan.run_list, plan.dry, plan.truth)
 
 
 def _session(
@@ -403,19 +302,6 @@ def _session(
     )
     outcome = sequencer.run()
     return Result(run.path, outcome, sequencer.message, state, plan.procedure)
-
-
-def versions() -> dict[str, str]:
-    """What computed this: our version, Python's, and the libraries whose answers matter."""
-    import apsw  # noqa: PLC0415
-    import numpy as np  # noqa: PLC0415
-
-    return {
-        "calibration-rig": __version__,
-        "python": platform.python_version(),
-        "sqlite": apsw.sqlite_lib_version(),
-        "numpy": np.__version__,
-    }
 
 
 def _new_id(name: str) -> str:

@@ -14,10 +14,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from procedures import RunList
-from rig.controller import Plan, start_run
+from rig.controller import start_run
 from rig.engine.run_reader import RunReader
 from rig.engine.session import Outcome, Progress, Signals
 from rig.errors import RigError
+from rig.plans import Plan
 
 ALLOWANCE = 0.05
 """Share added for repeats, retries and one short interruption."""

@@ -16,9 +16,10 @@ from procedures.pitch_roll import MountingSettings
 from procedures.separating import variations
 from rig.closed_loop.confirm import judge, open_traced, plan_for, planned, propose
 from rig.config import parse_procedure, parse_toml
-from rig.controller import plan_of, resume_run, start_run
+from rig.controller import resume_run, start_run
 from rig.engine.session import Outcome, Signals
 from rig.examples import example
+from rig.plans import plan_of
 from rig.tables import attitude_data, run_table
 from rig.toml_text import toml_text
 

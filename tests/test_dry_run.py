@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 from dry import LAB, SHORT, dry, fingerprint, write_short
 
-from rig.controller import load_plan, resume_run, start_run
+from rig.controller import resume_run, start_run
 from rig.engine.run_reader import RunReader
 from rig.engine.session import Outcome, Signals
+from rig.plans import load_plan
 from rig.tables import run_table
 
 

@@ -10,10 +10,11 @@ from pydantic import BaseModel
 
 from rig.bench import check_options
 from rig.config import parse_bench, parse_procedure
-from rig.controller import load_plan, resume_run, start_run
+from rig.controller import resume_run, start_run
 from rig.engine.session import Outcome, Signals
 from rig.errors import ConfigurationError
 from rig.examples import example
+from rig.plans import load_plan
 
 PROCEDURE = 'kind = "pitch-roll"\nname = "n"\nreplications = 2\n[design]\ntype = "T6"\n'
 BENCH = example("attitude-lab") / "bench.toml"

@@ -13,7 +13,6 @@ from dry import LAB
 from ideal_bench import new_run, run_session
 from small_run import write_small
 
-from rig.controller import load_plan, versions
 from rig.engine.journal import typical_s
 from rig.engine.last_word import head_path
 from rig.engine.live import replace_json, request_path
@@ -21,6 +20,8 @@ from rig.engine.run_creation import Genesis, create
 from rig.engine.run_reader import RunReader
 from rig.engine.run_writer import RunWriter
 from rig.engine.session import Outcome, Signals
+from rig.plans import load_plan
+from rig.versions import versions
 
 
 def edited(path, statement="UPDATE record SET utc_s = utc_s + 1 WHERE seq = 9"):

@@ -16,8 +16,8 @@ from procedures import PitchRollProcedure
 from procedures.advice import design_points, usage_of
 from rig.atomic import check_not_input, check_writable, write_whole_bytes
 from rig.cli.show import err, number, out, print_json, run_progress
-from rig.controller import Plan, load_plan
 from rig.errors import ConfigurationError, UsageError
+from rig.plans import Plan, load_plan
 
 
 def compare_files(

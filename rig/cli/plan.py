@@ -18,10 +18,10 @@ from rig.bench import driver_class
 from rig.cli import app
 from rig.cli.run import BenchOption, JsonOption, ProcedureArgument
 from rig.cli.show import out, print_json, run_progress
-from rig.controller import Plan, load_plan
 from rig.durations import duration
 from rig.engine.guard import Guard
 from rig.errors import ConfigurationError, ExitCode, UsageError
+from rig.plans import Plan, load_plan
 from rig.room import needed_bytes
 
 

@@ -22,9 +22,10 @@ import pytest
 from chromium import MISSING, Page, chromium, find
 
 from drivers.clock import RealClock
-from rig.controller import load_plan, start_run
+from rig.controller import start_run
 from rig.engine.session import Progress, Signals
 from rig.examples import example
+from rig.plans import load_plan
 
 pytestmark = [
     pytest.mark.skipif(find() is None, reason=MISSING),

@@ -15,7 +15,7 @@ from procedures.separating import Variation
 from rig.closed_loop import AttitudeTraced
 from rig.closed_loop.confirm.first import First
 from rig.config import parse_toml
-from rig.controller import Plan, plan_of
+from rig.plans import Plan, plan_of
 from rig.toml_text import toml_text
 
 PACKAGE_S = 1200.0

@@ -14,9 +14,10 @@ from fitter.data import SAME_ANGLE_DEG
 from fitter.inverse import calibrate_package
 from procedures.designs import Design
 from rig.atomic import write_whole
-from rig.controller import load_plan, start_run
+from rig.controller import start_run
 from rig.engine.session import Outcome, Progress, Signals
 from rig.errors import RigError
+from rig.plans import load_plan
 from rig.study.paper.nights import Night
 from rig.tables import attitude_data, run_table
 

@@ -8,10 +8,10 @@ from pathlib import Path
 import jinja2
 
 from rig.atomic import write_whole
-from rig.controller import versions
 from rig.study.paper.document import TITLE
 from rig.study.paper.draw import draw
 from rig.study.paper.study import Study
+from rig.versions import versions
 
 
 def write_pages(study: Study, folder: Path, say: Callable[[str], None]) -> Path:

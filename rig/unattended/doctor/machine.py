@@ -9,8 +9,8 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from rig.controller import versions
 from rig.unattended.doctor.findings import Finding, ok, problem, warning
+from rig.versions import versions
 
 
 def check_power(root: Path = Path("/")) -> Iterator[Finding]:

@@ -1,0 +1,126 @@
+"""Plans: bench, procedure and world, read and checked; what decides a run, from files or from a run file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel
+
+from procedures import Procedure, RunList
+from rig.bench import check_options
+from rig.config import BenchConfig, parse_bench, parse_procedure, parse_toml, read_text
+from rig.engine.run_reader import RunReader
+from rig.errors import ConfigurationError, RigError, UsageError
+from rig.matching import check_match
+
+PREVIOUS = "previous.json"
+"""Document of the run file that holds the last calibration, where the procedure names one."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is to be run, checked: texts as given and what they mean.
+
+    Attributes:
+        documents: file texts by document name ("bench.toml", "procedure.toml", "world.toml").
+        bench: the bench file.
+        procedure: the procedure file.
+        run_list: every point.
+        dry: whether twins take the place of the instruments.
+        truth: the world file's values; only ever given to twins.
+
+    """
+
+    documents: Mapping[str, str]
+    bench: BenchConfig
+    procedure: Procedure
+    run_list: RunList
+    dry: bool
+    truth: Mapping[str, Any]
+
+
+def load_plan(procedure: Path, bench: Path, *, dry: bool = False, world: Path | None = None) -> Plan:
+    """Read and check everything that decides a run. Raises `ConfigurationError`."""
+    if world is not None and not dry:
+        raise UsageError("--world describes a simulated bench; it goes with --dry")
+    documents = {"bench.toml": read_text(bench, "bench"), "procedure.toml": read_text(procedure, "procedure")}
+    if world is not None:
+        documents["world.toml"] = read_text(world, "world")
+    against = parse_procedure(documents["procedure.toml"], str(procedure)).warnings.against
+    if against is not None:
+        from rig.previous import previous_text  # noqa: PLC0415 - brings the fitter, which few runs need
+
+        try:
+            documents[PREVIOUS] = previous_text(procedure.parent / against)
+        except (RigError, OSError) as error:
+            what = f"{procedure}: warnings.against = {against!r}: {error}"
+            raise ConfigurationError(f"{what}; name the last calibration, or leave the line out") from error
+    return _plan(documents, dry, {"bench.toml": str(bench), "procedure.toml": str(procedure), "world.toml": str(world)})
+
+
+def _plan(documents: Mapping[str, str], dry: bool, where: Mapping[str, str], *, strict: bool = True) -> Plan:
+    config = parse_bench(documents["bench.toml"], where["bench.toml"], strict=strict)
+    checked = check_options(config, where["bench.toml"], strict=strict)
+    if not strict:
+        config = _as_checked(config, checked)
+    procedure = parse_procedure(documents["procedure.toml"], where["procedure.toml"], strict=strict)
+    run_list = procedure.expand()
+    check_match(config, procedure, run_list, where["bench.toml"])
+    truth = parse_toml(documents["world.toml"], where["world.toml"]) if "world.toml" in documents else {}
+    return Plan(documents, config, procedure, run_list, dry, truth)
+
+
+def _as_checked(config: BenchConfig, checked: Mapping[str, BaseModel]) -> BenchConfig:
+    """The bench with options of the kinds that their drivers take them for."""
+    instruments = {}
+    for name, one in config.instruments.items():
+        options = checked[name].model_dump(mode="json")
+        instruments[name] = one.model_copy(update={k: options.get(k, v) for k, v in one.options.items()})
+    return config.model_copy(update={"instruments": instruments})
+
+
+def plan_of(documents: Mapping[str, str], *, dry: bool, stored: bool = False) -> Plan:
+    """Check what decides a run, from the texts of its files by document name. Raises `ConfigurationError`.
+
+    Args:
+        documents: the texts.
+        dry: whether the run is a dry one.
+        stored: they are those of a run file, perhaps of an earlier version's.
+
+    """
+    return _plan(documents, dry, {name: name for name in documents}, strict=not stored)
+
+
+def stored_plan(run: RunReader, path: Path, bench: Path | None) -> Plan:
+    """The plan that a run file was begun with.
+
+    Args:
+        run: the file, opened.
+        path: its path, for messages.
+        bench: another bench file, for instruments that have moved to other addresses; None for the stored one.
+
+    Raises:
+        ConfigurationError: this version of rig makes another plan of it, or the other bench is not the same bench.
+
+    """
+    documents = run.documents()
+    where = {name: f"{path} ({name})" for name in documents}
+    plan = _plan(documents, bool(run.genesis().data["dry"]), where, strict=False)
+    if plan.run_list.sha256() != run.genesis().data["run_list"]:
+        raise ConfigurationError(
+            f"{path}: this version of rig expands the stored procedure to another run list; "
+            f"resume it with the version that began it ({run.genesis().data['software']['calibration-rig']})"
+        )
+    if bench is None:
+        return plan
+    other = parse_bench(read_text(bench, "bench"), str(bench))
+    check_options(other, str(bench))
+    for what in ("name", "sensors", "temperatures", "factors", "limits", "interlocks", "safety", "simulated"):
+        if getattr(other, what) != getattr(plan.bench, what):
+            raise ConfigurationError(f"{bench}: {what} differ from the bench the run began on; only instruments may")
+    if {n: i.driver for n, i in other.instruments.items()} != {n: i.driver for n, i in plan.bench.instruments.items()}:
+        raise ConfigurationError(f"{bench}: it has other instruments than the bench the run began on")
+    return Plan(plan.documents, other, plan.procedure, plan.run_list, plan.dry, plan.truth)
