@@ -135,6 +135,83 @@ def test_a_number_repeated_from_elsewhere_is_found_even_if_noise_would_hide_it(g
     assert any("repeated since then" in what for what in INVARIANTS["truthful"](found))
 
 
+def hung(good, degC):
+    """The night with a thermometer that hung at one observation and at the reading before, which was `degC` off."""
+    played, run_list, records = good
+    column = "sensor_temperature_degC"
+    at = played.plan.bench.temperatures[column]
+    wire = (at.reader, at.channel)
+    night = Night(played, run_list, list(records))
+    record = list(night.accepted())[5]
+    meanwhile, made = night.meanwhile(record, wire), night.of_input(wire)
+    before, same = made[meanwhile[0] - 1], {id(made[i]): made[i] for i in meanwhile}
+    said = before.given + degC
+    data = json.loads(record.body)
+    data["temperatures"][column]["readings"] = [said] * len(data["temperatures"][column]["readings"])
+    kept = list(played.tape.readings)
+
+    def hangs(r):
+        if r is before:
+            return r._replace(given=said, found=said)
+        # by now it is half a degree warmer, which it does not say
+        return r._replace(given=said, found=r.found + 0.5, true=r.true + 0.5) if id(r) in same else r
+
+    try:
+        played.tape.readings[:] = [hangs(r) for r in kept]
+        return Night(played, run_list, [record._replace(body=json.dumps(data)) if r == record else r for r in records])
+    finally:
+        played.tape.readings[:] = kept
+
+
+def test_what_a_thermometer_repeats_that_hangs_must_have_been_true_when_it_was_first_said(good):
+    assert broken(hung(good, 0.0)) == set()
+    assert broken(hung(good, 0.05)) == {"truthful"}
+
+
+def test_a_thermometer_that_does_not_hang_is_held_against_the_truth_of_its_moment(good):
+    warmer = happened(good, lambda r: r if r.unit == "V" else r._replace(true=r.true + 0.5))
+    assert broken(warmer) == {"truthful"}
+
+
+def repeated(good, *, outside, now_off=0.0):
+    """The night with a pressure readback that repeats one said at the setpoint, or `outside` the band, before."""
+    played, run_list, records = good
+    night = Night(played, run_list, list(records))
+    record = list(night.accepted())[5]
+    began, ended = night.measured_s(record)
+    column, channel = next(iter(record.data["references"].items()))
+    setpoint, band = night.run_list.setting(night.point(record))[column], played.plan.procedure.settle.judged().band
+    said = setpoint + (3.0 if outside else 0.3) * band
+    kept = list(played.tape.readbacks)
+    instrument = played.plan.bench.factors[column]
+    first = next(i for i, b in enumerate(kept) if b.instrument == instrument and b.t_s >= began - 1e-6)
+    before = max(i for i in range(first) if kept[i].instrument == instrument)
+
+    def otherwise(i, b):
+        if i == before:
+            return b._replace(given=said, true=said)
+        meanwhile = b.instrument == instrument and began - 1e-6 <= b.t_s <= ended
+        return b._replace(given=said, true=setpoint + now_off * band) if meanwhile else b
+
+    data = json.loads(record.body)
+    data["references"][column]["readings"] = [said] * len(channel["readings"])
+    try:
+        played.tape.readbacks[:] = [otherwise(i, b) for i, b in enumerate(kept)]
+        changed = [record._replace(body=json.dumps(data)) if r == record else r for r in records]
+        return list(INVARIANTS["truthful"](Night(played, run_list, changed)))
+    finally:
+        played.tape.readbacks[:] = kept
+
+
+def test_a_readback_that_hangs_must_have_been_true_within_the_band_and_be_within_it(good):
+    if good[0].scenario.lab == "attitude":
+        assert "references" not in list(Night(*good).accepted())[5].data
+        return
+    assert repeated(good, outside=False) == []
+    assert "is off by" in repeated(good, outside=True)[0]
+    assert "is off by" in repeated(good, outside=False, now_off=2.0)[0]
+
+
 def test_where_it_came_from_and_which_stay_it_was_are_true(good):
     pressure = good[0].scenario.lab == "pressure"
     opposite = happened(good, lambda r: r._replace(sides={name: -side for name, side in r.sides.items()}))
