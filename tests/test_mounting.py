@@ -14,6 +14,8 @@ from rig.examples import example
 from rig.tables import attitude_data, read_table
 from sims.physics.rotations import apply, pitch_matrix, roll_matrix
 
+pytestmark = pytest.mark.usefixtures("few_draws")
+
 LAB = example("attitude-lab")
 WORLD = """
 seed = 4

@@ -16,7 +16,7 @@ from fitter.effects.effect import PREREQUISITES
 from fitter.trace import family, trace
 
 X, Y, Z = "x_V", "y_V", "z_V"
-SMALL = D1(180, 13, 13)
+SMALL = D1(180, 13, 13, replications=4)
 
 
 @pytest.fixture(autouse=True)
