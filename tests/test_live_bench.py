@@ -27,11 +27,11 @@ readings = 4
 """
 
 
-@pytest.fixture
-def live(tmp_path):
-    """The example bench served for at most a minute; yields its LIVE.toml."""
-    bench = tmp_path / "LIVE.toml"
-    arguments = (LAB / "bench.toml", "--world", LAB / "world.toml", "--speed", SPEED, "--live", bench, "--for", 60)
+@pytest.fixture(scope="module")
+def live(tmp_path_factory):
+    """The example bench served for at most three minutes; yields its LIVE.toml."""
+    bench = tmp_path_factory.mktemp("bench") / "LIVE.toml"
+    arguments = (LAB / "bench.toml", "--world", LAB / "world.toml", "--speed", SPEED, "--live", bench, "--for", 180)
     server = rig("sim", *arguments)
     wait_for(bench.exists, server)
     yield bench
