@@ -8,7 +8,6 @@ import pytest
 from crashes import crash_once, power_cuts
 from damages import Interrupted, file_damages, log_damages, small_finished
 
-
 CRASHES = {"attitude": range(1, 270, 52), "pressure": range(1, 245, 48)}
 """From the first write to one of the last."""
 
