@@ -268,7 +268,7 @@ def test_little_data_is_no_reason_to_fail(bench, plan):
 
 @pytest.mark.usefixtures("few_draws")
 def test_without_a_recorded_temperature_all_else_works():
-    data, _ = simulate(Bench(compliance={("y", "x"): 8e-4}), SMALL, seed=0)
+    data, _ = simulate(Bench(compliance={("y", "x"): 8e-4}), replace(SMALL, replications=4), seed=0)
     cold = replace(data, sensor_temperature_degC=None)
     assert cold.take(np.arange(100)).sensor_temperature_degC is None
     found = trace(cold, validate=False)
