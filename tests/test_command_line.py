@@ -257,7 +257,7 @@ def test_outside_acceptance_ends_with_3_and_a_complete_run(tmp_path):
 
 def test_on_a_terminal_the_run_files_path_still_goes_to_stdout(tmp_path):
     """The progress bar lives on stderr, which is a terminal here, and leaves stdout alone."""
-    write_short(tmp_path)
+    write_short(tmp_path, SHORT.replace("replications = 2", "replications = 1"))
     master, terminal = pty.openpty()
     command = [sys.executable, "-m", "rig", "run", "short.toml", "--bench", str(LAB / "bench.toml"), "--dry"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=terminal, text=True, cwd=tmp_path) as process:
@@ -271,7 +271,7 @@ def test_on_a_terminal_the_run_files_path_still_goes_to_stdout(tmp_path):
     assert process.returncode == 0
     assert (tmp_path / out.splitlines()[0]).exists()
     assert out.count("\n") == 1
-    assert b"30/30 points" in shown
+    assert b"15/15 points" in shown
 
 
 def test_the_evening_question(tmp_path):
@@ -286,9 +286,8 @@ def test_the_evening_question(tmp_path):
     assert files(tmp_path) == set()
 
 
-def test_a_reader_that_has_seen_enough_is_no_fault(tmp_path):
-    path = dry(tmp_path)
-    command = [sys.executable, "-m", "rig", "fit", str(path)]
+def test_a_reader_that_has_seen_enough_is_no_fault(finished):
+    command = [sys.executable, "-m", "rig", "fit", str(finished)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         process.stdout.close()
         said = process.stderr.read().decode()

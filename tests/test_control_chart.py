@@ -11,6 +11,7 @@ from pathlib import Path
 import command
 import pytest
 from dry import LAB, SHORT, dry
+from few_sensors import with_sensors
 
 from rig.cli import app
 from rig.cli import chart as _registers  # noqa: F401
@@ -89,7 +90,7 @@ def test_the_due_date_follows_tolerance_and_today(charted):
     assert sensor.due(1e-5)["status"] == "never within"
     assert sensor.due(1.0)["at_least"]
     overdue = chart_calibrations(
-        read_all([one.source for one in charted.given]),
+        charted.given,
         datetime(2030, 1, 1, tzinfo=UTC),
         tolerance=1e-3,
         usage_deg=30,
@@ -115,10 +116,11 @@ def test_two_calibrations_are_compared_and_no_more(runs):
 
 
 def test_a_step_is_dated_and_put_beside_a_change_of_instruments(runs, tmp_path):
-    bench = tmp_path / "bench.toml"
-    bench.write_text((LAB / "bench.toml").read_text().replace("DVM-0102", "DVM-0999"))
-    first = [make_run(tmp_path, number, ppm=0.0) for number in range(4)]
-    after = [make_run(tmp_path, number, ppm=200.0, bench=bench) for number in range(4, 7)]
+    before, _ = with_sensors(LAB, tmp_path, "x")
+    bench = tmp_path / "other.toml"
+    bench.write_text(before.read_text().replace("DVM-0102", "DVM-0999"))
+    first = [make_run(tmp_path, number, ppm=0.0, bench=before, text=SHORT) for number in range(4)]
+    after = [make_run(tmp_path, number, ppm=200.0, bench=bench, text=SHORT) for number in range(4, 7)]
     charted = chart_calibrations(read_all([*first, *after]), TODAY, sensors=["x_V"])
     sentences = " ".join(charted.to_json()["sensors"]["x_V"]["sentences"])
     stepped = re.search(r"sensitivity stepped by \+(\S+) \+- (\S+) ppm between 2025-07-14 and 2026-01-12", sentences)

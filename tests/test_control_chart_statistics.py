@@ -240,11 +240,14 @@ def test_a_calibration_file_tells_the_same_as_the_run(roll_count):
 
 @pytest.mark.parametrize(("kind", "size"), [("none", 0.0), ("walk", 3.0), ("together", 3.0), ("linear", 3.0)])
 def test_a_sensor_is_within_tolerance_when_it_is_due(kind, size):
-    """A bounded share of benchmarks/chart_campaign.py: from readings to charts, and what the sensor then does."""
+    """A bounded share of benchmarks/chart_campaign.py: from readings to charts, and what the sensor then does.
+
+    Binomial tests of as many as there are: ten histories, of four quantities each.
+    """
     rng = np.random.default_rng([8, len(kind)])
     pitch, roll = (a.ravel() for a in np.meshgrid(np.linspace(-30, 30, 5), np.arange(0, 360, 30.0)))
     within, differ = [], 0
-    for _ in range(20):
+    for _ in range(10):
         history = draw_history(kind, 6, rng, size)
         charted, last = history.charted()
         bound = error_bound(charted, charted.output_rows(pitch, roll), times=9, draws=512, nodes=32)
@@ -252,12 +255,12 @@ def test_a_sensor_is_within_tolerance_when_it_is_due(kind, size):
         if years is not None:
             within.append(largest_error_deg(history.after(years), last) <= 8e-4)
         differ += sum(homogeneity(s).p < 0.05 for s in charted.series)
-    assert len(within) >= 10
+    assert len(within) >= 5
     assert stats.binomtest(sum(within), len(within), 0.95, alternative="less").pvalue > 0.01
     if kind == "none":
-        assert stats.binomtest(differ, 80, 0.05).pvalue > 0.001
+        assert stats.binomtest(differ, 40, 0.05).pvalue > 0.001
     else:
-        assert differ > 25
+        assert differ > 12
 
 
 def test_calibrations_at_other_temperatures_are_stated_at_one():

@@ -39,12 +39,12 @@ continue_gap_s = {gap}
 """
 
 
-@pytest.fixture
-def bench(tmp_path):
-    """The example bench served for at most 50 s; yields its LIVE.toml and the server."""
-    live = tmp_path / "LIVE.toml"
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory):
+    """The example bench served for at most 150 s; yields its LIVE.toml and the server."""
+    live = tmp_path_factory.mktemp("bench") / "LIVE.toml"
     server = kills.rig(
-        "sim", LAB / "bench.toml", "--world", LAB / "world.toml", "--speed", SPEED, "--live", live, "--for", 50
+        "sim", LAB / "bench.toml", "--world", LAB / "world.toml", "--speed", SPEED, "--live", live, "--for", 150
     )
     kills.wait_for(live.exists, server)
     yield live, server

@@ -7,6 +7,7 @@ import csv
 import pytest
 from command import rig
 from dry import LAB, SHORT, dry
+from few_sensors import with_sensors
 
 NAME = '<script>alert(1)</script>[red]&"$x^{$ \\u001b[2J'
 
@@ -14,11 +15,12 @@ NAME = '<script>alert(1)</script>[red]&"$x^{$ \\u001b[2J'
 @pytest.fixture(scope="module")
 def run_file(tmp_path_factory):
     folder = tmp_path_factory.mktemp("markup")
-    bench = (LAB / "bench.toml").read_text()
-    first = next(line for line in bench.splitlines() if line.startswith("name ="))
-    (folder / "bench.toml").write_text(bench.replace(first, f'name = "{NAME}"'.replace('&"$', '&\\"$')))
+    bench, world = with_sensors(LAB, folder, "x")
+    text = bench.read_text()
+    first = next(line for line in text.splitlines() if line.startswith("name ="))
+    bench.write_text(text.replace(first, f'name = "{NAME}"'.replace('&"$', '&\\"$')))
     text = SHORT.partition("[environment]")[0].replace('"short"', '"<b>night</b> [bold]x[/]"')
-    return dry(folder, bench=folder / "bench.toml", text=text)
+    return dry(folder, bench=bench, world=world, text=text)
 
 
 def test_in_the_terminal(run_file):

@@ -175,7 +175,7 @@ def test_calibrations_that_cannot_fly(formula, method, message):
 )
 def test_coverage(truth, method):
     """A bounded share of benchmarks/pressure_campaign.py coverage, which counts 10,000 calibrations a cell."""
-    runs = 50
+    runs = 30
     held = [coverage(truth, method, seed) for seed in range(runs)]
     low, high = stats.binom.ppf([1e-4, 1 - 1e-4], runs, 0.95)
     for interval in held[0]:

@@ -13,16 +13,12 @@ from attitude_truth import D1, Bench, Plan, Sensor, simulate, told_the_truth
 
 from fitter.effects import CATALOGUE, separate
 from fitter.effects.effect import PREREQUISITES
-from fitter.trace import family, trace
+from fitter.trace import trace
+
+pytestmark = pytest.mark.usefixtures("few_draws")
 
 X, Y, Z = "x_V", "y_V", "z_V"
-SMALL = D1(180, 13, 13)
-
-
-@pytest.fixture(autouse=True)
-def _few_draws(monkeypatch):
-    """5,000 draws of the family tell 3.5 % from nothing as surely; tests/test_trace.py has them all."""
-    monkeypatch.setattr(family, "DRAWS", 5_000)
+SMALL = D1(180, 13, 13, replications=4)
 
 
 def on_x(**errors):

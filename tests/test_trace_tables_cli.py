@@ -8,6 +8,7 @@ import json
 import pytest
 from table_truth import MISSING, simulate
 
+from fitter.trace.tables import family
 from rig.cli import main
 from rig.cli.effects import show_certificate
 from rig.cli.show import out
@@ -21,6 +22,11 @@ SIDE_KEYS = {
     "sigma_E", "sigma_bias", "sigma_prec", "T_bias", "F_bias_95", "T_b", "T_S", "F_bS_95", "cv_rms",
     "sigma_subplot", "sigma_wholeplot", "reading_error_pct",
 }  # fmt: skip
+
+
+@pytest.fixture(autouse=True)
+def _few_draws(monkeypatch):
+    monkeypatch.setattr(family, "MOST", 500)
 
 
 @pytest.fixture

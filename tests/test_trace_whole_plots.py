@@ -298,43 +298,41 @@ def test_what_all_transducers_show_alike_may_be_the_reference():
 
 
 @pytest.mark.parametrize(
-    ("sizes", "seeds"),
-    [((0.8, 1.2, 0.9, 1.1), (0, 1)), ((1.0, 0.85, 1.2, 0.92, 1.12, 0.81, 1.04), (0,))],
+    "sizes",
+    [(0.8, 1.2, 0.9, 1.1), (1.0, 0.85, 1.2, 0.92, 1.12, 0.81, 1.04)],
     ids=("4", "7"),
 )
-def test_what_transducers_do_not_agree_on_is_not_the_line(sizes, seeds):
+def test_what_transducers_do_not_agree_on_is_not_the_line(sizes):
     """Each its own cubic, differing by 20 %: not a bent reference and what some transducers add to it."""
     bench = Bench(tuple(Transducer(offset=0.1 * k, cubic=part * CUBIC) for k, part in enumerate(sizes)), GROWING)
-    for seed in seeds:
-        found = trace_whole_plots(simulate(bench, seed=seed), validate=False)
-        assert effects_of(found) == {(sensor, "pressure-third-order") for sensor in found.sensors}
-        for part, trace in zip(sizes, found.sensors.values(), strict=True):
-            cubic = trace.effects[0]
-            assert cubic.coefficients[0] == pytest.approx(part * CUBIC, abs=4 * cubic.stderr[0])
+    found = trace_whole_plots(simulate(bench, seed=0), validate=False)
+    assert effects_of(found) == {(sensor, "pressure-third-order") for sensor in found.sensors}
+    for part, trace in zip(sizes, found.sensors.values(), strict=True):
+        cubic = trace.effects[0]
+        assert cubic.coefficients[0] == pytest.approx(part * CUBIC, abs=4 * cubic.stderr[0])
 
 
 @pytest.mark.parametrize("own", [0.0, CUBIC], ids=["alike", "one bends by itself too"])
 def test_a_bent_reference_stays_among_the_explanations(own):
     bench = Bench((Transducer(cubic=own), *3 * (Transducer(),)), GROWING, reference_cubic=CUBIC / 2)
-    for seed in range(2):
-        found = trace_whole_plots(simulate(bench, seed=seed), validate=False)
-        for trace in found.sensors.values():
-            effect = trace.effects[0]
-            assert "reference-nonlinearity" in (effect.effect, *effect.aliases)
-            assert "second gauge" in effect.separate_by
-            besides = "reference-nonlinearity explains as much as pressure-third-order only with pressure-third-order"
-            assert any(n == f"{besides} in {ONE} besides" for n in trace.notes) == (own > 0.0)
+    found = trace_whole_plots(simulate(bench, seed=0), validate=False)
+    for trace in found.sensors.values():
+        effect = trace.effects[0]
+        assert "reference-nonlinearity" in (effect.effect, *effect.aliases)
+        assert "second gauge" in effect.separate_by
+        besides = "reference-nonlinearity explains as much as pressure-third-order only with pressure-third-order"
+        assert any(n == f"{besides} in {ONE} besides" for n in trace.notes) == (own > 0.0)
 
 
 def test_a_line_that_one_transducer_adds_to_is_still_the_line():
-    drifting = Bench((Transducer(sensitivity_drift=4e-4), *4 * (Transducer(),)), reference_per_h=2e-4)
+    drifting = Bench((Transducer(sensitivity_drift=4e-4), *3 * (Transducer(),)), reference_per_h=2e-4)
     found = trace_whole_plots(simulate(drifting, seed=1), validate=False)
     line = {(sensor, "reference-drift") for sensor in found.sensors}
     assert effects_of(found) == {*line, (ONE, "sensitivity-drift")}
     # of the same column each has its part, and neither the other's
     assert all(e.share > 0.1 for trace in found.sensors.values() for e in trace.effects)
     assert any("sensitivity-drift" in e.aliases for e in found.sensors["bridge_3_mV"].effects)
-    apart = Bench(tuple(Transducer(sensitivity_drift=4e-4 * part) for part in (1.0, -0.8, 0.7, 1.4, 0.5)))
+    apart = Bench(tuple(Transducer(sensitivity_drift=4e-4 * part) for part in (1.0, -0.8, 0.7, 1.4)))
     found = trace_whole_plots(simulate(apart, seed=1), validate=False)
     assert effects_of(found) == {(sensor, "sensitivity-drift") for sensor in found.sensors}
     assert "reference-drift" not in found.sensors[ONE].effects[0].aliases
