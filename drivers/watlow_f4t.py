@@ -293,8 +293,12 @@ class WatlowF4T:
 
     def _fahrenheit(self) -> bool:
         """Whether temperatures on the wire are in degrees Fahrenheit; anybody may change that on the panel."""
-        units = self._options.units
-        return (self._code("display_units") if units == "display" else units) == "F"
+        units: str = self._options.units
+        if units == "display":
+            units = self._code("display_units")
+        if units not in ("C", "F"):  # a setpoint in the wrong one is tens of degrees off
+            raise BadReply(f"{self._line.where}: its display_units read {units}, neither C nor F")
+        return units == "F"
 
     def _temperature(self, name: str, fahrenheit: bool) -> float:
         value = self._number(name)

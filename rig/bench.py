@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 Role = TypeVar("Role")
 
+_OTHERWISE = 4
 _ASK_AGAIN_S = (1.0, 3.0)
 
 _PER_VOLT = {"V": 1.0, "mV": 1e3}
@@ -147,6 +148,7 @@ class Bench:
         sensors: output column to (instrument, channel).
         scales: output column to its unit per volt.
         temperatures: temperature column to (instrument, channel).
+        answered: who instruments said they are when last asked.
 
     """
 
@@ -157,6 +159,7 @@ class Bench:
     sensors: Mapping[str, tuple[str, str]] = field(init=False)
     scales: Mapping[str, float] = field(init=False)
     temperatures: Mapping[str, tuple[str, str]] = field(init=False)
+    answered: dict[str, Identity] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         limits = self.config.limits
@@ -240,12 +243,30 @@ def open_bench(config: BenchConfig, options: Mapping[str, BaseModel], clock: Clo
         raise BenchFault(str(error)) from error
 
 
-def identities(bench: Bench) -> dict[str, dict[str, Any]]:
-    """Ask every instrument who it is, again if its answer is lost; what the run file keeps. Raises `DriverError`."""
+def identities(bench: Bench, known: Mapping[str, Mapping[str, Any]] | None = None) -> dict[str, dict[str, Any]]:
+    """Ask every instrument who it is, again if its answer is lost.
+
+    Args:
+        bench: whose instruments.
+        known: who they were, by name, as the run file has it: an answer that is neither that nor what was said before
+            has to come twice, since one that is cut short on its way looks like another instrument. None: it is only
+            to be seen that they answer.
+
+    Returns:
+        By name, what the run file keeps.
+
+    Raises:
+        DriverError: one does not answer, or otherwise every time.
+        BenchFault: one is not the declared one.
+
+    """
     found = {}
     for name, instrument in bench.instruments.items():
         declared = bench.config.instruments[name]
         reply = _identity(instrument, bench.clock)
+        if known is not None and reply != bench.answered.get(name) and not _is(reply, known.get(name)):
+            reply = _twice(name, instrument, bench.clock, reply)
+        bench.answered[name] = reply
         found[name] = {
             "maker": reply.maker,
             "model": reply.model,
@@ -261,6 +282,21 @@ def identities(bench: Bench) -> dict[str, dict[str, Any]]:
                 f"{declared.serial}: connect the declared instrument, or correct the bench file"
             )
     return found
+
+
+def _is(reply: Identity, known: Mapping[str, Any] | None) -> bool:
+    return known is not None and all(known[key] == getattr(reply, key) for key in ("maker", "model", "serial"))
+
+
+def _twice(name: str, instrument: Instrument, clock: Clock, reply: Identity) -> Identity:
+    for _ in range(_OTHERWISE):
+        before, reply = reply, _identity(instrument, clock)
+        if reply == before:
+            return reply
+    raise BadReply(
+        f"{name} says otherwise who it is every time it is asked, last {reply.maker} {reply.model} "
+        f"{reply.serial}: check its line, and that nobody else talks on it"
+    )
 
 
 def _identity(instrument: Instrument, clock: Clock) -> Identity:

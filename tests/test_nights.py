@@ -65,6 +65,11 @@ def test_a_disk_that_fails_at_the_very_end_leaves_a_run_that_can_be_finished(lab
     assert not one_night(seed, lab).violations
 
 
+def test_an_identity_cut_short_is_no_other_instrument():
+    """The run could not be resumed: the scanner was another instrument than before."""
+    assert not one_night(213015, "attitude").violations
+
+
 def test_a_meter_that_hangs_at_a_spike_at_the_very_first_point_is_not_believed():
     assert not one_night(201080, "attitude").violations
 

@@ -107,6 +107,14 @@ def test_units_follow_the_display_whichever_it_shows() -> None:
     assert bench.driver.read().setpoint_degC == pytest.approx(25.0)
 
 
+def test_units_that_make_no_sense_set_no_temperature(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A reply cut on its way had the code 1 for the units, and 23 degC were sent as 23 degF."""
+    bench = oven()
+    monkeypatch.setattr(bench.driver, "_words", lambda name, number=0: [1])
+    with pytest.raises(BadReply, match="display_units read code 1, neither C nor F"):
+        bench.driver.set_temperature(23.0)
+
+
 def test_a_ramp_is_set_and_followed() -> None:
     bench = oven(ramp_degC_per_min=0.5, units="C")
     client = Independent(ModbusCable(bench.world, bench.twin.on_rx))

@@ -225,7 +225,8 @@ class Sequencer:
     # --- handlers, one a state ------------------------------------------------------------------------------
 
     def _recognise(self) -> None:
-        compare_identities(self._journal, identities(self._bench), self._session.accept, self._path)
+        found = identities(self._bench, self._journal.fold.identities)
+        compare_identities(self._journal, found, self._session.accept, self._path)
 
     def _checking(self) -> str:
         self._recognise()
