@@ -70,6 +70,10 @@ def test_an_identity_cut_short_is_no_other_instrument():
     assert not one_night(213015, "attitude").violations
 
 
+def test_a_chamber_that_hangs_while_its_door_is_open_is_not_believed():
+    assert not one_night(221688, "pressure").violations
+
+
 def test_a_meter_that_hangs_at_a_spike_at_the_very_first_point_is_not_believed():
     assert not one_night(201080, "attitude").violations
 

@@ -30,6 +30,8 @@ _BEARS = 2
 Watch = Callable[[Mapping[str, float]], None]
 """Called with what was read at every poll."""
 
+_READ_THE_SAME = 3
+
 
 class BenchActions:
     """Actions on one bench.
@@ -63,6 +65,7 @@ class BenchActions:
         self.chambers_seen: dict[str, dict[str, Any]] = {}
         self.judges: dict[str, Settling] = {}
         self._in_passing: dict[str, tuple[float, ...]] = {}
+        self._standing: dict[str, tuple[float, float, int]] = {}
 
     def take_unwatched_s(self) -> float:
         """The longest time for which no chamber was looked at, since this was last asked; bench seconds."""
@@ -118,10 +121,20 @@ class BenchActions:
                 "temperature_degC": state.temperature_degC,
                 "power_pct": state.power_pct,
                 "running": state.running,
+                **self._unchanged(name, state.temperature_degC),
             }
         self.chambers_seen = found
         self._looked()
         return found
+
+    def _unchanged(self, name: str, degC: float) -> dict[str, float]:
+        """For how long a chamber has read the same to the last digit, from the third time on."""
+        now = self._clock.now()
+        last, since, reads = self._standing.get(name, (degC, now, 0))
+        if last != degC:
+            since, reads = now, 0
+        self._standing[name] = degC, since, reads + 1
+        return {"unchanged_s": round(now - since, 3)} if reads + 1 >= _READ_THE_SAME else {}
 
     def look_around(self) -> None:
         """Between polls: have the chambers' interlocks been looked at lately?"""

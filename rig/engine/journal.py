@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import statistics
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -180,6 +180,12 @@ class Journal:
         if record is None or record.run_index is None:
             return None
         return record.run_index, {name: output["readings"] for name, output in record.data["outputs"].items()}
+
+    def recent(self, observations: int) -> Iterator[Record]:
+        """The last accepted observations, whichever sessions made them, the earliest first."""
+        accepted = "kind = 'observation' AND status = 'accepted'"
+        where = f"seq IN (SELECT seq FROM record WHERE {accepted} ORDER BY seq DESC LIMIT ?)"
+        return (record for _, record, _, _ in self._run.chained(where, (observations,)))
 
     def finish(self, body: Mapping[str, Any]) -> None:
         """Write the end record and close the run file for good. Raises `StorageError`."""

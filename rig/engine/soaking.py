@@ -15,6 +15,9 @@ from rig.engine.measuring import Channel
 from rig.engine.queue import PointQueue
 from rig.engine.whole_plots import WholePlots
 
+_RECALLED = 40
+"""Observations read again when a run is resumed, for what is known of the chambers."""
+
 
 class Soaking:
     """Whole plots on one bench.
@@ -54,6 +57,8 @@ class Soaking:
         self._do, self._journal, self._queue = do, journal, queue
         self._clock, self._wait = clock, wait
         self._lost = 0
+        for record in journal.recent(_RECALLED):
+            self.rules.note(record.whole_plot, record.data["environment"])
 
     def soak(self) -> None:
         """Bring the next point's whole plot to temperature, and give it its identity.
@@ -130,7 +135,10 @@ class Soaking:
         if why:
             return why
         restarted = self._do.restarted()
-        return f"{' and '.join(restarted)} had no power meanwhile" if restarted else ""
+        if restarted:
+            return f"{' and '.join(restarted)} had no power meanwhile"
+        self.rules.note(self._journal.fold.whole_plot, chambers)
+        return ""
 
     def lose(self, why: str) -> NoReturn:
         """Give the open whole plot up because it is none any more. Raises `TemperatureLeft`, for the policies."""

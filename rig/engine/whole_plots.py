@@ -7,6 +7,7 @@ full, under a new identity, and what was read before stays data of the whole plo
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -27,6 +28,12 @@ AMBIENT_DEGC = 23.0
 
 _OPEN_POLLS = 3
 """A thermometer out of range for so many polls in a row is broken or not connected; one may be a disturbance."""
+
+
+_HANGS_S = 60.0
+_PAIRS = 6
+"""A chamber that was never the same to the last digit at so many pairs of neighbouring points of a whole plot, and then
+for a minute, hangs. One that is coarse was the same before."""
 
 
 def renewal(target_degC: float, away_degC: float) -> float:
@@ -71,6 +78,18 @@ class WholePlots:
             Soaked(f.name, bench.setting(f.name, Chamber)[0], f.name in bench.temperatures) for f in run_list.hard
         ]
         self._open_for: dict[str, int] = {}
+        self._pairs: Counter[str] = Counter()
+        self._same: Counter[str] = Counter()
+        self._before: tuple[int | None, Mapping[str, Any]] = (None, {})
+
+    def note(self, identity: int | None, chambers: Mapping[str, Any]) -> None:
+        """Learn from an accepted observation of a whole plot how often a chamber reads the same again."""
+        if identity == self._before[0]:
+            for name, state in self._before[1].items():
+                if name in chambers:
+                    self._pairs[name] += 1
+                    self._same[name] += state["temperature_degC"] == chambers[name]["temperature_degC"]
+        self._before = identity, chambers
 
     @property
     def thermometers(self) -> list[str]:
@@ -170,6 +189,9 @@ class WholePlots:
                 return f"{name} is set to {state['setpoint_degC']:g} degC, not to {target:g} degC"
             if abs(state["temperature_degC"] - target) > self._soak.tolerance_degC:
                 return f"{name} is at {state['temperature_degC']:.2f} degC, not at {target:g} degC"
+            still_s = state.get("unchanged_s", 0.0)
+            if still_s >= _HANGS_S and self._pairs[name] >= _PAIRS and not self._same[name]:
+                return f"{name} hangs: it has read {state['temperature_degC']:g} degC for {still_s:.0f} s"
             seen = temperatures.get(soaked.factor) if soaked.thermometer else None
             if seen is not None and abs(seen.mean - target) > self._soak.sensor_tolerance_degC:
                 return f"{soaked.factor} is {seen.mean:.2f} degC, not {target:g} degC"
