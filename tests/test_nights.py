@@ -74,6 +74,10 @@ def test_a_chamber_that_hangs_while_its_door_is_open_is_not_believed():
     assert not one_night(221688, "pressure").violations
 
 
+def test_an_alarm_is_heeded_although_the_chamber_could_not_be_read_when_it_came():
+    assert not one_night(224320, "attitude").violations
+
+
 def test_a_meter_that_hangs_at_a_spike_at_the_very_first_point_is_not_believed():
     assert not one_night(201080, "attitude").violations
 

@@ -31,6 +31,7 @@ Watch = Callable[[Mapping[str, float]], None]
 """Called with what was read at every poll."""
 
 _READ_THE_SAME = 3
+_LONG_AGO = -1e18
 
 
 class BenchActions:
@@ -58,7 +59,7 @@ class BenchActions:
         self._wait = wait
         self._chambers = bench.chambers
         self._readers = bench.readers
-        self._chambers_seen = -1e18
+        self._chambers_seen = _LONG_AGO
         self._chambers_read: float | None = None
         self._unwatched_s = 0.0
         self.arrivals: dict[str, Arrival] = {}
@@ -148,6 +149,7 @@ class BenchActions:
             for axis, r in self._axes.read().items()
         }
         chambers = {name: c.read() for name, c in self._chambers.items()}
+        self._chambers_seen = _LONG_AGO  # their interlocks are not judged here, and a look before may have failed
         self._looked()
         return {
             "axes": axes,
