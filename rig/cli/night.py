@@ -41,6 +41,7 @@ def night(
     keep: Annotated[
         Path | None, typer.Option(help="with --seed: an empty folder to leave its run file in", show_default=False)
     ] = None,
+    calm: Annotated[bool, typer.Option("--calm", help="nothing goes wrong: what the fit alone does")] = False,
     jobs: Annotated[int, typer.Option(min=1, help="processes")] = os.cpu_count() or 1,
     as_json: JsonOption = False,
 ) -> int:
@@ -64,7 +65,7 @@ def night(
     if keep is not None:
         raise UsageError("--keep leaves the run file of one night: say which with --seed and --lab")
     console = err if as_json else out
-    summary = {one: _campaign(range(first, first + seeds), one, full, bug or "", jobs, console) for one in labs}
+    summary = {one: _campaign(range(first, first + seeds), one, full, bug or "", calm, jobs, console) for one in labs}
     if as_json:
         print_json(summary)
     if bug:
@@ -72,14 +73,14 @@ def night(
     return ExitCode.DONE if all(s["holds"] for s in summary.values()) else ExitCode.FAULT
 
 
-def _campaign(seeds: range, lab: Lab, full: bool, bug: str, jobs: int, console: Console) -> dict[str, Any]:
+def _campaign(seeds: range, lab: Lab, full: bool, bug: str, calm: bool, jobs: int, console: Console) -> dict[str, Any]:
     from rig.simulated.night.campaign import many_nights, unbiased  # noqa: PLC0415
 
     total = Counter(dict.fromkeys(("nights", "sessions", "happened", "skipped", "violations"), 0))
     found: list[str] = []
     off: list[tuple[str, float, float]] = []
     with counting(lab, len(seeds)) as one_more:
-        for verdict in many_nights(seeds, lab, full=full, bug=bug, jobs=jobs):
+        for verdict in many_nights(seeds, lab, full=full, bug=bug, calm=calm, jobs=jobs):
             total["nights"] += 1
             total["sessions"] += verdict.sessions
             total["happened"] += verdict.happened

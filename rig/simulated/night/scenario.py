@@ -159,13 +159,14 @@ _HAPPENING = {False: (2, 5), True: (6, 20)}
 """How many mishaps, and how many faults of instruments and wires, a short and a full night has."""
 
 
-def draw(seed: int, lab: Lab, *, full: bool = False) -> Scenario:
+def draw(seed: int, lab: Lab, *, full: bool = False, calm: bool = False) -> Scenario:
     """The night of a seed.
 
     Args:
         seed: any whole number.
         lab: which laboratory.
         full: the example's whole procedure instead of a short one.
+        calm: the same night with nothing going wrong.
     """
     rng = random.Random(f"{lab} {full} {seed}")
     lasts = _LASTS_S[lab][full]
@@ -184,10 +185,10 @@ def draw(seed: int, lab: Lab, *, full: bool = False) -> Scenario:
     documents = {
         "bench.toml": bench,
         "procedure.toml": (folder / "procedure.toml").read_text(encoding="utf-8") if full else _procedure(rng, lab),
-        "world.toml": world + "".join(map(_table, tables)),
+        "world.toml": world + "".join(map(_table, () if calm else tables)),
     }
     fold_pages = _SQLITES_OWN if full else rng.choice((3, 10, 40, _SQLITES_OWN))
-    return Scenario(seed, lab, documents, tuple(happening), gaps, fold_pages)
+    return Scenario(seed, lab, documents, () if calm else tuple(happening), gaps, fold_pages)
 
 
 _SQLITES_OWN = 1000
