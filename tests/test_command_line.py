@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import importlib
 import json
 import os
 import pty
@@ -294,3 +295,13 @@ def test_a_reader_that_has_seen_enough_is_no_fault(finished):
         assert process.wait() == 0, said
     assert "Traceback" not in said
     assert "unforeseen" not in said
+
+
+def test_ctrl_c_where_nothing_runs_says_so_and_ends_with_its_code(monkeypatch):
+    def interrupted(**_):
+        raise KeyboardInterrupt
+
+    importlib.import_module("rig.cli.commands")  # which registers itself with the app that is there
+    monkeypatch.setattr("rig.cli.app", interrupted)
+    done = rig("status")
+    assert (done.returncode, done.stderr) == (75, "rig: interrupted\n")

@@ -45,7 +45,7 @@ def test_whatever_happens_in_a_night_everything_holds_after_it(lab):
     broken = {f"rig night --lab {lab} --seed {n.seed}": n.violations for n in nights if n.violations}
     assert not broken
     assert sum(n.happened for n in nights) > 5 * len(nights)
-    bias = unbiased(z for n in nights for z in n.deviations)
+    bias = unbiased((z for n in nights for z in n.deviations), lab)
     assert bias is not None  # its limits are those of so many quantities, four of their own standard errors
     assert bias.holds, bias
 

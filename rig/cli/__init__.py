@@ -66,8 +66,8 @@ _BY_SIGINT = 130
 
 
 def _interrupted() -> ExitCode:
-    """Interrupted where nothing runs yet, or nothing any more: what runs on a bench says so itself."""
-    print("rig: interrupted; nothing was begun that is not in a run file", file=sys.stderr)
+    """Interrupted where nothing runs on a bench yet, or any more: a session says so itself."""
+    print("rig: interrupted", file=sys.stderr)
     return ExitCode.INTERRUPTED
 
 

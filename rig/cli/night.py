@@ -61,7 +61,7 @@ def night(
     if seed is not None:
         if lab == "both":
             raise UsageError("--seed replays one night: say of which laboratory with --lab")
-        return _replay(seed, labs[0], full, bug or "", keep)
+        return _replay(seed, labs[0], full, bug or "", calm, keep)
     if keep is not None:
         raise UsageError("--keep leaves the run file of one night: say which with --seed and --lab")
     console = err if as_json else out
@@ -93,12 +93,12 @@ def _campaign(seeds: range, lab: Lab, full: bool, bug: str, calm: bool, jobs: in
                 if len(found) <= _SHOWN:
                     err.print(f"[red]{lab}[/] {escape(line)}", soft_wrap=True)
             if verdict.violations:
-                options = f"{' --full' if full else ''}{f' --bug {bug}' if bug else ''}"
+                options = f"{' --full' if full else ''}{f' --bug {bug}' if bug else ''}{' --calm' if calm else ''}"
                 err.print(f"  replay: rig night --lab {lab} --seed {verdict.seed}{options}", soft_wrap=True)
             one_more(f"{total['violations']} in which something did not hold")
             if bug and verdict.violations:
                 break
-    bias = unbiased(off)
+    bias = unbiased(off, lab)
     words = (
         f"{lab}: {total['nights']} nights, {total['happened']} things that went wrong, {total['sessions']} sessions, "
         f"{total['skipped']} points given up for a reason; {total['violations']} nights in which something did not hold"
@@ -107,7 +107,10 @@ def _campaign(seeds: range, lab: Lab, full: bool, bug: str, calm: bool, jobs: in
     if bias is not None:
         console.print(f"  {bias}", soft_wrap=True)
         if not bias.holds:
-            err.print(f"[red]{lab}[/] unbiased: mean or sd are not what chance leaves of 0 and 1", soft_wrap=True)
+            err.print(
+                f"[red]{lab}[/] unbiased: mean or sd are further from 0 and {bias.own_sd:g} than by chance",
+                soft_wrap=True,
+            )
     figures = None if bias is None else {"coefficients": bias.quantities, "mean": bias.mean, "sd": bias.sd}
     holds = not total["violations"] and (bias is None or bias.holds)
     return {**total, "holds": holds, "bias": figures, "found": found[:_KEPT]}
@@ -116,7 +119,7 @@ def _campaign(seeds: range, lab: Lab, full: bool, bug: str, calm: bool, jobs: in
 _SHOWN, _KEPT = 10, 100
 
 
-def _replay(seed: int, lab: Lab, full: bool, bug: str, keep: Path | None) -> int:
+def _replay(seed: int, lab: Lab, full: bool, bug: str, calm: bool, keep: Path | None) -> int:
     import tempfile  # noqa: PLC0415
 
     from rig.simulated.night.campaign import replay  # noqa: PLC0415
@@ -126,7 +129,7 @@ def _replay(seed: int, lab: Lab, full: bool, bug: str, keep: Path | None) -> int
     with tempfile.TemporaryDirectory(prefix="rig-night-") as temporary:
         folder = keep or Path(temporary)
         folder.mkdir(parents=True, exist_ok=True)
-        verdict, told = replay(seed, lab, folder, full=full, bug=bug)
+        verdict, told = replay(seed, lab, folder, full=full, bug=bug, calm=calm)
     for line in told:
         out.print(escape(line), soft_wrap=True, highlight=False)
     for violation in verdict.violations:

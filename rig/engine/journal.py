@@ -183,9 +183,7 @@ class Journal:
 
     def recent(self, observations: int) -> Iterator[Record]:
         """The last accepted observations, whichever sessions made them, the earliest first."""
-        accepted = "kind = 'observation' AND status = 'accepted'"
-        where = f"seq IN (SELECT seq FROM record WHERE {accepted} ORDER BY seq DESC LIMIT ?)"
-        return (record for _, record, _, _ in self._run.chained(where, (observations,)))
+        return self._run.recent("observation", "accepted", observations)
 
     def finish(self, body: Mapping[str, Any]) -> None:
         """Write the end record and close the run file for good. Raises `StorageError`."""

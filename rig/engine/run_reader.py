@@ -143,8 +143,12 @@ class RunReader:
 
     def latest(self, kind: str, status: str) -> Record | None:
         """The last record of a kind and status; None if there is none."""
-        where = "seq = (SELECT max(seq) FROM record WHERE kind = ? AND status = ?)"
-        return next((record for _, record, _, _ in self.chained(where, (kind, status))), None)
+        return next(self.recent(kind, status, 1), None)
+
+    def recent(self, kind: str, status: str, most: int) -> Iterator[Record]:
+        """The last records of a kind and status, `most` at most, the earliest first."""
+        where = "seq IN (SELECT seq FROM record WHERE kind = ? AND status = ? ORDER BY seq DESC LIMIT ?)"
+        return (record for _, record, _, _ in self.chained(where, (kind, status, most)))
 
     def salvage(self) -> Iterator[Record]:
         """Every record that can still be read one by one, whatever the state of the others."""

@@ -240,8 +240,11 @@ class StillTest:
             if self._last is not None:
                 self._pairs, self._same = self._pairs + self._run + 1, self._same + self._run
             self._last, self._run = reading, 0
-        often = (self._same + 1) / (self._pairs + 2)
-        if self._pairs < self.FEWEST or often > self.COMMON or often**self._run >= self._p:
+        same, pairs = self._same + 1, self._pairs + 2
+        if self._pairs < self.FEWEST or same / pairs > self.COMMON:
+            return ""
+        # how likely so many more are, by what is known of how often (Laplace's rule of succession)
+        if math.prod((same + i) / (pairs + i) for i in range(self._run)) >= self._p:
             return ""
         return (
             f"hangs: it has read {self._last:g} degC {self._run + 1} times in a row, and neighbouring readings were "

@@ -208,7 +208,7 @@ class TableJudge:
         return self._against(trial, chosen, j, "any")
 
     def _against(self, trial: Trial, chosen: tuple[int, ...], j: int, rival: Rivalry) -> float:
-        """Family-wise p of `j`, held against one rival.
+        """Family-wise p of `j`, held against one rival; 0 where the noise of the table has no such rival.
 
         The larger of two: with the noise that is most probable without it, and with the slowest that is plausible. How
         alike neighbours are is underestimated in short tables (Berger and Boos, JASA 89 (1994) 1012).

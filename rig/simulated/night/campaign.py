@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import tempfile
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import nullcontext
 from dataclasses import dataclass
@@ -55,10 +55,12 @@ def one_night(seed: int, lab: Lab, *, full: bool = False, bug: str = "", calm: b
     return _judged(draw(seed, lab, full=full, calm=calm), bug, lambda _: None)
 
 
-def replay(seed: int, lab: Lab, folder: Path, *, full: bool = False, bug: str = "") -> tuple[Verdict, list[str]]:
+def replay(
+    seed: int, lab: Lab, folder: Path, *, full: bool = False, bug: str = "", calm: bool = False
+) -> tuple[Verdict, list[str]]:
     """The same, its files left in `folder`, with what happened in order of time."""
     told: list[str] = []
-    scenario = draw(seed, lab, full=full)
+    scenario = draw(seed, lab, full=full, calm=calm)
     verdict = _judged(scenario, bug, lambda played: told.extend(timeline(played)), folder)
     return verdict, told
 
@@ -109,6 +111,7 @@ class Bias:
         mean: of their deviations from the truth, each made standard normal by its own t distribution.
         sd: of these.
         largest: of them.
+        own_sd: that the method has where nothing goes wrong.
 
     """
 
@@ -116,12 +119,13 @@ class Bias:
     mean: float
     sd: float
     largest: float
+    own_sd: float
 
     @property
     def holds(self) -> bool:
         """Whether mean and scatter are those of nights without trouble, as chance has it once in 30,000 times."""
         root = math.sqrt(self.quantities)
-        return abs(self.mean) * root < _CHANCE and (self.sd - _SMALL_DESIGN) * root * math.sqrt(2.0) < _CHANCE
+        return abs(self.mean) * root < _CHANCE and (self.sd - self.own_sd) * root * math.sqrt(2.0) < _CHANCE
 
     def __str__(self) -> str:
         """In words."""
@@ -132,13 +136,13 @@ class Bias:
 
 
 _CHANCE = 4.0
-_SMALL_DESIGN = 1.06
-"""Standard deviation that the method itself has: degrees of freedom of four whole plots are an approximation, and calm
+_OWN_SD: Mapping[Lab, float] = {"attitude": 1.0, "pressure": 1.06}
+"""Standard deviation that the method itself has: for four whole plots degrees of freedom are an approximation, and calm
 nights have this (docs/nights.md)."""
 
 
-def unbiased(deviations: Iterable[tuple[str, float, float]]) -> Bias | None:
-    """Deviations of many nights taken together; None where there are none."""
+def unbiased(deviations: Iterable[tuple[str, float, float]], lab: Lab) -> Bias | None:
+    """Deviations of many nights of a laboratory taken together; None where there are none."""
     from scipy.special import ndtri, stdtr  # noqa: PLC0415 - slow to import
 
     z = [-float(ndtri(stdtr(df, -t))) for _, t, df in deviations]
@@ -146,4 +150,4 @@ def unbiased(deviations: Iterable[tuple[str, float, float]]) -> Bias | None:
         return None
     mean = sum(z) / len(z)
     sd = (sum((one - mean) ** 2 for one in z) / len(z)) ** 0.5
-    return Bias(len(z), mean, sd, max(map(abs, z)))
+    return Bias(len(z), mean, sd, max(map(abs, z)), _OWN_SD[lab])
