@@ -194,7 +194,7 @@ def test_replications_have_an_error_of_their_own():
     truth = replace(HOMOSCEDASTIC, replicate_mV=0.05)
     data, _ = simulate(truth, 2, replications=4)
     fit = fit_pressure(data, "bridge_mV")
-    assert fit.errors.replicate_variance == fit.reml.sigma_replicate**2
+    assert fit.errors.replicate_variance == pytest.approx(fit.reml.sigma_replicate**2, rel=1e-12)  # a square of a root
     assert 0.015 < fit.reml.sigma_replicate < 0.15
     flat = fit_pressure(data, "bridge_mV", nested=False)
     assert flat.errors.replicate_variance is None
