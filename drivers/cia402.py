@@ -16,7 +16,7 @@ from drivers.clock import Clock
 from drivers.errors import BadReply, InstrumentError, LimitError, NotReady, WrongInstrument
 from drivers.roles import AxisState, Identity
 from drivers.wires import Wires
-from drivers.wires.can import CanNode, read_eds
+from drivers.wires.can_node import CanNode, read_eds
 
 CONTROLWORD, STATUSWORD, ERROR_CODE = 0x6040, 0x6041, 0x603F
 MODE, MODE_DISPLAY, PROFILE_POSITION, HOMING = 0x6060, 0x6061, 1, 6

@@ -14,7 +14,8 @@ import pytest
 
 from drivers.clock import RealClock
 from drivers.errors import BadReply, InstrumentError, NoReply, Unreachable
-from drivers.wires.can import CanLine, CanNode, CanWires, read_eds
+from drivers.wires.can import CanLine, CanWires
+from drivers.wires.can_node import CanNode, read_eds
 from drivers.wires.can_transport import BusTransport, CanAddress
 from sims.wires.can_line import CanCable, OnFrame
 from sims.wires.slcan import SlcanAdapter

@@ -6,7 +6,7 @@ import pytest
 from canopen import LocalNode, Network
 from canopen.objectdictionary import ODVariable
 
-from drivers.wires.can import read_eds as canopens_eds
+from drivers.wires.can_node import read_eds as canopens_eds
 from sims.wires.eds import Key, read_eds
 from sims.wires.sdo_server import NO_OBJECT, NO_SUBINDEX, READ_ONLY, TOO_LONG, Aborted, SdoServer
 from sims.wires.slcan import SlcanAdapter

@@ -1,0 +1,120 @@
+"""One CAN bus: frames are taken on the clock that was handed in, and handed to whom they concern.
+
+Frames are python-can's. canopen would have a thread take them and wait on a queue that it fills, for 0.3 s of the
+machine's time; here whoever waits for something pumps the bus, so no thread is needed and virtual time works.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable
+from functools import partial
+from typing import NoReturn
+
+import can
+import canopen
+
+from drivers.clock import Clock
+from drivers.errors import BadReply, Unreachable
+from drivers.wires.can_transport import BusTransport, CanAddress, CanTransport
+
+BUS_ERRORS = (OSError, can.CanError)
+"""What a lost bus raises."""
+
+_QUIET_S = 0.05
+_SDO_REPLIES = range(0x581, 0x600)
+_TALKS_ON_S = 5.0
+
+
+class CanBus:
+    """One bus.
+
+    Args:
+        address: where it is.
+        clock: bench time.
+        opener: makes the transport of a simulated bus; may raise `OSError`.
+
+    Raises:
+        Unreachable: it cannot be opened.
+
+    """
+
+    def __init__(self, address: CanAddress, clock: Clock, opener: Callable[[], CanTransport] | None = None) -> None:
+        self.clock = clock
+        self.network = _Network(self._send)
+        self._open = opener or partial(BusTransport, address)
+        self._log: Callable[[str, bytes], None] = _unlogged
+        self._newest = 0
+        self._transport: CanTransport | None = self._opened(f"{address.interface} {address.channel}")
+
+    def begin(self, where: str, log: Callable[[str, bytes], None]) -> None:
+        """Make sure that the bus is open; from now on `log` sees ("tx" or "rx", identifier and data)."""
+        self._log = log
+        if self._transport is None:
+            self._transport = self._opened(where)
+
+    def pump(self, seconds: float) -> bool:
+        """Take one frame and hand it to whom it concerns, waiting at most so many bench seconds; whether one came."""
+        assert self._transport is not None
+        frame = self._transport.recv(self.clock.timeout(seconds) if seconds > 0 else 0.0)
+        if frame is None:
+            return False
+        can_id, data = frame
+        self._newest = can_id
+        self._log("rx", _on_wire(can_id, data))
+        self.network.notify(can_id, bytearray(data), 0.0)
+        return True
+
+    def drain(self, where: str) -> None:
+        """Listen until no SDO reply has come for a while, whatever else is sent; raises `BadReply` if they go on."""
+        end = self.clock.now() + _TALKS_ON_S
+        quiet_at = self.clock.now() + _QUIET_S
+        while (left := quiet_at - self.clock.now()) > 0:
+            if self.pump(left) and self._newest in _SDO_REPLIES:
+                quiet_at = self.clock.now() + _QUIET_S
+            if self.clock.now() > end:
+                raise BadReply(f"{where}: SDO replies never end; is there a second master on the bus?")
+
+    def lost(self, where: str, error: Exception) -> NoReturn:
+        """Give the bus up; it opens again if it is used again."""
+        self.close()
+        raise Unreachable(f"{where} was lost ({error}); check cable, termination and power") from error
+
+    def close(self) -> None:
+        """Release the bus; idempotent."""
+        transport, self._transport = self._transport, None
+        if transport is not None:
+            with contextlib.suppress(*BUS_ERRORS):  # whoever closes does not care that it was gone already
+                transport.close()
+
+    def _send(self, can_id: int, data: bytes) -> None:
+        assert self._transport is not None
+        self._log("tx", _on_wire(can_id, data))
+        self._transport.send(can_id, data)
+
+    def _opened(self, where: str) -> CanTransport:
+        try:
+            return self._open()
+        except (*BUS_ERRORS, ValueError, NotImplementedError, ImportError) as error:
+            raise Unreachable(
+                f"{where} cannot be opened ({error}); check power, cable, address and permissions"
+            ) from error
+
+
+class _Network(canopen.Network):
+    """canopen's network without a bus or a thread of its own."""
+
+    def __init__(self, send: Callable[[int, bytes], None]) -> None:
+        super().__init__()
+        self._send = send
+
+    def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
+        self._send(can_id, bytes(data))
+
+
+def _on_wire(can_id: int, data: bytes) -> bytes:
+    return can_id.to_bytes(2, "big") + data
+
+
+def _unlogged(direction: str, data: bytes) -> None:
+    """Nobody listens."""
