@@ -69,6 +69,8 @@ def test_a_whole_file_is_whole_and_its_head_is_printed(run_file):
         ("UPDATE point SET pitch_deg = 12 WHERE run_index = 3", "point 3: pitch_deg is 12.0, the run began with -20.0"),
         ("DELETE FROM point WHERE run_index = 23", "point 23 is missing"),
         ("UPDATE factor SET overtravel = 9", "factor pitch_deg is"),
+        ("UPDATE factor SET stays = 2 WHERE position = 1", "factor roll_deg: stays is 2, which is neither 0 nor 1"),
+        ("UPDATE factor SET position = 5 WHERE position = 1", "factor roll_deg: position is 5, the run began with 1"),
         ("UPDATE document SET body = body || ' ' WHERE name = 'bench.toml'", "document bench.toml is not the one"),
         ("DELETE FROM document WHERE name = 'world.toml'", "document world.toml is missing"),
         ("INSERT INTO document VALUES ('notes.toml', '')", "document notes.toml was added"),

@@ -249,6 +249,7 @@ def _genesis(run: Contents, thorough: bool, expand: Expand, ends: list[End]) -> 
 
 
 def _run_list(run: Contents, declared: Mapping[str, Any], planned: RunList | None) -> Iterator[Finding]:
+    yield from _factors(run)
     stored = ""
     with contextlib.suppress(ValueError, TypeError):
         stored = run.run_list_sha256()
@@ -264,6 +265,17 @@ def _run_list(run: Contents, declared: Mapping[str, Any], planned: RunList | Non
             yield finding
     if not told:
         yield Finding("run list", "the run list is not the one the run began with")
+
+
+def _factors(run: Contents) -> Iterator[Finding]:
+    """What the hash of the run list does not see, since it means the same: gaps in positions, a yes that is not 1."""
+    for at, row in enumerate(run.guarded.rows("SELECT name, position, hard, stays FROM factor ORDER BY position")):
+        name, position, *answers = row
+        if position != at:
+            yield Finding("run list", f"factor {str(name)[:40]}: position is {position}, the run began with {at}")
+        for column, stored in zip(("hard", "stays"), answers, strict=True):
+            if stored not in (0, 1):
+                yield Finding("run list", f"factor {str(name)[:40]}: {column} is {stored}, which is neither 0 nor 1")
 
 
 def _points_changed(run: Contents, planned: RunList) -> Iterator[Finding]:
