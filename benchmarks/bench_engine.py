@@ -26,8 +26,8 @@ import ideal_bench
 from benchmarks.load import commits
 from benchmarks.scratch import RUNS
 from procedures import PitchRollProcedure
-from rig.engine.chain import Record, encode
-from rig.engine.run_writer import RunWriter
+from rig.run_file.chain import Record, encode
+from rig.run_file.writer import RunWriter
 
 POINTS = 2886
 ROUNDS = 5

@@ -13,9 +13,9 @@ import time
 from pathlib import Path
 
 from procedures import Factor, Point, RunList
-from rig.engine.chain import Record, encode
-from rig.engine.run_creation import Genesis, create
-from rig.engine.run_writer import RunWriter
+from rig.run_file.chain import Record, encode
+from rig.run_file.creation import Genesis, create
+from rig.run_file.writer import RunWriter
 from rig.watch.feed import RunFeed, encoded
 
 

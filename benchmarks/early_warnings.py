@@ -19,11 +19,11 @@ from typing import Any
 
 from rig.controller import start_run
 from rig.engine.early_warning import EarlyWarnings, Warned
-from rig.engine.run_reader import RunReader
 from rig.engine.session import Signals
 from rig.examples import example
 from rig.plans import load_plan
 from rig.previous import Previous, read_previous
+from rig.run_file.reader import RunReader
 
 Body = dict[str, Any]
 Spoil = Callable[[str, int, float, Body], None]

@@ -34,11 +34,11 @@ from benchmarks.load_journal import JournalTimes, Turns, compared
 from benchmarks.scratch import RUNS
 from procedures import Factor, Point, RunList
 from rig.controller import Result, Site, resume_run, start_run
-from rig.engine.chain import Record
-from rig.engine.run_creation import Genesis, create
-from rig.engine.run_writer import RunWriter
 from rig.engine.session import Outcome, Progress, Signals
 from rig.plans import Plan
+from rig.run_file.chain import Record
+from rig.run_file.creation import Genesis, create
+from rig.run_file.writer import RunWriter
 
 ROOT = Path(__file__).parent.parent
 WINDOW = 10_000

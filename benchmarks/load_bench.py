@@ -17,8 +17,8 @@ sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 import ideal_bench
 
 from rig.bench import Bench
-from rig.engine.chain import encode
 from rig.plans import Plan, plan_of
+from rig.run_file.chain import encode
 from sims.world import World
 
 SENSORS = ("s1", "s2", "s3", "s4", "s5", "s6", "s7")

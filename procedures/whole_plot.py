@@ -236,15 +236,17 @@ class WholePlotProcedure(Strict):
         rng = random.Random(self.seed)
         index = whole_plot = 0
         before: tuple[float, float] | None = None
+        last: float | None = None
         for replication in range(1, self.replications + 1):
             for pair in _apart(self.design.pairs(), rng, before):
                 whole_plot += 1
                 before = pair
                 pressures = [*self.design.pressures_psia, *self.design.repeated_psia]
                 rng.shuffle(pressures)
-                for pressure, side in zip(pressures, _sides(pressures), strict=True):
+                for pressure, side in zip(pressures, _sides(pressures, last), strict=True):
                     yield Point(index, replication, whole_plot, (pressure, *pair), (side, 0, 0))
                     index += 1
+                last = pressures[-1]
 
 
 def _apart(
@@ -269,12 +271,18 @@ def _apart(
     return pairs
 
 
-def _sides(pressures: list[float]) -> list[int]:
+def _sides(pressures: list[float], last: float | None) -> list[int]:
     """Side of approach of each pressure of a whole plot: from the one before; the first may come from anywhere.
 
     A pressure that follows itself is left towards higher pressure and set anew, so that its two readings are two
-    settings and the line never has to go below its lowest level.
+    settings and the line never has to go below its lowest level. So is a first one that is the whole plot's before:
+    the line stands there while the temperatures change, and two whole plots would share the error of one setting.
+
+    Args:
+        pressures: in their order.
+        last: of the whole plot before; None if there is none.
+
     """
-    sides = [0]
+    sides = [-1 if pressures[0] == last else 0]
     sides += [1 if now > before else -1 for before, now in itertools.pairwise(pressures)]
     return sides

@@ -22,20 +22,20 @@ from drivers.errors import DriverError
 from procedures import PitchRollProcedure, Procedure
 from rig.bench import Bench, check_options, identities, open_bench
 from rig.engine.axes import own_limits
-from rig.engine.elsewhere import goes_on_in
 from rig.engine.gap import Gap, gap_since
 from rig.engine.guard import Guard
-from rig.engine.live import live_path, read_json
-from rig.engine.run_creation import Genesis, create
-from rig.engine.run_reader import RunReader
-from rig.engine.run_writer import RunWriter
 from rig.engine.sequencer import Sequencer
 from rig.engine.session import Nobody, Observer, Outcome, Progress, Session, Signals
-from rig.engine.state import RunState, fold
 from rig.errors import BenchFault, UsageError
 from rig.locks import locked_addresses
 from rig.plans import PREVIOUS, Plan, stored_plan
 from rig.room import check_may_write, check_room
+from rig.run_file.creation import Genesis, create
+from rig.run_file.elsewhere import goes_on_in
+from rig.run_file.live import live_path, read_json
+from rig.run_file.reader import RunReader
+from rig.run_file.state import RunState, fold
+from rig.run_file.writer import RunWriter
 from rig.versions import versions
 
 WORLD_START = "world_start_s"

@@ -15,10 +15,10 @@ from pathlib import Path
 
 from procedures import RunList
 from rig.controller import start_run
-from rig.engine.run_reader import RunReader
 from rig.engine.session import Outcome, Progress, Signals
 from rig.errors import RigError
 from rig.plans import Plan
+from rig.run_file.reader import RunReader
 
 ALLOWANCE = 0.05
 """Share added for repeats, retries and one short interruption."""

@@ -12,9 +12,9 @@ from pydantic import BaseModel
 from procedures import Procedure, RunList
 from rig.bench import check_options
 from rig.config import BenchConfig, parse_bench, parse_procedure, parse_toml, read_text
-from rig.engine.run_reader import RunReader
 from rig.errors import ConfigurationError, RigError, UsageError
 from rig.matching import check_match
+from rig.run_file.reader import RunReader
 
 PREVIOUS = "previous.json"
 """Document of the run file that holds the last calibration, where the procedure names one."""

@@ -18,12 +18,12 @@ import apsw
 from kills import judge
 
 from rig.controller import resume_run, start_run
-from rig.engine.live import LiveState
-from rig.engine.run_reader import RunReader
-from rig.engine.run_writer import RunWriter
 from rig.engine.session import Outcome, Signals
 from rig.examples import example
 from rig.plans import Plan, plan_of
+from rig.run_file.live import LiveState
+from rig.run_file.reader import RunReader
+from rig.run_file.writer import RunWriter
 from rig.simulated.disk import Crash, Disk
 
 ATTITUDE = """

@@ -13,13 +13,13 @@ from pathlib import Path
 from crashes import Run, crash_once
 
 from rig.controller import _losses
-from rig.engine.chain import Record
-from rig.engine.live import live_path, read_json
-from rig.engine.run_reader import RunReader
-from rig.engine.run_writer import RunWriter
-from rig.engine.state import fold
-from rig.engine.verification import restored
 from rig.errors import RigError
+from rig.run_file.chain import Record
+from rig.run_file.live import live_path, read_json
+from rig.run_file.reader import RunReader
+from rig.run_file.state import fold
+from rig.run_file.verification import restored
+from rig.run_file.writer import RunWriter
 from rig.simulated.disk import Disk
 from rig.tables import run_table
 

@@ -15,11 +15,11 @@ from drivers.roles import ChamberState, Identity, PressureState
 from procedures import WholePlotProcedure
 from rig.bench import Bench
 from rig.config import BenchConfig
-from rig.engine.run_creation import Genesis, create
-from rig.engine.run_writer import RunWriter
 from rig.engine.sequencer import Sequencer
 from rig.engine.session import Outcome, Session, Signals
-from rig.engine.state import RunState, fold
+from rig.run_file.creation import Genesis, create
+from rig.run_file.state import RunState, fold
+from rig.run_file.writer import RunWriter
 from sims.world import World
 
 CONFIG = BenchConfig.model_validate(

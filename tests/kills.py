@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from procedures import RunList
-from rig.engine.run_reader import RunReader
 from rig.examples import example
+from rig.run_file.reader import RunReader
 
 ATTITUDE = """
 kind = "pitch-roll"

@@ -11,13 +11,13 @@ from command import rig
 from test_run_file import RUN_LIST
 
 from procedures import Point, RunList
-from rig.engine.beside import ForeignFileError
-from rig.engine.chain import Record, encode
-from rig.engine.run_creation import Genesis, create
-from rig.engine.run_opening import opened_without_log
-from rig.engine.run_reader import RunReader
-from rig.engine.run_writer import RunWriter
 from rig.errors import RunFileError
+from rig.run_file.beside import ForeignFileError
+from rig.run_file.chain import Record, encode
+from rig.run_file.creation import Genesis, create
+from rig.run_file.opening import opened_without_log
+from rig.run_file.reader import RunReader
+from rig.run_file.writer import RunWriter
 
 POINTS = 120
 STEP = 20

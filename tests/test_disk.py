@@ -10,11 +10,11 @@ import pytest
 from test_run_file import genesis, observation
 
 from drivers.clock import Clock
-from rig.engine.run_creation import create
-from rig.engine.run_reader import RunReader
-from rig.engine.run_writer import RunWriter
-from rig.engine.state import fold
 from rig.errors import StorageError
+from rig.run_file.creation import create
+from rig.run_file.reader import RunReader
+from rig.run_file.state import fold
+from rig.run_file.writer import RunWriter
 from rig.simulated.disk import Crash, Disk
 from sims.world import World
 

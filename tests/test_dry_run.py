@@ -12,9 +12,9 @@ import pytest
 from dry import LAB, SHORT, dry, fingerprint, write_short
 
 from rig.controller import resume_run, start_run
-from rig.engine.run_reader import RunReader
 from rig.engine.session import Outcome, Signals
 from rig.plans import load_plan
+from rig.run_file.reader import RunReader
 from rig.tables import run_table
 
 

@@ -17,10 +17,10 @@ from ideal_bench import PROCEDURE, new_run, run_session
 
 from procedures import PitchRollProcedure
 from rig.engine.early_warning import EarlyWarnings, in_unit, warnings_of
-from rig.engine.run_reader import RunReader
 from rig.engine.session import Outcome
 from rig.engine.warning_tests import NoiseTest, Number, PreviousTest, RepeatTest, StillTest
 from rig.examples import example
+from rig.run_file.reader import RunReader
 
 LAB = example("attitude-lab")
 

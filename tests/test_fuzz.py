@@ -20,12 +20,12 @@ from hypothesis import strategies as st
 from test_verify import tamper
 
 from rig.config import parse_bench, parse_procedure
-from rig.engine.run_reader import RunReader
-from rig.engine.state import read_state
-from rig.engine.verification import verify_file
 from rig.errors import ConfigurationError, ExitCode, RigError, RunFileError, UsageError
 from rig.examples import example
 from rig.plans import plan_of
+from rig.run_file.reader import RunReader
+from rig.run_file.state import read_state
+from rig.run_file.verification import verify_file
 from rig.tables import run_table
 from rig.tables.csv_tables import read_any_csv, read_csv
 

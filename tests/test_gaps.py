@@ -12,13 +12,13 @@ from dry import LAB
 from ideal_bench import PROCEDURE, ideal_bench, new_run, run_session
 from small_run import write_small
 
-from rig.engine.chain import Record, encode
 from rig.engine.gap import gap_since
-from rig.engine.run_reader import RunReader
-from rig.engine.run_writer import RunWriter
 from rig.engine.sequencer import Sequencer
 from rig.engine.session import Outcome, Session, Signals
-from rig.engine.state import RunState, fold
+from rig.run_file.chain import Record, encode
+from rig.run_file.reader import RunReader
+from rig.run_file.state import RunState, fold
+from rig.run_file.writer import RunWriter
 from sims.world import World
 
 DAY, YEAR = 86400.0, 365.25 * 86400.0

@@ -15,8 +15,6 @@ from drivers.roles import Chamber, Head, PressureController, Reader, Referenced,
 from rig.bench import check_options, driver_class, open_bench
 from rig.config import InstrumentConfig, parse_bench
 from rig.engine.guard import Guard
-from rig.engine.run_reader import RunReader
-from rig.engine.run_writer import RunWriter
 from rig.engine.safe_state import make_safe
 from rig.engine.session import Outcome
 from rig.errors import BenchFault, BusyError, ConfigurationError
@@ -24,6 +22,8 @@ from rig.examples import example
 from rig.guarded import Refused, guarded
 from rig.locks import holders, locked_addresses, wire_of
 from rig.protection import InterlockConfig, SafetyConfig
+from rig.run_file.reader import RunReader
+from rig.run_file.writer import RunWriter
 from rig.simulated.dry_run import DryBench
 from sims.world import World
 

@@ -10,8 +10,8 @@ import kills
 import pytest
 from command import rig
 
-from rig.engine.run_reader import RunReader
 from rig.examples import example
+from rig.run_file.reader import RunReader
 
 LAB = example("pressure-lab")
 SPEED = 1000

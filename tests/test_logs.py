@@ -12,7 +12,7 @@ from command import rig
 from dry import LAB
 from small_run import write_small
 
-from rig.engine.chain import Record, encode
+from rig.run_file.chain import Record, encode
 from rig.unattended import Happening, Kind, Log, RunFacts
 from rig.unattended.happenings import from_record
 from rig.unattended.logs import file_writer, logged_by_journal

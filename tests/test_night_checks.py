@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from rig.engine.run_reader import RunReader
+from rig.run_file.reader import RunReader
 from rig.simulated.night.checks import INVARIANTS
 from rig.simulated.night.judged import Night
 from rig.simulated.night.play import play

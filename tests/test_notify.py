@@ -16,9 +16,9 @@ from command import rig
 from dry import LAB
 from small_run import write_small
 
-from rig.engine.run_reader import RunReader
 from rig.engine.session import Progress
 from rig.errors import ConfigurationError
+from rig.run_file.reader import RunReader
 from rig.unattended import Happening, Kind, Listeners, RunFacts
 from rig.unattended.notify import Failure, Notifier, NotifySettings, NotSent, compose, read_settings, sender
 

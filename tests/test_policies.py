@@ -22,12 +22,12 @@ from rig.config import parse_bench, parse_procedure
 from rig.engine.actions import BenchActions
 from rig.engine.axes import Axes, HeadMover
 from rig.engine.guard import Guard
-from rig.engine.run_reader import RunReader
 from rig.engine.session import Outcome
 from rig.errors import ConfigurationError
 from rig.examples import example
 from rig.report.story import story
 from rig.report.words import incomplete
+from rig.run_file.reader import RunReader
 from rig.simulated.dry_run import DryBench
 from rig.tables import run_table
 

@@ -15,10 +15,10 @@ from few_sensors import with_sensors
 from rig.acceptance import judge
 from rig.closed_loop import fit_whole_plots
 from rig.controller import resume_run, start_run
-from rig.engine.run_reader import RunReader
 from rig.engine.session import Outcome, Signals
 from rig.errors import ConfigurationError
 from rig.plans import load_plan
+from rig.run_file.reader import RunReader
 from rig.tables import run_table, whole_plot_data, write_csv
 
 HERE = (1, 7)

@@ -15,11 +15,11 @@ from dry import LAB
 from ideal_bench import new_run, run_session
 from small_run import write_small
 
-from rig.engine.chain import link
-from rig.engine.run_reader import RunReader
 from rig.engine.session import Outcome
-from rig.engine.verification import restored
 from rig.errors import RigError, RunFileError, UsageError
+from rig.run_file.chain import link
+from rig.run_file.reader import RunReader
+from rig.run_file.verification import restored
 
 
 @pytest.fixture(scope="module", params=["attitude", "pressure"])

@@ -12,14 +12,14 @@ import apsw
 import pytest
 
 from procedures import Factor, Point, RunList
-from rig.engine import wal
-from rig.engine.chain import Record, encode
-from rig.engine.live import live_path, read_json, read_live, request_path
-from rig.engine.run_creation import Genesis, create
-from rig.engine.run_reader import RunReader
-from rig.engine.run_writer import RunWriter
-from rig.engine.state import fold
 from rig.errors import BusyError, RunFileError, StorageError, UsageError
+from rig.run_file import wal
+from rig.run_file.chain import Record, encode
+from rig.run_file.creation import Genesis, create
+from rig.run_file.live import live_path, read_json, read_live, request_path
+from rig.run_file.reader import RunReader
+from rig.run_file.state import fold
+from rig.run_file.writer import RunWriter
 
 RUN_LIST = RunList(
     (Factor("pitch_deg", "pitch", 2.0), Factor("roll_deg", "roll", 2.0)),
@@ -195,7 +195,7 @@ def test_damage_in_the_middle_is_reported_not_raised_as_a_traceback(path):
 
 
 def test_creating_on_a_full_disk_leaves_nothing(tmp_path, monkeypatch):
-    monkeypatch.setattr("rig.engine.storage.os.replace", _refuse)
+    monkeypatch.setattr("rig.run_file.storage.os.replace", _refuse)
     with pytest.raises(StorageError, match="nothing is left behind"):
         create(tmp_path / "a.sqlite", genesis(), elapsed_s=0, utc_s=0)
     assert list(tmp_path.iterdir()) == []
@@ -225,7 +225,7 @@ import os, signal, sys
 sys.path.insert(0, {tests!r})
 from pathlib import Path
 from test_run_file import observation
-from rig.engine.run_writer import RunWriter
+from rig.run_file.writer import RunWriter
 run = RunWriter.open(Path({path!r}))
 for i in range(5):
     run.append(observation(i))

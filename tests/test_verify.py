@@ -12,9 +12,9 @@ import pytest
 from command import rig
 from damages import small_finished
 
-from rig.engine.run_reader import RunReader
-from rig.engine.verification import verify_file
 from rig.errors import RigError, RunFileError
+from rig.run_file.reader import RunReader
+from rig.run_file.verification import verify_file
 
 
 @pytest.fixture(scope="module")

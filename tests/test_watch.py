@@ -18,13 +18,13 @@ from ideal_bench import PROCEDURE, new_run, run_session
 from drivers.clock import RealClock
 from procedures import Factor, Point, RunList
 from rig.closed_loop import fit_table
-from rig.engine import live as live_module
-from rig.engine.chain import Record, encode
-from rig.engine.live import live_path, replace_json
-from rig.engine.run_creation import Genesis, create
-from rig.engine.run_writer import RunWriter
 from rig.engine.settling import Criteria, Settling
 from rig.previous import read_previous
+from rig.run_file import live as live_module
+from rig.run_file.chain import Record, encode
+from rig.run_file.creation import Genesis, create
+from rig.run_file.live import live_path, replace_json
+from rig.run_file.writer import RunWriter
 from rig.tables import read_table
 from rig.watch import Access, Shelf, make_app
 from rig.watch.feed import RunFeed, encoded

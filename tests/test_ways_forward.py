@@ -14,13 +14,13 @@ from ideal_bench import new_run, run_session
 from small_run import write_small
 
 from rig.engine.journal import typical_s
-from rig.engine.last_word import head_path
-from rig.engine.live import replace_json, request_path
-from rig.engine.run_creation import Genesis, create
-from rig.engine.run_reader import RunReader
-from rig.engine.run_writer import RunWriter
 from rig.engine.session import Outcome, Signals
 from rig.plans import load_plan
+from rig.run_file.creation import Genesis, create
+from rig.run_file.last_word import head_path
+from rig.run_file.live import replace_json, request_path
+from rig.run_file.reader import RunReader
+from rig.run_file.writer import RunWriter
 from rig.versions import versions
 
 

@@ -10,8 +10,8 @@ import pytest
 from ideal_pressure_bench import EACH, IN_ALL, PROCEDURE, PressureBench, new_run, run_session
 
 from drivers.errors import NoReply
-from rig.engine.run_reader import RunReader
 from rig.engine.session import Outcome, Signals
+from rig.run_file.reader import RunReader
 
 
 class Killed(BaseException):

@@ -8,10 +8,10 @@ from pathlib import Path
 from rig.cli import app
 from rig.cli.run import RunArgument
 from rig.cli.show import err
-from rig.engine.live import controller_alive, live_path, read_json, send_request
-from rig.engine.run_reader import RunReader
-from rig.engine.state import read_state
 from rig.errors import ExitCode, RigError, UsageError
+from rig.run_file.live import controller_alive, live_path, read_json, send_request
+from rig.run_file.reader import RunReader
+from rig.run_file.state import read_state
 
 
 def _ask(run_file: Path, verb: str) -> int:

@@ -31,11 +31,11 @@ from rig.cli.unattended import (
 from rig.controller import Result, resume_run, start_run
 from rig.durations import duration
 from rig.engine.early_warning import warnings_of
-from rig.engine.run_reader import RunReader
 from rig.engine.session import Outcome, Progress, Signals
-from rig.engine.state import RunState, is_simulated, read_state
 from rig.errors import ExitCode, RigError
 from rig.plans import load_plan
+from rig.run_file.reader import RunReader
+from rig.run_file.state import RunState, is_simulated, read_state
 from rig.unattended import Listeners, RunFacts, ServiceManager
 
 RunArgument = Annotated[Path, typer.Argument(help="the run file, DIR/ID.sqlite", show_default=False)]

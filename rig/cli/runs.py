@@ -11,10 +11,10 @@ from rich.table import Table
 
 from rig.cli.show import err, out, print_json
 from rig.durations import duration
-from rig.engine.live import controller_alive, read_live
-from rig.engine.state import RunState
-from rig.engine.verification import CUT_SHORT, glance
 from rig.errors import ExitCode, RigError, UsageError
+from rig.run_file.live import controller_alive, read_live
+from rig.run_file.state import RunState
+from rig.run_file.verification import CUT_SHORT, glance
 
 _VERIFIED = 10_000
 """Runs of so many records at most are verified on the way, so that a folder of them is listed within seconds."""

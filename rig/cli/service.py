@@ -15,11 +15,11 @@ from rig.cli.run import RunArgument
 from rig.cli.show import err
 from rig.cli.unattended import facts_of
 from rig.config import parse_bench
-from rig.engine.elsewhere import goes_on_in
-from rig.engine.live import controller_alive
-from rig.engine.run_reader import RunReader
-from rig.engine.state import RunState
 from rig.errors import ExitCode, RigError, UsageError
+from rig.run_file.elsewhere import goes_on_in
+from rig.run_file.live import controller_alive
+from rig.run_file.reader import RunReader
+from rig.run_file.state import RunState
 from rig.unattended import RunFacts
 from rig.unattended.service import WATCHDOG_S, ServiceUnit, patience_s
 

@@ -14,11 +14,11 @@ from rig.cli.run import JsonOption, warnings_in
 from rig.cli.runs import check_code, list_runs
 from rig.cli.show import mark, out, print_json
 from rig.durations import duration
-from rig.engine.elsewhere import goes_on_in
-from rig.engine.live import read_live, silent_s
-from rig.engine.state import RunState
-from rig.engine.verification import CUT_SHORT, glance
 from rig.errors import ExitCode
+from rig.run_file.elsewhere import goes_on_in
+from rig.run_file.live import read_live, silent_s
+from rig.run_file.state import RunState
+from rig.run_file.verification import CUT_SHORT, glance
 
 
 @app.command(rich_help_panel="Running")

@@ -11,9 +11,9 @@ from typing import Annotated
 
 import typer
 
-from rig.engine.run_reader import RunReader
 from rig.engine.session import Progress
 from rig.errors import ConfigurationError, ExitCode
+from rig.run_file.reader import RunReader
 from rig.unattended import Listeners, Log, RunFacts, ServiceManager
 from rig.unattended.earlier import ended_without_a_word
 from rig.unattended.logs import LogFormat, default_log, file_writer, logged_by_journal, stderr_writer

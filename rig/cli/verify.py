@@ -13,12 +13,12 @@ from rich.markup import escape
 from rig.cli import app
 from rig.cli.run import JsonOption, RunArgument
 from rig.cli.show import mark, out, print_json
-from rig.engine.elsewhere import goes_on_in
-from rig.engine.proven import Other
-from rig.engine.run_reader import RunReader
-from rig.engine.state import RunState, read_state
-from rig.engine.verification import Verification, restored, verify_file
 from rig.errors import ExitCode, RunFileError, UsageError
+from rig.run_file.elsewhere import goes_on_in
+from rig.run_file.proven import Other
+from rig.run_file.reader import RunReader
+from rig.run_file.state import RunState, read_state
+from rig.run_file.verification import Verification, restored, verify_file
 
 
 @app.command(rich_help_panel="Data")

@@ -1,1 +1,1 @@
-"""What happens during a run: run file, sequencer, settling, guard, recovery."""
+"""What happens during a run: sequencer, settling, guard, policies, recovery. What is written is in `rig.run_file`."""

@@ -59,6 +59,8 @@ class BenchActions:
         self._wait = wait
         self._chambers = bench.chambers
         self._readers = bench.readers
+        # Asked for once: what a protocol is made of takes longer to look up than most replies take to come.
+        self._restartable = {n: i for n, i in bench.instruments.items() if isinstance(i, Restartable)}
         self._chambers_seen = _LONG_AGO
         self._chambers_read: float | None = None
         self._unwatched_s = 0.0
@@ -95,8 +97,7 @@ class BenchActions:
 
     def restarted(self) -> list[str]:
         """Instruments that say their power has been off since they were last set up."""
-        instruments = self._bench.instruments.items()
-        return [name for name, i in instruments if isinstance(i, Restartable) and i.restarted()]
+        return [name for name, instrument in self._restartable.items() if instrument.restarted()]
 
     def axes(self) -> Mapping[str, AxisReading]:
         """Read all axes; raises on an instrument's fault or a violated limit."""

@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from procedures import Point, RunList
-from rig.engine.chain import Record
 from rig.engine.response_test import ResponseTest, Row
-from rig.engine.run_reader import RunReader
 from rig.engine.warning_tests import ALARM, NoiseTest, Number, PreviousTest, RepeatTest, StillTest
 from rig.quantities import PITCH, PRESSURE, ROLL
+from rig.run_file.chain import Record
+from rig.run_file.reader import RunReader
 
 if TYPE_CHECKING:
     from rig.previous import Previous

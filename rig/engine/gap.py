@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 
 from drivers.clock import Clock
-from rig.engine.state import RunState
+from rig.run_file.state import RunState
 
 LONGEST_S = 366 * 86400.0
 """A longer gap by UTC is a clock that was or is wrong; a bench left alone for longer begins anew anyway."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from rig.engine.journal import Journal
-from rig.engine.live import Requests
 from rig.engine.session import Signals
 from rig.engine.states import State
+from rig.run_file.live import Requests
 
 
 class Interrupted(Exception):

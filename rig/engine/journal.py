@@ -11,15 +11,15 @@ from typing import Any
 
 from drivers.clock import Clock
 from procedures import Point
-from rig.engine.chain import Record, encode
-from rig.engine.live import LiveState
 from rig.engine.measuring import Observation
 from rig.engine.motion import Leg
-from rig.engine.run_writer import RunWriter
 from rig.engine.session import Progress, Session
 from rig.engine.settling import Settling
-from rig.engine.state import RunState
 from rig.engine.states import State
+from rig.run_file.chain import Record, encode
+from rig.run_file.live import LiveState
+from rig.run_file.state import RunState
+from rig.run_file.writer import RunWriter
 
 _SHOWN_S, _SHOWN = 1800.0, 120
 """How much of a settling quantity's trace the live state tells: the last half hour, so many samples at most."""

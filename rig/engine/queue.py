@@ -7,7 +7,7 @@ is tried again at the whole plot's own end, while the temperatures it belongs to
 from __future__ import annotations
 
 from procedures import Point, RunList
-from rig.engine.state import RunState
+from rig.run_file.state import RunState
 
 
 class PointQueue:

@@ -24,18 +24,18 @@ from rig.engine.guard import Guard
 from rig.engine.identities import compare_identities
 from rig.engine.interruptions import HoldRequested, Interrupted, Interruptions, StopRequested
 from rig.engine.journal import Journal, PointInHand
-from rig.engine.live import Requests
 from rig.engine.parking import Parking
 from rig.engine.policies import ABORT, HOLD, RE_HOME, RE_SOAK, SKIP, Policies
 from rig.engine.queue import PointQueue
-from rig.engine.run_writer import RunWriter
 from rig.engine.safe_state import SafeState, make_safe
 from rig.engine.session import Outcome, Progress, Session, Signals
 from rig.engine.soaking import Soaking
 from rig.engine.standing import Standing
-from rig.engine.state import RunState
 from rig.engine.states import AT_POINT, FINAL, State, machine
 from rig.errors import BenchFault, RigError, StorageError
+from rig.run_file.live import Requests
+from rig.run_file.state import RunState
+from rig.run_file.writer import RunWriter
 
 if TYPE_CHECKING:
     from rig.previous import Previous

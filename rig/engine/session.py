@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any, Protocol
 
-from rig.engine.chain import Record
+from rig.run_file.chain import Record
 
 
 class Outcome(Enum):

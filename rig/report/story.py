@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import NamedTuple
 
-from rig.engine.chain import Record
-from rig.engine.run_reader import RunReader
+from rig.run_file.chain import Record
+from rig.run_file.reader import RunReader
 
 
 class Line(NamedTuple):

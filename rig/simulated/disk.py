@@ -32,7 +32,7 @@ from typing import Literal, Self
 import apsw
 
 from drivers.clock import Clock
-from rig.engine import storage
+from rig.run_file import storage
 from rig.simulated.page_cache import CachedFile, Change
 from rig.simulated.vfs import DiskVfs
 

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import IO
 
 from rig.atomic import write_whole
-from rig.engine.chain import Record
-from rig.engine.run_reader import RunReader
+from rig.run_file.chain import Record
+from rig.run_file.reader import RunReader
 
 COLUMNS = (
     "elapsed_s",

@@ -12,10 +12,10 @@ import numpy as np
 
 from procedures import RunList
 from rig.config import parse_toml
-from rig.engine.chain import Record
-from rig.engine.run_reader import RunReader
-from rig.engine.state import read_state
 from rig.errors import RunFileError
+from rig.run_file.chain import Record
+from rig.run_file.reader import RunReader
+from rig.run_file.state import read_state
 from rig.tables.table import MOUNTING, Table
 
 

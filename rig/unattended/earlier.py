@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from rig.engine.chain import Record
-from rig.engine.run_reader import RunReader
+from rig.run_file.chain import Record
+from rig.run_file.reader import RunReader
 
 _LOOK_BACK = 20
 

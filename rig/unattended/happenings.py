@@ -10,8 +10,8 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
-from rig.engine.chain import Record, encode
 from rig.report.story import words
+from rig.run_file.chain import Record, encode
 
 
 class Kind(StrEnum):

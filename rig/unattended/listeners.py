@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 from drivers.clock import RealClock
 from rig.durations import duration
-from rig.engine.chain import Record
 from rig.engine.session import Outcome, Progress
 from rig.engine.states import AT_POINT, State
 from rig.errors import UsageError
+from rig.run_file.chain import Record
 from rig.unattended.happenings import NOT_NOTIFIED, Happening, Kind, RunFacts, from_record, one_line
 from rig.unattended.logs import Log
 from rig.unattended.manager import ServiceManager

@@ -11,10 +11,10 @@ from typing import Any
 
 from procedures import Factor
 from rig.config import parse_toml
-from rig.engine.live import controller_alive, live_path, read_json
-from rig.engine.state import RunState
 from rig.errors import RigError, RunFileError
 from rig.previous import Previous
+from rig.run_file.live import controller_alive, live_path, read_json
+from rig.run_file.state import RunState
 from rig.watch.happenings import Happenings
 from rig.watch.reading import BATCH, Seen, WatchReader
 from rig.watch.residuals import residuals

@@ -6,8 +6,8 @@ from collections import deque
 from collections.abc import Mapping
 from typing import Any
 
-from rig.engine.chain import Record
 from rig.report import story
+from rig.run_file.chain import Record
 
 LINES = 300
 """Lines kept; of earlier ones the page says how many there are."""

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from procedures import Factor
-from rig.engine.chain import Record
-from rig.engine.run_reader import RunReader
+from rig.run_file.chain import Record
+from rig.run_file.reader import RunReader
 
 BATCH = 20_000
 """Records read at once: the first look at a long run is many short transactions, not one long."""

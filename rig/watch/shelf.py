@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-from rig.engine.live import controller_alive, live_path, read_json
 from rig.errors import RigError
 from rig.previous import Previous
+from rig.run_file.live import controller_alive, live_path, read_json
 from rig.watch.feed import RunFeed
 from rig.watch.reading import WatchReader
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from procedures import Factor
-from rig.engine.state import RunState
+from rig.run_file.state import RunState
 
 _DOING = {
     "ready": "starting",

@@ -72,6 +72,7 @@ class FaultyWire:
         self._due: list[Fault] = []
         self._held_until = 0.0
         self._down_until = {"unplugged": -inf, "bus-off": -inf, "deaf": -inf}
+        self._dead_until = -inf  # the latest of these
         self._request = b""
 
     @property
@@ -87,7 +88,7 @@ class FaultyWire:
     def strike(self, fault: Fault, until: float) -> None:
         """Have a fault begin; `until` is when it is over, of one that lasts."""
         if fault.kind in _DOWN:
-            self._down_until[fault.kind] = max(until, self._down_until[fault.kind])
+            self._down(fault.kind, until)
             self._note(fault, f"{fault.kind} until {until:.3f} s")
             if fault.kind == "unplugged":
                 self.connection += 1
@@ -98,7 +99,7 @@ class FaultyWire:
 
     def deafen(self, until: float) -> None:
         """The instrument is off: it neither hears nor answers, and a network connection to it is lost."""
-        self._down_until["deaf"] = max(until, self._down_until["deaf"])
+        self._down("deaf", until)
         if self._medium == "modbus":
             self.connection += 1
 
@@ -207,9 +208,12 @@ class FaultyWire:
         self._armed = [a for a in self._armed if a.left > 0 and now < a.until]
         return self._armed
 
+    def _down(self, how: str, until: float) -> None:
+        self._down_until[how] = max(until, self._down_until[how])
+        self._dead_until = max(until, self._dead_until)
+
     def _dead(self) -> bool:
-        now = self._world.now()
-        return any(now < until for until in self._down_until.values())
+        return self._world.now() < self._dead_until
 
 
 def _garbled(message: bytes, medium: str) -> bytes:

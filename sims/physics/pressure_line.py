@@ -395,6 +395,9 @@ class PressureLine:
         return self._stretch(t).at(t)
 
     def _under_control(self, t: float) -> bool:
+        since, on = self._controlled_from[-1]
+        if since <= t:  # nearly always
+            return on
         return next((on for since, on in reversed(self._controlled_from) if since <= t), False)
 
     def _ripple(self, t: float) -> float:

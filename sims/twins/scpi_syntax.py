@@ -58,6 +58,8 @@ def compiled(table: Sequence[Command]) -> dict[str, Command]:
 
 def split_outside(text: str, separator: str) -> list[str]:
     """Split at a separator that is not inside quotes or parentheses."""
+    if separator not in text:
+        return [text]
     parts, depth, quote, part = [], 0, "", ""
     for c in text:
         if quote:

@@ -15,9 +15,9 @@ from procedures import Procedure
 from rig.closed_loop import AttitudeTraced, Traced, trace_table
 from rig.config import BenchConfig
 from rig.controller import WORLD_START
-from rig.engine.run_reader import RunReader
 from rig.errors import UsageError
 from rig.plans import plan_of
+from rig.run_file.reader import RunReader
 from rig.tables import attitude_data, run_table, whole_plot_data
 
 DAY_S = 86400.0

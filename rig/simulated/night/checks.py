@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 
-from rig.engine.run_reader import RunReader
 from rig.errors import RunFileError
+from rig.run_file.reader import RunReader
 from rig.simulated.night import of_commands, of_readings, of_records
 from rig.simulated.night.judged import Night, Violation
 from rig.simulated.night.play import Played

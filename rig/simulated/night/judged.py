@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from procedures import Point, RunList
-from rig.engine.chain import Record
+from rig.run_file.chain import Record
 from rig.simulated.night.play import Played
 from sims.tape import Reading, Tape
 

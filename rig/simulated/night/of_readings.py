@@ -9,7 +9,7 @@ from math import sqrt
 from operator import attrgetter
 
 from procedures import Point
-from rig.engine.chain import Record
+from rig.run_file.chain import Record
 from rig.simulated.night.judged import Night
 from sims.physics.pressure_truth import TransducerTruth
 from sims.tape import Reading

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 
-from rig.engine.live import live_path
+from rig.run_file.live import live_path
 from rig.simulated.night.judged import Night
 from rig.simulated.night.play import MOST_SESSIONS
 

@@ -19,10 +19,10 @@ from drivers.clock import Clock
 from drivers.wires import Wires
 from rig.bench import Bench, check_options, open_bench
 from rig.controller import Site, resume_run, start_run
-from rig.engine.live import live_path, send_request
 from rig.engine.session import Outcome, Signals
 from rig.errors import RigError
 from rig.plans import Plan, plan_of
+from rig.run_file.live import live_path, send_request
 from rig.simulated.disk import Crash, Disk, folding
 from rig.simulated.dry_run import DryBench
 from rig.simulated.night.safety import not_safe

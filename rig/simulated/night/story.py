@@ -5,9 +5,9 @@ from __future__ import annotations
 import heapq
 from collections.abc import Iterator
 
-from rig.engine.chain import Record
-from rig.engine.run_reader import RunReader
 from rig.errors import RunFileError
+from rig.run_file.chain import Record
+from rig.run_file.reader import RunReader
 from rig.simulated.night.play import Played
 
 

@@ -14,11 +14,11 @@ from drivers.clock import RealClock
 from rig.bench import check_options
 from rig.config import BenchConfig, parse_bench, parse_toml, read_text
 from rig.durations import duration
-from rig.engine.live import controller_alive
-from rig.engine.run_reader import RunReader
-from rig.engine.state import RunState, read_state
 from rig.errors import RigError, UsageError
 from rig.plans import Plan, load_plan, plan_of
+from rig.run_file.live import controller_alive
+from rig.run_file.reader import RunReader
+from rig.run_file.state import RunState, read_state
 from rig.unattended.doctor.disk import check_disk
 from rig.unattended.doctor.findings import Finding, Level, ok, problem
 from rig.unattended.doctor.instruments import check_due, check_instruments, check_twins

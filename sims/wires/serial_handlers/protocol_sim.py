@@ -91,7 +91,8 @@ class Serial(SerialBase):
             world = cable.world
             timeout = self.timeout
             end = None if timeout is None else world.now() + timeout
-            world.run_until(end, lambda: len(received) >= size or not self._alive())
+            here = self._connection
+            world.run_until(end, lambda: len(received) >= size or cable.connection != here)
             self._check(_GONE)
         data = bytes(received[:size])
         del received[:size]

@@ -18,9 +18,9 @@ from pathlib import Path
 
 import apsw
 
-from rig.engine.chain import followed
-from rig.engine.schema import Guarded
 from rig.errors import RunFileError
+from rig.run_file.chain import followed
+from rig.run_file.schema import Guarded
 
 _WAL_HEADER, _FRAME_HEADER = 32, 24
 _JOURNAL_MAGIC = bytes.fromhex("d9d505f920a163d7")

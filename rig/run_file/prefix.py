@@ -18,15 +18,15 @@ from typing import Any
 import apsw
 
 from procedures import Factor, Point, RunList
-from rig.engine.audit import findings
-from rig.engine.last_word import head_path, read_last_word
-from rig.engine.live import live_path, request_path
-from rig.engine.pages import Pages, Value
-from rig.engine.proven import Chained, Chains, Other
-from rig.engine.run_reader import RunReader
-from rig.engine.schema import APPLICATION_ID, INSERT_RECORD, SCHEMA_VERSION, statements, write_run_list
-from rig.engine.storage import storage_of
 from rig.errors import RunFileError, StorageError, UsageError
+from rig.run_file.audit import findings
+from rig.run_file.last_word import head_path, read_last_word
+from rig.run_file.live import live_path, request_path
+from rig.run_file.pages import Pages, Value
+from rig.run_file.proven import Chained, Chains, Other
+from rig.run_file.reader import RunReader
+from rig.run_file.schema import APPLICATION_ID, INSERT_RECORD, SCHEMA_VERSION, statements, write_run_list
+from rig.run_file.storage import storage_of
 
 Expand = Callable[[Mapping[str, str]], RunList | None]
 _MOST_RUNS, _MOST_OTHERS = 10, 5

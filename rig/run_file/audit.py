@@ -15,11 +15,11 @@ from typing import Any, Protocol
 import apsw
 
 from procedures import RunList
-from rig.engine.chain import GENESIS, Record, StoredRow, followed, link
-from rig.engine.contents import senseless
-from rig.engine.restore import changed_column
-from rig.engine.schema import Guarded, differences
 from rig.errors import RunFileError
+from rig.run_file.chain import GENESIS, Record, StoredRow, followed, link
+from rig.run_file.contents import senseless
+from rig.run_file.restore import changed_column
+from rig.run_file.schema import Guarded, differences
 
 _SEARCHED = 10
 """In so many changed records at most it is searched for what was changed."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 import contextlib
 from pathlib import Path
 
-from rig.engine.chain import link
-from rig.engine.run_reader import RunReader
-from rig.engine.state import RunState
 from rig.errors import RigError
+from rig.run_file.chain import link
+from rig.run_file.reader import RunReader
+from rig.run_file.state import RunState
 
 
 def goes_on_in(run: RunReader, state: RunState, instead_of: Path | None = None) -> Path | None:

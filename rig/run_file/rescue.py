@@ -8,9 +8,9 @@ from pathlib import Path
 
 import apsw
 
-from rig.engine.chain import Record, encode, link
-from rig.engine.schema import INSERT_RECORD
 from rig.errors import StorageError
+from rig.run_file.chain import Record, encode, link
+from rig.run_file.schema import INSERT_RECORD
 
 RESCUED = "rescued"
 """Status of the event that says in which file a run goes on."""

@@ -8,16 +8,16 @@ from pathlib import Path
 
 from procedures import RunList
 from rig.config import parse_procedure
-from rig.engine import wal
-from rig.engine.audit import Finding, findings
-from rig.engine.beside import ForeignFileError
-from rig.engine.elsewhere import goes_on_in
-from rig.engine.last_word import read_last_word
-from rig.engine.live import controller_alive
-from rig.engine.prefix import Restored, restore
-from rig.engine.run_reader import RunReader
-from rig.engine.state import RunState, read_state
 from rig.errors import RunFileError, UsageError
+from rig.run_file import wal
+from rig.run_file.audit import Finding, findings
+from rig.run_file.beside import ForeignFileError
+from rig.run_file.elsewhere import goes_on_in
+from rig.run_file.last_word import read_last_word
+from rig.run_file.live import controller_alive
+from rig.run_file.prefix import Restored, restore
+from rig.run_file.reader import RunReader
+from rig.run_file.state import RunState, read_state
 
 MOST = 1000
 """So many findings are told at most."""
@@ -129,7 +129,7 @@ def _elsewhere(run: RunReader, state: RunState) -> list[str]:
 
 
 def restored(path: Path, to: Path, head: str = "") -> Restored:
-    """What a damaged run file still proves, in a new one; see `rig.engine.prefix.restore`."""
+    """What a damaged run file still proves, in a new one; see `rig.run_file.prefix.restore`."""
     if controller_alive(path):
         raise UsageError(f"a controller is at work on {path}: nothing to restore while it writes")
     return restore(path, to, _expanded, head)

@@ -10,9 +10,9 @@ from pathlib import Path
 import apsw
 
 from drivers.clock import RealClock
-from rig.engine.beside import Alone, alone, check_journal, has_log
-from rig.engine.schema import APPLICATION_ID, SCHEMA_VERSION, Guarded, guard, strange_tables
 from rig.errors import RunFileError, UsageError
+from rig.run_file.beside import Alone, alone, check_journal, has_log
+from rig.run_file.schema import APPLICATION_ID, SCHEMA_VERSION, Guarded, guard, strange_tables
 
 _READ_ONLY = apsw.SQLITE_OPEN_READONLY | apsw.SQLITE_OPEN_URI
 _COPY = (

@@ -13,8 +13,8 @@ from collections import defaultdict
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from rig.engine.chain import GENESIS, Record, link
-from rig.engine.pages import Pages, Place, Row
+from rig.run_file.chain import GENESIS, Record, link
+from rig.run_file.pages import Pages, Place, Row
 
 _COLUMNS = 12
 Chained = tuple[int, Record, bytes, bytes]

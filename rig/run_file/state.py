@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import Any, NamedTuple
 
-from rig.engine.chain import Record
-from rig.engine.indexes import IndexCounts, IndexSet
-from rig.engine.run_reader import RunReader
 from rig.errors import RunFileError
+from rig.run_file.chain import Record
+from rig.run_file.indexes import IndexCounts, IndexSet
+from rig.run_file.reader import RunReader
 
 _FAULTS_KEPT = 20
 

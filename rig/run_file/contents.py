@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from rig.engine.chain import Record
+from rig.run_file.chain import Record
 
 _Check = Callable[[Any], bool]
 

@@ -1,7 +1,7 @@
 """Reading a run file: one SQLite database that holds a run, append-only, durable, self-checking.
 
-Reading never stands in the writer's way and changes nothing. What a run file is made of is in `rig.engine.schema`,
-how its records are chained by hash in `rig.engine.chain`.
+Reading never stands in the writer's way and changes nothing. What a run file is made of is in `rig.run_file.schema`,
+how its records are chained by hash in `rig.run_file.chain`.
 """
 
 from __future__ import annotations
@@ -15,10 +15,11 @@ from typing import Any, Self
 import apsw
 
 from procedures import Factor, Point, RunList, rows_sha256
-from rig.engine.audit import findings
-from rig.engine.beside import Alone, ForeignFileError, check_journal, check_log, foreign_log, has_log
-from rig.engine.chain import GENESIS, Record, StoredRow
-from rig.engine.run_opening import (
+from rig.errors import RunFileError, UsageError
+from rig.run_file.audit import findings
+from rig.run_file.beside import Alone, ForeignFileError, check_journal, check_log, foreign_log, has_log
+from rig.run_file.chain import GENESIS, Record, StoredRow
+from rig.run_file.opening import (
     by_itself,
     check_header,
     edited,
@@ -28,8 +29,7 @@ from rig.engine.run_opening import (
     size_of,
     unreadable,
 )
-from rig.engine.schema import Guarded
-from rig.errors import RunFileError, UsageError
+from rig.run_file.schema import Guarded
 
 _SLICE = 200
 _LOWEST, _HIGHEST = -(2**63), 2**63 - 1

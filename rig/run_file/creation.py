@@ -12,10 +12,10 @@ from typing import Any
 import apsw
 
 from procedures import RunList
-from rig.engine.chain import GENESIS, Record, encode, link
-from rig.engine.schema import APPLICATION_ID, INSERT_RECORD, SCHEMA_VERSION, statements, write_run_list
-from rig.engine.storage import storage_of
 from rig.errors import RunFileError, StorageError
+from rig.run_file.chain import GENESIS, Record, encode, link
+from rig.run_file.schema import APPLICATION_ID, INSERT_RECORD, SCHEMA_VERSION, statements, write_run_list
+from rig.run_file.storage import storage_of
 
 
 @dataclass(frozen=True)

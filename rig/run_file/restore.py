@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from rig.engine.chain import Record, link
+from rig.run_file.chain import Record, link
 
 _KINDS = ("run", "session", "identity", "event", "observation", "skip", "fault", "hold", "release", "stop", "end")
 _STATUS = (None, "accepted", "rejected", "retry", "skip", "final", "later", "hold", "abort", "complete", "prepared")

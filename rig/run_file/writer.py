@@ -1,7 +1,7 @@
 """Writing a run file: by one connection, ever.
 
 Write-ahead log with synchronous=FULL: a commit that returned survives a power cut. Triggers refuse UPDATE and DELETE,
-records are chained by hash (`rig.engine.chain`), and a partial unique index makes a second accepted observation of a
+records are chained by hash (`rig.run_file.chain`), and a partial unique index makes a second accepted observation of a
 point in one whole plot impossible. A finished run leaves WAL mode: one ordinary file.
 """
 
@@ -15,16 +15,16 @@ from typing import Self
 
 import apsw
 
-from rig.engine import wal
-from rig.engine.beside import Alone, check_journal, foreign_log
-from rig.engine.chain import Record, encode, link
-from rig.engine.last_word import LastWord, read_last_word
-from rig.engine.rescue import is_still_at, rescue
-from rig.engine.run_opening import by_itself, check_header, checked, locked, unreadable
-from rig.engine.run_reader import RunReader
-from rig.engine.schema import INSERT_RECORD, guard
-from rig.engine.storage import storage_of
 from rig.errors import BusyError, RunFileError, StorageError
+from rig.run_file import wal
+from rig.run_file.beside import Alone, check_journal, foreign_log
+from rig.run_file.chain import Record, encode, link
+from rig.run_file.last_word import LastWord, read_last_word
+from rig.run_file.opening import by_itself, check_header, checked, locked, unreadable
+from rig.run_file.reader import RunReader
+from rig.run_file.rescue import is_still_at, rescue
+from rig.run_file.schema import INSERT_RECORD, guard
+from rig.run_file.storage import storage_of
 
 
 class RunWriter(RunReader):
