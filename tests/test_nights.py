@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from functools import cache
 
 import pytest
 
+from rig.engine.actions import BenchActions
+from rig.run_file.reader import RunReader
 from rig.simulated.night.bugs import BUGS
 from rig.simulated.night.campaign import one_night, replay, unbiased
+from rig.simulated.night.checks import judge
+from rig.simulated.night.play import play
 from rig.simulated.night.scenario import LABS, draw
+from rig.tables import run_table
 
-NIGHTS = {"attitude": range(20), "pressure": range(6)}
+NIGHTS = {"attitude": range(90), "pressure": range(30)}
 """Those of `FOUND_BY` are among them: each is played once without a bug."""
 FOUND_BY = {
     "accept-late-reply": ("attitude", 3),
@@ -70,8 +76,30 @@ def test_an_identity_cut_short_is_no_other_instrument():
     assert not one_night(213015, "attitude").violations
 
 
-def test_a_chamber_that_hangs_while_its_door_is_open_is_not_believed():
-    assert not one_night(221688, "pressure").violations
+@pytest.mark.parametrize("believed", [False, True])
+def test_a_chamber_that_hangs_while_its_door_is_open_is_not_believed(monkeypatch, tmp_path, believed):
+    """Seed 221688 with the run list of another: of its own, its last whole plot no longer meets that hour."""
+    if believed:
+        monkeypatch.setattr(BenchActions, "_unchanged", lambda *_: {})
+    night = draw(221688, "pressure")
+    procedure = re.sub(r"(?m)^seed = .*$", "seed = 105", night.documents["procedure.toml"])
+    night = dataclasses.replace(night, documents={**night.documents, "procedure.toml": procedure})
+    played = play(night, tmp_path)
+    try:
+        assert {violation.invariant for violation in judge(played)} == ({"one stay"} if believed else set())
+        if not believed:
+            with RunReader.open(played.path) as run:
+                lost = [r for r in run.records("event") if r.status == "whole-plot-lost"]
+                accepted = [r for r in run.records("observation") if r.status == "accepted"]
+            assert (lost[-1].data["kept"], lost[-1].data["doubted"]) == (0, 1)
+            doubted = [r for r in accepted if r.whole_plot == lost[-1].whole_plot]
+            rows, everything = run_table(played.path), run_table(played.path, everything=True)
+            assert len(rows.columns["run_index"]) == len(accepted) - 1
+            assert [r.run_index for r in doubted] == [9]
+            at = everything.columns["whole_plot"] == lost[-1].whole_plot
+            assert not everything.columns["accepted"][at].any()
+    finally:
+        played.bench.close()
 
 
 def test_an_alarm_is_heeded_although_the_chamber_could_not_be_read_when_it_came():

@@ -130,11 +130,12 @@ class BenchActions:
         return found
 
     def _unchanged(self, name: str, degC: float) -> dict[str, float]:
-        """For how long a chamber has read the same to the last digit, from the third time on."""
+        """For how long a chamber has read the same to the last digit, from the third time on; or had, until now."""
         now = self._clock.now()
         last, since, reads = self._standing.get(name, (degC, now, 0))
         if last != degC:
-            since, reads = now, 0
+            self._standing[name] = degC, now, 1
+            return {"stood_s": round(now - since, 3)} if reads >= _READ_THE_SAME else {}
         self._standing[name] = degC, since, reads + 1
         return {"unchanged_s": round(now - since, 3)} if reads + 1 >= _READ_THE_SAME else {}
 

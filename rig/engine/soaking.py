@@ -145,15 +145,16 @@ class Soaking:
         planned, kept = self.give_up(why)
         again = f"{self._lost} times in this session, last " if self._lost > 1 else ""
         raise TemperatureLeft(
-            f"whole plot {planned} was lost {again}because {why}; its {kept} readings are kept. Look at the chambers, "
-            f"then resume"
+            f"whole plot {planned} was lost {again}because {why}; {kept}. Look at the chambers, then resume"
         )
 
-    def give_up(self, why: str) -> tuple[int, int]:
+    def give_up(self, why: str) -> tuple[int, str]:
         """Give the open whole plot up: what was accepted in it stays, and it is measured again under a new identity.
 
+        What was accepted while a chamber had begun to stand still is in doubt, and is left out of tables.
+
         Returns:
-            Which planned one it was, and how many of its points had been observed.
+            Which planned one it was, and what becomes of those of its points that had been observed.
 
         """
         fold = self._journal.fold
@@ -163,7 +164,14 @@ class Soaking:
         kept = len(fold.accepted.intersection(range(first, first + count)))
         self._journal.take_up(None)
         body = {"reason": why, "planned": planned, "first": first, "count": count, "kept": kept}
+        becomes = f"its {kept} readings are kept"
+        if self.rules.doubted_s:
+            since = self._journal.elapsed() - self.rules.doubted_s
+            last = [r for r in self._journal.recent(count) if r.whole_plot == fold.whole_plot]
+            doubted = sum(r.elapsed_s >= since for r in last)
+            body |= {"kept": kept - doubted, "doubted_s": round(since, 3), "doubted": doubted}
+            becomes = f"{kept - doubted} of its readings are kept, {doubted} are in doubt and left out"
         self._journal.write("event", body, status="whole-plot-lost")
         self._queue.refill()
         self._lost += 1
-        return planned, kept
+        return planned, becomes

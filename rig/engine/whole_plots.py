@@ -65,6 +65,10 @@ class WholePlots:
         run_list: every point of the run.
         procedure: soak and recovery settings.
 
+    Attributes:
+        doubted_s: of a whole plot that was just found lost: for how long before that a chamber said nothing, since it
+            stood still to the last digit, as it else never does; what was accepted meanwhile is in doubt.
+
     Raises:
         ConfigurationError: the bench does not say which chamber sets a factor.
 
@@ -77,6 +81,7 @@ class WholePlots:
         self.soaked = [
             Soaked(f.name, bench.setting(f.name, Chamber)[0], f.name in bench.temperatures) for f in run_list.hard
         ]
+        self.doubted_s = 0.0
         self._open_for: dict[str, int] = {}
         self._pairs: Counter[str] = Counter()
         self._same: Counter[str] = Counter()
@@ -86,9 +91,10 @@ class WholePlots:
         """Learn from an accepted observation of a whole plot how often a chamber reads the same again."""
         if identity == self._before[0]:
             for name, state in self._before[1].items():
-                if name in chambers:
-                    self._pairs[name] += 1
-                    self._same[name] += state["temperature_degC"] == chambers[name]["temperature_degC"]
+                if name not in chambers or self._stood_s(name, chambers[name]):
+                    continue  # whether one that never reads the same twice hangs is still to be seen
+                self._pairs[name] += 1
+                self._same[name] += state["temperature_degC"] == chambers[name]["temperature_degC"]
         self._before = identity, chambers
 
     @property
@@ -159,6 +165,7 @@ class WholePlots:
             as_found: chambers as read before anything was commanded.
 
         """
+        self.doubted_s = 0.0
         if not certain:
             return "the controller's machine was restarted, so nobody knows how long the chambers were left alone"
         if idle_s > self._continue_gap_s:
@@ -181,6 +188,19 @@ class WholePlots:
     def _left(
         self, targets: Mapping[str, float], chambers: Mapping[str, Any], temperatures: Mapping[str, Channel]
     ) -> str:
+        why = self._out_of_place(targets, chambers, temperatures)
+        stood = (self._stood_s(soaked.chamber, chambers[soaked.chamber]) for soaked in self.soaked)
+        self.doubted_s = max(stood, default=0.0) if why else 0.0
+        return why
+
+    def _stood_s(self, name: str, state: Mapping[str, Any]) -> float:
+        """For how long a chamber that never reads the same twice has done so, or had until now; 0 if it has not."""
+        never_the_same = self._pairs[name] >= _PAIRS and not self._same[name]
+        return float(state.get("unchanged_s", state.get("stood_s", 0.0))) if never_the_same else 0.0
+
+    def _out_of_place(
+        self, targets: Mapping[str, float], chambers: Mapping[str, Any], temperatures: Mapping[str, Channel]
+    ) -> str:
         for soaked in self.soaked:
             name, target, state = soaked.chamber, targets[soaked.chamber], chambers[soaked.chamber]
             if not state["running"]:
@@ -189,8 +209,8 @@ class WholePlots:
                 return f"{name} is set to {state['setpoint_degC']:g} degC, not to {target:g} degC"
             if abs(state["temperature_degC"] - target) > self._soak.tolerance_degC:
                 return f"{name} is at {state['temperature_degC']:.2f} degC, not at {target:g} degC"
-            still_s = state.get("unchanged_s", 0.0)
-            if still_s >= _HANGS_S and self._pairs[name] >= _PAIRS and not self._same[name]:
+            still_s = self._stood_s(name, state)
+            if still_s >= _HANGS_S:
                 return f"{name} hangs: it has read {state['temperature_degC']:g} degC for {still_s:.0f} s"
             seen = temperatures.get(soaked.factor) if soaked.thermometer else None
             if seen is not None and abs(seen.mean - target) > self._soak.sensor_tolerance_degC:

@@ -65,6 +65,7 @@ _USUAL: Mapping[tuple[str, str | None], Mapping[str, _Check]] = {
         "world_start_s": _number,
     },
     ("session", None): {"boot": _text, "gap_s": _number},
+    ("event", "whole-plot-lost"): {"doubted_s": _number},
 }
 _COLUMNS: Mapping[str, _Check] = {
     "session": _count,

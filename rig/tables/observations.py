@@ -24,7 +24,7 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
 
     Args:
         path: the run file.
-        everything: rejected observations too (their missing values are NaN), with a column `accepted`.
+        everything: rejected and doubted observations too (missing values are NaN), with a column `accepted`.
         salvage: take what can still be read of a file that does not verify.
 
     Raises:
@@ -52,9 +52,11 @@ def _run_table(path: Path, everything: bool, salvage: bool) -> Table:
         declared = procedure.get("model", {})
         turned = {f"mounting_{axis}": float(turn) for axis, turn in procedure.get("mounting", {}).items()}
         rows: list[dict[str, float]] = []
+        doubted = _doubted(reader.salvage() if salvage else reader.records("event"))
         records = reader.salvage() if salvage else reader.records("observation")
         for record in records:
-            if record.kind != "observation" or (record.status != "accepted" and not everything):
+            accepted = record.status == "accepted" and record.elapsed_s < doubted.get(record.whole_plot, math.inf)
+            if record.kind != "observation" or not (accepted or everything):
                 continue
             try:
                 row = _row(record, run_list, len(rows) + 1, factors)
@@ -63,7 +65,7 @@ def _run_table(path: Path, everything: bool, salvage: bool) -> Table:
                     raise
                 continue  # this record's contents are not what a controller writes
             if everything:
-                row["accepted"] = float(record.status == "accepted")
+                row["accepted"] = float(accepted)
             if any(turned.values()):
                 row |= dict.fromkeys(MOUNTING, 0.0) | turned
             if genesis.data["simulated"]:
@@ -117,6 +119,15 @@ def _instruments(reader: RunReader) -> dict[str, str]:
         name = str(record.status)
         found[name] = f"{found[name]}; then {text}" if name in found else text
     return found
+
+
+def _doubted(records: Iterable[Record]) -> dict[int | None, float]:
+    """Elapsed time from which on what was accepted in a whole plot that was lost is in doubt, by its identity."""
+    return {
+        r.whole_plot: float(r.data["doubted_s"])
+        for r in records
+        if r.kind == "event" and r.status == "whole-plot-lost" and "doubted_s" in r.data
+    }
 
 
 def _skipped(reader: RunReader, run_list: RunList) -> list[dict[str, Any]]:

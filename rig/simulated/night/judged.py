@@ -5,6 +5,7 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Iterator
 from dataclasses import dataclass
+from math import inf
 
 from procedures import Point, RunList
 from rig.run_file.chain import Record
@@ -51,8 +52,14 @@ class Night:
         self._begins = {wire: [reading.t_s for reading in readings] for wire, readings in self._inputs.items()}
 
     def accepted(self) -> Iterator[Record]:
-        """Accepted observations."""
-        return (r for r in self.records if r.kind == "observation" and r.status == "accepted")
+        """Accepted observations, but for those that the run itself came to doubt."""
+        since = {
+            r.whole_plot: r.data["doubted_s"]
+            for r in self.records
+            if r.status == "whole-plot-lost" and "doubted_s" in r.data
+        }
+        observed = (r for r in self.records if r.kind == "observation" and r.status == "accepted")
+        return (r for r in observed if r.elapsed_s < since.get(r.whole_plot, inf))
 
     def point(self, record: Record) -> Point:
         """Where an observation was to be made."""
