@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime
@@ -17,6 +18,9 @@ from rig.run_file.chain import Record
 from rig.run_file.reader import RunReader
 from rig.run_file.state import read_state
 from rig.tables.table import MOUNTING, Table
+
+_NOT_OURS = (ValueError, LookupError, TypeError, AttributeError)
+"""What comes of a record whose contents are not what a controller writes."""
 
 
 def run_table(path: Path, *, everything: bool = False, salvage: bool = False) -> Table:
@@ -55,15 +59,15 @@ def _run_table(path: Path, everything: bool, salvage: bool) -> Table:
         doubted = _doubted(reader.salvage() if salvage else reader.records("event"))
         records = reader.salvage() if salvage else reader.records("observation")
         for record in records:
-            accepted = record.status == "accepted" and record.elapsed_s < doubted.get(record.whole_plot, math.inf)
-            if record.kind != "observation" or not (accepted or everything):
-                continue
             try:
+                accepted = record.status == "accepted" and record.elapsed_s < doubted.get(record.whole_plot, math.inf)
+                if record.kind != "observation" or not (accepted or everything):
+                    continue
                 row = _row(record, run_list, len(rows) + 1, factors)
-            except (ValueError, LookupError, TypeError, AttributeError):
+            except _NOT_OURS:
                 if not salvage:
                     raise
-                continue  # this record's contents are not what a controller writes
+                continue
             if everything:
                 row["accepted"] = float(accepted)
             if any(turned.values()):
@@ -123,11 +127,12 @@ def _instruments(reader: RunReader) -> dict[str, str]:
 
 def _doubted(records: Iterable[Record]) -> dict[int | None, float]:
     """Elapsed time from which on what was accepted in a whole plot that was lost is in doubt, by its identity."""
-    return {
-        r.whole_plot: float(r.data["doubted_s"])
-        for r in records
-        if r.kind == "event" and r.status == "whole-plot-lost" and "doubted_s" in r.data
-    }
+    found: dict[int | None, float] = {}
+    for record in records:
+        if record.kind == "event" and record.status == "whole-plot-lost":
+            with contextlib.suppress(*_NOT_OURS):  # one that is damaged says nothing
+                found[record.whole_plot] = float(record.data["doubted_s"])
+    return found
 
 
 def _skipped(reader: RunReader, run_list: RunList) -> list[dict[str, Any]]:
