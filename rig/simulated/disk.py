@@ -252,6 +252,8 @@ class Disk(storage.Storage):
     def closed(self, name: str, boot: int) -> None:
         """A file that was opened in that life of the machine was closed."""
         self._open[name, boot] -= 1
+        if not self._open[name, boot]:
+            del self._open[name, boot]  # a campaign opens the same file tens of thousands of times
 
     def created(self, name: str) -> None:
         """A file has come into being; its entry is pending."""
