@@ -88,6 +88,7 @@ class Page:
         width = int(self.ask("document.documentElement.clientWidth"))
         clip = {"x": 0, "y": 0, "width": width, "height": high, "scale": 1}
         shot = self.call("Page.captureScreenshot", format="png", captureBeyondViewport=True, clip=clip)
+        path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(base64.b64decode(shot["data"]))
 
     def key(self, name: str) -> None:
