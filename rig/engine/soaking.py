@@ -166,11 +166,12 @@ class Soaking:
         body = {"reason": why, "planned": planned, "first": first, "count": count, "kept": kept}
         becomes = f"its {kept} readings are kept"
         if self.rules.doubted_s:
-            since = self._journal.elapsed() - self.rules.doubted_s
+            since = round(self._journal.elapsed() - self.rules.doubted_s, 3)
             last = [r for r in self._journal.recent(count) if r.whole_plot == fold.whole_plot]
             doubted = sum(r.elapsed_s >= since for r in last)
-            body |= {"kept": kept - doubted, "doubted_s": round(since, 3), "doubted": doubted}
+            body |= {"kept": kept - doubted, "doubted_s": since, "doubted": doubted}
             becomes = f"{kept - doubted} of its readings are kept, {doubted} are in doubt and left out"
+            self.rules.doubted_s = 0.0
         self._journal.write("event", body, status="whole-plot-lost")
         self._queue.refill()
         self._lost += 1

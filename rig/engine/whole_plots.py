@@ -195,8 +195,10 @@ class WholePlots:
 
     def _stood_s(self, name: str, state: Mapping[str, Any]) -> float:
         """For how long a chamber that never reads the same twice has done so, or had until now; 0 if it has not."""
-        never_the_same = self._pairs[name] >= _PAIRS and not self._same[name]
-        return float(state.get("unchanged_s", state.get("stood_s", 0.0))) if never_the_same else 0.0
+        return float(state.get("unchanged_s", state.get("stood_s", 0.0))) if self._never_the_same(name) else 0.0
+
+    def _never_the_same(self, name: str) -> bool:
+        return self._pairs[name] >= _PAIRS and not self._same[name]
 
     def _out_of_place(
         self, targets: Mapping[str, float], chambers: Mapping[str, Any], temperatures: Mapping[str, Channel]
@@ -209,8 +211,8 @@ class WholePlots:
                 return f"{name} is set to {state['setpoint_degC']:g} degC, not to {target:g} degC"
             if abs(state["temperature_degC"] - target) > self._soak.tolerance_degC:
                 return f"{name} is at {state['temperature_degC']:.2f} degC, not at {target:g} degC"
-            still_s = self._stood_s(name, state)
-            if still_s >= _HANGS_S:
+            still_s = state.get("unchanged_s", 0.0)
+            if still_s >= _HANGS_S and self._never_the_same(name):
                 return f"{name} hangs: it has read {state['temperature_degC']:g} degC for {still_s:.0f} s"
             seen = temperatures.get(soaked.factor) if soaked.thermometer else None
             if seen is not None and abs(seen.mean - target) > self._soak.sensor_tolerance_degC:
