@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -94,6 +94,14 @@ def plan_of(documents: Mapping[str, str], *, dry: bool, stored: bool = False) ->
     return _plan(documents, dry, {name: name for name in documents}, strict=not stored)
 
 
+def _begun_with(run: RunReader, path: Path) -> RunList:
+    """The run list of a file that another version of rig began, which would make another one of its procedure."""
+    stored = run.run_list()
+    if stored.sha256() != run.genesis().data["run_list"]:
+        raise ConfigurationError(f"{path}: its run list is not the one it began with; `rig verify {path}` says more")
+    return stored
+
+
 def stored_plan(run: RunReader, path: Path, bench: Path | None) -> Plan:
     """The plan that a run file was begun with.
 
@@ -103,17 +111,14 @@ def stored_plan(run: RunReader, path: Path, bench: Path | None) -> Plan:
         bench: another bench file, for instruments that have moved to other addresses; None for the stored one.
 
     Raises:
-        ConfigurationError: this version of rig makes another plan of it, or the other bench is not the same bench.
+        ConfigurationError: its run list is not the one it began with, or the other bench is not the same bench.
 
     """
     documents = run.documents()
     where = {name: f"{path} ({name})" for name in documents}
     plan = _plan(documents, bool(run.genesis().data["dry"]), where, strict=False)
     if plan.run_list.sha256() != run.genesis().data["run_list"]:
-        raise ConfigurationError(
-            f"{path}: this version of rig expands the stored procedure to another run list; "
-            f"resume it with the version that began it ({run.genesis().data['software']['calibration-rig']})"
-        )
+        plan = replace(plan, run_list=_begun_with(run, path))
     if bench is None:
         return plan
     other = parse_bench(read_text(bench, "bench"), str(bench))

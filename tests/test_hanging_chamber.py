@@ -54,3 +54,29 @@ def test_neighbours_in_different_whole_plots_say_nothing():
     for identity, off in enumerate(FINE * 3):
         found.note(identity, states(found, off))
     assert found.lost_now(POINT, states(found, 0.0, unchanged_s=600.0), {}) == ""
+
+
+def test_the_second_reading_of_a_hang_does_not_pass_for_the_chambers_habit():
+    found = rules([*FINE, FINE[-1]])
+    assert "hangs" in found.lost_now(POINT, states(found, FINE[-1], unchanged_s=103.0), {})
+    assert found.doubted_s == 103.0
+
+
+@pytest.mark.parametrize(("stood_s", "believed"), [({}, True), ({"stood_s": 40.0}, True), ({"stood_s": 75.0}, False)])
+def test_one_that_moved_again_soon_is_coarser_than_it_seemed(stood_s, believed):
+    found = rules([*FINE, FINE[-1]])
+    found.note(1, states(found, 0.010, **stood_s))
+    assert (found.lost_now(POINT, states(found, 0.010, unchanged_s=600.0), {}) == "") is believed
+
+
+def test_what_was_read_while_it_stood_is_in_doubt_however_the_loss_is_found():
+    found = rules(FINE)
+    assert "is at" in found.lost_now(POINT, states(found, 1.5, stood_ago_s=50.0), {})
+    assert found.doubted_s == 50.0
+    assert found.lost_now(POINT, states(found, 0.01), {}) == ""
+    assert found.doubted_s == 0.0
+    as_found = {"chambers": states(found, 1.5, stood_ago_s=20.0)}
+    assert "is at" in found.lost_meanwhile(POINT, 1.0, certain=True, restarted=[], as_found=as_found)
+    assert found.doubted_s == 20.0
+    assert found.lost_meanwhile(POINT, 1e9, certain=True, restarted=[], as_found=as_found)
+    assert found.doubted_s == 0.0

@@ -9,9 +9,10 @@ from collections import Counter
 import numpy as np
 import pytest
 from command import rig
-from dry_pressure import EACH, IN_ALL, LAB, SHORT, dry
+from dry_pressure import EACH, IN_ALL, LAB, SHORT, Killed, dry
 from few_sensors import with_sensors
 
+from procedures import whole_plot
 from rig.acceptance import judge
 from rig.closed_loop import fit_whole_plots
 from rig.controller import resume_run, start_run
@@ -277,3 +278,26 @@ def test_numbers_that_cannot_be_are_named_with_their_row(tmp_path, run, columns,
     assert done.returncode == 2
     assert message in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_a_run_that_another_version_began_goes_on_by_the_run_list_it_began_with(monkeypatch, tmp_path):
+    """Earlier ones did not leave a pressure with which a whole plot began where the one before had ended."""
+    procedure, paths = tmp_path / "short.toml", []
+    procedure.write_text(SHORT)
+
+    def killed(news):
+        if news.done >= EACH + 2:
+            raise Killed
+
+    sides = whole_plot._sides
+    with monkeypatch.context() as before:
+        before.setattr(whole_plot, "_sides", lambda pressures, _last: sides(pressures, None))
+        plan = load_plan(procedure, LAB / "bench.toml", dry=True, world=LAB / "world.toml")
+        with pytest.raises(Killed):
+            start_run(plan, tmp_path, signals=Signals(), announce=paths.append, on_progress=killed)
+    assert plan.run_list.sha256() != plan.procedure.expand().sha256()
+    result = resume_run(paths[0], signals=Signals(), on_progress=lambda _: None)
+    assert result.outcome is Outcome.COMPLETE, result.message
+    with RunReader.open(paths[0]) as reader:
+        reader.verify()
+        assert reader.run_list().sha256() == plan.run_list.sha256()

@@ -206,6 +206,8 @@ def conclude(result: Result) -> int:
             )
         words = f"{result.outcome.value}: {len(state.accepted)} of {state.points} points observed"
         err.print(f"{mark(state.simulated)}{words} in {duration(state.elapsed_s)}")
+        if result.outcome in (Outcome.INTERRUPTED, Outcome.STOPPED):
+            err.print(f"carry on with: rig resume {escape(str(result.path))}", soft_wrap=True, highlight=False)
         if result.outcome is Outcome.COMPLETE and (not state.accepted or _outside_acceptance(result)):
             return ExitCode.OUTSIDE_ACCEPTANCE
     return _EXIT[result.outcome]

@@ -31,6 +31,7 @@ Watch = Callable[[Mapping[str, float]], None]
 """Called with what was read at every poll."""
 
 _READ_THE_SAME = 3
+_STOOD_S = 60.0
 _LONG_AGO = -1e18
 
 
@@ -68,7 +69,8 @@ class BenchActions:
         self.chambers_seen: dict[str, dict[str, Any]] = {}
         self.judges: dict[str, Settling] = {}
         self._in_passing: dict[str, tuple[float, ...]] = {}
-        self._standing: dict[str, tuple[float, float, int]] = {}
+        self._standing: dict[str, tuple[float, float, float, int]] = {}
+        self._stood: dict[str, tuple[float, float, float]] = {}
 
     def take_unwatched_s(self) -> float:
         """The longest time for which no chamber was looked at, since this was last asked; bench seconds."""
@@ -130,14 +132,24 @@ class BenchActions:
         return found
 
     def _unchanged(self, name: str, degC: float) -> dict[str, float]:
-        """For how long a chamber has read the same to the last digit, from the third time on; or had, until now."""
+        """For how long a chamber has read the same to the last digit, from the third time on: `unchanged_s`.
+
+        If it did twice or oftener until a minute ago, when that began and for how long it was seen: `stood_ago_s`,
+        `stood_s`.
+        """
         now = self._clock.now()
-        last, since, reads = self._standing.get(name, (degC, now, 0))
+        last, since, seen, reads = self._standing.get(name, (degC, now, now, 0))
         if last != degC:
-            self._standing[name] = degC, now, 1
-            return {"stood_s": round(now - since, 3)} if reads >= _READ_THE_SAME else {}
-        self._standing[name] = degC, since, reads + 1
-        return {"unchanged_s": round(now - since, 3)} if reads + 1 >= _READ_THE_SAME else {}
+            if reads > 1:
+                self._stood[name] = since, seen, now
+            since, reads = now, 0
+        self._standing[name] = degC, since, now, reads + 1
+        if reads + 1 >= _READ_THE_SAME:
+            return {"unchanged_s": round(now - since, 3)}
+        began, seen, ended = self._stood.get(name, (0.0, 0.0, _LONG_AGO))
+        if now - ended > _STOOD_S:
+            return {}
+        return {"stood_ago_s": round(now - began, 3), "stood_s": round(seen - began, 3)}
 
     def look_around(self) -> None:
         """Between polls: have the chambers' interlocks been looked at lately?"""
@@ -156,7 +168,12 @@ class BenchActions:
         return {
             "axes": axes,
             "chambers": {
-                name: {"setpoint_degC": s.setpoint_degC, "temperature_degC": s.temperature_degC, "running": s.running}
+                name: {
+                    "setpoint_degC": s.setpoint_degC,
+                    "temperature_degC": s.temperature_degC,
+                    "running": s.running,
+                    **self._unchanged(name, s.temperature_degC),
+                }
                 for name, s in chambers.items()
             },
         }

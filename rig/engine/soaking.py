@@ -163,14 +163,15 @@ class Soaking:
         first, count = self.rules.span(planned)
         kept = len(fold.accepted.intersection(range(first, first + count)))
         self._journal.take_up(None)
-        body = {"reason": why, "planned": planned, "first": first, "count": count, "kept": kept}
+        body: dict[str, Any] = {"reason": why, "planned": planned, "first": first, "count": count, "kept": kept}
         becomes = f"its {kept} readings are kept"
         if self.rules.doubted_s:
             since = round(self._journal.elapsed() - self.rules.doubted_s, 3)
             last = [r for r in self._journal.recent(count) if r.whole_plot == fold.whole_plot]
             doubted = sum(r.elapsed_s >= since for r in last)
-            body |= {"kept": kept - doubted, "doubted_s": since, "doubted": doubted}
             becomes = f"{kept - doubted} of its readings are kept, {doubted} are in doubt and left out"
+            body |= {"kept": kept - doubted, "doubted_s": since, "doubted": doubted}
+            body["reason"] = f"{why} ({doubted} of its readings are in doubt and left out)"
             self.rules.doubted_s = 0.0
         self._journal.write("event", body, status="whole-plot-lost")
         self._queue.refill()

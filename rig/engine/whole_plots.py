@@ -85,17 +85,28 @@ class WholePlots:
         self._open_for: dict[str, int] = {}
         self._pairs: Counter[str] = Counter()
         self._same: Counter[str] = Counter()
+        self._waiting: set[str] = set()
         self._before: tuple[int | None, Mapping[str, Any]] = (None, {})
 
     def note(self, identity: int | None, chambers: Mapping[str, Any]) -> None:
         """Learn from an accepted observation of a whole plot how often a chamber reads the same again."""
         if identity == self._before[0]:
-            for name, state in self._before[1].items():
-                if name not in chambers or self._stood_s(name, chambers[name]):
-                    continue  # whether one that never reads the same twice hangs is still to be seen
-                self._pairs[name] += 1
-                self._same[name] += state["temperature_degC"] == chambers[name]["temperature_degC"]
+            for name in self._before[1].keys() & chambers.keys():
+                self._note(name, self._before[1][name]["temperature_degC"], chambers[name])
+        else:
+            self._waiting.clear()
         self._before = identity, chambers
+
+    def _note(self, name: str, before_degC: float, state: Mapping[str, Any]) -> None:
+        same = state["temperature_degC"] == before_degC
+        if same and self._never_the_same(name):
+            self._waiting.add(name)  # it is coarser than it seemed if it moves again soon, and else it hangs
+            return
+        if name in self._waiting and state.get("stood_s", 0.0) < _HANGS_S:
+            self._same[name] += 1
+        self._waiting.discard(name)
+        self._pairs[name] += 1
+        self._same[name] += same
 
     @property
     def thermometers(self) -> list[str]:
@@ -194,8 +205,8 @@ class WholePlots:
         return why
 
     def _stood_s(self, name: str, state: Mapping[str, Any]) -> float:
-        """For how long a chamber that never reads the same twice has done so, or had until now; 0 if it has not."""
-        return float(state.get("unchanged_s", state.get("stood_s", 0.0))) if self._never_the_same(name) else 0.0
+        """How long ago a chamber that never reads the same twice began to do so; 0 if it has not of late."""
+        return float(state.get("unchanged_s", state.get("stood_ago_s", 0.0))) if self._never_the_same(name) else 0.0
 
     def _never_the_same(self, name: str) -> bool:
         return self._pairs[name] >= _PAIRS and not self._same[name]

@@ -88,9 +88,8 @@ def _words(record: Record) -> str:
             where = ", ".join(f"{name} {degC:g} degC" for name, degC in data["setpoints_degC"].items())
             return f"whole plot {record.whole_plot} soaked (number {data['planned']} of the design): {where}"
         case "event" if record.status == "whole-plot-lost":
-            doubted = f"{data['doubted']} are in doubt and left out, " if data.get("doubted") else ""
             return (
-                f"whole plot {record.whole_plot} lost: {data['reason']}; {data['kept']} readings stay, {doubted}"
+                f"whole plot {record.whole_plot} lost: {data['reason']}; {data['kept']} readings stay, "
                 f"it is measured again under a new identity"
             )
         case "end":

@@ -56,11 +56,13 @@ def _run_table(path: Path, everything: bool, salvage: bool) -> Table:
         declared = procedure.get("model", {})
         turned = {f"mounting_{axis}": float(turn) for axis, turn in procedure.get("mounting", {}).items()}
         rows: list[dict[str, float]] = []
+        left_out = 0
         doubted = _doubted(reader.salvage() if salvage else reader.records("event"))
         records = reader.salvage() if salvage else reader.records("observation")
         for record in records:
             try:
                 accepted = record.status == "accepted" and record.elapsed_s < doubted.get(record.whole_plot, math.inf)
+                left_out += record.kind == "observation" and record.status == "accepted" and not accepted
                 if record.kind != "observation" or not (accepted or everything):
                     continue
                 row = _row(record, run_list, len(rows) + 1, factors)
@@ -101,6 +103,7 @@ def _run_table(path: Path, everything: bool, salvage: bool) -> Table:
         "points_planned": len(run_list),
         "points_observed": len(rows),
         **({"skipped": skipped} if skipped else {}),
+        **({"left_out_in_doubt": left_out} if left_out else {}),
     }
     if "sensor_temperature_degC" not in columns:  # a bench may call the package's temperature by another name
         for name, entry in bench.get("temperatures", {}).items():
@@ -130,8 +133,10 @@ def _doubted(records: Iterable[Record]) -> dict[int | None, float]:
     found: dict[int | None, float] = {}
     for record in records:
         if record.kind == "event" and record.status == "whole-plot-lost":
-            with contextlib.suppress(*_NOT_OURS):  # one that is damaged says nothing
-                found[record.whole_plot] = float(record.data["doubted_s"])
+            with contextlib.suppress(*_NOT_OURS):
+                since = record.data["doubted_s"]
+                if type(since) in (int, float) and 0 <= since <= record.elapsed_s:  # one that is damaged says nothing
+                    found[record.whole_plot] = since
     return found
 
 
