@@ -127,6 +127,7 @@ class WatlowF4T:
         self._options = options
         self._map = _map_of(options.register_map)
         self._low_first = self._map.word_order == "low-first"
+        self._names = {of: {code: known for known, code in codes.items()} for of, codes in self._map.codes.items()}
         self._line = wires.modbus(address, name, options.timeout_s)
 
     def identify(self) -> Identity:
@@ -268,9 +269,9 @@ class WatlowF4T:
 
     def _code(self, name: str, number: int = 0) -> str:
         """A code's name; a code that the map does not know is kept as its number."""
-        codes = self._map.codes[self._entry(name).codes]
+        codes = self._entry(name).codes
         (word,) = self._words(name, number)
-        return next((known for known, code in codes.items() if code == word), f"code {word}")
+        return self._names[codes].get(word, f"code {word}")
 
     def _set_code(self, name: str, value: str) -> None:
         code = self._map.codes[self._entry(name).codes][value]

@@ -83,7 +83,7 @@ class World:
 
     def call_in(self, seconds: float, action: Callable[[], None]) -> Timer:
         """Have `action` called `seconds` from now (never earlier than now); returns a timer to cancel it."""
-        timer = Timer(self._now + max(0.0, seconds), action)
+        timer = Timer(self._now + seconds if seconds > 0.0 else self._now, action)
         self._count += 1
         heapq.heappush(self._queue, (timer.at, self._count, timer))
         return timer

@@ -218,5 +218,11 @@ def make_safe(bench: Bench, clock: Clock) -> SafeState:
     )
 
 
+_roles: dict[type, type] = {}
+
+
 def _role(instrument: Any) -> type:
-    return next(role for role, _ in _TASKS if role is Instrument or isinstance(instrument, role))
+    kind = type(instrument)
+    if kind not in _roles:  # a protocol takes long to look up
+        _roles[kind] = next(role for role, _ in _TASKS if role is Instrument or isinstance(instrument, role))
+    return _roles[kind]

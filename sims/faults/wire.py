@@ -119,6 +119,9 @@ class FaultyWire:
         self._request = message
         if self._dead():
             return
+        if not (self._armed or self._due):  # nearly always
+            forward(message)
+            return
         for armed in self._current():
             if armed.fault.kind not in _FRAMES:
                 armed.left -= 1
@@ -139,6 +142,9 @@ class FaultyWire:
         """A message from the instrument; `deliver` passes on what comes of it."""
         before, self.latest = self.latest, message
         if self._dead():
+            return
+        if not (self._armed or self._due):  # nearly always
+            self._send(message, deliver, 0.0)
             return
         late = 0.0
         for armed in self._current():

@@ -401,7 +401,7 @@ class PressureLine:
         return next((on for since, on in reversed(self._controlled_from) if since <= t), False)
 
     def _ripple(self, t: float) -> float:
-        return self._ripple_size * sum(sin(omega * t + phase) for omega, phase in self._tones)
+        return self._ripple_size * sum([sin(omega * t + phase) for omega, phase in self._tones])
 
     def _ripple_integral(self, t0: float, t1: float) -> float:
         half, middle = (t1 - t0) / 2.0, (t0 + t1) / 2.0

@@ -72,7 +72,9 @@ class Serial(SerialBase):
 
     def _check(self, words: str) -> SerialCable:
         """The cable; what pyserial says on Linux when a USB adapter has gone."""
-        cable = self._plugged()
+        cable = self._cable
+        if cable is None:
+            raise PortNotOpenError()
         if cable.connection != self._connection:
             raise SerialException(words)
         return cable
