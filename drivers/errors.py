@@ -14,6 +14,10 @@ class Unreachable(DriverError):
     """The address cannot be opened: cable, power, permissions or a wrong address."""
 
 
+class WrongAddress(Unreachable):
+    """The address in the bench file is none that may be opened: it is refused before anything is."""
+
+
 class NoReply(DriverError):
     """A query was sent and nothing (or not all of it) came back in time."""
 

@@ -7,13 +7,14 @@ bits, even parity, two stop bits.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, BaseModel, Field
 
 from drivers.clock import Clock
 from drivers.scpi import SYNC, Nplc, ScpiMeter, one_of, settling_s
 from drivers.wires import SerialSettings, Wires
+from drivers.wires.addresses import Wire
 
 _MEMORY = 512
 
@@ -32,6 +33,8 @@ class Keysight34401A(ScpiMeter):
         Unreachable: the address cannot be opened.
 
     """
+
+    wire: ClassVar[Wire] = "serial"
 
     class Options(BaseModel, extra="forbid"):
         """What the bench file may say about this instrument."""

@@ -25,7 +25,6 @@ SYNC = ("SYST:VERS?", "19")
 
 _MOST_ERRORS = 21
 _LATE_S = 2.0
-_BITS_PER_CHARACTER = 11
 _CHARACTERS_PER_READING = 16
 _READBACK = 1e-6
 _MARKS = 32  # measurements are numbered 1 to 31 and from 1 again, by bits of the mask that say nothing on their own
@@ -155,7 +154,7 @@ class ScpiMeter(ABC):
         names = self.channels()
         count, self._count = self._count, 0
         self._clock.sleep(self._due - self._clock.now())
-        sending_s = count * len(names) * _CHARACTERS_PER_READING * _BITS_PER_CHARACTER / self._line.settings.baud
+        sending_s = self._line.takes_s(count * len(names) * _CHARACTERS_PER_READING)
         try:
             answer = self._line.query(_FETCH, sending_s + count * self.sweep_s() / 4 + _LATE_S, repeat=False)
         except NoReply:

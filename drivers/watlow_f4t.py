@@ -11,7 +11,7 @@ import struct
 import tomllib
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
-from typing import Literal
+from typing import ClassVar, Literal
 
 from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
 
@@ -19,6 +19,7 @@ from drivers.clock import Clock
 from drivers.errors import BadReply, InstrumentError, LimitError, WrongInstrument
 from drivers.roles import ChamberState, Identity
 from drivers.wires import Wires
+from drivers.wires.addresses import Wire
 from drivers.wires.modbus import float_of_words, words_of_float
 
 _READBACK = 1e-5  # relative; a setpoint passes through single precision
@@ -78,6 +79,8 @@ class WatlowF4T:
         Unreachable: the address cannot be opened.
 
     """
+
+    wire: ClassVar[Wire] = "modbus"
 
     class Options(BaseModel, extra="forbid"):
         """What the bench file may say about this instrument."""

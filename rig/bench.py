@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar, cast
 from pydantic import BaseModel
 
 from drivers.clock import Clock
-from drivers.errors import BadReply, DriverError, NoReply, Unreachable
+from drivers.errors import BadReply, DriverError, NoReply, Unreachable, WrongAddress
 from drivers.roles import Chamber, Head, Identity, Instrument, PressureController, Reader
 from rig.config import BenchConfig, validated
 from rig.contracts import with_contracts
@@ -33,7 +33,7 @@ _PER_VOLT = {"V": 1.0, "mV": 1e3}
 
 
 class DriverClass(Protocol):
-    """What an entry point of group `rig.drivers` names."""
+    """What an entry point of group `rig.drivers` names; its `wire` says whether it speaks serial, modbus or can."""
 
     Options: type[BaseModel]
 
@@ -61,12 +61,28 @@ def check_options(config: BenchConfig, where: str, *, strict: bool = True) -> di
         except ConfigurationError as error:
             raise ConfigurationError(f"{where}: instruments.{name}: {error}") from None
         options = with_contracts(instrument.driver, instrument.options)
+        if strict:  # else the wires say it when they are opened: what was measured can be read all the same
+            _check_address(instrument.address, cls, f"{where}: instruments.{name}", simulated=config.simulated)
         checked[name] = validated(cls.Options, options, f"{where}: instruments.{name}", strict=strict)
     _check_limit_names(config, where)
     _check_rates(config, checked, where)
     _check_interlocks(config, where)
     _check_safe_setpoints(config, checked, where)
     return checked
+
+
+def _check_address(address: str, cls: DriverClass, where: str, *, simulated: bool) -> None:
+    """An address that no wire would open is refused here, by the wires' own parser."""
+    from drivers.wires.addresses import parse_address  # noqa: PLC0415 - brings the wires, which few commands need
+
+    try:
+        found = parse_address(address, getattr(cls, "wire", None))
+    except WrongAddress as error:
+        raise ConfigurationError(f"{where}.address: {error}") from None
+    if found.simulated and not simulated:
+        raise ConfigurationError(
+            f"{where}.address: {address} is a twin's, which dry runs make; write the instrument's own and use --dry"
+        )
 
 
 def playing(config: BenchConfig, role: type[Any]) -> list[str]:

@@ -18,11 +18,9 @@ import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Protocol
-from urllib.parse import urlsplit
 
 from rig.errors import BusyError
 
-_DEFAULT_PORTS = {"modbus-tcp": 502, "rfc2217": 2217, "telnet": 23}
 _COM = re.compile(r"COM\d+", re.IGNORECASE)
 _LOOPBACK = {"localhost": "127.0.0.1", "::1": "127.0.0.1", "localhost.localdomain": "127.0.0.1"}
 
@@ -78,28 +76,22 @@ def _wires(instruments: Mapping[str, Addressed]) -> dict[str, tuple[str, str]]:
 
 def wire_of(address: str) -> str:
     """What is locked for an address: the same text for every name of the same wire."""
-    kind, colon, rest = address.partition(":")
-    kind = kind.lower()
-    if kind == "can":
-        interface, _, channel = rest.partition("/")
-        on_device = channel.startswith("/") or _COM.fullmatch(channel)
-        return _device(channel) if on_device else f"can:{interface.lower()}/{channel}"
-    if kind == "modbus-rtu":
-        return _device(rest.removeprefix("//").rpartition("/")[0])
-    if kind in ("spy", "alt") and colon:  # pyserial's ways of opening an ordinary port differently
-        return _device(rest.removeprefix("//").partition("?")[0])
-    if "://" not in address:
-        return _device(address)
-    if kind == "modbus-tcp":
-        address = address.rpartition("/")[0]
-    parts = urlsplit(address)
+    from drivers.errors import WrongAddress  # noqa: PLC0415 - brings the wires, which few commands need
+    from drivers.wires.addresses import CanAddress, parse_address  # noqa: PLC0415
+
     try:
-        port = parts.port
-    except ValueError:
+        found = parse_address(address)
+    except WrongAddress:  # nothing opens it
         return address
-    host = (parts.hostname or "").rstrip(".")
+    if found.device is not None:
+        return _device(found.device)
+    if isinstance(found, CanAddress):
+        return f"can:{found.interface}/{found.channel}"
+    if found.host is None:
+        return address
+    host = found.host.host.lower().rstrip(".")
     # A host and port is one instrument, whichever protocol it is spoken to in.
-    return f"tcp:{_LOOPBACK.get(host, host)}:{port or _DEFAULT_PORTS.get(kind, 0)}"
+    return f"tcp:{_LOOPBACK.get(host, host)}:{found.host.port}"
 
 
 def _device(path: str) -> str:

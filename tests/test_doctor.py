@@ -19,6 +19,7 @@ from dry import LAB
 from small_run import write_small
 from test_notify import Hook, serving
 
+from drivers.wires.addresses import parse_address
 from rig.config import BenchConfig
 from rig.locks import locked_addresses
 from rig.unattended.doctor import addresses, disk, time_of_day
@@ -64,7 +65,7 @@ def instruments_of(path):
 
 def test_a_bench_that_is_not_there_is_a_problem_and_the_other_checks_go_on(tmp_path, quiet):
     done = rig("doctor", "--bench", tmp_path / "no.toml", "--out", tmp_path, env=quiet)
-    assert done.returncode == 1
+    assert done.returncode == 78, "what rig plan and rig run would end with"
     assert "there is no bench file" in done.stdout
     assert "disk: syncing" in done.stdout
     assert "not ready for the night" in done.stderr
@@ -115,7 +116,7 @@ def bench(**addresses_by_name):
     ],
 )
 def test_the_device_behind_an_address(address, device):
-    assert addresses.device_of(address) == device
+    assert parse_address(address).device == device
 
 
 def test_addresses_that_cannot_work_say_why_and_what_to_do(tmp_path):

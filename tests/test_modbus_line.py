@@ -14,8 +14,8 @@ from pymodbus.client import ModbusTcpClient
 
 from drivers.clock import RealClock
 from drivers.errors import BadReply, InstrumentError, NoReply, Unreachable
+from drivers.wires.addresses import ModbusAddress
 from drivers.wires.modbus import ModbusLine, ModbusWires, float_of_words, words_of_float
-from drivers.wires.modbus_transport import ModbusAddress
 from sims.wires.modbus_line import ModbusCable, ModbusEndpoint
 from sims.wires.modbus_slave import RtuSlave, TcpSlave
 from sims.world import World
@@ -214,7 +214,9 @@ def test_the_low_word_comes_first() -> None:
         ("modbus-rtu:///dev/ttyUSB1/2", ModbusAddress("rtu", "/dev/ttyUSB1", 2)),
         ("modbus-rtu:///dev/serial/x/2?baud=38400&frame=8E1", ModbusAddress("rtu", "/dev/serial/x", 2, 38400, "8E1")),
         ("modbus-rtu:///COM4/1", ModbusAddress("rtu", "COM4", 1)),
+        ("modbus-rtu://socket://serial-server:4001/3", ModbusAddress("rtu-over-tcp", "serial-server:4001", 3)),
         ("sim://w/oven", ModbusAddress("sim", "sim://w/oven", 1)),
+        ("modbus-rtu://sim://w/oven/1", ModbusAddress("sim-rtu", "sim://w/oven", 1)),
     ],
 )  # fmt: skip
 def test_addresses(text: str, parsed: ModbusAddress) -> None:

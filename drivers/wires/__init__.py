@@ -43,7 +43,7 @@ class Wires:
         """The serial line at `address`.
 
         Args:
-            address: any address pyserial understands.
+            address: `/dev/NAME`, `COM4`, `socket://HOST:PORT` or `rfc2217://HOST:PORT`.
             settings: how the instrument wants to be talked to.
             name: the bench's name for the instrument, used in messages.
 
@@ -65,7 +65,8 @@ class Wires:
         """The device at `address`.
 
         Args:
-            address: `modbus-tcp://host:502/1` or `modbus-rtu:///dev/ttyUSB1/1`; the last number is the unit.
+            address: `modbus-tcp://host:502/1`, `modbus-rtu:///dev/ttyUSB1/1` or `modbus-rtu://socket://host:4001/1`;
+                the last number is the unit.
             name: the bench's name for the device, used in messages.
             timeout_s: bench seconds to wait for a reply.
 

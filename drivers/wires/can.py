@@ -10,9 +10,10 @@ from canopen.objectdictionary import ObjectDictionary
 
 from drivers.clock import Clock
 from drivers.errors import BadReply, Unreachable
+from drivers.wires.addresses import CanAddress
 from drivers.wires.can_bus import BUS_ERRORS, CanBus
 from drivers.wires.can_node import CanNode
-from drivers.wires.can_transport import CanAddress, CanTransport
+from drivers.wires.can_transport import CanTransport
 from drivers.wires.serial_line import Tap
 
 _MOST_BUFFERED = 100_000  # frames an adapter may still hold; a bus that brings more at once never falls quiet

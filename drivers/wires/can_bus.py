@@ -16,7 +16,8 @@ import canopen
 
 from drivers.clock import Clock
 from drivers.errors import BadReply, Unreachable
-from drivers.wires.can_transport import BusTransport, CanAddress, CanTransport
+from drivers.wires.addresses import CanAddress
+from drivers.wires.can_transport import BusTransport, CanTransport
 
 BUS_ERRORS = (OSError, can.CanError)
 """What a lost bus raises."""

@@ -1,17 +1,14 @@
-"""What carries CAN frames: addresses, and python-can's buses behind one small face."""
+"""What carries CAN frames: python-can's buses behind one small face."""
 
 from __future__ import annotations
 
 import logging
 import os
-import re
-from dataclasses import dataclass
 from typing import Any, Protocol
-from urllib.parse import parse_qs, urlsplit
 
 import can
 
-from drivers.errors import Unreachable
+from drivers.wires.addresses import CanAddress
 
 logging.getLogger("can").addHandler(logging.NullHandler())  # it prints what we raise
 
@@ -20,46 +17,6 @@ _MOST_SKIPPED = 1000  # frames of other kinds taken at once
 
 Frame = tuple[int, bytes]
 """Identifier (11 bits) and data of a CAN frame."""
-
-
-@dataclass(frozen=True)
-class CanAddress:
-    """Where a CAN bus is.
-
-    Attributes:
-        interface: python-can's name for the kind of adapter, or "sim" for a simulated bus.
-        channel: which of them: "can0", a serial device, a name, or the whole simulated address.
-        bitrate: bits per second; None leaves it to the adapter.
-
-    """
-
-    interface: str
-    channel: str
-    bitrate: int | None = None
-
-    @classmethod
-    def parse(cls, address: str) -> CanAddress:
-        """Read `can:INTERFACE/CHANNEL[?bitrate=B]` or `sim://...`.
-
-        Raises:
-            Unreachable: it is neither.
-
-        """
-        if address.startswith("sim://"):
-            return cls("sim", address)
-        parts = urlsplit(address)
-        interface, _, channel = parts.path.partition("/")
-        try:
-            given = {key: values[-1] for key, values in parse_qs(parts.query, strict_parsing=bool(parts.query)).items()}
-            bitrate = int(given.pop("bitrate")) if "bitrate" in given else None
-        except ValueError:
-            given = {"?": ""}
-        if parts.scheme != "can" or not re.fullmatch(r"\w+", interface) or not channel or given:
-            raise Unreachable(
-                f"{address} is not a CAN address; write can:socketcan/can0, can:slcan//dev/ttyACM0?bitrate=500000 or "
-                f"can:virtual/NAME"
-            )
-        return cls(interface, channel, bitrate)
 
 
 class CanTransport(Protocol):

@@ -20,7 +20,8 @@ from pymodbus.pdu import ExceptionResponse, ModbusPDU
 
 from drivers.clock import Clock
 from drivers.errors import BadReply, InstrumentError, NoReply, Unreachable
-from drivers.wires.modbus_transport import ModbusAddress, Transport, open_transport
+from drivers.wires.addresses import ModbusAddress
+from drivers.wires.modbus_transport import Transport, open_transport
 from drivers.wires.serial_line import Tap
 
 logging.getLogger("pymodbus").addHandler(logging.NullHandler())  # it prints what we raise
@@ -79,7 +80,7 @@ class ModbusWire:
     def __init__(self, address: ModbusAddress, clock: Clock, opener: Callable[[], Transport] | None = None) -> None:
         self.clock = clock
         self._open = opener or partial(open_transport, address, clock)
-        self._framer = FramerType.RTU if address.kind == "rtu" else FramerType.SOCKET
+        self._framer = FramerType.RTU if address.rtu and not address.simulated else FramerType.SOCKET
         self._out_of_step = False
         self._log: Callable[[str, bytes], None] = _unlogged
         self._heard = b""
@@ -131,7 +132,7 @@ class ModbusWire:
             if self._heard:
                 raise BadReply(
                     f"{where} sent {self._heard[:40]!r}, which is no reply to the request; "
-                    f"check baud rate, parity and unit"
+                    f"check baud rate, parity, unit, and whether it speaks TCP or RTU"
                 ) from error
             raise NoReply(
                 f"{where} did not answer within {seconds:g} s; is it switched on, connected, and set to this unit?"
@@ -194,7 +195,7 @@ class ModbusLine:
 
     Args:
         wire: what it is on.
-        unit: its unit identifier.
+        place: its address, parsed.
         address: its address, for messages.
         label: the bench's name for it.
         tap: sees every byte.
@@ -203,14 +204,22 @@ class ModbusLine:
     Attributes:
         exchanges: requests sent so far, repeated ones included.
         retries: requests that had to be sent again.
+        rtu: the device hears it at its serial port, also behind a serial server; at its own network port otherwise.
 
     """
 
     def __init__(
-        self, wire: ModbusWire, unit: int, address: str, label: str = "", tap: Tap | None = None, timeout_s: float = 1.0
+        self,
+        wire: ModbusWire,
+        place: ModbusAddress,
+        address: str,
+        label: str = "",
+        tap: Tap | None = None,
+        timeout_s: float = 1.0,
     ) -> None:
         self._wire = wire
-        self._unit = unit
+        self._unit = place.unit
+        self.rtu = place.rtu
         self._tap = tap
         self._timeout_s = timeout_s
         self._label = label or address
@@ -345,7 +354,7 @@ class ModbusWires:
                 f"{label or address}: {parsed.place} already runs at {first.baud} baud {first.frame}; "
                 f"devices on one line must agree on its settings"
             )
-        return ModbusLine(wire, parsed.unit, address, label, self._tap, timeout_s)
+        return ModbusLine(wire, parsed, address, label, self._tap, timeout_s)
 
     def close(self) -> None:
         """Release every wire; idempotent."""
@@ -354,7 +363,7 @@ class ModbusWires:
 
     def _opened(self, address: ModbusAddress, label: str) -> tuple[ModbusAddress, ModbusWire]:
         opener: Callable[[], Transport] | None = None
-        if address.kind == "sim":
+        if address.simulated:
             if self._simulated is None:
                 raise Unreachable(f"{label or address.place}: there is no simulated bench in this process")
             opener = partial(self._simulated, address.place)

@@ -1,68 +1,16 @@
-"""What carries Modbus frames: addresses, TCP connections, serial lines."""
+"""What carries Modbus frames: TCP connections and serial lines."""
 
 from __future__ import annotations
 
-import re
 import socket
-from dataclasses import dataclass
-from typing import Literal, Protocol
-from urllib.parse import parse_qs, urlsplit
+from typing import Protocol
 
 import serial
 
 from drivers.clock import Clock
-from drivers.errors import Unreachable
+from drivers.wires.addresses import ModbusAddress
 
 _CONNECT_S = 3.0
-
-
-@dataclass(frozen=True)
-class ModbusAddress:
-    """Where a Modbus device is.
-
-    Attributes:
-        kind: "tcp", "rtu", or "sim" for a simulated one.
-        place: what is opened: "host:port", a serial device, or the whole simulated address.
-        unit: unit identifier.
-        baud: symbols per second, of a serial line.
-        frame: data bits, parity, stop bits, of a serial line.
-
-    """
-
-    kind: Literal["tcp", "rtu", "sim"]
-    place: str
-    unit: int
-    baud: int = 19200
-    frame: str = "8N1"
-
-    @classmethod
-    def parse(cls, address: str) -> ModbusAddress:
-        """Read `modbus-tcp://HOST[:PORT]/UNIT`, `modbus-rtu://DEVICE/UNIT[?baud=B&frame=8N1]` or `sim://...`.
-
-        Raises:
-            Unreachable: it is none of these.
-
-        """
-        if address.startswith("sim://"):
-            return cls("sim", address, 1)
-        try:
-            parts = urlsplit(address)
-            path, _, last = parts.path.rpartition("/")
-            unit = int(last)
-            if parts.scheme == "modbus-tcp" and parts.hostname and not path and 0 <= unit <= 255:
-                return cls("tcp", f"{parts.hostname}:{parts.port or 502}", unit)
-            if parts.scheme == "modbus-rtu" and path and 1 <= unit <= 247:
-                device = path.removeprefix("/") if re.fullmatch(r"/COM\d+", path) else path
-                given = {key: values[-1] for key, values in parse_qs(parts.query, strict_parsing=True).items()}
-                baud, frame = int(given.pop("baud", 19200)), given.pop("frame", "8N1")
-                if not given and re.fullmatch(r"8[NEO][12]", frame):
-                    return cls("rtu", device, unit, baud, frame)
-        except ValueError:
-            pass
-        raise Unreachable(
-            f"{address} is not a Modbus address; write modbus-tcp://HOST:502/UNIT or "
-            f"modbus-rtu:///dev/ttyUSB0/UNIT?baud=19200&frame=8N1"
-        )
 
 
 class Transport(Protocol):
@@ -152,7 +100,6 @@ class RtuTransport:
 
 def open_transport(address: ModbusAddress, clock: Clock) -> Transport:
     """Connect to a real device, or to a simulated one in another process; raises `OSError`."""
-    if address.kind == "rtu":
+    if address.host is None:
         return RtuTransport(address, clock)
-    host, _, port = address.place.rpartition(":")
-    return TcpTransport(host, int(port), clock.timeout(_CONNECT_S))
+    return TcpTransport(address.host.host, address.host.port, clock.timeout(_CONNECT_S))

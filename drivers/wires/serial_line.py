@@ -1,6 +1,6 @@
 """A serial line that carries text commands and text replies, one query at a time.
 
-The line opens any address pyserial understands (`/dev/ttyUSB0`, `COM4`, `socket://host:5025`, `rfc2217://...`).
+The line opens what `drivers.wires.addresses` allows (`/dev/ttyUSB0`, `COM4`, `socket://host:5025`, `rfc2217://...`).
 It never resends a command that may have been carried out. After a surprising reply it listens until the instrument is
 silent before it asks again. After a missing one it asks what only one answer fits: a line keeps order, so that whatever
 was late has come when that answer comes, and cannot answer the next question.
@@ -18,6 +18,7 @@ import serial
 
 from drivers.clock import Clock
 from drivers.errors import BadReply, NoReply, Unreachable
+from drivers.wires.addresses import SerialAddress
 
 try:
     import termios
@@ -33,6 +34,8 @@ Tap = Callable[[str, str, bytes], None]
 """Called with (instrument, "tx" or "rx", bytes) for every transfer."""
 
 _OPEN_ERRORS: tuple[type[Exception], ...] = (*_PORT_ERRORS, ValueError)
+_BITS_PER_CHARACTER = 11
+_SLOWEST_BAUD = 1200  # of a line behind a serial server
 _WRITE_TIMEOUT_S = 5.0
 _LONGEST_REPLY = 1 << 20
 _TALKS_ON_S = 10.0
@@ -79,7 +82,7 @@ class SerialLine:
     """One open serial line.
 
     Args:
-        address: what pyserial is to open.
+        address: where it is, see `drivers.wires.addresses`.
         settings: how the instrument wants to be talked to.
         clock: bench time.
         label: who is at the other end, for messages and the wire log.
@@ -98,6 +101,7 @@ class SerialLine:
         self, address: str, settings: SerialSettings, clock: Clock, *, label: str = "", tap: Tap | None = None
     ) -> None:
         self.address = address
+        self._place = SerialAddress.parse(address)
         self.settings = settings
         self.clock = clock
         self.label = label or address
@@ -178,6 +182,10 @@ class SerialLine:
         self._out_of_step = True
         return BadReply(f"{self.where} answered {reply!r} to {text!r}; expected {expected}")
 
+    def takes_s(self, characters: int) -> float:
+        """Bench seconds that so many characters are on the line at most; over TCP no setting of ours tells."""
+        return characters * _BITS_PER_CHARACTER / (self.settings.baud if self._place.timed else _SLOWEST_BAUD)
+
     def close(self) -> None:
         """Release the port; idempotent. The line opens again if it is used again."""
         port, self._port = self._port, None
@@ -187,16 +195,16 @@ class SerialLine:
     def _open(self) -> _Port:
         settings = self.settings
         # A pseudo-terminal carries whole bytes and refuses every other frame.
-        frame = "8N1" if os.path.realpath(self.address).startswith("/dev/pts/") else settings.frame
+        frame = "8N1" if os.path.realpath(self._place.place).startswith("/dev/pts/") else settings.frame
         try:
             port = serial.serial_for_url(
-                self.address,
+                self._place.place,
                 baudrate=settings.baud,
                 bytesize=int(frame[0]),
                 parity=frame[1],
                 stopbits=int(frame[2]),
                 timeout=self.clock.timeout(settings.timeout_s),
-                write_timeout=None if "://" in self.address else _WRITE_TIMEOUT_S,  # rfc2217:// refuses one
+                write_timeout=None if "://" in self._place.place else _WRITE_TIMEOUT_S,  # rfc2217:// refuses one
                 exclusive=True,
             )
             return cast(_Port, port)
@@ -295,10 +303,11 @@ class SerialLine:
         return bytes(received)
 
     def _silent(self, text: str, received: bytes, timeout_s: float) -> NoReply:
+        settings = f"set to {self.settings.baud} baud {self.settings.frame}"
         return NoReply(
             f"{self.where} answered {f'only {received!r}' if received else 'nothing'} to {text!r} "
-            f"within {timeout_s:g} s; is it switched on, connected, and set to "
-            f"{self.settings.baud} baud {self.settings.frame}?"
+            f"within {timeout_s:g} s; is it switched on, connected, and "
+            f"{settings if self._place.timed else 'set to what the serial server expects'}?"
         )
 
     def _lost(self, error: BaseException) -> NoReturn:

@@ -40,7 +40,8 @@ def doctor(
 ) -> int:
     """Check everything that can be known before a night: bench, disk, clock, machine, and who will be told.
 
-    Asks every instrument who it is and changes nothing. Ends with 1 if there is a problem, with 0 otherwise.
+    Asks every instrument who it is and changes nothing. Ends with 78 if a file is wrong, with 1 if there is another
+    problem, with 0 otherwise.
 
     Example: `rig doctor --bench bench.toml --procedure night.toml`
     """
@@ -53,7 +54,7 @@ def doctor(
         print_json({"ready": not problems, "findings": [finding.as_json() for finding in findings]})
     else:
         _show(findings, dry=dry)
-    return ExitCode.FAULT if problems else ExitCode.DONE
+    return max((finding.exit_code for finding in findings), default=int(ExitCode.DONE))
 
 
 def _show(findings: list[Finding], *, dry: bool) -> None:

@@ -9,6 +9,7 @@ from importlib.metadata import entry_points
 from typing import Any
 
 from drivers.wires import Wires
+from drivers.wires.addresses import simulated
 from rig.config import BenchConfig
 from rig.contracts import with_contracts
 from rig.errors import ConfigurationError
@@ -87,7 +88,8 @@ class DryBench:
         except WorldError as error:
             raise ConfigurationError(f"{where}: {error}") from error
         instruments = {
-            name: i.model_copy(update={"address": f"sim://{key}/{name}"}) for name, i in config.instruments.items()
+            name: i.model_copy(update={"address": simulated(i.address, f"sim://{key}/{name}")})
+            for name, i in config.instruments.items()
         }
         self.config = config.model_copy(update={"instruments": instruments, "simulated": True})
         self.wires = Wires(self.world, simulated=self.sim.transports(), tap=tap)

@@ -106,7 +106,7 @@ def _caught(findings: Iterator[Finding], check: str) -> Iterator[Finding]:
     try:
         yield from findings
     except RigError as error:
-        yield problem(check, str(error), "mend it; rig would end here")
+        yield problem(check, str(error), "mend it; rig would end here", int(error.exit_code))
 
 
 def _read_run(visit: Visit, patient: _Patient) -> Iterator[Finding]:

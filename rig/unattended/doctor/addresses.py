@@ -10,8 +10,9 @@ import socket
 import stat
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from urllib.parse import urlsplit
 
+from drivers.errors import WrongAddress
+from drivers.wires.addresses import CanAddress, parse_address
 from rig.config import InstrumentConfig
 from rig.unattended.doctor.findings import Finding, ok, problem, warning
 
@@ -25,25 +26,17 @@ def check_addresses(instruments: Mapping[str, InstrumentConfig]) -> Iterator[tup
         yield name, _check(f"address of {name}", instrument.address, holders)
 
 
-def device_of(address: str) -> str | None:
-    """The device file an address names, None if it names none."""
-    for start in ("modbus-rtu://", "can:slcan/"):
-        if address.startswith(start):
-            path = address.removeprefix(start).split("@")[0]
-            path = path.rpartition("/")[0] if start == "modbus-rtu://" else path
-            return path if path.startswith("/") else "/" + path
-    return address if address.startswith("/") else None
-
-
 def _check(check: str, address: str, holders: Mapping[str, str]) -> Finding:
-    device = device_of(address)
-    if device is not None:
-        return _check_device(check, Path(device), holders)
-    if address.startswith("can:socketcan/"):
-        return _check_can(check, address.rpartition("/")[2])
-    parts = urlsplit(address)
-    if parts.scheme in ("socket", "rfc2217", "modbus-tcp"):
-        return _check_host(check, address, parts.hostname)
+    try:
+        found = parse_address(address)
+    except WrongAddress as error:
+        return problem(check, str(error), "correct the address in the bench file")
+    if found.device is not None:
+        return _check_device(check, Path(found.device), holders)
+    if isinstance(found, CanAddress) and found.interface == "socketcan":
+        return _check_can(check, found.channel)
+    if found.host is not None:
+        return _check_host(check, address, found.host.host)
     return ok(check, address)
 
 
@@ -118,9 +111,7 @@ def _check_can(check: str, interface: str) -> Finding:
     return ok(check, f"{interface} is up") if flags & 1 else problem(check, f"{interface} is down", up)
 
 
-def _check_host(check: str, address: str, host: str | None) -> Finding:
-    if not host:
-        return problem(check, f"{address} names no host", "correct the address in the bench file")
+def _check_host(check: str, address: str, host: str) -> Finding:
     try:
         found = {str(info[4][0]) for info in socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)}
     except OSError as error:

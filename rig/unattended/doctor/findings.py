@@ -17,6 +17,7 @@ class Finding:
         check: what was looked at.
         found: what was found.
         next_step: what to do, "" if nothing.
+        exit_code: what `rig doctor` ends with if this is the worst it finds.
 
     """
 
@@ -24,10 +25,11 @@ class Finding:
     check: str
     found: str
     next_step: str = ""
+    exit_code: int = 0
 
     def as_json(self) -> dict[str, str]:
         """The finding as a plain table."""
-        return {key: str(value) for key, value in asdict(self).items()}
+        return {key: str(value) for key, value in asdict(self).items() if key != "exit_code"}
 
 
 def ok(check: str, found: str) -> Finding:
@@ -40,6 +42,6 @@ def warning(check: str, found: str, next_step: str) -> Finding:
     return Finding("warning", check, found, next_step)
 
 
-def problem(check: str, found: str, next_step: str) -> Finding:
+def problem(check: str, found: str, next_step: str, exit_code: int = 1) -> Finding:
     """To be mended before the night."""
-    return Finding("problem", check, found, next_step)
+    return Finding("problem", check, found, next_step, exit_code)

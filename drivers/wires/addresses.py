@@ -1,0 +1,364 @@
+"""Addresses of instruments: the one parser that both the checks of a bench file and the wires themselves use.
+
+What is listed here may be opened, nothing else: no scheme and no option that a library below happens to know (a
+pyserial URL can write files or load modules) gets past it.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from typing import ClassVar, Literal
+from urllib.parse import parse_qsl
+
+from drivers.errors import WrongAddress
+
+_HOST = r"[A-Za-z0-9](?:[A-Za-z0-9._-]*[A-Za-z0-9])?\.?|\[[0-9A-Fa-f:.]+\]"
+_HOST_PORT = re.compile(rf"(?P<host>{_HOST})(?::(?P<port>[0-9]{{1,5}}))?")
+_DEVICE = re.compile(r"/(?:[\w.:@+,=-]+/)*[\w.:@+,=-]+|COM[0-9]{1,3}", re.IGNORECASE)
+_SIMULATED = re.compile(r"sim://[\w.-]+/[\w.-]+")
+_VISA = re.compile(r"(?:visa://)?(?P<bus>GPIB|TCPIP|ASRL|USB|VXI|PXI|PRLGX)(?P<rest>[^:]*::.*)", re.IGNORECASE)
+
+_BAUDS = (1200, 2400, 4800, 9600, 14400, 19200, 28800, 38400, 57600, 115200)
+_FRAMES = ("8N1", "8N2", "8E1", "8E2", "8O1", "8O2")
+_MODBUS_PORT = 502
+_SERIAL_EXAMPLES = "/dev/ttyUSB0 (or COM4), socket://HOST:5025 or rfc2217://HOST:4001"
+_MODBUS_EXAMPLES = (
+    "modbus-tcp://HOST:502/UNIT or modbus-rtu:///dev/ttyUSB0/UNIT?baud=9600&frame=8N1 or "
+    "modbus-rtu://socket://HOST:4001/UNIT"
+)
+_CAN_EXAMPLES = "can:socketcan/can0, can:slcan//dev/ttyACM0?bitrate=500000 or can:virtual/NAME"
+_CAN_CHANNELS = {
+    "socketcan": r"[A-Za-z0-9][\w.-]{0,14}",
+    "virtual": r"[\w.-]+",
+    "udp_multicast": r"[0-9A-Fa-f.:]+",
+    "kvaser": r"[\w.-]+",
+    "pcan": r"[\w.-]+",
+    "ixxat": r"[\w.-]+",
+    "vector": r"[\w.-]+",
+    "gs_usb": r"[\w.-]+",
+}
+"""python-can's adapters that may be opened, and what names one of them; slcan is on a serial device."""
+
+Wire = Literal["serial", "modbus", "can"]
+
+
+@dataclass(frozen=True)
+class HostPort:
+    """A place on the network.
+
+    Attributes:
+        host: name or number, an IPv6 number without its brackets.
+        port: TCP port.
+
+    """
+
+    host: str
+    port: int
+
+
+@dataclass(frozen=True)
+class SerialAddress:
+    """Where a serial instrument is.
+
+    Attributes:
+        kind: "device"; "socket" (bytes over TCP); "rfc2217" (a serial port over TCP); "sim" and "sim-socket" for the
+            twins of these.
+        place: what pyserial is to open.
+        host: of a network address.
+
+    """
+
+    kind: Literal["device", "socket", "rfc2217", "sim", "sim-socket"]
+    place: str
+    host: HostPort | None = None
+
+    @classmethod
+    def parse(cls, address: str) -> SerialAddress:
+        """Read an address.
+
+        `/dev/NAME`, `COM4`, `socket://HOST:PORT`, `rfc2217://HOST:PORT[?OPTION]`, `sim://KEY/NAME`, or
+        `socket://sim://KEY/NAME`.
+
+        Raises:
+            WrongAddress: it is none of these.
+
+        """
+        if _SIMULATED.fullmatch(address):
+            return cls("sim", address)
+        if _SIMULATED.fullmatch(address.removeprefix("socket://")):
+            return cls("sim-socket", address.removeprefix("socket://"))
+        if _DEVICE.fullmatch(address):
+            return cls("device", address)
+        scheme, separator, rest = address.partition("://")
+        place, question, query = rest.partition("?")
+        if separator and scheme in ("socket", "rfc2217"):
+            why = _serial_options(scheme, query) if question else ""
+            host = _host_port(place, None)
+            why = why or (host if isinstance(host, str) else "")
+            if not why and isinstance(host, HostPort):
+                return cls("socket" if scheme == "socket" else "rfc2217", address, host)
+        else:
+            why = _unknown(scheme if separator else "", address)
+        raise _wrong(address, "an address of a serial line", _SERIAL_EXAMPLES, why)
+
+    @property
+    def timed(self) -> bool:
+        """Whether baud rate and frame matter to whoever opens it: a serial server has its own."""
+        return self.kind not in ("socket", "sim-socket")
+
+    @property
+    def simulated(self) -> bool:
+        """Whether a twin in this process is meant."""
+        return self.kind in ("sim", "sim-socket")
+
+    @property
+    def device(self) -> str | None:
+        """The device file behind it, if there is one."""
+        return self.place if self.kind == "device" else None
+
+
+@dataclass(frozen=True)
+class ModbusAddress:
+    """Where a Modbus device is.
+
+    Attributes:
+        kind: "tcp"; "rtu" on a serial line; "rtu-over-tcp" behind a serial server; "sim" or "sim-rtu" simulated ones.
+        place: what is opened: "host:port", a serial device, or the simulated address.
+        unit: unit identifier.
+        baud: symbols per second, of a serial line; 9600 is how a Watlow F4T is shipped.
+        frame: data bits, parity, stop bits, of a serial line.
+        host: of a network address.
+
+    """
+
+    kind: Literal["tcp", "rtu", "rtu-over-tcp", "sim", "sim-rtu"]
+    place: str
+    unit: int
+    baud: int = 9600
+    frame: str = "8N1"
+    host: HostPort | None = field(default=None, compare=False)
+
+    @classmethod
+    def parse(cls, address: str) -> ModbusAddress:
+        """Read an address.
+
+        `modbus-tcp://HOST[:PORT]/UNIT`, `modbus-rtu:///dev/NAME/UNIT[?baud=B&frame=8N1]`,
+        `modbus-rtu://socket://HOST:PORT/UNIT`, `sim://KEY/NAME`, or `modbus-rtu://sim://KEY/NAME/UNIT`.
+
+        Raises:
+            WrongAddress: it is none of these.
+
+        """
+        if _SIMULATED.fullmatch(address):
+            return cls("sim", address, 1)
+        scheme, separator, rest = address.partition("://")
+        if not separator or scheme not in ("modbus-tcp", "modbus-rtu"):
+            raise _no_modbus(address, _unknown(scheme if separator else "", address))
+        way, _, query = rest.partition("?")
+        place, _, last = way.rpartition("/")
+        if not last.isascii() or not last.isdigit() or not place:
+            raise _no_modbus(address, "it does not end in the device's unit, as in .../1")
+        unit = int(last)
+        if scheme == "modbus-rtu":
+            return cls._rtu(address, place, unit, query if "?" in rest else None)
+        host = _host_port(place, _MODBUS_PORT)
+        if isinstance(host, str):
+            raise _no_modbus(address, host)
+        if "?" in rest:
+            raise _no_modbus(address, "modbus-tcp takes no options")
+        if unit > 255:
+            raise _no_modbus(address, f"unit {unit} is not 0 to 255")
+        return cls("tcp", f"{host.host}:{host.port}", unit, host=host)
+
+    @classmethod
+    def _rtu(cls, address: str, place: str, unit: int, query: str | None) -> ModbusAddress:
+        if not 1 <= unit <= 247:
+            raise _no_modbus(address, f"unit {unit} is not 1 to 247")
+        if place.startswith("socket://"):
+            host = _host_port(place.removeprefix("socket://"), None)
+            if isinstance(host, str):
+                raise _no_modbus(address, host)
+            if query is not None:
+                raise _no_modbus(address, "baud rate and frame are set at the serial server; leave the options out")
+            return cls("rtu-over-tcp", f"{host.host}:{host.port}", unit, host=host)
+        if _SIMULATED.fullmatch(place):
+            return cls("sim-rtu", place, unit)
+        device = place.removeprefix("/") if re.fullmatch(r"/COM[0-9]+", place, re.IGNORECASE) else place
+        if not _DEVICE.fullmatch(device):
+            raise _no_modbus(address, f"{place} is no serial device")
+        given = dict(parse_qsl(query or "", keep_blank_values=True))
+        unknown = given.keys() - {"baud", "frame"}
+        if unknown or (query is not None and not given):
+            raise _no_modbus(address, f"its options are baud and frame, not {', '.join(sorted(unknown)) or query!r}")
+        baud, frame = given.get("baud", "9600"), given.get("frame", "8N1")
+        if baud not in map(str, _BAUDS):
+            raise _no_modbus(address, f"baud={baud} is none of {', '.join(map(str, _BAUDS))}")
+        if frame not in _FRAMES:
+            raise _no_modbus(address, f"frame={frame} is none of {', '.join(_FRAMES)}")
+        return cls("rtu", device, unit, int(baud), frame)
+
+    @property
+    def rtu(self) -> bool:
+        """Whether the device hears it at its serial port, whatever carries the bytes part of the way."""
+        return self.kind in ("rtu", "rtu-over-tcp", "sim-rtu")
+
+    @property
+    def simulated(self) -> bool:
+        """Whether a twin in this process is meant."""
+        return self.kind in ("sim", "sim-rtu")
+
+    @property
+    def device(self) -> str | None:
+        """The device file behind it, if there is one."""
+        return self.place if self.kind == "rtu" else None
+
+
+@dataclass(frozen=True)
+class CanAddress:
+    """Where a CAN bus is.
+
+    Attributes:
+        interface: python-can's name for the kind of adapter, or "sim" for a simulated bus.
+        channel: which of them: "can0", a serial device, a name, or the whole simulated address.
+        bitrate: bits per second; None leaves it to the adapter.
+
+    """
+
+    interface: str
+    channel: str
+    bitrate: int | None = None
+    host: ClassVar[HostPort | None] = None
+
+    @classmethod
+    def parse(cls, address: str) -> CanAddress:
+        """Read `can:INTERFACE/CHANNEL[?bitrate=B]` or `sim://...`.
+
+        Raises:
+            WrongAddress: it is neither.
+
+        """
+        if _SIMULATED.fullmatch(address):
+            return cls("sim", address)
+        if not address.startswith("can:"):
+            scheme, separator, _ = address.partition("://")
+            raise _wrong(address, "a CAN address", _CAN_EXAMPLES, _unknown(scheme if separator else "", address))
+        way, question, query = address.removeprefix("can:").partition("?")
+        interface, _, channel = way.partition("/")
+        interface = interface.lower()
+        given = dict(parse_qsl(query, keep_blank_values=True))
+        rate = given.pop("bitrate", None)
+        if interface == "slcan":
+            known = _DEVICE.fullmatch(channel) is not None
+        else:
+            known = re.fullmatch(_CAN_CHANNELS.get(interface, r"(?!)"), channel) is not None
+        if interface not in (*_CAN_CHANNELS, "slcan"):
+            why = f"adapters are {', '.join(sorted((*_CAN_CHANNELS, 'slcan')))}, not {interface!r}"
+        elif not known:
+            why = f"{channel!r} is no channel of {interface}"
+        elif given or (question and rate is None):
+            why = "its only option is bitrate"
+        elif rate is not None and not re.fullmatch(r"[1-9][0-9]{3,6}", rate):
+            why = f"bitrate={rate} is not a number of bits per second"
+        else:
+            return cls(interface, channel, None if rate is None else int(rate))
+        raise _wrong(address, "a CAN address", _CAN_EXAMPLES, why)
+
+    @property
+    def simulated(self) -> bool:
+        """Whether a twin in this process is meant."""
+        return self.interface == "sim"
+
+    @property
+    def device(self) -> str | None:
+        """The device file behind it, if there is one."""
+        return self.channel.partition("@")[0] if self.interface == "slcan" else None
+
+
+Address = SerialAddress | ModbusAddress | CanAddress
+
+
+def parse_address(address: str, wire: Wire | None = None) -> Address:
+    """Read an instrument's address.
+
+    Args:
+        address: as in the bench file.
+        wire: what its driver speaks over; None for a driver that does not say, whose address may be any.
+
+    Raises:
+        WrongAddress: nothing of this kind may be opened; says what to write instead.
+
+    """
+    if wire == "modbus" or (wire is None and address.startswith("modbus-")):
+        return ModbusAddress.parse(address)
+    if wire == "can" or (wire is None and address.startswith("can:")):
+        return CanAddress.parse(address)
+    return SerialAddress.parse(address)
+
+
+def simulated(address: str, place: str) -> str:
+    """The address of the twin at `place` (`sim://KEY/NAME`) that stands in for what is at `address`."""
+    if address.startswith("socket:"):
+        return f"socket://{place}"
+    if address.startswith("modbus-rtu:"):
+        return f"modbus-rtu://{place}/1"
+    return place
+
+
+def _host_port(text: str, default: int | None) -> HostPort | str:
+    """A host and its port, or what is wrong with the text."""
+    found = _HOST_PORT.fullmatch(text)
+    if found is None:
+        return f"{text!r} is not HOST:PORT" if text else "it names no host"
+    port = found["port"]
+    if port is None and default is None:
+        return "it names no port"
+    number = int(port) if port is not None else default
+    if number is None or not 1 <= number <= 65535:
+        return f"port {port} is not 1 to 65535"
+    return HostPort(found["host"].strip("[]"), number)
+
+
+def _serial_options(scheme: str, query: str) -> str:
+    """What is wrong with the options of a serial address over the network, "" if nothing."""
+    if scheme == "rfc2217":
+        for key, value in parse_qsl(query, keep_blank_values=True) or [(query, "")]:
+            flag = key in ("ign_set_control", "poll_modem") and not value
+            if not flag and not (key == "timeout" and re.fullmatch(r"[0-9]{1,3}(\.[0-9]+)?", value)):
+                return f"its options are ign_set_control, poll_modem and timeout=SECONDS, not {key!r}"
+        return ""
+    return (
+        f"socket:// takes no options such as {query!r}; the driver's own stand on lines of their own in the bench file"
+    )
+
+
+def _unknown(scheme: str, address: str) -> str:
+    """Why an address of no known scheme is refused."""
+    visa = _VISA.fullmatch(address)
+    if visa is not None:
+        return f"VISA names are not supported yet; {_instead_of_visa(visa)}"
+    if scheme == "sim":
+        return "sim:// is for simulated benches"
+    if scheme or re.match(r"\w+:", address):
+        return f"{scheme or address.partition(':')[0]}: is not what this driver speaks over, or is not allowed"
+    return "a device is named by its whole path"
+
+
+def _instead_of_visa(visa: re.Match[str]) -> str:
+    bus, parts = visa["bus"].upper(), visa["rest"].split("::")
+    if bus == "TCPIP":
+        port = parts[2] if parts[-1].upper() == "SOCKET" and len(parts) > 3 else "5025"
+        return f"use socket://{parts[1]}:{port} if it has a raw socket for commands"
+    if bus == "ASRL" and parts[0].startswith("/"):
+        return f"use {parts[0]}"
+    if bus == "ASRL":
+        return f"use the serial device: /dev/ttyUSB0 or so, or COM{parts[0]}"
+    return "use its serial port, or its network socket, socket://HOST:5025"
+
+
+def _no_modbus(address: str, why: str) -> WrongAddress:
+    return _wrong(address, "a Modbus address", _MODBUS_EXAMPLES, why)
+
+
+def _wrong(address: str, what: str, examples: str, why: str) -> WrongAddress:
+    return WrongAddress(f"{address} is not {what}; write {examples} ({why})")

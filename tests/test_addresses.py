@@ -1,0 +1,132 @@
+"""Addresses: what may be opened, and what every command says of anything else before it opens anything."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+import serial
+from command import rig
+from dry import LAB, write_short
+
+from drivers.errors import WrongAddress
+from drivers.wires import SerialSettings, Wires
+from drivers.wires.addresses import CanAddress, ModbusAddress, SerialAddress, Wire, parse_address
+from sims.world import World
+
+ALLOWED: list[tuple[Wire, str]] = [
+    ("serial", "/dev/ttyUSB0"),
+    ("serial", "/dev/serial/by-id/usb-FTDI_FT232R_A9001-if00-port0"),
+    ("serial", "COM4"),
+    ("serial", "socket://192.0.2.7:5025"),
+    ("serial", "socket://[2001:db8::7]:5025"),
+    ("serial", "rfc2217://serial-server.lab:4001"),
+    ("serial", "rfc2217://serial-server.lab:4001?ign_set_control&timeout=5"),
+    ("modbus", "modbus-tcp://oven.lab/1"),
+    ("modbus", "modbus-tcp://192.0.2.10:502/255"),
+    ("modbus", "modbus-rtu:///dev/rig/chambers/2?baud=38400"),
+    ("modbus", "modbus-rtu://socket://192.0.2.10:4001/1"),
+    ("can", "can:socketcan/can0"),
+    ("can", "can:slcan//dev/ttyACM0?bitrate=250000"),
+    ("can", "can:slcan//dev/ttyACM0@115200"),
+]
+
+REFUSED: list[tuple[Wire, str, str]] = [
+    ("serial", "GPIB0::9::INSTR", "VISA names are not supported yet; use its serial port, or its network socket"),
+    ("serial", "visa://GPIB0::9::INSTR", "VISA names are not supported yet"),
+    ("serial", "TCPIP::192.0.2.7::5025::SOCKET", "use socket://192.0.2.7:5025"),
+    ("serial", "TCPIP0::192.0.2.7::inst0::INSTR", "use socket://192.0.2.7:5025 if it has a raw socket"),
+    ("serial", "ASRL/dev/ttyUSB0::INSTR", "use /dev/ttyUSB0"),
+    ("serial", "ASRL3::INSTR", "COM3"),
+    ("serial", "USB0::0x2A8D::0x0101::MY1::INSTR", "VISA names are not supported yet"),
+    ("serial", "spy:///dev/ttyUSB0?file=/tmp/x", "spy: is not what this driver speaks over, or is not allowed"),
+    ("serial", "loop://", "loop: is not"),
+    ("serial", "alt:///dev/ttyUSB0?class=PosixPollSerial", "alt: is not"),
+    ("serial", "hwgrep://USB", "hwgrep: is not"),
+    ("serial", "cp2110://0", "cp2110: is not"),
+    ("serial", "socket://host:5025?logging=debug", "takes no options"),
+    ("serial", "socket://host", "it names no port"),
+    ("serial", "socket://host:70000", "port 70000 is not 1 to 65535"),
+    ("serial", "socket://host:0", "port 0 is not"),
+    ("serial", "socket://:5025", "is not HOST:PORT"),
+    ("serial", "socket://me@host:5025", "is not HOST:PORT"),
+    ("serial", "socket://host:5025/1", "is not HOST:PORT"),
+    ("serial", "rfc2217://host:4001?logging=debug", "not 'logging'"),
+    ("serial", "rfc2217://host:4001?timeout=forever", "not 'timeout'"),
+    ("serial", "/dev/ttyUSB0?baud=9600", "a device is named by its whole path"),
+    ("serial", "ttyUSB0", "a device is named by its whole path"),
+    ("serial", "/dev/x://spy", "is not"),
+    ("serial", "modbus-tcp://host:502/1", "modbus-tcp: is not what this driver speaks over"),
+    ("serial", "sim://w", "sim:// is for simulated benches"),
+    ("modbus", "modbus-tcp://host:502", "does not end in the device's unit"),
+    ("modbus", "modbus-tcp://host:x/1", "is not HOST:PORT"),
+    ("modbus", "modbus-tcp://host:502/1?baud=9600", "takes no options"),
+    ("modbus", "modbus-rtu:///dev/ttyUSB1/300", "unit 300 is not 1 to 247"),
+    ("modbus", "modbus-rtu:///dev/ttyUSB1/1?baud=9601", "baud=9601 is none of"),
+    ("modbus", "modbus-rtu:///dev/ttyUSB1/1?", "its options are baud and frame"),
+    ("modbus", "modbus-rtu://spy:///dev/ttyUSB1/1", "is no serial device"),
+    ("modbus", "modbus-rtu://socket://host:4001/1?baud=9600", "set at the serial server"),
+    ("modbus", "modbus-rtu://socket://host/1", "it names no port"),
+    ("modbus", "socket://host:4001", "socket: is not what this driver speaks over"),
+    ("modbus", "TCPIP::192.0.2.10::502::SOCKET", "VISA names are not supported yet"),
+    ("can", "can:serial/loop://", "adapters are"),
+    ("can", "can:slcan/spy:///dev/ttyACM0", "is no channel of slcan"),
+    ("can", "can:socketcan/can0?interface=virtual", "its only option is bitrate"),
+    ("can", "can:socketcan/can0?bitrate=fast", "bitrate=fast is not"),
+    ("can", "/dev/ttyACM0", "is not a CAN address"),
+    ("can", "GPIB0::9::INSTR", "VISA names are not supported yet"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("wire", "address"), ALLOWED)
+def test_what_may_be_opened(wire: Wire, address: str) -> None:
+    kinds = {"serial": SerialAddress, "modbus": ModbusAddress, "can": CanAddress}
+    found = parse_address(address, wire)
+    assert isinstance(found, kinds[wire])
+    assert parse_address(address) == found, "a plug-in that does not say what it speaks over gets the same"
+
+
+@pytest.mark.parametrize(("wire", "address", "why"), REFUSED)
+def test_anything_else_is_refused_with_one_sentence_that_says_what_to_write(wire: Wire, address: str, why: str) -> None:
+    with pytest.raises(WrongAddress) as refused:
+        parse_address(address, wire)
+    assert why in str(refused.value)
+    assert str(refused.value).startswith(f"{address} is not a")
+    assert "; write " in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("address", [a for wire, a, _ in REFUSED if wire == "serial"])
+def test_nothing_unknown_reaches_pyserial(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(serial, "serial_for_url", lambda *_, **__: pytest.fail("it was opened"))
+    with pytest.raises(WrongAddress):
+        Wires(World()).serial(address, SerialSettings(9600), "dvm")
+
+
+@pytest.mark.parametrize("command", ["plan", "run", "doctor"])
+@pytest.mark.parametrize(
+    ("before", "after", "sentence"),
+    [
+        ("socket://SCANNER", "GPIB0::9::INSTR", "instruments.scanner.address: GPIB0::9::INSTR is not"),
+        ("modbus-tcp://192.0.2.10:502/1", "modbus-tcp://192.0.2.10:502", "instruments.enclosure.address: modbus-tcp"),
+    ],
+)
+def test_every_command_that_reads_a_bench_refuses_a_wrong_address(
+    tmp_path: Path, command: str, before: str, after: str, sentence: str
+) -> None:
+    text = (LAB / "bench.toml").read_text().replace("/dev/rig/scanner", "socket://SCANNER")
+    assert before in text
+    bench = tmp_path / "bench.toml"
+    bench.write_text(text.replace(before, after).replace("socket://SCANNER", "/dev/rig/scanner"))
+    procedure = write_short(tmp_path)
+    arguments = {
+        "plan": ("plan", procedure, "--bench", bench),
+        "run": ("run", procedure, "--bench", bench, "--dry", "--out", tmp_path / "runs"),
+        "doctor": ("doctor", "--procedure", procedure, "--bench", bench, "--dry", "--out", tmp_path, "--json"),
+    }
+    done = rig(*arguments[command])
+    assert done.returncode == 78, done.stdout + done.stderr
+    said = json.loads(done.stdout)["findings"][0]["found"] if command == "doctor" else done.stderr
+    assert sentence in " ".join(said.split())
+    assert not (tmp_path / "runs").exists()
