@@ -21,6 +21,8 @@ FIRST, COUNT = 100, 200
 class Block:
     """A plain block of registers."""
 
+    identity = b"Pymodbus"
+
     def __init__(self) -> None:
         self.words = list(range(1000, 1000 + COUNT))
 
@@ -81,6 +83,12 @@ REQUESTS = {
     "write one beyond the end": struct.pack(">BHH", 6, 300, 1),
     "write none": struct.pack(">BHHB", 16, 140, 0, 0),
     "wrong byte count": struct.pack(">BHHBH", 16, 140, 1, 4, 9),
+    "echo": struct.pack(">BHH", 8, 0, 0xA537),
+    "report identity": bytes((17,)),
+    "write and read": struct.pack(">BHHHHB2H", 23, 149, 4, 150, 2, 4, 77, 78),
+    "write and read what was written": struct.pack(">BHH", 3, 149, 4),
+    "write and read beyond the end": struct.pack(">BHHHHBH", 23, 299, 2, 150, 1, 2, 5),
+    "write beyond the end and read": struct.pack(">BHHHHBH", 23, 150, 1, 300, 1, 2, 5),
 }
 
 

@@ -1,7 +1,7 @@
 """A Modbus slave without input or output: bytes in, bytes out.
 
-Function codes 3, 4, 6 and 16, framed for TCP (MBAP header) or for a serial line (RTU). Source: MODBUS Application
-Protocol 1.1b3, MODBUS over Serial Line 1.02, MODBUS Messaging on TCP/IP 1.0b.
+Function codes 3, 4, 6, 8 (echo), 16, 17 and 23, framed for TCP (MBAP header) or for a serial line (RTU). Source: MODBUS
+Application Protocol 1.1b3, MODBUS over Serial Line 1.02, MODBUS Messaging on TCP/IP 1.0b.
 """
 
 from __future__ import annotations
@@ -11,8 +11,9 @@ from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 ILLEGAL_FUNCTION, ILLEGAL_ADDRESS, ILLEGAL_VALUE, NO_TARGET = 1, 2, 3, 11
-_READ, _READ_INPUT, _WRITE_ONE, _WRITE = 3, 4, 6, 16
-_MOST_READ, _MOST_WRITTEN = 125, 123
+_READ, _READ_INPUT, _WRITE_ONE, _DIAGNOSE, _WRITE, _REPORT, _WRITE_AND_READ = 3, 4, 6, 8, 16, 17, 23
+_MOST_READ, _MOST_WRITTEN, _MOST_WRITTEN_TO_READ = 125, 123, 121
+_RUNNING = b"\xff"
 
 
 class Refused(Exception):
@@ -24,7 +25,14 @@ class Refused(Exception):
 
 
 class Registers(Protocol):
-    """The registers of one device; 16-bit words by address."""
+    """The registers of one device; 16-bit words by address.
+
+    Attributes:
+        identity: what it reports about itself, function 17.
+
+    """
+
+    identity: bytes
 
     def read(self, address: int, count: int) -> Sequence[int]:
         """Words from `address` on. Raises `Refused`."""
@@ -45,24 +53,40 @@ def answer(registers: Registers, pdu: bytes) -> bytes:
 
 def _carry_out(registers: Registers, pdu: bytes) -> bytes:
     function = pdu[0]
-    if function not in (_READ, _READ_INPUT, _WRITE_ONE, _WRITE):
+    if function == _REPORT:
+        return bytes((len(registers.identity) + 1,)) + registers.identity + _RUNNING
+    if function not in (_READ, _READ_INPUT, _WRITE_ONE, _DIAGNOSE, _WRITE, _WRITE_AND_READ):
         raise Refused(ILLEGAL_FUNCTION)
     if len(pdu) < 5:
         raise Refused(ILLEGAL_VALUE)
     address, number = struct.unpack(">HH", pdu[1:5])
+    if function == _DIAGNOSE:
+        if address:  # of the sub-functions, only the echo: counters are for lines that lose something
+            raise Refused(ILLEGAL_FUNCTION)
+        return pdu[1:]
     if function == _WRITE_ONE:
         registers.write(address, [number])
         return pdu[1:5]
     if function == _WRITE:
-        size = 2 * number
-        if not 1 <= number <= _MOST_WRITTEN or pdu[5:6] != bytes((size,)) or len(pdu) != 6 + size:
-            raise Refused(ILLEGAL_VALUE)
-        registers.write(address, struct.unpack(f">{number}H", pdu[6:]))
+        registers.write(address, _written(pdu[3:], _MOST_WRITTEN))
         return pdu[1:5]
     if not 1 <= number <= _MOST_READ:
         raise Refused(ILLEGAL_VALUE)
+    if function == _WRITE_AND_READ:  # the write comes first, 6.17
+        if len(pdu) < 10:
+            raise Refused(ILLEGAL_VALUE)
+        (where,) = struct.unpack(">H", pdu[5:7])
+        registers.write(where, _written(pdu[7:], _MOST_WRITTEN_TO_READ))
     words = registers.read(address, number)
     return struct.pack(f">B{number}H", 2 * number, *words)
+
+
+def _written(data: bytes, most: int) -> tuple[int, ...]:
+    """The words to write, after their number and that of their bytes."""
+    (number,) = struct.unpack(">H", data[:2])
+    if not 1 <= number <= most or data[2:3] != bytes((2 * number,)) or len(data) != 3 + 2 * number:
+        raise Refused(ILLEGAL_VALUE)
+    return struct.unpack(f">{number}H", data[3:])
 
 
 def crc16(data: bytes) -> bytes:
@@ -145,6 +169,10 @@ class RtuSlave:
             return 0
         if self._buffer[1] == _WRITE:
             return 9 + self._buffer[6] if len(self._buffer) > 6 else 0
-        if self._buffer[1] in (_READ, _READ_INPUT, _WRITE_ONE):
+        if self._buffer[1] == _WRITE_AND_READ:
+            return 13 + self._buffer[10] if len(self._buffer) > 10 else 0
+        if self._buffer[1] in (_READ, _READ_INPUT, _WRITE_ONE, _DIAGNOSE):
             return 8
+        if self._buffer[1] == _REPORT:
+            return 4
         return len(self._buffer)
