@@ -11,7 +11,7 @@ from sims.physics import Plant, read_truth, sensor_axes
 from sims.physics.truth import FAULTS
 from sims.tape import Tape
 from sims.wires.can_line import CanCable
-from sims.wires.modbus_line import ModbusCable
+from sims.wires.modbus_line import ModbusCable, ModbusEndpoint
 from sims.wires.serial_line import SerialCable, register, unregister
 from sims.world import EPOCH_UTC, World
 
@@ -86,8 +86,11 @@ class SimBench:
         entries = read_faults(truth.get(FAULTS), drivers, media)
         self.faults = Faults(world, entries, self.plant.truth.seed, media, Acts(self))
         self.tape = Tape(world, self.plant, self._twins, drivers) if record_tape else None
+        self._addresses = {name: str(instrument["address"]) for name, instrument in bench["instruments"].items()}
         self.cables = {
-            n: SerialCable(world, twin, self.wire(n)) for n, twin in self._twins.items() if twin.kind == "serial"
+            n: SerialCable(world, twin, self.wire(n), timed=not self._addresses[n].startswith("socket:"))
+            for n, twin in self._twins.items()
+            if twin.kind == "serial"
         }
         for name, cable in self.cables.items():
             register(f"{key}/{name}", cable)
@@ -101,7 +104,9 @@ class SimBench:
 
     def _modbus(self, address: str) -> ModbusCable:
         name = self._at(address)
-        return ModbusCable(self.world, self._twins[name].on_rx, self.wire(name))
+        port = "rtu" if self._addresses[name].startswith("modbus-rtu:") else "tcp"
+        endpoint = ModbusEndpoint(self.world, {1: self._twins[name].ports[port]})  # in TCP's frames, whichever port
+        return ModbusCable(self.world, endpoint.on_rx, self.wire(name))
 
     def _can(self, address: str) -> CanCable:
         name = self._at(address)

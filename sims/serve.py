@@ -16,7 +16,6 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
-from urllib.parse import urlsplit
 
 from sims.bench import SimBench, world_for
 from sims.wires.can_line import on_one_bus
@@ -126,16 +125,18 @@ def _open(
             ports.append(terminal)
             return {name: terminal.address}
         case "modbus":
-            units = {n: int(urlsplit(address).path.rpartition("/")[2]) for n, address in addresses.items()}
-            devices = {unit: twins[n].registers for n, unit in units.items()}
-            rtu = first.startswith("modbus-rtu:")
+            units = {n: int(address.partition("?")[0].rpartition("/")[2]) for n, address in addresses.items()}
+            rtu, over_tcp = first.startswith("modbus-rtu:"), first.startswith("modbus-rtu://socket:")
+            devices = {unit: twins[n].ports["rtu" if rtu else "tcp"] for n, unit in units.items()}
 
             def end() -> ModbusEndpoint:
                 return ModbusEndpoint(sim.world, devices, rtu=rtu)
 
-            port: Port = PseudoTerminal(selector, end().on_rx) if rtu else TcpPort(selector, lambda: end().on_rx)
+            on_line = rtu and not over_tcp
+            port: Port = PseudoTerminal(selector, end().on_rx) if on_line else TcpPort(selector, lambda: end().on_rx)
             ports.append(port)
-            return {n: f"modbus-{'rtu' if rtu else 'tcp'}://{port.address}/{unit}" for n, unit in units.items()}
+            scheme = "modbus-rtu://socket" if over_tcp else "modbus-rtu" if rtu else "modbus-tcp"
+            return {n: f"{scheme}://{port.address}/{unit}" for n, unit in units.items()}
         case "can":
             bus = on_one_bus(*(twin.on_frame for twin in twins.values()))
             adapter = PseudoTerminal(selector, SlcanAdapter(bus).on_rx)

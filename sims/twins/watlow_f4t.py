@@ -1,34 +1,34 @@
 """Simulated Watlow F4T temperature controller, one control loop or cascade on one of the plant's chambers.
 
-The registers are those of the register map that the options carry; what each does is here. As shipped, the
-controller talks in degrees Fahrenheit. Settings survive a power cycle, as in the real one.
+The registers are those of the register map that the options carry; what each does is here. The panel and the two
+Modbus ports (network, serial) each have a unit of temperature of their own, all degrees Fahrenheit as shipped: what a
+number on the wire means follows from the port it goes through. Settings survive a power cycle, as in the real one.
 """
 
 from __future__ import annotations
 
-import struct
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from functools import partial
 from math import inf, nan
-from typing import Any
+from typing import Any, Literal
 
 from sims.inputs import Inputs
 from sims.noise import event_at, normal
 from sims.physics import Plant
+from sims.twins.watlow_registers import Access, Bank, Register, Scale, Value
 from sims.wires.modbus_line import ModbusEndpoint
-from sims.wires.modbus_slave import ILLEGAL_ADDRESS, ILLEGAL_VALUE, Refused
+from sims.wires.modbus_slave import ILLEGAL_VALUE, Refused
 from sims.world import World
 
 _PV_NOISE_DEGC = 0.003
 _PART_NUMBER = "F4T1A2CAA1A1AAA"
-_STRUCT = {"uint16": ">H", "int32": ">i", "float32": ">f"}
-_ALARMS, _MODULES = 14, 6
+_ALARMS, _MODULES, _EVENTS, _KEYS = 14, 6, 8, 4
 
-Value = float | int | str
-Access = tuple[Callable[[], Value], Callable[[Any], None] | None]
-"""How a register is read and written."""
+Port = Literal["tcp", "rtu"]
+_PORTS: tuple[Port, ...] = ("tcp", "rtu")
 
 
 @dataclass
@@ -41,91 +41,20 @@ class _Alarm:
     low_degC: float = 0.0
 
 
-class _Register:
-    """One parameter in one or more words.
-
-    Args:
-        kind: type as the register map names it.
-        low_first: order of the words of a number.
-        get: its value now.
-        put: sets it, None if it is read only; raises `Refused`.
-
-    """
-
-    def __init__(self, kind: str, low_first: bool, get: Callable[[], Value], put: Callable[[Any], None] | None) -> None:
-        self._kind = kind
-        self._low_first = low_first
-        self._get = get
-        self._put = put
-        self.size = int(kind.partition(":")[2]) if kind.startswith("text:") else struct.calcsize(_STRUCT[kind]) // 2
-
-    def words(self) -> list[int]:
-        """Its value as words."""
-        value = self._get()
-        if isinstance(value, str):
-            return [ord(c) for c in value.ljust(self.size, "\0")]
-        packed = struct.pack(_STRUCT[self._kind], value)
-        words = list(struct.unpack(f">{self.size}H", packed))
-        return words[::-1] if self._low_first else words
-
-    def set(self, words: Sequence[int]) -> None:
-        """Set its value from all of its words."""
-        if self._put is None or len(words) != self.size:
-            raise Refused(ILLEGAL_ADDRESS)
-        ordered = words[::-1] if self._low_first else words
-        (value,) = struct.unpack(_STRUCT[self._kind], struct.pack(f">{self.size}H", *ordered))
-        self._put(value)
-
-
-class _Bank:
-    """Registers at their addresses."""
-
-    def __init__(self) -> None:
-        self._at: dict[int, tuple[_Register, int]] = {}
-
-    def add(self, address: int, register: _Register) -> None:
-        """Put a register at an address."""
-        for offset in range(register.size):
-            self._at[address + offset] = (register, offset)
-
-    def read(self, address: int, count: int) -> list[int]:
-        """See `sims.wires.modbus_slave.Registers`; every word must belong to a register."""
-        words: list[int] = []
-        while len(words) < count:
-            register, offset = self._find(address + len(words))
-            words += register.words()[offset:]
-        return words[:count]
-
-    def write(self, address: int, words: Sequence[int]) -> None:
-        """See `sims.wires.modbus_slave.Registers`; registers are written whole."""
-        done = 0
-        while done < len(words):
-            register, offset = self._find(address + done)
-            if offset:
-                raise Refused(ILLEGAL_ADDRESS)
-            register.set(words[done : done + register.size])
-            done += register.size
-
-    def _find(self, address: int) -> tuple[_Register, int]:
-        try:
-            return self._at[address]
-        except KeyError:
-            raise Refused(ILLEGAL_ADDRESS) from None
-
-
 class WatlowF4TTwin:
     """The controller.
 
     Args:
         name: the bench's name for it.
-        options: its options in the bench file; `register_map` (text), `loop` and `cascade` matter here, and the range
-            of setpoints, for which whoever built the chamber has set the controller up.
+        options: its options in the bench file; `register_map` (text), `loop`, `cascade` and `power` matter here, and
+            the range of setpoints: as whoever built the chamber has wired the controller and set it up.
         world: virtual time.
         plant: its `chamber(name)` is what the loop controls.
         serial: serial number; its digits are what the controller answers.
 
     Attributes:
-        registers: what is on the wire, for any framing.
+        ports: what is on the wire, for any framing, by port ("tcp", "rtu").
+        registers: those of the network port.
         sensor_broken: the process value is no number [?].
         inputs: what becomes of its readings.
 
@@ -140,16 +69,20 @@ class WatlowF4TTwin:
         self._seed = plant.truth.seed
         contract = tomllib.loads(str(options["register_map"]))
         self._codes: Mapping[str, Mapping[str, int]] = contract["codes"]
+        fahrenheit, off = self._codes["units"]["F"], self._codes["ramp_action"]["off"]
         self._settings: dict[str, Value] = {
-            "display_units": self._codes["units"]["F"],
-            "ramp_action": self._codes["ramp_action"]["off"],
-            "ramp_scale": self._codes["ramp_scale"]["minutes"],
+            **dict.fromkeys(("display_units", "modbus_units_tcp", "modbus_units_rtu"), fahrenheit),
+            **dict.fromkeys(("ramp_action", "cascade ramp_action"), off),
+            **dict.fromkeys(("ramp_scale", "cascade ramp_scale"), self._codes["ramp_scale"]["minutes"]),
+            "cascade air_control": off,
+            "profile_state": 251,  # not started: it has none
         }
         self._minimum = min(-40.0, float(str(options.get("low_degC", -40.0))))
         self._maximum = max(150.0, float(str(options.get("high_degC", 150.0))))
-        self._ramp_per_scale = 1.0
-        none, off = self._codes["alarm"]["none"], self._codes["alarm_type"]["off"]
-        self._alarms = [_Alarm(none, off) for _ in range(_ALARMS)]
+        self._ramp_per_scale = {"": 1.0, "cascade ": 1.0}
+        self._open_loop_pct = 0.0
+        none, no_alarm = self._codes["alarm"]["none"], self._codes["alarm_type"]["off"]
+        self._alarms = [_Alarm(none, no_alarm) for _ in range(_ALARMS)]
         self._limits = [self._limit() for _ in range(_MODULES)]
         self.sensor_broken = False
         self.inputs = Inputs()
@@ -160,11 +93,15 @@ class WatlowF4TTwin:
             "serial_number": number,
             "part_number": _PART_NUMBER,
         }
-        self.registers = _Bank()
+        self._in_charge = "cascade " if options.get("cascade") else ""
+        power = str(options.get("power", "none"))
+        self._powered_by = "" if power == "none" else power.replace("-", "_")
+        switches = [f"event_{n + 1}" for n in range(_EVENTS)] + [f"key_{n + 1}" for n in range(_KEYS)]
+        self._on = {name: name == self._powered_by and self._enclosure.controlled for name in switches}
+        self._mode_name = "auto" if self._enclosure.controlled else "off"
         self._low_first = contract["word_order"] == "low-first"
-        self._fill(contract["registers"], int(str(options.get("loop", 1))), self._loop())
-        if options.get("cascade"):
-            self._fill(contract["cascade"], int(str(options.get("loop", 1))), self._loop() | self._cascade())
+        self.ports: dict[Port, Bank] = {port: self._bank(port, contract, options) for port in _PORTS}
+        self.registers = self.ports["tcp"]
         self._endpoint = ModbusEndpoint(world, {1: self.registers})
 
     def on_rx(self, data: bytes, tx: Callable[[bytes], None]) -> None:
@@ -172,7 +109,13 @@ class WatlowF4TTwin:
         self._endpoint.on_rx(data, tx)
 
     def power_cycle(self) -> None:
-        """Off and on again; setpoint, mode and settings are kept in the controller's memory."""
+        """Off and on again; setpoint, mode, events and settings are kept in the controller's memory."""
+
+    def set_units(self, *, display: str = "", tcp: str = "", rtu: str = "") -> None:
+        """Set the panel's unit, or a Modbus port's, as somebody does at the panel: "C" or "F"; "" leaves it."""
+        for name, unit in {"display_units": display, "modbus_units_tcp": tcp, "modbus_units_rtu": rtu}.items():
+            if unit:
+                self._settings[name] = self._codes["units"][unit]
 
     def set_alarm(self, number: int, state: str, kind: str = "process", limit_degC: float | None = None) -> None:
         """Put alarm 1, 2, ... into a state and give it a type, both as the register map names them."""
@@ -185,6 +128,13 @@ class WatlowF4TTwin:
         """Let the limit controller in slot 1 to 6 trip, fail, or lose its sensor; without words it is well."""
         self._limits[slot - 1] = self._limit(state, status, error)
 
+    def switch(self, name: str, *, on: bool) -> None:
+        """Switch an event output ("event_1" ...) or a key ("key_1" ...) on or off, as somebody does at the panel."""
+        mode = self._mode()
+        self._on[name] = on
+        if name == self._powered_by:
+            self._set_mode(mode)
+
     def _limit(self, state: str = "none", status: str = "ok", error: str = "none") -> dict[str, int]:
         codes = self._codes
         return {
@@ -193,55 +143,113 @@ class WatlowF4TTwin:
             "limit_error": codes["input_error"][error],
         }
 
-    def _loop(self) -> dict[str, Access]:
+    def _bank(self, port: Port, contract: Mapping[str, Any], options: Mapping[str, object]) -> Bank:
+        """All registers, with temperatures as one port tells them."""
+        fahrenheit = self._codes["units"]["F"]
+        scale = Scale(lambda: self._settings[f"modbus_units_{port}"] == fahrenheit)
+        bank = Bank(f"Watlow {_PART_NUMBER}".encode())
+        loop = int(str(options.get("loop", 1)))
+        of_loop = self._loop(scale) | self._clock() | self._switches()
+        self._fill(bank, contract["registers"], loop, of_loop, scale, "")
+        if options.get("cascade"):
+            of_cascade = self._loop(scale, "cascade ") | self._cascade(scale)
+            self._fill(bank, contract["cascade"], loop, of_cascade, scale, "cascade ")
+        return bank
+
+    def _loop(self, scale: Scale, whose: str = "") -> dict[str, Access]:
         """How the registers of the control loop are read and written, by name."""
-        chamber, now = self._enclosure, self._world.now
+        chamber, now, shown = self._enclosure, self._world.now, scale.shown
         return {
             "mode": (self._mode, self._set_mode),
             "active_mode": (self._mode, None),
-            "setpoint": (lambda: self._shown(chamber.setpoint_degC), self._set_setpoint),
-            "active_setpoint": (lambda: self._shown(chamber.active_setpoint_degC(now())), None),
-            "process_value": (self._process_value, None),
-            "power": (lambda: chamber.power_pct(now()), None),
-            "setpoint_minimum": (lambda: self._shown(self._minimum), self._set_minimum),
-            "setpoint_maximum": (lambda: self._shown(self._maximum), self._set_maximum),
-            "ramp_rate": (lambda: self._shown_difference(self._ramp_per_scale), self._set_ramp_rate),
+            "setpoint": (lambda: shown(chamber.setpoint_degC), lambda v: self._set_setpoint(scale.celsius(v))),
+            "active_setpoint": (lambda: shown(chamber.active_setpoint_degC(now())), None),
+            "process_value": (lambda: shown(self._air()), None),
+            "power": (self._power_pct, None),
+            "open_loop_power": (lambda: self._open_loop_pct, self._set_open_loop),
+            "setpoint_minimum": (
+                lambda: shown(self._minimum),
+                lambda v: setattr(self, "_minimum", scale.celsius(v)),
+            ),
+            "setpoint_maximum": (
+                lambda: shown(self._maximum),
+                lambda v: setattr(self, "_maximum", scale.celsius(v)),
+            ),
+            "ramp_rate": (
+                lambda: self._ramp_per_scale[whose] * scale.per_kelvin(),
+                lambda v: self._set_ramp_rate(whose, v / scale.per_kelvin()),
+            ),
         }
 
-    def _cascade(self) -> dict[str, Access]:
+    def _cascade(self, scale: Scale) -> dict[str, Access]:
         """Where a cascade differs from a loop: the part follows the air, which is led to the part's own setpoint."""
         chamber, now = self._enclosure, self._world.now
         return {
-            "process_value": (self._part_value, None),
-            "air_value": (self._process_value, None),
-            "air_setpoint": (lambda: self._shown(chamber.active_setpoint_degC(now())), None),
+            "process_value": (lambda: scale.shown(self._part()), None),
+            "air_value": (lambda: scale.shown(self._air()), None),
+            "air_setpoint": (lambda: scale.shown(chamber.active_setpoint_degC(now())), None),
         }
 
-    def _fill(self, entries: Mapping[str, Any], loop: int, access: Mapping[str, Access]) -> None:
+    def _clock(self) -> dict[str, Access]:
+        units = ("hour", "minute", "second", "month", "day", "year")
+        return {f"clock_{unit}": (partial(self._time, unit), None) for unit in units}
+
+    def _time(self, unit: str) -> int:
+        value: int = getattr(datetime.fromtimestamp(self._world.utc(), UTC), unit)
+        return value
+
+    def _switches(self) -> dict[str, Access]:
+        """Event outputs are read and written; a key's state is read, and pressing it is a register of its own."""
+        codes, access = self._codes, dict[str, Access]()
+        for n in range(1, _EVENTS + 1):
+            access[f"event_{n}"] = (partial(self._switch_code, f"event_{n}"), partial(self._set_event, f"event_{n}"))
+        for n in range(1, _KEYS + 1):
+            access[f"key_{n}"] = (partial(self._switch_code, f"key_{n}"), None)
+            access[f"key_press_{n}"] = (lambda: codes["press"]["up"], partial(self._press, f"key_{n}"))
+        return access
+
+    def _switch_code(self, name: str) -> int:
+        return self._codes["switch"]["on" if self._on[name] else "off"]
+
+    def _set_event(self, name: str, code: int) -> None:
+        if code not in self._codes["switch"].values():
+            raise Refused(ILLEGAL_VALUE)
+        self.switch(name, on=code == self._codes["switch"]["on"])
+
+    def _press(self, name: str, code: int) -> None:
+        """Down is on and up is off, as a public client has it: a key that stays where it was pressed to."""
+        if code not in self._codes["press"].values():
+            raise Refused(ILLEGAL_VALUE)
+        self.switch(name, on=code == self._codes["press"]["down"])
+
+    def _fill(
+        self, bank: Bank, entries: Mapping[str, Any], loop: int, access: Mapping[str, Access], scale: Scale, whose: str
+    ) -> None:
         for name, entry in entries.items():
             address, kind, stride = entry["address"], entry["type"], entry.get("stride", 0)
             several: list[Access] | None = None
             if name.startswith("alarm_"):
-                several = [self._alarm_access(name, alarm) for alarm in self._alarms]
+                several = [self._alarm_access(name, alarm, scale) for alarm in self._alarms]
             elif name.startswith("limit_"):
                 several = [(partial(self._limit_code, slot, name), None) for slot in range(_MODULES)]
             if several is not None:
                 for n, (get, put) in enumerate(several):
-                    self.registers.add(address + n * stride, _Register(kind, self._low_first, get, put))
+                    bank.add(address + n * stride, Register(kind, self._low_first, get, put))
                 continue
             if name in access:
                 get, put = access[name]
             elif name in self._fixed:
                 get, put = partial(self._fixed.__getitem__, name), None
             else:
-                get = partial(self._settings.__getitem__, name)
-                put = partial(self._choose, name, self._codes[entry["codes"]])
-            self.registers.add(address + (loop - 1) * stride, _Register(kind, self._low_first, get, put))
+                get = partial(self._settings.__getitem__, whose + name)
+                choose = partial(self._choose, whose + name, self._codes[entry["codes"]])
+                put = choose if entry["access"] == "rw" else None
+            bank.add(address + (loop - 1) * stride, Register(kind, self._low_first, get, put))
 
     def _limit_code(self, slot: int, name: str) -> int:
         return self._limits[slot][name]
 
-    def _alarm_access(self, name: str, alarm: _Alarm) -> Access:
+    def _alarm_access(self, name: str, alarm: _Alarm, scale: Scale) -> Access:
         if name == "alarm_state":
             return lambda: alarm.state, None
         if name == "alarm_type":
@@ -251,7 +259,7 @@ class WatlowF4TTwin:
         def get() -> float:
             absolute = alarm.kind != self._codes["alarm_type"]["deviation"]
             degC: float = getattr(alarm, attribute)
-            return self._shown(degC) if absolute else self._shown_difference(degC)
+            return scale.shown(degC) if absolute else degC * scale.per_kelvin()
 
         return get, None
 
@@ -260,64 +268,63 @@ class WatlowF4TTwin:
             raise Refused(ILLEGAL_VALUE)
         self._settings[name] = value
 
+    def _powered(self) -> bool:
+        """Whether the chamber has power: without, its loop goes on computing and nothing comes of it."""
+        return not self._powered_by or self._on[self._powered_by]
+
     def _mode(self) -> int:
-        return self._codes["mode"]["auto" if self._enclosure.controlled else "off"]
+        if self._powered() and self._enclosure.controlled:
+            return self._codes["mode"]["auto"]
+        return self._codes["mode"][self._mode_name]
 
     def _set_mode(self, code: int) -> None:
         """Manual is taken and controls nothing: nobody has set a manual power."""
-        if code not in self._codes["mode"].values():
+        names = {known: name for name, known in self._codes["mode"].items()}
+        if code not in names:
             raise Refused(ILLEGAL_VALUE)
-        self._command(self._enclosure.setpoint_degC, controlled=code == self._codes["mode"]["auto"])
+        self._mode_name = names[code]
+        self._command(self._enclosure.setpoint_degC)
 
-    def _set_setpoint(self, shown: float) -> None:
-        degC = self._celsius(shown)
+    def _set_setpoint(self, degC: float) -> None:
         if not self._minimum - 1e-4 <= degC <= self._maximum + 1e-4:
             raise Refused(ILLEGAL_VALUE)
-        self._command(degC, controlled=self._enclosure.controlled)
+        self._mode_name = next(name for name, code in self._codes["mode"].items() if code == self._mode())
+        self._command(degC)
 
-    def _command(self, degC: float, *, controlled: bool) -> None:
-        codes = self._codes["ramp_action"]
-        ramping = self._settings["ramp_action"] in (codes["setpoint"], codes["both"])
-        per_minute = 1.0 if self._settings["ramp_scale"] == self._codes["ramp_scale"]["minutes"] else 1.0 / 60.0
-        ramp = self._ramp_per_scale * per_minute if ramping else inf
+    def _command(self, degC: float) -> None:
+        whose, codes = self._in_charge, self._codes["ramp_action"]
+        ramping = self._settings[f"{whose}ramp_action"] in (codes["setpoint"], codes["both"])
+        minutes = self._settings[f"{whose}ramp_scale"] == self._codes["ramp_scale"]["minutes"]
+        ramp = self._ramp_per_scale[whose] * (1.0 if minutes else 1.0 / 60.0) if ramping else inf
+        controlled = self._mode_name == "auto" and self._powered()
         self._enclosure.command(self._world.now(), degC, controlled=controlled, ramp_degC_per_min=ramp)
 
-    def _set_minimum(self, shown: float) -> None:
-        self._minimum = self._celsius(shown)
-
-    def _set_maximum(self, shown: float) -> None:
-        self._maximum = self._celsius(shown)
-
-    def _set_ramp_rate(self, shown: float) -> None:
-        if not shown > 0.0:
+    def _set_ramp_rate(self, whose: str, per_scale: float) -> None:
+        if not per_scale > 0.0:
             raise Refused(ILLEGAL_VALUE)
-        self._ramp_per_scale = shown / self._per_kelvin()
+        self._ramp_per_scale[whose] = per_scale
 
-    def _process_value(self) -> float:
+    def _set_open_loop(self, pct: float) -> None:
+        if not -100.0 <= pct <= 100.0:
+            raise Refused(ILLEGAL_VALUE)
+        self._open_loop_pct = pct
+
+    def _power_pct(self) -> float:
+        """The loop's output; of a chamber without power what it asks for in vain."""
+        chamber, now = self._enclosure, self._world.now()
+        if self._powered() or self._mode_name != "auto":
+            return chamber.power_pct(now)
+        return 100.0 if chamber.setpoint_degC > chamber.air_degC(now) else -100.0
+
+    def _air(self) -> float:
+        return self._reading("process value", self._enclosure.air_degC)
+
+    def _part(self) -> float:
+        return self._reading("part value", self._enclosure.package_degC)
+
+    def _reading(self, sensor: str, truth_degC: Callable[[float], float]) -> float:
         if self.sensor_broken:
             return nan
         now = self._world.now()
-        noise = _PV_NOISE_DEGC * normal(self._seed, f"{self.name} process value", event_at(now))
-        return self._shown(self.inputs.given("process_value", "degC", now, now, self._enclosure.air_degC(now) + noise))
-
-    def _part_value(self) -> float:
-        if self.sensor_broken:
-            return nan
-        now = self._world.now()
-        noise = _PV_NOISE_DEGC * normal(self._seed, f"{self.name} part value", event_at(now))
-        return self._shown(
-            self.inputs.given("process_value", "degC", now, now, self._enclosure.package_degC(now) + noise)
-        )
-
-    def _per_kelvin(self) -> float:
-        return 1.0 if self._settings["display_units"] == self._codes["units"]["C"] else 1.8
-
-    def _shown_difference(self, kelvin: float) -> float:
-        return kelvin * self._per_kelvin()
-
-    def _shown(self, degC: float) -> float:
-        """A temperature in the units the controller talks in."""
-        return degC if self._per_kelvin() == 1.0 else degC * 1.8 + 32.0
-
-    def _celsius(self, shown: float) -> float:
-        return shown if self._per_kelvin() == 1.0 else (shown - 32.0) / 1.8
+        noise = _PV_NOISE_DEGC * normal(self._seed, f"{self.name} {sensor}", event_at(now))
+        return self.inputs.given("process_value", "degC", now, now, truth_degC(now) + noise)

@@ -42,15 +42,21 @@ class SerialCable:
         world: virtual time.
         twin: the instrument.
         tampering: what goes wrong on the cable; None if nothing can.
+        timed: it has a baud rate and a frame, which both ends must have; a network socket has neither.
+
+    Attributes:
+        setting: baud rate and frame; None if it has none.
 
     """
 
-    def __init__(self, world: World, twin: SerialTwin, tampering: Tampering | None = None) -> None:
+    def __init__(
+        self, world: World, twin: SerialTwin, tampering: Tampering | None = None, *, timed: bool = True
+    ) -> None:
         self.world = world
         self._tampering = tampering
-        self.setting = (twin.baud, twin.frame)
+        self.setting = (twin.baud, twin.frame) if timed else None
         self._twin = twin
-        self._character_s = bits_per_character(twin.frame) / twin.baud
+        self._character_s = bits_per_character(twin.frame) / twin.baud if timed else 0.0
         self._to_twin_free = 0.0
         self._to_host_free = 0.0
         self._receive: Callable[[bytes], None] | None = None

@@ -59,7 +59,7 @@ class Serial(SerialBase):
     def _reconfigure_port(self, force_update: bool = False) -> None:
         if self._cable is not None:
             frame = f"{self.bytesize}{self.parity}{self.stopbits:g}"
-            self._understood = (self.baudrate, frame) == self._cable.setting
+            self._understood = self._cable.setting in (None, (self.baudrate, frame))
 
     def _plugged(self) -> SerialCable:
         if self._cable is None:

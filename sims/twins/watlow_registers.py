@@ -1,0 +1,128 @@
+"""Registers of the simulated Watlow F4T: words at their addresses, and temperatures in the unit of a channel."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from sims.wires.modbus_slave import ILLEGAL_ADDRESS, Refused
+
+_STRUCT = {"uint16": ">H", "int32": ">i", "float32": ">f"}
+
+Value = float | int | str
+Access = tuple[Callable[[], Value], Callable[[Any], None] | None]
+"""How a register is read and written."""
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Temperatures as one of the controller's ports tells them.
+
+    Attributes:
+        fahrenheit: whether that port is set to degrees Fahrenheit now.
+
+    """
+
+    fahrenheit: Callable[[], bool]
+
+    def per_kelvin(self) -> float:
+        """Degrees of this port to a kelvin."""
+        return 1.8 if self.fahrenheit() else 1.0
+
+    def shown(self, degC: float) -> float:
+        """A temperature as it is on the wire."""
+        return degC * 1.8 + 32.0 if self.fahrenheit() else degC
+
+    def celsius(self, shown: float) -> float:
+        """What a number on the wire means."""
+        return (shown - 32.0) / 1.8 if self.fahrenheit() else shown
+
+
+class Register:
+    """One parameter in one or more words.
+
+    Args:
+        kind: type as the register map names it.
+        low_first: order of the words of a number.
+        get: its value now.
+        put: sets it, None if it is read only; raises `Refused`.
+
+    """
+
+    def __init__(self, kind: str, low_first: bool, get: Callable[[], Value], put: Callable[[Any], None] | None) -> None:
+        self._kind = kind
+        self._low_first = low_first
+        self._get = get
+        self._put = put
+        self.size = int(kind.partition(":")[2]) if kind.startswith("text:") else struct.calcsize(_STRUCT[kind]) // 2
+
+    def words(self) -> list[int]:
+        """Its value as words."""
+        value = self._get()
+        if isinstance(value, str):
+            return [ord(c) for c in value.ljust(self.size, "\0")]
+        packed = struct.pack(_STRUCT[self._kind], value)
+        words = list(struct.unpack(f">{self.size}H", packed))
+        return words[::-1] if self._low_first else words
+
+    def set(self, words: Sequence[int]) -> None:
+        """Set its value from all of its words."""
+        if self._put is None or len(words) != self.size:
+            raise Refused(ILLEGAL_ADDRESS)
+        ordered = words[::-1] if self._low_first else words
+        (value,) = struct.unpack(_STRUCT[self._kind], struct.pack(f">{self.size}H", *ordered))
+        self._put(value)
+
+
+class Bank:
+    """Registers at their addresses, as one port of the controller has them.
+
+    Args:
+        identity: what function 17 reports.
+
+    """
+
+    def __init__(self, identity: bytes) -> None:
+        self.identity = identity
+        self._at: dict[int, tuple[Register, int]] = {}
+
+    def add(self, address: int, register: Register) -> None:
+        """Put a register at an address."""
+        for offset in range(register.size):
+            self._at[address + offset] = (register, offset)
+
+    def read(self, address: int, count: int) -> list[int]:
+        """See `sims.wires.modbus_slave.Registers`; every word must belong to a register.
+
+        A parameter of 16 bits has two addresses: public clients read across the second, which is 0 here [?].
+        """
+        words: list[int] = []
+        single = False
+        while len(words) < count:
+            at = address + len(words)
+            if single and at not in self._at:
+                words.append(0)
+                single = False
+                continue
+            register, offset = self._find(at)
+            single = register.size == 1
+            words += register.words()[offset:]
+        return words[:count]
+
+    def write(self, address: int, words: Sequence[int]) -> None:
+        """See `sims.wires.modbus_slave.Registers`; registers are written whole."""
+        done = 0
+        while done < len(words):
+            register, offset = self._find(address + done)
+            if offset:
+                raise Refused(ILLEGAL_ADDRESS)
+            register.set(words[done : done + register.size])
+            done += register.size
+
+    def _find(self, address: int) -> tuple[Register, int]:
+        try:
+            return self._at[address]
+        except KeyError:
+            raise Refused(ILLEGAL_ADDRESS) from None
