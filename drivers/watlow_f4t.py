@@ -7,63 +7,30 @@ program hands over as text. This module knows only what to do with them.
 from __future__ import annotations
 
 import math
-import struct
 import tomllib
-from collections.abc import Iterator, Mapping
-from functools import lru_cache
+from collections.abc import Iterator
 from typing import ClassVar, Literal
 
 from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
 
 from drivers.clock import Clock
-from drivers.errors import BadReply, InstrumentError, LimitError, WrongInstrument
+from drivers.errors import BadReply, InstrumentError, LimitError, NotReady, WrongInstrument
 from drivers.roles import ChamberState, Identity
+from drivers.watlow_map import MappedDevice, map_of
 from drivers.wires import Wires
 from drivers.wires.addresses import Wire
-from drivers.wires.modbus import float_of_words, words_of_float
+from drivers.wires.modbus import float_of_words
 
-_READBACK = 1e-5  # relative; a setpoint passes through single precision
+_MARGIN_K = 20.0  # how far from its limits and from ambient a chamber may be found
 _ILLEGAL_ADDRESS = 2
 _ALARMING = ("high", "low", "error")
-_WORDS = {"uint16": 1, "int32": 2, "float32": 2}
 
 
-class RegisterEntry(BaseModel, extra="forbid", frozen=True):
-    """One register of the map.
-
-    Attributes:
-        address: relative address.
-        type: "uint16", "int32", "float32" or "text:N".
-        access: "r" or "rw".
-        stride: distance to the next loop's, alarm's or module's.
-        codes: name of the table of its codes.
-
-    """
-
-    address: int = Field(ge=0, le=65535)
-    type: str = Field(pattern=r"^(uint16|int32|float32|text:\d+)$")
-    access: Literal["r", "rw"]
-    stride: int = 0
-    codes: str = ""
+def _register(power: str) -> str:
+    return power.replace("-", "_")
 
 
-class RegisterMap(BaseModel, extra="forbid", frozen=True):
-    """A device's registers and codes; those of `cascade` take the place of others where a cascade is controlled."""
-
-    maker: str
-    model: str
-    word_order: Literal["low-first", "high-first"]
-    registers: Mapping[str, RegisterEntry]
-    cascade: Mapping[str, RegisterEntry] = Field(default_factory=dict)
-    codes: Mapping[str, Mapping[str, int]]
-
-
-@lru_cache(maxsize=8)
-def _map_of(text: str) -> RegisterMap:
-    return RegisterMap.model_validate(tomllib.loads(text))
-
-
-class WatlowF4T:
+class WatlowF4T(MappedDevice):
     """One control loop of the controller, or one cascade of two; satisfies `drivers.roles.Chamber`.
 
     Nothing it is known to tell shows that its power has been off: settings and setpoint survive that.
@@ -93,8 +60,14 @@ class WatlowF4T:
         safe_degC: float = Field(23.0, description="setpoint of the safe state: about ambient")
         alarms: int = Field(4, ge=0, le=14, description="how many of the controller's alarms are watched")
         limit_modules: list[int] = Field([], max_length=6, description="slots (1 to 6) of limit controllers to watch")
-        units: Literal["display", "C", "F"] = Field(
-            "display", description="what temperatures on the wire are in; display: whatever its display shows"
+        units: Literal["modbus", "C", "F"] = Field(
+            "modbus",
+            description="what temperatures on the wire are in; modbus: as the controller's own Modbus setting says",
+        )
+        power: str = Field(
+            "none",
+            pattern=r"^(none|event-[1-8]|key-[1-4])$",
+            description="what gives the chamber power: event-1 to event-8, key-1 to key-4, or none but the loop itself",
         )
         timeout_s: float = Field(1.0, gt=0, description="wait for a reply")
         register_map: str = Field(description="text of the register map; supplied unless the bench has its own")
@@ -103,10 +76,20 @@ class WatlowF4T:
         @classmethod
         def _readable(cls, text: str) -> str:
             try:
-                _map_of(text)
+                map_of(text)
             except (tomllib.TOMLDecodeError, ValidationError) as error:
                 raise ValueError(f"the register map cannot be read: {error}") from error
             return text
+
+        @field_validator("units", mode="before")
+        @classmethod
+        def _not_the_display(cls, units: object) -> object:
+            if units == "display":
+                raise ValueError(
+                    "the display's unit is not that of Modbus; leave units out, or write C or F as the controller's "
+                    "menu Settings, Network, Modbus has it"
+                )
+            return units
 
         @model_validator(mode="after")
         def _consistent(self) -> WatlowF4T.Options:
@@ -116,11 +99,13 @@ class WatlowF4T:
                 raise ValueError(f"safe_degC {self.safe_degC:g} is outside low_degC to high_degC")
             if not all(1 <= slot <= 6 for slot in self.limit_modules):
                 raise ValueError(f"limit_modules {self.limit_modules}: a controller has slots 1 to 6")
-            if self.cascade and self.ramp_degC_per_min is not None:
-                raise ValueError("a cascade's ramp cannot be set from here; leave ramp_degC_per_min out")
-            registers = _map_of(self.register_map)
+            registers = map_of(self.register_map)
             if self.cascade and not registers.cascade:
                 raise ValueError("the register map knows no cascade")
+            if self.cascade and self.ramp_degC_per_min is not None and "ramp_rate" not in registers.cascade:
+                raise ValueError("the register map knows no ramp of a cascade; leave ramp_degC_per_min out")
+            if self.power != "none" and _register(self.power) not in registers.registers:
+                raise ValueError(f"the register map knows no {self.power}")
             if self.limit_modules and "limit_state" not in registers.registers:
                 raise ValueError("the register map knows no limit_modules")
             return self
@@ -128,10 +113,13 @@ class WatlowF4T:
     def __init__(self, name: str, address: str, options: Options, wires: Wires, clock: Clock) -> None:
         self.name = name
         self._options = options
-        self._map = _map_of(options.register_map)
-        self._low_first = self._map.word_order == "low-first"
-        self._names = {of: {code: known for known, code in codes.items()} for of, codes in self._map.codes.items()}
-        self._line = wires.modbus(address, name, options.timeout_s)
+        line = wires.modbus(address, name, options.timeout_s)
+        super().__init__(line, map_of(options.register_map), options.loop, cascade=options.cascade)
+        self._unit_register = f"modbus_units_{'rtu' if self._line.rtu else 'tcp'}"
+        self._tells_unit = self._unit_register in self._map.registers
+        self._found_unit = ""
+        self._unit_witnessed = False
+        self._power = "" if options.power == "none" else _register(options.power)
 
     def identify(self) -> Identity:
         """See `Instrument.identify`."""
@@ -149,21 +137,26 @@ class WatlowF4T:
         return Identity(self._map.maker, part, str(self._integer("serial_number")), firmware)
 
     def prepare(self) -> None:
-        """Set the ramp and check that the controller accepts the bench's range. The setpoint stays.
+        """Set the ramp and check that the controller accepts the bench's range. Setpoint and power stay.
 
         Raises:
             LimitError: the controller's own setpoint range is narrower than the bench's.
-            BadReply: a setting reads back as something else.
+            NotReady: a cascade's air control is on.
+            BadReply: a setting reads back as something else, or the unit of temperature is in doubt.
 
         """
         fahrenheit = self._fahrenheit()
-        low, high = (self._temperature(name, fahrenheit) for name in ("setpoint_minimum", "setpoint_maximum"))
-        if self._options.low_degC < low - 1e-3 or self._options.high_degC > high + 1e-3:
+        low, high = self._range(fahrenheit)
+        if not self._holds_ours(low, high):
             raise LimitError(
                 f"{self._line.where}: the bench allows {self._options.low_degC:g} to {self._options.high_degC:g} degC, "
                 f"the controller's own setpoint range is {low:g} to {high:g} degC; narrow one or widen the other"
             )
-        if self._options.cascade:
+        if self._power:
+            self._powered()
+        if self._options.cascade and "air_control" in self._map.cascade and self._code("air_control") != "off":
+            raise NotReady(f"{self._line.where}: its Air Control is on, so that it is no cascade; switch it off there")
+        if self._options.cascade and "ramp_action" not in self._map.cascade:
             return
         ramp = self._options.ramp_degC_per_min
         if ramp is None:
@@ -178,11 +171,11 @@ class WatlowF4T:
         return self._options.low_degC, self._options.high_degC
 
     def set_temperature(self, degC: float) -> None:
-        """See `Chamber.set_temperature`; the setpoint is read back before control is switched on.
+        """See `Chamber.set_temperature`; the setpoint is read back before control and power are switched on.
 
         Raises:
             LimitError: outside the bench's range, or no number.
-            BadReply: the setpoint reads back as something else.
+            BadReply: the setpoint, the mode or the power reads back as something else, or the unit is in doubt.
 
         """
         low, high = self.limits()
@@ -191,6 +184,8 @@ class WatlowF4T:
         self._set_setpoint(degC, self._fahrenheit())
         if self._code("mode") != "auto":
             self._set_code("mode", "auto")
+        if self._power and not self._powered():
+            self._switch_on()
 
     def read(self) -> ChamberState:
         """See `Chamber.read`. The setpoint is the commanded one, also while a ramp is on its way to it."""
@@ -199,7 +194,7 @@ class WatlowF4T:
             setpoint_degC=self._temperature("setpoint", fahrenheit),
             temperature_degC=self._temperature("process_value", fahrenheit),
             power_pct=self._number("power"),
-            running=self._code("active_mode") == "auto",
+            running=self._code("active_mode") == "auto" and self._powered(),
             alarms=(*self._alarms(fahrenheit), *self._limits_tripped()),
         )
 
@@ -211,8 +206,14 @@ class WatlowF4T:
         self._set_setpoint(here, fahrenheit)
 
     def make_safe(self) -> None:
-        """See `Instrument.make_safe`: to the safe setpoint, under control."""
-        self.set_temperature(self._options.safe_degC)
+        """See `Instrument.make_safe`: to the safe setpoint, under control; what is off stays off.
+
+        A chamber that somebody, or its own protection, has switched off heats nothing, and is not started by a fault
+        elsewhere. The unit is the controller's own of this moment, also if it has just been changed.
+        """
+        self._set_setpoint(self._options.safe_degC, self._fahrenheit(may_change=True))
+        if self._powered() and self._code("mode") not in ("auto", "off"):
+            self._set_code("mode", "auto")
 
     def close(self) -> None:
         """See `Instrument.close`."""
@@ -246,67 +247,121 @@ class WatlowF4T:
             elif state == "error":
                 yield f"limit controller in slot {slot}: tripped; reset it at the chamber"
 
-    def _entry(self, name: str) -> RegisterEntry:
-        if self._options.cascade and name in self._map.cascade:
-            return self._map.cascade[name]
-        return self._map.registers[name]
+    def _powered(self) -> bool:
+        """Whether what gives the chamber its power is on; anybody may switch it at the panel."""
+        if not self._power:
+            return True
+        found = self._code(self._power)
+        if found not in ("on", "off"):
+            raise BadReply(f"{self._line.where}: {self._options.power} reads {found}, neither on nor off")
+        return found == "on"
 
-    def _address(self, name: str, number: int = 0) -> int:
-        """Where a register is; `number` chooses the alarm or module, the loop is this driver's own."""
-        entry = self._entry(name)
-        return entry.address + ((number or self._options.loop) - 1) * entry.stride
+    def _switch_on(self) -> None:
+        if self._power.startswith("event"):
+            self._set_code(self._power, "on")
+            return
+        press = self._power.replace("key", "key_press")
+        self._line.write(self._address(press), [self._map.codes[self._entry(press).codes]["down"]])
+        if not self._powered():
+            raise BadReply(
+                f"{self._line.where}: {self._options.power} was pressed and reads off; a key that does not stay on "
+                f"does not show whether the chamber runs: declare the event output that does, or power = none"
+            )
 
-    def _words(self, name: str, number: int = 0) -> list[int]:
-        kind = self._entry(name).type
-        count = int(kind.partition(":")[2]) if kind.startswith("text:") else _WORDS[kind]
-        return self._line.read(self._address(name, number), count)
+    def _fahrenheit(self, *, may_change: bool = False) -> bool:
+        """Whether temperatures on this wire are in degrees Fahrenheit; anybody may change that on the panel.
 
-    def _text(self, name: str) -> str:
-        return "".join(chr(word) for word in self._words(name) if word).strip()
+        The panel's own unit is another setting and tells nothing. What does is the Modbus setting of the port that
+        this wire ends in, or the bench file for a controller without it; what else is known has to agree.
+        """
+        own, declared = self._own_unit(), self._options.units
+        if not own and declared == "modbus":
+            raise BadReply(
+                f"{self._line.where}: it does not tell the unit of its Modbus temperatures (no register "
+                f"{self._unit_register}); write units = C or F in the bench file, as its menu Settings, Network, "
+                f"Modbus has it: what its display shows is another setting"
+            )
+        if own and declared not in ("modbus", own):
+            raise BadReply(
+                f"{self._line.where}: the bench file says units = {declared}, the controller's own Modbus setting "
+                f"({self._unit_register}) is {own}; correct one of them"
+            )
+        unit = own or declared
+        changed = self._found_unit not in ("", unit)
+        if changed and not may_change:
+            raise BadReply(
+                f"{self._line.where}: the unit of its Modbus temperatures was {self._found_unit} and is {unit} now; "
+                f"set it back, or resume the run: programs that have not noticed set wrong temperatures"
+            )
+        if changed or not self._unit_witnessed:
+            self._check_witnesses(unit == "F")
+        self._found_unit = unit
+        return unit == "F"
 
-    def _integer(self, name: str) -> int:
-        words = self._words(name)
-        high, low = words[::-1] if self._low_first else words
-        value: int = struct.unpack(">i", struct.pack(">HH", high, low))[0]
-        return value
+    def _own_unit(self) -> str:
+        """C or F as the controller's setting for this wire has it, "" if it has none."""
+        if not self._tells_unit:
+            return ""
+        try:
+            unit = self._code(self._unit_register)
+        except InstrumentError as error:
+            if error.code != _ILLEGAL_ADDRESS:
+                raise
+            self._tells_unit = False
+            return ""
+        if unit not in ("C", "F"):  # a setpoint in the wrong one is tens of degrees off
+            raise BadReply(f"{self._line.where}: its {self._unit_register} read {unit}, neither C nor F")
+        return unit
 
-    def _code(self, name: str, number: int = 0) -> str:
-        """A code's name; a code that the map does not know is kept as its number."""
-        codes = self._entry(name).codes
-        (word,) = self._words(name, number)
-        return self._names[codes].get(word, f"code {word}")
-
-    def _set_code(self, name: str, value: str) -> None:
-        code = self._map.codes[self._entry(name).codes][value]
-        self._line.write(self._address(name), [code])
-        found = self._code(name)
-        if found != value:
-            raise BadReply(f"{self._line.where}: {name} was set to {value} and reads back {found}")
-
-    def _number(self, name: str, number: int = 0) -> float:
-        value = float_of_words(self._words(name, number), low_first=self._low_first)
+    def _check_witnesses(self, fahrenheit: bool) -> None:
+        """Refuse a unit in which the chamber's temperature or range makes no sense while the other one does."""
+        this, other = ("F", "C") if fahrenheit else ("C", "F")
+        try:
+            ours, theirs = self._range(fahrenheit), self._range(not fahrenheit)
+            if not self._holds_ours(*ours) and self._holds_ours(*theirs):
+                raise self._doubtful(
+                    f"its setpoint range is {ours[0]:.4g} to {ours[1]:.4g} degC if its unit is {this}, which does not "
+                    f"hold the bench's range, and {theirs[0]:.4g} to {theirs[1]:.4g} degC if it is {other}"
+                )
+            value = float_of_words(self._words("process_value"), low_first=self._low_first)
+        except InstrumentError as error:
+            if error.code != _ILLEGAL_ADDRESS:
+                raise
+            return  # no witness
         if not math.isfinite(value):
-            raise BadReply(f"{self._line.where}: {name} reads {value}; look at the controller's sensor")
-        return value
+            return  # a broken sensor says nothing of units
+        here, there = _celsius(value, fahrenheit), _celsius(value, not fahrenheit)
+        if not self._plausible(here) and self._plausible(there):
+            raise self._doubtful(
+                f"it reads {value:.4g}, which is {here:.4g} degC if its unit is {this}, no temperature of this "
+                f"chamber, and {there:.4g} degC if it is {other}"
+            )
+        self._unit_witnessed = self._plausible(here)
 
-    def _set_number(self, name: str, value: float) -> None:
-        self._line.write(self._address(name), words_of_float(value, low_first=self._low_first))
-        found = self._number(name)
-        if not math.isclose(found, value, rel_tol=_READBACK, abs_tol=1e-4):
-            raise BadReply(f"{self._line.where}: {name} was set to {value:g} and reads back {found:g}")
+    def _doubtful(self, what: str) -> BadReply:
+        return BadReply(
+            f"{self._line.where}: {what}; compare with its display, then correct its Modbus unit (menu Settings, "
+            f"Network, Modbus) or the bench file's units or limits; nothing was set"
+        )
 
-    def _fahrenheit(self) -> bool:
-        """Whether temperatures on the wire are in degrees Fahrenheit; anybody may change that on the panel."""
-        units: str = self._options.units
-        if units == "display":
-            units = self._code("display_units")
-        if units not in ("C", "F"):  # a setpoint in the wrong one is tens of degrees off
-            raise BadReply(f"{self._line.where}: its display_units read {units}, neither C nor F")
-        return units == "F"
+    def _plausible(self, degC: float) -> bool:
+        """Whether the chamber may be found at this temperature: about its range, or about ambient."""
+        low, high = self.limits()
+        return low - _MARGIN_K <= degC <= high + _MARGIN_K
+
+    def _range(self, fahrenheit: bool) -> tuple[float, float]:
+        low, high = (self._temperature(name, fahrenheit) for name in ("setpoint_minimum", "setpoint_maximum"))
+        return low, high
+
+    def _holds_ours(self, low: float, high: float) -> bool:
+        return low - 1e-3 <= self._options.low_degC and self._options.high_degC <= high + 1e-3
 
     def _temperature(self, name: str, fahrenheit: bool) -> float:
-        value = self._number(name)
-        return (value - 32.0) / 1.8 if fahrenheit else value
+        return _celsius(self._number(name), fahrenheit)
 
     def _set_setpoint(self, degC: float, fahrenheit: bool) -> None:
         self._set_number("setpoint", degC * 1.8 + 32.0 if fahrenheit else degC)
+
+
+def _celsius(value: float, fahrenheit: bool) -> float:
+    return (value - 32.0) / 1.8 if fahrenheit else value

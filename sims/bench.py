@@ -11,7 +11,7 @@ from sims.physics import Plant, read_truth, sensor_axes
 from sims.physics.truth import FAULTS
 from sims.tape import Tape
 from sims.wires.can_line import CanCable
-from sims.wires.modbus_line import ModbusCable, ModbusEndpoint
+from sims.wires.modbus_line import ModbusCable, ModbusEndpoint, registers_of
 from sims.wires.serial_line import SerialCable, register, unregister
 from sims.world import EPOCH_UTC, World
 
@@ -104,8 +104,8 @@ class SimBench:
 
     def _modbus(self, address: str) -> ModbusCable:
         name = self._at(address)
-        port = "rtu" if self._addresses[name].startswith("modbus-rtu:") else "tcp"
-        endpoint = ModbusEndpoint(self.world, {1: self._twins[name].ports[port]})  # in TCP's frames, whichever port
+        registers = registers_of(self._twins[name], self._addresses[name])
+        endpoint = ModbusEndpoint(self.world, {1: registers})  # in TCP's frames, whichever port
         return ModbusCable(self.world, endpoint.on_rx, self.wire(name))
 
     def _can(self, address: str) -> CanCable:

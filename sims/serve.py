@@ -19,7 +19,7 @@ from typing import Any
 
 from sims.bench import SimBench, world_for
 from sims.wires.can_line import on_one_bus
-from sims.wires.modbus_line import ModbusEndpoint
+from sims.wires.modbus_line import ModbusEndpoint, registers_of
 from sims.wires.ports import Port, PseudoTerminal, TcpPort
 from sims.wires.slcan import SlcanAdapter
 from sims.world import Pace
@@ -127,7 +127,7 @@ def _open(
         case "modbus":
             units = {n: int(address.partition("?")[0].rpartition("/")[2]) for n, address in addresses.items()}
             rtu, over_tcp = first.startswith("modbus-rtu:"), first.startswith("modbus-rtu://socket:")
-            devices = {unit: twins[n].ports["rtu" if rtu else "tcp"] for n, unit in units.items()}
+            devices = {unit: registers_of(twins[n], first) for n, unit in units.items()}
 
             def end() -> ModbusEndpoint:
                 return ModbusEndpoint(sim.world, devices, rtu=rtu)

@@ -54,11 +54,16 @@ class Simulated(Generic[Driver, Twin]):
         return list(self.log)
 
 
-def oven(truth: dict[str, Any] | None = None, **options: Any) -> Simulated[WatlowF4T, WatlowF4TTwin]:
+def oven(
+    truth: dict[str, Any] | None = None, modbus_units: str = "F", wiring: str = "", **options: Any
+) -> Simulated[WatlowF4T, WatlowF4TTwin]:
+    """A chamber; its Modbus ports talk in `modbus_units`, and `wiring` powers it, as the options say if not given."""
     world = World()
     plant = Plant(world, truth or {}, {})
     given = {"register_map": REGISTER_MAP, **options}
-    twin = WatlowF4TTwin("oven", given, world, plant, "SN004711")
+    wired = {**given, "power": wiring} if wiring else given
+    twin = WatlowF4TTwin("oven", wired, world, plant, "SN004711")
+    twin.set_units(tcp=modbus_units, rtu=modbus_units)
     log: list[str] = []
 
     def make() -> WatlowF4T:

@@ -17,6 +17,7 @@ from sims.wires.modbus_slave import Refused
 
 WITHOUT_MORE = re.sub(r"(?ms)^(limit_\w+ = .*?$|\[cascade\].*?(?=^\[))", "", REGISTER_MAP)
 """The map of a controller without cascades and limit controllers."""
+NO_RAMP = re.sub(r"(?m)^ramp_\w+ = \{ address = 40.*?$", "", REGISTER_MAP)
 
 
 class Independent(ModbusTcpClient):
@@ -60,24 +61,33 @@ def test_identity_is_part_number_serial_number_and_firmware() -> None:
     assert oven().driver.identify() == Identity("Watlow", "F4T1A2CAA1A1AAA", "4711", "5.3")
 
 
+def pdus(lines: list[str]) -> list[str]:
+    """Without MBAP heads."""
+    return [f"{line[:3]}{line[3 + 14 :]}" for line in lines]
+
+
 def test_setting_a_temperature_is_the_manuals_registers_low_word_first() -> None:
-    bench = oven(units="C")
-    assert bench.bytes_of(lambda: bench.driver.set_temperature(23.5)) == [
-        f"tx {adu(1, bytes.fromhex('10 0ADE 0002 04 0000 41BC'))}",  # 2782: set point
-        f"rx {adu(1, bytes.fromhex('10 0ADE 0002'))}",
-        f"tx {adu(2, bytes.fromhex('03 0ADE 0002'))}",
-        f"rx {adu(2, bytes.fromhex('03 04 0000 41BC'))}",
-        f"tx {adu(3, bytes.fromhex('03 0AAA 0001'))}",  # 2730: control mode, 10 auto
-        f"rx {adu(3, bytes.fromhex('03 02 000A'))}",
+    bench = oven(modbus_units="C")
+    bench.driver.prepare()  # the unit's other witnesses are asked once
+    assert pdus(bench.bytes_of(lambda: bench.driver.set_temperature(23.5))) == [
+        "tx 031a4a0001",  # 6730: unit of Modbus TCP
+        "rx 0302000f",
+        "tx 100ade000204000041bc",  # 2782: set point
+        "rx 100ade0002",
+        "tx 030ade0002",
+        "rx 0304000041bc",
+        "tx 030aaa0001",  # 2730: control mode, 10 auto
+        "rx 0302000a",
     ]
 
 
 def test_reading_asks_for_set_point_process_value_power_mode_and_alarms() -> None:
-    bench = oven(units="C", alarms=2, loop=3)
+    bench = oven(modbus_units="C", alarms=2, loop=3)
+    bench.driver.prepare()
     bench.world.sleep(1.0)
     sent = [line for line in bench.bytes_of(bench.driver.read) if line.startswith("tx")]
     addresses = [int(line[-8:-4], 16) for line in sent]
-    assert addresses == [2782 + 320, 2820 + 320, 2808 + 320, 2814 + 320, 1356, 1456]
+    assert addresses == [6730, 2782 + 320, 2820 + 320, 2808 + 320, 2814 + 320, 1356, 1456]
 
 
 def test_the_enclosure_goes_to_the_setpoint_and_the_readings_say_so() -> None:
@@ -96,29 +106,10 @@ def test_the_enclosure_goes_to_the_setpoint_and_the_readings_say_so() -> None:
     assert state.alarms == ()
 
 
-def test_units_follow_the_display_whichever_it_shows() -> None:
-    bench = oven()
-    client = Independent(ModbusCable(bench.world, bench.twin.on_rx))
-    assert client.read_holding_registers(1328).registers == [30], "as shipped: degrees Fahrenheit"
-    bench.driver.set_temperature(25.0)
-    assert client.number(2782) == pytest.approx(77.0)
-    client.write_register(1328, 15)
-    assert client.number(2782) == pytest.approx(25.0)
-    assert bench.driver.read().setpoint_degC == pytest.approx(25.0)
-
-
-def test_units_that_make_no_sense_set_no_temperature(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A reply cut on its way had the code 1 for the units, and 23 degC were sent as 23 degF."""
-    bench = oven()
-    monkeypatch.setattr(bench.driver, "_words", lambda name, number=0: [1])
-    with pytest.raises(BadReply, match="display_units read code 1, neither C nor F"):
-        bench.driver.set_temperature(23.0)
-
-
 def test_a_ramp_is_set_and_followed() -> None:
-    bench = oven(ramp_degC_per_min=0.5, units="C")
+    bench = oven(ramp_degC_per_min=0.5, modbus_units="C")
     client = Independent(ModbusCable(bench.world, bench.twin.on_rx))
-    client.write_register(1328, 15)
+    client.write_register(6730, 15)
     bench.driver.prepare()
     assert [client.read_holding_registers(a).registers[0] for a in (2794, 2796)] == [85, 57]
     assert client.number(2798) == pytest.approx(0.5)
@@ -179,7 +170,7 @@ def test_a_controller_that_allows_less_than_the_bench_is_told() -> None:
 @pytest.mark.parametrize("units", ["C", "F"])
 def test_alarms_are_named_with_the_limit_that_was_passed(units: str) -> None:
     bench = oven()
-    Independent(ModbusCable(bench.world, bench.twin.on_rx)).write_register(1328, {"C": 15, "F": 30}[units])
+    Independent(ModbusCable(bench.world, bench.twin.on_rx)).write_register(6730, {"C": 15, "F": 30}[units])
     bench.twin.set_alarm(1, "low", "process", -10.0)
     bench.twin.set_alarm(2, "high", "deviation", 5.0)
     bench.twin.set_alarm(3, "blocked")
@@ -240,34 +231,36 @@ def test_a_broken_sensor_gives_no_temperature() -> None:
 
 
 def test_the_second_loop_is_160_registers_on_and_its_alarms_are_the_controllers() -> None:
-    bench = oven(units="C", loop=2, alarms=1)
+    bench = oven(modbus_units="C", loop=2, alarms=1)
     client = Independent(ModbusCable(bench.world, bench.twin.on_rx))
-    client.write_register(1328, 15)
+    client.write_register(6730, 15)
     bench.driver.prepare()
     bench.driver.set_temperature(-20.0)
     assert client.number(2782 + 160) == -20.0
     assert client.read_holding_registers(2730 + 160).registers == [10]
     assert client.read_holding_registers(2782).isError(), "the first loop is not this twin's"
     sent = [line for line in bench.bytes_of(bench.driver.read) if line.startswith("tx")]
-    assert [int(line[-8:-4], 16) for line in sent] == [2942, 2980, 2968, 2974, 1356]
+    assert [int(line[-8:-4], 16) for line in sent] == [6730, 2942, 2980, 2968, 2974, 1356]
 
 
 def test_a_cascade_is_set_and_read_at_its_own_registers() -> None:
-    bench = oven(units="C", cascade=True, alarms=1)
-    sent = [line for line in bench.bytes_of(lambda: bench.driver.set_temperature(30.0)) if line.startswith("tx")]
-    assert sent[0] == f"tx {adu(1, bytes.fromhex('10 0FCA 0002 04 0000 41F0'))}", "4042: the part's set point"
-    assert [int(line[-8:-4], 16) for line in sent[1:]] == [4042, 4010]
+    bench = oven(modbus_units="C", cascade=True, alarms=1)
+    bench.driver.prepare()
+    sent = [line for line in pdus(bench.bytes_of(lambda: bench.driver.set_temperature(30.0))) if line.startswith("tx")]
+    assert sent[1] == "tx 100fca000204000041f0", "4042: the part's set point"
+    assert [int(line[-8:-4], 16) for line in (sent[0], *sent[2:])] == [6730, 4042, 4010]
     sent = [line for line in bench.bytes_of(bench.driver.read) if line.startswith("tx")]
-    assert [int(line[-8:-4], 16) for line in sent] == [4042, 4180, 4178, 4012, 1356]
-    second = oven(units="C", cascade=True, alarms=0, loop=2)
+    assert [int(line[-8:-4], 16) for line in sent] == [6730, 4042, 4180, 4178, 4012, 1356]
+    second = oven(modbus_units="C", cascade=True, alarms=0, loop=2)
+    second.driver.prepare()
     sent = [line for line in second.bytes_of(second.driver.read) if line.startswith("tx")]
-    assert [int(line[-8:-4], 16) for line in sent] == [4242, 4380, 4378, 4212]
+    assert [int(line[-8:-4], 16) for line in sent] == [6730, 4242, 4380, 4378, 4212]
 
 
 def test_in_a_cascade_the_temperature_is_the_parts_which_follows_the_air() -> None:
     bench = oven(cascade=True)
     client = Independent(ModbusCable(bench.world, bench.twin.on_rx))
-    client.write_register(1328, 15)
+    client.write_register(6730, 15)
     bench.driver.prepare()
     bench.driver.set_temperature(40.0)
     bench.world.sleep(900.0)
@@ -288,7 +281,7 @@ def test_in_a_cascade_the_temperature_is_the_parts_which_follows_the_air() -> No
 def test_the_range_of_a_cascade_is_checked() -> None:
     bench = oven(cascade=True, high_degC=120.0)
     client = Independent(ModbusCable(bench.world, bench.twin.on_rx))
-    client.write_register(1328, 15)
+    client.write_register(6730, 15)
     client.set(4036, 110.0)
     with pytest.raises(LimitError, match="the controller's own setpoint range is -40 to 110 degC"):
         bench.driver.prepare()
@@ -353,7 +346,10 @@ def test_settings_survive_a_power_cycle() -> None:
         ({"register_map": REGISTER_MAP, "safe_degC": 400.0}, "safe_degC 400 is outside"),
         ({"register_map": REGISTER_MAP, "setpoint": 1}, "Extra inputs"),
         ({"register_map": REGISTER_MAP, "limit_modules": [7]}, "a controller has slots 1 to 6"),
-        ({"register_map": REGISTER_MAP, "cascade": True, "ramp_degC_per_min": 2.0}, "a cascade's ramp cannot be set"),
+        ({"register_map": NO_RAMP, "cascade": True, "ramp_degC_per_min": 2.0}, "the register map knows no ramp"),
+        ({"register_map": REGISTER_MAP.replace("event_2", "event_x"), "power": "event-2"}, "knows no event-2"),
+        ({"register_map": REGISTER_MAP, "power": "event-9"}, "should match pattern"),
+        ({"register_map": REGISTER_MAP, "units": "display"}, "the display's unit is not that of Modbus"),
         ({"register_map": WITHOUT_MORE, "cascade": True}, "the register map knows no cascade"),
         ({"register_map": WITHOUT_MORE, "limit_modules": [5]}, "the register map knows no limit_modules"),
     ],

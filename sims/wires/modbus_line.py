@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 from collections.abc import Callable, Mapping
 from functools import partial
+from typing import Any
 
 from sims.wires.modbus_slave import Registers, RtuSlave, TcpSlave
 from sims.wires.tampering import Tampering
@@ -12,6 +13,13 @@ from sims.world import World
 
 TURNAROUND_S = 0.010
 """Seconds a controller takes to answer [?]."""
+
+
+def registers_of(twin: Any, address: str) -> Registers:
+    """What a twin has on the wire of its address in the bench file: a port's own where its ports differ."""
+    ports = getattr(twin, "ports", None)
+    registers: Registers = ports["rtu" if address.startswith("modbus-rtu:") else "tcp"] if ports else twin.registers
+    return registers
 
 
 class ModbusEndpoint:

@@ -1,0 +1,123 @@
+"""Register maps: a Modbus device's registers and codes as data, and reading and writing them by name."""
+
+from __future__ import annotations
+
+import math
+import struct
+import tomllib
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import Literal
+
+from pydantic import BaseModel, Field
+
+from drivers.errors import BadReply
+from drivers.wires import ModbusLine
+from drivers.wires.modbus import float_of_words, words_of_float
+
+_READBACK = 1e-5  # relative; a setpoint passes through single precision
+_WORDS = {"uint16": 1, "int32": 2, "float32": 2}
+
+
+class RegisterEntry(BaseModel, extra="forbid", frozen=True):
+    """One register of the map.
+
+    Attributes:
+        address: relative address.
+        type: "uint16", "int32", "float32" or "text:N".
+        access: "r" or "rw".
+        stride: distance to the next loop's, alarm's or module's.
+        codes: name of the table of its codes.
+
+    """
+
+    address: int = Field(ge=0, le=65535)
+    type: str = Field(pattern=r"^(uint16|int32|float32|text:\d+)$")
+    access: Literal["r", "rw"]
+    stride: int = 0
+    codes: str = ""
+
+
+class RegisterMap(BaseModel, extra="forbid", frozen=True):
+    """A device's registers and codes; those of `cascade` take the place of others where a cascade is controlled."""
+
+    maker: str
+    model: str
+    word_order: Literal["low-first", "high-first"]
+    registers: Mapping[str, RegisterEntry]
+    cascade: Mapping[str, RegisterEntry] = Field(default_factory=dict)
+    codes: Mapping[str, Mapping[str, int]]
+
+
+@lru_cache(maxsize=8)
+def map_of(text: str) -> RegisterMap:
+    """A register map from its TOML text."""
+    return RegisterMap.model_validate(tomllib.loads(text))
+
+
+class MappedDevice:
+    """A device whose registers are read and written by name.
+
+    Args:
+        line: where it is.
+        registers: its map.
+        loop: which of its loops.
+        cascade: that loop is a cascade.
+
+    """
+
+    def __init__(self, line: ModbusLine, registers: RegisterMap, loop: int, *, cascade: bool) -> None:
+        self._line = line
+        self._map = registers
+        self._loop, self._cascade = loop, cascade
+        self._low_first = registers.word_order == "low-first"
+        self._names = {of: {code: known for known, code in codes.items()} for of, codes in registers.codes.items()}
+
+    def _entry(self, name: str) -> RegisterEntry:
+        if self._cascade and name in self._map.cascade:
+            return self._map.cascade[name]
+        return self._map.registers[name]
+
+    def _address(self, name: str, number: int = 0) -> int:
+        """Where a register is; `number` chooses the alarm or module, the loop is this driver's own."""
+        entry = self._entry(name)
+        return entry.address + ((number or self._loop) - 1) * entry.stride
+
+    def _words(self, name: str, number: int = 0) -> list[int]:
+        kind = self._entry(name).type
+        count = int(kind.partition(":")[2]) if kind.startswith("text:") else _WORDS[kind]
+        return self._line.read(self._address(name, number), count)
+
+    def _text(self, name: str) -> str:
+        return "".join(chr(word) for word in self._words(name) if word).strip()
+
+    def _integer(self, name: str) -> int:
+        words = self._words(name)
+        high, low = words[::-1] if self._low_first else words
+        value: int = struct.unpack(">i", struct.pack(">HH", high, low))[0]
+        return value
+
+    def _code(self, name: str, number: int = 0) -> str:
+        """A code's name; a code that the map does not know is kept as its number."""
+        codes = self._entry(name).codes
+        (word,) = self._words(name, number)
+        return self._names[codes].get(word, f"code {word}")
+
+    def _set_code(self, name: str, value: str) -> None:
+        code = self._map.codes[self._entry(name).codes][value]
+        self._line.write(self._address(name), [code])
+        found = self._code(name)
+        if found != value:
+            raise BadReply(f"{self._line.where}: {name} was set to {value} and reads back {found}")
+
+    def _number(self, name: str, number: int = 0) -> float:
+        value = float_of_words(self._words(name, number), low_first=self._low_first)
+        if not math.isfinite(value):
+            raise BadReply(f"{self._line.where}: {name} reads {value}; look at the controller's sensor")
+        return value
+
+    def _set_number(self, name: str, value: float) -> None:
+        self._line.write(self._address(name), words_of_float(value, low_first=self._low_first))
+        found = self._number(name)
+        if not math.isclose(found, value, rel_tol=_READBACK, abs_tol=1e-4):
+            raise BadReply(f"{self._line.where}: {name} was set to {value:g} and reads back {found:g}")
