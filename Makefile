@@ -1,12 +1,16 @@
 # The README's commands. Each makes or reuses .venv first: nothing to install by hand.
 STAMP := .venv/.made-for-these-requirements
 
-.PHONY: demo test test-page check nights clean
+.PHONY: demo test test-peers test-page check nights clean
 demo: $(STAMP)
 	@.venv/bin/rig demo
 
 test: $(STAMP)
 	@tools/check
+
+# Our drivers and twins against clients and servers that others wrote; a part of `make test` as well.
+test-peers: $(STAMP)
+	@.venv/bin/pytest -q -p no:cacheprovider tests/peers
 
 # The live page in a real Chromium, which has to be installed; says so if it is not. Pictures go to PAGE_PICTURES.
 test-page: $(STAMP)

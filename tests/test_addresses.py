@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import socket
 from pathlib import Path
 
 import pytest
@@ -10,9 +11,15 @@ import serial
 from command import rig
 from dry import LAB, write_short
 
-from drivers.errors import WrongAddress
+from drivers.clock import RealClock
+from drivers.errors import NoReply, WrongAddress
+from drivers.roles import Reader
 from drivers.wires import SerialSettings, Wires
 from drivers.wires.addresses import CanAddress, ModbusAddress, SerialAddress, Wire, parse_address
+from rig.bench import check_options, open_bench
+from rig.config import parse_bench
+from rig.errors import ConfigurationError
+from rig.simulated.dry_run import DryBench
 from sims.world import World
 
 ALLOWED: list[tuple[Wire, str]] = [
@@ -130,3 +137,56 @@ def test_every_command_that_reads_a_bench_refuses_a_wrong_address(
     said = json.loads(done.stdout)["findings"][0]["found"] if command == "doctor" else done.stderr
     assert sentence in " ".join(said.split())
     assert not (tmp_path / "runs").exists()
+
+
+def seconds_of_a_reading(address: str, baud: int) -> tuple[float, list[bytes]]:
+    """What passed on a dry bench's wire to read a voltmeter five times, and how long that took."""
+    config = parse_bench(DVM.format(address=address, baud=baud), "bench.toml")
+    heard: list[bytes] = []
+    dry = DryBench(config, {}, tap=lambda _, way, data: heard.append(data))
+    dvm = open_bench(dry.config, check_options(dry.config, "bench"), dry.world, dry.wires).instruments["dvm"]
+    assert isinstance(dvm, Reader)
+    began = dry.world.now()
+    dvm.identify()
+    dvm.prepare()
+    dvm.start(5)
+    dvm.fetch()
+    took = dry.world.now() - began
+    dry.close()
+    return took, heard
+
+
+DVM = """
+name = "lab"
+[instruments.dvm]
+driver = "keysight-34401a"
+address = "{address}"
+baud = {baud}
+frame = "8N1"
+[sensors.x]
+axis = "x"
+reader = "dvm"
+"""
+
+
+def test_over_tcp_baud_plays_no_part_in_a_dry_run() -> None:
+    slow, fast = (seconds_of_a_reading("socket://192.0.2.7:5025", baud) for baud in (300, 9600))
+    assert slow == fast
+    assert seconds_of_a_reading("/dev/rig/dvm", 300)[0] > seconds_of_a_reading("/dev/rig/dvm", 9600)[0] + 1.0
+    assert seconds_of_a_reading("/dev/rig/dvm", 9600)[0] > fast[0]
+
+
+def test_a_silent_instrument_behind_a_serial_server_is_not_said_to_have_our_baud_rate() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        line = Wires(RealClock()).serial(
+            f"socket://127.0.0.1:{server.getsockname()[1]}", SerialSettings(9600, timeout_s=0.01, quiet_s=0.01), "dvm"
+        )
+        with pytest.raises(NoReply, match="set to what the serial server expects"):
+            line.query("*IDN?")
+        line.close()
+
+
+def test_a_twins_address_in_a_real_bench_file_is_refused() -> None:
+    config = parse_bench(DVM.format(address="sim://dry1/dvm", baud=9600), "bench.toml")
+    with pytest.raises(ConfigurationError, match=r"instruments\.dvm\.address: sim://dry1/dvm is a twin's"):
+        check_options(config, "bench.toml")

@@ -7,7 +7,6 @@ from buses import oven
 
 from drivers.errors import BadReply, NotReady
 
-
 REGISTERS = {"event_1": 16594, "event_4": 16600, "event_8": 16828, "key_2": 6864}
 
 
