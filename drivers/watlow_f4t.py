@@ -314,22 +314,16 @@ class WatlowF4T(MappedDevice):
         return unit
 
     def _check_witnesses(self, fahrenheit: bool) -> None:
-        """Refuse a unit in which the chamber's temperature or range makes no sense while the other one does."""
+        """Refuse a unit in which the chamber's range or temperature makes no sense while the other one does."""
         this, other = ("F", "C") if fahrenheit else ("C", "F")
-        try:
-            ours, theirs = self._range(fahrenheit), self._range(not fahrenheit)
-            if not self._holds_ours(*ours) and self._holds_ours(*theirs):
-                raise self._doubtful(
-                    f"its setpoint range is {ours[0]:.4g} to {ours[1]:.4g} degC if its unit is {this}, which does not "
-                    f"hold the bench's range, and {theirs[0]:.4g} to {theirs[1]:.4g} degC if it is {other}"
-                )
-            value = float_of_words(self._words("process_value"), low_first=self._low_first)
-        except InstrumentError as error:
-            if error.code != _ILLEGAL_ADDRESS:
-                raise
-            return  # no witness
-        if not math.isfinite(value):
-            return  # a broken sensor says nothing of units
+        low, high = self._witness("setpoint_minimum"), self._witness("setpoint_maximum")
+        ours, theirs = ((_celsius(low, f), _celsius(high, f)) for f in (fahrenheit, not fahrenheit))
+        if not self._holds_ours(*ours) and self._holds_ours(*theirs):
+            raise self._doubtful(
+                f"its setpoint range is {ours[0]:.4g} to {ours[1]:.4g} degC if its unit is {this}, which does not "
+                f"hold the bench's range, and {theirs[0]:.4g} to {theirs[1]:.4g} degC if it is {other}"
+            )
+        value = self._witness("process_value")
         here, there = _celsius(value, fahrenheit), _celsius(value, not fahrenheit)
         if not self._plausible(here) and self._plausible(there):
             raise self._doubtful(
@@ -337,6 +331,15 @@ class WatlowF4T(MappedDevice):
                 f"chamber, and {there:.4g} degC if it is {other}"
             )
         self._unit_witnessed = self._plausible(here)
+
+    def _witness(self, name: str) -> float:
+        """A number as it is on the wire; not a number if the controller has none, or its sensor is broken."""
+        try:
+            return float_of_words(self._words(name), low_first=self._low_first)
+        except InstrumentError as error:
+            if error.code != _ILLEGAL_ADDRESS:
+                raise
+            return math.nan
 
     def _doubtful(self, what: str) -> BadReply:
         return BadReply(

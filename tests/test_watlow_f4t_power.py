@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from buses import oven
+from dry import LAB, dry
 
 from drivers.errors import BadReply, NotReady
+from rig.run_file.reader import RunReader
+from rig.simulated.dry_run import DryBench
 
 REGISTERS = {"event_1": 16594, "event_4": 16600, "event_8": 16828, "key_2": 6864}
 
@@ -126,3 +131,26 @@ def test_the_twin_answers_what_public_clients_ask() -> None:
     assert bank.read(2784, 2) == [0, 0], "open-loop power"
     assert [bank.read(a, 1) for a in (16594, 16596, 16598, 16600, 16822)] == [[62]] * 5
     assert bank.identity == b"Watlow F4T1A2CAA1A1AAA"
+
+
+def test_a_dry_run_behind_a_serial_server_starts_a_chamber_by_its_event_and_leaves_it_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench, world = tmp_path / "bench.toml", tmp_path / "world.toml"
+    text = (LAB / "bench.toml").read_text()
+    address = 'address = "modbus-tcp://192.0.2.10:502/1"'
+    assert address in text
+    bench.write_text(text.replace(address, 'address = "modbus-rtu://socket://192.0.2.10:4001/1"\npower = "event-1"'))
+    world.write_text("[enclosure]\nstart_controlled = false\n")
+    events: list[int] = []
+    close = DryBench.close
+
+    def look(self: DryBench) -> None:
+        events.extend(self.sim.twin("enclosure").ports["rtu"].read(16594, 1))
+        close(self)
+
+    monkeypatch.setattr(DryBench, "close", look)
+    with RunReader.open(dry(tmp_path, bench=bench, world=world)) as run:
+        running = [c["enclosure"]["running"] for r in run.records() if (c := r.data.get("chambers"))]
+    assert running == [False], "as it was found"
+    assert events == [63], "as it was left"

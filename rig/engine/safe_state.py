@@ -126,6 +126,7 @@ class _Chamber(_Task):
     def _read_back(self, last: bool) -> str:
         state = self._instrument.read()
         self.found |= {"setpoint_degC": state.setpoint_degC, "temperature_degC": state.temperature_degC}
+        self.found |= {"running": state.running}
         low, high = self._safety.ambient_degC
         if low <= state.setpoint_degC <= high:
             return ""
