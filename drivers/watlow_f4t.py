@@ -307,7 +307,6 @@ class WatlowF4T(MappedDevice):
         except InstrumentError as error:
             if error.code != _ILLEGAL_ADDRESS:
                 raise
-            self._tells_unit = False
             return ""
         if unit not in ("C", "F"):  # a setpoint in the wrong one is tens of degrees off
             raise BadReply(f"{self._line.where}: its {self._unit_register} read {unit}, neither C nor F")

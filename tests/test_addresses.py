@@ -61,7 +61,7 @@ REFUSED: list[tuple[Wire, str, str]] = [
     ("serial", "socket://host:5025/1", "is not HOST:PORT"),
     ("serial", "rfc2217://host:4001?logging=debug", "not 'logging'"),
     ("serial", "rfc2217://host:4001?timeout=forever", "not 'timeout'"),
-    ("serial", "/dev/ttyUSB0?baud=9600", "a device is named by its whole path"),
+    ("serial", "/dev/ttyUSB0?baud=9600", "a path has no spaces and no options"),
     ("serial", "ttyUSB0", "a device is named by its whole path"),
     ("serial", "/dev/x://spy", "is not"),
     ("serial", "modbus-tcp://host:502/1", "modbus-tcp: is not what this driver speaks over"),
@@ -115,17 +115,17 @@ def test_nothing_unknown_reaches_pyserial(address: str, monkeypatch: pytest.Monk
 @pytest.mark.parametrize(
     ("before", "after", "sentence"),
     [
-        ("socket://SCANNER", "GPIB0::9::INSTR", "instruments.scanner.address: GPIB0::9::INSTR is not"),
+        ("/dev/rig/scanner", "GPIB0::9::INSTR", "instruments.scanner.address: GPIB0::9::INSTR is not"),
         ("modbus-tcp://192.0.2.10:502/1", "modbus-tcp://192.0.2.10:502", "instruments.enclosure.address: modbus-tcp"),
     ],
 )
 def test_every_command_that_reads_a_bench_refuses_a_wrong_address(
     tmp_path: Path, command: str, before: str, after: str, sentence: str
 ) -> None:
-    text = (LAB / "bench.toml").read_text().replace("/dev/rig/scanner", "socket://SCANNER")
+    text = (LAB / "bench.toml").read_text()
     assert before in text
     bench = tmp_path / "bench.toml"
-    bench.write_text(text.replace(before, after).replace("socket://SCANNER", "/dev/rig/scanner"))
+    bench.write_text(text.replace(before, after))
     procedure = write_short(tmp_path)
     arguments = {
         "plan": ("plan", procedure, "--bench", bench),

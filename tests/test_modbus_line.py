@@ -293,6 +293,37 @@ def test_over_tcp_devices_share_one_connection_which_reopens(
     wires.close()
 
 
+def test_behind_a_serial_server_frames_are_rtu_and_may_come_in_pieces() -> None:
+    registers, heard = Words(), bytearray()
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+
+        def serve() -> None:
+            connection, _ = listener.accept()
+            slave = RtuSlave({1: registers})
+            with connection:
+                connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                while data := connection.recv(4096):
+                    heard.extend(data)
+                    for reply in slave.feed(data):
+                        for byte in reply:  # a packet each
+                            connection.sendall(bytes((byte,)))
+
+        thread = threading.Thread(target=serve, daemon=True)
+        thread.start()
+        wires = ModbusWires(RealClock())
+        place = f"modbus-rtu://socket://127.0.0.1:{listener.getsockname()[1]}"
+        line = wires.line(f"{place}/1", "oven", timeout_s=5.0)
+        line.write(4, words_of_float(23.5))
+        assert float_of_words(line.read(4, 2)) == 23.5
+        assert heard[:13].hex() == "01100004000204000041bc" + heard[11:13].hex()
+        silent = wires.line(f"{place}/2", "fridge", timeout_s=0.05)
+        with pytest.raises(NoReply, match="fridge at modbus-rtu://socket://"):
+            silent.read(4)
+        assert float_of_words(line.read(4, 2)) == 23.5
+        wires.close()
+        thread.join(5)
+
+
 @pytest.fixture
 def rtu_device() -> Iterator[tuple[str, Words]]:
     """A device on a pseudo-terminal, answering in a thread."""

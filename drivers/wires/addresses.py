@@ -341,6 +341,8 @@ def _unknown(scheme: str, address: str) -> str:
         return "sim:// is for simulated benches"
     if scheme or re.match(r"\w+:", address):
         return f"{scheme or address.partition(':')[0]}: is not what this driver speaks over, or is not allowed"
+    if address.startswith("/"):
+        return "a path has no spaces and no options; those of the driver are keys of their own in the bench file"
     return "a device is named by its whole path"
 
 
