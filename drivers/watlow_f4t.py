@@ -212,7 +212,7 @@ class WatlowF4T(MappedDevice):
         elsewhere. The unit is the controller's own of this moment, also if it has just been changed.
         """
         self._set_setpoint(self._options.safe_degC, self._fahrenheit(may_change=True))
-        if self._powered() and self._code("mode") not in ("auto", "off"):
+        if self._code("mode") not in ("auto", "off"):
             self._set_code("mode", "auto")
 
     def close(self) -> None:

@@ -76,6 +76,9 @@ def test_the_safe_state_starts_no_chamber_that_is_off_and_keeps_one_that_is_on()
     without.twin.registers.write(2730, [54])
     without.driver.make_safe()
     assert without.driver.read().running, "a power that somebody has set by hand is no safe state"
+    bench.twin.registers.write(2730, [54])
+    bench.driver.make_safe()
+    assert bench.twin.registers.read(2730, 1) == [10], "nor is it when the chamber's power comes back"
 
 
 def test_an_output_that_does_not_switch_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
