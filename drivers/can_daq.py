@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import ClassVar
 
 from cantools.database.can import Database, Message
 from cantools.database.errors import DecodeError, Error
@@ -20,7 +19,6 @@ from drivers.dbc import Series, Values, find_signal, frame_name, read_dbc
 from drivers.errors import BadReply, LimitError, NoReply, NotReady, WrongInstrument
 from drivers.roles import Identity
 from drivers.wires import Wires
-from drivers.wires.addresses import Wire
 
 _CHANNELS = {
     "sensor_temperature": "Readings.SensorTemperature",
@@ -58,7 +56,7 @@ class CanDaq:
 
     """
 
-    wire: ClassVar[Wire] = "can"
+    wire = "can"
 
     class Options(BaseModel, extra="forbid"):
         """What the bench file may say about this instrument."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import Literal
 
 from pydantic import BaseModel, Field, field_validator, model_validator
 
@@ -16,7 +16,6 @@ from drivers.clock import Clock
 from drivers.errors import BadReply, InstrumentError, LimitError, NotReady, WrongInstrument
 from drivers.roles import AxisState, Identity
 from drivers.wires import Wires
-from drivers.wires.addresses import Wire
 from drivers.wires.can_node import CanNode, read_eds
 
 CONTROLWORD, STATUSWORD, ERROR_CODE = 0x6040, 0x6041, 0x603F
@@ -94,7 +93,7 @@ class CiA402Pair:
 
     """
 
-    wire: ClassVar[Wire] = "can"
+    wire = "can"
 
     class Options(BaseModel, extra="forbid"):
         """What the bench file may say about this instrument."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, Literal, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, Field, model_validator
 
@@ -17,7 +17,6 @@ from drivers.errors import BadReply, InstrumentError, LimitError, NotReady, Wron
 from drivers.roles import Identity, PressureState
 from drivers.scpi import PREPARED
 from drivers.wires import SerialSettings, Wires
-from drivers.wires.addresses import Wire
 
 PASCALS = {
     "PSI": 6894.757293168,
@@ -69,7 +68,7 @@ class DruckPACE:
 
     """
 
-    wire: ClassVar[Wire] = "serial"
+    wire = "serial"
 
     class Options(BaseModel, extra="forbid"):
         """What the bench file may say about this instrument."""

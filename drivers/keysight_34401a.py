@@ -7,14 +7,13 @@ bits, even parity, two stop bits.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, Field
 
 from drivers.clock import Clock
 from drivers.scpi import SYNC, Nplc, ScpiMeter, one_of, settling_s
 from drivers.wires import SerialSettings, Wires
-from drivers.wires.addresses import Wire
 
 _MEMORY = 512
 
@@ -34,7 +33,7 @@ class Keysight34401A(ScpiMeter):
 
     """
 
-    wire: ClassVar[Wire] = "serial"
+    wire = "serial"
 
     class Options(BaseModel, extra="forbid"):
         """What the bench file may say about this instrument."""

@@ -7,7 +7,7 @@ order, whatever order it was given in.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Annotated, ClassVar, Literal, Self, get_args
+from typing import Annotated, Literal, Self, get_args
 
 from pydantic import AfterValidator, BaseModel, Field, model_validator
 
@@ -15,7 +15,6 @@ from drivers.clock import Clock
 from drivers.errors import BadReply
 from drivers.scpi import FREQUENCIES, SYNC, Nplc, ScpiMeter, one_of, settling_s
 from drivers.wires import SerialSettings, Wires
-from drivers.wires.addresses import Wire
 
 Thermometer = Literal[
     "thermistor-2.2k",
@@ -65,7 +64,7 @@ class Keysight34970A(ScpiMeter):
 
     """
 
-    wire: ClassVar[Wire] = "serial"
+    wire = "serial"
 
     class Options(BaseModel, extra="forbid"):
         """What the bench file may say about this instrument."""

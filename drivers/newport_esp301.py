@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import ClassVar, Literal
+from typing import Literal
 
 from pydantic import BaseModel, Field, model_validator
 
@@ -21,7 +21,6 @@ from drivers.clock import Clock
 from drivers.errors import BadReply, InstrumentError, LimitError, NotReady, WrongInstrument
 from drivers.roles import AxisState, Identity
 from drivers.wires import SerialSettings, Wires
-from drivers.wires.addresses import Wire
 
 Axis = Literal["pitch", "roll"]
 
@@ -51,7 +50,7 @@ class NewportESP301:
 
     """
 
-    wire: ClassVar[Wire] = "serial"
+    wire = "serial"
 
     class Options(BaseModel, extra="forbid"):
         """What the bench file may say about this instrument."""

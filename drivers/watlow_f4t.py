@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Iterator
-from typing import ClassVar, Literal
+from typing import Literal
 
 from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
 
@@ -18,7 +18,6 @@ from drivers.errors import BadReply, InstrumentError, LimitError, NotReady, Wron
 from drivers.roles import ChamberState, Identity
 from drivers.watlow_map import MappedDevice, map_of
 from drivers.wires import Wires
-from drivers.wires.addresses import Wire
 from drivers.wires.modbus import float_of_words
 
 _MARGIN_K = 20.0  # how far from its limits and from ambient a chamber may be found
@@ -47,7 +46,7 @@ class WatlowF4T(MappedDevice):
 
     """
 
-    wire: ClassVar[Wire] = "modbus"
+    wire = "modbus"
 
     class Options(BaseModel, extra="forbid"):
         """What the bench file may say about this instrument."""
