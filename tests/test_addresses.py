@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import socket
 from pathlib import Path
 
 import pytest
@@ -11,8 +10,7 @@ import serial
 from command import rig
 from dry import LAB, write_short
 
-from drivers.clock import RealClock
-from drivers.errors import NoReply, WrongAddress
+from drivers.errors import WrongAddress
 from drivers.roles import Reader
 from drivers.wires import SerialSettings, Wires
 from drivers.wires.addresses import CanAddress, ModbusAddress, SerialAddress, Wire, parse_address
@@ -174,16 +172,6 @@ def test_over_tcp_baud_plays_no_part_in_a_dry_run() -> None:
     assert slow == fast
     assert seconds_of_a_reading("/dev/rig/dvm", 300)[0] > seconds_of_a_reading("/dev/rig/dvm", 9600)[0] + 1.0
     assert seconds_of_a_reading("/dev/rig/dvm", 9600)[0] > fast[0]
-
-
-def test_a_silent_instrument_behind_a_serial_server_is_not_said_to_have_our_baud_rate() -> None:
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        line = Wires(RealClock()).serial(
-            f"socket://127.0.0.1:{server.getsockname()[1]}", SerialSettings(9600, timeout_s=0.01, quiet_s=0.01), "dvm"
-        )
-        with pytest.raises(NoReply, match="set to what the serial server expects"):
-            line.query("*IDN?")
-        line.close()
 
 
 def test_a_twins_address_in_a_real_bench_file_is_refused() -> None:

@@ -303,11 +303,10 @@ class SerialLine:
         return bytes(received)
 
     def _silent(self, text: str, received: bytes, timeout_s: float) -> NoReply:
-        settings = f"set to {self.settings.baud} baud {self.settings.frame}"
         return NoReply(
             f"{self.where} answered {f'only {received!r}' if received else 'nothing'} to {text!r} "
-            f"within {timeout_s:g} s; is it switched on, connected, and "
-            f"{settings if self._place.timed else 'set to what the serial server expects'}?"
+            f"within {timeout_s:g} s; is it switched on, connected, and set to "
+            f"{self.settings.baud} baud {self.settings.frame}?"
         )
 
     def _lost(self, error: BaseException) -> NoReturn:
