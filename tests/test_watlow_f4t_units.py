@@ -166,3 +166,21 @@ def test_a_chamber_that_runs_away_is_not_taken_for_one_in_another_unit() -> None
     assert bench.driver.read().temperature_degC > 65.0
     bench.driver.make_safe()
     assert bench.driver.read().setpoint_degC == pytest.approx(23.0, abs=1e-4)
+
+
+def test_a_chamber_a_little_outside_its_limits_is_not_taken_for_one_in_another_unit() -> None:
+    bench = oven(modbus_units="C", low_degC=5.0, high_degC=40.0)
+    bench.plant.chamber("oven").command(bench.world.now(), 43.0)
+    bench.world.sleep(4 * 3600.0)
+    assert bench.driver.read().temperature_degC == pytest.approx(43.0, abs=0.5), "43 degF would be 6 degC"
+
+
+def test_a_broken_sensor_bears_witness_once_it_is_mended() -> None:
+    bench = oven(modbus_units="F", low_degC=10.0, high_degC=40.0)
+    lying(bench, "C")
+    bench.twin.sensor_broken = True
+    with pytest.raises(BadReply, match="process_value reads nan"):
+        bench.driver.read()
+    bench.twin.sensor_broken = False
+    with pytest.raises(BadReply, match="no temperature of this chamber"):
+        bench.driver.read()
