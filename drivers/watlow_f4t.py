@@ -11,7 +11,7 @@ import tomllib
 from collections.abc import Iterator
 from typing import Literal
 
-from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
+from pydantic import BaseModel, Field, ValidationError, ValidationInfo, field_validator, model_validator
 
 from drivers.clock import Clock
 from drivers.errors import BadReply, InstrumentError, LimitError, NotReady, WrongInstrument
@@ -82,7 +82,9 @@ class WatlowF4T(MappedDevice):
 
         @field_validator("units", mode="before")
         @classmethod
-        def _not_the_display(cls, units: object) -> object:
+        def _not_the_display(cls, units: object, info: ValidationInfo) -> object:
+            if units == "display" and (info.context or {}).get("stored"):
+                return "modbus"  # what runs of earlier versions meant by it, asked of the right register
             if units == "display":
                 raise ValueError(
                     "the display's unit is not that of Modbus; leave units out, or write C or F as the controller's "

@@ -11,7 +11,9 @@ from buses import REGISTER_MAP, Simulated, oven
 from drivers.errors import BadReply
 from drivers.watlow_f4t import WatlowF4T
 from drivers.wires import Wires
+from rig.bench import check_options
 from rig.config import parse_bench
+from rig.errors import ConfigurationError
 from rig.simulated.dry_run import DryBench
 from sims.twins.watlow_f4t import WatlowF4TTwin
 from sims.wires.modbus_line import ModbusCable, ModbusEndpoint
@@ -184,3 +186,25 @@ def test_a_broken_sensor_bears_witness_once_it_is_mended() -> None:
     bench.twin.sensor_broken = False
     with pytest.raises(BadReply, match="no temperature of this chamber"):
         bench.driver.read()
+
+
+def test_the_display_is_no_unit_for_a_new_bench_and_means_modbus_in_a_run_that_was_begun_with_it() -> None:
+    text = """
+name = "lab"
+[instruments.oven]
+driver = "watlow-f4t"
+address = "modbus-tcp://192.0.2.10:502/1"
+units = "display"
+[instruments.dvm]
+driver = "keysight-34401a"
+address = "/dev/rig/dvm"
+[sensors.x]
+axis = "x"
+reader = "dvm"
+"""
+    config = parse_bench(text, "bench.toml")
+    with pytest.raises(ConfigurationError, match=r"instruments\.oven.*the display's unit is not that of Modbus"):
+        check_options(config, "bench.toml")
+    checked = check_options(config, "bench.toml", strict=False)["oven"]
+    assert isinstance(checked, WatlowF4T.Options)
+    assert checked.units == "modbus"
