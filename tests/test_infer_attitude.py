@@ -134,3 +134,33 @@ def test_the_file_says_what_kind_it_is(calibration):
     found = json.loads(calibration.read_text())
     assert found["data"]["kind"] == "pitch-roll"
     assert [s["name"] for s in found["calibration"]["sensors"]] == ["x_V", "y_V", "z_V"]
+
+
+def test_a_blank_output_empties_its_row_and_no_other(tmp_path, run, calibration):
+    columns = run_table(run).columns
+    rows = [i for i in range(len(columns["x_V"])) if abs(columns["pitch_deg"][i]) < 60][:3]
+    lines = [[repr(float(columns[name][i])) for name in ("x_V", "y_V", "z_V")] for i in rows]
+    lines[1][2] = ""
+    data, out = tmp_path / "outputs.csv", tmp_path / "angles.csv"
+    data.write_text("x_V,y_V,z_V,note\n" + "".join(f"{','.join(line)},{i or ''}\n" for i, line in enumerate(lines)))
+    done = rig("infer", calibration, data, "--out", out, "--json")
+    assert done.returncode == 0, done.stderr
+    found = rows_of(out)
+    assert [row["flag"] for row in found] == ["", "no value of z_V", ""]
+    assert [row["assumed"] for row in found if "assumed" in row] in ([], ["0", "0", "0"])
+    assert found[1]["pitch_deg"] == found[1]["pitch_deg_lo95"] == found[1]["roll_deg"] == ""
+    truth = columns["pitch_deg"][rows]
+    assert [float(found[i]["pitch_deg"]) for i in (0, 2)] == pytest.approx([truth[0], truth[2]], abs=0.005)
+    unused = json.loads(done.stdout)["unused"]
+    assert unused["columns"] == [{"column": "note", "why": "plays no part"}]
+    assert [row["row"] for row in unused["rows"]] == [3]
+
+
+def test_an_output_in_another_unit_is_told_from_one_that_is_missing(tmp_path, calibration):
+    data = tmp_path / "outputs.csv"
+    data.write_text("x_mV,y_V,z_V\n100,0.1,0.9\n")
+    done = rig("infer", calibration, data, "--out", tmp_path / "angles.csv")
+    assert done.returncode == 2
+    said = " ".join(done.stderr.split())
+    assert "there is no column 'x_V'" in said
+    assert "x_mV: calibrated as x_V: rename it, and convert its values" in said

@@ -7,10 +7,11 @@ infer_pressure(fit.calibration(), bridge_mV, T_sensor, T_SSE, Zero(v_0, T_sensor
 
 from fitter.pressure.calibration import PressureCalibration, PressureFit, fit_pressure, fit_transducers
 from fitter.pressure.errors import Errors
-from fitter.pressure.in_flight import STOOD_DEGC, Inferred, Zero, infer_pressure
+from fitter.pressure.in_flight import STOOD_DEGC, Inferred, infer_pressure
 from fitter.pressure.methods import METHODS, MethodFit
 from fitter.pressure.models import HIERARCHICAL, MODELS, named_formula, variance_inflation
 from fitter.pressure.reading_error import PAPER_SENSITIVITY_MV_PER_PSI, ReadingError
+from fitter.pressure.zero import Departure, Zero, departure
 
 __all__ = [
     "HIERARCHICAL",
@@ -18,6 +19,7 @@ __all__ = [
     "MODELS",
     "PAPER_SENSITIVITY_MV_PER_PSI",
     "STOOD_DEGC",
+    "Departure",
     "Errors",
     "Inferred",
     "MethodFit",
@@ -25,6 +27,7 @@ __all__ = [
     "PressureFit",
     "ReadingError",
     "Zero",
+    "departure",
     "fit_pressure",
     "fit_transducers",
     "infer_pressure",

@@ -1,14 +1,15 @@
 """Pressure from a transducer's output in flight, by inverting its calibration, with an interval.
 
-Without a zero the whole-plot error of the calibration's kind is in every reading, and in the interval. In vacuum the
-output at P = 0 can be read: then V - V_0 = [x(P, T) - x(0, T_0)] b, in which that error cancels, at the price of the
-zero's own subplot error. Standard deviations follow from dV/dP (first order: the curvature over one of them is
-negligible for a transducer with a usable sensitivity), intervals from Student's t with Satterthwaite's degrees of
-freedom for the sum of all that is uncertain.
+Without a zero the whole-plot error of the calibration's kind is in every reading, and in the interval. In vacuum, or
+near it, the output at a pressure P_0 can be read: then V - V_0 = [x(P, T) - x(P_0, T_0)] b, in which that error
+cancels, at the price of the zero's own subplot error. Standard deviations follow from dV/dP (first order: the
+curvature over one of them is negligible for a transducer with a usable sensitivity), intervals from Student's t with
+Satterthwaite's degrees of freedom for the sum of all that is uncertain.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,6 +19,7 @@ from scipy import special
 
 from fitter.arrays import FloatArray
 from fitter.pressure.calibration import PressureCalibration
+from fitter.pressure.zero import Departure, Zero, ZeroCorrection, departure, out_of_reach
 
 BEYOND = 0.02
 """How far outside the calibrated range a value may be, as a part of its width: readbacks are not exact, and the lowest
@@ -34,31 +36,6 @@ NO_ROOT = "no pressure gives this output"
 BAD_READING = "not a finite number"
 
 
-@dataclass(frozen=True)
-class Zero:
-    """The output read at P = 0.
-
-    Attributes:
-        bridge_mV: the reading, or the mean of several.
-        sensor_temperature_degC: then.
-        sse_temperature_degC: then.
-        readings: how many settings of zero pressure with an error of their own the mean is of. Readings of one and the
-            same stay in vacuum share that error: they are one.
-
-    """
-
-    bridge_mV: float
-    sensor_temperature_degC: float
-    sse_temperature_degC: float
-    readings: int = 1
-
-    def __post_init__(self) -> None:
-        if not np.all(np.isfinite([self.bridge_mV, self.sensor_temperature_degC, self.sse_temperature_degC])):
-            raise ValueError("the zero reading is not a finite number")
-        if self.readings < 1:
-            raise ValueError(f"a zero cannot be the mean of {self.readings} readings")
-
-
 @dataclass(frozen=True, eq=False)
 class Inferred:
     """Pressures, one for each reading; NaN with a reason in `flag` where there is none to be had.
@@ -70,6 +47,7 @@ class Inferred:
         hi95_psia: (n,).
         df: (n,) degrees of freedom of `sd_psia`.
         flag: (n,) empty where all is well.
+        departures: of each zero from the calibration.
 
     """
 
@@ -79,6 +57,7 @@ class Inferred:
     hi95_psia: FloatArray
     df: FloatArray
     flag: NDArray[Any]
+    departures: tuple[Departure, ...] = ()
 
 
 def infer_pressure(
@@ -86,7 +65,7 @@ def infer_pressure(
     bridge_mV: ArrayLike,
     sensor_temperature_degC: ArrayLike,
     sse_temperature_degC: ArrayLike,
-    zero: Zero | None = None,
+    zero: Zero | Sequence[Zero] | None = None,
 ) -> Inferred:
     """Pressure of (n,) readings; temperatures are (n,) or one for all.
 
@@ -95,40 +74,53 @@ def infer_pressure(
         bridge_mV: its output.
         sensor_temperature_degC: temperature of the transducer.
         sse_temperature_degC: temperature of its electronics.
-        zero: the output in vacuum, read since the temperatures were last changed; None to do without. Readings at
-            temperatures further than `STOOD_DEGC` from its own are flagged, and their intervals hold the error of a
+        zero: the output in or near vacuum, read since the temperatures were last changed; None to do without. Readings
+            at temperatures further than `STOOD_DEGC` from its own are flagged, and their intervals hold the error of a
             change of temperature. That the same temperatures were left and set again cannot be seen here: intervals
-            then are too short.
+            then are too short. Several zeros are independent: each is of a whole plot of its own, and so are the
+            readings. A zero too far from the calibration to be believed is flagged in every row.
 
     Raises:
-        ValueError: the arrays do not fit together, or the zero was read outside the calibrated temperatures.
+        ValueError: the arrays do not fit together, or a zero was read outside the calibrated temperatures, or far from
+            zero pressure.
 
     """
     given = [np.asarray(a, np.float64) for a in (bridge_mV, sensor_temperature_degC, sse_temperature_degC)]
     output, sensor, sse = (np.atleast_1d(a) for a in np.broadcast_arrays(*given))
     if output.ndim != 1:
         raise ValueError(f"readings are expected in one dimension, found shape {output.shape}")
-    if zero is not None:
-        at_zero = np.array([zero.sensor_temperature_degC]), np.array([zero.sse_temperature_degC])
+    zeros = () if zero is None else (zero,) if isinstance(zero, Zero) else tuple(zero)
+    for each in zeros:
+        at_zero = np.array([each.sensor_temperature_degC]), np.array([each.sse_temperature_degC])
         outside = _temperature_flags(calibration, *at_zero)[0]
         if outside:
             raise ValueError(f"the zero was read where the {outside}")
+        if far := out_of_reach(calibration, each):
+            raise ValueError(far)
     parts = [
-        _infer(calibration, output[i : i + _CHUNK], sensor[i : i + _CHUNK], sse[i : i + _CHUNK], zero)
+        _infer(calibration, output[i : i + _CHUNK], sensor[i : i + _CHUNK], sse[i : i + _CHUNK], zeros)
         for i in range(0, max(len(output), 1), _CHUNK)
     ]
     names = ("pressure_psia", "sd_psia", "lo95_psia", "hi95_psia", "df", "flag")
-    return Inferred(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
+    found = Inferred(
+        **{name: np.concatenate([getattr(part, name) for part in parts]) for name in names},
+        departures=tuple(departure(calibration, each) for each in zeros),
+    )
+    for off in found.departures:
+        if off.implausible:
+            words = f"the zero is {off.deviations:.3g} standard deviations from the calibration"
+            found.flag[:] = [f"{flag}; {words}" if flag else words for flag in found.flag]
+    return found
 
 
 def _infer(
-    calibration: PressureCalibration, output: FloatArray, sensor: FloatArray, sse: FloatArray, zero: Zero | None
+    calibration: PressureCalibration, output: FloatArray, sensor: FloatArray, sse: FloatArray, zeros: Sequence[Zero]
 ) -> Inferred:
     flag = _temperature_flags(calibration, sensor, sse)
     flag[~np.isfinite(output)] = BAD_READING
     usable = flag == ""
-    columns_0 = 0.0 if zero is None else _columns(calibration, np.zeros(1), *_temperatures(zero))
-    target = output if zero is None else output - zero.bridge_mV + columns_0 @ calibration.coefficients
+    zero = ZeroCorrection.of(calibration, zeros) if zeros else None
+    target = output if zero is None else output - zero.reading_mV + zero.columns @ calibration.coefficients
     pressure = np.full(len(output), np.nan)
     pressure[usable] = _root(calibration, target[usable], sensor[usable], sse[usable])
     flag[usable & np.isnan(pressure)] = NO_ROOT
@@ -139,14 +131,14 @@ def _infer(
     usable &= ~outside & np.isfinite(pressure)
     pressure[~usable] = np.nan
     moved = np.zeros(len(output), bool)
-    if zero is not None:
-        far = np.abs(sensor - zero.sensor_temperature_degC), np.abs(sse - zero.sse_temperature_degC)
+    if len(zeros) == 1:
+        far = np.abs(sensor - zeros[0].sensor_temperature_degC), np.abs(sse - zeros[0].sse_temperature_degC)
         moved = usable & (np.maximum(*far) > STOOD_DEGC)
         flag[moved] = MOVED
     sd, df = np.full(len(output), np.nan), np.full(len(output), np.nan)
     if np.any(usable):
         at = pressure[usable], sensor[usable], sse[usable]
-        variance, df[usable] = _variance(calibration, *at, columns_0, zero, moved[usable])
+        variance, df[usable] = _variance(calibration, *at, zero, moved[usable])
         sd[usable] = np.sqrt(variance) / np.abs(_slope(calibration, *at))
     half = special.stdtrit(df, 0.975) * sd
     return Inferred(pressure, sd, pressure - half, pressure + half, df, flag)
@@ -157,8 +149,7 @@ def _variance(
     pressure: FloatArray,
     sensor: FloatArray,
     sse: FloatArray,
-    columns_0: FloatArray | float,
-    zero: Zero | None,
+    zero: ZeroCorrection | None,
     moved: NDArray[np.bool_],
 ) -> tuple[FloatArray, FloatArray]:
     """Of V less the model at the pressure sought, mV^2 (n,), and its degrees of freedom (n,).
@@ -167,13 +158,11 @@ def _variance(
     """
     errors = calibration.errors
     variance, gradient = errors.of_reading(pressure, new_whole_plot=zero is None)
-    if np.any(moved):
-        shared, by_shared = errors.of_whole_plots(np.where(moved, 2.0, 0.0))
-        variance, gradient = variance + shared, gradient + by_shared
+    h = _columns(calibration, pressure, sensor, sse)
     if zero is not None:
-        of_zero, by_zero = errors.of_reading(np.zeros(1), new_whole_plot=False)
-        variance, gradient = variance + of_zero / zero.readings, gradient + by_zero / zero.readings
-    h = _columns(calibration, pressure, sensor, sse) - columns_0
+        shared, by_shared = errors.of_whole_plots(np.where(moved, 2.0, zero.plots))
+        variance, gradient = variance + shared + zero.variance, gradient + by_shared + zero.gradient
+        h = h - zero.columns
     variance = variance + np.einsum("nk,kl,nl->n", h, calibration.covariance, h)
     gradient = gradient + np.einsum("nk,pkl,nl->np", h, calibration.derivatives, h, optimize=True)
     return variance, errors.df(variance, gradient)
@@ -211,10 +200,6 @@ def _temperature_flags(calibration: PressureCalibration, sensor: FloatArray, sse
         outside = ~((values >= low - room) & (values <= high + room))
         flag[outside] = f"{label} temperature is outside the calibrated {low:g} to {high:g} degC"
     return flag
-
-
-def _temperatures(zero: Zero) -> tuple[FloatArray, FloatArray]:
-    return np.array([zero.sensor_temperature_degC]), np.array([zero.sse_temperature_degC])
 
 
 def _columns(calibration: PressureCalibration, pressure: FloatArray, sensor: FloatArray, sse: FloatArray) -> FloatArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -10,8 +11,16 @@ from rich.markup import escape
 
 from rig.atomic import check_not_input
 from rig.cli import app
-from rig.cli.show import err, mark
+from rig.cli.run import JsonOption
+from rig.cli.show import err, mark, print_json, show_unused
 from rig.errors import ExitCode
+
+
+class ZeroRowsChoice(StrEnum):
+    """What several rows read in vacuum are."""
+
+    ONE_SITTING = "one-sitting"
+    INDEPENDENT = "independent"
 
 
 @app.command(rich_help_panel="Data")
@@ -28,7 +37,19 @@ def infer(
     out_file: Annotated[Path, typer.Option("--out", "-o", help="the CSV file to write", show_default=False)],
     zero: Annotated[
         Path | None,
-        typer.Option(help="CSV of readings in vacuum since the temperatures last changed", show_default=False),
+        typer.Option(
+            help="CSV of readings in vacuum, or near it with their pressure_psia, since the temperatures last changed",
+            show_default=False,
+        ),
+    ] = None,
+    zero_rows: Annotated[
+        ZeroRowsChoice | None,
+        typer.Option(
+            "--zero-rows",
+            help="what several rows read in vacuum are: of one sitting, which shares the whole-plot error of the "
+            "readings; or independent, the temperatures set anew before each; a column whole_plot says it too",
+            show_default=False,
+        ),
     ] = None,
     roll: Annotated[
         str | None,
@@ -47,6 +68,7 @@ def infer(
         typer.Option(help="attitude: infer from these alone, as in --sensors x_V,y_V", show_default="all"),
     ] = None,
     roll_sd: Annotated[float, typer.Option(min=0, help="attitude: standard deviation of the measured roll, deg")] = 0.0,
+    as_json: JsonOption = False,
 ) -> int:
     """Infer pitch and roll, or pressure, from outputs, with standard deviations and 95 % intervals.
 
@@ -57,7 +79,10 @@ def infer(
     Pressure: the transducer's output and both temperatures. Reading the zero in vacuum first (in flight, before entry)
     takes out the error that a change of temperature draws anew; its own error is in the interval. Intervals hold as
     long as the temperatures have stood since the zero was read: rows at other temperatures are flagged. Values outside
-    the calibrated range are flagged, not extrapolated.
+    the calibrated range are flagged, not extrapolated. The zero is compared with the calibration: one that is hard to
+    believe is flagged in every row. Several zero rows are of one sitting or independent: --zero-rows says which.
+
+    A row that lacks a value gets an empty result and a flag; columns and rows that are not used are named.
 
     Some packages have two attitudes for the same outputs; rows where --near decided are marked in a column `assumed`.
 
@@ -73,13 +98,22 @@ def infer(
     file = inference.read_calibration(calibration)
     chosen = None if sensors is None else [name.strip() for name in sensors.split(",")]
     found = inference.infer(
-        file, data, zero=zero, measured_roll=roll, roll_sd_deg=roll_sd, near_deg=near, sensors=chosen
+        file,
+        data,
+        zero=zero,
+        zero_rows=None if zero_rows is None else zero_rows.value,
+        measured_roll=roll,
+        roll_sd_deg=roll_sd,
+        near_deg=near,
+        sensors=chosen,
     )
     write_csv(found.columns, out_file)
     for note in found.notes:
         err.print(f"[yellow]{escape(note)}[/]", soft_wrap=True)
+    show_unused(found.unused.to_json())
     rows = len(next(iter(found.columns.values())))
-    quantities = [name for name in found.added if name.endswith(("pressure_psia", "pitch_deg", "roll_deg"))]
-    what = f"{rows} rows, {found.flagged} flagged; {', '.join(quantities)} with _sd, _lo95, _hi95 and flag"
+    what = f"{rows} rows, {found.flagged} flagged; {', '.join(found.quantities)} with _sd, _lo95, _hi95 and flag"
     err.print(f"{mark(file.simulated)}{escape(str(out_file))}: {what}", soft_wrap=True)
+    if as_json:
+        print_json({"file": str(out_file), "simulated": file.simulated, **found.to_json()})
     return ExitCode.DONE

@@ -7,6 +7,7 @@ import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from math import isnan
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console, RenderableType
@@ -73,9 +74,17 @@ def headline(file: str, table: Table, console: Console = out) -> None:
     console.print(f"{mark(table.simulated)}[bold]{escape(file)}[/]: {len(table)} observations{more}", soft_wrap=True)
 
 
+def show_unused(unused: Mapping[str, Any]) -> None:
+    """Which columns and rows play no part, and why."""
+    from rig.tables.unused import sentences  # noqa: PLC0415
+
+    for sentence in sentences(unused):
+        err.print(f"[yellow]{escape(sentence)}[/]", soft_wrap=True)
+
+
 def number(value: float | None, digits: int) -> str:
     """A number, or a dash where there is none."""
-    return "-" if value is None else f"{value:.{digits}g}"
+    return "-" if value is None or isnan(value) else f"{value:.{digits}g}"
 
 
 class _Bar(Progress):

@@ -13,8 +13,9 @@ from rig.errors import UsageError
 from rig.inference.attitude import infer_attitudes
 from rig.inference.calibration_file import CalibrationFile, Inference, read_calibration
 from rig.inference.pressure import infer_pressures
+from rig.inference.zeros import ZeroRows
 
-__all__ = ["CalibrationFile", "Inference", "infer", "read_calibration"]
+__all__ = ["CalibrationFile", "Inference", "ZeroRows", "infer", "read_calibration"]
 
 
 def infer(
@@ -22,6 +23,7 @@ def infer(
     data: Path,
     *,
     zero: Path | None = None,
+    zero_rows: ZeroRows | None = None,
     measured_roll: str | None = None,
     roll_sd_deg: float = 0.0,
     near_deg: tuple[float, float] | None = None,
@@ -32,7 +34,8 @@ def infer(
     Args:
         file: the calibration.
         data: the table.
-        zero: pressure: a table of readings in vacuum; None to take those of `data`, or to do without.
+        zero: pressure: a table of readings near vacuum; None to take those of `data`, or to do without.
+        zero_rows: pressure: what several such readings are of.
         measured_roll: attitude: column of roll measured otherwise; None to infer it.
         roll_sd_deg: attitude: its standard deviation.
         near_deg: attitude: pitch and roll on the side where the package is; level if None.
@@ -43,8 +46,9 @@ def infer(
 
     """
     if isinstance(file.calibration, AttitudeCalibration):
-        if zero is not None:
-            raise UsageError("--zero is for pressure transducers; this calibration is of attitude sensors")
+        for option, given in (("--zero", zero), ("--zero-rows", zero_rows)):
+            if given is not None:
+                raise UsageError(f"{option} is for pressure transducers; this calibration is of attitude sensors")
         found = infer_attitudes(
             file.calibration,
             data,
@@ -58,7 +62,7 @@ def infer(
             raise UsageError(
                 "--roll, --near and --sensors are for attitude sensors; this calibration is of pressure transducers"
             )
-        found = infer_pressures(file.calibration, data, zero)
+        found = infer_pressures(file.calibration, data, zero, zero_rows)
     if file.incomplete:
         found = replace(found, notes=(f"the calibration is of an incomplete run: {file.incomplete}", *found.notes))
     if file.simulated and "simulated" not in found.columns:

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from fitter.inverse import AttitudeCalibration, infer_attitude
+from fitter.inverse import AttitudeCalibration, InferredAttitude, infer_attitude
 from rig.errors import UsageError
 from rig.inference.calibration_file import Inference
-from rig.tables import Table, read_any_csv
+from rig.inference.missing import empty_rows, incomplete_rows
+from rig.tables import Table, read_gappy_csv
+from rig.tables.unused import Unused, other_unit, why_unused
 
 _TEMPERATURE = "sensor_temperature_degC"
 
@@ -47,30 +51,28 @@ def infer_attitudes(
         raise UsageError(f"--sensors: {error}") from error
     needed = [*calibration.names, *([measured_roll] if measured_roll else [])]
     needed += [_TEMPERATURE] if calibration.needs_temperature else []
-    if not data.is_file():
-        raise UsageError(f"there is no file {data}")
+    table = read_gappy_csv(data, needed)
+    _check_columns(table, needed, calibration)
+    inputs = {name: table.columns[name] for name in needed}
+    flag = empty_rows(inputs)
+    complete = flag == ""
+    if not complete.any():
+        raise UsageError(f"{data}: in every row a value is missing; in row {table.row(0)}: {flag[0]}")
     try:
-        table = read_any_csv(data, needed)
-    except UsageError as error:
-        fewer = len(calibration.names) > 1 and any(repr(name) in str(error) for name in calibration.names)
-        hint = f"; to infer from fewer sensors name them: --sensors {calibration.names[0]},..." if fewer else ""
-        raise UsageError(f"{error}{hint}") from None
-    for name in needed:
-        if name not in table.columns:
-            raise UsageError(f"{data}, column {name}: not all of its values are numbers")
-    try:
-        found = infer_attitude(
+        answer = infer_attitude(
             calibration,
-            np.column_stack([table.columns[name] for name in calibration.names]),
-            roll_deg=None if measured_roll is None else table.columns[measured_roll],
+            np.column_stack([table.columns[name][complete] for name in calibration.names]),
+            roll_deg=None if measured_roll is None else table.columns[measured_roll][complete],
             roll_sd_deg=roll_sd_deg,
             near_deg=near_deg,
-            sensor_temperature_degC=table.columns.get(_TEMPERATURE),
+            sensor_temperature_degC=table.columns[_TEMPERATURE][complete] if _TEMPERATURE in needed else None,
         )
     except ValueError as error:
         hint = "; name its column: --roll roll_deg" if len(calibration.sensors) == 1 else ""
         hint = ": --near PITCH ROLL" if "near which attitude" in str(error) else hint
         raise UsageError(f"{data}: {error}{hint}") from error
+    found = _in_all_rows(answer, complete)
+    found.flag[~complete] = flag[~complete]
     added = _columns(
         table, "pitch_deg", found.pitch_deg, found.pitch_sd_deg, found.pitch_lo95_deg, found.pitch_hi95_deg
     )
@@ -92,7 +94,39 @@ def infer_attitudes(
     if measured_roll is not None and roll_sd_deg == 0:
         notes.append("the measured roll is taken as exact: --roll-sd tells its standard deviation")
     columns: dict[str, Any] = {**table.columns, **table.text, **added}
-    return Inference(columns, tuple(added), tuple(notes), int(np.sum(found.flag != "")))
+    spare = {name: why_unused(name, needed) for name in table.names if name not in {*needed, "simulated"}}
+    rows = [(row, name, "no value: the result of the row is empty") for row, name in incomplete_rows(table, inputs)]
+    return Inference(
+        columns,
+        tuple(added),
+        tuple(notes),
+        int(np.sum(found.flag != "")),
+        quantities=tuple(name.removesuffix("_sd") for name in added if name.endswith("_sd")),
+        unused=Unused(spare, rows),
+    )
+
+
+def _check_columns(table: Table, needed: Sequence[str], calibration: AttitudeCalibration) -> None:
+    """Raises `UsageError` if a column is missing, with what to do about it."""
+    for name in needed:
+        if name in table.columns:
+            continue
+        like = next((other for other in table.names if other_unit(other, [name])), None)
+        hint = f"; {like}: {why_unused(like, [name])}" if like else ""
+        if name in calibration.names and len(calibration.names) > 1:
+            hint += f"; to infer from fewer sensors name them: --sensors {calibration.names[0]},..."
+        raise UsageError(f"{table.source}: there is no column {name!r}; it has {', '.join(table.names)}{hint}")
+
+
+def _in_all_rows(answer: InferredAttitude, complete: NDArray[np.bool_]) -> InferredAttitude:
+    """Attitudes of the complete rows among all rows: NaN, False and "" in the others."""
+    spread = {}
+    for each in fields(answer):
+        values = getattr(answer, each.name)
+        empty: Any = {"f": np.nan, "b": False}.get(values.dtype.kind, "")
+        spread[each.name] = np.full(len(complete), empty, values.dtype)
+        spread[each.name][complete] = values
+    return InferredAttitude(**spread)
 
 
 def _columns(table: Table, name: str, value: Any, sd: Any, low: Any, high: Any) -> dict[str, Any]:

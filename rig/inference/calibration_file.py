@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ from fitter.inverse import AttitudeCalibration
 from fitter.pressure import PressureCalibration
 from rig.errors import UsageError
 from rig.report.words import incomplete
+from rig.tables.unused import Unused
 
 
 @dataclass(frozen=True)
@@ -23,6 +24,9 @@ class Inference:
         added: names of the latter.
         notes: what a reader should know.
         flagged: rows with something to say in a flag column.
+        quantities: names of what was inferred; each has columns with _sd, _lo95 and _hi95 after its name.
+        unused: columns and rows that play no part.
+        zeros: pressure: what was taken as zero, by output, ready for JSON.
 
     """
 
@@ -30,6 +34,21 @@ class Inference:
     added: tuple[str, ...]
     notes: tuple[str, ...]
     flagged: int
+    quantities: tuple[str, ...] = ()
+    unused: Unused = field(default_factory=Unused)
+    zeros: Mapping[str, Any] = field(default_factory=dict)
+
+    def to_json(self) -> dict[str, Any]:
+        """What `rig infer --json` prints; the numbers are in the CSV."""
+        return {
+            "rows": len(next(iter(self.columns.values()))),
+            "flagged": self.flagged,
+            "quantities": list(self.quantities),
+            "added": list(self.added),
+            "notes": list(self.notes),
+            "unused": self.unused.to_json(),
+            "zeros": dict(self.zeros),
+        }
 
 
 @dataclass(frozen=True)

@@ -2,98 +2,204 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from fitter.pressure import STOOD_DEGC, PressureCalibration, Zero, infer_pressure
+from fitter.pressure import PressureCalibration, Zero, infer_pressure
 from rig.errors import UsageError
 from rig.inference.calibration_file import Inference
-from rig.tables import Table, read_any_csv
+from rig.inference.missing import empty_rows, incomplete_rows
+from rig.inference.zeros import (
+    PRESSURE,
+    PRESSURE_SD,
+    TEMPERATURES,
+    VACUUM,
+    WHOLE_PLOT,
+    ZeroRows,
+    Zeros,
+    read_zeros,
+    zero_rows,
+)
+from rig.tables import Table, read_gappy_csv
+from rig.tables.unused import Unused, other_unit, why_unused
 
-_TEMPERATURES = ("sensor_temperature_degC", "sse_temperature_degC")
-VACUUM = "vacuum"
-"""Column that is 1 where a row was read in vacuum, and 0 elsewhere."""
+_NUMBERS = (*TEMPERATURES, VACUUM)
 
 
-def infer_pressures(calibrations: Mapping[str, PressureCalibration], data: Path, zero: Path | None) -> Inference:
+def infer_pressures(
+    calibrations: Mapping[str, PressureCalibration],
+    data: Path,
+    zero: Path | None,
+    meaning: ZeroRows | None = None,
+) -> Inference:
     """Infer pressure from every calibrated output in a CSV table.
 
     Args:
         calibrations: by output column.
-        data: the table; a column `vacuum` marks rows read at zero pressure.
-        zero: a table of readings in vacuum instead; None to take those of `data`, or to do without.
+        data: the table; a column `vacuum` marks rows read near zero pressure.
+        zero: a table of such readings instead; None to take those of `data`, or to do without.
+        meaning: of several rows read near zero pressure.
 
     Raises:
         UsageError: a column is missing, or the zero cannot be used.
 
     """
-    for path in (p for p in (data, zero) if p is not None):
-        if not path.is_file():
-            raise UsageError(f"there is no file {path}")
-    table = read_any_csv(data, _TEMPERATURES)
-    text = [name for name in calibrations if name in table.text]
-    if text:
-        raise UsageError(f"{data}, column {text[0]}: not all of its values are numbers")
-    outputs = [name for name in calibrations if name in table.columns]
-    if not outputs:
-        known = ", ".join(calibrations)
-        raise UsageError(f"{data}: it has none of the calibrated outputs ({known}); name the columns as in calibration")
-    for name in _TEMPERATURES:
-        if name not in table.columns:
-            raise UsageError(f"{data}, column {name}: not all of its values are numbers")
+    table = read_gappy_csv(data, [*calibrations, *_NUMBERS])
+    outputs = _outputs(calibrations, table, data)
+    of_zero = None if zero is None else read_gappy_csv(zero, [*calibrations, *_NUMBERS, PRESSURE, PRESSURE_SD])
     columns: dict[str, Any] = {**table.columns, **table.text}
     given, flags = set(columns), np.zeros(len(table), bool)
-    without: list[str] = []
-    notes: tuple[str, ...] = ()
+    quantities, notes, without = [], [], []
+    zeros: dict[str, Any] = {}
+    gaps: dict[str, list[tuple[int, str]]] = {}
     for output in outputs:
-        found_zero = _zero(output, table if zero is None else read_any_csv(zero, [output, *_TEMPERATURES]), zero)
-        try:
-            sensor, sse = (table.columns[name] for name in _TEMPERATURES)
-            found = infer_pressure(calibrations[output], table.columns[output], sensor, sse, found_zero)
-        except ValueError as error:
-            raise UsageError(f"{zero or data}: {output}: {error}") from error
+        found = _of_output(output, calibrations[output], table, of_zero, meaning)
         alone = len(outputs) == 1
         name = "pressure_psia" if alone else f"{output.removesuffix('_mV')}_pressure_psia"
         name = f"inferred_{name}" if name in given else name
-        columns |= {
-            name: found.pressure_psia,
-            f"{name}_sd": found.sd_psia,
-            f"{name}_lo95": found.lo95_psia,
-            f"{name}_hi95": found.hi95_psia,
-            "flag" if alone and "flag" not in given else f"{name}_flag": found.flag,
-        }
+        flag = "flag" if alone and "flag" not in given else f"{name}_flag"
+        columns |= {f"{name}{end}": values for end, values in found.values.items()} | {flag: found.flag}
         flags |= found.flag != ""
-        if found_zero is None:
-            without.append(output)
+        quantities.append(name)
+        notes += found.notes
+        for source, lacking in found.incomplete.items():
+            gaps[source] = [*gaps.get(source, []), *(each for each in lacking if each not in gaps.get(source, []))]
+        zeros |= {output: found.zeros} if found.zeros else {}
+        if found.without:
+            without.append(output if found.without == len(table) else f"{output} ({found.without} rows)")
     if without:
-        notes = (f"{', '.join(without)}: no zero was read in vacuum, so the whole-plot error is in the interval",)
-    return Inference(columns, tuple(name for name in columns if name not in given), notes, int(flags.sum()))
+        notes.append(f"{', '.join(without)}: no zero was read in vacuum, so the whole-plot error is in the interval")
+    marked = zero_rows(table)
+    if of_zero is not None and marked is not None and marked.any():
+        notes.append(f"the rows of {data} that are marked {VACUUM} are not taken as zeros: --zero was given")
+    notes += [f"{name} is calibrated, but {data} has no such column" for name in calibrations if name not in outputs]
+    return Inference(
+        columns,
+        tuple(name for name in columns if name not in given),
+        tuple(notes),
+        int(flags.sum()),
+        quantities=tuple(quantities),
+        unused=_unused(calibrations, table, of_zero, gaps),
+        zeros=zeros,
+    )
 
 
-def _zero(output: str, table: Table, path: Path | None) -> Zero | None:
-    """The mean of the readings in vacuum; None where there are none. One stay in vacuum is one zero."""
-    if path is None:
-        if VACUUM in table.text or (VACUUM in table.columns and not np.isin(table.columns[VACUUM], (0, 1)).all()):
-            raise UsageError(f"{table.source}, column {VACUUM}: it is 1 for rows read in vacuum and 0 for the others")
-        if VACUUM not in table.columns:
-            return None
-        rows = table.columns[VACUUM] == 1
-    else:
-        rows = np.ones(len(table), bool)
-    if not rows.any():
-        return None
-    for name in (output, *_TEMPERATURES):
+def _outputs(calibrations: Mapping[str, PressureCalibration], table: Table, data: Path) -> list[str]:
+    """Calibrated outputs that the table has. Raises `UsageError` if there is none, or a temperature is missing."""
+    for name in TEMPERATURES:
         if name not in table.columns:
-            raise UsageError(f"{table.source}, column {name}: not all of its values are numbers")
-    for name in _TEMPERATURES:
-        spread = float(np.ptp(table.columns[name][rows]))
-        if spread > STOOD_DEGC:
-            raise UsageError(
-                f"{table.source}: {name} varies by {spread:.3g} degC over the readings in vacuum; a zero is of one "
-                f"stay at one temperature: give one at a time"
-            )
-    reading, sensor, sse = (float(table.columns[name][rows].mean()) for name in (output, *_TEMPERATURES))
-    return Zero(reading, sensor, sse)
+            like = next((n for n in table.names if other_unit(n, [name])), None)
+            hint = f"; {like} is in another unit: convert it and name it {name}" if like else ""
+            raise UsageError(f"{data}: there is no column {name!r}; it has {', '.join(table.names)}{hint}")
+    outputs = [name for name in calibrations if name in table.columns]
+    if not outputs:
+        hints = [f"; {n}: {why_unused(n, calibrations)}" for n in table.names if other_unit(n, calibrations)]
+        known = ", ".join(calibrations)
+        raise UsageError(
+            f"{data}: it has none of the calibrated outputs ({known}); name the columns as in calibration"
+            f"{''.join(hints)}"
+        )
+    return outputs
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """Pressures of one output; `without` counts rows that no zero corrects."""
+
+    values: dict[str, Any]
+    flag: NDArray[Any]
+    notes: list[str]
+    zeros: list[dict[str, Any]]
+    without: int
+    incomplete: dict[str, list[tuple[int, str]]] = field(default_factory=dict)
+
+
+def _of_output(
+    output: str, calibration: PressureCalibration, table: Table, of_zero: Table | None, meaning: ZeroRows | None
+) -> _Found:
+    values: dict[str, Any] = {end: np.full(len(table), np.nan) for end in ("", "_sd", "_lo95", "_hi95")}
+    inputs = {name: table.columns[name] for name in (output, *TEMPERATURES)}
+    flag = empty_rows(inputs)
+    complete, without = flag == "", 0
+    notes: list[str] = []
+    zeros: list[dict[str, Any]] = []
+    incomplete = {table.source: incomplete_rows(table, inputs)}
+    for rows, read in _parts(output, calibration, table, of_zero, meaning):
+        source = table if of_zero is None else of_zero
+        here = rows & complete
+        try:
+            output_mV, sensor, sse = (v[here] for v in inputs.values())
+            found = infer_pressure(calibration, output_mV, sensor, sse, _in_flight(read))
+        except ValueError as error:
+            raise UsageError(f"{source.source}: {output}: {error}") from error
+        quantities = found.pressure_psia, found.sd_psia, found.lo95_psia, found.hi95_psia
+        for end, quantity in zip(values, quantities, strict=True):
+            values[end][here] = quantity
+        flag[here] = found.flag
+        if read is None:
+            without += int(rows.sum())
+            continue
+        notes += read.sentences(output, found.departures)
+        zeros.append(read.to_json(source.source, found.departures))
+        lacking = [(row, name) for row, name in read.incomplete if (row, name) not in incomplete.get(source.source, ())]
+        incomplete.setdefault(source.source, []).extend(lacking)
+    return _Found(values, flag, notes, zeros, without, incomplete)
+
+
+def _in_flight(read: Zeros | None) -> Zero | Sequence[Zero] | None:
+    """One zero is of the readings' own whole plot; several are not."""
+    return None if read is None else read.zeros[0] if len(read.zeros) == 1 else read.zeros
+
+
+def _parts(
+    output: str, calibration: PressureCalibration, table: Table, of_zero: Table | None, meaning: ZeroRows | None
+) -> list[tuple[NDArray[np.bool_], Zeros | None]]:
+    """Rows of the table that one zero corrects, and that zero: whole plot by whole plot where the table has them."""
+    everywhere = np.ones(len(table), bool)
+    if of_zero is not None:
+        marked = zero_rows(of_zero)
+        rows = np.ones(len(of_zero), bool) if marked is None else marked
+        return [(everywhere, read_zeros(output, calibration, of_zero, rows, meaning))]
+    marked = zero_rows(table)
+    if marked is None or not marked.any():
+        return [(everywhere, None)]
+    plots = table.columns.get(WHOLE_PLOT)
+    if plots is None or not np.isfinite(plots).all():
+        return [(everywhere, read_zeros(output, calibration, table, marked, meaning))]
+    found: list[tuple[NDArray[np.bool_], Zeros | None]] = []
+    for plot in np.unique(plots):
+        rows = plots == plot
+        here = rows & marked
+        found.append((rows, read_zeros(output, calibration, table, here, meaning) if here.any() else None))
+    return found
+
+
+def _unused(
+    calibrations: Mapping[str, PressureCalibration],
+    table: Table,
+    of_zero: Table | None,
+    gaps: Mapping[str, list[tuple[int, str]]],
+) -> Unused:
+    marked = zero_rows(table)
+    used = {*calibrations, *_NUMBERS, "simulated"}
+    in_zero = {PRESSURE, PRESSURE_SD, WHOLE_PLOT}
+    here = used if of_zero is not None or marked is None or not marked.any() else used | in_zero
+    found = {name: why_unused(name, calibrations) for name in table.names if name not in here}
+    rows = [(row, name, "no value: the result of the row is empty") for row, name in gaps.get(table.source, ())]
+    if of_zero is None:
+        return Unused(found, rows)
+    for name in of_zero.names:
+        if name not in used | in_zero and name not in found:
+            found[f"{of_zero.source}: {name}"] = why_unused(name, calibrations)
+    marked = zero_rows(of_zero)
+    if marked is not None:
+        rows += [(of_zero.row(int(i)), "", f"of {of_zero.source}: not in vacuum") for i in np.flatnonzero(~marked)]
+    rows += [
+        (row, name, f"no value in {of_zero.source}: left out of the zero") for row, name in gaps.get(of_zero.source, ())
+    ]
+    return Unused(found, rows)

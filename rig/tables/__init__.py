@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from rig.errors import UsageError
-from rig.tables.csv_tables import read_any_csv, read_csv, write_csv
+from rig.tables.csv_tables import read_any_csv, read_csv, read_gappy_csv, write_csv
 from rig.tables.datasets import attitude_data, whole_plot_data
 from rig.tables.observations import run_table
 from rig.tables.table import PITCH_ROLL, WHOLE_PLOT, Kind, Table
@@ -15,6 +15,7 @@ __all__ = [
     "Table",
     "attitude_data",
     "read_any_csv",
+    "read_gappy_csv",
     "read_table",
     "run_table",
     "whole_plot_data",

@@ -46,10 +46,11 @@ def read_any_csv(path: Path, needed: Collection[str]) -> Table:
             raise UsageError(f"{path}: there is no column {name!r}; it has {', '.join(names)}")
     if numbers is not None:
         return Table(str(path), numbers, False, {"file": path.name, "simulated": False})
-    columns, text = {}, {}
+    columns, text, missing = {}, {}, {}
     for i, name in enumerate(names):
         cells = [row[i].strip() for _, row in body]
         if name not in needed and "" in cells:
+            missing[name] = body[cells.index("")][0]
             continue
         if all(_is_number(cell) for cell in cells if cell):
             columns[name] = np.array([_number(path, number, name, row[i]) for number, row in body])
@@ -58,7 +59,43 @@ def read_any_csv(path: Path, needed: Collection[str]) -> Table:
             if gaps:
                 raise UsageError(f"{path}, row {gaps[0]}, column {name}: the value is missing; fill it in")
             text[name] = np.array(cells)
-    return Table(str(path), columns, False, {"file": path.name, "simulated": False}, text=text)
+    rows = [number for number, _ in body]
+    provenance = {"file": path.name, "simulated": False}
+    return Table(str(path), columns, False, provenance, text=text, gaps=missing, rows=rows)
+
+
+def read_gappy_csv(path: Path, numbers: Collection[str]) -> Table:
+    """A CSV table in which values may be missing: NaN in a column of numbers, nothing in one of text.
+
+    Args:
+        path: the file.
+        numbers: columns that are of numbers, as far as they are there. Others are, if every value in them is a number.
+
+    Raises:
+        UsageError: the file cannot be read, or one of those columns holds what is no number.
+
+    """
+    if not path.is_file():
+        raise UsageError(f"there is no file {path}")
+    provenance = {"file": path.name, "simulated": False}
+    known = _all_numbers(path)
+    if known is not None:
+        return Table(str(path), known, False, provenance)
+    names, body = _cells_of(path)
+    columns, text = {}, {}
+    for i, name in enumerate(names):
+        cells = [row[i].strip() for _, row in body]
+        given = [cell for cell in cells if cell]
+        if name in numbers or (given and all(_is_number(c) and math.isfinite(float(c)) for c in given)):
+            columns[name] = np.array(
+                [
+                    _number(path, row, name, cell) if cell else math.nan
+                    for (row, _), cell in zip(body, cells, strict=True)
+                ]
+            )
+        else:
+            text[name] = np.array(cells)
+    return Table(str(path), columns, False, provenance, text=text, rows=[number for number, _ in body])
 
 
 def _all_numbers(path: Path) -> dict[str, FloatArray] | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -39,6 +39,8 @@ class Table:
         axes: nominal axis of each output, where the source says so; elsewhere a name's first letter does.
         declared: the `[model]` of the procedure that made them, where there is one.
         text: columns that hold something else than numbers, for tables of any kind.
+        gaps: columns that are not here because values are missing, and the first row of the file that lacks one.
+        rows: number in the file of every row, the line of names being row 1; () where they follow it one by one.
 
     """
 
@@ -49,9 +51,20 @@ class Table:
     axes: Mapping[str, str] = field(default_factory=dict)
     declared: Mapping[str, Any] = field(default_factory=dict)
     text: Mapping[str, np.ndarray[Any, np.dtype[np.str_]]] = field(default_factory=dict)
+    gaps: Mapping[str, int] = field(default_factory=dict)
+    rows: Sequence[int] = ()
 
     def __len__(self) -> int:
         return len(next(iter(self.columns.values())))
+
+    @property
+    def names(self) -> list[str]:
+        """Of all columns of the file, as far as they are known."""
+        return [*self.columns, *self.text, *self.gaps]
+
+    def row(self, i: int) -> int:
+        """Number in the file of observation `i`."""
+        return self.rows[i] if self.rows else i + 2
 
     @property
     def kind(self) -> Kind:

@@ -1,0 +1,145 @@
+"""What of a table plays no part in a result: named, so that nothing is dropped without a word."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from rig.tables.table import MOUNTING, PITCH_ROLL, WHOLE_PLOT, Table
+
+NO_PART = "plays no part"
+_RECORDED = "recorded beside the readings; plays no part"
+_OPTIONAL = {
+    "pitch-roll": ("pitch_side", "roll_side", "block", *MOUNTING),
+    "whole-plot": (
+        "replicate",
+        "block",
+        "pressure_set_psia",
+        "sensor_temperature_set_degC",
+        "sse_temperature_set_degC",
+    ),
+}
+_UNITS = {
+    "V",
+    "mV",
+    "uV",
+    "kV",
+    "A",
+    "mA",
+    "uA",
+    "psia",
+    "psig",
+    "psi",
+    "Pa",
+    "hPa",
+    "kPa",
+    "bar",
+    "mbar",
+    "degC",
+    "degF",
+}
+_UNITS |= {"K", "deg", "rad", "N", "kN", "m", "mm", "um", "Hz", "kHz", "ohm", "s", "ms", "min", "h", "pct", "g"}
+"""Ends of names that are read as units."""
+
+
+@dataclass(frozen=True)
+class Unused:
+    """What was not used.
+
+    Attributes:
+        columns: name to the reason.
+        rows: (row in the file, column or "", reason) each.
+
+    """
+
+    columns: Mapping[str, str] = field(default_factory=dict)
+    rows: Sequence[tuple[int, str, str]] = ()
+
+    def to_json(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "columns": [{"column": name, "why": why} for name, why in self.columns.items()],
+            "rows": [{"row": row, "column": column or None, "why": why} for row, column, why in self.rows],
+        }
+
+
+def other_unit(name: str, known: Collection[str]) -> str | None:
+    """The known column that this one differs from only by its unit, or by capitals; None where there is none."""
+    stem = _stem(name)
+    for other in known:
+        if name != other and (name.casefold() == other.casefold() or stem.casefold() == _stem(other).casefold()):
+            return other
+    return None
+
+
+def _stem(name: str) -> str:
+    stem, _, unit = name.rpartition("_")
+    return stem if stem and unit in _UNITS else name
+
+
+def why_unused(name: str, known: Collection[str], use: str = "calibrated as") -> str:
+    """Why a column that is none of the known ones is not used."""
+    other = other_unit(name, known)
+    return NO_PART if other is None else f"{use} {other}: rename it, and convert its values if the unit is another"
+
+
+def unused_in_fit(table: Table) -> Unused:
+    """Columns of a pitch-roll or whole-plot table that fits and traces do not look at."""
+    kind = table.kind
+    if kind == "other":
+        return Unused()
+    wanted, unit = (PITCH_ROLL, "V") if kind == "pitch-roll" else (WHOLE_PLOT, "mV")
+    named = {*wanted, *_OPTIONAL[kind], "simulated"}
+    found = {}
+    for name in table.names:
+        if name in named or name.endswith(f"_{unit}"):
+            continue
+        stem, _, other = name.rpartition("_")
+        if other in ("V", "mV", "uV", "kV"):
+            found[name] = f"outputs are read in {unit}: convert it and name it {stem}_{unit}"
+        elif name in ("run_index", "accepted") or stem.endswith("_readback"):
+            found[name] = _RECORDED
+        else:
+            found[name] = why_unused(name, named, "columns of this kind have")
+    return Unused(found)
+
+
+def unused_columns(table: Table, used: Iterable[str], reasons: Mapping[str, str] | None = None) -> Unused:
+    """Columns of a table of any kind that are not among the used ones.
+
+    Args:
+        table: as it was read.
+        used: names that play a part.
+        reasons: why others do not, where there is more to say.
+
+    """
+    taken, found = set(used), {}
+    for name in table.names:
+        if name in table.gaps:
+            found[name] = f"a value is missing (row {table.gaps[name]})"
+        elif name not in taken:
+            found[name] = (reasons or {}).get(name, NO_PART)
+    return Unused(found)
+
+
+def sentences(unused: Mapping[str, Any]) -> list[str]:
+    """What `Unused.to_json` gives, in words; columns that are only recorded beside the readings are not told again."""
+    told = [each for each in unused["columns"] if each["why"] != _RECORDED]
+    plain = [each["column"] for each in told if each["why"] == NO_PART]
+    found = [f"not used: {', '.join(plain)}"] if plain else []
+    found += [f"{each['column']} is not used: {each['why']}" for each in told if each["why"] != NO_PART]
+    by_reason: dict[tuple[str | None, str], list[int]] = {}
+    for each in unused["rows"]:
+        by_reason.setdefault((each["column"], each["why"]), []).append(each["row"])
+    for (column, why), rows in by_reason.items():
+        found.append(f"{_rows(rows)}{f', column {column}' if column else ''}: {why}")
+    return found
+
+
+_SHOWN = 8
+
+
+def _rows(rows: Sequence[int]) -> str:
+    more = f" and {len(rows) - _SHOWN} more" if len(rows) > _SHOWN else ""
+    return f"row{'s' if len(rows) > 1 else ''} {', '.join(map(str, rows[:_SHOWN]))}{more}"
