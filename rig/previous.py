@@ -14,10 +14,10 @@ from scipy import special
 
 from fitter.arrays import FloatArray
 from fitter.attitude import attitude_columns, mounting_matrix
-from fitter.inverse import AttitudeCalibration
+from fitter.inverse import AttitudeCalibration, CurveCalibration
 from fitter.pressure import PressureCalibration
 from rig.errors import UsageError
-from rig.inference.calibration_file import calibration_of, read_calibration
+from rig.inference.calibration_file import Calibration, calibration_of, read_calibration
 from rig.quantities import PITCH, PRESSURE, ROLL, SENSOR, SSE
 
 _TO_GRAVITY = np.array([1.0, -1.0, -1.0])
@@ -76,8 +76,11 @@ class Previous:
 def read_previous(path: Path) -> Previous:
     """A calibration file, or an earlier run, which is fitted now. Raises `UsageError` or `RunFileError`."""
     if path.suffix != ".sqlite":
-        return Previous(path.name, read_calibration(path).calibration)
-    return Previous(path.name, calibration_of(_fitted(path)))
+        try:
+            return Previous(path.name, _of_a_bench(read_calibration(path).calibration))
+        except ValueError as error:
+            raise UsageError(f"{path}: {error}") from error
+    return Previous(path.name, _of_a_bench(calibration_of(_fitted(path))))
 
 
 def previous_text(path: Path) -> str:
@@ -90,9 +93,16 @@ def parse_previous(text: str, where: str) -> Previous:
     """What `previous_text` gave. Raises `UsageError`."""
     try:
         given = json.loads(text)
-        return Previous(str(given["name"]), calibration_of(given["content"]))
+        return Previous(str(given["name"]), _of_a_bench(calibration_of(given["content"])))
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise UsageError(f"{where}: the previous calibration in it cannot be read: {error}") from error
+
+
+def _of_a_bench(calibration: Calibration) -> AttitudeCalibration | Mapping[str, PressureCalibration]:
+    """A calibration that a run can be compared with. Raises ValueError for one of a table of any kind."""
+    if isinstance(calibration, CurveCalibration):
+        raise ValueError("it is of a table of any kind, which says nothing of what a bench's sensors should read")
+    return calibration
 
 
 def _content(path: Path) -> Any:

@@ -10,6 +10,7 @@ Every package of sections 5 and 6 of NASA/TP-1999-209835: one axis with or witho
 from fitter.inverse.answer import InferredAttitude
 from fitter.inverse.calibrate import calibrate_package
 from fitter.inverse.calibration import AttitudeCalibration
+from fitter.inverse.curve import CurveCalibration, InferredCurve, infer_curve
 from fitter.inverse.infer import infer_attitude
 from fitter.inverse.sensor_model import SensorModel, Term
 from fitter.inverse.singular import singularity
@@ -17,11 +18,14 @@ from fitter.inverse.three_axis import ThreeAxis
 
 __all__ = [
     "AttitudeCalibration",
+    "CurveCalibration",
     "InferredAttitude",
+    "InferredCurve",
     "SensorModel",
     "Term",
     "ThreeAxis",
     "calibrate_package",
     "infer_attitude",
+    "infer_curve",
     "singularity",
 ]

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from fitter.inverse import AttitudeCalibration
+from fitter.inverse import AttitudeCalibration, CurveCalibration
 from rig.errors import UsageError
 from rig.inference.attitude import infer_attitudes
 from rig.inference.calibration_file import CalibrationFile, Inference, read_calibration
+from rig.inference.general import infer_general
 from rig.inference.pressure import infer_pressures
 from rig.inference.zeros import ZeroRows
 
@@ -45,10 +46,10 @@ def infer(
         UsageError: an option does not go with the calibration, a column is missing, or a value cannot be used.
 
     """
+    of_pressure = {"--zero": zero, "--zero-rows": zero_rows}
+    of_attitude = {"--roll": measured_roll, "--near": near_deg, "--sensors": sensors}
     if isinstance(file.calibration, AttitudeCalibration):
-        for option, given in (("--zero", zero), ("--zero-rows", zero_rows)):
-            if given is not None:
-                raise UsageError(f"{option} is for pressure transducers; this calibration is of attitude sensors")
+        _refuse(of_pressure, "is for pressure transducers; this calibration is of attitude sensors")
         found = infer_attitudes(
             file.calibration,
             data,
@@ -57,11 +58,13 @@ def infer(
             near_deg=near_deg,
             sensors=sensors,
         )
+    elif isinstance(file.calibration, CurveCalibration):
+        what = f"this calibration is of {file.calibration.response}, a column of a table"
+        _refuse(of_pressure, f"is for pressure transducers; {what}")
+        _refuse(of_attitude, f"is for attitude sensors; {what}")
+        found = infer_general(file.calibration, data)
     else:
-        if measured_roll is not None or near_deg is not None or sensors is not None:
-            raise UsageError(
-                "--roll, --near and --sensors are for attitude sensors; this calibration is of pressure transducers"
-            )
+        _refuse(of_attitude, "is for attitude sensors; this calibration is of pressure transducers")
         found = infer_pressures(file.calibration, data, zero, zero_rows)
     if file.incomplete:
         found = replace(found, notes=(f"the calibration is of an incomplete run: {file.incomplete}", *found.notes))
@@ -69,3 +72,10 @@ def infer(
         rows = len(next(iter(found.columns.values())))
         found = replace(found, columns={**found.columns, "simulated": np.ones(rows)})
     return found
+
+
+def _refuse(options: Mapping[str, object], why: str) -> None:
+    """Raise `UsageError` for an option that was given and does not go with the calibration."""
+    for option, given in options.items():
+        if given is not None:
+            raise UsageError(f"{option} {why}")

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from fitter.inverse import AttitudeCalibration
+from fitter.inverse import AttitudeCalibration, CurveCalibration
 from fitter.pressure import PressureCalibration
 from rig.errors import UsageError
 from rig.report.words import incomplete
@@ -51,18 +51,22 @@ class Inference:
         }
 
 
+Calibration = AttitudeCalibration | CurveCalibration | Mapping[str, PressureCalibration]
+
+
 @dataclass(frozen=True)
 class CalibrationFile:
     """A calibration file.
 
     Attributes:
-        calibration: of a package of attitude sensors, or of pressure transducers by output column.
+        calibration: of a package of attitude sensors, of a table of any kind, or of pressure transducers by output
+            column.
         simulated: made from a simulated run.
         incomplete: that the run it was made from lacked points, "" if it did not.
 
     """
 
-    calibration: AttitudeCalibration | Mapping[str, PressureCalibration]
+    calibration: Calibration
     simulated: bool
     incomplete: str
 
@@ -73,7 +77,7 @@ def read_calibration(path: Path) -> CalibrationFile:
         raise UsageError(f"{path} is a run file; make a calibration of it first: rig fit {path} --out calibration.json")
     try:
         given = json.loads(path.read_text(encoding="utf-8"))
-        return CalibrationFile(calibration_of(given), bool(given["data"]["simulated"]), incomplete(given["data"]))
+        return CalibrationFile(calibration_of(given), bool(given["data"].get("simulated")), incomplete(given["data"]))
     except FileNotFoundError:
         raise UsageError(f"there is no file {path}") from None
     except OSError as error:
@@ -84,8 +88,12 @@ def read_calibration(path: Path) -> CalibrationFile:
         raise UsageError(f"{path} is not a calibration file of `rig fit --out`: {error}") from error
 
 
-def calibration_of(given: Mapping[str, Any]) -> AttitudeCalibration | Mapping[str, PressureCalibration]:
+def calibration_of(given: Mapping[str, Any]) -> Calibration:
     """The calibration in what `rig fit --out` writes. Raises ValueError, KeyError, TypeError or AttributeError."""
     if given["data"]["kind"] == "pitch-roll":
         return AttitudeCalibration.from_dict(given["calibration"])
+    if given["data"]["kind"] == "general":
+        if "calibration" not in given:
+            raise ValueError("it was written before tables of any kind could be inferred from; fit the table again")
+        return CurveCalibration.from_dict(given["calibration"])
     return {n: PressureCalibration.from_dict(sensor["calibration"]) for n, sensor in given["sensors"].items()}

@@ -1,0 +1,60 @@
+"""The variable of a fitted curve from its response, for calibrations of any table."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fitter.inverse import CurveCalibration, infer_curve
+from rig.errors import UsageError
+from rig.inference.calibration_file import Inference
+from rig.inference.missing import empty_rows, incomplete_rows
+from rig.tables import read_gappy_csv
+from rig.tables.unused import Unused, other_unit, why_unused
+
+
+def infer_general(calibration: CurveCalibration, data: Path) -> Inference:
+    """Infer the variable of a calibration's curve from every row of a CSV table.
+
+    Args:
+        calibration: with a formula of one column, monotonic where it was calibrated.
+        data: the table, with a column for the response.
+
+    Raises:
+        UsageError: the curve cannot be inverted, or the column is missing.
+
+    """
+    response = calibration.response
+    table = read_gappy_csv(data, [response])
+    if response not in table.columns:
+        like = next((name for name in table.names if other_unit(name, [response])), None)
+        hint = f"; {like}: {why_unused(like, [response])}" if like else ""
+        raise UsageError(f"{data}: there is no column {response!r}; it has {', '.join(table.names)}{hint}")
+    inputs = {response: table.columns[response]}
+    flag = empty_rows(inputs)
+    complete = flag == ""
+    try:
+        found, variable = infer_curve(calibration, inputs[response][complete]), calibration.variable
+    except ValueError as error:
+        raise UsageError(f"this calibration of {response} cannot be inverted: {error}") from error
+    columns: dict[str, Any] = {**table.columns, **table.text}
+    name = f"inferred_{variable}" if variable in columns else variable
+    flag[complete] = found.flag
+    added: dict[str, Any] = {}
+    for end, values in (("", found.value), ("_sd", found.sd), ("_lo95", found.lo95), ("_hi95", found.hi95)):
+        added[name + end] = np.full(len(table), np.nan)
+        added[name + end][complete] = values
+    added["flag" if "flag" not in columns else "inferred_flag"] = flag
+    spare = {n: why_unused(n, [response]) for n in table.names if n not in (response, "simulated")}
+    return Inference(
+        {**columns, **added},
+        tuple(added),
+        (),
+        int(np.sum(flag != "")),
+        quantities=(name,),
+        unused=Unused(
+            spare, [(row, n, "no value: the result of the row is empty") for row, n in incomplete_rows(table, inputs)]
+        ),
+    )

@@ -1,0 +1,168 @@
+"""Calibrations of any table in use: inverse prediction, against published numbers and simulation."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+from command import rig
+from scipy import optimize, stats
+
+from fitter import least_squares
+from fitter.formula import Formula
+from fitter.inverse import CurveCalibration, infer_curve
+from fitter.split_plot import fit_split_plot
+from rig.closed_loop.general import fit_general
+
+THERMOMETER = "temp,read\n96,95.71\n98,98.16\n100,99.52\n102,102.09\n104,103.79\n106,106.18\n108,108.14\n110,110.21\n"
+"""Graybill and Iyer, Regression Analysis (1994), p. 431: a thermometer read at known temperatures."""
+
+
+@pytest.fixture
+def fitted(tmp_path):
+    """What fits a table on the command line and infers from another."""
+
+    def fit(table, readings, formula="1 + temp", response="read"):
+        (tmp_path / "table.csv").write_text(table)
+        (tmp_path / "readings.csv").write_text(readings)
+        done = rig("fit", "table.csv", "--response", response, "--formula", formula, "--out", "c.json", cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        return rig("infer", "c.json", "readings.csv", "--out", "out.csv", "--json", cwd=tmp_path)
+
+    fit.rows = lambda: list(csv.DictReader((tmp_path / "out.csv").read_text().splitlines()))
+    return fit
+
+
+def test_the_thermometer_of_graybill_and_iyer(fitted):
+    """They print 103.995 and 103.4 to 104.6 for a reading of 104."""
+    done = fitted(THERMOMETER, "read,who\n104,me\n")
+    assert done.returncode == 0, done.stderr
+    (row,) = fitted.rows()
+    assert float(row["temp"]) == pytest.approx(103.995, abs=5e-4)
+    assert round(float(row["temp_lo95"]), 1) == 103.4
+    assert round(float(row["temp_hi95"]), 1) == 104.6
+    assert row["flag"] == ""
+    assert json.loads(done.stdout)["unused"]["columns"] == [{"column": "who", "why": "plays no part"}]
+
+
+def test_a_straight_line_is_fiellers():
+    """Against the closed form, for rising and falling lines."""
+    rng = np.random.default_rng(16)
+    for slope in (2.0, -0.7):
+        x = np.linspace(0.0, 10.0, 12)
+        y = 3.0 + slope * x + rng.normal(0, 0.4, 12)
+        found = infer_curve(curve(x, y, "1 + x"), np.array([3.0 + slope * 7.0]))
+        b, a, *_ = stats.linregress(x, y)
+        s2 = np.sum((y - a - b * x) ** 2) / 10
+        t2, sxx, d = stats.t.ppf(0.975, 10) ** 2, np.sum((x - 5.0) ** 2), 3.0 + slope * 7.0 - y.mean()
+        g = t2 * s2 / (b**2 * sxx)
+        half = np.sqrt(t2 * s2 * ((1 - g) * (1 + 1 / 12) + d**2 / (b**2 * sxx))) / abs(b)
+        assert found.value[0] == pytest.approx(5.0 + d / b, abs=1e-10)
+        ends = 5.0 + (d / b - half) / (1 - g), 5.0 + (d / b + half) / (1 - g)
+        assert (found.lo95[0], found.hi95[0]) == pytest.approx(ends, abs=1e-9)
+
+
+def curve(x, y, formula):
+    """A calibration without files, from the fit alone."""
+    model = Formula.parse(formula)
+    names, columns = model.columns({"x": x})
+    fit = least_squares(columns, y, names)
+    shape = fit.root @ fit.root.T
+    return CurveCalibration(
+        "y",
+        model,
+        fit.coefficients,
+        fit.covariance,
+        np.array([fit.sigma**2]),
+        shape[None],
+        np.array([[2 * fit.sigma**4 / fit.df]]),
+        {"x": (float(x.min()), float(x.max()))},
+    )
+
+
+@pytest.mark.parametrize("formula", ["1 + x + x^2", "1 + log(x)"])
+def test_a_curve_is_inverted_where_its_band_meets_the_reading(formula):
+    """Against a bracketing search on the prediction band, and 95 % of intervals hold the truth."""
+    rng, x = np.random.default_rng(5), np.linspace(1.0, 9.0, 10)
+
+    def truth(v):
+        return 1.0 + 2.0 * v + 0.1 * v**2 if "^" in formula else 1.0 + 4.0 * np.log(v)
+
+    inside = []
+    for _ in range(40):
+        found = curve(x, truth(x) + rng.normal(0, 0.05, 10), formula)
+        at = rng.uniform(1.5, 8.5, 50)
+        answer = infer_curve(found, truth(at) + rng.normal(0, 0.05, 50))
+        inside += list((answer.lo95 <= at) & (at <= answer.hi95))
+    assert np.mean(inside) == pytest.approx(0.95, abs=0.02)
+
+    def edge(v, side):
+        columns = found.formula.columns({"x": np.array([v])})[1]
+        half = np.sqrt(found.variances[0] + columns @ found.covariance @ columns.T)[0, 0]
+        df = 10 - columns.shape[1]
+        return (columns @ found.coefficients)[0] + side * stats.t.ppf(0.975, df) * half - truth(4.0)
+
+    one = infer_curve(found, np.array([truth(4.0)]))
+    assert one.lo95[0] == pytest.approx(optimize.brentq(edge, 1.0, 9.0, args=(1,)), abs=1e-9)
+    assert one.hi95[0] == pytest.approx(optimize.brentq(edge, 1.0, 9.0, args=(-1,)), abs=1e-9)
+
+
+def test_whole_plots_are_in_the_interval(tmp_path):
+    """The ends are where a reading of a new whole plot leaves the split-plot fit's own interval."""
+    rng = np.random.default_rng(8)
+    plots, x = np.repeat(np.arange(10), 4), np.tile([0.0, 1.0, 2.0, 3.0], 10)
+    y = 1.0 + 5.0 * x + rng.normal(0, 0.3, 10)[plots] + rng.normal(0, 0.1, 40)
+    lines = [f"{p},{v},{w}" for p, v, w in zip(plots, x, y.tolist(), strict=True)]
+    (tmp_path / "t.csv").write_text("\n".join(["plot,x,y", *lines]) + "\n")
+    kept = fit_general(tmp_path / "t.csv", "y", "1 + x", ["plot"])["calibration"]
+    found = infer_curve(CurveCalibration.from_dict(json.loads(json.dumps(kept))), np.array([6.0]))
+    fit = fit_split_plot(np.column_stack([np.ones(40), x]), y, plots, ("1", "x"))
+    ends = np.column_stack([np.ones(2), [found.lo95[0], found.hi95[0]]])
+    half = fit.interval(ends, new_whole_plot=True, new_readings=1.0)
+    assert fit.predict(ends) + half * [1, -1] == pytest.approx([6.0, 6.0], abs=1e-9)
+
+
+def test_rows_that_cannot_be_inferred_say_why(fitted):
+    done = fitted(THERMOMETER, "read\n104\n\n120\n60\n")
+    assert done.returncode == 0, done.stderr
+    assert [row["flag"] for row in fitted.rows()] == ["", *["temp is outside the calibrated 96 to 110"] * 2]
+    done = fitted(THERMOMETER, "read,temp\n104,1\n,2\n")
+    assert [row["flag"] for row in fitted.rows()] == ["", "no value of read"]
+    assert [row["inferred_temp"][:3] for row in fitted.rows()] == ["103", ""]
+
+
+def test_an_interval_without_an_end_is_open_and_flagged():
+    """The slope is less than its own standard error: no x is far enough away."""
+    x = np.arange(8.0)
+    y = 0.02 * x + np.array([0.3, -0.4, 0.2, 0.1, -0.3, 0.4, -0.2, 0.1])
+    found = infer_curve(curve(x, y, "1 + x"), np.array([0.1]))
+    assert np.isnan(found.lo95[0]) or np.isnan(found.hi95[0])
+    assert "the 95 % interval has no" in found.flag[0]
+
+
+@pytest.mark.parametrize(
+    ("table", "formula", "message"),
+    [
+        ("x,y\n-2,4.1\n-1,1\n0,0.1\n1,0.9\n2,4\n", "1 + x + x^2", "does not rise or fall all the way from x = -2 to 2"),
+        ("x,z,y\n1,1,1\n2,1,2\n3,2,3.1\n4,3,4\n5,1,5\n", "1 + x + z", "its formula has x, z"),
+        ("x,y\n1,1\n2,2.1\n", "1 + x", "its error is unknown"),
+    ],
+)
+def test_what_cannot_be_inverted_is_refused(fitted, tmp_path, table, formula, message):
+    done = fitted(table, "y\n1\n", formula, "y")
+    assert done.returncode == 2
+    assert message in " ".join(done.stderr.split())
+    assert not (tmp_path / "out.csv").exists()
+
+
+def test_as_many_rows_as_coefficients_have_no_error_and_say_so(tmp_path):
+    (tmp_path / "two.csv").write_text("x,y\n1,1\n2,2.1\n")
+    done = rig("fit", "two.csv", "--response", "y", "--formula", "1 + x", "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert found["sigma_E"] is None
+    assert [c["stderr"] for c in found["coefficients"].values()] == [None, None]
+    assert "no error can be estimated" in found["notes"][0]
+    done = rig("fit", "two.csv", "--response", "y", "--formula", "1 + x", cwd=tmp_path)
+    assert "nan" not in done.stdout.lower()
+    assert "no error can be estimated" in " ".join(done.stdout.split())
