@@ -26,7 +26,7 @@ from rig.cli.general import (
     trace_any,
 )
 from rig.cli.run import JsonOption
-from rig.cli.show import err, headline, out, print_json
+from rig.cli.show import err, headline, out, print_json, show_unused
 from rig.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
@@ -153,6 +153,7 @@ def fit(
         print_json(result)
     else:
         show()
+    show_unused(result["unused"])
     return ExitCode.DONE
 
 
@@ -296,10 +297,12 @@ def trace(
 
         write_report(report, traced)
         err.print(f"report: {escape(str(report))}", soft_wrap=True)
+    result = traced.to_json()
     if as_json:
-        print_json(traced.to_json())
+        print_json(result)
     else:
         show_trace(traced)
+    show_unused(result["unused"])
     return ExitCode.DONE
 
 

@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from rig.cli.effects import paragraph, show_certificate, show_effect
-from rig.cli.show import err, number, out, print_json
+from rig.cli.show import err, number, out, print_json, show_unused
 from rig.errors import UsageError
 from rig.report.words import unnamed
 
@@ -80,6 +80,7 @@ def trace_any(
         print_json(result)
     else:
         show_general_trace(result)
+    show_unused(result["unused"])
 
 
 def _names(given: Sequence[str] | None) -> tuple[str, ...]:

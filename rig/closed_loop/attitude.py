@@ -20,6 +20,7 @@ from rig.effects import attitude_catalogue
 from rig.errors import UsageError
 from rig.report.words import part
 from rig.tables import Table, attitude_data
+from rig.tables.unused import unused_in_fit
 
 
 def fit_attitude_table(table: Table, *, traced: bool = False, temperature: bool | None = None) -> dict[str, Any]:
@@ -47,6 +48,7 @@ def fit_attitude_table(table: Table, *, traced: bool = False, temperature: bool 
         "sensors": {name: fit.to_dict() for name, fit in fits.items()},
         "kept": {name: _kept(calibration, name, effects) for name in calibration.names} if effects else {},
         "calibration": calibration.to_dict(),
+        "unused": unused_in_fit(table).to_json(),
     }
 
 
@@ -101,7 +103,7 @@ class AttitudeTraced:
             shown["sentence"] = attitude_sentence(name, sensor)
             shown["effects"] = [_worded(self.trace, sensor, effect) for effect in shown["effects"]]
             shown["certificate"] = certificate(name, shown, _errors(sensor))
-        return result
+        return {**result, "unused": unused_in_fit(self.table).to_json()}
 
 
 def _worded(found: Trace, sensor: SensorTrace, effect: dict[str, Any]) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from itertools import pairwise
 from pathlib import Path
@@ -22,6 +22,7 @@ from rig.errors import UsageError
 from rig.inference import read_calibration
 from rig.report.words import incomplete
 from rig.tables import Table, attitude_data, read_table
+from rig.tables.unused import Unused, sentences, unused_in_fit
 
 _EARLIEST, _LATEST = 1900, 2200
 """Years between which a calibration may be dated; others are slips of the finger."""
@@ -44,6 +45,7 @@ class Given:
         simulated: from a simulated run.
         provenance: what is known of it.
         degC: mean sensor temperature, None where it was not recorded.
+        unused: columns that play no part.
 
     """
 
@@ -55,6 +57,7 @@ class Given:
     simulated: bool
     provenance: Mapping[str, Any]
     degC: float | None
+    unused: Unused = field(default_factory=Unused)
 
     @property
     def corrected(self) -> bool:
@@ -146,6 +149,7 @@ def read(source: str, formula: str | None = None) -> Given:
         simulated=table.simulated,
         provenance=table.provenance,
         degC=None if degC is None else float(np.mean(degC)),
+        unused=unused_in_fit(table),
     )
 
 
@@ -161,6 +165,7 @@ def notes(given: Sequence[Given]) -> list[str]:
         missing = incomplete(one.provenance)
         if missing:
             found.append(f"the calibration of {one.date} is incomplete: {missing}")
+        found.extend(f"{one.source}: {text}" for text in sentences(one.unused.to_json()))
     for before, after in pairwise(given):
         between = f"between {before.date} and {after.date}"
         changes = _changes(before.provenance, after.provenance)

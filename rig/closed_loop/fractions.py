@@ -22,6 +22,7 @@ from rig.closed_loop.attitude import with_temperature
 from rig.closed_loop.fraction_advice import advised, sentence, settings
 from rig.errors import UsageError
 from rig.tables import Table, attitude_data
+from rig.tables.unused import unused_in_fit
 
 FAMILY, TUMBLE = "fraction", "tumble"
 _DESIGN_T = ("T", "T6", "T4")
@@ -107,6 +108,7 @@ def compare_fractions(table: Table, which: str, *, temperature: bool | None = No
             "sentence": sentence(full, chosen),
             "procedure": settings(chosen),
         },
+        "unused": unused_in_fit(table).to_json(),
     }
 
 

@@ -11,10 +11,11 @@ import numpy as np
 from fitter.quantiles import t_limit
 from fitter.trace.tables import TableTrace, trace_general
 from rig.closed_loop.certificate import Change, Errors, certificate, with_words
-from rig.closed_loop.roles import Roles, parts_played, read_roles
+from rig.closed_loop.roles import Roles, parts_played, read_roles, used_columns
 from rig.errors import UsageError
 from rig.report.words import part
 from rig.tables import Table
+from rig.tables.unused import TEXT, unused_columns
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +48,16 @@ class GeneralTraced:
         return {
             "data": {"file": Path(self.table.source).name, "points": len(self.table), "kind": "general"},
             "sensors": {self.roles.response: found},
+            "unused": unused_columns(self.table, used_columns(self.roles, self.parts), self._spared()).to_json(),
         }
+
+    def _spared(self) -> dict[str, str]:
+        """Why columns that were free to be looked at were not."""
+        reasons = {name: "does not vary" for name, v in self.table.columns.items() if np.ptp(v) == 0}
+        reasons |= dict.fromkeys(self.table.text, TEXT)
+        if self.roles.candidates is not None:
+            reasons |= {n: "not among --candidates" for n in self.table.names if n not in self.roles.candidates}
+        return reasons | dict.fromkeys(self.roles.ignore, "named with --ignore")
 
     def _df(self, effect: dict[str, Any]) -> int:
         """Degrees of freedom of an effect's standard errors: of what is constant in whole plots, whole plots count."""

@@ -190,6 +190,12 @@ def parts_played(data: TableData) -> dict[str, Any]:
     }
 
 
+def used_columns(roles: Roles, parts: Mapping[str, Any]) -> set[str]:
+    """Columns that play a part, `parts` being what `parts_played` says."""
+    named = {*_parse("--formula", roles.formula).names, *_parse("--response", f"0 + I({roles.response})").names}
+    return named | {*roles.named, *parts["covariates"]} | ({parts["time"]} if parts["time"] else set())
+
+
 def _settings(formula: Formula, columns: Mapping[str, Any]) -> dict[str, FloatArray]:
     """Variables of the declared model, and whatever stands in it in their place, such as log(R)."""
     found: dict[str, FloatArray] = {}

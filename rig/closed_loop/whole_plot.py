@@ -16,6 +16,7 @@ from rig.closed_loop.certificate import Change, Errors, certificate, size_95, wi
 from rig.effects import pressure_catalogue
 from rig.errors import UsageError
 from rig.tables import Table, whole_plot_data
+from rig.tables.unused import unused_in_fit
 
 METHOD = "GLS"
 """By which a calibration is made unless another method is asked for: it takes no side between pressures."""
@@ -61,7 +62,8 @@ class WholePlotFitted:
         table = self.table
         data = {"points": len(table), "kind": "whole-plot", "simulated": table.simulated, **table.provenance}
         alone = next(iter(sensors.values())) if len(sensors) == 1 else {}
-        return {**alone, "data": data, "sensors": sensors, "left_out": dict(self.dead)}
+        unused = unused_in_fit(table).to_json()
+        return {**alone, "data": data, "sensors": sensors, "left_out": dict(self.dead), "unused": unused}
 
 
 def fit_whole_plots(
@@ -179,7 +181,7 @@ class WholePlotTraced:
             pairs = zip(found.effects, shown["effects"], strict=True)
             shown["effects"] = [_worded(self.trace, found, effect, of) for effect, of in pairs]
             shown["certificate"] = certificate(name, shown, _errors(found))
-        return {**result, "left_out": dict(self.dead)}
+        return {**result, "left_out": dict(self.dead), "unused": unused_in_fit(self.table).to_json()}
 
 
 def _worded(

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import jinja2
 
 from rig.report.story import story
 from rig.report.words import incomplete
 from rig.tables import Table
+from rig.tables.unused import unused_in_fit
 
 
 @cache
@@ -19,13 +22,16 @@ def _templates() -> jinja2.Environment:
     )
 
 
-def render(template: str, table: Table, *, span_s: float, **contents: object) -> str:
+def render(
+    template: str, table: Table, *, span_s: float, unused: Mapping[str, Any] | None = None, **contents: object
+) -> str:
     """Fill a template; everything that came from a file is escaped.
 
     Args:
         template: its name.
         table: where the data come from.
         span_s: from the first observation to the last.
+        unused: columns and rows that play no part; None for those that no fit of the table's kind looks at.
         contents: what the template itself wants.
 
     """
@@ -34,6 +40,8 @@ def render(template: str, table: Table, *, span_s: float, **contents: object) ->
     instruments = provenance.pop("instruments", {})
     provenance |= {f"instrument: {name}": words for name, words in instruments.items()}
     provenance |= {f"software: {name}": version for name, version in software.items()}
+    spare = unused_in_fit(table).to_json() if unused is None else unused
+    provenance |= {f"not used: {each['column']}": each["why"] for each in spare["columns"]}
     return (
         _templates()
         .get_template(template)

@@ -35,12 +35,14 @@ def write_general_report(path: Path, traced: GeneralTraced) -> None:
 
 def general_report(traced: GeneralTraced) -> str:
     """The report as HTML; everything that came from a file is escaped."""
-    name, found = next(iter(traced.to_json()["sensors"].items()))
+    result = traced.to_json()
+    name, found = next(iter(result["sensors"].items()))
     before, after = found["before"], found["after"]
     return render(
         "general.html.j2",
         traced.table,
         span_s=0.0,
+        unused=result["unused"],
         name=name,
         **{
             **found,

@@ -9,6 +9,7 @@ from typing import Any
 from rig.tables.table import MOUNTING, PITCH_ROLL, WHOLE_PLOT, Table
 
 NO_PART = "plays no part"
+TEXT = "holds text"
 _RECORDED = "recorded beside the readings; plays no part"
 _OPTIONAL = {
     "pitch-roll": ("pitch_side", "roll_side", "block", *MOUNTING),
@@ -124,8 +125,8 @@ def unused_columns(table: Table, used: Iterable[str], reasons: Mapping[str, str]
 
 
 def sentences(unused: Mapping[str, Any]) -> list[str]:
-    """What `Unused.to_json` gives, in words; columns that are only recorded beside the readings are not told again."""
-    told = [each for each in unused["columns"] if each["why"] != _RECORDED]
+    """What `Unused.to_json` gives, in words; but for readbacks, and for text, of which notes say more."""
+    told = [each for each in unused["columns"] if each["why"] not in (_RECORDED, TEXT)]
     plain = [each["column"] for each in told if each["why"] == NO_PART]
     found = [f"not used: {', '.join(plain)}"] if plain else []
     found += [f"{each['column']} is not used: {each['why']}" for each in told if each["why"] != NO_PART]
