@@ -166,3 +166,56 @@ def test_as_many_rows_as_coefficients_have_no_error_and_say_so(tmp_path):
     done = rig("fit", "two.csv", "--response", "y", "--formula", "1 + x", cwd=tmp_path)
     assert "nan" not in done.stdout.lower()
     assert "no error can be estimated" in " ".join(done.stdout.split())
+
+
+@pytest.fixture
+def history(tmp_path):
+    """Calibration files of four years of one load cell, whose offset rises by `drift` a year."""
+
+    def files(drift, formula="1 + force_kN", years=(2023, 2024, 2025, 2026)):
+        rng, force = np.random.default_rng(12), np.repeat([0.0, 2.0, 4.0, 6.0, 8.0, 10.0], 3)
+        for year in years:
+            bridge = 0.1 + drift * (year - years[0]) + 0.2 * force + rng.normal(0, 0.002, len(force))
+            lines = [f"{x},{y}" for x, y in zip(force, bridge.tolist(), strict=True)]
+            (tmp_path / "t.csv").write_text("\n".join(["force_kN,bridge_mV", *lines]) + "\n")
+            options = ("--response", "bridge_mV", "--formula", formula, "--out", f"{year}.json")
+            done = rig("fit", "t.csv", *options, cwd=tmp_path)
+            assert done.returncode == 0, done.stderr
+        return [f"{year}.json@{year}-06-01" for year in years]
+
+    return files
+
+
+@pytest.mark.parametrize("formula", ["1 + force_kN", "1 + force_kN + force_kN^2"])
+def test_calibrations_of_a_table_are_charted(tmp_path, history, formula):
+    files = history(0.02, formula)
+    done = rig("chart", *files, "--json", "--today", "2026-07-01", "--tolerance", "0.1", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    sensor = found["sensors"]["bridge_mV"]
+    trends = [q["trend"] for q in sensor["quantities"].values()]
+    assert len(trends) == formula.count("+") + 1
+    for trend in trends:
+        assert trend["per_year"] == pytest.approx(0.02, abs=4 * trend["stderr"])
+        assert trend["stderr"] < 0.002
+    first = sensor["calibrations"][0]["parameters"]
+    assert first["force_kN"]["estimate"] == pytest.approx(0.2, abs=0.005)
+    assert found["data"]["kind"] == "general"
+    assert sensor["due"]["status"] == "due"
+    assert any("mV/year" in text for text in sensor["sentences"])
+    shown = rig("chart", *files, "--report", "chart.html", "--today", "2026-07-01", cwd=tmp_path)
+    assert shown.returncode == 0, shown.stderr
+    assert "nan" not in shown.stdout
+    assert "bridge_mV at force_kN = " in (tmp_path / "chart.html").read_text()
+
+
+def test_what_a_chart_of_tables_lacks_is_said(tmp_path, history):
+    files = history(0.0)
+    for given, message in (
+        ([name.partition("@")[0] for name in files], "2023.json does not say when it was measured: write 2023.json@"),
+        (["t.csv@2023-01-01", files[0]], "rig fit t.csv --response Y"),
+        ([files[0], "2023.json@2024-06-01"], "are of the same data"),
+    ):
+        done = rig("chart", *given, cwd=tmp_path)
+        assert done.returncode == 2
+        assert message in " ".join(done.stderr.split())

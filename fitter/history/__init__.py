@@ -9,6 +9,7 @@ from fitter.history.attitude import AttitudeCharted, Calibrated, attitude_charte
 from fitter.history.chart import Chart, QuantityChart, chart
 from fitter.history.charted import Charted
 from fitter.history.components import Between
+from fitter.history.curve import CurveCharted, curve_charted
 from fitter.history.forecast import ErrorBound, error_bound
 from fitter.history.homogeneity import Homogeneity, homogeneity
 from fitter.history.limits import Limits, limits
@@ -23,6 +24,7 @@ __all__ = [
     "Calibrated",
     "Chart",
     "Charted",
+    "CurveCharted",
     "ErrorBound",
     "Homogeneity",
     "Limits",
@@ -34,6 +36,7 @@ __all__ = [
     "attitude_charted",
     "calibrated",
     "chart",
+    "curve_charted",
     "error_bound",
     "homogeneity",
     "limits",

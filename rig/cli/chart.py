@@ -23,7 +23,8 @@ def chart(
     calibrations: Annotated[
         list[str],
         typer.Argument(
-            help="run files, calibration files of `rig fit --out`, or CSV tables with their date: table.csv@2026-01-15",
+            help="run files, calibration files of `rig fit --out`, or CSV tables; where they do not tell their date, "
+            "with it: table.csv@2026-01-15",
             show_default=False,
         ),
     ],
@@ -31,7 +32,7 @@ def chart(
         float | None,
         typer.Option(
             min=1e-9,
-            help="error of the output that the last calibration may come to have, deg or psi",
+            help="error of the output that the last calibration may come to have: deg, psi, or as the response",
             show_default="95 % interval of one reading",
         ),
     ] = None,

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from fitter.history import Between, Calibrated, Chart, Charted, chart
+from fitter.inverse import CurveCalibration
 from fitter.pressure import PressureFit
 from rig.closed_loop.chart_inputs import Given, check_alike, notes
 from rig.closed_loop.chart_json import quantity_json
-from rig.closed_loop.chart_views import of_attitude, of_pressure
+from rig.closed_loop.chart_views import of_attitude, of_curve, of_pressure
 from rig.closed_loop.chart_words import due_sentence, quantity_sentences
 from rig.errors import UsageError
 
@@ -32,7 +33,7 @@ class SensorChart:
         charted: what is charted, and the parameters for people.
         chart: what was found.
         model: that was fitted.
-        unit: of the output and of tolerances, "deg" or "psi".
+        unit: of the output and of tolerances, "deg", "psi", or that of the response.
         usage: range of pitch (deg) or pressure (psia) that the error of the output is bounded over.
         usage_words: the same for people.
         tolerance: of the output.
@@ -208,7 +209,7 @@ def chart_calibrations(
             f"no sensor is in all of these calibrations: {given[0].source} has {', '.join(given[0].sensors)}"
         )
     if usage_deg is not None and given[0].kind != "pitch-roll":
-        raise UsageError("--usage is a range of pitch; transducers are charted over the pressures calibrated")
+        raise UsageError("--usage is a range of pitch; others are charted over the range calibrated")
     remarks = notes(given)
     if not sensors:
         left = sorted({name for one in given for name in one.sensors} - set(common))
@@ -220,8 +221,12 @@ def chart_calibrations(
         every = [one.sensors[name] for one in given]
         attitude = [one for one in every if isinstance(one, Calibrated)]
         pressure = [one for one in every if isinstance(one, PressureFit)]
+        curves = [one for one in every if isinstance(one, CurveCalibration)]
         try:
-            view = of_attitude(attitude, years, usage_deg) if attitude else of_pressure(pressure, years)
+            if attitude:
+                view = of_attitude(attitude, years, usage_deg)
+            else:
+                view = of_curve(curves, years) if curves else of_pressure(pressure, years)
         except ValueError as error:
             raise UsageError(f"{name}: {error}") from error
         remarks += [f"{name}: {remark}" for remark in view.remarks]

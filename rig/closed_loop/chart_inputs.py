@@ -14,6 +14,7 @@ import numpy as np
 
 from fitter.history import Calibrated, calibrated
 from fitter.history.stored import calibrated_from
+from fitter.inverse import CurveCalibration
 from fitter.inverse.calibrate import OFFSET, SENSITIVITY
 from fitter.pressure import PressureFit
 from rig.closed_loop.attitude import with_temperature
@@ -32,13 +33,16 @@ _ALIKE_DEGC = 0.5
 """Between the mean temperatures of calibrations: at 50 ppm a degC, 25 ppm."""
 
 
+Sensor = Calibrated | PressureFit | CurveCalibration
+
+
 @dataclass(frozen=True, eq=False)
 class Given:
     """One calibration.
 
     Attributes:
         source: the file as it was named.
-        kind: "pitch-roll" or "whole-plot".
+        kind: "pitch-roll", "whole-plot" or "general".
         when: middle of the calibration, UTC.
         sensors: by output column.
         effects: names of the effects fitted beside the model, by output column.
@@ -52,7 +56,7 @@ class Given:
     source: str
     kind: str
     when: datetime
-    sensors: Mapping[str, Calibrated | PressureFit]
+    sensors: Mapping[str, Sensor]
     effects: Mapping[str, tuple[str, ...]]
     simulated: bool
     provenance: Mapping[str, Any]
@@ -132,7 +136,8 @@ def read(source: str, formula: str | None = None) -> Given:
         )
     if table.kind == "other":
         raise UsageError(
-            f"{path} is no calibration of attitude sensors or pressure transducers; `rig fit` says what is missing"
+            f"{path} is no table of attitude sensors or pressure transducers. Make a calibration of any other table "
+            f"first, rig fit {path} --response Y --formula '1 + X' --out C.json, and chart C.json@DATE"
         )
     try:
         sensors = _attitude(table) if table.kind == "pitch-roll" else fit_whole_plots(table, formula or "full").fits
@@ -209,7 +214,9 @@ def _changes(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[str]:
 
 def _from_calibration_file(path: Path, told: datetime | None) -> Given:
     """What `rig fit --out` wrote."""
-    read_calibration(path)
+    file = read_calibration(path)
+    if isinstance(file.calibration, CurveCalibration):
+        return _from_curve(path, told, file.calibration, simulated=file.simulated)
     content = json.loads(path.read_text(encoding="utf-8"))
     data = content["data"]
     if data["kind"] != "pitch-roll":
@@ -230,6 +237,20 @@ def _from_calibration_file(path: Path, told: datetime | None) -> Given:
         simulated=bool(data["simulated"]),
         provenance=data,
         degC=content["calibration"]["reference_degC"],
+    )
+
+
+def _from_curve(path: Path, told: datetime | None, calibration: CurveCalibration, *, simulated: bool) -> Given:
+    """A calibration of a table of any kind, which has no date of its own."""
+    return Given(
+        source=str(path),
+        kind="general",
+        when=_when(path, {}, told),
+        sensors={calibration.response: calibration},
+        effects={calibration.response: ()},
+        simulated=simulated,
+        provenance={"file": path.name},
+        degC=None,
     )
 
 
@@ -277,6 +298,10 @@ def _when(path: Path, provenance: Mapping[str, Any], told: datetime | None) -> d
 def _check_another(name: str, before: Given, after: Given) -> None:
     """A calibration is another one of the same sensor: not the same data again, nor a sensor that was turned."""
     old, new = before.sensors[name], after.sensors[name]
+    if isinstance(old, CurveCalibration) and isinstance(new, CurveCalibration):
+        if np.array_equal(old.coefficients, new.coefficients):
+            raise UsageError(f"{before.source} and {after.source} are of the same data: leave one of them out")
+        return
     if not (isinstance(old, Calibrated) and isinstance(new, Calibrated)):
         return
     if old.coefficients.shape != new.coefficients.shape:
@@ -331,5 +356,5 @@ def check_alike(name: str, given: Sequence[Given]) -> None:
             )
 
 
-def _model(sensor: Calibrated | PressureFit) -> str:
+def _model(sensor: Sensor) -> str:
     return sensor.model if isinstance(sensor, Calibrated) else str(sensor.formula)

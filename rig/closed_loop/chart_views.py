@@ -8,9 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitter.arrays import FloatArray
-from fitter.history import AttitudeCharted, Calibrated, Charted, attitude_charted, pressure_charted
+from fitter.history import AttitudeCharted, Calibrated, Charted, attitude_charted, curve_charted, pressure_charted
+from fitter.inverse import CurveCalibration
 from fitter.pressure import PressureFit
 from fitter.quantiles import t_limit
+from rig.tables.unused import unit_of
 
 _NO_ROLL = "attitude-no-roll"
 _PITCHES, _ROLLS = 5, 12
@@ -70,6 +72,22 @@ def _interval_deg(last: Calibrated, charted: AttitudeCharted, rows: FloatArray) 
     widest = float(np.einsum("hk,kl,hl->h", rows, last.shape, rows).max())
     one = np.degrees(1.0 / charted.sensitivity) ** 2
     return t_limit(0.95, last.df_sigma) * last.sigma_V * float(np.sqrt(one + widest))
+
+
+def of_curve(every: Sequence[CurveCalibration], years: FloatArray) -> View:
+    """A column of tables of any kind: at m calibrations, (m,) years since the first."""
+    charted, last = curve_charted(every, years), every[-1]
+    plots = any(len(fit.variances) > 1 for fit in every)
+    return View(
+        charted=charted,
+        rows=charted.rows,
+        model=str(last.formula),
+        unit=unit_of(last.response) or last.response,
+        usage=(charted.low, charted.high),
+        usage_words=f"{last.variable} {charted.low:g} to {charted.high:g}",
+        interval=charted.interval,
+        remarks=["the calibrations' whole plots are taken to be of one design"] if plots else [],
+    )
 
 
 def of_pressure(every: Sequence[PressureFit], years: FloatArray) -> View:

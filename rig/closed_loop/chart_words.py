@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from fitter.history import Chart, QuantityChart
+from rig.tables.unused import unit_of
 
 _NAMES = {
     "b_V": ("offset", 1e6, "uV"),
@@ -20,12 +21,13 @@ _NAMES = {
 
 def label(name: str) -> str:
     """A charted parameter for people."""
-    return _NAMES[name][0]
+    return _NAMES[name][0] if name in _NAMES else name
 
 
 def change_scale(name: str, sensitivity: float) -> tuple[float, str]:
     """What a change of a parameter is multiplied by to be shown, and its unit: uV, ppm of the sensitivity, deg."""
-    _, scale, unit = _NAMES[name]
+    response = name.partition(" at ")[0]
+    _, scale, unit = _NAMES.get(name, (name, 1.0, unit_of(response) or f"in {response}"))
     return (scale / sensitivity if unit == "ppm" else scale), unit
 
 

@@ -98,7 +98,7 @@ def error_chart(sensor: SensorChart) -> str:
     bound = sensor.chart.bound
     assert bound is not None
     figure, (axis,) = grid(1, columns=1, height=3.0, width=7.0)
-    scale = _UNITS[sensor.unit][1]
+    unit, scale = _UNITS.get(sensor.unit, (sensor.unit, 1.0))
     shown = bound.years <= _reach(sensor) + 1e-9
     for kind, values in bound.bounds.items():
         later = _later(sensor, bound.years[shown])
@@ -106,7 +106,7 @@ def error_chart(sensor: SensorChart) -> str:
     axis.axhline(scale * sensor.tolerance, color="0.3", linewidth=0.9, linestyle="--", label="tolerance")
     _dates(axis, sensor.due(sensor.tolerance))
     axis.set_ylim(bottom=0)
-    axis.set_title(f"error of the last calibration's output, 95 % / {_UNITS[sensor.unit][0]}", fontsize=9)
+    axis.set_title(f"error of the last calibration's output, 95 % / {unit}", fontsize=9)
     axis.grid(color="0.92", linewidth=0.6)
     axis.legend(fontsize=7, frameon=False)
     return png(figure)

@@ -74,6 +74,11 @@ def other_unit(name: str, known: Collection[str]) -> str | None:
     return None
 
 
+def unit_of(name: str) -> str:
+    """The unit at the end of a column's name; "" where there is none."""
+    return name[len(_stem(name)) + 1 :]
+
+
 def _stem(name: str) -> str:
     stem, _, unit = name.rpartition("_")
     return stem if stem and unit in _UNITS else name
