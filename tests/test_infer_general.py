@@ -186,8 +186,8 @@ def history(tmp_path):
     return files
 
 
-@pytest.mark.parametrize("formula", ["1 + force_kN", "1 + force_kN + force_kN^2"])
-def test_calibrations_of_a_table_are_charted(tmp_path, history, formula):
+def test_calibrations_of_a_table_are_charted(tmp_path, history):
+    formula = "1 + force_kN + force_kN^2"
     files = history(0.02, formula)
     done = rig("chart", *files, "--json", "--today", "2026-07-01", "--tolerance", "0.1", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -219,3 +219,17 @@ def test_what_a_chart_of_tables_lacks_is_said(tmp_path, history):
         done = rig("chart", *given, cwd=tmp_path)
         assert done.returncode == 2
         assert message in " ".join(done.stderr.split())
+
+
+@pytest.mark.parametrize("command", ["fit", "trace"])
+def test_attitude_without_an_error_is_refused(tmp_path, command):
+    """Three points for offset, sensitivity and misalignment: a trace had called "nan deg" nothing to add."""
+    rows = [
+        f"0,{i},{60 * i},{pitch},0,25,{2.5 * np.sin(np.radians(pitch)):.6f}" for i, pitch in enumerate((-50, 3, 40))
+    ]
+    header = "replicate,order,elapsed_s,pitch_deg,roll_deg,sensor_temperature_degC,x_V"
+    (tmp_path / "t.csv").write_text("\n".join([header, *rows]) + "\n")
+    done = rig(command, "t.csv", "--json", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "nothing to estimate" in " ".join(done.stderr.split())
+    assert "nan" not in done.stdout + done.stderr

@@ -154,7 +154,14 @@ def trace_attitude_table(table: Table, *, temperature: bool | None = None, unnam
     """Trace what the declared model lacks in a pitch-roll table; arguments and errors as for `fit_attitude_table`."""
     data, warm = attitude_data(table), with_temperature(table, temperature)
     try:
-        return AttitudeTraced(table, data, trace(data, attitude_catalogue(), temperature=warm, unnamed=unnamed), warm)
+        found = trace(data, attitude_catalogue(), temperature=warm, unnamed=unnamed)
+        for name, sensor in found.sensors.items():
+            if not np.isfinite(sensor.before.sigma_E):
+                raise ValueError(
+                    f"{name}: {len(table)} observations leave nothing to estimate the error of the declared model "
+                    f"({sensor.declared}) from; measure more points than it has coefficients"
+                )
+        return AttitudeTraced(table, data, found, warm)
     except ValueError as error:
         raise UsageError(f"{table.source}: {error}") from error
 
