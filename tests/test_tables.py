@@ -6,10 +6,12 @@ import math
 
 import numpy as np
 import pytest
+from command import rig
 from ideal_bench import new_run, run_session
 
 from rig.errors import RunFileError, UsageError
 from rig.tables import attitude_data, read_table, run_table, write_csv
+from rig.tables.unused import unused_in_fit
 
 HEAD = "replicate,order,elapsed_s,pitch_deg,roll_deg,sensor_temperature_degC,x_V"
 ROWS = [f"{1 + i // 4},{i + 1},{30 * i},{(-30, -10, 10, 30)[i % 4]},{90 * (i % 3)},23.1,{0.1 * i}" for i in range(8)]
@@ -115,7 +117,12 @@ def test_everything_includes_rejected_observations_with_gaps(tmp_path):
     assert len(table) == 19
     (rejected,) = np.flatnonzero(table.columns["accepted"] == 0)
     assert math.isnan(table.columns["x_V"][rejected])
-    assert len(run_table(path)) == 18
+    accepted = run_table(path)
+    assert len(accepted) == 18
+    (row,) = unused_in_fit(accepted).to_json()["rows"]
+    assert row["why"].startswith("1 observations were rejected")
+    done = rig("export", path, "--out", tmp_path / "run.csv")
+    assert "1 observations that were rejected are not in it; --all" in done.stderr
 
 
 def test_a_run_without_observations_says_so(tmp_path):

@@ -351,6 +351,8 @@ def export(
         seen = int(table.columns["accepted"].sum())
         table = replace(table, provenance={**table.provenance, "points_observed": seen})
     headline(str(out_file), table, err)
+    if rejected := table.provenance.get("observations_rejected"):
+        err.print(f"[yellow]{rejected} observations that were rejected are not in it; --all writes them too[/]")
     if everything and not salvage:
         beside = out_file.with_name(f"{out_file.stem}.faults.csv")
         count = write_happenings(run_file, beside)

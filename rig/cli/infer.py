@@ -70,7 +70,7 @@ def infer(
     roll_sd: Annotated[float, typer.Option(min=0, help="attitude: standard deviation of the measured roll, deg")] = 0.0,
     as_json: JsonOption = False,
 ) -> int:
-    """Infer pitch and roll, or pressure, from outputs, with standard deviations and 95 % intervals.
+    """Infer pitch and roll, pressure, or the abscissa of a curve from outputs, with 95 % intervals.
 
     Attitude: the columns of the calibrated sensors (x_V, y_V, z_V), and the sensor temperature where the calibration
     has it in. A single sensor needs roll that was measured otherwise. Where an angle is undetermined it is left open,
@@ -81,6 +81,8 @@ def infer(
     long as the temperatures have stood since the zero was read: rows at other temperatures are flagged. Values outside
     the calibrated range are flagged, not extrapolated. The zero is compared with the calibration: one that is hard to
     believe is flagged in every row. Several zero rows are of one sitting or independent: --zero-rows says which.
+
+    Any table: the response's column; the fitted curve is inverted where it rises or falls all the way.
 
     A row that lacks a value gets an empty result and a flag; columns and rows that are not used are named.
 

@@ -56,13 +56,14 @@ def _run_table(path: Path, everything: bool, salvage: bool) -> Table:
         declared = procedure.get("model", {})
         turned = {f"mounting_{axis}": float(turn) for axis, turn in procedure.get("mounting", {}).items()}
         rows: list[dict[str, float]] = []
-        left_out = 0
+        left_out = rejected = 0
         doubted = _doubted(reader.salvage() if salvage else reader.records("event"))
         records = reader.salvage() if salvage else reader.records("observation")
         for record in records:
             try:
                 accepted = record.status == "accepted" and record.elapsed_s < doubted.get(record.whole_plot, math.inf)
                 left_out += record.kind == "observation" and record.status == "accepted" and not accepted
+                rejected += record.kind == "observation" and record.status != "accepted" and not everything
                 if record.kind != "observation" or not (accepted or everything):
                     continue
                 row = _row(record, run_list, len(rows) + 1, factors)
@@ -104,6 +105,7 @@ def _run_table(path: Path, everything: bool, salvage: bool) -> Table:
         "points_observed": len(rows),
         **({"skipped": skipped} if skipped else {}),
         **({"left_out_in_doubt": left_out} if left_out else {}),
+        **({"observations_rejected": rejected} if rejected else {}),
     }
     if "sensor_temperature_degC" not in columns:  # a bench may call the package's temperature by another name
         for name, entry in bench.get("temperatures", {}).items():

@@ -50,12 +50,12 @@ class Unused:
 
     Attributes:
         columns: name to the reason.
-        rows: (row in the file, column or "", reason) each.
+        rows: (row in the file or None for several of a run, column or "", reason) each.
 
     """
 
     columns: Mapping[str, str] = field(default_factory=dict)
-    rows: Sequence[tuple[int, str, str]] = ()
+    rows: Sequence[tuple[int | None, str, str]] = ()
 
     def to_json(self) -> dict[str, Any]:
         """For JSON."""
@@ -108,7 +108,9 @@ def unused_in_fit(table: Table) -> Unused:
             found[name] = _RECORDED
         else:
             found[name] = why_unused(name, named, "columns of this kind have")
-    return Unused(found)
+    rejected = table.provenance.get("observations_rejected", 0)
+    why = f"{rejected} observations were rejected when they were made; rig export --all writes them"
+    return Unused(found, [(None, "", why)] if rejected else ())
 
 
 def unused_columns(table: Table, used: Iterable[str], reasons: Mapping[str, str] | None = None) -> Unused:
@@ -135,8 +137,9 @@ def sentences(unused: Mapping[str, Any]) -> list[str]:
     plain = [each["column"] for each in told if each["why"] == NO_PART]
     found = [f"not used: {', '.join(plain)}"] if plain else []
     found += [f"{each['column']} is not used: {each['why']}" for each in told if each["why"] != NO_PART]
+    found += [each["why"] for each in unused["rows"] if each["row"] is None]
     by_reason: dict[tuple[str | None, str], list[int]] = {}
-    for each in unused["rows"]:
+    for each in (one for one in unused["rows"] if one["row"] is not None):
         by_reason.setdefault((each["column"], each["why"]), []).append(each["row"])
     for (column, why), rows in by_reason.items():
         found.append(f"{_rows(rows)}{f', column {column}' if column else ''}: {why}")
