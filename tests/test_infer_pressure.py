@@ -238,6 +238,12 @@ def test_an_output_in_another_unit_is_named_with_what_to_do(case):
     assert "bridge_1_V: calibrated as bridge_1_mV" in " ".join(done.stderr.split())
 
 
+def test_zero_rows_without_zeros_is_refused(case):
+    done = case.infer(FLIGHT, None, "--zero-rows", "one-sitting")
+    assert done.returncode == 2
+    assert "and there are none" in " ".join(done.stderr.split())
+
+
 def test_text_in_a_reading_is_an_error_with_its_place(case):
     done = case.infer(text([mV(1.0), "broken"]))
     assert done.returncode == 2

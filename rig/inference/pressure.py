@@ -72,6 +72,8 @@ def infer_pressures(
         zeros |= {output: found.zeros} if found.zeros else {}
         if found.without:
             without.append(output if found.without == len(table) else f"{output} ({found.without} rows)")
+    if meaning is not None and not zeros:
+        raise UsageError("--zero-rows says what rows read in vacuum are, and there are none: give --zero, or mark them")
     if without:
         notes.append(f"{', '.join(without)}: no zero was read in vacuum, so the whole-plot error is in the interval")
     marked = zero_rows(table)

@@ -104,7 +104,7 @@ def unused_in_fit(table: Table) -> Unused:
         stem, _, other = name.rpartition("_")
         if other in ("V", "mV", "uV", "kV"):
             found[name] = f"outputs are read in {unit}: convert it and name it {stem}_{unit}"
-        elif name in ("run_index", "accepted") or stem.endswith("_readback"):
+        elif name in ("run_index", "accepted", "pressure_side") or stem.endswith("_readback"):
             found[name] = _RECORDED
         else:
             found[name] = why_unused(name, named, "columns of this kind have")
