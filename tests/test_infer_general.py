@@ -140,6 +140,15 @@ def test_an_interval_without_an_end_is_open_and_flagged():
     assert "the 95 % interval has no" in found.flag[0]
 
 
+def test_nothing_is_looked_for_where_the_formula_has_no_value():
+    """The logarithm ends just below the range; the reading is at its lowest value."""
+    x = np.array([0.01, 0.1, 0.5, 1.0, 2.0, 4.0, 9.0])
+    found = infer_curve(curve(x, np.log(x) + 0.01 * np.cos(50 * x), "1 + log(x)"), np.log([0.0102, 8.99]))
+    assert found.value == pytest.approx([0.0102, 8.99], rel=0.02)
+    assert (found.lo95 > 0).all()
+    assert list(found.flag) == ["", ""]
+
+
 @pytest.mark.parametrize(
     ("table", "formula", "message"),
     [

@@ -11,7 +11,7 @@ are Satterthwaite's of the sum; those of a fit without whole plots are its own.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,7 +29,7 @@ REACH = 1.0
 """How far outside the calibrated range the end of an interval is looked for, as a part of its width."""
 
 BAD_READING = "not a finite number"
-_GRID, _HALVINGS, _CHUNK, _FLAT = 512, 50, 8192, 1e-9
+_GRID, _SLOPES, _STEPS, _CHUNK, _FLAT = 128, 513, 100, 8192, 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,7 +184,7 @@ class _Band:
         if not usable.any():
             return found
         y = y[usable]
-        at = _bisected(np.full(len(y), self.inner[0]), np.full(len(y), self.inner[1]), lambda x: self.curve(x) < y)
+        at = _root(np.full(len(y), self.inner[0]), np.full(len(y), self.inner[1]), lambda x: self.curve(x) - y)
         found.value[usable], found.sd[usable] = at, self.sd(at)
         found.lo95[usable], found.hi95[usable] = self.lower(at, y), self.upper(at, y)
         for limits, side in ((found.lo95, "lower"), (found.hi95, "upper")):
@@ -227,8 +227,7 @@ class _Band:
         past &= self.grid[None, :] < at[:, None]
         last = past.shape[1] - 1 - np.argmax(past[:, ::-1], axis=1)
         start, stop = self.grid[last], np.minimum(self.grid[np.minimum(last + 1, len(self.grid) - 1)], at)
-        found = _bisected(start, stop, lambda x: self.edge(x, 1.0) < y)
-        return np.where(past.any(axis=1), found, np.nan)
+        return self._end(np.asarray(past.any(axis=1)), at, start, stop, lambda x: self.edge(x, 1.0) - y)
 
     def upper(self, at: FloatArray, y: FloatArray) -> FloatArray:
         """As `lower`, above."""
@@ -236,23 +235,45 @@ class _Band:
         past &= self.grid[None, :] > at[:, None]
         first = np.argmax(past, axis=1)
         start, stop = np.maximum(self.grid[np.maximum(first - 1, 0)], at), self.grid[first]
-        found = _bisected(start, stop, lambda x: self.edge(x, -1.0) <= y)
-        return np.where(past.any(axis=1), found, np.nan)
+        return self._end(np.asarray(past.any(axis=1)), at, start, stop, lambda x: self.edge(x, -1.0) - y)
+
+    @staticmethod
+    def _end(closed: NDArray[np.bool_], at: FloatArray, start: FloatArray, stop: FloatArray, rise: _Rise) -> FloatArray:
+        found = _root(np.where(closed, start, at), np.where(closed, stop, at), rise)
+        return np.where(closed, found, np.nan)
 
 
-def _bisected(low: FloatArray, high: FloatArray, below: Any) -> FloatArray:
-    """(n,) where `below`, true at `low` and false at `high`, changes."""
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
-        under = below(middle)
-        low, high = np.where(under, middle, low), np.where(under, high, middle)
-    return np.asarray(0.5 * (low + high))
+_Rise = Callable[[FloatArray], FloatArray]
+
+
+def _root(low: FloatArray, high: FloatArray, rise: _Rise) -> FloatArray:
+    """(n,) where `rise`, not above 0 at `low` and not below it at `high`, is 0: by the Illinois method.
+
+    Regula falsi in which the value at an end that stays is halved, so that both ends close in.
+    """
+    at_low, at_high = rise(low), rise(high)
+    x, kept = low, np.zeros(len(low))
+    for _ in range(_STEPS):
+        apart = at_high - at_low
+        before, x = x, np.clip(high - at_high * (high - low) / np.where(apart > 0.0, apart, 1.0), low, high)
+        value = rise(x)
+        under = value < 0.0
+        at_high = np.where(under & (kept > 0), 0.5 * at_high, at_high)
+        at_low = np.where(~under & (kept < 0), 0.5 * at_low, at_low)
+        low, at_low = np.where(under, x, low), np.where(under, value, at_low)
+        high, at_high = np.where(under, high, x), np.where(under, at_high, value)
+        kept = np.where(under, 1.0, -1.0)
+        if np.all(np.abs(x - before) <= 4.0 * np.finfo(float).eps * np.maximum(np.abs(low), np.abs(high))):
+            break
+    return np.asarray(x)
 
 
 def _direction(calibration: CurveCalibration, low: float, high: float) -> float:
     """1 where the curve rises all the way, -1 where it falls, 0 where it does neither or is not defined."""
     try:
-        slope = _slope(calibration, np.linspace(low, high, _GRID + 1))
+        x = np.linspace(low, high, _SLOPES)
+        _columns(calibration, x)  # it alone refuses what the formula is not defined for
+        slope = _slope(calibration, x)
     except ValueError:
         return 0.0
     steepest = np.abs(slope).max()
@@ -267,7 +288,7 @@ def _direction(calibration: CurveCalibration, low: float, high: float) -> float:
 def _grid(calibration: CurveCalibration, low: float, high: float) -> FloatArray:
     """Places at which the ends of intervals are looked for: as far beyond the range as the formula has values."""
     first, last, step = low, high, REACH * (high - low)
-    for _ in range(10):
+    for _ in range(30):
         first = low - step if first == low and _defined(calibration, low - step) else first
         last = high + step if last == high and _defined(calibration, high + step) else last
         step *= 0.5
