@@ -197,8 +197,8 @@ def history(tmp_path):
 
 def test_calibrations_of_a_table_are_charted(tmp_path, history):
     formula = "1 + force_kN + force_kN^2"
-    files = history(0.02, formula)
-    done = rig("chart", *files, "--json", "--today", "2026-07-01", "--tolerance", "0.1", cwd=tmp_path)
+    files, options = history(0.02, formula), ("--today", "2026-07-01", "--report", "chart.html")
+    done = rig("chart", *files, "--json", "--tolerance", "0.1", *options, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     sensor = found["sensors"]["bridge_mV"]
@@ -212,9 +212,6 @@ def test_calibrations_of_a_table_are_charted(tmp_path, history):
     assert found["data"]["kind"] == "general"
     assert sensor["due"]["status"] == "due"
     assert any("mV/year" in text for text in sensor["sentences"])
-    shown = rig("chart", *files, "--report", "chart.html", "--today", "2026-07-01", cwd=tmp_path)
-    assert shown.returncode == 0, shown.stderr
-    assert "nan" not in shown.stdout
     assert "bridge_mV at force_kN = " in (tmp_path / "chart.html").read_text()
 
 
