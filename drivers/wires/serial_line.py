@@ -3,7 +3,8 @@
 The line opens what `drivers.wires.addresses` allows (`/dev/ttyUSB0`, `COM4`, `socket://host:5025`, `rfc2217://...`).
 It never resends a command that may have been carried out. After a surprising reply it listens until the instrument is
 silent before it asks again. After a missing one it asks what only one answer fits: a line keeps order, so that whatever
-was late has come when that answer comes, and cannot answer the next question.
+was late has come when that answer comes, and cannot answer the next question. XON and XOFF, which an instrument may
+send at any moment, are no part of what it says.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import serial
 from drivers.clock import Clock
 from drivers.errors import BadReply, NoReply, Unreachable
 from drivers.wires.addresses import SerialAddress
+from drivers.wires.serial_options import Flow, flow_arguments
 
 try:
     import termios
@@ -39,6 +41,7 @@ _SLOWEST_BAUD = 1200  # of a line behind a serial server
 _WRITE_TIMEOUT_S = 5.0
 _LONGEST_REPLY = 1 << 20
 _TALKS_ON_S = 10.0
+_NOT_SAID = bytes([0x11, 0x13])  # XON and XOFF: flow control, never part of an answer
 
 
 class _Port(Protocol):
@@ -60,6 +63,7 @@ class SerialSettings:
     Attributes:
         baud: symbols per second.
         frame: data bits, parity, stop bits.
+        flow: flow control of a real port; a pseudo-terminal or a simulated line has none.
         send_end: what ends a command.
         reply_end: last character of a reply; white space around a reply is not part of it.
         timeout_s: bench seconds within which an ordinary reply is complete.
@@ -71,6 +75,7 @@ class SerialSettings:
 
     baud: int
     frame: Frame = "8N1"
+    flow: Flow = "none"
     send_end: bytes = b"\n"
     reply_end: bytes = b"\n"
     timeout_s: float = 1.0
@@ -116,6 +121,11 @@ class SerialLine:
     def where(self) -> str:
         """The instrument and its address, as messages name them."""
         return self.label if self.label == self.address else f"{self.label} at {self.address}"
+
+    @property
+    def port_settings(self) -> str:
+        """Settings of the port, as messages name them; empty over TCP, where they are the serial server's."""
+        return "" if not self._place.timed else f"{self.settings.baud} baud {self.settings.frame}"
 
     def write(self, text: str) -> None:
         """Send a command that has no reply, at once: it cannot be mistaken for anything. Raises `Unreachable`."""
@@ -166,8 +176,7 @@ class SerialLine:
         try:
             port.timeout = self.clock.timeout(self.settings.quiet_s)
             while heard := port.read(4096):
-                if self._tap:
-                    self._tap(self.label, "rx", heard)
+                self._tell_tap(heard)
                 if self.clock.now() > end:
                     raise BadReply(
                         f"{self.where} sends without being asked: is it set to talk by itself, "
@@ -194,8 +203,14 @@ class SerialLine:
 
     def _open(self) -> _Port:
         settings = self.settings
-        # A pseudo-terminal carries whole bytes and refuses every other frame.
-        frame = "8N1" if os.path.realpath(self._place.place).startswith("/dev/pts/") else settings.frame
+        if settings.flow != "none" and not self._place.timed:
+            raise Unreachable(
+                f'{self.where}: flow = "{settings.flow}" cannot be set over TCP; leave it out and set flow control at '
+                f"the serial server, or use rfc2217://, which carries it"
+            )
+        # A pseudo-terminal carries whole bytes, refuses every other frame and has no lines for flow control.
+        terminal = os.path.realpath(self._place.place).startswith("/dev/pts/")
+        frame = "8N1" if terminal else settings.frame
         try:
             port = serial.serial_for_url(
                 self._place.place,
@@ -206,6 +221,7 @@ class SerialLine:
                 timeout=self.clock.timeout(settings.timeout_s),
                 write_timeout=None if "://" in self._place.place else _WRITE_TIMEOUT_S,  # rfc2217:// refuses one
                 exclusive=True,
+                **flow_arguments("none" if terminal else settings.flow),
             )
             return cast(_Port, port)
         except _OPEN_ERRORS as error:
@@ -221,10 +237,12 @@ class SerialLine:
     def _in_step(self) -> _Port:
         port = self._port or self._reopened()
         try:
-            stray = port.in_waiting
+            waiting = port.in_waiting
+            stray = port.read(waiting) if waiting else b""
         except _PORT_ERRORS as error:
             self._lost(error)
-        if stray or self._out_of_step:
+        self._tell_tap(stray)
+        if self._out_of_step or _said(stray).strip():
             self.drain()
         if self._owed and self.settings.sync is not None:
             self._synchronise(port, *self.settings.sync)
@@ -237,23 +255,23 @@ class SerialLine:
             NoReply: it does not come.
 
         """
-        heard = bytearray()
+        raw, heard = bytearray(), bytearray()
+        timeout_s = self.settings.timeout_s
         self.exchanges += 1
         try:
-            self._limit(port, self.settings.timeout_s)
+            self._limit(port, timeout_s)
             self._send(port, question)
-            end = self.clock.now() + self.settings.timeout_s
-            while not (heard.endswith(self.settings.reply_end) and answer in _last_line(heard)):
-                more = port.read(port.in_waiting or 1)
+            end = self.clock.now() + timeout_s
+            while not (self._ended(heard) and answer in _last_line(heard)):
+                more = self._more(port, raw, timeout_s)
                 if not more or (len(heard) > _LONGEST_REPLY and self.clock.now() > end):
                     self._out_of_step = True
-                    raise self._silent(question, bytes(heard[-40:]), self.settings.timeout_s)
+                    raise self._silent(question, bytes(heard[-40:]), timeout_s)
                 heard += more
         except _PORT_ERRORS as error:
             self._lost(error)
         finally:
-            if self._tap and heard:
-                self._tap(self.label, "rx", bytes(heard))
+            self._tell_tap(raw)
         self._owed = False
         self.drain()  # the same question may have been asked before, in vain
 
@@ -277,36 +295,52 @@ class SerialLine:
             received = self._receive(port, text, count, timeout_s)
         except _PORT_ERRORS as error:
             self._lost(error)
-        if self._tap:
-            self._tap(self.label, "rx", received)
         try:
             lines = received.decode("ascii").split(self.settings.reply_end.decode("ascii"))
         except UnicodeDecodeError:
-            raise self.bad_reply(text, received, "text; do baud rate and frame match the instrument's?") from None
+            doubt = "do baud rate and frame match" if self.port_settings else "do the serial server's settings match"
+            raise self.bad_reply(text, received, f"text; {doubt} the instrument's?") from None
         if len(lines) != count + 1 or lines[-1].strip():
             raise self.bad_reply(text, received, f"{count} line(s)")
         return [line.strip() for line in lines[:-1]]
 
     def _receive(self, port: _Port, text: str, count: int, timeout_s: float) -> bytes:
-        end = self.settings.reply_end
-        received = bytearray()
-        while received.count(end) < count:
-            heard = port.read(port.in_waiting or 1)
-            if not heard:
-                self._out_of_step = self._owed = True
-                if self._tap and received:
-                    self._tap(self.label, "rx", bytes(received))
-                raise self._silent(text, bytes(received), timeout_s)
-            received += heard
-            if len(received) > _LONGEST_REPLY:
-                raise self.bad_reply(text, bytes(received[:40]), "an answer that ends")
+        raw, received = bytearray(), bytearray()
+        try:
+            while received.count(self.settings.reply_end) < count:
+                heard = self._more(port, raw, timeout_s)
+                if not heard:
+                    self._out_of_step = self._owed = True
+                    raise self._silent(text, bytes(received), timeout_s)
+                received += heard
+                if len(received) > _LONGEST_REPLY:
+                    raise self.bad_reply(text, bytes(received[:40]), "an answer that ends")
+        finally:
+            self._tell_tap(raw)
         return bytes(received)
 
+    def _more(self, port: _Port, raw: bytearray, timeout_s: float) -> bytes:
+        """What is said next, flow control taken out; empty if nothing is. All bytes are added to `raw`."""
+        end = self.clock.now() + timeout_s
+        while True:
+            heard = port.read(port.in_waiting or 1)
+            raw += heard
+            said = _said(heard)
+            if said or not heard or self.clock.now() >= end:
+                return said
+
+    def _ended(self, heard: bytearray) -> bool:
+        return self.settings.reply_end in heard[len(heard.rstrip(b"\r\n")) :]
+
+    def _tell_tap(self, heard: bytes | bytearray) -> None:
+        if self._tap and heard:
+            self._tap(self.label, "rx", bytes(heard))
+
     def _silent(self, text: str, received: bytes, timeout_s: float) -> NoReply:
+        settings = f"set to {self.port_settings}" if self.port_settings else "the serial server set as it is"
         return NoReply(
             f"{self.where} answered {f'only {received!r}' if received else 'nothing'} to {text!r} "
-            f"within {timeout_s:g} s; is it switched on, connected, and set to "
-            f"{self.settings.baud} baud {self.settings.frame}?"
+            f"within {timeout_s:g} s; is it switched on, connected, and {settings}?"
         )
 
     def _lost(self, error: BaseException) -> NoReturn:
@@ -317,5 +351,9 @@ class SerialLine:
         raise Unreachable(f"{self.where} was lost ({error}); check cable and power") from error
 
 
+def _said(heard: bytes) -> bytes:
+    return heard.translate(None, _NOT_SAID)
+
+
 def _last_line(heard: bytearray) -> str:
-    return heard.strip().rpartition(b"\n")[2].decode("ascii", "replace")
+    return (heard.splitlines() or [b""])[-1].decode("ascii", "replace")
