@@ -356,4 +356,4 @@ def _said(heard: bytes) -> bytes:
 
 
 def _last_line(heard: bytearray) -> str:
-    return (heard.splitlines() or [b""])[-1].decode("ascii", "replace")
+    return bytes(heard).splitlines()[-1].decode("ascii", "replace")  # asked only once a line has ended
