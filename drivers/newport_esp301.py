@@ -15,12 +15,13 @@ import math
 from collections.abc import Mapping
 from typing import Literal
 
-from pydantic import BaseModel, Field, model_validator
+from pydantic import Field, model_validator
 
 from drivers.clock import Clock
 from drivers.errors import BadReply, InstrumentError, LimitError, NotReady, WrongInstrument
 from drivers.roles import AxisState, Identity
-from drivers.wires import SerialSettings, Wires
+from drivers.wires import SerialOptions, SerialSettings, Wires
+from drivers.wires.serial_options import LINE_END, LineEnd
 
 Axis = Literal["pitch", "roll"]
 
@@ -52,10 +53,11 @@ class NewportESP301:
 
     wire = "serial"
 
-    class Options(BaseModel, extra="forbid"):
+    class Options(SerialOptions):
         """What the bench file may say about this instrument."""
 
         baud: Literal[9600, 19200, 38400, 57600, 115200, 921600] = Field(19200, description="symbols per second")
+        line_end: LineEnd = Field("cr", description=LINE_END)
         pitch_axis: int = Field(1, ge=1, le=3, description="controller axis that pitches")
         roll_axis: int = Field(2, ge=1, le=3, description="controller axis that rolls")
         speed_deg_per_s: float = Field(8.0, gt=0, le=80, description="speed of moves")
@@ -78,7 +80,14 @@ class NewportESP301:
         self.name = name
         self._options = options
         self._clock = clock
-        settings = SerialSettings(options.baud, "8N1", send_end=b"\r", timeout_s=1.0, sync=("VE?", "ESP301"))
+        settings = SerialSettings(
+            options.baud,
+            "8N1",
+            options.flow_at(address),
+            send_end=options.send_end,
+            timeout_s=1.0,
+            sync=("VE?", "ESP301"),
+        )
         self._line = wires.serial(address, settings, name)
         self._numbers: dict[str, int] = {"pitch": options.pitch_axis, "roll": options.roll_axis}
         self._limits = {"pitch": options.pitch_deg, "roll": options.roll_deg}

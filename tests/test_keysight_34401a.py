@@ -59,6 +59,40 @@ def test_identify_takes_remote_control_and_asks():
     assert not identity.confirmed, "a 34401A answers serial number 0"
 
 
+@pytest.mark.parametrize("with_dtr", [True, False])
+def test_device_clear_is_heard_while_the_meter_holds_up_the_handshake_only_with_dtr(with_dtr):
+    """User's guide, page 151: a query is pending, its DTR is false; Ctrl-C counts when the controller drops its own."""
+    rig = Rig(nplc=100).ready()
+    rig.dvm.start(5)
+    with pytest.raises(NoReply):
+        rig.line.query("FETC?", 0.2, repeat=False)
+    rig.line.device_clear("\x03", with_dtr=with_dtr)
+    assert rig.twin.measuring is not with_dtr
+    if with_dtr:
+        assert rig.line.query("*IDN?").startswith("HEWLETT")
+
+
+def test_the_driver_clears_with_dtr():
+    rig = Rig(nplc=100).ready()
+    rig.dvm.start(5)
+    with pytest.raises(NoReply):
+        rig.line.query("FETC?", 0.2, repeat=False)
+    rig.dvm.make_safe()
+    assert not rig.twin.measuring
+
+
+def test_remote_control_is_taken_over_rs232_only():
+    """Over GPIB, SYSTem:REMote is error 514."""
+    rig = Rig(interface="gpib")
+    rig.ready()
+    rig.dvm.start(1)
+    rig.dvm.fetch()
+    rig.dvm.prepare()
+    assert not any(b"SYST:REM" in line for line in rig.wire.sent())
+    rig.line.write("SYST:REM")
+    assert rig.line.query("SYST:ERR?") == '+514,"Command allowed only with RS-232"'
+
+
 def test_another_meter_is_refused():
     rig = Rig()
     rig.twin.identity = "HEWLETT-PACKARD,34420A,0,10-5-2"
@@ -139,8 +173,11 @@ def test_a_measurement_is_two_lines_and_waits_until_the_readings_are_due():
 def test_noise_falls_with_the_square_root_of_time_down_to_a_floor():
     def sd(nplc):
         rig = Rig(nplc=nplc).ready()
-        rig.dvm.start(400)
-        return statistics.stdev(rig.dvm.fetch()["input"])
+        readings = []
+        for _ in range(4):
+            rig.dvm.start(500)
+            readings += rig.dvm.fetch()["input"]
+        return statistics.stdev(readings)
 
     assert sd(1) / sd(10) == pytest.approx(10**0.5, rel=0.2)
     assert sd(10) / sd(100) < 2.9, "white noise alone would give 3.16: the floor shows"

@@ -41,6 +41,8 @@ _SLOWEST_BAUD = 1200  # of a line behind a serial server
 _WRITE_TIMEOUT_S = 5.0
 _LONGEST_REPLY = 1 << 20
 _TALKS_ON_S = 10.0
+_BITS_PER_CHARACTER = 11
+_DTR_S = 0.01
 _NOT_SAID = bytes([0x11, 0x13])  # XON and XOFF: flow control, never part of an answer
 
 
@@ -48,11 +50,13 @@ class _Port(Protocol):
     """What is used of a pyserial port; pyserial's own base class does not declare all of it."""
 
     timeout: float | None
+    dtr: bool
 
     @property
     def in_waiting(self) -> int: ...
     def read(self, size: int = 1, /) -> bytes: ...
     def write(self, data: bytes, /) -> int | None: ...
+    def flush(self) -> None: ...
     def close(self) -> None: ...
 
 
@@ -163,8 +167,12 @@ class SerialLine:
         self.retries += 1
         return self._ask(text, count, timeout)
 
-    def drain(self) -> None:
+    def drain(self, waiting: int = 0) -> None:
         """Listen until the instrument has been silent for `quiet_s`, and forget what it said.
+
+        Args:
+            waiting: bytes that have come in already; where these say nothing (the end of a line, XON, XOFF), that is
+                all. 0 to listen in any case.
 
         Raises:
             BadReply: it never stops talking.
@@ -174,6 +182,11 @@ class SerialLine:
         port = self._port or self._reopened()
         end = self.clock.now() + _TALKS_ON_S
         try:
+            if waiting:
+                heard = port.read(waiting)
+                self._tell_tap(heard)
+                if not _said(heard).strip():
+                    return
             port.timeout = self.clock.timeout(self.settings.quiet_s)
             while heard := port.read(4096):
                 self._tell_tap(heard)
@@ -185,6 +198,33 @@ class SerialLine:
         except _PORT_ERRORS as error:
             self._lost(error)
         self._out_of_step = False
+
+    def device_clear(self, character: str, *, with_dtr: bool) -> None:
+        """Send the character that stands for device clear, and listen until the instrument is silent.
+
+        Args:
+            character: what to send.
+            with_dtr: drop the line DTR meanwhile, without which an instrument that holds up the handshake may not hear
+                it. A pseudo-terminal and a TCP connection have no such line.
+
+        Raises:
+            BadReply: it never stops talking.
+            Unreachable: the port is gone.
+
+        """
+        port = self._port or self._reopened()
+        with_dtr = with_dtr and self._has_dtr
+        try:
+            if with_dtr:
+                port.dtr = False
+            self._send(port, character)
+            if with_dtr:
+                port.flush()
+                self.clock.sleep(2 * _BITS_PER_CHARACTER / self.settings.baud + _DTR_S)  # it has left the adapter, too
+                port.dtr = True
+        except _PORT_ERRORS as error:
+            self._lost(error)
+        self.drain()
 
     def bad_reply(self, text: str, reply: object, expected: str) -> BadReply:
         """The error for an answer that makes no sense; the line resynchronises before it is used again."""
@@ -210,6 +250,7 @@ class SerialLine:
             )
         # A pseudo-terminal carries whole bytes, refuses every other frame and has no lines for flow control.
         terminal = os.path.realpath(self._place.place).startswith("/dev/pts/")
+        self._has_dtr = self._place.timed and not terminal
         frame = "8N1" if terminal else settings.frame
         try:
             port = serial.serial_for_url(
@@ -238,12 +279,12 @@ class SerialLine:
         port = self._port or self._reopened()
         try:
             waiting = port.in_waiting
-            stray = port.read(waiting) if waiting else b""
         except _PORT_ERRORS as error:
             self._lost(error)
-        self._tell_tap(stray)
-        if self._out_of_step or _said(stray).strip():
+        if self._out_of_step:
             self.drain()
+        elif waiting:
+            self.drain(waiting)
         if self._owed and self.settings.sync is not None:
             self._synchronise(port, *self.settings.sync)
         return port

@@ -7,6 +7,8 @@ from typing import Literal
 
 from pydantic import BaseModel, Field
 
+from drivers.wires.addresses import SerialAddress
+
 Flow = Literal["none", "rtscts", "xonxoff", "dsrdtr"]
 """Flow control: by the lines RTS and CTS, by the characters XON and XOFF, by the lines DTR and DSR."""
 
@@ -33,6 +35,11 @@ class SerialOptions(BaseModel, extra="forbid"):
     def reply_end(self) -> bytes:
         """The last byte of an answer, of an instrument whose answers end as it wants commands to end."""
         return _ENDS[self.line_end][-1:]
+
+    def flow_at(self, address: str) -> Flow:
+        """Flow control to ask for at an address: a default that was not asked for is nothing to set over TCP."""
+        timed = SerialAddress.parse(address).timed
+        return self.flow if timed or "flow" in self.model_fields_set else "none"
 
 
 def flow_arguments(flow: Flow) -> dict[str, bool]:

@@ -56,7 +56,7 @@ class Keysight34401ATwin(TriggeredTwin):
 
     Args:
         name: the bench's name for it.
-        options: its options in the bench file; `baud`, `frame` and `line_Hz` matter here.
+        options: its options in the bench file; `baud`, `frame`, `interface` and `line_Hz` matter here.
         world: virtual time.
         plant: what is at the input.
         serial: not told by this model, which answers 0.
@@ -64,12 +64,22 @@ class Keysight34401ATwin(TriggeredTwin):
     """
 
     commands = compiled(_TABLE)
-    errors: ClassVar[Mapping[int, str]] = {**ScpiTwin.errors, 550: "Command not allowed in local"}
+    errors: ClassVar[Mapping[int, str]] = {
+        **ScpiTwin.errors,
+        514: "Command allowed only with RS-232",
+        531: "Insufficient memory",
+        550: "Command not allowed in local",
+    }
     identity = "HEWLETT-PACKARD,34401A,0,10-5-2"
     memory = 512
 
     def __init__(self, name: str, options: Mapping[str, object], world: World, plant: Plant, serial: str) -> None:
+        self.dsr: bool | None = None
         super().__init__(name, options, world, plant, baud=9600, frame="7E2")
+
+    def hears_clear(self) -> bool:
+        """While it has a query to answer it holds its DTR false; Ctrl-C counts then only if DSR is false (page 151)."""
+        return not (self.busy and self.dsr)
 
     def reset(self) -> None:
         """*RST: DC volts, autorange, 10 power line cycles, autozero, one reading at once."""

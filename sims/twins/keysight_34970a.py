@@ -89,7 +89,7 @@ class Keysight34970ATwin(TriggeredTwin):
 
     Args:
         name: the bench's name for it.
-        options: its options in the bench file; `baud`, `frame` and `line_Hz` matter here.
+        options: its options in the bench file; `baud`, `frame`, `interface` and `line_Hz` matter here.
         world: virtual time.
         plant: what is wired to its channels.
         serial: not told by this model, which answers 0.
@@ -107,6 +107,7 @@ class Keysight34970ATwin(TriggeredTwin):
         306: "Part of a 4-wire pair",
         308: "Channel not able to perform requested operation",
         309: "Incorrectly formatted channel list",
+        514: "Not allowed",
         550: "Not able to execute command in local mode",
     }
     identity = "HEWLETT-PACKARD,34970A,0,13-2-2"

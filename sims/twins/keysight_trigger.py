@@ -41,6 +41,7 @@ class TriggeredTwin(ScpiTwin):
     ) -> None:
         self.plant = plant
         self.inputs = Inputs(OVERLOAD)
+        self._gpib = options.get("interface") == "gpib"
         self.line_hz = float(str(options.get("line_Hz", 50)))
         self._timer: Timer | None = None
         self._ends = 0.0
@@ -71,6 +72,23 @@ class TriggeredTwin(ScpiTwin):
         self.stop_measuring()
         self.source = "IMM"
         self.trigger_count = 1
+
+    def switch_on(self) -> None:
+        """Over GPIB whoever talks to it has remote control."""
+        super().switch_on()
+        self.remote = self._gpib
+
+    def go_remote(self) -> None:
+        """SYSTem:REMote and SYSTem:RWLock are known to the serial interface only."""
+        if self._gpib:
+            raise ScpiError(514)
+        super().go_remote()
+
+    def go_local(self) -> None:
+        """SYSTem:LOCal likewise."""
+        if self._gpib:
+            raise ScpiError(514)
+        super().go_local()
 
     def stop_measuring(self) -> None:
         """Give up the measurement and forget its readings."""
