@@ -12,7 +12,7 @@ a search under way: a controller that was switched off in it stands still at wha
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Literal
 
 from pydantic import Field, model_validator
@@ -33,6 +33,7 @@ _DEGREES = 7  # SN's number for this unit
 _HOME_STARTS_S = 1.0  # within this a search that has not moved yet is not taken for one that has ended
 _SPEED_ROUNDING = 1e-3  # the controller rounds speeds to counts per servo cycle
 _ANGLE_ROUNDING_DEG = 1e-3
+_LONGEST_LINE = 78  # of 80 characters; its end may be two
 _MOST_ERRORS = 10  # the controller keeps ten
 
 
@@ -134,7 +135,7 @@ class NewportESP301:
                 "SL": low,
                 "SR": high,
             }
-            self._line.write(";".join([f"{n}MO", *(f"{n}{name}{value:.9g}" for name, value in settings.items())]))
+            self._send([f"{n}MO", *(f"{n}{name}{value:.9g}" for name, value in settings.items())])
             self._raise_errors()
             wanted = {"MO": 1.0, **settings}
             question = ";".join(f"{n}{name}?" for name in wanted)
@@ -153,14 +154,14 @@ class NewportESP301:
         self.read()
         for axis, n in self._numbers.items():
             if not self._homed[axis]:
-                self._line.write(f"{n}JW{_SEARCHING_MARK_DEG_PER_S:g};{n}OR{self._options.home_mode}")
+                self._send([f"{n}JW{_SEARCHING_MARK_DEG_PER_S:g}", f"{n}OR{self._options.home_mode}"])
                 self._homing[axis] = self._clock.now()
                 self._faults[axis] = ""
         self._unchecked = True
 
     def forget_zeros(self) -> None:
         """See `Referenced.forget_zeros`: the mark of a home search that ended well is taken away."""
-        self._line.write(";".join(f"{n}JW{_NOT_HOMED_DEG_PER_S:g}" for n in self._numbers.values()))
+        self._send([f"{n}JW{_NOT_HOMED_DEG_PER_S:g}" for n in self._numbers.values()])
         self._homed = dict.fromkeys(self._numbers)
 
     def move(self, targets_deg: Mapping[str, float]) -> None:
@@ -182,7 +183,7 @@ class NewportESP301:
         lost = [axis for axis in targets_deg if not self._homed[axis]]
         if lost:
             raise NotReady(f"{self._line.where}: {' and '.join(lost)} must be homed before it can go to an angle")
-        self._line.write(";".join(f"{self._numbers[axis]}PA{target:.5f}" for axis, target in targets_deg.items()))
+        self._send([f"{self._numbers[axis]}PA{target:.5f}" for axis, target in targets_deg.items()])
         self._unchecked = True
 
     def read(self) -> Mapping[str, AxisState]:
@@ -211,7 +212,7 @@ class NewportESP301:
 
     def stop(self) -> None:
         """See `Head.stop`. A home search that is under way is given up."""
-        self._line.write(";".join(f"{n}ST" for n in self._numbers.values()))
+        self._send([f"{n}ST" for n in self._numbers.values()])
         self._homing.clear()
         self._unchecked = True
 
@@ -222,6 +223,11 @@ class NewportESP301:
     def close(self) -> None:
         """See `Instrument.close`."""
         self._line.close()
+
+    def _send(self, commands: Sequence[str]) -> None:
+        """Send commands with as few lines as take them."""
+        for line in lines_of(commands):
+            self._line.write(line)
 
     def _follow_homing(
         self, positions: Mapping[str, float], moving: Mapping[str, bool], enabled: Mapping[str, bool]
@@ -279,3 +285,14 @@ class NewportESP301:
         if answer not in ("0", "1"):
             raise self._line.bad_reply(question, answer, "0 or 1")
         return answer == "1"
+
+
+def lines_of(commands: Sequence[str]) -> list[str]:
+    """Commands joined by semicolons, in order, into lines that the controller takes."""
+    lines: list[str] = []
+    for command in commands:
+        if lines and len(lines[-1]) + 1 + len(command) <= _LONGEST_LINE:
+            lines[-1] += f";{command}"
+        else:
+            lines.append(command)
+    return lines
