@@ -93,6 +93,20 @@ def test_remote_control_is_taken_over_rs232_only():
     assert rig.line.query("SYST:ERR?") == '+514,"Command allowed only with RS-232"'
 
 
+def test_more_readings_than_its_memory_holds_are_error_531():
+    line = Rig().remote()
+    line.write("SAMP:COUN 513;:INIT")
+    assert line.query("SYST:ERR?") == '+531,"Insufficient memory"'
+    line.write("SAMP:COUN 512;:VOLT:DC:NPLC 0.02;:INIT")
+    assert line.query("SYST:ERR?") == '+0,"No error"'
+
+
+@pytest.mark.parametrize("nplc", [2, 20, 200])
+def test_it_has_not_the_scanners_integration_times(nplc):
+    with pytest.raises(ValidationError, match="must be one of"):
+        Keysight34401A.Options(nplc=nplc)
+
+
 def test_another_meter_is_refused():
     rig = Rig()
     rig.twin.identity = "HEWLETT-PACKARD,34420A,0,10-5-2"
