@@ -371,6 +371,20 @@ def test_timed_scans_keep_their_interval():
     assert [b - a for a, b in itertools.pairwise(begins)] == pytest.approx([7.5, 7.5])
 
 
+def test_what_it_sends_to_hold_up_the_host_is_no_part_of_its_answers():
+    """It leaves the factory with XON/XOFF; the characters come when it pleases, between answers and in them."""
+    channels = {str(n): "volts" for n in range(101, 121)}
+    rig = Rig(channels=channels, nplc=0.02, ranges={f"1{n:02}": (1, 100)[n % 2] for n in range(1, 20)})
+    rig.plant.volts = dict.fromkeys(channels, 0.5)
+    rig.ready()
+    rig.line.write("*CLS;" * 30)
+    rig.dvm.start(3)
+    assert rig.dvm.fetch()["107"] == pytest.approx([0.5] * 3, abs=0.02)
+    heard = b"".join(data for direction, data in rig.wire.log if direction == "rx")
+    assert {b"\x11"[0], b"\x13"[0]} <= set(heard)
+    assert rig.line.retries == 0
+
+
 def test_another_scanner_is_refused():
     rig = Rig()
     rig.twin.identity = "Agilent Technologies,34972A,MY49000001,1.12"

@@ -40,6 +40,8 @@ from sims.twins.scpi import COMMON, ScpiTwin
 from sims.twins.scpi_syntax import Command, ScpiError, boolean, compiled, number
 from sims.world import World
 
+_XON, _XOFF = b"\x11", b"\x13"
+_MUCH = 100  # characters in its buffer at which it says stop [?]
 _LONG = {"THERMISTOR": "THER"}
 
 _TABLE = (
@@ -109,7 +111,32 @@ class Keysight34970ATwin(RememberingTwin):
     sources = ("IMM", "BUS", "EXT", "TIM")
 
     def __init__(self, name: str, options: Mapping[str, object], world: World, plant: Plant, serial: str) -> None:
+        self._flow = options.get("flow", "xonxoff") == "xonxoff"  # as it leaves the factory
         super().__init__(name, options, world, plant, baud=9600, frame="8N1")
+
+    def switch_on(self) -> None:
+        """Nobody is held up."""
+        self._held = False
+        super().switch_on()
+
+    def on_rx(self, data: bytes, tx: Callable[[bytes], None]) -> None:
+        """XOFF asks the host to stop while much is waiting, XON to go on."""
+        much = self.waiting + len(data) > _MUCH
+        super().on_rx(data, tx)
+        if self._flow and much and not self._held:
+            self._held = True
+            tx(_XOFF)
+        if not self.busy:
+            self._release(tx)
+
+    def _next_line(self, tx: Callable[[bytes], None]) -> None:
+        super()._next_line(tx)
+        self._release(tx)
+
+    def _release(self, tx: Callable[[bytes], None]) -> None:
+        if self._held and not self.waiting:
+            self._held = False
+            tx(_XON)
 
     def reset(self) -> None:
         """*RST: every channel DC volts, autorange, 1 power line cycle; empty scan list."""

@@ -169,6 +169,11 @@ class ScpiTwin:
             self.world.call_in(delay, partial(self._carry_out, units, [], "", tx, self._session))
 
     @property
+    def waiting(self) -> int:
+        """Characters that have come in and are not yet being carried out."""
+        return len(self._input) + sum(map(len, self._lines))
+
+    @property
     def busy(self) -> bool:
         """Whether a line is being carried out or waits for it."""
         return self._running
