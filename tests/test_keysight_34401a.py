@@ -7,9 +7,6 @@ from unittest.mock import Mock
 
 import pytest
 from pydantic import ValidationError
-from pymeasure.adapters import SerialAdapter
-from pymeasure.instruments.hp import HP34401A
-from serial import serial_for_url
 from serial_bench import FakePlant, plug_in, wires
 
 from drivers.errors import BadReply, InstrumentError, LimitError, NoReply, NotReady, WrongInstrument
@@ -345,28 +342,3 @@ def test_a_wrong_frame_hears_nothing():
 def test_options_are_checked(options):
     with pytest.raises(ValidationError):
         Keysight34401A.Options(**options)
-
-
-@pytest.mark.filterwarnings("ignore:It is not known whether this device support SCPI:FutureWarning")
-def test_pymeasures_hp34401a_reads_the_twin():
-    """A driver we did not write; it never asks for remote control, so that is done for it."""
-    world = World()
-    twin = Keysight34401ATwin("dvm", {}, world, FakePlant(world, {"input": 2.5}), "")
-    twin.go_remote()
-    port = serial_for_url(plug_in(world, twin), baudrate=9600, bytesize=7, parity="E", stopbits=2, timeout=60.0)
-    dvm = HP34401A(SerialAdapter(port, write_termination="\n", read_termination="\r\n"))
-    assert dvm.id == "HEWLETT-PACKARD,34401A,0,10-5-2"
-    assert dvm.function_ == "DCV"
-    dvm.range_ = 10
-    dvm.nplc = 1
-    assert (dvm.range_, dvm.autorange, dvm.nplc) == (10.0, False, 1.0)
-    assert dvm.reading == pytest.approx(2.5, abs=2e-5)
-    dvm.sample_count = 4
-    dvm.trigger_count = 2
-    dvm.autozero_enabled = False
-    assert dvm.reading == pytest.approx([2.5] * 8, abs=2e-5)
-    dvm.init_trigger()
-    assert dvm.stored_reading == pytest.approx([2.5] * 8, abs=2e-5)
-    assert dvm.stored_readings_count == 8
-    assert dvm.check_errors() == []
-    port.close()

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import pytest
 from pydantic import ValidationError
-from pymeasure.adapters import SerialAdapter
-from pymeasure.instruments.newport import ESP300
-from serial import serial_for_url
 from serial_bench import FakePlant, plug_in, wires
 
 from drivers.errors import BadReply, InstrumentError, LimitError, NotReady, WrongInstrument
@@ -342,29 +339,3 @@ def test_pitch_and_roll_may_be_on_other_axes():
 def test_options_are_checked(options, words):
     with pytest.raises(ValidationError, match=words):
         NewportESP301.Options(**options)
-
-
-@pytest.mark.filterwarnings("ignore:It is not known whether this device support SCPI:FutureWarning")
-def test_pymeasures_esp300_drives_the_twin():
-    """A driver we did not write: enable, home, move, wait, read back, limits, errors."""
-    world = World()
-    plant = FakePlant(world)
-    twin = NewportESP301Twin("head", {}, world, plant, "SN000042")
-    port = serial_for_url(plug_in(world, twin), baudrate=19200, timeout=60.0)
-    client = ESP300(SerialAdapter(port, write_termination="\r", read_termination="\r\n"))
-    client.x.enable()
-    assert client.x.enabled
-    client.x.home(1)
-    client.x.wait_for_stop()
-    assert client.x.position == pytest.approx(0.0, abs=1e-3)
-    client.x.position = 20.0
-    client.x.wait_for_stop()
-    assert client.x.position == pytest.approx(20.0, abs=1e-4)
-    assert client.x.units == "degree"
-    client.x.right_limit = 25.0
-    assert client.x.right_limit == 25.0
-    client.x.position = 30.0
-    client.y.position = 1.0
-    assert [e.message for e in client.errors] == ["POSITIVE SOFTWARE LIMIT DETECTED", "MOTOR NOT ENABLED"]
-    assert client.errors == []
-    port.close()

@@ -201,8 +201,9 @@ class NewportESP301Twin:
             return  # switched off in between
         answers = []
         while commands:
-            if self._waits(commands[0]):
-                self._world.call_in(_POLL_S, partial(self._carry_out, commands, tx, session))
+            seconds = self._waits(commands)
+            if seconds:
+                self._world.call_in(seconds, partial(self._carry_out, commands, tx, session))
                 break
             try:
                 answer = self._execute(commands.popleft())
@@ -216,13 +217,17 @@ class NewportESP301Twin:
         if not commands:
             self._next_line(tx)
 
-    def _waits(self, command: str) -> bool:
-        """Whether the command is WS (wait for stop) and there is motion to wait for."""
-        parsed = _parsed(command)
+    def _waits(self, commands: deque[str]) -> float:
+        """Seconds until the next command may be looked at again: WS waits for the end of motion and nn ms more."""
+        parsed = _parsed(commands[0])
         if parsed is None or parsed[1] != "WS":
-            return False
-        waited = [self._axes[parsed[0]]] if parsed[0] in self._axes else list(self._axes.values())
-        return any(axis.moving() for axis in waited)
+            return 0.0
+        number, _, _, text = parsed
+        waited = [self._axes[number]] if number in self._axes else list(self._axes.values())
+        if any(axis.moving() for axis in waited):
+            return _POLL_S
+        commands[0] = f"{number or ''}WS"
+        return float(text) / 1000 if _NUMBER.fullmatch(text) else 0.0
 
     def _execute(self, command: str) -> str | None:
         parsed = _parsed(command)
