@@ -95,6 +95,15 @@ def test_a_command_is_never_repeated():
     assert twin.heard == [b"GO\n"]
 
 
+@pytest.mark.parametrize(
+    ("flow", "asked"), [("none", r"9600 baud 8N1\?"), ("rtscts", "9600 baud 8N1, flow control rtscts")]
+)
+def test_silence_names_all_settings_of_the_port(flow, asked):
+    _, _, line, _ = parrot(flow=flow)
+    with pytest.raises(NoReply, match=f"set to {asked}"):
+        line.query("A")
+
+
 def test_part_of_a_reply_is_no_reply():
     _, twin, line, _ = parrot()
     twin.answers = [(0.01, b"+1.23")]

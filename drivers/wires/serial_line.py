@@ -56,7 +56,6 @@ class _Port(Protocol):
     def in_waiting(self) -> int: ...
     def read(self, size: int = 1, /) -> bytes: ...
     def write(self, data: bytes, /) -> int | None: ...
-    def flush(self) -> None: ...
     def close(self) -> None: ...
 
 
@@ -129,7 +128,10 @@ class SerialLine:
     @property
     def port_settings(self) -> str:
         """Settings of the port, as messages name them; empty over TCP, where they are the serial server's."""
-        return "" if not self._place.timed else f"{self.settings.baud} baud {self.settings.frame}"
+        if not self._place.timed:
+            return ""
+        flow = "" if self.settings.flow == "none" else f", flow control {self.settings.flow}"
+        return f"{self.settings.baud} baud {self.settings.frame}{flow}"
 
     def write(self, text: str) -> None:
         """Send a command that has no reply, at once: it cannot be mistaken for anything. Raises `Unreachable`."""
@@ -219,7 +221,7 @@ class SerialLine:
                 port.dtr = False
             self._send(port, character)
             if with_dtr:
-                port.flush()
+                # Not flush(): it never returns while flow control holds up the port.
                 self.clock.sleep(2 * _BITS_PER_CHARACTER / self.settings.baud + _DTR_S)  # it has left the adapter, too
                 port.dtr = True
         except _PORT_ERRORS as error:
