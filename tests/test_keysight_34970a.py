@@ -361,6 +361,12 @@ def test_readings_can_be_taken_out_of_the_memory_while_it_scans():
     assert line.query("DATA:POIN?") == "+1"
     line.write("DATA:REM? 2")
     assert line.query("SYST:ERR?") == '-222,"Data out of range"'
+    assert line.query("STAT:OPER:COND?") == "+16", "scanning"
+    block = line.query("R? 5")
+    assert block[:4] == "#215"
+    assert float(block[4:]) == pytest.approx(rig.plant.volts["102"], abs=1e-4)
+    assert line.query("R?") == "#10"
+    assert line.query("DIAG:DMM:CYCL?;:DIAG:REL:CYCL? (@101,102)") == "+0,+0,+0;+0,+0"
 
 
 def test_timed_scans_keep_their_interval():

@@ -22,6 +22,7 @@ from sims.twins.keysight_channel import (
     VOLTS,
     Channel,
 )
+from sims.twins.keysight_mainframe import MAINFRAME, Mainframe
 from sims.twins.keysight_memory import MEMORY, RememberingTwin
 from sims.twins.keysight_meter import (
     OVERLOAD,
@@ -37,16 +38,16 @@ from sims.twins.keysight_meter import (
 )
 from sims.twins.keysight_trigger import TRIGGERING, TriggeredTwin
 from sims.twins.scpi import COMMON, ScpiTwin
-from sims.twins.scpi_syntax import Command, ScpiError, boolean, compiled, number
+from sims.twins.scpi_flow import XonXoffTwin
+from sims.twins.scpi_syntax import Command, ScpiError, boolean, compiled
 from sims.world import World
 
-_XON, _XOFF = b"\x11", b"\x13"
-_MUCH = 100  # characters in its buffer at which it says stop [?]
 _LONG = {"THERMISTOR": "THER"}
 
 _TABLE = (
     *COMMON,
     *TRIGGERING,
+    *MAINFRAME,
     *MEMORY,
     Command("ABORt", set="abort"),
     Command("CONFigure:VOLTage[:DC]", set="configure_volts"),
@@ -67,22 +68,21 @@ _TABLE = (
     Command("UNIT:TEMPerature", set="set_unit", query="ask_unit"),
     Command("TRIGger:TIMer", set="set_timer", query="ask_timer"),
     Command("SYSTem:LFRequency", query="ask_line_frequency"),
-    Command("SYSTem:CTYPe", query="ask_card", local=True),
     Command("MEASure:VOLTage[:DC]", query="measure_volts"),
     Command("MEASure:TEMPerature", query="measure_temperature"),
     Command("[SENSe:]FUNCtion", query="ask_function"),
     Command("ROUTe:CHANnel:DELay", set="set_delay", query="ask_delay"),
-    Command("INSTrument:DMM", query="ask_multimeter"),
-    Command("INSTrument:DMM:INSTalled", query="ask_multimeter"),
+    Command("STATus:OPERation:CONDition", query="ask_operation", local=True),
+    Command("DIAGnostic:RELay:CYCLes", query="ask_relay_cycles"),
 )
 
 
-class Keysight34970ATwin(RememberingTwin):
+class Keysight34970ATwin(Mainframe, XonXoffTwin, RememberingTwin):
     """The scanner.
 
     Args:
         name: the bench's name for it.
-        options: its options in the bench file; `baud`, `frame`, `interface` and `line_Hz` matter here.
+        options: its options in the bench file; `baud`, `frame`, `flow`, `interface` and `line_Hz` matter here.
         world: virtual time.
         plant: what is wired to its channels.
         serial: not told by this model, which answers 0.
@@ -111,32 +111,8 @@ class Keysight34970ATwin(RememberingTwin):
     sources = ("IMM", "BUS", "EXT", "TIM")
 
     def __init__(self, name: str, options: Mapping[str, object], world: World, plant: Plant, serial: str) -> None:
-        self._flow = options.get("flow", "xonxoff") == "xonxoff"  # as it leaves the factory
+        self.holds_up = options.get("flow", "xonxoff") == "xonxoff"  # as it leaves the factory
         super().__init__(name, options, world, plant, baud=9600, frame="8N1")
-
-    def switch_on(self) -> None:
-        """Nobody is held up."""
-        self._held = False
-        super().switch_on()
-
-    def on_rx(self, data: bytes, tx: Callable[[bytes], None]) -> None:
-        """XOFF asks the host to stop while much is waiting, XON to go on."""
-        much = self.waiting + len(data) > _MUCH
-        super().on_rx(data, tx)
-        if self._flow and much and not self._held:
-            self._held = True
-            tx(_XOFF)
-        if not self.busy:
-            self._release(tx)
-
-    def _next_line(self, tx: Callable[[bytes], None]) -> None:
-        super()._next_line(tx)
-        self._release(tx)
-
-    def _release(self, tx: Callable[[bytes], None]) -> None:
-        if self._held and not self.waiting:
-            self._held = False
-            tx(_XON)
 
     def reset(self) -> None:
         """*RST: every channel DC volts, autorange, 1 power line cycle; empty scan list."""
@@ -150,16 +126,6 @@ class Keysight34970ATwin(RememberingTwin):
         if self.measuring:
             raise ScpiError(261)
         super().changed()
-
-    def ask_version(self) -> str:
-        """SYSTem:VERSion?."""
-        return "1994.0"
-
-    def ask_card(self, slot: str) -> str:
-        """SYSTem:CTYPe?: what is in a slot; zeros where there is nothing."""
-        if number(slot) not in SLOTS:
-            raise ScpiError(111)
-        return f"HEWLETT-PACKARD,{'34901A,0,2.3' if number(slot) == SLOTS[0] else '0,0,0'}"
 
     def channel_of(self, position: int) -> str:
         """In the order of the scan list."""
@@ -276,9 +242,13 @@ class Keysight34970ATwin(RememberingTwin):
         """ROUTe:CHANnel:DELay?."""
         return self._about_channels(channels, lambda c: text(c.settling_s()))
 
-    def ask_multimeter(self) -> str:
-        """INSTrument:DMM?: the internal multimeter is there and switched on."""
-        return "1"
+    def ask_operation(self) -> str:
+        """STATus:OPERation:CONDition?: bit 4 while scanning."""
+        return f"{16 * self.measuring:+d}"
+
+    def ask_relay_cycles(self, channels: str = "") -> str:
+        """DIAGnostic:RELay:CYCLes?: closures of the channels' relays; they are not counted."""
+        return self._about_channels(channels, lambda c: "+0")
 
     def _configure(self, parameters: tuple[str, ...], settings: Channel) -> None:
         listed = self._listed(parameters[-1] if parameters else "")

@@ -19,6 +19,7 @@ MEMORY = (
     Command("FORMat:READing:ALARm", set="set_alarms", query="ask_alarms"),
     Command("DATA:LAST", query="ask_last"),
     Command("DATA:REMove", query="remove"),
+    Command("R", query="remove_some"),
 )
 _ADDITIONS = ("unit", "time", "channel", "alarm")
 
@@ -80,3 +81,9 @@ class RememberingTwin(TriggeredTwin):
             raise ScpiError(-222)
         removed, kept[:] = kept[:wanted], kept[wanted:]
         return ",".join(map(self.printed, removed))
+
+    def remove_some(self, most: str = "50000") -> str:
+        """R?: as many as there are, up to a number, as a block of definite length."""
+        count = min(round(number(most)), len(self.taken()))
+        block = self.remove(str(count)) if count > 0 else ""
+        return f"#{len(str(len(block)))}{len(block)}{block}"
