@@ -142,7 +142,7 @@ def test_bytes_that_are_no_text_suggest_baud_rate_and_frame():
     ],
 )
 def test_flow_control_characters_are_no_part_of_an_answer(end, chunks):
-    world, twin, line, _ = parrot(reply_end=end)
+    world, twin, line, _ = parrot(reply_end=end, flow="xonxoff")
     cable = find(line.address.removeprefix("sim://"))
     for n, chunk in enumerate(chunks):
         world.call_in(0.02 + 0.3 * n, lambda chunk=chunk: cable._answer(chunk))
@@ -151,6 +151,22 @@ def test_flow_control_characters_are_no_part_of_an_answer(end, chunks):
     before = world.now()
     assert line.query("B") == "next"
     assert (line.retries, world.now() - before < 0.1) == (0, True), "no reason to suspect the line"
+
+
+def test_one_changed_bit_of_a_digit_is_not_taken_for_flow_control():
+    """0x31 is a 1 and 0x11 is XON: without the character, 13.5 would be 3.5."""
+    _, twin, line, _ = parrot()
+    twin.answers = [(0.01, b"\x113.5\r\n"), (0.01, b"13.5\r\n")]
+    assert line.query("A") == "13.5"
+    assert line.retries == 1
+
+
+def test_an_instrument_that_uses_flow_control_undeclared_is_understood_if_it_says_the_same_twice():
+    _, twin, line, _ = parrot()
+    twin.answers = [(0.01, b"\x131\x113.5\n"), (0.01, b"1\x133.5\x11\n"), (0.01, b"1\x113.5\n"), (0.01, b"1\x113.6\n")]
+    assert line.query("A") == "13.5"
+    with pytest.raises(BadReply, match='if the instrument sends them, write flow = "xonxoff"'):
+        line.query("B")
 
 
 def test_an_instrument_that_sends_only_flow_control_is_silent():

@@ -3,8 +3,10 @@
 The line opens what `drivers.wires.addresses` allows (`/dev/ttyUSB0`, `COM4`, `socket://host:5025`, `rfc2217://...`).
 It never resends a command that may have been carried out. After a surprising reply it listens until the instrument is
 silent before it asks again. After a missing one it asks what only one answer fits: a line keeps order, so that whatever
-was late has come when that answer comes, and cannot answer the next question. XON and XOFF, which an instrument may
-send at any moment, are no part of what it says.
+was late has come when that answer comes, and cannot answer the next question.
+
+XON and XOFF, which an instrument may send at any moment, are no part of what it says. One bit makes XON of a 1 and XOFF
+of a 3, though: of an instrument that is not declared to use them, an answer with one is asked for again.
 """
 
 from __future__ import annotations
@@ -118,6 +120,7 @@ class SerialLine:
         self._tap = tap
         self._out_of_step = False
         self._owed = False  # an answer that may still come
+        self._doubtful = False  # something was taken out of the last answer that may have been a changed digit
         self._port: _Port | None = self._open()
 
     @property
@@ -161,13 +164,23 @@ class SerialLine:
 
         """
         timeout = self.settings.timeout_s if timeout_s is None else timeout_s
+        lines: list[str] = []
         try:
-            return self._ask(text, count, timeout)
+            lines = self._ask(text, count, timeout)
         except NoReply:
             if not repeat:
                 raise
+        if lines and not (self._doubtful and repeat):
+            return lines
         self.retries += 1
-        return self._ask(text, count, timeout)
+        again = self._ask(text, count, timeout)
+        if self._doubtful and again != lines:
+            raise self.bad_reply(
+                text,
+                "; ".join(again),
+                'text without XON and XOFF; if the instrument sends them, write flow = "xonxoff"',
+            )
+        return again
 
     def drain(self, waiting: int = 0) -> None:
         """Listen until the instrument has been silent for `quiet_s`, and forget what it said.
@@ -360,6 +373,8 @@ class SerialLine:
                     raise self.bad_reply(text, bytes(received[:40]), "an answer that ends")
         finally:
             self._tell_tap(raw)
+        answer = raw[: raw.rfind(self.settings.reply_end)]
+        self._doubtful = self.settings.flow != "xonxoff" and len(_said(answer)) < len(answer)
         return bytes(received)
 
     def _more(self, port: _Port, raw: bytearray, timeout_s: float) -> bytes:
@@ -394,8 +409,8 @@ class SerialLine:
         raise Unreachable(f"{self.where} was lost ({error}); check cable and power") from error
 
 
-def _said(heard: bytes) -> bytes:
-    return heard.translate(None, _NOT_SAID)
+def _said(heard: bytes | bytearray) -> bytes:
+    return bytes(heard.translate(None, _NOT_SAID))
 
 
 def _last_line(heard: bytearray) -> str:
