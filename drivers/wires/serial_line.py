@@ -22,7 +22,7 @@ import serial
 from drivers.clock import Clock
 from drivers.errors import BadReply, NoReply, Unreachable
 from drivers.wires.addresses import SerialAddress
-from drivers.wires.serial_options import Flow, flow_arguments
+from drivers.wires.serial_options import Flow, flow_arguments, flow_refused
 
 try:
     import termios
@@ -43,7 +43,6 @@ _SLOWEST_BAUD = 1200  # of a line behind a serial server
 _WRITE_TIMEOUT_S = 5.0
 _LONGEST_REPLY = 1 << 20
 _TALKS_ON_S = 10.0
-_BITS_PER_CHARACTER = 11
 _DTR_S = 0.01
 _NOT_SAID = bytes([0x11, 0x13])  # XON and XOFF: flow control, never part of an answer
 
@@ -258,11 +257,8 @@ class SerialLine:
 
     def _open(self) -> _Port:
         settings = self.settings
-        if settings.flow != "none" and not self._place.timed:
-            raise Unreachable(
-                f'{self.where}: flow = "{settings.flow}" cannot be set over TCP; leave it out and set flow control at '
-                f"the serial server, or use rfc2217://, which carries it"
-            )
+        if refused := flow_refused(settings.flow, self._place):
+            raise Unreachable(f"{self.where}: {refused}")
         # A pseudo-terminal carries whole bytes, refuses every other frame and has no lines for flow control.
         terminal = os.path.realpath(self._place.place).startswith("/dev/pts/")
         self._has_dtr = self._place.timed and not terminal

@@ -42,6 +42,16 @@ class SerialOptions(BaseModel, extra="forbid"):
         return self.flow if timed or "flow" in self.model_fields_set else "none"
 
 
+def flow_refused(flow: Flow, address: SerialAddress) -> str:
+    """Why flow control cannot be asked for at an address, and what to do; empty if it can."""
+    if flow == "none" or address.timed:
+        return ""
+    return (
+        f'flow = "{flow}" cannot be set over TCP; leave it out and set flow control at the serial server, '
+        f"or use rfc2217://, which carries it"
+    )
+
+
 def flow_arguments(flow: Flow) -> dict[str, bool]:
     """Flow control as arguments of a pyserial port."""
     return {name: name == flow for name in ("rtscts", "xonxoff", "dsrdtr")}
