@@ -95,8 +95,8 @@ class SerialCable:
             self._tampering.to_twin(data, self._carry_out, self._carry_back)
 
     def host_dtr(self, on: bool | None) -> None:
-        """The host sets its line DTR; None as long as nobody is connected."""
-        if isinstance(self._twin, Handshaking):
+        """The host sets its line DTR; None as long as nobody is connected. TCP has no such line."""
+        if self.setting is not None and isinstance(self._twin, Handshaking):
             self._twin.dsr = on
 
     def _carry_out(self, data: bytes) -> None:
