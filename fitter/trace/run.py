@@ -19,6 +19,7 @@ from fitter.trace.judge import AttitudeJudge
 from fitter.trace.outliers import outliers
 from fitter.trace.pose import pose
 from fitter.trace.problem import Problem
+from fitter.trace.refusals import refusals
 from fitter.trace.restarts import search_with_restarts
 from fitter.trace.result import Trace, explanations_of
 from fitter.trace.score import score
@@ -101,8 +102,12 @@ def trace(
     cv = None
     if validate:
         cv = left_out(problem.scene.data, search, family, anything=bool(found))
+    wrong = refusals(judge, found, classes, {name: fit.parameters.S_V for name, fit in problem.fits.items()})
     sensors = {
-        sensor: sensor_trace(judge, data, aside, before, after, classes, i, None if cv is None else cv[:, i])
+        sensor: replace(
+            sensor_trace(judge, data, aside, before, after, classes, i, None if cv is None else cv[:, i]),
+            refused=tuple(one for one in wrong if sensor in one.sensors),
+        )
         for i, sensor in enumerate(problem.sensors)
     }
     chosen = tuple(problem.candidates[j] for j in after.chosen)

@@ -88,7 +88,7 @@ def show_attitude_trace(traced: AttitudeTraced) -> None:
         _show_parameters(traced, name)
         for effect in sensor["effects"]:
             show_effect(effect)
-        for line in (*unnamed(sensor), little_help(sensor)):
+        for line in (*(one["sentence"] for one in sensor["refused"]), *unnamed(sensor), little_help(sensor)):
             if line:
                 paragraph(f"[yellow]{escape(line)}[/]", 2)
         show_certificate(sensor)
