@@ -74,6 +74,9 @@ class AttitudeCalibration:
         reference_degC: temperature at which temperature terms are zero.
         notes: what a reader should know: effects that were left out, and why.
         drift: what a use sees where the parameters drift between replications; None where they do not.
+        alternatives: the same calibration with another member of a class of causes that the data cannot separate in
+            the place of the one that was named: (named, member, calibration). Intervals in use cover all of them.
+        confirmed: what a follow-up run said of the effects, with both runs' names; None where there was none.
 
     """
 
@@ -86,6 +89,8 @@ class AttitudeCalibration:
     reference_degC: float | None = None
     notes: tuple[str, ...] = field(default=())
     drift: Drift | None = None
+    alternatives: tuple[tuple[str, str, AttitudeCalibration], ...] = ()
+    confirmed: Mapping[str, Any] | None = None
 
     def __post_init__(self) -> None:
         if not self.sensors:
@@ -180,7 +185,8 @@ class AttitudeCalibration:
             sigma_df=self.drift.sigma_df[picked],
         )
         sensors = tuple(self.sensors[i] for i in picked)
-        return replace(self, sensors=sensors, covariance=self.covariance[block], drift=drift)
+        others = tuple((named, member, other.only(names)) for named, member, other in self.alternatives)
+        return replace(self, sensors=sensors, covariance=self.covariance[block], drift=drift, alternatives=others)
 
     @classmethod
     def from_fits(cls, fits: Sequence[AttitudeFit]) -> AttitudeCalibration:
@@ -226,6 +232,11 @@ class AttitudeCalibration:
             "degC_range": None if self.degC_range is None else list(self.degC_range),
             "reference_degC": self.reference_degC,
             "notes": list(self.notes),
+            "alternatives": [
+                {"named": named, "member": member, "calibration": other.to_dict()}
+                for named, member, other in self.alternatives
+            ],
+            "confirmed": None if self.confirmed is None else dict(self.confirmed),
         }
 
     @staticmethod
@@ -273,6 +284,11 @@ class AttitudeCalibration:
                     np.array(drift["sigma_V"], np.float64),
                     np.array(drift["sigma_df"], np.float64),
                 ),
+                alternatives=tuple(
+                    (str(one["named"]), str(one["member"]), AttitudeCalibration.from_dict(one["calibration"]))
+                    for one in given.get("alternatives", ())
+                ),
+                confirmed=given.get("confirmed"),
             )
         except (KeyError, TypeError) as problem:
             raise ValueError(f"a calibration of attitude lacks or garbles {problem}") from problem

@@ -17,6 +17,7 @@ from fitter.linear import LinearFit
 from fitter.replication import FTest, Replication
 from fitter.temperature import Temperature
 from fitter.trace.aliases import Rival
+from fitter.trace.alternatives import Alternative
 from fitter.trace.estimate import predict
 from fitter.trace.problem import Candidate, raw_columns
 from fitter.trace.signs import Refused
@@ -308,6 +309,7 @@ class Trace:
         points: number of observations.
         outliers: rows that stand out and were left out of search and fit.
         explanations: all of them for each effect found, best first.
+        alternatives: the effects with another member of a class in the place of the one named, one for every member.
 
     """
 
@@ -318,6 +320,7 @@ class Trace:
     points: int
     outliers: tuple[int, ...] = ()
     explanations: Mapping[str, tuple[Explanation, ...]] = field(default_factory=dict)
+    alternatives: tuple[Alternative, ...] = ()
 
     def predict(self, data: AttitudeData) -> dict[str, FloatArray]:
         """(n,) outputs in volts of each sensor for other observations, effects included."""

@@ -12,6 +12,7 @@ from fitter.data import AttitudeData
 from fitter.effects import CATALOGUE, Effect
 from fitter.effects.unnamed import UNNAMED
 from fitter.trace.agreement import borne_out
+from fitter.trace.alternatives import alternatives
 from fitter.trace.estimate import estimate
 from fitter.trace.family import Family, family_of
 from fitter.trace.findings import residual_of, sensor_trace
@@ -112,7 +113,9 @@ def trace(
     }
     chosen = tuple(problem.candidates[j] for j in after.chosen)
     explanations = explanations_of(classes, problem.candidates)
-    return Trace(sensors, problem.scene, chosen, after.gamma, len(data), tuple(aside.tolist()), explanations)
+    others = alternatives(problem, after, classes, data)
+    rows = tuple(aside.tolist())
+    return Trace(sensors, problem.scene, chosen, after.gamma, len(data), rows, explanations, others)
 
 
 def _without_outliers(

@@ -10,8 +10,8 @@ import numpy as np
 
 from fitter import AttitudeData, fit_all
 from fitter.arrays import FloatArray
-from fitter.calibration import parameter_table
-from fitter.inverse import AttitudeCalibration, calibrate_package
+from fitter.inverse import AttitudeCalibration
+from fitter.inverse.traced import Volts, calibrate_traced, covering_parameters
 from fitter.quantiles import t_limit
 from fitter.trace import SensorTrace, Trace, trace
 from fitter.trace.result import FoundEffect
@@ -39,8 +39,8 @@ def fit_attitude_table(table: Table, *, traced: bool = False, temperature: bool 
     data, warm = attitude_data(table), with_temperature(table, temperature)
     try:
         fits = fit_all(data, temperature=warm)
-        effects = _effects(trace(data, attitude_catalogue(), temperature=warm)) if traced else {}
-        calibration = calibrate_package(data, effects=effects, temperature=warm)
+        effects, others = _effects(trace(data, attitude_catalogue(), temperature=warm)) if traced else ({}, [])
+        calibration = calibrate_traced(data, effects, others, temperature=warm)
     except ValueError as error:
         raise UsageError(f"{table.source}: {error}") from error
     return {
@@ -56,10 +56,11 @@ def _kept(
     calibration: AttitudeCalibration, name: str, effects: Mapping[str, Mapping[str, FloatArray]]
 ) -> dict[str, Any]:
     """A sensor as the calibration has it, where that is not what the declared model alone gives."""
-    parameters, df = calibration.parameters(name)
+    parameters = covering_parameters(calibration, name)
     return {
         "effects": [effect for effect, by in effects.items() if name in by],
-        "parameters": parameter_table(parameters, df),
+        "parameters": parameters,
+        "depends_on": [row["sentence"] for row in parameters.values() if "sentence" in row],
     }
 
 
@@ -68,13 +69,22 @@ def with_temperature(table: Table, asked: bool | None) -> bool:
     return bool(table.declared.get("temperature", False)) if asked is None else asked
 
 
-def _effects(found: Trace) -> dict[str, dict[str, FloatArray]]:
-    """Volts that each effect adds to the observations, by effect and sensor."""
+def _effects(found: Trace) -> tuple[dict[str, dict[str, FloatArray]], list[tuple[str, str, Volts]]]:
+    """Volts that each effect adds to the observations, by effect and sensor; and those of every alternative.
+
+    An effect stands in the sensors in which it is reported; what it does to others is too little to name.
+    """
     effects: dict[str, dict[str, FloatArray]] = {}
     for name, sensor in found.sensors.items():
         for effect in sensor.effects:
             effects.setdefault(effect.effect, {})[name] = effect.contribution_V
-    return effects
+    shown = {sensor for by in effects.values() for sensor in by}
+    others: list[tuple[str, str, Volts]] = []
+    for other in found.alternatives:
+        if other.named in effects:
+            volts = {e: {s: v for s, v in by.items() if s in effects.get(e, shown)} for e, by in other.effects.items()}
+            others.append((other.named, other.member, volts))
+    return effects, others
 
 
 @dataclass(frozen=True, eq=False)
