@@ -12,13 +12,14 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 
 from fitter.arrays import FloatArray
-from fitter.attitude import COLUMNS, attitude_columns, fit_columns, nominal_axis, sensitive_axis
+from fitter.attitude import COLUMNS, attitude_columns, fit_columns, nominal_axis, sensitive_axis, sigma_deg
 from fitter.calibration import drifting
 from fitter.data import AttitudeData
 from fitter.effects import CATALOGUE
 from fitter.inverse.calibration import AttitudeCalibration, Drift, with_roll
 from fitter.inverse.sensor_model import SensorModel, Term
 from fitter.linear import LinearFit, least_squares
+from fitter.misfit import lacks_fit
 from fitter.replication import analyse, replication_spread
 from fitter.temperature import Temperature
 
@@ -109,6 +110,16 @@ def calibrate_package(
         tables.append(analyse(alone, base, corrected, data.point, data.replicate_index, extra, extra.shape[1]))
         spreads.append(replication_spread(base, corrected, data.replicate_index, alone))
     notes = [f"fitted beside the model and not applied in use: {', '.join(sorted(left))}"] if left else []
+    lacking = [
+        f"{name} ({sigma_deg(table.sigma_bias, float(np.linalg.norm(model.sensitive_axis))):.2g} deg rms)"
+        for name, table, model in zip(chosen, tables, models, strict=True)
+        if lacks_fit(table)
+    ]
+    if lacking:
+        notes.append(
+            f"lack of fit is left in {', '.join(lacking)}: model error, which repeats in every replication, is not in "
+            "standard deviations and intervals"
+        )
     covariance, drift = _joint(fits, maps, solvers, np.array(residuals)), None
     if any(drifting(table) for table in tables):
         drift = Drift(

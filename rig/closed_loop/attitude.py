@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -113,7 +114,19 @@ class AttitudeTraced:
             shown["sentence"] = attitude_sentence(name, sensor)
             shown["effects"] = [_worded(self.trace, sensor, effect) for effect in shown["effects"]]
             shown["certificate"] = certificate(name, shown, _errors(sensor))
+            shown["depends_on"] = list(self.depends_on(name))
         return {**result, "unused": unused_in_fit(self.table).to_json()}
+
+    def depends_on(self, sensor: str) -> tuple[str, ...]:
+        """Sentences about the parameters of a sensor whose value depends on which of several causes holds."""
+        if not any(e.aliases for e in self.trace.sensors[sensor].effects):
+            return ()
+        table = covering_parameters(self._calibration, sensor)
+        return tuple(row["sentence"] for row in table.values() if "sentence" in row)
+
+    @cached_property
+    def _calibration(self) -> AttitudeCalibration:
+        return calibrate_traced(self.data, *_effects(self.trace), temperature=self.temperature)
 
 
 def _worded(found: Trace, sensor: SensorTrace, effect: dict[str, Any]) -> dict[str, Any]:
