@@ -76,7 +76,6 @@ class AttitudeCalibration:
         drift: what a use sees where the parameters drift between replications; None where they do not.
         alternatives: the same calibration with another member of a class of causes that the data cannot separate in
             the place of the one that was named: (named, member, calibration). Intervals in use cover all of them.
-        confirmed: what a follow-up run said of the effects, with both runs' names; None where there was none.
 
     """
 
@@ -90,7 +89,6 @@ class AttitudeCalibration:
     notes: tuple[str, ...] = field(default=())
     drift: Drift | None = None
     alternatives: tuple[tuple[str, str, AttitudeCalibration], ...] = ()
-    confirmed: Mapping[str, Any] | None = None
 
     def __post_init__(self) -> None:
         if not self.sensors:
@@ -236,7 +234,6 @@ class AttitudeCalibration:
                 {"named": named, "member": member, "calibration": other.to_dict()}
                 for named, member, other in self.alternatives
             ],
-            "confirmed": None if self.confirmed is None else dict(self.confirmed),
         }
 
     @staticmethod
@@ -288,7 +285,6 @@ class AttitudeCalibration:
                     (str(one["named"]), str(one["member"]), AttitudeCalibration.from_dict(one["calibration"]))
                     for one in given.get("alternatives", ())
                 ),
-                confirmed=given.get("confirmed"),
             )
         except (KeyError, TypeError) as problem:
             raise ValueError(f"a calibration of attitude lacks or garbles {problem}") from problem

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -24,7 +25,14 @@ from rig.tables import Table, attitude_data
 from rig.tables.unused import unused_in_fit
 
 
-def fit_attitude_table(table: Table, *, traced: bool = False, temperature: bool | None = None) -> dict[str, Any]:
+def fit_attitude_table(
+    table: Table,
+    *,
+    traced: bool = False,
+    temperature: bool | None = None,
+    found: Trace | None = None,
+    allowed: Mapping[str, Sequence[str]] = MappingProxyType({}),
+) -> dict[str, Any]:
     """Fit the declared model to every sensor of a pitch-roll table; JSON-ready.
 
     Args:
@@ -32,6 +40,9 @@ def fit_attitude_table(table: Table, *, traced: bool = False, temperature: bool 
         traced: have the effects that a trace finds in the calibration that is kept.
         temperature: whether offset and sensitivity follow the sensor temperature in the declared model; as the table's
             procedure has it if None.
+        found: what a trace of the table found, where it was made already.
+        allowed: members that a follow-up run leaves of an effect's class, by the name the trace gave it; the first is
+            kept and the others widen its intervals. All members of a class that is not in it.
 
     Raises:
         UsageError: the table lacks something, or its rows do not determine the model.
@@ -40,7 +51,9 @@ def fit_attitude_table(table: Table, *, traced: bool = False, temperature: bool 
     data, warm = attitude_data(table), with_temperature(table, temperature)
     try:
         fits = fit_all(data, temperature=warm)
-        effects, others = _effects(trace(data, attitude_catalogue(), temperature=warm)) if traced else ({}, [])
+        if traced and found is None:
+            found = trace(data, attitude_catalogue(), temperature=warm)
+        effects, others = ({}, []) if found is None else _effects(found, allowed)
         calibration = calibrate_traced(data, effects, others, temperature=warm)
     except ValueError as error:
         raise UsageError(f"{table.source}: {error}") from error
@@ -70,22 +83,42 @@ def with_temperature(table: Table, asked: bool | None) -> bool:
     return bool(table.declared.get("temperature", False)) if asked is None else asked
 
 
-def _effects(found: Trace) -> tuple[dict[str, dict[str, FloatArray]], list[tuple[str, str, Volts]]]:
+Others = list[tuple[str, str, Volts]]
+
+
+def _effects(found: Trace, allowed: Mapping[str, Sequence[str]]) -> tuple[Volts, Others]:
     """Volts that each effect adds to the observations, by effect and sensor; and those of every alternative.
 
     An effect stands in the sensors in which it is reported; what it does to others is too little to name.
     """
-    effects: dict[str, dict[str, FloatArray]] = {}
-    for name, sensor in found.sensors.items():
-        for effect in sensor.effects:
-            effects.setdefault(effect.effect, {})[name] = effect.contribution_V
-    shown = {sensor for by in effects.values() for sensor in by}
-    others: list[tuple[str, str, Volts]] = []
-    for other in found.alternatives:
-        if other.named in effects:
-            volts = {e: {s: v for s, v in by.items() if s in effects.get(e, shown)} for e, by in other.effects.items()}
-            others.append((other.named, other.member, volts))
-    return effects, others
+    named: dict[str, dict[str, FloatArray]] = {}
+    for sensor in found.sensors.values():
+        for one in sensor.effects:
+            named.setdefault(one.effect, {})[sensor.sensor] = one.contribution_V
+    shown = {sensor for by in named.values() for sensor in by}
+    full = {
+        (other.named, other.member): {e: {s: v for s, v in by.items() if s in shown} for e, by in other.effects.items()}
+        for other in found.alternatives
+        if other.named in named
+    }
+    classes = {name: _members(name, [m for n, m in full if n == name], allowed) for name in named}
+    own: dict[tuple[str, str], Volts] = {
+        (name, member): {member: volts[member]} for (name, member), volts in full.items()
+    }
+    own |= {(name, name): {name: by} for name, by in named.items()}
+    kept = {e: by for name, members in classes.items() for e, by in own[name, members[0]].items()}
+    as_named = all(members[0] == name for name, members in classes.items())
+    others: Others = []
+    for name, (first, *rest) in classes.items():
+        beside = {e: by for e, by in kept.items() if e != first}
+        others += [(first, m, full[name, m] if as_named else {**beside, **own[name, m]}) for m in rest]
+    return kept, others
+
+
+def _members(name: str, others: Sequence[str], allowed: Mapping[str, Sequence[str]]) -> list[str]:
+    """Members of an effect's class that are left, the one that is kept first: that which was named, if it is left."""
+    every = [name, *others]
+    return [member for member in every if member in allowed.get(name, every)] or every
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +159,7 @@ class AttitudeTraced:
 
     @cached_property
     def _calibration(self) -> AttitudeCalibration:
-        return calibrate_traced(self.data, *_effects(self.trace), temperature=self.temperature)
+        return calibrate_traced(self.data, *_effects(self.trace, {}), temperature=self.temperature)
 
 
 def _worded(found: Trace, sensor: SensorTrace, effect: dict[str, Any]) -> dict[str, Any]:
