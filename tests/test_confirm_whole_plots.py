@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,8 +15,10 @@ from whole_plot_truth import Bench, Run, Transducer, simulate
 
 from fitter.confirm import NOTHING, WholePlotTogether, confirm, confirm_all, questions_of, separation
 from fitter.trace import trace_whole_plots
+from rig.closed_loop.confirm import confirmed_by, fit_whole_plots_confirmed
 
 CUBIC = 6e-3
+MODEL = "1 + P + T_sensor + T_SSE"
 DAY_S = 86400.0
 QUESTION = "pressure-third-order", NOTHING
 FEWER = Run(pairs=((-1.0, 0.0), (0.0, 0.0), (1.0, 0.0), (0.0, -1.0), (0.0, 1.0), (0.0, 0.0)))
@@ -72,9 +75,41 @@ def test_the_forecast_is_that_of_a_difference_between_two_runs() -> None:
 def test_the_command_confirms_on_the_simulated_bench(tmp_path) -> None:
     bench, world = with_sensors(LAB, tmp_path, "bridge_1", "bridge_2")
     first = dry(tmp_path, bench=bench, world=world)
-    done = rig("confirm", first, "--dry", "--json", "--formula", "1 + P + T_sensor + T_SSE", "--out", tmp_path)
+    done = rig("confirm", first, "--dry", "--json", "--formula", MODEL, "--out", tmp_path)
     assert done.returncode in (0, 3), done.stderr
     told = json.loads(done.stdout)
     assert told["effects"]
     errors = told["error"].values()
     assert sum(e["after_psi"] for e in errors) < sum(e["before_psi"] for e in errors)
+    fitted = rig("fit", first, "--confirmed-by", told["run"], "--formula", MODEL, "--json")
+    assert fitted.returncode == 0, fitted.stderr
+    result = json.loads(fitted.stdout)
+    assert result["confirmed_by"]["by_run_id"] in told["run"]
+    for effect in result["confirmed_by"]["effects"]:
+        assert effect["verdict"] == "none holds", "terms of higher order are missing too"
+        assert effect["terms"] == []
+        assert "nothing was added" in effect["used"]
+    sensor = result["sensors"]["bridge_1_mV"]
+    assert set(sensor["coefficients"]) == {"1", "P", "T_sensor", "T_SSE"}
+    _confirmed_terms_are_added(first, Path(told["run"]))
+
+
+def _confirmed_terms_are_added(first: Path, later: Path) -> None:
+    """As above, had one of the effects held alone."""
+    opened, confirmed = confirmed_by(first, later, MODEL)
+    answers = list(confirmed.answers)
+    at = next(k for k, answer in enumerate(answers) if answer.effect == "sensitivity-temperature")
+    best = next(m for m in answers[at].members if m.effect == "sensitivity-temperature")
+    held = replace(best, sigmas=0.0, p_changed=0.5, fits=True, shown=20.0, intervals_together=((1.0, 2.0),))
+    answers[at] = replace(answers[at], members=(held,))
+    judged = replace(confirmed.judged, answers=tuple(answers))
+    fitted, record = fit_whole_plots_confirmed(opened, replace(confirmed, judged=judged), MODEL, {})
+    assert record["effects"][at]["terms"] == ["P:T_sensor"]
+    assert "the calibration has sensitivity-temperature alone" in record["effects"][at]["used"]
+    assert set(fitted.to_json()["sensors"]["bridge_1_mV"]["coefficients"]) == {
+        "1",
+        "P",
+        "T_sensor",
+        "T_SSE",
+        "P:T_sensor",
+    }

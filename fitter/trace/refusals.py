@@ -55,4 +55,7 @@ def _wrong(
     for name, explanations in classes.items():
         for rival in explanations:
             yield from ((name, found) for found in rival.refused)
-    yield from (("", found) for found in judge.alone(chosen))
+    named = {judge.candidates[j].effect.name for j in chosen}
+    for found in judge.alone(chosen):
+        if judge.candidates[found.candidate].effect.name not in named:  # else another value of its constant
+            yield "", found

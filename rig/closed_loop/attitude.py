@@ -52,7 +52,7 @@ def fit_attitude_table(
     try:
         fits = fit_all(data, temperature=warm)
         if traced and found is None:
-            found = trace(data, attitude_catalogue(), temperature=warm)
+            found = trace(data, attitude_catalogue(), temperature=warm, validate=False)  # no left-out error is told
         effects, others = ({}, []) if found is None else _effects(found, allowed)
         calibration = calibrate_traced(data, effects, others, temperature=warm)
     except ValueError as error:
