@@ -17,6 +17,13 @@ def covered(*, replicated: bool) -> str:
     )
 
 
+COVERED_BY_WHOLE_PLOTS = (
+    "standard errors and intervals use the scatter of readings within whole plots and of whole plots; they do not "
+    "cover model error, which repeats in every whole plot at the same settings"
+)
+"""What the intervals of a whole-plot calibration cover, and what they cannot."""
+
+
 def lacks_fit(table: Replication) -> bool:
     """Whether lack of fit is significant (T_bias, 5 %)."""
     return bool(table.bias.value > table.bias.limit_95)

@@ -21,7 +21,7 @@ from fitter.confirm import Member
 from fitter.effects import CATALOGUE, PRESSURE_CATALOGUE
 from fitter.inverse import AttitudeCalibration, calibrate_package, infer_attitude
 from fitter.trace import Trace, trace, trace_whole_plots
-from rig.closed_loop.attitude import fit_attitude_table
+from rig.closed_loop.attitude import fit_attitude_table, trace_attitude_table
 from rig.closed_loop.confirm import (
     Confirmed,
     First,
@@ -156,6 +156,12 @@ def test_intervals_cover_every_cause_that_the_data_cannot_separate() -> None:
         assert row["sentence"] in one["depends_on"]
         assert row["sentence"].startswith("S depends on which of isolation-pad-deflection, sensor-third-order")
         assert any("isolation-pad-deflection or sensor-third-order or" in note for note in calibration.notes)
+
+
+def test_a_trace_says_which_parameters_depend_on_the_cause() -> None:
+    traced = trace_attitude_table(table_of(simulate(cubic(-2e-4), TILTED, 1)[0]))
+    told = traced.to_json()["sensors"]["x_V"]["depends_on"]
+    assert any(sentence.startswith("S depends on which of isolation-pad-deflection, sensor-third") for sentence in told)
 
 
 def test_angles_in_use_are_inside_intervals_that_cover_every_cause() -> None:

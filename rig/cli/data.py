@@ -221,7 +221,8 @@ def _calibration(
         return result, lambda: show_fit(data.name, table, result)
     for name, asked in attitude.items():
         if asked:
-            raise UsageError(f"--{name} is for attitude sensors; {data} is no pitch-roll calibration")
+            hint = "; add terms that rig trace prints with --add, or --confirmed-by RUN" if name == "traced" else ""
+            raise UsageError(f"--{name} is for attitude sensors; {data} is no pitch-roll calibration{hint}")
     chosen = {name: value for name, value in options.items() if value is not None}
     if later is None:
         fitted, record = fit_whole_plots(table, formula or "full", **chosen), {}

@@ -97,7 +97,11 @@ def _effects(found: Trace, allowed: Mapping[str, Sequence[str]]) -> tuple[Volts,
             named.setdefault(one.effect, {})[sensor.sensor] = one.contribution_V
     shown = {sensor for by in named.values() for sensor in by}
     full = {
-        (other.named, other.member): {e: {s: v for s, v in by.items() if s in shown} for e, by in other.effects.items()}
+        (other.named, other.member): {
+            e: {s: v for s, v in by.items() if s in shown}
+            for e, by in other.effects.items()
+            if e in named or e == other.member  # not the smooth terms without a cause
+        }
         for other in found.alternatives
         if other.named in named
     }
