@@ -68,7 +68,7 @@ ISOLATION_PADS = Effect(
     signed=Signed(
         "compliance",
         {"about y by weight along x": +1, "about x by weight along y": -1},
-        "a package that hangs below its pads, or a mass below the roll axis",
+        "a package that hangs below its pads or is mounted otherwise than declared, or a mass below the roll axis",
     ),
     separate_by="lock the pads and repeat a few points: the sag goes",
     usual_size="4e-4 deg",
