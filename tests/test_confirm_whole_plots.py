@@ -72,44 +72,56 @@ def test_the_forecast_is_that_of_a_difference_between_two_runs() -> None:
     assert seen[1] / seen[0] == pytest.approx(np.sqrt((1 / n + 1 / few) / (1 / n + 1 / many)), rel=0.02)
 
 
-def test_the_command_confirms_on_the_simulated_bench(tmp_path) -> None:
-    bench, world = with_sensors(LAB, tmp_path, "bridge_1", "bridge_2")
-    first = dry(tmp_path, bench=bench, world=world)
-    done = rig("confirm", first, "--dry", "--json", "--formula", MODEL, "--out", tmp_path)
+@pytest.fixture(scope="module")
+def followed(tmp_path_factory) -> tuple[Path, dict]:
+    """A run of the simulated bench, and what `rig confirm` told of it."""
+    folder = tmp_path_factory.mktemp("followed")
+    bench, world = with_sensors(LAB, folder, "bridge_1", "bridge_2")
+    first = dry(folder, bench=bench, world=world)
+    done = rig("confirm", first, "--dry", "--json", "--formula", MODEL, "--out", folder)
     assert done.returncode in (0, 3), done.stderr
-    told = json.loads(done.stdout)
+    return first, json.loads(done.stdout)
+
+
+def test_the_command_confirms_on_the_simulated_bench(followed) -> None:
+    told = followed[1]
     assert told["effects"]
     errors = told["error"].values()
     assert sum(e["after_psi"] for e in errors) < sum(e["before_psi"] for e in errors)
+
+
+def test_what_is_not_confirmed_adds_nothing_to_a_calibration(followed) -> None:
+    first, told = followed
     fitted = rig("fit", first, "--confirmed-by", told["run"], "--formula", MODEL, "--json")
     assert fitted.returncode == 0, fitted.stderr
     result = json.loads(fitted.stdout)
-    assert result["confirmed_by"]["by_run_id"] in told["run"]
-    for effect in result["confirmed_by"]["effects"]:
-        assert effect["verdict"] == "none holds", "terms of higher order are missing too"
-        assert effect["terms"] == []
-        assert "nothing was added" in effect["used"]
-    sensor = result["sensors"]["bridge_1_mV"]
-    assert set(sensor["coefficients"]) == {"1", "P", "T_sensor", "T_SSE"}
-    _confirmed_terms_are_added(first, Path(told["run"]))
+    record = result["confirmed_by"]
+    assert record["by_run_id"] in told["run"]
+    assert [effect["verdict"] for effect in record["effects"]] == [effect["verdict"] for effect in told["effects"]]
+    left = [effect for effect in record["effects"] if effect["verdict"] not in ("confirmed", "replaced")]
+    assert left, "terms of several orders are missing: no one of them holds in both runs"
+    assert all(effect["terms"] == [] and "nothing was added" in effect["used"] for effect in left)
+    added = {term for effect in record["effects"] for term in effect["terms"]}
+    assert set(result["sensors"]["bridge_1_mV"]["coefficients"]) == {"1", "P", "T_sensor", "T_SSE"} | added
 
 
-def _confirmed_terms_are_added(first: Path, later: Path) -> None:
+def test_the_terms_of_what_is_confirmed_are_added(followed) -> None:
     """As above, had one of the effects held alone."""
-    opened, confirmed = confirmed_by(first, later, MODEL)
+    opened, confirmed = confirmed_by(followed[0], Path(followed[1]["run"]), MODEL)
     answers = list(confirmed.answers)
-    at = next(k for k, answer in enumerate(answers) if answer.effect == "sensitivity-temperature")
-    best = next(m for m in answers[at].members if m.effect == "sensitivity-temperature")
-    held = replace(best, sigmas=0.0, p_changed=0.5, fits=True, shown=20.0, intervals_together=((1.0, 2.0),))
+    formulas = {
+        (k, member.effect): {candidate.term.formula for candidate in member.terms}
+        for k, question in enumerate(opened.questions)
+        for member in question.members
+        if all(candidate.term.formula for candidate in member.terms)
+    }
+    (at, effect), terms = next(iter(formulas.items()))
+    best = next(m for m in answers[at].members if m.effect == effect)
+    ends = tuple((1.0, 2.0) for _ in best.intervals)
+    held = replace(best, sigmas=0.0, p_changed=0.5, fits=True, shown=20.0, intervals_together=ends)
     answers[at] = replace(answers[at], members=(held,))
     judged = replace(confirmed.judged, answers=tuple(answers))
     fitted, record = fit_whole_plots_confirmed(opened, replace(confirmed, judged=judged), MODEL, {})
-    assert record["effects"][at]["terms"] == ["P:T_sensor"]
-    assert "the calibration has sensitivity-temperature alone" in record["effects"][at]["used"]
-    assert set(fitted.to_json()["sensors"]["bridge_1_mV"]["coefficients"]) == {
-        "1",
-        "P",
-        "T_sensor",
-        "T_SSE",
-        "P:T_sensor",
-    }
+    assert set(record["effects"][at]["terms"]) == terms
+    assert f"the calibration has {effect} alone" in record["effects"][at]["used"]
+    assert terms <= set(fitted.to_json()["sensors"]["bridge_1_mV"]["coefficients"])
