@@ -22,6 +22,7 @@ from fitter.attitude import (
 )
 from fitter.data import AttitudeData
 from fitter.linear import LinearFit
+from fitter.misfit import covered, lacks_fit, reach_of_misfit
 from fitter.quantiles import t_limit
 from fitter.replication import Replication, analyse, between_replications
 from fitter.temperature import Temperature
@@ -43,6 +44,8 @@ class AttitudeFit:
         parameters_df: degrees of freedom of these errors.
         replication: Table 2.
         temperature: what temperature adds, where the declared model has it; the rest is then at its reference.
+        model_error: by parameter, how far a model error as large as the lack of fit can move it; None where lack of fit
+            is not significant or cannot be tested.
         pitch_range_deg: lowest and highest pitch calibrated; outside it predictions are extrapolations.
         roll_range_deg: the same for roll.
 
@@ -57,6 +60,7 @@ class AttitudeFit:
     pitch_range_deg: tuple[float, float]
     roll_range_deg: tuple[float, float]
     temperature: Temperature | None = None
+    model_error: Mapping[str, float] | None = None
 
     @property
     def drifts(self) -> bool:
@@ -110,6 +114,8 @@ class AttitudeFit:
             "errors_from": "replications" if self.parameters_df != self.linear.df else "residuals",
             "parameters": parameter_table(self.parameters, self.parameters_df)
             | temperature_table(self.temperature, self.parameters.S_V, self.linear.df),
+            "intervals_cover": covered(replicated=self.parameters_df != self.linear.df),
+            "model_error": None if self.model_error is None else dict(self.model_error),
             "reference_degC": None if self.temperature is None else self.temperature.reference_degC,
             **table_2(self.replication, self.parameters.S_V),
         }
@@ -159,7 +165,28 @@ def fit_attitude(data: AttitudeData, sensor: str, *, temperature: bool = False) 
         pitch_range_deg=(float(data.pitch_deg.min()), float(data.pitch_deg.max())),
         roll_range_deg=(float(data.roll_deg.min()), float(data.roll_deg.max())),
         temperature=own,
+        model_error=_model_error(parameters, linear, columns, data.point, table),
     )
+
+
+def _model_error(
+    parameters: AttitudeParameters | NoRollParameters,
+    linear: LinearFit,
+    columns: FloatArray,
+    point: IntArray,
+    table: Replication,
+) -> dict[str, float] | None:
+    """How far a model error as large as the lack of fit can move parameters; None without significant lack of fit."""
+    if not lacks_fit(table):
+        return None
+    reach = reach_of_misfit(columns, point, table.sigma_bias)
+    if isinstance(parameters, NoRollParameters):
+        moved = no_roll_parameters(linear.coefficients, reach).stderr
+        names: tuple[str, ...] = ("b_V", "S_V", "phi_deg")
+    else:
+        moved = attitude_parameters(parameters.axis, linear.coefficients, reach).stderr
+        names = ("b_V", "S_V", "Omega_deg", "A_deg")
+    return {name: float(value) for name, value in zip(names, moved, strict=True) if np.isfinite(value)}
 
 
 def drifting(table: Replication) -> bool:

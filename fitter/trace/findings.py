@@ -13,7 +13,7 @@ from fitter.data import AttitudeData
 from fitter.effects import Effect, separate
 from fitter.effects.unnamed import NAMELESS
 from fitter.replication import Replication
-from fitter.trace.aliases import Rival
+from fitter.trace.aliases import Rival, separation
 from fitter.trace.estimate import Estimate, concerns, predict
 from fitter.trace.judge import AttitudeJudge
 from fitter.trace.noise import noise_findings, outlier_finding
@@ -137,7 +137,6 @@ def _found(
     rss_without = float(np.sum((without - own_columns @ np.linalg.lstsq(own_columns, without, rcond=None)[0]) ** 2))
     excess = before.fits[i].rss - after.fits[i].df * _pure_variance(after.tables[i])
     p = min(judge.p_adjusted(after.chosen, picked[k]) for k in shown)
-    best = next(rival for rival in explanations if rival.effect == name)
     alike = [problem.candidates[r.terms[0]].effect for r in explanations if r.alias and r.effect != name]
     peak = float(np.max(np.abs(contribution)))
     return FoundEffect(
@@ -153,7 +152,7 @@ def _found(
         p_adjusted_is_bound=p == judge.family.least,
         share=float(np.clip((rss_without - after.fits[i].rss) / excess, 0.0, 1.0)) if excess > 0 else 0.0,
         aliases=tuple(other.name for other in alike),
-        separation={r.effect: round(max(r.sigmas - best.sigmas, 0.0), 2) for r in explanations if r.effect != name},
+        separation=separation(explanations, name),
         separate_by=f"{_experiments(effect, alike)}; it reaches {peak:.2g} V "
         f"({np.degrees(peak / problem.fits[sensor].parameters.S_V):.2g} deg) here",
         contribution_V=raw_columns(problem.scene.on(whole), shape)[i] @ after.gamma[mine],

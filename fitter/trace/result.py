@@ -17,8 +17,10 @@ from fitter.linear import LinearFit
 from fitter.replication import FTest, Replication
 from fitter.temperature import Temperature
 from fitter.trace.aliases import Rival
+from fitter.trace.alternatives import Alternative
 from fitter.trace.estimate import predict
 from fitter.trace.problem import Candidate, raw_columns
+from fitter.trace.signs import Refused
 
 CONFIRMED = 0.8
 """Left-out error after over before, above which the effects found do not carry over to what was not fitted."""
@@ -185,6 +187,7 @@ class SensorTrace:
         temperature_recorded: whether effects of temperature could be tested at all.
         noise: what was found of the noise; in JSON these are effects of stratum "noise".
         smooth: terms without a cause that were added.
+        refused: causes that would fit, but for the sign that they would need.
 
     """
 
@@ -207,6 +210,7 @@ class SensorTrace:
     temperature_recorded: bool
     noise: tuple[Found, ...] = ()
     smooth: tuple[FoundEffect, ...] = ()
+    refused: tuple[Refused, ...] = ()
 
     def to_json(self) -> dict[str, JsonValue]:
         """As `rig trace --json` prints it."""
@@ -218,13 +222,14 @@ class SensorTrace:
             "after": self._side(self.after, self.cv_rms_after, self.shared_attitude_after),
             "unnamed": [rest.to_json() for rest in self.unnamed],
             "notes": list(self.notes),
+            "refused": [one.to_json() for one in self.refused],
             "fitted": {"coefficients": self._fitted()},
         }
 
     @property
     def notes(self) -> tuple[str, ...]:
         """Sentences that stand beside the numbers before and after."""
-        notes = []
+        notes = [one.sentence for one in self.refused]
         if not self.temperature_recorded:
             notes.append("no sensor temperature was recorded: temperature effects could not be tested")
         if self.effects and self.after.drift_b.value > self.before.drift_b.value:
@@ -304,6 +309,7 @@ class Trace:
         points: number of observations.
         outliers: rows that stand out and were left out of search and fit.
         explanations: all of them for each effect found, best first.
+        alternatives: the effects with another member of a class in the place of the one named, one for every member.
 
     """
 
@@ -314,6 +320,7 @@ class Trace:
     points: int
     outliers: tuple[int, ...] = ()
     explanations: Mapping[str, tuple[Explanation, ...]] = field(default_factory=dict)
+    alternatives: tuple[Alternative, ...] = ()
 
     def predict(self, data: AttitudeData) -> dict[str, FloatArray]:
         """(n,) outputs in volts of each sensor for other observations, effects included."""

@@ -12,6 +12,7 @@ from fitter.data import AttitudeData
 from fitter.effects import CATALOGUE, Effect
 from fitter.effects.unnamed import UNNAMED
 from fitter.trace.agreement import borne_out
+from fitter.trace.alternatives import alternatives
 from fitter.trace.estimate import estimate
 from fitter.trace.family import Family, family_of
 from fitter.trace.findings import residual_of, sensor_trace
@@ -19,6 +20,7 @@ from fitter.trace.judge import AttitudeJudge
 from fitter.trace.outliers import outliers
 from fitter.trace.pose import pose
 from fitter.trace.problem import Problem
+from fitter.trace.refusals import refusals
 from fitter.trace.restarts import search_with_restarts
 from fitter.trace.result import Trace, explanations_of
 from fitter.trace.score import score
@@ -101,13 +103,19 @@ def trace(
     cv = None
     if validate:
         cv = left_out(problem.scene.data, search, family, anything=bool(found))
+    wrong = refusals(judge, found, classes, {name: fit.parameters.S_V for name, fit in problem.fits.items()})
     sensors = {
-        sensor: sensor_trace(judge, data, aside, before, after, classes, i, None if cv is None else cv[:, i])
+        sensor: replace(
+            sensor_trace(judge, data, aside, before, after, classes, i, None if cv is None else cv[:, i]),
+            refused=tuple(one for one in wrong if sensor in one.sensors),
+        )
         for i, sensor in enumerate(problem.sensors)
     }
     chosen = tuple(problem.candidates[j] for j in after.chosen)
     explanations = explanations_of(classes, problem.candidates)
-    return Trace(sensors, problem.scene, chosen, after.gamma, len(data), tuple(aside.tolist()), explanations)
+    others = alternatives(problem, after, classes, data)
+    rows = tuple(aside.tolist())
+    return Trace(sensors, problem.scene, chosen, after.gamma, len(data), rows, explanations, others)
 
 
 def _without_outliers(

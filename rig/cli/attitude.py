@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from rich.markup import escape
@@ -11,7 +11,7 @@ from rich.table import Table as RichTable
 from rig.cli.effects import paragraph, show_certificate, show_effect
 from rig.cli.show import headline, number, out
 from rig.closed_loop import AttitudeTraced
-from rig.report.words import TESTS, little_help, significant, unnamed
+from rig.report.words import TESTS, little_help, misfit_in_words, significant, unnamed
 
 
 def show_attitude_fit(result: Mapping[str, Any]) -> None:
@@ -21,17 +21,25 @@ def show_attitude_fit(result: Mapping[str, Any]) -> None:
         if name in result["kept"]:
             kept = result["kept"][name]
             _show_parameters_of(f"{name}, kept with {', '.join(kept['effects']) or 'no effect'}", kept["parameters"])
+            _say(kept["depends_on"])
             out.print()
     if any(significant(sensor, test) for sensor in result["sensors"].values() for test in TESTS):
         out.print("some tests are significant: the model lacks something; see rig trace", soft_wrap=True)
+
+
+def _say(sentences: Iterable[str]) -> None:
+    for sentence in sentences:
+        out.print(f"  [yellow]{escape(sentence)}[/]", soft_wrap=True)
 
 
 def _show_sensor(name: str, sensor: Mapping[str, Any]) -> None:
     _show_parameters_of(f"{name}, {sensor['model']}", sensor["parameters"])
     if sensor["reference_degC"] is not None:
         out.print(f"  at {sensor['reference_degC']:.2f} degC")
-    if sensor["errors_from"] == "replications":
-        out.print("  replications drift: the errors are those between replications, which hold all the same")
+    drift = "replications drift: " if sensor["errors_from"] == "replications" else ""
+    out.print(f"  {drift}{sensor['intervals_cover']}", soft_wrap=True)
+    if sensor["model_error"] is not None:
+        out.print(f"  [yellow]{escape(misfit_in_words(sensor))}[/]", soft_wrap=True)
     out.print(
         f"  sigma_E {degrees(sensor['sigma_E_deg'])} = bias {degrees(sensor['sigma_bias_deg'])} and "
         f"precision {degrees(sensor['sigma_prec_deg'])}"
@@ -86,9 +94,10 @@ def show_attitude_trace(traced: AttitudeTraced) -> None:
         if any(significant(sensor[side], test) for side in ("before", "after") for test in _MARKED):
             out.print("  * above its 95 % limit")
         _show_parameters(traced, name)
+        _say(sensor["depends_on"])
         for effect in sensor["effects"]:
             show_effect(effect)
-        for line in (*unnamed(sensor), little_help(sensor)):
+        for line in (*(one["sentence"] for one in sensor["refused"]), *unnamed(sensor), little_help(sensor)):
             if line:
                 paragraph(f"[yellow]{escape(line)}[/]", 2)
         show_certificate(sensor)

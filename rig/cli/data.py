@@ -100,6 +100,15 @@ def fit(
     traced: Annotated[
         bool, typer.Option("--traced", help="attitude: keep a calibration with the effects that a trace finds")
     ] = False,
+    confirmed_by: Annotated[
+        Path | None,
+        typer.Option(
+            "--confirmed-by",
+            help="keep the calibration with the causes that this later run file confirmed (see rig confirm); attitude: "
+            "as with --traced; whole plots: their terms are added",
+            show_default=False,
+        ),
+    ] = None,
     temperature: TemperatureOption = None,
     points: Annotated[
         str | None,
@@ -115,13 +124,14 @@ def fit(
     Examples: `rig fit runs/20260115T180000-night-1a2b.sqlite`, `rig fit RUN --traced --temperature --out package.json`,
     `rig fit RUN --points 73`, `rig fit table.csv --response y --formula "1 + x"`
     """
-    check_not_input([out_file, report], [data])
+    check_not_input([out_file, report], [data, *filter(None, (confirmed_by,))])
     if response is not None:
         for option, value in (
             ("--report", report),
             ("--method", method),
             ("--add", add),
             ("--exclude-zero", exclude_zero),
+            ("--confirmed-by", confirmed_by),
         ):
             if value:
                 raise UsageError(f"{option} is for whole plots, not for tables of any kind")
@@ -140,12 +150,12 @@ def fit(
             "--method": method,
             "--add": add,
         }
-        others |= {"--power": power, "--exclude-zero": exclude_zero, "--traced": traced}
+        others |= {"--power": power, "--exclude-zero": exclude_zero, "--traced": traced, "--confirmed-by": confirmed_by}
         result, show = _fractions(data, points, temperature, others)
     else:
         options = {"method": method, "add": tuple(add or ()), "power": power, "exclude_zero": exclude_zero}
         attitude = {"traced": traced, "temperature": temperature}
-        result, show = _calibration(data, formula, report, options, attitude)
+        result, show = _calibration(data, formula, report, options, attitude, confirmed_by)
     if out_file is not None:
         write_whole(out_file, lambda file: json.dump(result, file, indent=2, allow_nan=False))
         err.print(f"calibration: {escape(str(out_file))}", soft_wrap=True)
@@ -191,6 +201,7 @@ def _calibration(
     report: Path | None,
     options: Mapping[str, Any],
     attitude: Mapping[str, bool | None],
+    later: Path | None,
 ) -> Shown:
     from rig.closed_loop import fit_table, fit_whole_plots  # noqa: PLC0415
     from rig.tables import read_table  # noqa: PLC0415
@@ -201,14 +212,26 @@ def _calibration(
         for option, value in given.items():
             if value:
                 raise UsageError(f"{option} is for whole plots; {data} holds a pitch-roll calibration")
-        result = fit_table(table, traced=bool(attitude["traced"]), temperature=attitude["temperature"])
+        if later is None:
+            result = fit_table(table, traced=bool(attitude["traced"]), temperature=attitude["temperature"])
+        else:
+            from rig.closed_loop.confirm import confirmed_by, fit_attitude_confirmed  # noqa: PLC0415
+
+            result = fit_attitude_confirmed(*confirmed_by(data, later, temperature=attitude["temperature"]))
         return result, lambda: show_fit(data.name, table, result)
     for name, asked in attitude.items():
         if asked:
-            raise UsageError(f"--{name} is for attitude sensors; {data} is no pitch-roll calibration")
+            hint = "; add terms that rig trace prints with --add, or --confirmed-by RUN" if name == "traced" else ""
+            raise UsageError(f"--{name} is for attitude sensors; {data} is no pitch-roll calibration{hint}")
     chosen = {name: value for name, value in options.items() if value is not None}
-    fitted = fit_whole_plots(table, formula or "full", **chosen)
-    result = fitted.to_json()
+    if later is None:
+        fitted, record = fit_whole_plots(table, formula or "full", **chosen), {}
+    else:
+        from rig.closed_loop.confirm import confirmed_by, fit_whole_plots_confirmed  # noqa: PLC0415
+
+        fitted, told = fit_whole_plots_confirmed(*confirmed_by(data, later, formula), formula or "full", chosen)
+        record = {"confirmed_by": told}
+    result = fitted.to_json() | record
     if report is not None:
         from rig.report import write_fit_report  # noqa: PLC0415
 
@@ -227,6 +250,11 @@ def show_fit(name: str, table: Table, result: Mapping[str, Any]) -> None:
         show_whole_plot_fit(result)
     else:
         show_attitude_fit(result)
+    if "confirmed_by" in result:
+        told = result["confirmed_by"]
+        out.print(f"\njudged by {escape(told['by_run_id'])}", soft_wrap=True)
+        for effect in told["effects"]:
+            out.print(escape(f"  {effect['used']}. {effect['evidence']}"), soft_wrap=True)
 
 
 @app.command(rich_help_panel="Data")

@@ -52,6 +52,7 @@ def show_whole_plot_fit(result: Mapping[str, Any]) -> None:
                 out.print(f"  [yellow]{method}:[/] {escape(fitted['note'])}", soft_wrap=True)
         out.print(_kept(sensor))
         spans = (f"{name} {low:.4g} to {high:.4g}" for name, (low, high) in sensor["calibration"]["ranges"].items())
+        out.print(f"  {sensor['intervals_cover']}", soft_wrap=True)
         out.print(f"  valid for {', '.join(spans)} (psia, degC)", soft_wrap=True)
         for note in sensor["notes"]:
             out.print(f"  [yellow]{escape(note)}[/]", soft_wrap=True)

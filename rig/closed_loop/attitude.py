@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from fitter import AttitudeData, fit_all
 from fitter.arrays import FloatArray
-from fitter.calibration import parameter_table
-from fitter.inverse import AttitudeCalibration, calibrate_package
+from fitter.inverse import AttitudeCalibration
+from fitter.inverse.traced import Volts, calibrate_traced, covering_parameters
 from fitter.quantiles import t_limit
 from fitter.trace import SensorTrace, Trace, trace
 from fitter.trace.result import FoundEffect
@@ -23,7 +25,14 @@ from rig.tables import Table, attitude_data
 from rig.tables.unused import unused_in_fit
 
 
-def fit_attitude_table(table: Table, *, traced: bool = False, temperature: bool | None = None) -> dict[str, Any]:
+def fit_attitude_table(
+    table: Table,
+    *,
+    traced: bool = False,
+    temperature: bool | None = None,
+    found: Trace | None = None,
+    allowed: Mapping[str, Sequence[str]] = MappingProxyType({}),
+) -> dict[str, Any]:
     """Fit the declared model to every sensor of a pitch-roll table; JSON-ready.
 
     Args:
@@ -31,6 +40,9 @@ def fit_attitude_table(table: Table, *, traced: bool = False, temperature: bool 
         traced: have the effects that a trace finds in the calibration that is kept.
         temperature: whether offset and sensitivity follow the sensor temperature in the declared model; as the table's
             procedure has it if None.
+        found: what a trace of the table found, where it was made already.
+        allowed: members that a follow-up run leaves of an effect's class, by the name the trace gave it; the first is
+            kept and the others widen its intervals. All members of a class that is not in it.
 
     Raises:
         UsageError: the table lacks something, or its rows do not determine the model.
@@ -39,8 +51,10 @@ def fit_attitude_table(table: Table, *, traced: bool = False, temperature: bool 
     data, warm = attitude_data(table), with_temperature(table, temperature)
     try:
         fits = fit_all(data, temperature=warm)
-        effects = _effects(trace(data, attitude_catalogue(), temperature=warm)) if traced else {}
-        calibration = calibrate_package(data, effects=effects, temperature=warm)
+        if traced and found is None:
+            found = trace(data, attitude_catalogue(), temperature=warm, validate=False)  # no left-out error is told
+        effects, others = ({}, []) if found is None else _effects(found, allowed)
+        calibration = calibrate_traced(data, effects, others, temperature=warm)
     except ValueError as error:
         raise UsageError(f"{table.source}: {error}") from error
     return {
@@ -56,10 +70,11 @@ def _kept(
     calibration: AttitudeCalibration, name: str, effects: Mapping[str, Mapping[str, FloatArray]]
 ) -> dict[str, Any]:
     """A sensor as the calibration has it, where that is not what the declared model alone gives."""
-    parameters, df = calibration.parameters(name)
+    parameters = covering_parameters(calibration, name)
     return {
         "effects": [effect for effect, by in effects.items() if name in by],
-        "parameters": parameter_table(parameters, df),
+        "parameters": parameters,
+        "depends_on": [row["sentence"] for row in parameters.values() if "sentence" in row],
     }
 
 
@@ -68,13 +83,46 @@ def with_temperature(table: Table, asked: bool | None) -> bool:
     return bool(table.declared.get("temperature", False)) if asked is None else asked
 
 
-def _effects(found: Trace) -> dict[str, dict[str, FloatArray]]:
-    """Volts that each effect adds to the observations, by effect and sensor."""
-    effects: dict[str, dict[str, FloatArray]] = {}
-    for name, sensor in found.sensors.items():
-        for effect in sensor.effects:
-            effects.setdefault(effect.effect, {})[name] = effect.contribution_V
-    return effects
+Others = list[tuple[str, str, Volts]]
+
+
+def _effects(found: Trace, allowed: Mapping[str, Sequence[str]]) -> tuple[Volts, Others]:
+    """Volts that each effect adds to the observations, by effect and sensor; and those of every alternative.
+
+    An effect stands in the sensors in which it is reported; what it does to others is too little to name.
+    """
+    named: dict[str, dict[str, FloatArray]] = {}
+    for sensor in found.sensors.values():
+        for one in sensor.effects:
+            named.setdefault(one.effect, {})[sensor.sensor] = one.contribution_V
+    shown = {sensor for by in named.values() for sensor in by}
+    full = {
+        (other.named, other.member): {
+            e: {s: v for s, v in by.items() if s in shown}
+            for e, by in other.effects.items()
+            if e in named or e == other.member  # not the smooth terms without a cause
+        }
+        for other in found.alternatives
+        if other.named in named
+    }
+    classes = {name: _members(name, [m for n, m in full if n == name], allowed) for name in named}
+    own: dict[tuple[str, str], Volts] = {
+        (name, member): {member: volts[member]} for (name, member), volts in full.items()
+    }
+    own |= {(name, name): {name: by} for name, by in named.items()}
+    kept = {e: by for name, members in classes.items() for e, by in own[name, members[0]].items()}
+    as_named = all(members[0] == name for name, members in classes.items())
+    others: Others = []
+    for name, (first, *rest) in classes.items():
+        beside = {e: by for e, by in kept.items() if e != first}
+        others += [(first, m, full[name, m] if as_named else {**beside, **own[name, m]}) for m in rest]
+    return kept, others
+
+
+def _members(name: str, others: Sequence[str], allowed: Mapping[str, Sequence[str]]) -> list[str]:
+    """Members of an effect's class that are left, the one that is kept first: that which was named, if it is left."""
+    every = [name, *others]
+    return [member for member in every if member in allowed.get(name, every)] or every
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +151,19 @@ class AttitudeTraced:
             shown["sentence"] = attitude_sentence(name, sensor)
             shown["effects"] = [_worded(self.trace, sensor, effect) for effect in shown["effects"]]
             shown["certificate"] = certificate(name, shown, _errors(sensor))
+            shown["depends_on"] = list(self.depends_on(name))
         return {**result, "unused": unused_in_fit(self.table).to_json()}
+
+    def depends_on(self, sensor: str) -> tuple[str, ...]:
+        """Sentences about the parameters of a sensor whose value depends on which of several causes holds."""
+        if not any(e.aliases for e in self.trace.sensors[sensor].effects):
+            return ()
+        table = covering_parameters(self._calibration, sensor)
+        return tuple(row["sentence"] for row in table.values() if "sentence" in row)
+
+    @cached_property
+    def _calibration(self) -> AttitudeCalibration:
+        return calibrate_traced(self.data, *_effects(self.trace, {}), temperature=self.temperature)
 
 
 def _worded(found: Trace, sensor: SensorTrace, effect: dict[str, Any]) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from fitter.misfit import COVERED_BY_WHOLE_PLOTS
 from fitter.pressure import PressureFit, fit_transducers, variance_inflation
 from fitter.trace import TransducerTrace, WholePlotTrace, trace_whole_plots
 from fitter.trace.whole_plots.result import FoundPressureEffect
@@ -58,7 +59,9 @@ class WholePlotFitted:
                 inflation = variance_inflation(fit.formula, self.data.table)
             except ValueError:  # terms that coded variables cannot stand in, logarithms say, have none
                 inflation = {}
-            sensors[name] = with_units({**fit.to_dict(), "calibration": calibration, "variance_inflation": inflation})
+            more: dict[str, Any] = {"calibration": calibration, "variance_inflation": inflation}
+            more["intervals_cover"] = COVERED_BY_WHOLE_PLOTS
+            sensors[name] = with_units({**fit.to_dict(), **more})
         table = self.table
         data = {"points": len(table), "kind": "whole-plot", "simulated": table.simulated, **table.provenance}
         alone = next(iter(sensors.values())) if len(sensors) == 1 else {}

@@ -96,6 +96,18 @@ def unnamed(sensor: Mapping[str, Any]) -> list[str]:
     ]
 
 
+def misfit_in_words(sensor: Mapping[str, Any]) -> str:
+    """How far a model error as large as the significant lack of fit can move each parameter of a sensor."""
+    moves = [
+        f"{name.partition('_')[0]} by up to {value:.2g} {name.partition('_')[2]}"
+        for name, value in sensor["model_error"].items()
+    ]
+    return (
+        f"lack of fit is significant: a model error of the size that is left ({sensor['sigma_bias_deg']:.2g} deg rms) "
+        f"can move {', '.join(moves)} beyond the intervals; see rig trace"
+    )
+
+
 def little_help(sensor: Mapping[str, Any]) -> str:
     """Warns where effects were found that hardly help at replications the fit has not seen."""
     before, after = sensor["before"]["cv_rms_deg"], sensor["after"]["cv_rms_deg"]

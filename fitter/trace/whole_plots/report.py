@@ -13,7 +13,7 @@ from fitter.arrays import FloatArray, IntArray
 from fitter.effects import Entry, PressureEffect, PressureScene, PressureTerm, separate_pressure
 from fitter.formula import Formula
 from fitter.linear import orthonormal
-from fitter.trace.aliases import Rival
+from fitter.trace.aliases import Rival, separation
 from fitter.trace.result import Unnamed, verdict
 from fitter.trace.whole_plots.agreement import classes
 from fitter.trace.whole_plots.estimate import Estimate, residual_of
@@ -134,7 +134,6 @@ def _found(finding: Finding, name: str, i: int) -> FoundPressureEffect | None:
     values = np.array([c.value for c in coefficients.values()])
     contribution = problem.raw[i][:, mine] @ values
     p = min(finding.judge.p_adjusted(after.chosen, j) for j in mine)
-    best = next(rival for rival in explanations if rival.effect == name)
     alike = [problem.candidates[r.terms[0]].effect for r in explanations if r.alias and r.effect != name]
     basis = orthonormal(problem.declared)
     peak = float(np.max(np.abs(contribution - basis @ (basis.T @ contribution))))
@@ -152,7 +151,7 @@ def _found(finding: Finding, name: str, i: int) -> FoundPressureEffect | None:
         p_adjusted_is_bound=p <= min(map(finding.judge.family.least, mine)),
         share=_share(finding, level, mine, i),
         aliases=tuple(other.name for other in alike),
-        separation={r.effect: round(max(r.sigmas - best.sigmas, 0.0), 2) for r in explanations if r.effect != name},
+        separation=separation(explanations, name),
         separate_by=f"{_experiments(effect, alike)}; {peak:.2g} mV ({psi:.2g} psi) of it are left beside the model",
         against=effect.against,
         formulas=tuple(filter(None, (problem.candidates[j].term.formula for j in mine))),

@@ -13,6 +13,7 @@ from fitter.effects import GROWING_NOISE, PressureScene
 from fitter.formula import Formula
 from fitter.split_plot import SplitPlotFit
 from fitter.trace.result import CONFIRMED, Explanation, Found, Unnamed
+from fitter.trace.signs import Refused
 from fitter.trace.whole_plots.noise import Noise
 from fitter.trace.whole_plots.problem import Candidate, raw_columns
 from fitter.whole_plot_data import WholePlotData
@@ -111,6 +112,7 @@ class TransducerTrace:
         alike: sentences about effects that all transducers show alike.
         noise: how the scatter within whole plots depends on pressure.
         sensitivity: mV/psi.
+        refused: causes that would fit, but for the sign that they would need.
 
     """
 
@@ -124,6 +126,7 @@ class TransducerTrace:
     alike: tuple[str, ...]
     noise: Noise
     sensitivity: float
+    refused: tuple[Refused, ...] = ()
 
     def to_json(self) -> dict[str, JsonValue]:
         """As `rig trace --json` prints it."""
@@ -135,13 +138,14 @@ class TransducerTrace:
             "after": self.after.to_json(),
             "unnamed": [rest.to_json() for rest in self.unnamed],
             "notes": list(self.notes),
+            "refused": [one.to_json() for one in self.refused],
             "fitted": {"coefficients": self._fitted()},
         }
 
     @property
     def notes(self) -> tuple[str, ...]:
         """Sentences that stand beside the numbers before and after."""
-        notes = [*self.after.fit.notes, *self.alike]
+        notes = [*self.after.fit.notes, *self.alike, *(one.sentence for one in self.refused)]
         means = [effect for effect in self.effects if effect.stratum != "noise"]
         named = {effect.effect for effect in self.effects}
         if GROWING_NOISE.name in named:
