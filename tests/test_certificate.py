@@ -119,7 +119,7 @@ def test_a_certificate_says_what_speaks_against_it():
     )
     assert "to 0.00031 deg, which cannot tell. " in paragraph(EFFECT, left_out=HARMS, hides="which cannot tell")
     said = paragraph(EFFECT, unnamed=[{"share": 0.4, "where": "between points", "added": False}], left_out=None)
-    assert ". Unexplained: 40 % of the excess error, between points. Readings" in said
+    assert ". Unexplained: 40 % of the error beyond scatter, between points. Readings" in said
     assert "Nothing else" not in said
 
 
@@ -138,7 +138,7 @@ def test_a_certificate_says_that_nothing_was_found():
     assert "Found and sized" not in said
     said = paragraph(unnamed=[{**rest, "added": True}])
     assert "With all that was found, the error goes from" in said
-    assert "Without a name: 40 % of the excess error, between points." in said
+    assert "Without a name: 40 % of the error beyond scatter, between points." in said
 
 
 def test_what_is_too_small_to_tell_is_told_as_that():

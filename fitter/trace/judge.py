@@ -170,7 +170,7 @@ def _together(between: Between, u: int, within: float, sign: float) -> float:
     """P of what a unit does between and within replications: by weight and sign; of several columns as Fisher does."""
     p = np.clip([between.p[u], within], np.finfo(float).tiny, 1.0)
     if between.sign[u] == 0.0:
-        product = float(np.prod(p))
-        return product * (1.0 - float(np.log(product)))
+        log_product = float(np.sum(np.log(p)))  # the product itself may be too small for a double
+        return float(np.exp(log_product)) * (1.0 - log_product)
     z = -special.ndtri(0.5 * p) * np.sqrt([between.share[u], 1.0 - between.share[u]])
     return float(min(2.0 * special.ndtr(-(z[0] + z[1] * sign * between.sign[u])), 1.0))

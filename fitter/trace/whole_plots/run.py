@@ -71,6 +71,7 @@ def trace_whole_plots(
         after=after,
         every=whole,
         look=settled.look,
+        not_kept=settled.not_kept,
         cv=left_out(problem, settled.families, found) if validate else None,
     )
     sensors = {sensor: transducer(finding, i) for i, sensor in enumerate(problem.sensors)}
