@@ -129,7 +129,9 @@ def test_a_certificate_says_that_nothing_was_found():
         "x_V: no effect beyond the declared model (1 + x) stands out from the noise. The error is 0.0003 deg. That "
         "between them is 1. The error left out is 0.0003 deg. Readings that repeat one setting scatter by 1e-4 deg."
     )
-    assert "stands out from the noise. The scatter grows (2 ppm); " in paragraph(NOISE)
+    assert "stands out from the noise, which is not what the model assumes. The scatter grows (2 ppm); " in paragraph(
+        NOISE
+    )
     rest = {"share": 0.4, "where": "between points", "added": False}
     said = paragraph(unnamed=[rest])
     assert said.startswith(
@@ -143,8 +145,8 @@ def test_a_certificate_says_that_nothing_was_found():
 
 def test_what_is_too_small_to_tell_is_told_as_that():
     assert chance({"p_adjusted": 1e-40}) == "< 1e-06"
-    assert [percent(part) for part in (0.0, 0.004, 0.006, 0.9951)] == ["0 %", "less than 1 %", "1 %", "100 %"]
-    assert [part(share) for share in (0.004, 0.994, 0.9951, 1.3)] == ["less than 1 %", "99 %", "all", "all"]
+    assert [percent(part) for part in (0.0, 0.004, 0.01, 0.579)] == ["0 %", "less than 1 %", "1 %", "57 %"]
+    assert [part(share) for share in (0.004, 0.989, 0.995, 1.0)] == ["less than 1 %", "98 %", "nearly all", "all"]
 
 
 def test_an_effect_that_is_constant_in_replications_is_known_no_better_than_they_agree():

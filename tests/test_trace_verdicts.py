@@ -25,8 +25,8 @@ pytestmark = pytest.mark.usefixtures("few_draws")
 KINDS = ("attitude", "whole plots", "table")
 MODELS = ("full", "II.C", "P")
 FORMULAS = ("load", "load + I(load^2)", "1")
-STRONG = {"attitude": (4, 9), "whole plots": (1, 2), "table": (2, 9, 20)}
-"""Seeds: overflowed or crashed, or shares that were 2.0 and 1.07 together, before."""
+STRONG = {"attitude": (7,), "whole plots": (2,), "table": (9,)}
+"""Seeds: "cannot convert float NaN to integer", and shares that were 2.2 and 1.0 (beside an unnamed rest) together, before."""
 
 
 @pytest.fixture(autouse=True)
