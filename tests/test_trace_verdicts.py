@@ -1,6 +1,7 @@
 """One rule for shares, verdicts and the names of noise in the three kinds of run, and no traceback in any."""
 
 import json
+from dataclasses import replace
 from itertools import permutations
 from types import SimpleNamespace
 
@@ -9,10 +10,16 @@ import numpy as np
 import pytest
 import strong_truth
 
+from fitter.effects import CATALOGUE
 from fitter.trace import trace
-from fitter.trace.family import ALPHA
+from fitter.trace.estimate import estimate
+from fitter.trace.family import ALPHA, family_of
+from fitter.trace.judge import AttitudeJudge
 from fitter.trace.keep import kept
+from fitter.trace.pose import pose
 from fitter.trace.result import Unnamed, verdict
+from fitter.trace.run import stays
+from fitter.trace.score import score
 from fitter.trace.shares import of_rest, shares
 from fitter.trace.tables import family, trace_general
 from fitter.trace.tables.run import LEVEL
@@ -26,7 +33,7 @@ KINDS = ("attitude", "whole plots", "table")
 MODELS = ("full", "II.C", "P")
 FORMULAS = ("load", "load + I(load^2)", "1")
 STRONG = {"attitude": (7,), "whole plots": (2,), "table": (9,)}
-"""Seeds: "cannot convert float NaN to integer", and shares that were 2.2 and 1.0 (beside an unnamed rest) together, before."""
+"""Seeds: before, a NaN that was to be a whole number, and shares of 2.2 and of 1.0 beside a rest."""
 
 
 @pytest.fixture(autouse=True)
@@ -161,3 +168,35 @@ def test_an_effect_stays_if_it_stands_out_and_lowers_the_error():
     assert [one.sentence for one in left] == [
         "idle was left out: it stands out (p 0.02), but sigma_E is no smaller with it"
     ]
+
+
+def test_columns_that_are_combinations_of_others_are_left_out_and_named():
+    """One sensor without roll: what pads do is what an eccentric head does, and both were put into the model."""
+    data = noisy_truth.attitude("outliers", np.random.default_rng(2))
+    flat = data.take(np.flatnonzero(data.roll_deg == 0.0))
+    flat = replace(flat, outputs={"x_V": flat.outputs["x_V"]}, axes={"x_V": "x"})
+    problem = pose(flat, CATALOGUE)
+    columns = problem.columns_at("declared", range(len(problem.candidates)))[0]
+    unit = columns / np.linalg.norm(columns, axis=0)
+    pairs = np.argwhere(np.triu(np.abs(unit.T @ unit) > 1.0 - 1e-12, 1))
+    first, second = next((int(a), int(b)) for a, b in pairs if problem.unit_of[a] != problem.unit_of[b])
+    fitted = estimate(problem, (first, second))
+    assert fitted.told_apart == (first,)
+    assert np.all(np.isfinite(fitted.gamma))
+    judge = AttitudeJudge(problem, family_of(problem, score(problem, ()), 1))
+    name = problem.candidates[second].effect.name
+    said = f"{name} was left out: these data cannot tell it from what is in the model"
+    assert said in [one.sentence for one in stays(judge, (first, second))[1]]
+
+
+def test_columns_too_large_for_a_double_are_left_out_and_named():
+    """Outputs and loads in units that somebody got wrong by sixty orders."""
+    rng = np.random.default_rng(0)
+    data = noisy_truth.attitude("outliers", rng)
+    run = trace(replace(data, outputs={name: 1e60 * y for name, y in data.outputs.items()}), validate=False)
+    said = "voltmeter-nonlinearity was left out: its values are too large to be computed with"
+    assert all(said in sensor.notes for sensor in run.sensors.values())
+    columns = noisy_truth.table("outliers", rng)
+    found = of_table({**columns, "load": 1e60 * columns["load"]}, "load")
+    assert "second-order:load was left out: its values are too large to be computed with" in found.notes
+    json.dumps(found.to_json(), allow_nan=False)

@@ -81,7 +81,7 @@ class Found:
 def problem_of(data: TableData) -> Problem:
     """The table ready to be searched."""
     left = len(data.y) - orthonormal(data.columns).shape[1]
-    candidates = candidates_of(data.scene, data.response, left)
+    candidates, large = candidates_of(data.scene, data.response, left)
     time = data.scene.time
     return Problem(
         y=data.y,
@@ -91,6 +91,7 @@ def problem_of(data: TableData) -> Problem:
         sd=np.ones(len(data.y)),
         ordered=time is not None or data.order_unknown,
         presumed=time is not None and time.presumed,
+        left_out=large,
     )
 
 
@@ -142,7 +143,8 @@ def stays(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[tuple[int, ...], 
     def helps(chosen: tuple[int, ...], own: tuple[int, ...]) -> bool:
         return error_of(judge, chosen) < error_of(judge, tuple(j for j in chosen if j not in own))
 
-    return kept(judge, chosen, helps, "the standard error of a row, every row counted alike,")
+    stay, idle = kept(judge, chosen, helps, "the standard error of a row, every row counted alike,")
+    return stay, (*judge.problem.left_out, *idle)
 
 
 def _simplest_orders(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[int, ...]:

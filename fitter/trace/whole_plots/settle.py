@@ -118,7 +118,8 @@ def stays(judge: WholePlotJudge, chosen: tuple[int, ...]) -> tuple[tuple[int, ..
         concerned = [i for i, name in enumerate(problem.sensors) if sensor in (None, name)]
         return any(error_of(fitted, level, i) < error_of(without, level, i) for i in concerned)
 
-    return kept(judge, chosen, helps, "the error of its stratum")
+    stay, idle = kept(judge, chosen, helps, "the error of its stratum")
+    return stay, (*problem.left_out, *idle)
 
 
 def _look(pressure_psia: FloatArray, whole: Problem, chosen: tuple[int, ...], held: Look) -> Look:
