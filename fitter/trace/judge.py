@@ -208,8 +208,8 @@ def _together(between: Between, u: int, within: float, sign: float) -> tuple[flo
     """
     p = np.clip([between.p[u], within], np.finfo(float).tiny, 1.0)
     if between.sign[u] == 0.0:
-        product = float(np.prod(p))
-        return product * (1.0 - float(np.log(product))), 0.0
+        log_product = float(np.sum(np.log(p)))  # the product itself may be too small for a double
+        return float(np.exp(log_product)) * (1.0 - log_product), 0.0
     z = -special.ndtri(0.5 * p) * np.sqrt([between.share[u], 1.0 - between.share[u]])
     signed = z[0] * between.sign[u] + z[1] * sign
     return float(min(2.0 * special.ndtr(-signed * between.sign[u]), 1.0)), float(np.sign(signed))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Self
 
@@ -41,7 +41,8 @@ class Found:
         size: of the cause, in physical terms: "1.50e-3 deg/g", "45 ppm/degC", "1.2 arcsec".
         p_adjusted: probability of finding the like by chance, over all candidates, sensors and steps of the run.
         p_adjusted_is_bound: the null was not simulated often enough to say how much smaller than `p_adjusted` it is.
-        share: of the sensor's residual beyond pure error, how much it explains.
+        share: of the sensor's whole error beyond scatter, how much it explains; those of all effects add up to one at
+            most (`fitter.trace.shares`).
         aliases: other effects the data cannot tell from it.
         separation: standard errors by which every other explanation falls behind, by effect.
         separate_by: the measurement that would tell it from its aliases, with the size it would show.
@@ -144,22 +145,40 @@ class FoundEffect(Found):
 class Unnamed:
     """What no effect of the catalogue explains: where it lives, and its share of what is left.
 
-    If a smooth term without a cause was `added`, the share is of the residual beyond pure error.
+    In a finished trace the share is of the whole error beyond scatter, beside the shares of the effects.
+
+    Attributes:
+        where: it lives.
+        share: see above.
+        added: whether a smooth term without a cause was added for it.
+        stratum: "noise" where what remains is noise that wanders; else "unnamed".
+
     """
 
     where: str
     share: float
     added: bool = field(default=False, kw_only=True)
+    stratum: str = field(default="unnamed", kw_only=True)
 
     def to_json(self) -> dict[str, JsonValue]:
         """As `rig trace --json` prints it."""
-        return {"where": self.where, "share": self.share, "added": self.added}
+        return {"where": self.where, "share": self.share, "added": self.added, "stratum": self.stratum}
 
 
-def verdict(found: bool, remains: bool) -> str:
-    """One word or two for a sensor: were effects found, and is something left?"""
+def verdict(*, found: bool, fell: bool, rest: Iterable[Unnamed]) -> str:
+    """One word or two for a sensor, by one rule in every kind of run.
+
+    Findings about the noise are no effects: they explain nothing, and leave nothing to be added to the model.
+
+    Args:
+        found: whether effects were, findings about the noise apart.
+        fell: whether the error is smaller with them.
+        rest: what is left.
+
+    """
+    remains = any(one.stratum != "noise" for one in rest)
     if found:
-        return "partly explained" if remains else "explained"
+        return "explained" if fell and not remains else "partly explained"
     return "unexplained" if remains else "nothing to add"
 
 
@@ -188,6 +207,7 @@ class SensorTrace:
         noise: what was found of the noise; in JSON these are effects of stratum "noise".
         smooth: terms without a cause that were added.
         refused: causes that would fit, but for the sign that they would need.
+        keeping: sentences about what was not kept, and what was kept for the sake of other sensors.
 
     """
 
@@ -211,6 +231,7 @@ class SensorTrace:
     noise: tuple[Found, ...] = ()
     smooth: tuple[FoundEffect, ...] = ()
     refused: tuple[Refused, ...] = ()
+    keeping: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, JsonValue]:
         """As `rig trace --json` prints it."""
@@ -229,7 +250,7 @@ class SensorTrace:
     @property
     def notes(self) -> tuple[str, ...]:
         """Sentences that stand beside the numbers before and after."""
-        notes = [one.sentence for one in self.refused]
+        notes = [*(one.sentence for one in self.refused), *self.keeping]
         if not self.temperature_recorded:
             notes.append("no sensor temperature was recorded: temperature effects could not be tested")
         if self.effects and self.after.drift_b.value > self.before.drift_b.value:

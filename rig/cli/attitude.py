@@ -11,7 +11,7 @@ from rich.table import Table as RichTable
 from rig.cli.effects import paragraph, show_certificate, show_effect
 from rig.cli.show import headline, number, out
 from rig.closed_loop import AttitudeTraced
-from rig.report.words import TESTS, little_help, misfit_in_words, significant, unnamed
+from rig.report.words import TESTS, little_help, misfit_in_words, significant, unnamed, verdict_of
 
 
 def show_attitude_fit(result: Mapping[str, Any]) -> None:
@@ -86,7 +86,7 @@ def show_attitude_trace(traced: AttitudeTraced) -> None:
     result = traced.to_json()
     headline(result["data"]["file"], traced.table)
     for name, sensor in result["sensors"].items():
-        out.print(f"\n[bold]{name}[/] ({sensor['declared']}): [bold]{sensor['verdict']}[/]")
+        out.print(f"\n[bold]{name}[/] ({sensor['declared']}): [bold]{escape(verdict_of(sensor))}[/]")
         table = RichTable("", "before", "after")
         for key, label, scale in _BEFORE_AFTER:
             table.add_row(label, *(_cell(sensor[side], key, scale) for side in ("before", "after")))

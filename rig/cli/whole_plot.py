@@ -12,7 +12,7 @@ from rig.cli.effects import paragraph, show_certificate, show_effect
 from rig.cli.show import headline, number, out
 from rig.closed_loop import WholePlotTraced
 from rig.closed_loop.whole_plot import errors_in_words, low_pressure
-from rig.report.words import unnamed
+from rig.report.words import unnamed, verdict_of
 
 _MEASURES = (
     ("max_pct", "largest reading error / %; in-flight zero: without the zero's own error"),
@@ -109,7 +109,7 @@ def show_whole_plot_trace(traced: WholePlotTraced) -> None:
     headline(result["data"]["file"], traced.table)
     _show_dead(result)
     for name, sensor in result["sensors"].items():
-        out.print(f"\n[bold]{name}[/] (declared {escape(sensor['declared'])}): [bold]{sensor['verdict']}[/]")
+        out.print(f"\n[bold]{name}[/] (declared {escape(sensor['declared'])}): [bold]{escape(verdict_of(sensor))}[/]")
         out.print(_before_after(sensor))
         for effect in sensor["effects"]:
             show_effect(effect)

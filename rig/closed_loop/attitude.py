@@ -20,7 +20,7 @@ from fitter.trace.result import FoundEffect
 from rig.closed_loop.certificate import Change, Errors, certificate, size_95, with_words
 from rig.effects import attitude_catalogue
 from rig.errors import UsageError
-from rig.report.words import part
+from rig.report.words import noise_of, part, verdict
 from rig.tables import Table, attitude_data
 from rig.tables.unused import unused_in_fit
 
@@ -229,9 +229,11 @@ def trace_attitude_table(table: Table, *, temperature: bool | None = None, unnam
 def attitude_sentence(name: str, found: SensorTrace) -> str:
     """What was found in one sensor, in brief."""
     before, after = (_degrees(side.sigma_E, found.S_V) for side in (found.before, found.after))
+    noise = [finding.cause for finding in found.noise]
     if not found.effects:
-        return f"{name}: the declared model ({found.declared}) leaves a standard error of {before}; {found.verdict}."
-    effects = " and ".join(f"{e.effect} ({part(e.share)} of the excess over scatter)" for e in found.effects)
+        told = verdict(found.verdict, noise)
+        return f"{name}: the declared model ({found.declared}) leaves a standard error of {before}; {told}."
+    effects = " and ".join(f"{e.effect} ({part(e.share)} of the error beyond scatter)" for e in found.effects)
     alike = "; ".join(f"{e.effect} from {', '.join(e.aliases)}" for e in found.effects if e.aliases)
     told = f"; these data cannot tell {alike}" if alike else ""
     text = (
@@ -241,7 +243,7 @@ def attitude_sentence(name: str, found: SensorTrace) -> str:
     if found.cv_rms_before is not None and found.cv_rms_after is not None:
         errors = (_degrees(rms, found.S_V) for rms in (found.cv_rms_before, found.cv_rms_after))
         text += ", and the error at replications that were left out goes from {} to {}".format(*errors)
-    return text + "."
+    return text + noise_of(noise) + "."
 
 
 def _degrees(volts: float, sensitivity: float) -> str:

@@ -16,6 +16,7 @@ from fitter.whole_plot_data import WholePlotData
 from rig.closed_loop.certificate import Change, Errors, certificate, size_95, with_words
 from rig.effects import pressure_catalogue
 from rig.errors import UsageError
+from rig.report.words import noise_of, verdict
 from rig.tables import Table, whole_plot_data
 from rig.tables.unused import unused_in_fit
 
@@ -229,9 +230,11 @@ def whole_plot_sentence(name: str, found: TransducerTrace) -> str:
         f"{side.fit.sigma_subplot:.3g} mV within whole plots and {side.fit.sigma_wholeplot:.3g} mV between them"
         for side in (found.before, found.after)
     )
-    if not found.effects:
-        return f"{name}: the declared model ({found.declared}) leaves errors of {before}; {found.verdict}."
-    causes = [e.effect if e.stratum == "noise" else f"{e.effect} ({e.peak_psi:.2g} psi at most)" for e in found.effects]
+    noise = [e.cause for e in found.effects if e.stratum == "noise"]
+    if not found.added:
+        told = verdict(found.verdict, noise)
+        return f"{name}: the declared model ({found.declared}) leaves errors of {before}; {told}."
+    causes = [f"{e.effect} ({e.peak_psi:.2g} psi at most)" for e in found.added]
     text = (
         f"{name}: the declared model ({found.declared}) leaves errors of {before}; it lacks {' and '.join(causes)}. "
         f"With that the errors are {after}"
@@ -239,4 +242,4 @@ def whole_plot_sentence(name: str, found: TransducerTrace) -> str:
     rms = found.before.cv_rms, found.after.cv_rms
     if rms[0] is not None and rms[1] is not None:
         text += f", and the error at whole plots that were left out goes from {rms[0]:.3g} to {rms[1]:.3g} mV"
-    return text + "."
+    return text + noise_of(noise) + "."

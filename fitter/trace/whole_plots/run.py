@@ -72,6 +72,7 @@ def trace_whole_plots(
         after=after,
         every=whole,
         look=settled.look,
+        not_kept=settled.not_kept,
         cv=left_out(problem, settled.families, found) if validate else None,
     )
     wrong = refusals(finding.judge, found, finding.classes, scene.sensitivity)
