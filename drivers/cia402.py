@@ -6,21 +6,19 @@ hands it over as text. Positions on the wire are encoder counts.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
-from pydantic import BaseModel, Field, field_validator, model_validator
-
+from drivers.cia402_settings import ERROR_CODE, VELOCITY, CiA402Options, Scales, judged_here, lacking, settings_of
 from drivers.clock import Clock
 from drivers.errors import BadReply, InstrumentError, LimitError, NotReady, WrongInstrument
 from drivers.roles import AxisState, Identity
 from drivers.wires import Wires
 from drivers.wires.can_node import CanNode, read_eds
 
-CONTROLWORD, STATUSWORD, ERROR_CODE = 0x6040, 0x6041, 0x603F
+CONTROLWORD, STATUSWORD = 0x6040, 0x6041
 MODE, MODE_DISPLAY, PROFILE_POSITION, HOMING = 0x6060, 0x6061, 1, 6
-POSITION, TARGET, VELOCITY = 0x6064, 0x607A, 0x606C
+POSITION, TARGET = 0x6064, 0x607A
 _DEVICE_TYPE, _DEVICE_NAME, _SOFTWARE, _IDENTITY = 0x1000, 0x1008, 0x100A, 0x1018
 _VENDOR, _PRODUCT, _SERIAL = 1, 2, 4
 _PROFILE = 402
@@ -43,7 +41,7 @@ _NEXT = {"disabled": 0x06, "ready": 0x07, "switched on": 0x0F, "quick stop": 0x0
 _REACHED, _ACKNOWLEDGED, _HOMED_NOW, _HOMING_ERROR = 1 << 10, 1 << 12, 1 << 12, 1 << 13
 _DISABLE, _HOLD, _GO, _HOME, _HALT, _QUICK_STOP, _RESET = 0x07, 0x0F, 0x3F, 0x1F, 0x10F, 0x02, 0x80
 _POLL_S = 0.01
-_ENABLE_S, _ACKNOWLEDGE_S, _STANDSTILL_S = 2.0, 0.5, 5.0
+_ENABLE_S, _ACKNOWLEDGE_S, _STANDSTILL_S, _MODE_S = 2.0, 0.5, 5.0, 1.0
 
 _FAULTS = {
     0x2310: "continuous overcurrent",
@@ -67,6 +65,8 @@ class _Axis:
         homed: whether the position is referenced, None as long as it is not known.
         fault: what ended the last home search.
         distrusted: its zero is not to be trusted before it has been found again, whatever the drive says.
+        target_deg: where it was last sent, None if it is not on its way or there.
+        near_since: bench time since which it has been near its target; only if that is judged here.
 
     """
 
@@ -76,10 +76,12 @@ class _Axis:
     homed: bool | None = None
     fault: str = ""
     distrusted: bool = False
+    target_deg: float | None = None
+    near_since: float | None = None
 
 
 class CiA402Pair:
-    """The head's two drives; satisfies `drivers.roles.Head`.
+    """The head's two drives; satisfies `drivers.roles.Head` and `Remarking`.
 
     Args:
         name: the bench's name for it.
@@ -95,50 +97,17 @@ class CiA402Pair:
 
     wire = "can"
 
-    class Options(BaseModel, extra="forbid"):
-        """What the bench file may say about this instrument."""
+    Options = CiA402Options
 
-        pitch_node: int = Field(1, ge=1, le=127, description="node of the drive that pitches")
-        roll_node: int = Field(2, ge=1, le=127, description="node of the drive that rolls")
-        counts_per_degree: float = Field(36000.0, gt=0, description="encoder counts per degree of the table")
-        speed_deg_per_s: float = Field(5.0, gt=0, le=80, description="speed of moves")
-        acceleration_deg_per_s2: float = Field(5.0, gt=0, le=320, description="acceleration and deceleration of moves")
-        home_method: int = Field(34, ge=-128, le=37, description="CiA 402 homing method; 34 goes to the index mark")
-        home_speed_deg_per_s: float = Field(4.0, gt=0, le=40, description="speed of the home search")
-        in_position_deg: float = Field(3e-4, gt=0, description="how near the target counts as reached")
-        in_position_s: float = Field(0.05, ge=0, le=60, description="and for how long")
-        following_error_deg: float = Field(0.5, gt=0, description="behind by more than this the drive gives up")
-        homed_bit: Literal[0, 8, 14, 15] = Field(
-            15, description="statusword bit by which the drives tell that they are homed; 0 if they do not"
-        )
-        pitch_deg: tuple[float, float] = Field((-190.0, 190.0), description="lowest and highest pitch")
-        roll_deg: tuple[float, float] = Field((-190.0, 190.0), description="lowest and highest roll")
-        timeout_s: float = Field(0.3, gt=0, description="wait for an SDO reply")
-        eds: str = Field(description="text of the drives' EDS; supplied unless the bench has its own")
-
-        @field_validator("eds")
-        @classmethod
-        def _readable(cls, text: str) -> str:
-            read_eds(text, 1)
-            return text
-
-        @model_validator(mode="after")
-        def _consistent(self) -> CiA402Pair.Options:
-            if self.pitch_node == self.roll_node:
-                raise ValueError(f"pitch_node and roll_node are both {self.pitch_node}")
-            for name, (low, high) in (("pitch_deg", self.pitch_deg), ("roll_deg", self.roll_deg)):
-                if not low < high:
-                    raise ValueError(f"{name}: {low:g} is not below {high:g}")
-                if max(-low, high) * self.counts_per_degree >= 2**31:
-                    raise ValueError(f"{name}: at {self.counts_per_degree:g} counts per degree it exceeds 32 bits")
-            return self
-
-    def __init__(self, name: str, address: str, options: Options, wires: Wires, clock: Clock) -> None:
+    def __init__(self, name: str, address: str, options: CiA402Options, wires: Wires, clock: Clock) -> None:
         self.name = name
         self._options = options
         self._clock = clock
         self._line = wires.can(address, name)
         self._where = self._line.where
+        self._dictionary = read_eds(options.eds, 1)
+        self._judged_here = judged_here(self._dictionary)
+        self._rounded: list[str] = []
         self._axes = {
             axis: _Axis(self._line.node(node, read_eds(options.eds, node), options.timeout_s), limits)
             for axis, node, limits in (
@@ -147,27 +116,32 @@ class CiA402Pair:
             )
         }
 
+    def remarks(self) -> Sequence[str]:
+        """See `Remarking.remarks`: objects that the EDS lacks, and speeds that had to be rounded."""
+        return (*lacking(self._dictionary), *dict.fromkeys(self._rounded))
+
     def axes(self) -> Mapping[str, tuple[float, float]]:
         """See `Head.axes`."""
         return {name: axis.limits for name, axis in self._axes.items()}
 
     def identify(self) -> Identity:
         """See `Instrument.identify`. Both drives must follow CiA 402 and be the product the EDS describes."""
-        device = read_eds(self._options.eds, 1).device_information
+        device = self._dictionary.device_information
         models, serials, versions = [], [], []
         for name, axis in self._axes.items():
             profile = axis.node.number(_DEVICE_TYPE) & 0xFFFF
             if profile != _PROFILE:
                 raise WrongInstrument(f"{self._where}: the {name} node follows profile {profile}, not CiA 402")
-            found = axis.node.number(_IDENTITY, _VENDOR), axis.node.number(_IDENTITY, _PRODUCT)
-            if found != (device.vendor_number, device.product_number):
+            found = self._told(axis, _IDENTITY, _VENDOR), self._told(axis, _IDENTITY, _PRODUCT)
+            described = device.vendor_number, device.product_number
+            if any(a and b is not None and a != str(b) for a, b in zip(found, described, strict=True)):
+                told, meant = (" product ".join(_hex(n) for n in pair) for pair in (found, described))
                 raise WrongInstrument(
-                    f"{self._where}: the {name} drive is vendor {found[0]:X}h product {found[1]:X}h; "
-                    f"the EDS describes vendor {device.vendor_number:X}h product {device.product_number:X}h"
+                    f"{self._where}: the {name} drive is vendor {told}; the EDS describes vendor {meant}"
                 )
-            models.append(str(axis.node.read(_DEVICE_NAME)))
-            versions.append(str(axis.node.read(_SOFTWARE)))
-            serials.append(str(axis.node.number(_IDENTITY, _SERIAL)))
+            models.append(self._told(axis, _DEVICE_NAME) or str(device.product_name or "CiA 402 drive"))
+            versions.append(self._told(axis, _SOFTWARE))
+            serials.append(self._told(axis, _IDENTITY, _SERIAL) or "0")
         serial = "" if all(s == "0" for s in serials) else "+".join(serials)
         return Identity(
             str(device.vendor_name), "+".join(dict.fromkeys(models)), serial, "+".join(dict.fromkeys(versions))
@@ -178,38 +152,24 @@ class CiA402Pair:
 
         Raises:
             InstrumentError: a fault stays, or a drive refuses a setting.
-            BadReply: a setting reads back as something else.
-            NotReady: a drive does not become enabled.
+            BadReply: a setting reads back as something else, or the units of speeds are not known or contradict the
+                bench file; the message names the key.
+            NotReady: a drive does not become enabled, or does not take its mode.
 
         """
-        options = self._options
-        speed, acceleration = options.speed_deg_per_s, options.acceleration_deg_per_s2
+        self._rounded.clear()
         for name, axis in self._axes.items():
             self._set_out(name, axis)
-            low, high = (self._counts(limit) for limit in axis.limits)
-            settings = {
-                (0x6081, 0): self._counts(speed),
-                (0x6083, 0): self._counts(acceleration),
-                (0x6084, 0): self._counts(acceleration),
-                (0x6085, 0): self._counts(4.0 * acceleration),
-                (0x6065, 0): self._counts(options.following_error_deg),
-                (0x6067, 0): self._counts(options.in_position_deg),
-                (0x6068, 0): round(1000.0 * options.in_position_s),
-                (0x607D, 1): low,
-                (0x607D, 2): high,
-                (0x6098, 0): options.home_method,
-                (0x6099, 1): self._counts(options.home_speed_deg_per_s),
-                (0x6099, 2): self._counts(options.home_speed_deg_per_s / 4.0),
-                (0x609A, 0): self._counts(acceleration),
-                (MODE, 0): PROFILE_POSITION,
-            }
-            for (index, subindex), value in settings.items():
+            scales = Scales(axis.node, self._options)
+            for index, subindex, value in tuple(settings_of(axis.node, scales, self._options, axis.limits)):
                 axis.node.write(index, value, subindex)
-                found = axis.node.number(index if index != MODE else MODE_DISPLAY, subindex)
-                if found != value:
+                if (found := axis.node.number(index, subindex)) != value:
                     raise BadReply(
                         f"{axis.node.where}: {index:04X}h:{subindex:02X} was set to {value} and reads back {found}"
                     )
+            self._rounded += scales.remarks
+            self._set_mode(axis, PROFILE_POSITION)
+            axis.target_deg = None
             axis.fault = ""
         for name, axis in self._axes.items():
             self._enable(name, axis)
@@ -221,10 +181,10 @@ class CiA402Pair:
             if axis.homed:
                 continue
             self._set_out(name, axis)
-            axis.node.write(MODE, HOMING)
+            self._set_mode(axis, HOMING)
             self._enable(name, axis)
             axis.node.write(CONTROLWORD, _HOME)
-            axis.homing, axis.homed, axis.fault = True, False, ""
+            axis.homing, axis.homed, axis.fault, axis.target_deg = True, False, "", None
 
     def forget_zeros(self) -> None:
         """See `Referenced.forget_zeros`."""
@@ -251,6 +211,7 @@ class CiA402Pair:
                 raise NotReady(f"{self._where}: {name} must be homed before it can go to an angle")
         for _, axis, counts in moving:
             axis.node.write(TARGET, counts)
+            axis.target_deg, axis.near_since = counts / self._options.counts_per_degree, None
         for _, axis, _ in moving:
             axis.node.write(CONTROLWORD, _GO)
         for name, axis, _ in moving:
@@ -267,9 +228,10 @@ class CiA402Pair:
                 status = self._follow_homing(axis, status)
             state = _state(status)
             axis.homed = self._is_homed(axis, status)
+            reached = bool(status & _REACHED) and self._arrived(axis, position)
             states[name] = AxisState(
                 position_deg=position,
-                moving=state in ("enabled", "quick stop") and (axis.homing or not status & _REACHED),
+                moving=state in ("enabled", "quick stop") and (axis.homing or not reached),
                 homed=axis.homed and not axis.homing,
                 enabled=state == "enabled",
                 fault=self._fault(axis) if state in ("fault", "stopping for a fault") else axis.fault,
@@ -288,7 +250,7 @@ class CiA402Pair:
         """See `Instrument.make_safe`: halt; what still turns after a while is stopped hard."""
         self.stop()
         end = self._clock.now() + _STANDSTILL_S
-        while any(axis.node.number(VELOCITY) for axis in self._axes.values()):
+        while any(self._turns(axis) for axis in self._axes.values()):
             if self._clock.now() > end:
                 self.quick_stop()
                 return
@@ -310,6 +272,39 @@ class CiA402Pair:
             return bool(status & 1 << self._options.homed_bit)
         return bool(axis.homed) and _state(status) == "enabled"
 
+    def _arrived(self, axis: _Axis, position_deg: float) -> bool:
+        """Whether a drive that cannot be told what "reached" means is near its target, and has been for long enough."""
+        if not self._judged_here or axis.target_deg is None:
+            return True
+        if abs(position_deg - axis.target_deg) > self._options.in_position_deg:
+            axis.near_since = None
+            return False
+        if axis.near_since is None:
+            axis.near_since = self._clock.now()
+        return self._clock.now() - axis.near_since >= self._options.in_position_s
+
+    def _turns(self, axis: _Axis) -> bool:
+        """Whether it still turns after a halt; by bit 10 if the drive does not tell its speed."""
+        if axis.node.has(VELOCITY):
+            return axis.node.number(VELOCITY) != 0
+        return not self._status(axis) & _REACHED
+
+    def _told(self, axis: _Axis, index: int, subindex: int = 0) -> str:
+        """An object as text, "" if the EDS has none."""
+        return str(axis.node.read(index, subindex)) if axis.node.has(index, subindex) else ""
+
+    def _set_mode(self, axis: _Axis, mode: int) -> None:
+        """Choose a mode of operation and wait until the drive shows it, which some do late."""
+        axis.node.write(MODE, mode)
+        end = self._clock.now() + _MODE_S
+        while (shown := axis.node.number(MODE_DISPLAY)) != mode:
+            if self._clock.now() > end:
+                raise NotReady(
+                    f"{axis.node.where}: it was put into mode {mode} (6060h) and still shows mode {shown} (6061h) "
+                    f"after {_MODE_S:g} s; see its manual for when it changes modes, and whether it has mode {mode}"
+                )
+            self._clock.sleep(_POLL_S)
+
     def _counts(self, degrees: float) -> int:
         return round(degrees * self._options.counts_per_degree)
 
@@ -317,7 +312,7 @@ class CiA402Pair:
         """Do something to both drives, to the second also when the first fails; raises the first error."""
         failed: list[Exception] = []
         for axis in self._axes.values():
-            axis.homing = False
+            axis.homing, axis.target_deg = False, None
             try:
                 action(axis)
             except Exception as error:
@@ -336,7 +331,7 @@ class CiA402Pair:
             axis.node.write(CONTROLWORD, _RESET)
             state = _state(self._status(axis))
             if state == "fault":
-                raise InstrumentError(axis.node.where, axis.node.number(ERROR_CODE), f"{name}: {self._fault(axis)}")
+                raise InstrumentError(axis.node.where, self._error(axis), f"{name}: {self._fault(axis)}")
             axis.node.write(CONTROLWORD, 0)
         elif state == "enabled":
             axis.node.write(CONTROLWORD, _DISABLE)
@@ -374,14 +369,23 @@ class CiA402Pair:
         axis.homing = False
         if _state(status) == "enabled":
             axis.node.write(CONTROLWORD, _HOLD)
-            axis.node.write(MODE, PROFILE_POSITION)
+            self._set_mode(axis, PROFILE_POSITION)
             status = self._status(axis)
         return status
 
+    def _error(self, axis: _Axis) -> int:
+        return axis.node.number(ERROR_CODE) if axis.node.has(ERROR_CODE) else 0
+
     def _fault(self, axis: _Axis) -> str:
-        code = axis.node.number(ERROR_CODE)
+        if not axis.node.has(ERROR_CODE):
+            return "see the drive's display; its EDS has no error code (603Fh)"
+        code = self._error(axis)
         return f"{_FAULTS.get(code, 'see the drive manual')} (error {code:04X}h)"
 
 
 def _state(status: int) -> str:
     return next((name for name, (mask, value) in _STATES.items() if status & mask == value), f"unknown ({status:04X}h)")
+
+
+def _hex(number: object) -> str:
+    return f"{int(str(number)):X}h" if str(number or "").isdigit() else "not told"

@@ -235,3 +235,15 @@ class Referenced(Protocol):
     def forget_zeros(self) -> None:
         """Have `read` report every axis as not homed, so that `home` finds all zeros again. Moves nothing."""
         ...
+
+
+@runtime_checkable
+class Remarking(Protocol):
+    """An instrument that may have to do without something that the bench file asks for."""
+
+    def remarks(self) -> Sequence[str]:
+        """What of the bench file is not used or not as declared, and what that costs; () if nothing.
+
+        What the settings alone tell is known before anything is sent, the rest after `prepare`.
+        """
+        ...

@@ -89,6 +89,18 @@ def head(truth: dict[str, Any] | None = None, **options: Any) -> Simulated[CiA40
     return Simulated(make, twin, world, plant, log)
 
 
+def without_objects(eds: str, *indices: int) -> str:
+    """A data sheet whose drive has no such objects."""
+    kept, keep = [], True
+    for line in eds.splitlines():
+        if line.startswith("["):
+            keep = not any(line.upper().startswith(f"[{index:04X}") for index in indices)
+        listed = line.partition("=")[2].upper().removeprefix("0X")
+        if keep and not (line[:1].isdigit() and listed in {f"{index:04X}" for index in indices}):
+            kept.append(line)
+    return "\n".join(kept) + "\n"
+
+
 def assert_documented(options: type[BaseModel]) -> None:
     """docs/instruments.md lists every option with its default and meaning."""
     text = (CONTRACTS.parent / "docs" / "instruments.md").read_text(encoding="utf-8")

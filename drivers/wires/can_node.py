@@ -51,6 +51,12 @@ def read_eds(text: str, node: int) -> ObjectDictionary:
     return dictionary
 
 
+def has_object(dictionary: ObjectDictionary, index: int, subindex: int = 0, *, writable: bool = False) -> bool:
+    """Whether a data sheet describes an object that can be read (or written)."""
+    variable = dictionary.get_variable(index, subindex)
+    return variable is not None and (variable.writable if writable else variable.readable)
+
+
 class _Responses:
     """What canopen takes for the queue that a thread fills. Waiting for a reply pumps the bus."""
 
@@ -131,6 +137,10 @@ class CanNode:
         remote.sdo.responses = cast("queue.Queue[bytes]", self._responses)
         bus.network[node] = remote
         self._sdo: SdoClient = remote.sdo
+
+    def has(self, index: int, subindex: int = 0, *, writable: bool = False) -> bool:
+        """Whether its EDS describes an object that can be read (or written)."""
+        return has_object(self._dictionary, index, subindex, writable=writable)
 
     def read(self, index: int, subindex: int = 0) -> int | str:
         """Read an object: a number, or text for a string.

@@ -11,6 +11,7 @@ from functools import partial
 
 from sims.physics import Plant
 from sims.twins.cia402_drive import FOLLOWING_ERROR, OVERCURRENT, Drive
+from sims.twins.cia402_rates import rates
 from sims.wires.eds import read_eds
 from sims.wires.sdo_server import SdoServer
 from sims.world import World
@@ -19,7 +20,9 @@ REPLY_S = 0.0005
 """Seconds from an SDO request to its reply, both on the wire: about 0.25 ms each at 500 kbit/s."""
 
 _NMT, _EMERGENCY, _SDO_REPLY, _SDO_REQUEST, _BOOT_UP = 0x000, 0x080, 0x580, 0x600, 0x700
-_RESET_NODE, _RESET_COMMUNICATION = 0x81, 0x82
+_START, _STOP, _PREPARE, _RESET_NODE, _RESET_COMMUNICATION = 0x01, 0x02, 0x80, 0x81, 0x82
+_OPERATIONAL, _STOPPED, _PRE_OPERATIONAL = 0x05, 0x04, 0x7F
+_STATE_AFTER = {_START: _OPERATIONAL, _STOP: _STOPPED, _PREPARE: _PRE_OPERATIONAL}
 
 Transmit = Callable[[int, bytes], None]
 
@@ -29,8 +32,8 @@ class CiA402PairTwin:
 
     Args:
         name: the bench's name for it.
-        options: its options in the bench file; `eds` (text), `pitch_node`, `roll_node` and `counts_per_degree`
-            matter here.
+        options: its options in the bench file; `eds` (text), `pitch_node`, `roll_node`, `counts_per_degree` and the
+            units of speed and acceleration matter here.
         world: virtual time.
         plant: offers `head`.
         serial: serial number; its digits and the node are what the drives answer.
@@ -52,10 +55,16 @@ class CiA402PairTwin:
         self.drives: dict[str, Drive] = {}
         self._servers: dict[int, SdoServer] = {}
         self._nodes: dict[int, Drive] = {}
+        self._states: dict[int, int] = {}
+        self._beats: dict[int, int] = {}
         for default, axis in ((1, "pitch"), (2, "roll")):
             node = int(str(options.get(f"{axis}_node", default)))
             emergency = partial(self._send_emergency, node)
-            drive = Drive(world, plant.head, axis, scale, read_eds(eds, node), 10 * digits + default, emergency)
+            heartbeat = partial(self._set_heartbeat, node)
+            self._states[node], self._beats[node] = _PRE_OPERATIONAL, 0
+            objects, number = read_eds(eds, node), 10 * digits + default
+            units = rates(options, objects, scale)
+            drive = Drive(world, plant.head, axis, scale, units, objects, number, emergency, heartbeat)
             self.drives[axis] = self._nodes[node] = drive
             self._servers[node] = SdoServer(drive)
 
@@ -67,7 +76,9 @@ class CiA402PairTwin:
             return
         node = can_id - _SDO_REQUEST
         server = self._servers.get(node)
-        if server is not None and (reply := server.answer(data)) is not None:
+        if server is None or self._states[node] == _STOPPED:
+            return
+        if (reply := server.answer(data)) is not None:
             self._world.call_in(REPLY_S, partial(tx, _SDO_REPLY + node, reply))
 
     def trip(self, axis: str, why: str) -> str:
@@ -78,18 +89,37 @@ class CiA402PairTwin:
 
     def power_cycle(self) -> None:
         """Off and on again: parameters and references are lost, the mechanics stay where they are."""
-        for drive in self.drives.values():
+        for node, drive in self._nodes.items():
+            self._states[node] = _PRE_OPERATIONAL
             drive.power_cycle()
 
     def _manage(self, data: bytes, tx: Transmit) -> None:
-        """Network management: a reset restarts a node, or all of them (0)."""
-        if len(data) != 2 or data[0] not in (_RESET_NODE, _RESET_COMMUNICATION):
+        """Network management: a node, or all of them (0), changes its state or restarts."""
+        if len(data) != 2:
             return
         for node, drive in self._nodes.items():
-            if data[1] in (0, node):
+            if data[1] not in (0, node):
+                continue
+            if data[0] in _STATE_AFTER:
+                self._states[node] = _STATE_AFTER[data[0]]
+            elif data[0] in (_RESET_NODE, _RESET_COMMUNICATION):
+                self._states[node] = _PRE_OPERATIONAL
                 if data[0] == _RESET_NODE:
                     drive.power_cycle()
                 self._world.call_in(REPLY_S, partial(tx, _BOOT_UP + node, b"\0"))
+
+    def _set_heartbeat(self, node: int, seconds: float) -> None:
+        """1017h: send the node's state from now on at this interval; 0 sends none."""
+        self._beats[node] += 1
+        if seconds > 0:
+            self._world.call_in(seconds, partial(self._beat, node, seconds, self._beats[node]))
+
+    def _beat(self, node: int, seconds: float, epoch: int) -> None:
+        if epoch != self._beats[node]:
+            return
+        if self._transmit is not None:
+            self._transmit(_BOOT_UP + node, bytes((self._states[node],)))
+        self._world.call_in(seconds, partial(self._beat, node, seconds, epoch))
 
     def _send_emergency(self, node: int, code: int, register: int) -> None:
         if self._transmit is not None:

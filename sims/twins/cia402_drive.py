@@ -1,8 +1,8 @@
 """One axis of a simulated CiA 402 drive: power state machine, profile position, homing.
 
 Source: CiA 402 (IEC 61800-7-201): states and controlword commands, set-point handshake, statusword. Positions are
-encoder counts, speeds counts/s, accelerations counts/s^2. The mechanics behind the encoder are the plant's; the
-drive counts from wherever it was switched on until homing has found the mark.
+encoder counts; speeds and accelerations have the units of `cia402_rates`. The mechanics behind the encoder are the
+plant's; the drive counts from wherever it was switched on until homing has found the mark.
 """
 
 from __future__ import annotations
@@ -23,6 +23,11 @@ FOLLOWING_ERROR, OVERCURRENT = 0x8611, 0x2310
 _VOLTAGE, _REMOTE, _REACHED, _LIMITED, _BIT_12, _BIT_13, _REFERENCED = (1 << n for n in (4, 9, 10, 11, 12, 13, 15))
 _NEW_SETPOINT, _AT_ONCE, _RELATIVE, _RESET, _HALT = (1 << n for n in (4, 5, 6, 7, 8))
 _BRAKE_S = 0.05  # the brake releases before the axis may move
+_HISTORY, _REMEMBERED = 0x1003, 4
+_SAVE = 0x65766173
+_NOT_KEPT = (_HISTORY, 0x1010, 0x6040, 0x6060, 0x607A)
+_MODE_SHOWN_S = 0.004  # a drive shows its mode of operation a little later than it takes it
+_OWN_WINDOW = 100  # counts, where nobody can set the position window
 _HOMING_METHODS = (33, 34, 35, 37)  # to the mark, either way round; or "here"
 
 
@@ -34,9 +39,11 @@ class Drive:
         head: the mechanics.
         axis: "pitch" or "roll".
         counts_per_degree: encoder resolution.
-        objects: what the data sheet describes.
+        rates: what 1 deg/s and 1 deg/s^2 are on the wire.
+        objects: what the data sheet describes; of the others the drive has settings of its own.
         serial: serial number.
         emergency: sends an emergency message: error code, error register.
+        heartbeat: is told at which interval to send heartbeats, seconds; 0 for none.
 
     """
 
@@ -46,28 +53,37 @@ class Drive:
         head: HeadMechanics,
         axis: str,
         counts_per_degree: float,
+        rates: tuple[float, float],
         objects: Mapping[Key, EdsObject],
         serial: int,
         emergency: Callable[[int, int], None],
+        heartbeat: Callable[[float], None] = lambda seconds: None,
     ) -> None:
         self._world = world
         self._head = head
         self._axis = axis
         self._scale = counts_per_degree
+        self._per_deg_s, self._per_deg_s2 = rates
         self._objects = objects
         self._serial = serial
         self._emergency = emergency
+        self._heartbeat = heartbeat
+        self._stored: dict[Key, int] = {}
         self._computed: dict[Key, Callable[[], int]] = {
             (0x1001, 0): lambda: 0x21 if self._state == FAULT else 0,
             (0x603F, 0): lambda: self._error,
             (0x6041, 0): self._statusword,
-            (0x6061, 0): lambda: self._values[0x6060, 0],
+            (0x1003, 0): lambda: len(self._history),
+            (0x6061, 0): lambda: self._shown_mode,
             (0x6062, 0): self._demand,
             (0x6064, 0): lambda: self._counts(self._world.now()),
-            (0x606C, 0): lambda: round(head.speed_deg_per_s(axis, world.now()) * self._scale),
+            (0x606C, 0): lambda: round(head.speed_deg_per_s(axis, world.now()) * self._per_deg_s),
             (0x60F4, 0): lambda: self._demand() - self._counts(self._world.now()),
         }
         self._effects: dict[Key, Callable[[int], None]] = {
+            (0x1003, 0): self._clear_history,
+            (0x1010, 1): self._store,
+            (0x1017, 0): lambda ms: self._heartbeat(ms / 1000.0),
             (0x6040, 0): self._control,
             (0x6060, 0): self._choose_mode,
             (0x6098, 0): self._check_method,
@@ -79,7 +95,10 @@ class Drive:
         """Off and on again: parameters and reference are lost, the axis stops where it is."""
         self._head.stop(self._axis)
         self._values = {key: o.default for key, o in self._objects.items() if isinstance(o.default, int)}
+        self._values |= self._stored
         self._values[0x1018, 4] = self._serial
+        self._shown_mode = self._values[0x6060, 0]
+        self._history: list[int] = []
         self._zero_deg = self._head.encoder_deg(self._axis, self._world.now())
         self._state = DISABLED
         self._error = 0
@@ -89,11 +108,13 @@ class Drive:
         self._acknowledged = self._limited = self._halted = False
         self._homing = self._homed = self._referenced = self._homing_failed = False
         self._epoch += 1
+        self._heartbeat(self._values.get((0x1017, 0), 0) / 1000.0)
 
     def fault(self, code: int) -> None:
         """Fail with an error code: motion stops, power goes off, an emergency message tells."""
-        self._head.stop(self._axis, self._values[0x6085, 0] / self._scale)
+        self._head.stop(self._axis, self._braking(0x6085))
         self._state, self._error = FAULT, code
+        self._history = [code, *self._history][:_REMEMBERED]
         self._give_up()
         self._emergency(code, 0x21)
 
@@ -105,6 +126,10 @@ class Drive:
         if isinstance(found.default, str):
             return found.pack(found.default)
         key = (index, subindex)
+        if index == _HISTORY and subindex:
+            if subindex > len(self._history):
+                raise sdo.Aborted(sdo.NO_DATA)
+            return found.pack(self._history[subindex - 1])
         compute = self._computed.get(key)
         return found.pack(compute() if compute else self._values[key])
 
@@ -123,7 +148,25 @@ class Drive:
         effect = self._effects.get((index, subindex))
         if effect:
             effect(value)
-        self._values[index, subindex] = value
+        if (index, subindex) not in ((_HISTORY, 0), (0x1010, 1)):
+            self._values[index, subindex] = value
+
+    def _braking(self, index: int) -> float:
+        """Deceleration of a stop (6084h) or a quick stop (6085h), deg/s^2; its own where the data sheet has none."""
+        own = self._values[0x6083, 0] * (4 if index == 0x6085 else 1)
+        return self._values.get((index, 0), own) / self._per_deg_s2
+
+    def _clear_history(self, value: int) -> None:
+        if value:
+            raise sdo.Aborted(sdo.OUT_OF_RANGE)
+        self._history.clear()
+
+    def _store(self, signature: int) -> None:
+        """Keep settings without power; the signature is "save"."""
+        if signature != _SAVE:
+            raise sdo.Aborted(sdo.NOT_STORED)
+        kept = {key for key, o in self._objects.items() if o.access == "rw" and key[0] not in _NOT_KEPT}
+        self._stored = {key: value for key, value in self._values.items() if key in kept}
 
     def _find(self, index: int, subindex: int) -> EdsObject:
         try:
@@ -160,7 +203,7 @@ class Drive:
 
     def _disable(self, state: int) -> None:
         if self._state in (ENABLED, QUICK_STOP):
-            self._head.stop(self._axis, self._values[0x6084, 0] / self._scale)
+            self._head.stop(self._axis, self._braking(0x6084))
         self._give_up()
         self._state = state
 
@@ -168,10 +211,10 @@ class Drive:
         if self._state in (READY, ON):
             self._disable(DISABLED)
         elif self._state == ENABLED:
-            self._head.stop(self._axis, self._values[0x6085, 0] / self._scale)
+            self._head.stop(self._axis, self._braking(0x6085))
             self._give_up()
             self._state = QUICK_STOP
-            if self._values[0x605A, 0] < 5:  # slow down, then disable; from 5 on it stays in this state
+            if self._values.get((0x605A, 0), 2) < 5:  # slow down, then disable; from 5 on it stays in this state
                 self._later(self._ends() - self._world.now(), lambda: self._disable(DISABLED))
 
     def _enable(self) -> None:
@@ -200,7 +243,7 @@ class Drive:
 
     def _operate(self, word: int, rising: int, falling: int) -> None:
         if rising & _HALT:
-            self._head.stop(self._axis, self._values[0x6084, 0] / self._scale)
+            self._head.stop(self._axis, self._braking(0x6084))
             self._epoch += 1
             self._halted, self._homing = True, False
         if self._values[0x6060, 0] == HOMING:
@@ -221,7 +264,7 @@ class Drive:
 
     def _take_setpoint(self, word: int) -> None:
         target = self._values[0x607A, 0] + (self._target if word & _RELATIVE else 0)
-        low, high = self._values[0x607D, 1], self._values[0x607D, 2]
+        low, high = (self._values.get((0x607D, n), own) for n, own in ((1, -(2**31)), (2, 2**31 - 1)))
         self._limited = not low <= target <= high
         target = min(max(target, low), high)
         self._acknowledged = True
@@ -242,28 +285,29 @@ class Drive:
             self._go()
 
     def _go(self) -> None:
-        speed = self._values[0x6081, 0] / self._scale
-        acceleration = min(self._values[0x6083, 0], self._values[0x6084, 0]) / self._scale
+        speed = self._values[0x6081, 0] / self._per_deg_s
+        acceleration = min(self._values[0x6083, 0] / self._per_deg_s2, self._braking(0x6084))
         self._head.move(self._axis, self._target / self._scale + self._zero_deg, speed, acceleration)
 
     def _start_homing(self) -> None:
         self._homed = self._homing_failed = self._referenced = False
-        method = self._values[0x6098, 0]
+        method = self._values.get((0x6098, 0), _HOMING_METHODS[1])
         if method not in _HOMING_METHODS:
             self._homing_failed = True
             return
         if method in (35, 37):
             self._reference(self._head.encoder_deg(self._axis, self._world.now()))
             return
-        speed = self._values[0x6099, 1] / self._scale
-        self._head.move(self._axis, 0.0, speed, self._values[0x609A, 0] / self._scale)
+        speed = self._values.get((0x6099, 1), self._values[0x6081, 0]) / self._per_deg_s
+        acceleration = self._values.get((0x609A, 0), self._values[0x6083, 0]) / self._per_deg_s2
+        self._head.move(self._axis, 0.0, speed, acceleration)
         self._homing = True
         self._later(self._ends() - self._world.now(), lambda: self._reference(0.0))
 
     def _reference(self, mark_deg: float) -> None:
         """The encoder angle `mark_deg` is the home position from now on."""
-        self._zero_deg = mark_deg - self._values[0x607C, 0] / self._scale
-        self._target = self._values[0x607C, 0]
+        self._zero_deg = mark_deg - self._values.get((0x607C, 0), 0) / self._scale
+        self._target = self._values.get((0x607C, 0), 0)
         self._homing = False
         self._homed = self._referenced = True
 
@@ -272,6 +316,12 @@ class Drive:
             raise sdo.Aborted(sdo.OUT_OF_RANGE)
         if self._state == ENABLED and self._moving():
             raise sdo.Aborted(sdo.NOT_IN_THIS_STATE)
+
+        def show() -> None:
+            if self._values[0x6060, 0] == mode:
+                self._shown_mode = mode
+
+        self._world.call_in(_MODE_SHOWN_S, show)
 
     def _check_method(self, method: int) -> None:
         if method not in (0, *_HOMING_METHODS):
@@ -299,8 +349,8 @@ class Drive:
             return not self._homing and not self._moving()
         if self._halted or self._state != ENABLED:
             return not self._moving()
-        since = self._world.now() - self._values[0x6068, 0] / 1000.0
-        near = abs(self._counts(since) - self._target) <= self._values[0x6067, 0]
+        since = self._world.now() - self._values.get((0x6068, 0), 0) / 1000.0
+        near = abs(self._counts(since) - self._target) <= self._values.get((0x6067, 0), _OWN_WINDOW)
         return near and since >= self._ends() and self._waiting is None
 
     def _statusword(self) -> int:

@@ -1,0 +1,273 @@
+"""What a CiA 402 drive is set to: the bench's options, which of its objects the EDS has, and the units they are in.
+
+Of CiA 402's objects many are optional. One that a drive's EDS lacks is left alone, and what that costs is said.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Literal
+
+from canopen.objectdictionary import ObjectDictionary
+from pydantic import BaseModel, Field, field_validator, model_validator
+
+from drivers.cia402_units import Quantity, Unit, parse_unit, told_unit
+from drivers.errors import BadReply
+from drivers.wires.can_node import CanNode, has_object, read_eds
+
+FOLLOWING, WINDOW, WINDOW_TIME, VELOCITY, SOFTWARE_LIMITS = 0x6065, 0x6067, 0x6068, 0x606C, 0x607D
+SPEED, ACCELERATION, DECELERATION, QUICK_STOP = 0x6081, 0x6083, 0x6084, 0x6085
+HOME_METHOD, HOME_SPEEDS, HOME_ACCELERATION = 0x6098, 0x6099, 0x609A
+ENCODER_RESOLUTION, GEAR_RATIO, FEED = 0x608F, 0x6091, 0x6092
+ERROR_CODE = 0x603F
+_UNIT_OBJECTS: dict[Quantity, int] = {"velocity": 0x60A9, "acceleration": 0x60AA}
+
+_NEEDED = (0x1000, 0x6040, 0x6041, 0x6060, 0x6061, 0x6064, 0x607A, SPEED, ACCELERATION)
+"""Without these there is no profile position mode."""
+
+_COSTS: dict[tuple[int, int], str] = {
+    (ERROR_CODE, 0): "a fault comes without its code; look at the drive's display",
+    (FOLLOWING, 0): "following_error_deg is not used: how far it may lag is what the drive is set to",
+    (WINDOW, 0): "whether a target is reached is judged here, by in_position_deg and in_position_s",
+    (WINDOW_TIME, 0): "whether a target is reached is judged here, by in_position_deg and in_position_s",
+    (VELOCITY, 0): "standstill after a stop is known by bit 10 of the statusword alone",
+    (SOFTWARE_LIMITS, 1): "the drive has no limits of its own: only this program keeps pitch_deg and roll_deg",
+    (DECELERATION, 0): "it brakes as the drive is set, not as acceleration_deg_per_s2 says",
+    (QUICK_STOP, 0): "a quick stop brakes as the drive is set, not four times as hard as a move",
+    (HOME_METHOD, 0): "home_method is not used: the home search is the one the drive is set to",
+    (HOME_SPEEDS, 1): "home_speed_deg_per_s is not used: the home search is as fast as the drive is set",
+    (HOME_ACCELERATION, 0): "the home search accelerates as the drive is set",
+}
+"""What it costs if the EDS has no such object (index, subindex), or none that may be written."""
+
+_READ_ONLY = (ERROR_CODE, VELOCITY)
+_COARSE = 0.01  # off by more than this share a rounded speed is said
+_SAME = 1e-3
+
+
+class CiA402Options(BaseModel, extra="forbid"):
+    """What the bench file may say about this instrument."""
+
+    pitch_node: int = Field(1, ge=1, le=127, description="node of the drive that pitches")
+    roll_node: int = Field(2, ge=1, le=127, description="node of the drive that rolls")
+    counts_per_degree: float = Field(36000.0, gt=0, description="encoder counts per degree of the table")
+    velocity_unit: str | None = Field(
+        None,
+        description='unit of speeds on the wire: "counts/s", "rpm", "rev/s", "deg/s"; 60A9h of the drive if not given',
+    )
+    acceleration_unit: str | None = Field(
+        None,
+        description='of accelerations: "counts/s^2", "rpm/s", "rev/s^2", "deg/s^2"; 60AAh of the drive if not given',
+    )
+    turns_per_table_turn: float | None = Field(
+        None,
+        gt=0,
+        description="turns of the shaft whose speed the drive counts, per turn of the table; for all units but counts",
+    )
+    speed_deg_per_s: float = Field(5.0, gt=0, le=80, description="speed of moves")
+    acceleration_deg_per_s2: float = Field(5.0, gt=0, le=320, description="acceleration and deceleration of moves")
+    home_method: int = Field(34, ge=-128, le=37, description="CiA 402 homing method; 34 goes to the index mark")
+    home_speed_deg_per_s: float = Field(4.0, gt=0, le=40, description="speed of the home search")
+    in_position_deg: float = Field(3e-4, gt=0, description="how near the target counts as reached")
+    in_position_s: float = Field(0.05, ge=0, le=60, description="and for how long")
+    following_error_deg: float = Field(0.5, gt=0, description="behind by more than this the drive gives up")
+    homed_bit: Literal[0, 8, 14, 15] = Field(
+        15, description="statusword bit by which the drives tell that they are homed; 0 if they do not"
+    )
+    pitch_deg: tuple[float, float] = Field((-190.0, 190.0), description="lowest and highest pitch")
+    roll_deg: tuple[float, float] = Field((-190.0, 190.0), description="lowest and highest roll")
+    timeout_s: float = Field(0.3, gt=0, description="wait for an SDO reply")
+    eds: str = Field(description="text of the drives' EDS; supplied unless the bench has its own")
+
+    @field_validator("eds")
+    @classmethod
+    def _readable(cls, text: str) -> str:
+        dictionary = read_eds(text, 1)
+        if missing := [f"{index:04X}h" for index in _NEEDED if not has_object(dictionary, index)]:
+            raise ValueError(f"the EDS has no {', '.join(missing)}: the drive has no profile position mode")
+        return text
+
+    @model_validator(mode="after")
+    def _consistent(self) -> CiA402Options:
+        if self.pitch_node == self.roll_node:
+            raise ValueError(f"pitch_node and roll_node are both {self.pitch_node}")
+        for name, (low, high) in (("pitch_deg", self.pitch_deg), ("roll_deg", self.roll_deg)):
+            if not low < high:
+                raise ValueError(f"{name}: {low:g} is not below {high:g}")
+            if max(-low, high) * self.counts_per_degree >= 2**31:
+                raise ValueError(f"{name}: at {self.counts_per_degree:g} counts per degree it exceeds 32 bits")
+        dictionary = read_eds(self.eds, 1)
+        declared: dict[Quantity, str | None] = {"velocity": self.velocity_unit, "acceleration": self.acceleration_unit}
+        for quantity, text in declared.items():
+            if text is not None:
+                parse_unit(text, quantity)
+            elif not has_object(dictionary, index := _UNIT_OBJECTS[quantity]):
+                raise ValueError(
+                    f"{quantity}_unit is needed: the EDS has no {index:04X}h that would say in which unit the drives "
+                    f"count {quantity}; look it up in their manual"
+                )
+        return self
+
+
+def lacking(dictionary: ObjectDictionary) -> tuple[str, ...]:
+    """What the EDS lacks of the objects that would be used, each with what that costs; () if nothing."""
+    return tuple(
+        f"the EDS has no {index:04X}h that can be {'read' if index in _READ_ONLY else 'set'}: {cost}"
+        for (index, subindex), cost in _COSTS.items()
+        if not has_object(dictionary, index, subindex, writable=index not in _READ_ONLY)
+    )
+
+
+def judged_here(dictionary: ObjectDictionary) -> bool:
+    """Whether the drive cannot be told what "target reached" means, so that this program has to judge it."""
+    return not all(has_object(dictionary, index, writable=True) for index in (WINDOW, WINDOW_TIME))
+
+
+class Scales:
+    """What degrees, degrees per second and degrees per second squared of the table are on one drive's wire.
+
+    Args:
+        node: the drive, which is asked for its units.
+        options: the bench's.
+
+    Attributes:
+        remarks: what had to be rounded, in words.
+
+    Raises:
+        BadReply: neither bench nor drive say a unit, or they contradict one another; it names the bench key.
+
+    """
+
+    def __init__(self, node: CanNode, options: CiA402Options) -> None:
+        self._where = node.where
+        self._counts_per_degree = options.counts_per_degree
+        velocity = _agreed(node, "velocity", options.velocity_unit)
+        acceleration = _agreed(node, "acceleration", options.acceleration_unit)
+        turns = _turns(node, options) if velocity.of_shaft or acceleration.of_shaft else 1.0
+        self._velocity = (velocity, velocity.per_degree(options.counts_per_degree, turns))
+        self._acceleration = (acceleration, acceleration.per_degree(options.counts_per_degree, turns))
+        self.remarks: list[str] = []
+
+    def counts(self, degrees: float) -> int:
+        """Position units."""
+        return round(degrees * self._counts_per_degree)
+
+    def velocity(self, what: str, deg_per_s: float) -> int:
+        """A speed as it goes onto the wire; raises `BadReply` if the unit is too coarse for it."""
+        return self._whole(what, deg_per_s, "deg/s", *self._velocity)
+
+    def acceleration(self, what: str, deg_per_s2: float) -> int:
+        """An acceleration as it goes onto the wire; raises `BadReply` if the unit is too coarse for it."""
+        return self._whole(what, deg_per_s2, "deg/s^2", *self._acceleration)
+
+    def _whole(self, what: str, wanted: float, unit: str, wire: Unit, per_degree: float) -> int:
+        """Rounded; down, and said so, where rounding changes it by more than a hundredth."""
+        exact = wanted * per_degree
+        value = round(exact)
+        if abs(value - exact) > _COARSE * exact:
+            value = int(exact)
+            if value == 0:
+                raise BadReply(
+                    f"{self._where}: {what} = {wanted:g} {unit} is less than one {wire}, the unit of the drive; "
+                    f"raise {what}, or set a finer unit in the drive"
+                )
+            said = f"{what} is {value / per_degree:.4g} {unit} instead of {wanted:g}: the drive counts in whole {wire}"
+            if said not in self.remarks:
+                self.remarks.append(said)
+        return value
+
+
+def settings_of(
+    node: CanNode, scales: Scales, options: CiA402Options, limits: tuple[float, float]
+) -> Iterator[tuple[int, int, int]]:
+    """(index, subindex, value) of everything that the drive can be set to, in order."""
+    acceleration, home = options.acceleration_deg_per_s2, options.home_speed_deg_per_s
+
+    def a() -> int:
+        return scales.acceleration("acceleration_deg_per_s2", acceleration)
+
+    wanted: tuple[tuple[int, int, Callable[[], int]], ...] = (
+        (SPEED, 0, lambda: scales.velocity("speed_deg_per_s", options.speed_deg_per_s)),
+        (ACCELERATION, 0, a),
+        (DECELERATION, 0, a),
+        (QUICK_STOP, 0, lambda: scales.acceleration("four times acceleration_deg_per_s2", 4.0 * acceleration)),
+        (FOLLOWING, 0, lambda: scales.counts(options.following_error_deg)),
+        (WINDOW, 0, lambda: scales.counts(options.in_position_deg)),
+        (WINDOW_TIME, 0, lambda: round(1000.0 * options.in_position_s)),
+        (SOFTWARE_LIMITS, 1, lambda: scales.counts(limits[0])),
+        (SOFTWARE_LIMITS, 2, lambda: scales.counts(limits[1])),
+        (HOME_METHOD, 0, lambda: options.home_method),
+        (HOME_SPEEDS, 1, lambda: scales.velocity("home_speed_deg_per_s", home)),
+        (HOME_SPEEDS, 2, lambda: scales.velocity("a quarter of home_speed_deg_per_s", home / 4.0)),
+        (HOME_ACCELERATION, 0, a),
+    )
+    for index, subindex, value in wanted:
+        if node.has(index, subindex, writable=True):
+            yield index, subindex, value()
+
+
+def _agreed(node: CanNode, quantity: Quantity, declared: str | None) -> Unit:
+    """The unit that the bench file or the drive itself names."""
+    index, key = _UNIT_OBJECTS[quantity], f"{quantity}_unit"
+    code = node.number(index) if node.has(index) else 0
+    told = told_unit(code, quantity)
+    if declared is None:
+        if told is None:
+            says = (
+                f"its {index:04X}h is {code:08X}h, which is not known here"
+                if code
+                else f"its {index:04X}h says nothing"
+            )
+            example = "rpm" if quantity == "velocity" else "rpm/s"
+            raise BadReply(
+                f"{node.where}: in which unit the drive counts {quantity} is not known ({says}); look it up "
+                f'in its manual and write {key} = "{example}" (or what it is) into the bench file'
+            )
+        return told
+    wanted = parse_unit(declared, quantity)
+    if told is not None and told != wanted:
+        raise BadReply(
+            f"{node.where}: the bench file says {key} = {declared!r} and the drive's {index:04X}h ({code:08X}h) says "
+            f"{told}; correct {key}, or leave it out"
+        )
+    return wanted
+
+
+def _turns(node: CanNode, options: CiA402Options) -> float:
+    """Turns of the shaft whose speed the drive counts, per turn of the table."""
+    told = _position_units_per_turn(node)
+    derived = None if told is None else 360.0 * options.counts_per_degree / told
+    declared = options.turns_per_table_turn
+    if declared is None and derived is None:
+        raise BadReply(
+            f"{node.where}: the drive counts speeds at a shaft, and how often that turns for one turn of the table is "
+            f"not known; write turns_per_table_turn = N into the bench file"
+        )
+    if declared is not None and derived is not None and abs(declared - derived) > _SAME * derived:
+        raise BadReply(
+            f"{node.where}: the bench file says turns_per_table_turn = {declared:g}; by counts_per_degree and the "
+            f"{told:g} position units per turn of the drive (6092h, 608Fh) it is {derived:g}; correct one of them"
+        )
+    found = declared if declared is not None else derived
+    assert found is not None
+    return found
+
+
+def _position_units_per_turn(node: CanNode) -> float | None:
+    """By feed constant (6092h) or encoder resolution (608Fh); None if they say nothing, or a gear (6091h) is between.
+
+    With a gear the standard's drives differ in which of its shafts they count speeds at. A ratio of 1 or less is what
+    these objects hold when nobody has set them.
+    """
+    ratios = [_ratio(node, index) for index in (GEAR_RATIO, FEED, ENCODER_RESOLUTION)]
+    gear, feed, encoder = ratios
+    if gear not in (None, 1.0):
+        return None
+    return next((ratio for ratio in (feed, encoder) if ratio is not None and ratio > 1.0), None)
+
+
+def _ratio(node: CanNode, index: int) -> float | None:
+    if not (node.has(index, 1) and node.has(index, 2)):
+        return None
+    over, under = node.number(index, 1), node.number(index, 2)
+    return over / under if over > 0 and under > 0 else None
