@@ -144,7 +144,10 @@ class CiA402Pair:
             serials.append(self._told(axis, _IDENTITY, _SERIAL) or "0")
         serial = "" if all(s == "0" for s in serials) else "+".join(serials)
         return Identity(
-            str(device.vendor_name), "+".join(dict.fromkeys(models)), serial, "+".join(dict.fromkeys(versions))
+            str(device.vendor_name or "maker not told"),
+            "+".join(dict.fromkeys(models)),
+            serial,
+            "+".join(dict.fromkeys(versions)),
         )
 
     def prepare(self) -> None:

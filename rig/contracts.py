@@ -1,7 +1,8 @@
 """Contract files (EDS, register maps) handed to both sides of a wire.
 
 Drivers and twins may not import one another nor the contracts; the controller reads the file once and gives the
-same text to both.
+same text to both. A bench file may name a file of its own instead (`eds = "drive.eds"`, beside the bench file): its
+text is read with the bench file and kept with it in the run file.
 """
 
 from __future__ import annotations
@@ -9,7 +10,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
+from pathlib import Path
 from typing import Any
+
+from rig.config import BenchConfig, parse_bench, read_text
+from rig.errors import ConfigurationError
 
 _CONTRACTS = {
     "watlow-f4t": ("register_map", "watlow_f4t.toml"),
@@ -30,3 +35,39 @@ def with_contracts(driver: str, options: Mapping[str, Any]) -> dict[str, Any]:
         return dict(options)
     option, name = _CONTRACTS[driver]
     return {option: _text(name), **options}
+
+
+def read_bench(path: Path) -> tuple[BenchConfig, dict[str, str]]:
+    """A bench file with the files it names read, and their texts by name. Raises `ConfigurationError`."""
+    config = parse_bench(read_text(path, "bench"), str(path))
+    texts = files_beside(config, path)
+    return with_files(config, texts, str(path)), texts
+
+
+def files_beside(config: BenchConfig, bench: Path) -> dict[str, str]:
+    """The texts of the contract files that a bench names, by name; raises `ConfigurationError` naming one not there."""
+    return {
+        name: read_text(bench.parent / name, f"{option} (instruments.{instrument})")
+        for instrument, option, name in _named(config)
+    }
+
+
+def with_files(config: BenchConfig, texts: Mapping[str, str], where: str) -> BenchConfig:
+    """The bench with texts in place of the names of contract files; raises `ConfigurationError` for one not there."""
+    instruments = dict(config.instruments)
+    for instrument, option, name in _named(config):
+        if name not in texts:
+            raise ConfigurationError(f"{where}: instruments.{instrument}.{option} = {name!r} is not there")
+        instruments[instrument] = instruments[instrument].model_copy(update={option: texts[name]})
+    return config.model_copy(update={"instruments": instruments})
+
+
+def _named(config: BenchConfig) -> list[tuple[str, str, str]]:
+    """(instrument, option, file name) of every contract that is named instead of written out: one line is a name."""
+    found = []
+    for name, instrument in config.instruments.items():
+        option = _CONTRACTS.get(instrument.driver, ("", ""))[0]
+        text = instrument.options.get(option)
+        if isinstance(text, str) and text.strip() and "\n" not in text:
+            found.append((name, option, text))
+    return found

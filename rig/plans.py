@@ -12,6 +12,7 @@ from pydantic import BaseModel
 from procedures import Procedure, RunList
 from rig.bench import check_options
 from rig.config import BenchConfig, parse_bench, parse_procedure, parse_toml, read_text
+from rig.contracts import files_beside, read_bench, with_files
 from rig.errors import ConfigurationError, RigError, UsageError
 from rig.matching import check_match
 from rig.run_file.reader import RunReader
@@ -49,6 +50,7 @@ def load_plan(procedure: Path, bench: Path, *, dry: bool = False, world: Path | 
     documents = {"bench.toml": read_text(bench, "bench"), "procedure.toml": read_text(procedure, "procedure")}
     if world is not None:
         documents["world.toml"] = read_text(world, "world")
+    documents |= files_beside(parse_bench(documents["bench.toml"], str(bench)), bench)
     against = parse_procedure(documents["procedure.toml"], str(procedure)).warnings.against
     if against is not None:
         from rig.previous import previous_text  # noqa: PLC0415 - brings the fitter, which few runs need
@@ -62,7 +64,8 @@ def load_plan(procedure: Path, bench: Path, *, dry: bool = False, world: Path | 
 
 
 def _plan(documents: Mapping[str, str], dry: bool, where: Mapping[str, str], *, strict: bool = True) -> Plan:
-    config = parse_bench(documents["bench.toml"], where["bench.toml"], strict=strict)
+    named = parse_bench(documents["bench.toml"], where["bench.toml"], strict=strict)
+    config = with_files(named, documents, where["bench.toml"])
     checked = check_options(config, where["bench.toml"], strict=strict)
     if not strict:
         config = _as_checked(config, checked)
@@ -121,7 +124,7 @@ def stored_plan(run: RunReader, path: Path, bench: Path | None) -> Plan:
         plan = replace(plan, run_list=_begun_with(run, path))
     if bench is None:
         return plan
-    other = parse_bench(read_text(bench, "bench"), str(bench))
+    other, _ = read_bench(bench)
     check_options(other, str(bench))
     for what in ("name", "sensors", "temperatures", "factors", "limits", "interlocks", "safety", "simulated"):
         if getattr(other, what) != getattr(plan.bench, what):

@@ -7,7 +7,7 @@ from canopen import LocalNode, Network
 from canopen.objectdictionary import ODVariable
 
 from drivers.wires.can_node import read_eds as canopens_eds
-from sims.wires.eds import Key, read_eds
+from sims.wires.eds import Key, identified, read_eds
 from sims.wires.sdo_server import NO_OBJECT, NO_SUBINDEX, READ_ONLY, TOO_LONG, Aborted, SdoServer
 from sims.wires.slcan import SlcanAdapter
 
@@ -181,3 +181,13 @@ def test_a_long_line_of_noise_is_refused_and_forgotten() -> None:
     bus.say(b"O\r")
     assert bus.say(b"t" + b"0" * 5000 + b"\r") == b"\a"
     assert bus.say(b"t6010\r") == b"z\r"
+
+
+def test_a_drive_knows_its_maker_where_its_data_sheet_gives_no_defaults() -> None:
+    bare = EDS.replace("DefaultValue=0x00020192", "DefaultValue=").replace(
+        "VendorNumber=0x00000000", "VendorNumber=0x9A"
+    )
+    lines = [line for line in bare.splitlines() if line != "DefaultValue=0x00000402"]
+    text = "\n".join(lines)
+    found = identified(read_eds(text, 1), text)
+    assert [found[key].default for key in ((0x1000, 0), (0x1018, 1), (0x1018, 2))] == [0x00020192, 0x9A, 0x402]

@@ -11,7 +11,7 @@ from typing import Any
 
 from drivers.clock import Clock
 from drivers.errors import BadReply, NoReply
-from drivers.roles import Restartable, is_overload
+from drivers.roles import Remarking, Restartable, is_overload
 from procedures import Factor, Settle
 from procedures.pitch_roll import EnvironmentSettings
 from rig.bench import Bench
@@ -96,6 +96,11 @@ class BenchActions:
         """Bring every instrument's settings to what the bench declares."""
         for instrument in self._bench.instruments.values():
             instrument.prepare()
+
+    def remarks(self) -> list[tuple[str, str]]:
+        """(instrument, what of its bench settings is not used or not as declared); complete after `set_up`."""
+        asked = {name: i for name, i in self._bench.instruments.items() if isinstance(i, Remarking)}
+        return [(name, said) for name, instrument in asked.items() for said in instrument.remarks()]
 
     def restarted(self) -> list[str]:
         """Instruments that say their power has been off since they were last set up."""

@@ -120,6 +120,7 @@ class Sequencer:
         self._outcome: Outcome | None = None
         self._ending = ""
         self._needs_set_up = True
+        self._remarked: set[tuple[str, str]] = set()
         self._home_again = self._checked = False
         self._machine = machine()
         self._handlers: dict[str, Callable[[], str]] = {
@@ -273,6 +274,10 @@ class Sequencer:
         if self._needs_set_up or anew:
             self._do.set_up()
             self._needs_set_up = False
+            for instrument, said in self._do.remarks():
+                if (instrument, said) not in self._remarked:
+                    self._remarked.add((instrument, said))
+                    self._journal.write("event", {"instrument": instrument, "message": said}, status="remark")
 
     def _holding(self) -> str:
         why = self._journal.message

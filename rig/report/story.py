@@ -78,6 +78,8 @@ def _words(record: Record) -> str:
             return f"the file was moved, deleted or replaced; the run goes on in {data['to']}"
         case "event" if record.status == "warning":
             return f"warning: {data['message']}"
+        case "event" if record.status == "remark":
+            return f"{data['instrument']}: {data['message']}"
         case "event" if record.status == "recovered":
             what = ", ".join(f"{fault.replace('_', ' ')} {n}x" for fault, n in data["failures"].items())
             return f"{data['place']}: went well in the end, after {what}"

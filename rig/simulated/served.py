@@ -6,7 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from rig.bench import check_options
-from rig.config import parse_bench, parse_toml, read_text
+from rig.config import parse_toml, read_text
+from rig.contracts import read_bench
 from rig.errors import ConfigurationError, RigError
 from rig.simulated.dry_run import plain, twin_classes
 from sims.physics.truth import WorldError
@@ -36,7 +37,7 @@ def serve_bench(
         RigError: a port cannot be opened, or `live` cannot be written.
 
     """
-    config = parse_bench(read_text(bench, "bench"), str(bench))
+    config, _ = read_bench(bench)
     check_options(config, str(bench))
     truth = {} if world is None else parse_toml(read_text(world, "world"), str(world))
     announce("SIMULATED bench; nothing here is a real instrument")

@@ -12,7 +12,7 @@ from functools import partial
 from sims.physics import Plant
 from sims.twins.cia402_drive import FOLLOWING_ERROR, OVERCURRENT, Drive
 from sims.twins.cia402_rates import rates
-from sims.wires.eds import read_eds
+from sims.wires.eds import identified, read_eds
 from sims.wires.sdo_server import SdoServer
 from sims.world import World
 
@@ -62,7 +62,7 @@ class CiA402PairTwin:
             emergency = partial(self._send_emergency, node)
             heartbeat = partial(self._set_heartbeat, node)
             self._states[node], self._beats[node] = _PRE_OPERATIONAL, 0
-            objects, number = read_eds(eds, node), 10 * digits + default
+            objects, number = identified(read_eds(eds, node), eds), 10 * digits + default
             units = rates(options, objects, scale)
             drive = Drive(world, plant.head, axis, scale, units, objects, number, emergency, heartbeat)
             self.drives[axis] = self._nodes[node] = drive

@@ -154,7 +154,7 @@ class Drive:
     def _braking(self, index: int) -> float:
         """Deceleration of a stop (6084h) or a quick stop (6085h), deg/s^2; its own where the data sheet has none."""
         own = self._values[0x6083, 0] * (4 if index == 0x6085 else 1)
-        return self._values.get((index, 0), own) / self._per_deg_s2
+        return (self._values.get((index, 0)) or own) / self._per_deg_s2
 
     def _clear_history(self, value: int) -> None:
         if value:
@@ -291,15 +291,16 @@ class Drive:
 
     def _start_homing(self) -> None:
         self._homed = self._homing_failed = self._referenced = False
-        method = self._values.get((0x6098, 0), _HOMING_METHODS[1])
+        told = self._objects.get((0x6098, 0))
+        method = self._values[0x6098, 0] if told is not None and "w" in told.access else _HOMING_METHODS[1]
         if method not in _HOMING_METHODS:
             self._homing_failed = True
             return
         if method in (35, 37):
             self._reference(self._head.encoder_deg(self._axis, self._world.now()))
             return
-        speed = self._values.get((0x6099, 1), self._values[0x6081, 0]) / self._per_deg_s
-        acceleration = self._values.get((0x609A, 0), self._values[0x6083, 0]) / self._per_deg_s2
+        speed = (self._values.get((0x6099, 1)) or self._values[0x6081, 0]) / self._per_deg_s
+        acceleration = (self._values.get((0x609A, 0)) or self._values[0x6083, 0]) / self._per_deg_s2
         self._head.move(self._axis, 0.0, speed, acceleration)
         self._homing = True
         self._later(self._ends() - self._world.now(), lambda: self._reference(0.0))

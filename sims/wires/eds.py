@@ -6,10 +6,11 @@ import re
 import struct
 from collections.abc import Mapping
 from configparser import RawConfigParser
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 _PACKING = {0x0002: "<b", 0x0003: "<h", 0x0004: "<i", 0x0005: "<B", 0x0006: "<H", 0x0007: "<I"}
 _VISIBLE_STRING = 0x0009
+_DRIVE = 0x00020192  # device type: a servo drive after profile 402
 _SECTION = re.compile(r"([0-9A-Fa-f]{4})(?:sub([0-9A-Fa-f]+))?")
 
 Key = tuple[int, int]
@@ -72,6 +73,17 @@ def read_eds(text: str, node: int) -> Mapping[Key, EdsObject]:
             _limit(entry.get("highlimit"), node),
         )
     return found
+
+
+def identified(objects: Mapping[Key, EdsObject], text: str) -> Mapping[Key, EdsObject]:
+    """The objects with what a drive answers for itself and many data sheets leave out: profile, vendor and product."""
+    parser = RawConfigParser(inline_comment_prefixes=(";",))
+    parser.read_string(text)
+    device = parser["DeviceInfo"] if parser.has_section("DeviceInfo") else {}
+    own = {(0x1000, 0): _DRIVE}
+    for subindex, name in ((1, "vendornumber"), (2, "productnumber"), (3, "revisionnumber")):
+        own[0x1018, subindex] = _number(device.get(name), 0)
+    return {key: replace(o, default=own[key]) if key in own and not o.default else o for key, o in objects.items()}
 
 
 def _limit(text: str | None, node: int) -> int | None:

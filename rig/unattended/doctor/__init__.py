@@ -12,7 +12,8 @@ from typing import Any
 
 from drivers.clock import RealClock
 from rig.bench import check_options
-from rig.config import BenchConfig, parse_bench, parse_toml, read_text
+from rig.config import BenchConfig, parse_toml, read_text
+from rig.contracts import read_bench
 from rig.durations import duration
 from rig.errors import RigError, UsageError
 from rig.plans import Plan, load_plan, plan_of
@@ -132,7 +133,7 @@ def _read_run(visit: Visit, patient: _Patient) -> Iterator[Finding]:
 def _read_files(visit: Visit, patient: _Patient) -> Iterator[Finding]:
     if visit.bench is None:
         return
-    config = parse_bench(read_text(visit.bench, "bench"), str(visit.bench))
+    config, _ = read_bench(visit.bench)
     check_options(config, str(visit.bench))
     patient.config = config
     if visit.world is not None:

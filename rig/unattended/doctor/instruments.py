@@ -9,7 +9,7 @@ from typing import Any
 
 from drivers.clock import Clock, RealClock, ScaledClock
 from drivers.errors import DriverError
-from drivers.roles import Identity, Instrument
+from drivers.roles import Identity, Instrument, Remarking
 from drivers.wires import Wires
 from rig.bench import check_options, driver_class
 from rig.config import BenchConfig, InstrumentConfig
@@ -79,6 +79,8 @@ def ask(
                 yield problem(name, str(error), "switch it on, check cable and address; then ask again")
             else:
                 yield _identity(name, declared, identity, known.get(name), run_file)
+                for said in instrument.remarks() if isinstance(instrument, Remarking) else ():
+                    yield warning(name, said, "see whether that will do; docs/instruments.md says what depends on it")
     finally:
         for instrument in opened:
             instrument.close()
