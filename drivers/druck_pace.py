@@ -9,14 +9,16 @@ import math
 from dataclasses import dataclass
 from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, Field, model_validator
+from pydantic import Field, model_validator
 
 from drivers.clock import Clock
+from drivers.druck_ranges import full_scale_psi, reference_of
 from drivers.druck_scpi import SYNC, PaceScpi
 from drivers.errors import BadReply, InstrumentError, LimitError, NotReady, WrongInstrument
 from drivers.roles import Identity, PressureState
 from drivers.scpi import PREPARED
 from drivers.wires import SerialSettings, Wires
+from drivers.wires.serial_options import SerialOptions
 
 PASCALS = {
     "PSI": 6894.757293168,
@@ -36,6 +38,8 @@ _PRESSURE_READBACK_PSI = 2e-5
 _SATURATED_PCT = 95.0
 _AT_AMBIENT_PSI = 0.3  # where the valve to the atmosphere may open without a blow
 _VENTED_PSI = 0.5  # more than this from the atmosphere after a vent is pressure left behind
+_ATMOSPHERE_PSI = (6.5, 16.5)  # from the highest towns to the deepest pits
+_BEYOND = 1.1  # a range ends a little above its name
 _VENT_S = 60.0  # for the vent itself, beyond the slew
 _POLL_S = 1.0
 
@@ -70,7 +74,7 @@ class DruckPACE:
 
     wire = "serial"
 
-    class Options(BaseModel, extra="forbid"):
+    class Options(SerialOptions):
         """What the bench file may say about this instrument."""
 
         slew_psi_per_s: Positive = Field(0.1, description="how fast pressure is changed")
@@ -103,16 +107,26 @@ class DruckPACE:
         self.name = name
         self._options = options
         self._clock = clock
-        settings = SerialSettings(options.baud, options.frame, timeout_s=options.timeout_s, sync=SYNC)
+        settings = SerialSettings(
+            options.baud,
+            options.frame,
+            options.flow,
+            send_end=options.send_end,
+            reply_end=options.reply_end,
+            timeout_s=options.timeout_s,
+            sync=SYNC,
+        )
         self._line = wires.serial(address, settings, name)
         self._pace = PaceScpi(self._line)
         suffix = "" if options.module == 1 else "2"
+        self._unit = f":UNIT{suffix}:PRES"
         self._source, self._sense, self._output = f":SOUR{suffix}:PRES", f":SENS{suffix}:PRES", f":OUTP{suffix}:STAT"
         self._vent = f"{self._source}:LEV:IMM:AMPL:VENT"
         self._in_limits_from = -math.inf  # earlier than this no setpoint can have been reached
         self._vent_by: float | None = None  # on the way to the atmosphere; the valve opens at the latest then
         self._vent_started = False
         self._left_behind: tuple[str, ...] = ()
+        self._no_air: tuple[str, ...] = ()
 
     def limits(self) -> tuple[float, float]:
         """See `PressureController.limits`."""
@@ -136,12 +150,13 @@ class DruckPACE:
 
         Raises:
             InstrumentError: a setting was refused.
-            BadReply: a setting reads back as something else, or pressures are not counted from what the bench says.
+            BadReply: a setting reads back as something else, pressures are not counted from what the bench says, or
+                control range, barometer and pressure contradict the unit that it says it is set to.
 
         """
         options, source = self._options, self._source
         self._pace.forget_errors()
-        self._pace.send(":UNIT:PRES PSI")
+        self._set_unit()
         if options.control_range is not None:
             self._pace.send(f'{source}:RANG "{options.control_range}"')
         settings = {
@@ -153,12 +168,12 @@ class DruckPACE:
         self._pace.send(f"{source}:SLEW:MODE LIN")
         for setting, value in settings.items():
             self._pace.send(f"{source}:{setting} {value:.7g}")
-        for question, word in ((":UNIT:PRES?", "PSI"), (f"{source}:SLEW:MODE?", "LIN")):
+        for question, word in ((f"{source}:SLEW:MODE?", "LIN"),):
             if (answer := self._pace.ask(question)).upper() != word:
                 raise BadReply(f"{self._line.where}: {question} should answer {word} and answers {answer!r}")
         for setting, value in settings.items():
             self._pace.check(f"{source}:{setting}?", float(value), _READBACK * value)
-        self._check_reference()
+        self._check_range()
         self._pace.send(f"*ESE {PREPARED}")
         self._pace.check("*ESE?", PREPARED, 0.0)
 
@@ -209,7 +224,7 @@ class DruckPACE:
         lost = self._lost_source(setpoint, effort, scale) if abs(effort) >= _SATURATED_PCT else ()
         settled = flag and controlling and not venting and self._clock.now() >= self._in_limits_from
         return PressureState(
-            setpoint, pressure, settled, controlling, venting, effort, faults=(*lost, *self._left_behind)
+            setpoint, pressure, settled, controlling, venting, effort, faults=(*lost, *self._left_behind, *self._no_air)
         )
 
     def stop(self) -> None:
@@ -246,7 +261,7 @@ class DruckPACE:
 
         """
         self._pace.forget_errors()
-        self._pace.send(":UNIT:PRES PSI")  # whatever it is set to, this can be understood
+        self._pace.send(f"{self._unit} PSI")  # whatever it is set to, this can be understood
         self.vent()
         state = self.read()
         away = abs(state.pressure_psia - self._atmosphere())
@@ -270,7 +285,8 @@ class DruckPACE:
         Nothing is taken for granted of what `prepare` set: a power cut since would have the fastest slew in force.
         """
         self._end_vent()
-        for command in (":UNIT:PRES PSI", f"{self._source}:SLEW:MODE LIN", f"{self._source}:SLEW:OVER 0"):
+        self._set_unit()
+        for command in (f"{self._source}:SLEW:MODE LIN", f"{self._source}:SLEW:OVER 0"):
             self._pace.send(command)
         self._pace.send(f"{self._source}:SLEW {slew_psi_per_s:.7g}")
         self._pace.check(f"{self._source}:SLEW?", slew_psi_per_s, _READBACK * slew_psi_per_s)
@@ -279,6 +295,15 @@ class DruckPACE:
         self._pace.check(f"{self._source}?", setpoint, _PRESSURE_READBACK_PSI)
         self._in_limits_from = self._clock.now() + self._options.in_limits_s
         self._pace.send(f"{self._output} 1")
+
+    def _set_unit(self) -> None:
+        """Set the unit of this module and read it back: slew and setpoints are numbers in it."""
+        self._pace.send(f"{self._unit} PSI")
+        if (answer := self._pace.ask(f"{self._unit}?")).upper() != "PSI":
+            raise BadReply(
+                f"{self._line.where}: module {self._options.module} was set to PSI and says {answer!r}; "
+                f"{self._unit}? asks for it"
+            )
 
     def _start_vent(self) -> None:
         self._pace.send(f"{self._vent} 1")
@@ -322,22 +347,42 @@ class DruckPACE:
             f"open the line by hand before disconnecting anything",
         )
 
-    def _check_reference(self) -> None:
-        """A range's name ends in g for gauge and in a for absolute."""
-        question = f"{self._source}:RANG?"
-        name = self._pace.ask(question).strip('"')
-        expected = self._options.reference
-        if name[-1:].lower() in "ag" and name[-1:].lower() != expected[0]:
+    def _check_range(self) -> None:
+        """Refuse a control range, a barometer or a pressure that contradict the bench or the unit."""
+        where, options = self._line.where, self._options
+        name = self._pace.ask(f"{self._source}:RANG?").strip('"')
+        reference, full_scale = reference_of(name, PASCALS), full_scale_psi(name, PASCALS)
+        if reference not in ("", options.reference):
             raise BadReply(
-                f"{self._line.where}: the control range is {name!r}, but the bench says reference = {expected!r}; "
+                f"{where}: the control range is {name!r}, but the bench says reference = {options.reference!r}; "
                 f"give `control_range`, or correct `reference`"
+            )
+        air = self._pace.number(f"{self._sense}:BAR?")
+        if air and not _ATMOSPHERE_PSI[0] <= air <= _ATMOSPHERE_PSI[1]:
+            raise BadReply(
+                f"{where}: its barometer reads {air:g} and it says it is set to PSI: that is no atmosphere; "
+                f"look at the unit of module {options.module} on its display"
+            )
+        if full_scale is None:
+            return
+        pressure = self._pace.number(f"{self._sense}?")
+        if not -_BEYOND * max(full_scale, _ATMOSPHERE_PSI[1]) <= pressure <= _BEYOND * full_scale + _ATMOSPHERE_PSI[1]:
+            raise BadReply(
+                f"{where}: it reads {pressure:g} and says it is set to PSI, but its control range {name!r} ends at "
+                f"{full_scale:g} psi; look at the unit of module {options.module} on its display"
+            )
+        highest = full_scale + (self._barometer(1.0) if options.reference == "gauge" else 0.0)
+        if options.high_psia > _BEYOND * highest:
+            raise BadReply(
+                f"{where}: the bench says high_psia = {options.high_psia:g}, but the control range {name!r} ends at "
+                f"{highest:.4g} psia; give `control_range`, or correct `high_psia`"
             )
 
     # Questions
 
     def _scale(self) -> _Scale:
         """What the controller's numbers mean at this moment: somebody may have changed the unit at its front panel."""
-        name = self._pace.ask(":UNIT:PRES?")
+        name = self._pace.ask(f"{self._unit}?")
         if name.upper() not in PASCALS:
             raise BadReply(f"{self._line.where} is set to the unknown unit {name!r}; set it to PSI")
         unit = PASCALS[name.upper()] / PASCALS["PSI"]
@@ -347,9 +392,18 @@ class DruckPACE:
         return self._barometer(self._scale().unit_psi)
 
     def _barometer(self, unit_psi: float) -> float:
-        """Pressure of the atmosphere, psi; by the bench file where there is no barometer, which reads 0."""
+        """Pressure of the atmosphere, psi; by the bench file where there is no barometer, which reads 0.
+
+        One that reads no atmosphere is not believed, and `read` says so.
+        """
         told = self._pace.number(f"{self._sense}:BAR?") * unit_psi
-        return told if told > 1.0 else self._options.ambient_psia
+        plausible = _ATMOSPHERE_PSI[0] <= told <= _ATMOSPHERE_PSI[1]
+        self._no_air = (
+            (f"the barometer reads {told:.4g} psi, which is no atmosphere; ambient_psia is used instead",)
+            if told and not plausible
+            else ()
+        )
+        return told if plausible else self._options.ambient_psia
 
     def _in_limits(self) -> tuple[float, bool]:
         question = f"{self._sense}:INL?"

@@ -96,6 +96,19 @@ class PaceScpi:
 
 @lru_cache(maxsize=256)
 def _same_header(asked: str, echoed: str) -> bool:
-    """Whether an echoed header is the one asked for: optional nodes may be spelt out, module numbers left out."""
-    plain, told = ("".join(c for c in text.upper() if c not in "12") for text in (asked, echoed))
-    return told.removeprefix(plain) in ("", ":LEV:IMM:AMPL", ":STAT") and told.startswith(plain)
+    """Whether an echoed header is the one asked for: optional nodes may be spelt out, numbers left out.
+
+    A number that is there is the one asked for, 1 where none was: another module's answer is none of ours.
+    """
+    asked_nodes, told_nodes = (_nodes(text) for text in (asked, echoed))
+    for (name, number), (told, told_number) in zip(asked_nodes, told_nodes, strict=False):
+        if name != told or told_number not in ("", number or "1"):
+            return False
+    rest = ":".join(name for name, _ in told_nodes[len(asked_nodes) :])
+    return len(told_nodes) >= len(asked_nodes) and rest in ("", "LEV:IMM:AMPL", "STAT")
+
+
+def _nodes(header: str) -> list[tuple[str, str]]:
+    """The nodes of a header, each with its number, "" if it has none."""
+    nodes = header.upper().removeprefix(":").rstrip(":").split(":")
+    return [(node.rstrip("0123456789"), node[len(node.rstrip("0123456789")) :]) for node in nodes]

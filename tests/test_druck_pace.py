@@ -13,7 +13,9 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 from serial_bench import plug_in, wires
 
-from drivers.druck_pace import DruckPACE
+from drivers.druck_pace import PASCALS, DruckPACE
+from drivers.druck_ranges import full_scale_psi, reference_of
+from drivers.druck_scpi import _same_header
 from drivers.errors import BadReply, InstrumentError, LimitError, NoReply, NotReady, WrongInstrument
 from drivers.roles import Identity, PressureController, Restartable
 from sims.physics.pressure_line import ATMOSPHERE_PSIA, LineTruth, PressureLine
@@ -197,18 +199,20 @@ def test_prepare_sets_unit_and_slew_command_by_command_and_reads_them_back():
     rig.pace.prepare()
     assert rig.sent() == [
         ":UNIT:PRES PSI",
+        ":UNIT:PRES?",
         ":SOUR:PRES:SLEW:MODE LIN",
         ":SOUR:PRES:SLEW 0.05",
         ":SOUR:PRES:SLEW:OVER 0",
         ":SOUR:PRES:INL 0.01",
         ":SOUR:PRES:INL:TIME 2",
-        ":UNIT:PRES?",
         ":SOUR:PRES:SLEW:MODE?",
         ":SOUR:PRES:SLEW?",
         ":SOUR:PRES:SLEW:OVER?",
         ":SOUR:PRES:INL?",
         ":SOUR:PRES:INL:TIME?",
         ":SOUR:PRES:RANG?",
+        ":SENS:PRES:BAR?",
+        ":SENS:PRES?",
         "*ESE 52",
         "*ESE?",
     ]
@@ -221,6 +225,148 @@ def test_the_second_module_has_its_number():
     rig.settle(5.0)
     assert ":SOUR2:PRES 5.0000000" in rig.sent()
     assert ":OUTP2:STAT 1" in rig.sent()
+
+
+def test_units_are_the_modules_own():
+    """K0472 revision A, page 4-128: :UNIT[x], module 1 if not given."""
+    rig = Rig(module=2)
+    rig.say(":UNIT1:PRES MBAR;:UNIT2:PRES BAR")
+    rig.pace.prepare()
+    assert rig.say(":UNIT1:PRES?;:UNIT2:PRES?") == ":UNIT:PRES MBAR;:UNIT:PRES PSI\r\n", "module 1 is not ours"
+    rig.say(":UNIT:PRES KPA")
+    assert rig.settle(5.0).pressure_psia == pytest.approx(5.0, abs=0.002)
+    assert rig.line.pressure_psia(rig.world.now()) == pytest.approx(5.0, abs=0.002)
+    rig.say(":UNIT2:PRES MBAR")
+    assert rig.pace.read().pressure_psia == pytest.approx(5.0, abs=0.002)
+    rig.pace.make_safe()
+    assert rig.line.pressure_psia(rig.world.now()) == pytest.approx(AIR, abs=0.02)
+    assert rig.say(":UNIT1:PRES?") == ":UNIT:PRES KPA\r\n"
+
+
+def test_a_unit_that_is_not_taken_stops_before_a_setpoint_is_sent(monkeypatch):
+    rig = Rig().ready()
+    monkeypatch.setattr(rig.twin, "set_unit", lambda name: None)
+    rig.say(":UNIT:PRES MBAR")
+    rig.twin._units[1] = "MBAR"
+    with pytest.raises(BadReply, match="module 1 was set to PSI and says 'MBAR'"):
+        rig.pace.set_pressure(5.0)
+    assert not [line for line in rig.sent() if line.startswith((":SOUR:PRES 5", ":SOUR:PRES:SLEW", ":OUTP"))]
+
+
+@pytest.mark.parametrize(
+    ("answers", "options", "message"),
+    [
+        ({"ask_barometer": "1.0132500"}, {}, r"its barometer reads 1.01325 and it says it is set to PSI"),
+        ({"ask_pressure": "1013.2500000"}, {}, r"it reads 1013.25 and .* range '15.00psia' ends at 15 psi"),
+        ({"ask_range": '"0.70bara"'}, {}, r"high_psia = 15, but the control range '0.70bara' ends at 10.15 psia"),
+        ({"ask_range": '"1600HPAG"'}, {}, r"control range is '1600HPAG', but the bench says reference = 'absolute'"),
+        ({}, {"high_psia": 150.0}, r"high_psia = 150, but the control range '15.00psia' ends at 15 psia"),
+    ],
+)
+def test_what_contradicts_the_unit_or_the_limits_is_refused_at_prepare(monkeypatch, answers, options, message):
+    rig = Rig(**options)
+    for method, answer in answers.items():
+        monkeypatch.setattr(rig.twin, method, lambda answer=answer: answer)
+    with pytest.raises(BadReply, match=message):
+        rig.pace.prepare()
+
+
+@pytest.mark.parametrize(
+    ("name", "psi", "reference"),
+    [
+        ("15.00psia", 15.0, "absolute"),
+        ("3.50barg", 50.763, "gauge"),
+        ("1600HPAG", 23.206, "gauge"),
+        ("7.00 bar g", None, "gauge"),
+        ("760mmHg", 14.696, ""),
+        ("760mmHga", 14.696, "absolute"),
+        ("1000Pa", 0.14504, ""),
+        ("BAROMETER", None, ""),
+    ],
+)
+def test_names_of_control_ranges(name, psi, reference):
+    found = full_scale_psi(name, PASCALS)
+    assert found == (None if psi is None else pytest.approx(psi, rel=1e-4))
+    assert reference_of(name, PASCALS) == reference
+
+
+def test_a_barometer_that_fails_in_the_night_is_said_and_not_believed(monkeypatch):
+    rig = Rig(reference="gauge").ready()
+    monkeypatch.setattr(rig.twin, "ask_barometer", lambda: "2.5000000")
+    state = rig.pace.read()
+    assert state.faults == ("the barometer reads 2.5 psi, which is no atmosphere; ambient_psia is used instead",)
+    assert state.pressure_psia == pytest.approx(AIR, abs=0.02)
+
+
+def test_an_answer_about_another_module_or_source_is_none_of_ours():
+    assert _same_header(":SOUR:PRES:COMP1", ":SOUR:PRES:COMP1")
+    assert not _same_header(":SOUR:PRES:COMP1", ":SOUR:PRES:COMP2")
+    assert not _same_header(":UNIT2:PRES", ":UNIT1:PRES")
+    assert _same_header(":UNIT2:PRES", ":UNIT:PRES")
+    assert _same_header(":SENS:PRES", ":SENS1:PRES")
+    assert _same_header(":SOUR2:PRES", ":SOUR2:PRES:LEV:IMM:AMPL")
+    assert not _same_header(":SENS:PRES", ":SENS:PRES:INL")
+
+
+@pytest.mark.parametrize("end", ["lf", "cr", "crlf"])
+def test_line_ends_are_those_of_the_bench(end):
+    rig = Rig(line_end=end).ready()
+    assert rig.settle(5.0).pressure_psia == pytest.approx(5.0, abs=0.002)
+    sent = {"lf": b"\n", "cr": b"\r", "crlf": b"\r\n"}[end]
+    assert all(line.endswith(sent) and not line[: -len(sent)].endswith((b"\r", b"\n")) for line in rig.wire.sent())
+
+
+@pytest.mark.parametrize(("set_to", "sent"), [("cr", "lf"), ("crlf", "lf"), ("crlf", "cr"), ("lf", "cr")])
+def test_a_controller_set_to_another_line_end_does_not_answer(set_to, sent):
+    rig = Rig(hardware={"line_end": set_to}, line_end=sent)
+    with pytest.raises(NoReply, match=r"answered nothing to ':SYST:VERS\?' within 2 s"):
+        rig.pace.identify()
+
+
+def test_flow_control_is_given_to_the_port():
+    assert Rig(flow="rtscts").pace._line.settings.flow == "rtscts"
+    assert Rig().pace._line.settings.flow == "none"
+
+
+def test_clearing_the_status_clears_the_masks_and_reading_the_status_byte_clears_it():
+    """K0472 revision A: pages 3-4 and 3-7, the example of page 4-103."""
+    rig = Rig()
+    assert rig.say("*SRE 255;FRED;*STB?") == "*STB 68\r\n"
+    assert rig.say("*STB?") == "*STB 0\r\n"
+    rig.say("*ESE 52")
+    assert rig.say("*ESE?;*SRE?") == "*ESE 52;*SRE 255\r\n"
+    assert rig.say("*CLS;*ESE?;*SRE?;*ESR?;:SYST:ERR?") == '*ESE 0;*SRE 0;*ESR 0;:SYST:ERR 0,"No error"\r\n'
+
+
+def test_somebody_elses_clear_status_looks_like_a_restart():
+    rig = Rig().ready()
+    assert not rig.pace.restarted()
+    rig.say("*CLS")
+    assert rig.pace.restarted(), "the mark is gone: what was set is set again"
+
+
+def test_the_manuals_status_system_tells_when_limits_are_reached():
+    rig = Rig().ready()
+    rig.say("*CLS;:STAT:OPER:PRES:ENAB 511;:STAT:OPER:ENAB 1024;*SRE 128")
+    assert rig.say("*STB?") == "*STB 0\r\n"
+    rig.settle(5.0)
+    assert rig.say(":STAT:OPER?") == ":STAT:OPER:EVEN 1024\r\n"
+    assert rig.say("*STB?") == "*STB 192\r\n"
+
+
+def test_what_other_clients_ask_is_answered():
+    rig = Rig().ready()
+    rig.settle(5.0)
+    rig.say(":SOUR:PRES 8")
+    rig.world.sleep(20.0)
+    slew = rig.say(":SENS:PRES:SLEW?")
+    assert float(slew.split()[1]) == pytest.approx(0.1, rel=0.02)
+    said = rig.say(":UNIT1:PRES?;:OUTP:ISOL:STAT?;:OUTP:MODE?;:SENS:PRES:RANG?;:SOUR1:PRES:RANG?")
+    assert said == (
+        ':UNIT:PRES PSI;:OUTP:ISOL:STAT 0;:OUTP:MODE ACT;:SENS:PRES:RANG "15.00psia";:SOUR:PRES:RANG "15.00psia"\r\n'
+    )
+    assert rig.say(":OUTP:ISOL:STAT 1;:OUTP:ISOL:STAT?") == ":OUTP:ISOL:STAT 1\r\n"
+    assert rig.say(":UNIT2:PRES?;:SYST:ERR?") == ':SYST:ERR -114,"Header suffix out of range"\r\n'
 
 
 def test_set_pressure_checks_the_slew_before_the_setpoint_and_the_setpoint_before_control():

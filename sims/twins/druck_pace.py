@@ -14,7 +14,7 @@ from typing import ClassVar, Protocol
 
 from sims.inputs import Inputs
 from sims.physics.pressure_line import PressureLine
-from sims.twins.scpi import ScpiTwin
+from sims.twins.scpi import DEVICE_ERROR, ScpiTwin
 from sims.twins.scpi_syntax import Command, ScpiError, boolean, compiled, number
 from sims.world import World
 
@@ -37,6 +37,11 @@ FULL_SCALE_PSI = 15.0
 """Of its control module."""
 
 _FASTEST_PSI_PER_S = 5.0
+_LINE_ENDS = {"lf": (b"\n", b"\r\n"), "cr": (b"\r", b"\r"), "crlf": (b"\r\n", b"\r\n")}
+"""What ends commands, and answers: set to LF it is taken to answer with CR LF [?]."""
+
+_ERROR_AVAILABLE, _STANDARD_EVENT, _OPERATION = 4, 32, 128
+_PRESSURE_SUMMARY = 1024
 _COMMON = (
     Command("*IDN", query="ask_identity", local=True),
     Command("*CLS", set="clear_status", local=True),
@@ -48,9 +53,13 @@ _COMMON = (
 _PACE = (
     ("INSTrument:SN", "", "ask_serial"),
     ("OUTPut[:STATe]", "set_output", "ask_output"),
+    ("OUTPut:ISOLation[:STATe]", "set_isolation", "ask_isolation"),
+    ("OUTPut:MODE", "set_mode", "ask_mode"),
     ("SENSe[:PRESsure]", "", "ask_pressure"),
     ("SENSe[:PRESsure]:INLimits", "", "ask_in_limits"),
     ("SENSe[:PRESsure]:BARometer", "", "ask_barometer"),
+    ("SENSe[:PRESsure]:RANGe", "set_range", "ask_range"),
+    ("SENSe[:PRESsure]:SLEW", "", "ask_measured_slew"),
     ("SOURce[:PRESsure][:LEVel][:IMMediate][:AMPLitude]", "set_setpoint", "ask_setpoint"),
     ("SOURce[:PRESsure][:LEVel][:IMMediate][:AMPLitude]:VENT", "set_vent", "ask_vent"),
     ("SOURce[:PRESsure]:COMPensate1", "", "ask_supply"),
@@ -62,13 +71,16 @@ _PACE = (
     ("SOURce[:PRESsure]:SLEW", "set_slew", "ask_slew"),
     ("SOURce[:PRESsure]:SLEW:MODE", "set_slew_mode", "ask_slew_mode"),
     ("SOURce[:PRESsure]:SLEW:OVERshoot", "set_overshoot", "ask_overshoot"),
+    ("STATus:OPERation[:EVENt]", "", "ask_operation_events"),
+    ("STATus:OPERation:ENABle", "set_operation_enable", "ask_operation_enable"),
+    ("STATus:OPERation:PRESsure:ENABle", "set_pressure_enable", "ask_pressure_enable"),
     ("STATus:OPERation:PRESsure[:EVENt]", "", "ask_pressure_events"),
     ("STATus:OPERation:PRESsure:CONDition", "", "ask_pressure_condition"),
     ("SYSTem:ERRor", "", "ask_error"),
     ("SYSTem:VERSion", "", "ask_version"),
     ("UNIT[:PRESsure]", "set_unit", "ask_unit"),
 )
-_MODULE = re.compile(r"(SOURCE|SOUR|SENSE|SENS|OUTPUT|OUTP)(\d)(?=:|$)")
+_MODULE = re.compile(r"(SOURCE|SOUR|SENSE|SENS|OUTPUT|OUTP|UNIT)(\d)(?=:|$)")
 _VENT_COMPLETE, _IN_LIMITS = 1, 4
 
 
@@ -91,8 +103,8 @@ class DruckPACETwin(ScpiTwin):
 
     Args:
         name: the bench's name for it.
-        options: its options in the bench file; `module` (2 makes it a PACE6000), `reference`, `baud` and `frame`
-            matter here, and `barometer`, false if that option is not fitted.
+        options: its options in the bench file; `module` (2 makes it a PACE6000), `reference`, `baud`, `frame` and
+            `line_end` matter here, and `barometer`, false if that option is not fitted.
         world: virtual time.
         plant: offers `pressure_line`.
         serial: serial number it answers with.
@@ -124,12 +136,14 @@ class DruckPACETwin(ScpiTwin):
         self._serial = serial
         self._gauge = options.get("reference") == "gauge"
         self._barometer = bool(options.get("barometer", True))
+        self.line_end, self.reply_end = _LINE_ENDS[str(options.get("line_end", "lf"))]
         super().__init__(name, world, int(str(options.get("baud", 9600))), str(options.get("frame", "8N1")))
 
     def switch_on(self) -> None:
         """Measuring, default settings, and no bit that says that power was off: K0472 has it reserved."""
         super().switch_on()
         self.events = 0
+        self._status, self._status_before = 0, 0
         self.remote = True
 
     def power_cycle(self) -> None:
@@ -139,7 +153,10 @@ class DruckPACETwin(ScpiTwin):
 
     def reset(self) -> None:
         """Settings at power-on."""
-        self.unit = "BAR"
+        self._units = dict.fromkeys(range(1, self.module + 1), "BAR")  # every module has its own
+        self._module_asked = self.module
+        self._isolation, self._mode = False, "ACT"
+        self._operation_enable = self._pressure_enable = 0
         self.output = False
         self.slew_psi_per_s = _FASTEST_PSI_PER_S
         self.linear = False
@@ -157,13 +174,65 @@ class DruckPACETwin(ScpiTwin):
         match = _MODULE.match(name)
         if match is None and _MODULE.match(f"{name.partition(':')[0]}1") is None:
             return name
-        if int(match[2] if match else 1) != self.module:
+        number = int(match[2] if match else 1)
+        of_units = name.startswith("UNIT")
+        if number not in self._units or (number != self.module and not of_units):
             raise ScpiError(-114)
+        self._module_asked = number
         return match[1] + name[match.end() :] if match else name
 
     def reply(self, row: Command, answer: str) -> str:
         """The header in short form, every optional node spelt out, and the value."""
         return f"{_echo(row.header)} {answer}"
+
+    # Status: K0472 revision A, 3.1 to 3.4
+
+    def fail(self, code: int) -> None:
+        """An error; "device dependent" is reserved and always 0."""
+        super().fail(code)
+        self.events &= ~DEVICE_ERROR
+        self._note_status()
+
+    def clear_status(self) -> None:
+        """*CLS: events, errors and, unlike IEEE 488.2's, also the enable masks (pages 3-4 and 3-7)."""
+        super().clear_status()
+        self._event_enable = self._service_enable = 0
+        self._status = self._status_before = 0
+        self._events_read = self.world.now()
+
+    def _note_status(self) -> None:
+        """What of the status byte has come about since it was last looked at."""
+        now = _ERROR_AVAILABLE * bool(self._queue) + _STANDARD_EVENT * bool(self.events & self._event_enable)
+        if self._operation_enable & _PRESSURE_SUMMARY:
+            now |= _OPERATION * bool(self._pressure_events() & self._pressure_enable)
+        self._status |= now & ~self._status_before
+        self._status_before = now
+
+    def ask_status_byte(self) -> str:
+        """*STB?: reading clears it (page 4-103)."""
+        self._note_status()
+        status, self._status = self._status, 0
+        return str(status + 64 * bool(status & self._service_enable & ~64))
+
+    def set_operation_enable(self, value: str) -> None:
+        """:STAT:OPER:ENAB."""
+        self._operation_enable = round(number(value)) & 0x7FFF
+
+    def ask_operation_enable(self) -> str:
+        """:STAT:OPER:ENAB?."""
+        return str(self._operation_enable)
+
+    def set_pressure_enable(self, value: str) -> None:
+        """:STAT:OPER:PRES:ENAB."""
+        self._pressure_enable = round(number(value)) & 0x7FFF
+
+    def ask_pressure_enable(self) -> str:
+        """:STAT:OPER:PRES:ENAB?."""
+        return str(self._pressure_enable)
+
+    def ask_operation_events(self) -> str:
+        """:STAT:OPER?: bit 10 sums up the pressure events that are enabled."""
+        return str(_PRESSURE_SUMMARY * bool(self._pressure_events() & self._pressure_enable))
 
     # Units
 
@@ -177,15 +246,20 @@ class DruckPACETwin(ScpiTwin):
     def _psi(self, text: str) -> float:
         return number(text) * PASCALS[self.unit] / PASCALS["PSI"]
 
+    @property
+    def unit(self) -> str:
+        """Unit of the module that this is about."""
+        return self._units[self.module]
+
     def set_unit(self, name: str) -> None:
-        """:UNIT:PRES."""
+        """:UNIT:PRES, of the module asked."""
         if name.upper() not in PASCALS:
             raise ScpiError(-224)
-        self.unit = name.upper()
+        self._units[self._module_asked] = name.upper()
 
     def ask_unit(self) -> str:
-        """:UNIT:PRES?."""
-        return self.unit
+        """:UNIT:PRES?, of the module asked."""
+        return self._units[self._module_asked]
 
     # Identity and readings
 
@@ -222,7 +296,29 @@ class DruckPACETwin(ScpiTwin):
         """:SOUR:PRES:EFF?."""
         return f"{self.line.effort_pct(self.world.now()):.7f}"
 
+    def ask_measured_slew(self) -> str:
+        """:SENS:PRES:SLEW?: how fast the pressure changes, units per second."""
+        now = self.world.now()
+        return self._difference((self.line.pressure_psia(now) - self.line.pressure_psia(now - 0.1)) / 0.1)
+
     # Control
+
+    def set_isolation(self, state: str) -> None:
+        """:OUTP:ISOL:STAT: kept and told; the simulated line has no such valve."""
+        self._isolation = boolean(state)
+
+    def ask_isolation(self) -> str:
+        """:OUTP:ISOL:STAT?."""
+        return str(int(self._isolation))
+
+    def set_mode(self, mode: str) -> None:
+        """:OUTP:MODE: active, passive or gauge; only active is simulated."""
+        if mode.upper() not in ("ACT", "ACTIVE"):
+            raise ScpiError(-224)
+
+    def ask_mode(self) -> str:
+        """:OUTP:MODE?."""
+        return self._mode
 
     def _control(self, *, changed: bool = True) -> None:
         """Bring the valves to what has been set."""
@@ -347,12 +443,16 @@ class DruckPACETwin(ScpiTwin):
 
     def ask_pressure_events(self) -> str:
         """:STAT:OPER:PRES?: what has come about since it was last asked."""
-        before, self._events_read = self._events_read, self.world.now()
+        events = self._pressure_events()
+        self._events_read = self.world.now()
+        return str(events)
+
+    def _pressure_events(self) -> int:
         reached = self._in_limits_from()
         condition = int(self.ask_pressure_condition())
-        if reached is None or reached <= before:
+        if reached is None or reached <= self._events_read:
             condition &= ~_IN_LIMITS
-        return str(condition)
+        return condition
 
     # Vent
 

@@ -97,6 +97,9 @@ class ScpiTwin:
     identity: ClassVar[str]
     queued_errors: ClassVar[int] = 20
     overflow: ClassVar[str] = "Too many errors"
+    line_end = b"\n"
+    """What ends a command; white space beside it does not matter."""
+    reply_end = b"\r\n"
     integers: ClassVar[str] = "+d"
     """How numbers of the status system are printed."""
 
@@ -144,7 +147,7 @@ class ScpiTwin:
             self.device_clear()
         data = data.replace(bytes([DEVICE_CLEAR]), b"")
         self._input += data
-        *lines, rest = bytes(self._input).split(b"\n")
+        *lines, rest = bytes(self._input).split(self.line_end)
         self._input = bytearray(rest)
         self._lines.extend(line.decode("latin-1") for line in lines)
         if not self._running:
@@ -199,7 +202,7 @@ class ScpiTwin:
                     answers.append(answer)
             units.popleft()
         if answers:
-            tx(";".join(answers).encode("ascii") + b"\r\n")
+            tx(";".join(answers).encode("ascii") + self.reply_end)
         self._next_line(tx)
 
     def _execute(self, path: str, header: str, rest: str) -> tuple[str, str | None]:
