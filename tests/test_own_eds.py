@@ -15,6 +15,7 @@ from rig.errors import ConfigurationError
 from rig.plans import load_plan, plan_of, stored_plan
 from rig.report.story import story
 from rig.run_file.reader import RunReader
+from rig.unattended.doctor.instruments import check_twins
 
 SPARSE = without_objects(EDS, 0x6067, 0x6068, 0x6084, 0x6085, 0x6099, 0x609A, 0x60A8, 0x60A9, 0x60AA)
 HEAD = """[instruments.head]
@@ -68,3 +69,9 @@ def test_a_bench_that_leaves_the_unit_out_is_refused_before_anything_moves(tmp_p
     bench.write_text(bench.read_text().replace('velocity_unit = "0.1 rpm"\n', ""))
     with pytest.raises(ConfigurationError, match=r"velocity_unit is needed: the EDS has no 60A9h"):
         load_plan(write_short(tmp_path, ONE), bench, dry=True)
+
+
+def test_doctor_warns_of_what_the_drives_do_without(bench: Path) -> None:
+    findings = [one for one in check_twins(read_bench(bench)[0], {}, {}) if one.check == "head"]
+    assert [one.level for one in findings] == ["ok"] + ["warning"] * 6
+    assert findings[1].found.startswith("the EDS has no 6067h that can be set")

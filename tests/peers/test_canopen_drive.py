@@ -188,3 +188,48 @@ def test_two_foreign_nodes_answer_on_python_cans_own_loopback_bus() -> None:
             wires.close()
     finally:
         network.disconnect()
+
+
+def with_ratios(eds: str, *indices: int) -> str:
+    """A data sheet with records of two numbers: encoder resolution, gear ratio, feed constant."""
+    sections = [
+        f"[{index:04X}{sub}]\nParameterName=Ratio\nObjectType=0x{kind}\n{rest}\n"
+        for index in indices
+        for sub, kind, rest in (
+            ("", 9, "SubNumber=3\n"),
+            ("sub0", 7, "DataType=0x0005\nAccessType=const\nDefaultValue=2\nPDOMapping=0\n"),
+            ("sub1", 7, "DataType=0x0007\nAccessType=rw\nDefaultValue=1\nPDOMapping=0\n"),
+            ("sub2", 7, "DataType=0x0007\nAccessType=rw\nDefaultValue=1\nPDOMapping=0\n"),
+        )
+    ]
+    return eds + "\n" + "\n".join(sections)
+
+
+RATIOS = with_ratios(SPARSE, 0x608F, 0x6091, 0x6092)
+RPM_ALONE = {key: unit for key, unit in RPM.items() if key != "turns_per_table_turn"}
+ENCODER = {(0x608F, 1): COUNTS_PER_TURN, (0x608F, 2): 1}
+
+
+@pytest.mark.parametrize("values", [ENCODER, {(0x6092, 1): 2 * COUNTS_PER_TURN, (0x6092, 2): 2}])
+@pytest.mark.parametrize("declared", [{}, {"turns_per_table_turn": GEAR}])
+def test_turns_of_the_motor_come_from_the_drives_own_resolution(
+    values: dict[tuple[int, int], int], declared: dict[str, Any]
+) -> None:
+    bench = Bench(RATIOS, values, **RPM_ALONE, **declared)
+    bench.driver.prepare()
+    assert bench.drives[0].speed_rpm == 83
+
+
+@pytest.mark.parametrize(
+    ("values", "declared", "message"),
+    [
+        ({}, {}, "write turns_per_table_turn = N"),  # all ratios 1: nobody has set them
+        ({**ENCODER, (0x6091, 1): 5}, {}, "write turns_per_table_turn = N"),  # at which of the gear's shafts?
+        (ENCODER, {"turns_per_table_turn": 50}, r"turns_per_table_turn = 50; .* 4096 .* \(6092h, 608Fh\) it is 100;"),
+    ],
+)
+def test_turns_that_are_unknown_or_contradict_the_drive_are_refused(
+    values: dict[tuple[int, int], int], declared: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(BadReply, match=message):
+        Bench(RATIOS, values, **RPM_ALONE, **declared).driver.prepare()
