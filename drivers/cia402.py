@@ -9,7 +9,16 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from drivers.cia402_settings import ERROR_CODE, VELOCITY, CiA402Options, Scales, judged_here, lacking, settings_of
+from drivers.cia402_settings import (
+    ERROR_CODE,
+    VELOCITY,
+    CiA402Options,
+    Scales,
+    homed_bit,
+    judged_here,
+    lacking,
+    settings_of,
+)
 from drivers.clock import Clock
 from drivers.errors import BadReply, InstrumentError, LimitError, NotReady, WrongInstrument
 from drivers.roles import AxisState, Identity
@@ -107,6 +116,7 @@ class CiA402Pair:
         self._where = self._line.where
         self._dictionary = read_eds(options.eds, 1)
         self._judged_here = judged_here(self._dictionary)
+        self._homed_bit = homed_bit(self._dictionary, options)
         self._rounded: list[str] = []
         self._axes = {
             axis: _Axis(self._line.node(node, read_eds(options.eds, node), options.timeout_s), limits)
@@ -271,8 +281,8 @@ class CiA402Pair:
         """
         if axis.distrusted:
             return False
-        if self._options.homed_bit:
-            return bool(status & 1 << self._options.homed_bit)
+        if self._homed_bit:
+            return bool(status & 1 << self._homed_bit)
         return bool(axis.homed) and _state(status) == "enabled"
 
     def _arrived(self, axis: _Axis, position_deg: float) -> bool:

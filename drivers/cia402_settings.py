@@ -40,6 +40,7 @@ _COSTS: dict[tuple[int, int], str] = {
 }
 """What it costs if the EDS has no such object (index, subindex), or none that may be written."""
 
+_SUPPLIED = (0x0, 0x402)
 _READ_ONLY = (ERROR_CODE, VELOCITY)
 _COARSE = 0.01  # off by more than this share a rounded speed is said
 _SAME = 1e-3
@@ -50,7 +51,9 @@ class CiA402Options(BaseModel, extra="forbid"):
 
     pitch_node: int = Field(1, ge=1, le=127, description="node of the drive that pitches")
     roll_node: int = Field(2, ge=1, le=127, description="node of the drive that rolls")
-    counts_per_degree: float = Field(36000.0, gt=0, description="encoder counts per degree of the table")
+    counts_per_degree: float = Field(
+        36000.0, gt=0, description="encoder counts per degree of the table; needed with another EDS"
+    )
     velocity_unit: str | None = Field(
         None,
         description='unit of speeds on the wire: "counts/s", "rpm", "rev/s", "deg/s"; 60A9h of the drive if not given',
@@ -71,8 +74,10 @@ class CiA402Options(BaseModel, extra="forbid"):
     in_position_deg: float = Field(3e-4, gt=0, description="how near the target counts as reached")
     in_position_s: float = Field(0.05, ge=0, le=60, description="and for how long")
     following_error_deg: float = Field(0.5, gt=0, description="behind by more than this the drive gives up")
-    homed_bit: Literal[0, 8, 14, 15] = Field(
-        15, description="statusword bit by which the drives tell that they are homed; 0 if they do not"
+    homed_bit: Literal[0, 8, 14, 15] | None = Field(
+        None,
+        description="statusword bit by which the drives tell that they are homed; 0 if they do not, "
+        "as with any other EDS than the supplied one, whose drives have bit 15",
     )
     pitch_deg: tuple[float, float] = Field((-190.0, 190.0), description="lowest and highest pitch")
     roll_deg: tuple[float, float] = Field((-190.0, 190.0), description="lowest and highest roll")
@@ -97,6 +102,10 @@ class CiA402Options(BaseModel, extra="forbid"):
             if max(-low, high) * self.counts_per_degree >= 2**31:
                 raise ValueError(f"{name}: at {self.counts_per_degree:g} counts per degree it exceeds 32 bits")
         dictionary = read_eds(self.eds, 1)
+        if "counts_per_degree" not in self.model_fields_set and not _supplied(dictionary):
+            raise ValueError(
+                "counts_per_degree is needed: the EDS is not the supplied one, for which there is a default"
+            )
         declared: dict[Quantity, str | None] = {"velocity": self.velocity_unit, "acceleration": self.acceleration_unit}
         for quantity, text in declared.items():
             if text is not None:
@@ -116,6 +125,22 @@ def lacking(dictionary: ObjectDictionary) -> tuple[str, ...]:
         for (index, subindex), cost in _COSTS.items()
         if not has_object(dictionary, index, subindex, writable=index not in _READ_ONLY)
     )
+
+
+def homed_bit(dictionary: ObjectDictionary, options: CiA402Options) -> int:
+    """The statusword bit by which the drives tell that they are homed; 0 if they do not.
+
+    CiA 402 has none. What makers use it for differs (closed loop, referenced, moving), so it is not guessed.
+    """
+    if options.homed_bit is not None:
+        return options.homed_bit
+    return 15 if _supplied(dictionary) else 0
+
+
+def _supplied(dictionary: ObjectDictionary) -> bool:
+    """Whether the EDS is `contracts/cia402_drive.eds`, by what it says of the device."""
+    device = dictionary.device_information
+    return (device.vendor_number, device.product_number) == _SUPPLIED
 
 
 def judged_here(dictionary: ObjectDictionary) -> bool:

@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 import pytest
-from buses import EDS, Simulated, assert_documented, head
+from buses import EDS, Simulated, assert_documented, head, without_objects
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
@@ -170,6 +170,16 @@ def test_a_drive_that_does_not_tell_is_homed_in_every_session_and_after_every_lo
     assert until_still(bench)["pitch"].homed
 
 
+def test_another_makers_statusword_bit_15_is_not_taken_to_mean_homed() -> None:
+    """CiA 402 leaves the bit to the maker; with some it says that the loop is closed."""
+    theirs = EDS.replace("VendorNumber=0x00000000", "VendorNumber=0x00000009")
+    bench = homed(eds=theirs, counts_per_degree=36000.0)
+    assert all(state.homed for state in bench.driver.read().values())
+    second = bench.make()
+    assert not second.read()["pitch"].homed, "the drive sets bit 15, but nobody said what that means"
+    assert homed(eds=theirs, counts_per_degree=36000.0, homed_bit=15).make().read()["pitch"].homed
+
+
 @settings(max_examples=20)
 @given(st.floats(-180, 180), st.floats(-180, 180))
 def test_the_table_goes_where_it_is_sent(pitch: float, roll: float) -> None:
@@ -297,7 +307,7 @@ def test_drives_that_the_eds_does_not_describe_are_the_wrong_instrument() -> Non
     driver = CiA402Pair(
         "head",
         "sim://w/head",
-        CiA402Pair.Options(eds=other),
+        CiA402Pair.Options(eds=other, counts_per_degree=36000.0),
         Wires(bench.world, simulated={"can": lambda address: CanCable(bench.world, bench.twin.on_frame)}),
         bench.world,
     )
@@ -332,6 +342,11 @@ def test_a_node_on_two_instruments_is_refused() -> None:
         ({"eds": EDS, "pitch_node": 2}, "pitch_node and roll_node are both 2"),
         ({"eds": EDS, "pitch_deg": (5.0, 5.0)}, "pitch_deg: 5 is not below 5"),
         ({"eds": EDS, "counts_per_degree": 2e7}, "exceeds 32 bits"),
+        ({"eds": EDS.replace("=0x00000402", "=0x7")}, "counts_per_degree is needed: the EDS is not the supplied one"),
+        (
+            {"eds": without_objects(EDS, 0x607A, 0x6061)},
+            "the EDS has no 6061h, 607Ah: the drive has no profile position",
+        ),
         ({"eds": EDS, "speed": 1.0}, "Extra inputs"),
     ],
 )
