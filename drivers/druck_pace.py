@@ -110,7 +110,7 @@ class DruckPACE:
         settings = SerialSettings(
             options.baud,
             options.frame,
-            options.flow,
+            options.flow_at(address),
             send_end=options.send_end,
             reply_end=options.reply_end,
             timeout_s=options.timeout_s,
