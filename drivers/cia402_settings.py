@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from typing import Literal
 
 from canopen.objectdictionary import ObjectDictionary
-from pydantic import BaseModel, Field, field_validator, model_validator
+from pydantic import BaseModel, Field, ValidationInfo, field_validator, model_validator
 
 from drivers.cia402_units import Quantity, Unit, parse_unit, told_unit
 from drivers.errors import BadReply
@@ -41,6 +41,7 @@ _COSTS: dict[tuple[int, int], str] = {
 """What it costs if the EDS has no such object (index, subindex), or none that may be written."""
 
 _SUPPLIED = (0x0, 0x402)
+_COUNTS_PER_DEGREE = 36000.0  # of the supplied EDS
 _READ_ONLY = (ERROR_CODE, VELOCITY)
 _COARSE = 0.01  # off by more than this share a rounded speed is said
 _SAME = 1e-3
@@ -52,7 +53,7 @@ class CiA402Options(BaseModel, extra="forbid"):
     pitch_node: int = Field(1, ge=1, le=127, description="node of the drive that pitches")
     roll_node: int = Field(2, ge=1, le=127, description="node of the drive that rolls")
     counts_per_degree: float = Field(
-        36000.0, gt=0, description="encoder counts per degree of the table; needed with another EDS"
+        _COUNTS_PER_DEGREE, gt=0, description="encoder counts per degree of the table; needed with another EDS"
     )
     velocity_unit: str | None = Field(
         None,
@@ -93,7 +94,7 @@ class CiA402Options(BaseModel, extra="forbid"):
         return text
 
     @model_validator(mode="after")
-    def _consistent(self) -> CiA402Options:
+    def _consistent(self, info: ValidationInfo) -> CiA402Options:
         if self.pitch_node == self.roll_node:
             raise ValueError(f"pitch_node and roll_node are both {self.pitch_node}")
         for name, (low, high) in (("pitch_deg", self.pitch_deg), ("roll_deg", self.roll_deg)):
@@ -102,6 +103,8 @@ class CiA402Options(BaseModel, extra="forbid"):
             if max(-low, high) * self.counts_per_degree >= 2**31:
                 raise ValueError(f"{name}: at {self.counts_per_degree:g} counts per degree it exceeds 32 bits")
         dictionary = read_eds(self.eds, 1)
+        if (info.context or {}).get("stored"):
+            self._as_before(dictionary)
         if "counts_per_degree" not in self.model_fields_set and not _supplied(dictionary):
             raise ValueError(
                 "counts_per_degree is needed: the EDS is not the supplied one, for which there is a default"
@@ -116,6 +119,15 @@ class CiA402Options(BaseModel, extra="forbid"):
                     f"count {quantity}; look it up in their manual"
                 )
         return self
+
+    def _as_before(self, dictionary: ObjectDictionary) -> None:
+        """Say what runs of earlier versions took for granted; a drive that says otherwise is refused nevertheless."""
+        if "counts_per_degree" not in self.model_fields_set:
+            self.counts_per_degree = _COUNTS_PER_DEGREE
+        if self.velocity_unit is None and not has_object(dictionary, _UNIT_OBJECTS["velocity"]):
+            self.velocity_unit = "counts/s"
+        if self.acceleration_unit is None and not has_object(dictionary, _UNIT_OBJECTS["acceleration"]):
+            self.acceleration_unit = "counts/s^2"
 
 
 def lacking(dictionary: ObjectDictionary) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ from pydantic import BaseModel
 from procedures import Procedure, RunList
 from rig.bench import check_options
 from rig.config import BenchConfig, parse_bench, parse_procedure, parse_toml, read_text
-from rig.contracts import files_beside, read_bench, with_files
+from rig.contracts import files_beside, read_bench, with_contracts, with_files
 from rig.errors import ConfigurationError, RigError, UsageError
 from rig.matching import check_match
 from rig.run_file.reader import RunReader
@@ -77,11 +77,13 @@ def _plan(documents: Mapping[str, str], dry: bool, where: Mapping[str, str], *, 
 
 
 def _as_checked(config: BenchConfig, checked: Mapping[str, BaseModel]) -> BenchConfig:
-    """The bench with options of the kinds that their drivers take them for."""
+    """The bench with options of the kinds that their drivers take them for, and what was taken for granted before."""
     instruments = {}
     for name, one in config.instruments.items():
-        options = checked[name].model_dump(mode="json")
-        instruments[name] = one.model_copy(update={k: options.get(k, v) for k, v in one.options.items()})
+        options = checked[name].model_dump(mode="json", exclude_unset=True)
+        contract = with_contracts(one.driver, {}).keys() - one.options.keys()
+        taken = {k: v for k, v in options.items() if k not in contract}
+        instruments[name] = one.model_copy(update={**one.options, **taken})
     return config.model_copy(update={"instruments": instruments})
 
 

@@ -10,6 +10,7 @@ import pytest
 from buses import EDS, without_objects
 from dry import LAB, SHORT, dry, write_short
 
+from rig.bench import check_options
 from rig.contracts import read_bench
 from rig.errors import ConfigurationError
 from rig.plans import load_plan, plan_of, stored_plan
@@ -75,3 +76,15 @@ def test_doctor_warns_of_what_the_drives_do_without(bench: Path) -> None:
     findings = [one for one in check_twins(read_bench(bench)[0], {}, {}) if one.check == "head"]
     assert [one.level for one in findings] == ["ok"] + ["warning"] * 6
     assert findings[1].found.startswith("the EDS has no 6067h that can be set")
+
+
+def test_a_run_that_was_begun_without_units_goes_on_in_counts_as_before(tmp_path: Path, bench: Path) -> None:
+    procedure = write_short(tmp_path, ONE)
+    documents = dict(load_plan(procedure, bench, dry=True).documents)
+    lines = documents["bench.toml"].splitlines()
+    documents["bench.toml"] = "\n".join(line for line in lines if not line.startswith(("velocity_u", "acceleration_u")))
+    with pytest.raises(ConfigurationError, match="velocity_unit is needed"):
+        plan_of(documents, dry=True)
+    stored = plan_of(documents, dry=True, stored=True).bench
+    assert stored.instruments["head"].options["velocity_unit"] == "counts/s"
+    assert check_options(stored, "bench")["head"].model_dump()["acceleration_unit"] == "counts/s^2"
