@@ -352,6 +352,7 @@ def test_the_manuals_status_system_tells_when_limits_are_reached():
     rig.settle(5.0)
     assert rig.say(":STAT:OPER?") == ":STAT:OPER:EVEN 1024\r\n"
     assert rig.say("*STB?") == "*STB 192\r\n"
+    assert rig.say("*CLS;:STAT:OPER:PRES?;*SRE?") == ":STAT:OPER:PRES:EVEN 0;*SRE 0\r\n", "events and masks"
 
 
 def test_what_other_clients_ask_is_answered():

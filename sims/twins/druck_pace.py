@@ -14,7 +14,8 @@ from typing import ClassVar, Protocol
 
 from sims.inputs import Inputs
 from sims.physics.pressure_line import PressureLine
-from sims.twins.scpi import DEVICE_ERROR, ScpiTwin
+from sims.twins.druck_status import PaceStatus
+from sims.twins.scpi import ScpiTwin
 from sims.twins.scpi_syntax import Command, ScpiError, boolean, compiled, number
 from sims.world import World
 
@@ -40,8 +41,6 @@ _FASTEST_PSI_PER_S = 5.0
 _LINE_ENDS = {"lf": (b"\n", b"\r\n"), "cr": (b"\r", b"\r"), "crlf": (b"\r\n", b"\r\n")}
 """What ends commands, and answers: set to LF it is taken to answer with CR LF [?]."""
 
-_ERROR_AVAILABLE, _STANDARD_EVENT, _OPERATION = 4, 32, 128
-_PRESSURE_SUMMARY = 1024
 _COMMON = (
     Command("*IDN", query="ask_identity", local=True),
     Command("*CLS", set="clear_status", local=True),
@@ -98,7 +97,7 @@ class Plant(Protocol):
         ...
 
 
-class DruckPACETwin(ScpiTwin):
+class DruckPACETwin(PaceStatus):
     """The controller.
 
     Args:
@@ -142,9 +141,12 @@ class DruckPACETwin(ScpiTwin):
     def switch_on(self) -> None:
         """Measuring, default settings, and no bit that says that power was off: K0472 has it reserved."""
         super().switch_on()
-        self.events = 0
-        self._status, self._status_before = 0, 0
         self.remote = True
+
+    def clear_status(self) -> None:
+        """*CLS: pressure events, too."""
+        super().clear_status()
+        self._events_read = self.world.now()
 
     def power_cycle(self) -> None:
         """Without power all valves close."""
@@ -156,7 +158,6 @@ class DruckPACETwin(ScpiTwin):
         self._units = dict.fromkeys(range(1, self.module + 1), "BAR")  # every module has its own
         self._module_asked = self.module
         self._isolation, self._mode = False, "ACT"
-        self._operation_enable = self._pressure_enable = 0
         self.output = False
         self.slew_psi_per_s = _FASTEST_PSI_PER_S
         self.linear = False
@@ -184,55 +185,6 @@ class DruckPACETwin(ScpiTwin):
     def reply(self, row: Command, answer: str) -> str:
         """The header in short form, every optional node spelt out, and the value."""
         return f"{_echo(row.header)} {answer}"
-
-    # Status: K0472 revision A, 3.1 to 3.4
-
-    def fail(self, code: int) -> None:
-        """An error; "device dependent" is reserved and always 0."""
-        super().fail(code)
-        self.events &= ~DEVICE_ERROR
-        self._note_status()
-
-    def clear_status(self) -> None:
-        """*CLS: events, errors and, unlike IEEE 488.2's, also the enable masks (pages 3-4 and 3-7)."""
-        super().clear_status()
-        self._event_enable = self._service_enable = 0
-        self._status = self._status_before = 0
-        self._events_read = self.world.now()
-
-    def _note_status(self) -> None:
-        """What of the status byte has come about since it was last looked at."""
-        now = _ERROR_AVAILABLE * bool(self._queue) + _STANDARD_EVENT * bool(self.events & self._event_enable)
-        if self._operation_enable & _PRESSURE_SUMMARY:
-            now |= _OPERATION * bool(self._pressure_events() & self._pressure_enable)
-        self._status |= now & ~self._status_before
-        self._status_before = now
-
-    def ask_status_byte(self) -> str:
-        """*STB?: reading clears it (page 4-103)."""
-        self._note_status()
-        status, self._status = self._status, 0
-        return str(status + 64 * bool(status & self._service_enable & ~64))
-
-    def set_operation_enable(self, value: str) -> None:
-        """:STAT:OPER:ENAB."""
-        self._operation_enable = round(number(value)) & 0x7FFF
-
-    def ask_operation_enable(self) -> str:
-        """:STAT:OPER:ENAB?."""
-        return str(self._operation_enable)
-
-    def set_pressure_enable(self, value: str) -> None:
-        """:STAT:OPER:PRES:ENAB."""
-        self._pressure_enable = round(number(value)) & 0x7FFF
-
-    def ask_pressure_enable(self) -> str:
-        """:STAT:OPER:PRES:ENAB?."""
-        return str(self._pressure_enable)
-
-    def ask_operation_events(self) -> str:
-        """:STAT:OPER?: bit 10 sums up the pressure events that are enabled."""
-        return str(_PRESSURE_SUMMARY * bool(self._pressure_events() & self._pressure_enable))
 
     # Units
 
@@ -443,11 +395,12 @@ class DruckPACETwin(ScpiTwin):
 
     def ask_pressure_events(self) -> str:
         """:STAT:OPER:PRES?: what has come about since it was last asked."""
-        events = self._pressure_events()
+        events = self.pressure_events()
         self._events_read = self.world.now()
         return str(events)
 
-    def _pressure_events(self) -> int:
+    def pressure_events(self) -> int:
+        """See `PaceStatus.pressure_events`."""
         reached = self._in_limits_from()
         condition = int(self.ask_pressure_condition())
         if reached is None or reached <= self._events_read:
