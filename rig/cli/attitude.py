@@ -9,6 +9,7 @@ from rich.markup import escape
 from rich.table import Table as RichTable
 
 from rig.cli.effects import paragraph, show_certificate, show_effect
+from rig.cli.gross import show_gross, show_left_out
 from rig.cli.show import headline, number, out
 from rig.closed_loop import AttitudeTraced
 from rig.report.words import TESTS, little_help, significant, unnamed
@@ -16,6 +17,7 @@ from rig.report.words import TESTS, little_help, significant, unnamed
 
 def show_attitude_fit(result: Mapping[str, Any]) -> None:
     """A table of parameters a sensor, and its analysis of variance."""
+    show_left_out(result["data"])
     for name, sensor in result["sensors"].items():
         _show_sensor(name, sensor)
         if name in result["kept"]:
@@ -30,6 +32,7 @@ def _show_sensor(name: str, sensor: Mapping[str, Any]) -> None:
     _show_parameters_of(f"{name}, {sensor['model']}", sensor["parameters"])
     if sensor["reference_degC"] is not None:
         out.print(f"  at {sensor['reference_degC']:.2f} degC")
+    show_gross(sensor["gross_errors"])
     if sensor["errors_from"] == "replications":
         out.print("  replications drift: the errors are those between replications, which hold all the same")
     out.print(

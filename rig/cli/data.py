@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -101,6 +101,15 @@ def fit(
         bool, typer.Option("--traced", help="attitude: keep a calibration with the effects that a trace finds")
     ] = False,
     temperature: TemperatureOption = None,
+    leave_out: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--leave-out",
+            help="fit without these rows and say so in the calibration: 'gross' for the gross errors found, or row "
+            "numbers of the file (12,31); repeatable",
+            show_default="every row is fitted, and gross errors are named",
+        ),
+    ] = None,
     points: Annotated[
         str | None,
         typer.Option(
@@ -127,7 +136,7 @@ def fit(
                 raise UsageError(f"{option} is for whole plots, not for tables of any kind")
         if points is not None:
             raise UsageError("--points is for pitch-roll calibrations, not for tables of any kind")
-        result, show = _general(data, response, formula, whole_plot, replicate)
+        result, show = _general(data, response, formula, whole_plot, replicate, leave_out or ())
     elif whole_plot is not None or replicate is not None:
         raise UsageError(
             "--whole-plot and --replicate name columns of any table; they go with --response and --formula"
@@ -140,12 +149,12 @@ def fit(
             "--method": method,
             "--add": add,
         }
-        others |= {"--power": power, "--exclude-zero": exclude_zero, "--traced": traced}
+        others |= {"--leave-out": leave_out, "--power": power, "--exclude-zero": exclude_zero, "--traced": traced}
         result, show = _fractions(data, points, temperature, others)
     else:
         options = {"method": method, "add": tuple(add or ()), "power": power, "exclude_zero": exclude_zero}
         attitude = {"traced": traced, "temperature": temperature}
-        result, show = _calibration(data, formula, report, options, attitude)
+        result, show = _calibration(data, formula, report, options, attitude, leave_out or ())
     if out_file is not None:
         write_whole(out_file, lambda file: json.dump(result, file, indent=2, allow_nan=False))
         err.print(f"calibration: {escape(str(out_file))}", soft_wrap=True)
@@ -161,14 +170,21 @@ Shown = tuple[dict[str, Any], Callable[[], None]]
 """A result, and what shows it to a person."""
 
 
-def _general(data: Path, response: str, formula: str | None, whole_plot: str | None, replicate: str | None) -> Shown:
+def _general(
+    data: Path,
+    response: str,
+    formula: str | None,
+    whole_plot: str | None,
+    replicate: str | None,
+    leave_out: Sequence[str],
+) -> Shown:
     from rig.cli.general import show_general_fit  # noqa: PLC0415
     from rig.closed_loop.general import fit_general  # noqa: PLC0415
 
     if formula is None:
         raise UsageError("--response needs --formula, such as --formula '1 + x'")
     columns = [name.strip() for name in whole_plot.split(",")] if whole_plot else []
-    result = fit_general(data, response, formula, columns, replicate)
+    result = fit_general(data, response, formula, columns, replicate, leave_out)
     return result, lambda: show_general_fit(data.name, result)
 
 
@@ -191,8 +207,10 @@ def _calibration(
     report: Path | None,
     options: Mapping[str, Any],
     attitude: Mapping[str, bool | None],
+    leave_out: Sequence[str],
 ) -> Shown:
-    from rig.closed_loop import fit_table, fit_whole_plots  # noqa: PLC0415
+    from rig.closed_loop import fit_whole_plots  # noqa: PLC0415
+    from rig.closed_loop.attitude import fit_attitude_table  # noqa: PLC0415
     from rig.tables import read_table  # noqa: PLC0415
 
     table = read_table(data)
@@ -201,13 +219,15 @@ def _calibration(
         for option, value in given.items():
             if value:
                 raise UsageError(f"{option} is for whole plots; {data} holds a pitch-roll calibration")
-        result = fit_table(table, traced=bool(attitude["traced"]), temperature=attitude["temperature"])
+        result = fit_attitude_table(
+            table, traced=bool(attitude["traced"]), temperature=attitude["temperature"], leave_out=leave_out
+        )
         return result, lambda: show_fit(data.name, table, result)
     for name, asked in attitude.items():
         if asked:
             raise UsageError(f"--{name} is for attitude sensors; {data} is no pitch-roll calibration")
     chosen = {name: value for name, value in options.items() if value is not None}
-    fitted = fit_whole_plots(table, formula or "full", **chosen)
+    fitted = fit_whole_plots(table, formula or "full", leave_out=leave_out, **chosen)
     result = fitted.to_json()
     if report is not None:
         from rig.report import write_fit_report  # noqa: PLC0415

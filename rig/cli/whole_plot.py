@@ -9,6 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from rig.cli.effects import paragraph, show_certificate, show_effect
+from rig.cli.gross import show_gross, show_left_out
 from rig.cli.show import headline, number, out
 from rig.closed_loop import WholePlotTraced
 from rig.closed_loop.whole_plot import errors_in_words, low_pressure
@@ -37,11 +38,13 @@ def show_whole_plot_summary(result: Mapping[str, Any]) -> None:
 def show_whole_plot_fit(result: Mapping[str, Any]) -> None:
     """A summary, then methods side by side and the coefficients of GLS, a transducer after the other."""
     _show_dead(result)
+    show_left_out(result["data"])
     if len(result["sensors"]) > 1:
         show_whole_plot_summary(result)
     for name, sensor in result["sensors"].items():
         out.print(f"\n[bold]{name}[/] ~ {escape(sensor['formula'])}", soft_wrap=True)
         out.print(f"  {errors_in_words(sensor)}", soft_wrap=True)
+        show_gross(sensor["gross_errors"])
         for key, title in _MEASURES:
             out.print(f"  {title}", soft_wrap=True)
             out.print(_methods(sensor["methods"], key))

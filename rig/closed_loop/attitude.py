@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,12 +10,14 @@ import numpy as np
 
 from fitter import AttitudeData, fit_all
 from fitter.arrays import FloatArray
-from fitter.calibration import parameter_table
+from fitter.calibration import AttitudeFit, parameter_table
+from fitter.gross import of_attitude
 from fitter.inverse import AttitudeCalibration, calibrate_package
 from fitter.quantiles import t_limit
 from fitter.trace import SensorTrace, Trace, trace
 from fitter.trace.result import FoundEffect
 from rig.closed_loop.certificate import Change, Errors, certificate, size_95, with_words
+from rig.closed_loop.gross import FitSummary, LeaveOut, Searched, kept_with, search
 from rig.effects import attitude_catalogue
 from rig.errors import UsageError
 from rig.report.words import part
@@ -23,7 +25,9 @@ from rig.tables import Table, attitude_data
 from rig.tables.unused import unused_in_fit
 
 
-def fit_attitude_table(table: Table, *, traced: bool = False, temperature: bool | None = None) -> dict[str, Any]:
+def fit_attitude_table(
+    table: Table, *, traced: bool = False, temperature: bool | None = None, leave_out: Sequence[str] = ()
+) -> dict[str, Any]:
     """Fit the declared model to every sensor of a pitch-roll table; JSON-ready.
 
     Args:
@@ -31,25 +35,61 @@ def fit_attitude_table(table: Table, *, traced: bool = False, temperature: bool 
         traced: have the effects that a trace finds in the calibration that is kept.
         temperature: whether offset and sensitivity follow the sensor temperature in the declared model; as the table's
             procedure has it if None.
+        leave_out: "gross" for the rows that the search for gross errors names, or row numbers of the file.
 
     Raises:
         UsageError: the table lacks something, or its rows do not determine the model.
 
     """
-    data, warm = attitude_data(table), with_temperature(table, temperature)
+    every, warm = attitude_data(table), with_temperature(table, temperature)
+    asked = LeaveOut.of(leave_out, table.source, len(every))
     try:
+        searched = search(len(every), asked, lambda rows: of_attitude(every.take(rows)))
+        data = every.take(searched.used)
         fits = fit_all(data, temperature=warm)
+        others = searched.with_the_others(lambda rows: fit_all(every.take(rows), temperature=warm))
         effects = _effects(trace(data, attitude_catalogue(), temperature=warm)) if traced else {}
         calibration = calibrate_package(data, effects=effects, temperature=warm)
     except ValueError as error:
         raise UsageError(f"{table.source}: {error}") from error
     return {
-        "data": {"points": len(table), "kind": "pitch-roll", "simulated": table.simulated, **table.provenance},
-        "sensors": {name: fit.to_dict() for name, fit in fits.items()},
+        "data": {
+            "points": len(data),
+            "rows_left_out": searched.rows_left_out(len(every)),
+            "kind": "pitch-roll",
+            "simulated": table.simulated,
+            **table.provenance,
+        },
+        "sensors": {
+            name: fit.to_dict() | {"gross_errors": _gross(every, searched, fit, others)} for name, fit in fits.items()
+        },
         "kept": {name: _kept(calibration, name, effects) for name in calibration.names} if effects else {},
-        "calibration": calibration.to_dict(),
+        "calibration": calibration.to_dict() | kept_with(searched, len(every)),
         "unused": unused_in_fit(table).to_json(),
     }
+
+
+def _gross(
+    data: AttitudeData, searched: Searched, fit: AttitudeFit, others: Mapping[str, AttitudeFit] | str | None
+) -> dict[str, Any]:
+    """A sensor's gross errors for JSON; `data` are all rows of the table."""
+    fits: tuple[FitSummary, FitSummary | str] | None = None
+    if isinstance(others, str):
+        fits = _summary(fit), others
+    elif others is not None:
+        own, other = _summary(fit), _summary(others[fit.sensor])
+        fits = (other, own) if searched.left_out.gross else (own, other)
+
+    def where(row: int) -> str:
+        return f"order {data.order[row]} at pitch {data.pitch_deg[row]:g} deg, roll {data.roll_deg[row]:g} deg"
+
+    return searched.of_sensor(fit.sensor, "V", where, fits)
+
+
+def _summary(fit: AttitudeFit) -> FitSummary:
+    linear = fit.linear
+    values = zip(linear.coefficients.tolist(), linear.stderr.tolist(), strict=True)
+    return FitSummary({"sigma_E": linear.sigma}, "V", dict(zip(linear.names, values, strict=True)))
 
 
 def _kept(

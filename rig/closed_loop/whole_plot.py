@@ -8,11 +8,15 @@ from typing import Any
 
 import numpy as np
 
+from fitter.arrays import IntArray
+from fitter.gross import of_whole_plots
 from fitter.pressure import PressureFit, fit_transducers, variance_inflation
+from fitter.pressure.models import named_formula
 from fitter.trace import TransducerTrace, WholePlotTrace, trace_whole_plots
 from fitter.trace.whole_plots.result import FoundPressureEffect
 from fitter.whole_plot_data import WholePlotData
 from rig.closed_loop.certificate import Change, Errors, certificate, size_95, with_words
+from rig.closed_loop.gross import FitSummary, LeaveOut, Searched, kept_with, search
 from rig.effects import pressure_catalogue
 from rig.errors import UsageError
 from rig.tables import Table, whole_plot_data
@@ -32,6 +36,9 @@ class WholePlotFitted:
         fits: by transducer.
         method: by which each calibration is kept.
         dead: why other transducers were left out, by output.
+        searched: for gross errors; `data` and `fits` are of the rows it says are used.
+        others: fits with the gross errors where `fits` are without them, and the other way round; why there are none;
+            None where no row is named.
 
     """
 
@@ -40,6 +47,8 @@ class WholePlotFitted:
     fits: Mapping[str, PressureFit]
     method: str
     dead: Mapping[str, str]
+    searched: Searched
+    others: Mapping[str, PressureFit] | str | None = None
 
     def to_json(self) -> dict[str, Any]:
         """What `rig fit --json` prints; with one transducer its keys stand at the top level too.
@@ -48,7 +57,7 @@ class WholePlotFitted:
             UsageError: the method cannot be used, or makes no calibration to use.
 
         """
-        sensors = {}
+        sensors, count = {}, len(self.table)
         for name, fit in self.fits.items():
             try:
                 calibration = fit.calibration(self.method).to_dict()
@@ -58,12 +67,37 @@ class WholePlotFitted:
                 inflation = variance_inflation(fit.formula, self.data.table)
             except ValueError:  # terms that coded variables cannot stand in, logarithms say, have none
                 inflation = {}
-            sensors[name] = with_units({**fit.to_dict(), "calibration": calibration, "variance_inflation": inflation})
+            calibration |= kept_with(self.searched, count)
+            own = {"calibration": calibration, "variance_inflation": inflation, "gross_errors": self._gross(name)}
+            sensors[name] = with_units({**fit.to_dict(), **own})
         table = self.table
-        data = {"points": len(table), "kind": "whole-plot", "simulated": table.simulated, **table.provenance}
+        points = {"points": len(self.data), "rows_left_out": self.searched.rows_left_out(count)}
+        data = {**points, "kind": "whole-plot", "simulated": table.simulated, **table.provenance}
         alone = next(iter(sensors.values())) if len(sensors) == 1 else {}
         unused = unused_in_fit(table).to_json()
         return {**alone, "data": data, "sensors": sensors, "left_out": dict(self.dead), "unused": unused}
+
+    def _gross(self, name: str) -> dict[str, Any]:
+        own, columns = _summary(self.fits[name]), self.table.columns
+        fits: tuple[FitSummary, FitSummary | str] | None = None
+        if isinstance(self.others, str):
+            fits = own, self.others
+        elif self.others is not None:
+            other = _summary(self.others[name])
+            fits = (other, own) if self.searched.left_out.gross else (own, other)
+
+        def where(row: int) -> str:
+            return f"order {columns['order'][row]:.0f} at {columns['pressure_psia'][row]:.3g} psia"
+
+        return self.searched.of_sensor(name, "mV", where, fits)
+
+
+def _summary(fit: PressureFit) -> FitSummary:
+    reml = fit.reml
+    stderr = np.sqrt(np.diag(reml.covariance))
+    values = zip(reml.coefficients.tolist(), stderr.tolist(), strict=True)
+    sigmas = {"sigma_subplot": reml.sigma_subplot, "sigma_wholeplot": reml.sigma_wholeplot}
+    return FitSummary(sigmas, "mV", dict(zip(reml.names, values, strict=True)))
 
 
 def fit_whole_plots(
@@ -74,6 +108,7 @@ def fit_whole_plots(
     add: Sequence[str] = (),
     power: float = 1.0,
     exclude_zero: bool = False,
+    leave_out: Sequence[str] = (),
 ) -> WholePlotFitted:
     """Calibrate every transducer of a whole-plot table by every method.
 
@@ -84,15 +119,24 @@ def fit_whole_plots(
         add: further terms, effects that were traced, say.
         power: weighted methods multiply rows by 1/P^power.
         exclude_zero: weighted methods leave out readings at zero pressure.
+        leave_out: "gross" for the rows that the search for gross errors names, or row numbers of the file.
 
     Raises:
         UsageError: the table lacks something, or its rows do not determine the model or its errors.
 
     """
     data, dead = _alive(table)
+    asked = LeaveOut.of(leave_out, table.source, len(data))
+
+    def fitted(rows: IntArray) -> Mapping[str, PressureFit]:
+        return fit_transducers(data.take(rows), model, extra=tuple(add), power=power, exclude_zero=exclude_zero)
+
     try:
-        fits = fit_transducers(data, model, extra=tuple(add), power=power, exclude_zero=exclude_zero)
-        return WholePlotFitted(table, data, fits, method, dead)
+        formula = named_formula(model, tuple(add))
+        searched = search(len(data), asked, lambda rows: of_whole_plots(data.take(rows), formula))
+        fits = fitted(searched.used)
+        others = searched.with_the_others(fitted)
+        return WholePlotFitted(table, data.take(searched.used), fits, method, dead, searched, others)
     except (ValueError, KeyError) as error:
         raise UsageError(f"{table.source}: {error.args[0] if error.args else error}") from error
 

@@ -63,7 +63,8 @@ def _transducer(name: str, result: dict[str, Any], fitted: WholePlotFitted) -> d
             }
             for key, title in _MEASURES
         ],
-        "remarks": [f"{m}: {v['note']}" for m, v in methods.items() if v["note"]]
+        "remarks": [result["gross_errors"]["sentence"]]
+        + [f"{m}: {v['note']}" for m, v in methods.items() if v["note"]]
         + [f"{m} is not possible: {why}" for m, why in result["not_possible"].items()]
         + list(result["notes"]),
         "rows": [
