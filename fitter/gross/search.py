@@ -28,13 +28,13 @@ from fitter.gross.rows import NO_GROUP, Rows
 from fitter.resolution import least_sd, robust_sd
 from fitter.trace.tables.spread import growth_of
 
-LEVEL = 0.01
-"""Probability that a clean table has any row named."""
+LEVEL = 0.005
+"""Probability that a clean table has any row named, were the sd of its rows known to be in proportion."""
 SHARE, MOST = 0.35, 100
 """Of the rows that can be gross errors at most, and their number: more are no gross errors but another model."""
 OF_GROUP = 0.5
 """Of a group's rows at most: when most of a group is off, its level is."""
-FEWEST_DF = 5
+FEWEST_DF = 8
 """Degrees of freedom that must be left for error without the rows left out."""
 LONE = 1e-6
 """A row of which no larger share than this is left has nothing to be compared with."""
@@ -98,7 +98,7 @@ def gross_errors(
         step: that the response was rounded to.
         responses: of the table; the limit holds for all together.
         drivers: (n,) what the standard deviation may grow with, by name; where the rows that are not off show that it
-            does, they are weighted by it and the search is made again.
+            does, they are weighted by the likeliest and the search is made again.
         designed: whether no row lies far from the others in `columns`, so that random starts need not be tried.
         level: probability that a clean table has any row named.
 
@@ -134,8 +134,17 @@ def _growth(asked: _Asked, inside: IntArray, drivers: Mapping[str, FloatArray]) 
     known = group >= 0
     group[known] = np.unique(group[known], return_inverse=True)[1]
     rows = Rows(every.columns[inside], every.y[inside], np.ones(inside.size), group)
-    growth = growth_of(rows.residual, np.maximum(rows.kept, 0.0), {n: v[inside] for n, v in drivers.items()})
-    return None if growth is None else growth.sd(drivers[growth.driver])
+    left, kept = rows.residual, np.maximum(rows.kept, 0.0)
+    if growth_of(left, kept, {n: v[inside] for n, v in drivers.items()}) is None:
+        return None
+    best: tuple[float, FloatArray | None] = (np.inf, None)
+    for name, values in drivers.items():
+        growth = growth_of(left, kept, {name: values[inside]})
+        if growth is not None:
+            sd = growth.sd(values)
+            likely = float(np.sum(2.0 * kept * np.log(sd[inside]) + (left / sd[inside]) ** 2))
+            best = min(best, (likely, sd), key=lambda one: one[0])
+    return best[1]
 
 
 def _search(asked: _Asked, spread: FloatArray | None) -> GrossErrors:

@@ -38,8 +38,8 @@ FormulaOption = Annotated[
     str | None,
     typer.Option(
         "--formula",
-        help="the model: for any table with --response ('1 + x + x^2'); for whole plots instead of the full second "
-        "order (full, II.C, eq10, hierarchical, or '1 + P + P:T_sensor')",
+        help="the model: for any table with --response ('1 + x + x^2'); for whole plots instead of the one that "
+        "the run's procedure declares (full, II.C, eq10, hierarchical, or '1 + P + P:T_sensor')",
         show_default=False,
     ),
 ]
@@ -227,7 +227,7 @@ def _calibration(
         if asked:
             raise UsageError(f"--{name} is for attitude sensors; {data} is no pitch-roll calibration")
     chosen = {name: value for name, value in options.items() if value is not None}
-    fitted = fit_whole_plots(table, formula or "full", leave_out=leave_out, **chosen)
+    fitted = fit_whole_plots(table, formula, leave_out=leave_out, **chosen)
     result = fitted.to_json()
     if report is not None:
         from rig.report import write_fit_report  # noqa: PLC0415
@@ -258,8 +258,8 @@ def trace(
         str | None,
         typer.Option(
             "--formula",
-            help="the declared model: of any table with --response ('1 + x'); of whole plots instead of the full "
-            "second order (II.C, eq10, or a formula)",
+            help="the declared model: of any table with --response ('1 + x'); of whole plots instead of the one "
+            "that the run's procedure declares (II.C, eq10, or a formula)",
             show_default=False,
         ),
     ] = None,

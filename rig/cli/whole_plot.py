@@ -38,6 +38,7 @@ def show_whole_plot_summary(result: Mapping[str, Any]) -> None:
 def show_whole_plot_fit(result: Mapping[str, Any]) -> None:
     """A summary, then methods side by side and the coefficients of GLS, a transducer after the other."""
     _show_dead(result)
+    out.print(escape(result["data"]["model"]["sentence"]), soft_wrap=True)
     show_left_out(result["data"])
     if len(result["sensors"]) > 1:
         show_whole_plot_summary(result)
@@ -109,6 +110,7 @@ def show_whole_plot_trace(traced: WholePlotTraced) -> None:
     """A short table a transducer: error before and after, and the effects found."""
     result = traced.to_json()
     headline(result["data"]["file"], traced.table)
+    out.print(escape(result["data"]["model"]["sentence"]), soft_wrap=True)
     _show_dead(result)
     for name, sensor in result["sensors"].items():
         out.print(f"\n[bold]{name}[/] (declared {escape(sensor['declared'])}): [bold]{sensor['verdict']}[/]")

@@ -140,7 +140,7 @@ def read(source: str, formula: str | None = None) -> Given:
             f"first, rig fit {path} --response Y --formula '1 + X' --out C.json, and chart C.json@DATE"
         )
     try:
-        sensors = _attitude(table) if table.kind == "pitch-roll" else fit_whole_plots(table, formula or "full").fits
+        sensors = _attitude(table) if table.kind == "pitch-roll" else fit_whole_plots(table, formula).fits
     except ValueError as error:
         raise UsageError(f"{path}: {error}") from error
     degC = table.columns.get("sensor_temperature_degC") if table.kind == "pitch-roll" else None

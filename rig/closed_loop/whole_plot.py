@@ -11,7 +11,7 @@ import numpy as np
 from fitter.arrays import IntArray
 from fitter.gross import of_whole_plots
 from fitter.pressure import PressureFit, fit_transducers, variance_inflation
-from fitter.pressure.models import named_formula
+from fitter.pressure.models import FULL, named_formula
 from fitter.trace import TransducerTrace, WholePlotTrace, trace_whole_plots
 from fitter.trace.whole_plots.result import FoundPressureEffect
 from fitter.whole_plot_data import WholePlotData
@@ -26,6 +26,42 @@ METHOD = "GLS"
 """By which a calibration is made unless another method is asked for: it takes no side between pressures."""
 
 
+@dataclass(frozen=True)
+class Declared:
+    """The declared model of a whole-plot table.
+
+    Attributes:
+        model: a name of terms, or a formula.
+        source: who says so: "--formula", "procedure" or "default".
+        procedure: what the run's procedure declares; None where it says nothing.
+
+    """
+
+    model: str
+    source: str
+    procedure: str | None
+
+    @staticmethod
+    def of(table: Table, asked: str | None) -> Declared:
+        """As asked; else as the procedure of the table's run declares it; else the full second order."""
+        told = table.declared.get("formula")
+        if asked is not None:
+            return Declared(asked, "--formula", told)
+        return Declared(FULL, "default", None) if told is None else Declared(told, "procedure", told)
+
+    def to_dict(self) -> dict[str, str | None]:
+        """For JSON, with a sentence."""
+        if self.source == "procedure":
+            said = f"model {self.model}, as the run's procedure declares it"
+        elif self.source == "default":
+            said = f"model {self.model}: none is declared"
+        elif self.procedure is None:
+            said = f"model {self.model}, as --formula says"
+        else:
+            said = f"model {self.model}, as --formula says; the run's procedure declares {self.procedure}"
+        return {"fitted": self.model, "source": self.source, "procedure": self.procedure, "sentence": said}
+
+
 @dataclass(frozen=True, eq=False)
 class WholePlotFitted:
     """A table and the calibrations fitted to it.
@@ -37,6 +73,7 @@ class WholePlotFitted:
         method: by which each calibration is kept.
         dead: why other transducers were left out, by output.
         searched: for gross errors; `data` and `fits` are of the rows it says are used.
+        declared: the model, and where it comes from.
         others: fits with the gross errors where `fits` are without them, and the other way round; why there are none;
             None where no row is named.
 
@@ -48,6 +85,7 @@ class WholePlotFitted:
     method: str
     dead: Mapping[str, str]
     searched: Searched
+    declared: Declared
     others: Mapping[str, PressureFit] | str | None = None
 
     def to_json(self) -> dict[str, Any]:
@@ -68,16 +106,18 @@ class WholePlotFitted:
             except ValueError:  # terms that coded variables cannot stand in, logarithms say, have none
                 inflation = {}
             calibration |= kept_with(self.searched, count)
-            own = {"calibration": calibration, "variance_inflation": inflation, "gross_errors": self._gross(name)}
+            own = {"calibration": calibration, "variance_inflation": inflation, "gross_errors": self.gross(name)}
             sensors[name] = with_units({**fit.to_dict(), **own})
         table = self.table
-        points = {"points": len(self.data), "rows_left_out": self.searched.rows_left_out(count)}
+        points: dict[str, Any] = {"points": len(self.data), "rows_left_out": self.searched.rows_left_out(count)}
+        points["model"] = self.declared.to_dict()
         data = {**points, "kind": "whole-plot", "simulated": table.simulated, **table.provenance}
         alone = next(iter(sensors.values())) if len(sensors) == 1 else {}
         unused = unused_in_fit(table).to_json()
         return {**alone, "data": data, "sensors": sensors, "left_out": dict(self.dead), "unused": unused}
 
-    def _gross(self, name: str) -> dict[str, Any]:
+    def gross(self, name: str) -> dict[str, Any]:
+        """The gross errors of a transducer for JSON."""
         own, columns = _summary(self.fits[name]), self.table.columns
         fits: tuple[FitSummary, FitSummary | str] | None = None
         if isinstance(self.others, str):
@@ -102,7 +142,7 @@ def _summary(fit: PressureFit) -> FitSummary:
 
 def fit_whole_plots(
     table: Table,
-    model: str = "full",
+    model: str | None = None,
     *,
     method: str = METHOD,
     add: Sequence[str] = (),
@@ -114,7 +154,7 @@ def fit_whole_plots(
 
     Args:
         table: of kind whole-plot.
-        model: "full", "II.C", "eq10", "hierarchical" or a formula.
+        model: "full", "II.C", "eq10", "hierarchical" or a formula; as the table's procedure declares it if None.
         method: by which each calibration is kept.
         add: further terms, effects that were traced, say.
         power: weighted methods multiply rows by 1/P^power.
@@ -126,17 +166,20 @@ def fit_whole_plots(
 
     """
     data, dead = _alive(table)
+    declared = Declared.of(table, model)
     asked = LeaveOut.of(leave_out, table.source, len(data))
 
     def fitted(rows: IntArray) -> Mapping[str, PressureFit]:
-        return fit_transducers(data.take(rows), model, extra=tuple(add), power=power, exclude_zero=exclude_zero)
+        return fit_transducers(
+            data.take(rows), declared.model, extra=tuple(add), power=power, exclude_zero=exclude_zero
+        )
 
     try:
-        formula = named_formula(model, tuple(add))
+        formula = named_formula(declared.model, tuple(add))
         searched = search(len(data), asked, lambda rows: of_whole_plots(data.take(rows), formula))
         fits = fitted(searched.used)
         others = searched.with_the_others(fitted)
-        return WholePlotFitted(table, data.take(searched.used), fits, method, dead, searched, others)
+        return WholePlotFitted(table, data.take(searched.used), fits, method, dead, searched, declared, others)
     except (ValueError, KeyError) as error:
         raise UsageError(f"{table.source}: {error.args[0] if error.args else error}") from error
 
@@ -207,6 +250,7 @@ class WholePlotTraced:
         data: the same as arrays.
         trace: what was found, by transducer.
         dead: why other transducers were left out, by output.
+        declared: the model, and where it comes from.
 
     """
 
@@ -214,11 +258,13 @@ class WholePlotTraced:
     data: WholePlotData
     trace: WholePlotTrace
     dead: Mapping[str, str]
+    declared: Declared
 
     def to_json(self) -> dict[str, Any]:
         """What `rig trace --json` prints."""
         result: dict[str, Any] = self.trace.to_json(self.table.source)
         result["data"] |= {"simulated": self.table.simulated, **self.table.provenance, "file": self.table.source}
+        result["data"]["model"] = self.declared.to_dict()
         for name, found in self.trace.sensors.items():
             shown = result["sensors"][name]
             shown["sentence"] = whole_plot_sentence(name, found)
@@ -255,11 +301,13 @@ def _errors(found: TransducerTrace) -> Errors:
     return Errors([Change(*within, "mV"), Change(*between, "mV")], left_out, "" if tells else _HIDES)
 
 
-def trace_whole_plot_table(table: Table, model: str = "full") -> WholePlotTraced:
-    """Trace what the declared model lacks in a whole-plot table. Raises `UsageError`."""
+def trace_whole_plot_table(table: Table, model: str | None = None) -> WholePlotTraced:
+    """Trace what the declared model lacks in a whole-plot table; errors as for `fit_whole_plots`."""
     data, dead = _alive(table)
+    declared = Declared.of(table, model)
     try:
-        return WholePlotTraced(table, data, trace_whole_plots(data, model, pressure_catalogue()), dead)
+        found = trace_whole_plots(data, declared.model, pressure_catalogue())
+        return WholePlotTraced(table, data, found, dead, declared)
     except (ValueError, KeyError) as error:
         raise UsageError(f"{table.source}: {error.args[0] if error.args else error}") from error
 
