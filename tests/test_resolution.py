@@ -52,13 +52,13 @@ def test_unrounded_values_have_none():
 @pytest.mark.parametrize("sd", SDS)
 @pytest.mark.parametrize("inside", [0.5, 0.95])
 def test_the_sd_of_rounded_normals(sd, inside):
-    """Never much too small; two fifths too large at worst, for sd 0.3 half a step off the lattice."""
+    """At most 30 % too small; two fifths too large at worst, for sd 0.3 half a step off the lattice."""
     rng = np.random.default_rng(3)
     for offset in (0.0, 0.25, 0.5):
         y = np.round(offset + sd * rng.standard_normal(20_000))
         found = robust_sd(y - y.mean(), 1.0, inside)
         assert found >= least_sd(1.0) * 0.999
-        assert 0.75 * y.std() < found < 1.4 * y.std()
+        assert 0.7 * y.std() < found < 1.4 * y.std()
 
 
 def test_without_a_step_it_is_the_median_absolute_deviation():

@@ -23,6 +23,7 @@ def show_attitude_fit(result: Mapping[str, Any]) -> None:
         if name in result["kept"]:
             kept = result["kept"][name]
             _show_parameters_of(f"{name}, kept with {', '.join(kept['effects']) or 'no effect'}", kept["parameters"])
+            out.print(f"  {kept['at_degC_sentence']}", soft_wrap=True)
             out.print()
     if any(significant(sensor, test) for sensor in result["sensors"].values() for test in TESTS):
         out.print("some tests are significant: the model lacks something; see rig trace", soft_wrap=True)
@@ -30,8 +31,8 @@ def show_attitude_fit(result: Mapping[str, Any]) -> None:
 
 def _show_sensor(name: str, sensor: Mapping[str, Any]) -> None:
     _show_parameters_of(f"{name}, {sensor['model']}", sensor["parameters"])
-    if sensor["reference_degC"] is not None:
-        out.print(f"  at {sensor['reference_degC']:.2f} degC")
+    style = "yellow" if "OUTSIDE" in sensor["at_degC_sentence"] else "none"
+    out.print(f"  [{style}]{sensor['at_degC_sentence']}[/]", soft_wrap=True)
     show_gross(sensor["gross_errors"])
     if sensor["errors_from"] == "replications":
         out.print("  replications drift: the errors are those between replications, which hold all the same")
@@ -112,6 +113,7 @@ def _show_parameters(traced: AttitudeTraced, sensor: str) -> None:
     for parameter in parameters(traced, sensor):
         table.add_row(parameter.name, *parameter.before, *parameter.after)
     out.print(table)
+    out.print(f"  {traced.at_words(sensor)}", soft_wrap=True)
 
 
 def degrees(value: float | None) -> str:

@@ -101,6 +101,14 @@ def fit(
         bool, typer.Option("--traced", help="attitude: keep a calibration with the effects that a trace finds")
     ] = False,
     temperature: TemperatureOption = None,
+    at_degC: Annotated[
+        float | None,
+        typer.Option(
+            "--at-degC",
+            help="attitude with temperature: the sensor temperature at which parameters are given, 20 or 23 say",
+            show_default="the mean of the run",
+        ),
+    ] = None,
     leave_out: Annotated[
         list[str] | None,
         typer.Option(
@@ -131,9 +139,11 @@ def fit(
             ("--method", method),
             ("--add", add),
             ("--exclude-zero", exclude_zero),
+            ("--at-degC", at_degC is not None),
         ):
             if value:
-                raise UsageError(f"{option} is for whole plots, not for tables of any kind")
+                kind = "attitude sensors" if option == "--at-degC" else "whole plots"
+                raise UsageError(f"{option} is for {kind}, not for tables of any kind")
         if points is not None:
             raise UsageError("--points is for pitch-roll calibrations, not for tables of any kind")
         result, show = _general(data, response, formula, whole_plot, replicate, leave_out or ())
@@ -149,11 +159,12 @@ def fit(
             "--method": method,
             "--add": add,
         }
-        others |= {"--leave-out": leave_out, "--power": power, "--exclude-zero": exclude_zero, "--traced": traced}
+        others |= {"--at-degC": at_degC is not None, "--leave-out": leave_out, "--power": power}
+        others |= {"--exclude-zero": exclude_zero, "--traced": traced}
         result, show = _fractions(data, points, temperature, others)
     else:
         options = {"method": method, "add": tuple(add or ()), "power": power, "exclude_zero": exclude_zero}
-        attitude = {"traced": traced, "temperature": temperature}
+        attitude = {"traced": traced, "temperature": temperature, "at_degC": at_degC}
         result, show = _calibration(data, formula, report, options, attitude, leave_out or ())
     if out_file is not None:
         write_whole(out_file, lambda file: json.dump(result, file, indent=2, allow_nan=False))
@@ -206,7 +217,7 @@ def _calibration(
     formula: str | None,
     report: Path | None,
     options: Mapping[str, Any],
-    attitude: Mapping[str, bool | None],
+    attitude: Mapping[str, Any],
     leave_out: Sequence[str],
 ) -> Shown:
     from rig.closed_loop import fit_whole_plots  # noqa: PLC0415
@@ -220,12 +231,16 @@ def _calibration(
             if value:
                 raise UsageError(f"{option} is for whole plots; {data} holds a pitch-roll calibration")
         result = fit_attitude_table(
-            table, traced=bool(attitude["traced"]), temperature=attitude["temperature"], leave_out=leave_out
+            table,
+            traced=bool(attitude["traced"]),
+            temperature=attitude["temperature"],
+            at_degC=attitude["at_degC"],
+            leave_out=leave_out,
         )
         return result, lambda: show_fit(data.name, table, result)
     for name, asked in attitude.items():
-        if asked:
-            raise UsageError(f"--{name} is for attitude sensors; {data} is no pitch-roll calibration")
+        if asked or (name == "at_degC" and asked is not None):
+            raise UsageError(f"--{name.replace('_', '-')} is for attitude sensors; {data} is no pitch-roll calibration")
     chosen = {name: value for name, value in options.items() if value is not None}
     fitted = fit_whole_plots(table, formula, leave_out=leave_out, **chosen)
     result = fitted.to_json()

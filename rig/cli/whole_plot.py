@@ -39,6 +39,7 @@ def show_whole_plot_fit(result: Mapping[str, Any]) -> None:
     """A summary, then methods side by side and the coefficients of GLS, a transducer after the other."""
     _show_dead(result)
     out.print(escape(result["data"]["model"]["sentence"]), soft_wrap=True)
+    out.print(result["data"]["coefficients_hold_at"], soft_wrap=True)
     show_left_out(result["data"])
     if len(result["sensors"]) > 1:
         show_whole_plot_summary(result)

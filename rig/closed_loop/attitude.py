@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from fitter import AttitudeData, fit_all
+from fitter import AttitudeData, fit_all, fit_attitude
 from fitter.arrays import FloatArray
-from fitter.calibration import AttitudeFit, parameter_table
+from fitter.calibration import AttitudeFit, at_temperature, parameter_table
 from fitter.gross import of_attitude
 from fitter.inverse import AttitudeCalibration, calibrate_package
 from fitter.quantiles import t_limit
@@ -24,9 +24,16 @@ from rig.report.words import part
 from rig.tables import Table, attitude_data
 from rig.tables.unused import unused_in_fit
 
+ABSOLUTE_ZERO_DEGC = -273.15
+
 
 def fit_attitude_table(
-    table: Table, *, traced: bool = False, temperature: bool | None = None, leave_out: Sequence[str] = ()
+    table: Table,
+    *,
+    traced: bool = False,
+    temperature: bool | None = None,
+    at_degC: float | None = None,
+    leave_out: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Fit the declared model to every sensor of a pitch-roll table; JSON-ready.
 
@@ -35,6 +42,7 @@ def fit_attitude_table(
         traced: have the effects that a trace finds in the calibration that is kept.
         temperature: whether offset and sensitivity follow the sensor temperature in the declared model; as the table's
             procedure has it if None.
+        at_degC: sensor temperature at which parameters are given; the run's mean if None.
         leave_out: "gross" for the rows that the search for gross errors names, or row numbers of the file.
 
     Raises:
@@ -43,11 +51,12 @@ def fit_attitude_table(
     """
     every, warm = attitude_data(table), with_temperature(table, temperature)
     asked = LeaveOut.of(leave_out, table.source, len(every))
+    _check_at(at_degC, table.source, warm=warm, traced=traced)
     try:
         searched = search(len(every), asked, lambda rows: of_attitude(every.take(rows)))
         data = every.take(searched.used)
-        fits = fit_all(data, temperature=warm)
-        others = searched.with_the_others(lambda rows: fit_all(every.take(rows), temperature=warm))
+        fits = fit_all(data, temperature=warm, at_degC=at_degC)
+        others = searched.with_the_others(lambda rows: fit_all(every.take(rows), temperature=warm, at_degC=at_degC))
         effects = _effects(trace(data, attitude_catalogue(), temperature=warm)) if traced else {}
         calibration = calibrate_package(data, effects=effects, temperature=warm)
     except ValueError as error:
@@ -63,7 +72,7 @@ def fit_attitude_table(
         "sensors": {
             name: fit.to_dict() | {"gross_errors": _gross(every, searched, fit, others)} for name, fit in fits.items()
         },
-        "kept": {name: _kept(calibration, name, effects) for name in calibration.names} if effects else {},
+        "kept": {name: _kept(calibration, name, effects, fits[name]) for name in calibration.names} if effects else {},
         "calibration": calibration.to_dict() | kept_with(searched, len(every)),
         "unused": unused_in_fit(table).to_json(),
     }
@@ -93,14 +102,33 @@ def _summary(fit: AttitudeFit) -> FitSummary:
 
 
 def _kept(
-    calibration: AttitudeCalibration, name: str, effects: Mapping[str, Mapping[str, FloatArray]]
+    calibration: AttitudeCalibration, name: str, effects: Mapping[str, Mapping[str, FloatArray]], fit: AttitudeFit
 ) -> dict[str, Any]:
     """A sensor as the calibration has it, where that is not what the declared model alone gives."""
     parameters, df = calibration.parameters(name)
     return {
         "effects": [effect for effect, by in effects.items() if name in by],
-        "parameters": parameter_table(parameters, df),
+        "parameters": at_temperature(parameter_table(parameters, df), fit.at_degC),
+        "at_degC_sentence": fit.at_words,
     }
+
+
+def _check_at(at_degC: float | None, source: str, *, warm: bool, traced: bool) -> None:
+    """Refuse a temperature that parameters cannot be brought to."""
+    if at_degC is None:
+        return
+    if not warm:
+        raise UsageError(
+            f"--at-degC: the declared model of {source} has no temperature in it, so its parameters hold at the run's "
+            f"own temperature alone; fit with --temperature"
+        )
+    if traced:
+        raise UsageError(
+            "--at-degC gives the declared model's parameters; with effects beside it (--traced) they are given at the "
+            "run's mean temperature: leave one of the two away"
+        )
+    if not np.isfinite(at_degC) or at_degC < ABSOLUTE_ZERO_DEGC:
+        raise UsageError(f"--at-degC {at_degC:g} is no temperature")
 
 
 def with_temperature(table: Table, asked: bool | None) -> bool:
@@ -134,6 +162,10 @@ class AttitudeTraced:
     trace: Trace
     temperature: bool = False
 
+    def at_words(self, sensor: str) -> str:
+        """At which temperature a sensor's parameters hold, in words."""
+        return fit_attitude(self.data, sensor, temperature=self.temperature).at_words
+
     def to_json(self) -> dict[str, Any]:
         """What `rig trace --json` prints."""
         result: dict[str, Any] = self.trace.to_json(self.table.source)
@@ -142,6 +174,7 @@ class AttitudeTraced:
             shown = result["sensors"][name]
             shown["sentence"] = attitude_sentence(name, sensor)
             shown["effects"] = [_worded(self.trace, sensor, effect) for effect in shown["effects"]]
+            shown["at_degC_sentence"] = self.at_words(name)
             shown["certificate"] = certificate(name, shown, _errors(sensor))
         return {**result, "unused": unused_in_fit(self.table).to_json()}
 

@@ -111,6 +111,7 @@ class WholePlotFitted:
         table = self.table
         points: dict[str, Any] = {"points": len(self.data), "rows_left_out": self.searched.rows_left_out(count)}
         points["model"] = self.declared.to_dict()
+        points["coefficients_hold_at"] = HOLD_AT
         data = {**points, "kind": "whole-plot", "simulated": table.simulated, **table.provenance}
         alone = next(iter(sensors.values())) if len(sensors) == 1 else {}
         unused = unused_in_fit(table).to_json()
@@ -229,6 +230,7 @@ def errors_in_words(sensor: Mapping[str, Any]) -> str:
     return f"errors: {s_0:.3g} mV + {s_0 * growth:.3g} mV/psi x P within whole plots, {between}"
 
 
+HOLD_AT = "coefficients are of P in psia and temperatures in degC as measured: each holds where the others are zero"
 LOW_PSIA = 0.12
 """Where the paper compares its methods."""
 

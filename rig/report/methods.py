@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fitter.pressure import METHODS, PressureFit
-from rig.closed_loop.whole_plot import errors_in_words, low_pressure
+from rig.closed_loop.whole_plot import HOLD_AT, errors_in_words, low_pressure
 from rig.report.frame import render
 from rig.report.pictures import grid, png
 
@@ -63,7 +63,7 @@ def _transducer(name: str, result: dict[str, Any], fitted: WholePlotFitted) -> d
             }
             for key, title in _MEASURES
         ],
-        "remarks": [result["gross_errors"]["sentence"]]
+        "remarks": [HOLD_AT, result["gross_errors"]["sentence"]]
         + [f"{m}: {v['note']}" for m, v in methods.items() if v["note"]]
         + [f"{m} is not possible: {why}" for m, why in result["not_possible"].items()]
         + list(result["notes"]),
