@@ -187,7 +187,8 @@ class WholePlotAcceptance(Strict):
     """When a finished calibration is fit for use; outside it `rig run` ends with exit code 3."""
 
     reading_error_pct: Positive | None = Field(
-        None, description="largest reading error with in-flight zero, weighted by 1/P"
+        None,
+        description="largest reading error in use with in-flight zero + WLS, the zero's own error in it",
     )
     at_psia: Pressure = Field(0.12, description="at this pressure")
 

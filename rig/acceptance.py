@@ -7,8 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from procedures import PitchRollProcedure, Procedure, WholePlotProcedure
 from rig.closed_loop import fit_table, fit_whole_plots
+from rig.closed_loop.whole_plot import largest_words
 from rig.declared import ACCEPTED_BY
 from rig.errors import UsageError
 from rig.tables import Table, run_table
@@ -67,19 +70,22 @@ def _gross(found: Mapping[str, Any]) -> str:
 
 
 def _reading_errors(table: Table, limit: float, psia: float) -> list[Verdict]:
-    words = f"reading error at {psia:g} psia up to {limit:g} %, {ACCEPTED_BY}"
+    words = f"reading error in use at {psia:g} psia up to {limit:g} %, {ACCEPTED_BY}"
     fitted = fit_whole_plots(table)
     verdicts = [Verdict(name, why, words, inside=False) for name, why in fitted.dead.items()]
     for name, fit in fitted.fits.items():
         method = fit.methods.get(ACCEPTED_BY)
         if method is None:
             raise UsageError(f"{name}: {ACCEPTED_BY} is not possible: {fit.not_possible[ACCEPTED_BY]}")
-        errors = method.reading_error
+        errors, use = method.reading_error, method.in_use
         at = int(abs(errors.pressure_psia - psia).argmin())
         if abs(errors.pressure_psia[at] - psia) > 0.05 * psia:
             raise UsageError(f"no pressure near acceptance.at_psia = {psia:g} was measured")
-        found = float(errors.max_pct[at])
+        found = float(use.max_pct[at])
+        if not np.isfinite(found):
+            raise UsageError(f"{name}: no reading near acceptance.at_psia = {psia:g} has a zero in its whole plot")
+        shown = {"in_use": use.to_dict()}
         gross = _gross(fitted.gross(name))
-        said = f"reading error at {psia:g} psia {found:.3g} %, limit {limit:g} %{gross}"
+        said = f"reading error at {psia:g} psia {largest_words(shown, at)}, limit {limit:g} %{gross}"
         verdicts.append(Verdict(name, said, words, found <= limit))
     return verdicts

@@ -243,6 +243,33 @@ def low_pressure(result: Mapping[str, Any]) -> tuple[int, float]:
     return pressures.index(low), low
 
 
+IN_USE = (
+    "in use: readings predicted by other whole plots, or with in-flight zero by one zero reading of their own, whose "
+    "error counts; ± is the 95 % interval of one reading, ? where no reading can be held against a prediction"
+)
+
+
+def in_use_words(fitted: Mapping[str, Any], at: int) -> str:
+    """A method's largest error in use at one pressure, and the 95 % interval of a reading there: "3.3±2.9"."""
+    largest, half = fitted["in_use"]["max_pct"][at], fitted["in_use"]["half95_pct"][at]
+    if half is None:
+        return "-"
+    return f"{'?' if largest is None else f'{largest:.3g}'}±{half:.2g}"
+
+
+def largest_words(fitted: Mapping[str, Any], at: int) -> str:
+    """A method's largest error in use at one pressure in a clause, with what chance makes of it."""
+    use = fitted["in_use"]
+    largest, half = use["max_pct"][at], use["half95_pct"][at]
+    if largest is None or half is None:
+        return "not measured: no reading there can be held against a prediction"
+    low, high = use["max_by_chance_pct"][at]
+    return (
+        f"{largest:.3g} % in use, the largest of {use['count'][at]} (by chance {low:.2g} to {high:.2g} %; 95 % of "
+        f"readings within ±{half:.2g} %)"
+    )
+
+
 @dataclass(frozen=True, eq=False)
 class WholePlotTraced:
     """A table and what was traced in it.
