@@ -261,8 +261,10 @@ def largest_words(fitted: Mapping[str, Any], at: int) -> str:
     """A method's largest error in use at one pressure in a clause, with what chance makes of it."""
     use = fitted["in_use"]
     largest, half = use["max_pct"][at], use["half95_pct"][at]
-    if largest is None or half is None:
-        return "not measured: no reading there can be held against a prediction"
+    if half is None:
+        return "unknown in use"
+    if largest is None:
+        return f"not measured in use, for want of another reading as zero; 95 % of readings within ±{half:.2g} %"
     low, high = use["max_by_chance_pct"][at]
     return (
         f"{largest:.3g} % in use, the largest of {use['count'][at]} (by chance {low:.2g} to {high:.2g} %; 95 % of "
