@@ -81,8 +81,7 @@ def fit_general(
         **found,
         "unused": unused_columns(table, used).to_json(),
         "gross_errors": searched.of_sensor(response, "", _order_of(table), _both(searched, fit, others)),
-        "calibration": _calibration(fit, response, model, table, searched.used).to_dict()
-        | kept_with(searched, len(y)),
+        "calibration": _calibration(fit, response, model, table, searched.used).to_dict() | kept_with(searched, len(y)),
     }
 
 
