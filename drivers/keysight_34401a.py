@@ -9,11 +9,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BaseModel, Field
+from pydantic import AfterValidator, Field
 
 from drivers.clock import Clock
-from drivers.scpi import SYNC, Nplc, ScpiMeter, one_of, settling_s
-from drivers.wires import SerialSettings, Wires
+from drivers.scpi import SYNC, Interface, Nplc, ScpiMeter, hp_dialect, one_of, settling_s
+from drivers.wires import SerialOptions, SerialSettings, Wires
 
 _MEMORY = 512
 
@@ -35,11 +35,12 @@ class Keysight34401A(ScpiMeter):
 
     wire = "serial"
 
-    class Options(BaseModel, extra="forbid"):
+    class Options(SerialOptions):
         """What the bench file may say about this instrument."""
 
         baud: Literal[300, 600, 1200, 2400, 4800, 9600] = Field(9600, description="symbols per second")
         frame: Literal["7E2", "7O2", "8N2", "8N1"] = Field("7E2", description="data bits, parity, stop bits")
+        interface: Interface = Field("rs232", description="rs232, also behind a serial server, or gpib")
         nplc: Nplc = Field(10, description="integration time, power line cycles")
         line_Hz: Literal[50, 60] = Field(50, description="power line frequency, from which it takes its timing")
         range_V: Annotated[float, AfterValidator(one_of(0.1, 1, 10, 100, 1000))] = Field(
@@ -49,8 +50,11 @@ class Keysight34401A(ScpiMeter):
     def __init__(self, name: str, address: str, options: Options, wires: Wires, clock: Clock) -> None:
         self.name = name
         self._options = options
-        settings = SerialSettings(options.baud, options.frame, timeout_s=2.0, sync=SYNC)
-        super().__init__(wires.serial(address, settings, name), clock, "34401A")
+        settings = SerialSettings(
+            options.baud, options.frame, options.flow_at(address), send_end=options.send_end, timeout_s=2.0, sync=SYNC
+        )
+        dialect = hp_dialect(options.interface, clear_with_dtr=True)  # user's guide, page 151
+        super().__init__(wires.serial(address, settings, name), clock, "34401A", dialect)
 
     @property
     def most_sweeps(self) -> int:

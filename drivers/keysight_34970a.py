@@ -9,12 +9,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Annotated, Literal, Self, get_args
 
-from pydantic import AfterValidator, BaseModel, Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from drivers.clock import Clock
 from drivers.errors import BadReply
-from drivers.scpi import FREQUENCIES, SYNC, Nplc, ScpiMeter, one_of, settling_s
-from drivers.wires import SerialSettings, Wires
+from drivers.scpi import FREQUENCIES, SYNC, Interface, ScpiMeter, hp_dialect, one_of, settling_s
+from drivers.wires import SerialOptions, SerialSettings, Wires
+from drivers.wires.serial_options import FLOW, Flow
 
 Thermometer = Literal[
     "thermistor-2.2k",
@@ -66,7 +67,7 @@ class Keysight34970A(ScpiMeter):
 
     wire = "serial"
 
-    class Options(BaseModel, extra="forbid"):
+    class Options(SerialOptions):
         """What the bench file may say about this instrument."""
 
         channels: dict[ChannelName, Literal["volts"] | Thermometer] = Field(
@@ -76,7 +77,11 @@ class Keysight34970A(ScpiMeter):
             9600, description="symbols per second"
         )
         frame: Literal["8N1", "7E1", "7O1"] = Field("8N1", description="data bits, parity, stop bits")
-        nplc: Nplc = Field(10, description="integration time, power line cycles")
+        flow: Flow = Field("xonxoff", description=FLOW)
+        interface: Interface = Field("rs232", description="rs232, also behind a serial server, or gpib")
+        nplc: Annotated[float, AfterValidator(one_of(0.02, 0.2, 1, 2, 10, 20, 100, 200))] = Field(
+            10, description="integration time, power line cycles"
+        )
         range_V: VoltsRange = Field(10, description="measuring range of the volts channels")
         ranges: dict[ChannelName, VoltsRange] = Field({}, description="measuring ranges of single volts channels")
 
@@ -100,8 +105,10 @@ class Keysight34970A(ScpiMeter):
         self._options = options
         self._names = tuple(sorted(options.channels))
         self._line_hz = FREQUENCIES[0]
-        settings = SerialSettings(options.baud, options.frame, timeout_s=2.0, sync=SYNC)
-        super().__init__(wires.serial(address, settings, name), clock, "34970A")
+        settings = SerialSettings(
+            options.baud, options.frame, options.flow_at(address), send_end=options.send_end, timeout_s=2.0, sync=SYNC
+        )
+        super().__init__(wires.serial(address, settings, name), clock, "34970A", hp_dialect(options.interface))
 
     @property
     def most_sweeps(self) -> int:

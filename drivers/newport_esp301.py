@@ -12,15 +12,16 @@ a search under way: a controller that was switched off in it stands still at wha
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Literal
 
-from pydantic import BaseModel, Field, model_validator
+from pydantic import Field, model_validator
 
 from drivers.clock import Clock
 from drivers.errors import BadReply, InstrumentError, LimitError, NotReady, WrongInstrument
 from drivers.roles import AxisState, Identity
-from drivers.wires import SerialSettings, Wires
+from drivers.wires import SerialOptions, SerialSettings, Wires
+from drivers.wires.serial_options import LINE_END, LineEnd
 
 Axis = Literal["pitch", "roll"]
 
@@ -32,6 +33,7 @@ _DEGREES = 7  # SN's number for this unit
 _HOME_STARTS_S = 1.0  # within this a search that has not moved yet is not taken for one that has ended
 _SPEED_ROUNDING = 1e-3  # the controller rounds speeds to counts per servo cycle
 _ANGLE_ROUNDING_DEG = 1e-3
+_LONGEST_LINE = 78  # of 80 characters; its end may be two
 _MOST_ERRORS = 10  # the controller keeps ten
 
 
@@ -52,10 +54,11 @@ class NewportESP301:
 
     wire = "serial"
 
-    class Options(BaseModel, extra="forbid"):
+    class Options(SerialOptions):
         """What the bench file may say about this instrument."""
 
         baud: Literal[9600, 19200, 38400, 57600, 115200, 921600] = Field(19200, description="symbols per second")
+        line_end: LineEnd = Field("cr", description=LINE_END)
         pitch_axis: int = Field(1, ge=1, le=3, description="controller axis that pitches")
         roll_axis: int = Field(2, ge=1, le=3, description="controller axis that rolls")
         speed_deg_per_s: float = Field(8.0, gt=0, le=80, description="speed of moves")
@@ -78,7 +81,14 @@ class NewportESP301:
         self.name = name
         self._options = options
         self._clock = clock
-        settings = SerialSettings(options.baud, "8N1", send_end=b"\r", timeout_s=1.0, sync=("VE?", "ESP301"))
+        settings = SerialSettings(
+            options.baud,
+            "8N1",
+            options.flow_at(address),
+            send_end=options.send_end,
+            timeout_s=1.0,
+            sync=("VE?", "ESP301"),
+        )
         self._line = wires.serial(address, settings, name)
         self._numbers: dict[str, int] = {"pitch": options.pitch_axis, "roll": options.roll_axis}
         self._limits = {"pitch": options.pitch_deg, "roll": options.roll_deg}
@@ -125,7 +135,7 @@ class NewportESP301:
                 "SL": low,
                 "SR": high,
             }
-            self._line.write(";".join([f"{n}MO", *(f"{n}{name}{value:.9g}" for name, value in settings.items())]))
+            self._send([f"{n}MO", *(f"{n}{name}{value:.9g}" for name, value in settings.items())])
             self._raise_errors()
             wanted = {"MO": 1.0, **settings}
             question = ";".join(f"{n}{name}?" for name in wanted)
@@ -144,14 +154,14 @@ class NewportESP301:
         self.read()
         for axis, n in self._numbers.items():
             if not self._homed[axis]:
-                self._line.write(f"{n}JW{_SEARCHING_MARK_DEG_PER_S:g};{n}OR{self._options.home_mode}")
+                self._send([f"{n}JW{_SEARCHING_MARK_DEG_PER_S:g}", f"{n}OR{self._options.home_mode}"])
                 self._homing[axis] = self._clock.now()
                 self._faults[axis] = ""
         self._unchecked = True
 
     def forget_zeros(self) -> None:
         """See `Referenced.forget_zeros`: the mark of a home search that ended well is taken away."""
-        self._line.write(";".join(f"{n}JW{_NOT_HOMED_DEG_PER_S:g}" for n in self._numbers.values()))
+        self._send([f"{n}JW{_NOT_HOMED_DEG_PER_S:g}" for n in self._numbers.values()])
         self._homed = dict.fromkeys(self._numbers)
 
     def move(self, targets_deg: Mapping[str, float]) -> None:
@@ -173,7 +183,7 @@ class NewportESP301:
         lost = [axis for axis in targets_deg if not self._homed[axis]]
         if lost:
             raise NotReady(f"{self._line.where}: {' and '.join(lost)} must be homed before it can go to an angle")
-        self._line.write(";".join(f"{self._numbers[axis]}PA{target:.5f}" for axis, target in targets_deg.items()))
+        self._send([f"{self._numbers[axis]}PA{target:.5f}" for axis, target in targets_deg.items()])
         self._unchecked = True
 
     def read(self) -> Mapping[str, AxisState]:
@@ -202,7 +212,7 @@ class NewportESP301:
 
     def stop(self) -> None:
         """See `Head.stop`. A home search that is under way is given up."""
-        self._line.write(";".join(f"{n}ST" for n in self._numbers.values()))
+        self._send([f"{n}ST" for n in self._numbers.values()])
         self._homing.clear()
         self._unchecked = True
 
@@ -213,6 +223,11 @@ class NewportESP301:
     def close(self) -> None:
         """See `Instrument.close`."""
         self._line.close()
+
+    def _send(self, commands: Sequence[str]) -> None:
+        """Send commands with as few lines as take them."""
+        for line in lines_of(commands):
+            self._line.write(line)
 
     def _follow_homing(
         self, positions: Mapping[str, float], moving: Mapping[str, bool], enabled: Mapping[str, bool]
@@ -270,3 +285,14 @@ class NewportESP301:
         if answer not in ("0", "1"):
             raise self._line.bad_reply(question, answer, "0 or 1")
         return answer == "1"
+
+
+def lines_of(commands: Sequence[str]) -> list[str]:
+    """Commands joined by semicolons, in order, into lines that the controller takes."""
+    lines: list[str] = []
+    for command in commands:
+        if lines and len(lines[-1]) + 1 + len(command) <= _LONGEST_LINE:
+            lines[-1] += f";{command}"
+        else:
+            lines.append(command)
+    return lines

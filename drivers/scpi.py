@@ -1,7 +1,6 @@
 """What the drivers of SCPI meters have in common: identity, error queue, settings read back, readings in two steps.
 
-On a serial line these instruments take one query at a time and obey only in remote control (SYSTem:REMote).
-Ctrl-C stands for GPIB's device clear: it ends a measurement and empties the instrument's buffers.
+What differs from meter to meter is a `Dialect`. One query is sent at a time.
 """
 
 from __future__ import annotations
@@ -10,7 +9,8 @@ import math
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Annotated
+from dataclasses import dataclass
+from typing import Annotated, Literal
 
 from pydantic import AfterValidator
 
@@ -19,7 +19,6 @@ from drivers.errors import BadReply, InstrumentError, LimitError, NoReply, NotRe
 from drivers.roles import Identity
 from drivers.wires import SerialLine
 
-_DEVICE_CLEAR = "\x03"
 SYNC = ("SYST:VERS?", "19")
 """A question that is asked for nothing else; the answer is the year of the standard and a revision: 1991.0."""
 
@@ -28,10 +27,7 @@ _LATE_S = 2.0
 _CHARACTERS_PER_READING = 16
 _READBACK = 1e-6
 _MARKS = 32  # measurements are numbered 1 to 31 and from 1 again, by bits of the mask that say nothing on their own
-_READING = re.compile(r"[+-]\d\.\d{8}E[+-]\d\d")
-"""How readings are printed; one character lost or doubled and it is no reading."""
-
-_FETCH = "FETC?;*SRE?"
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(E[+-]?\d{1,3})?")
 
 PREPARED = 52
 """An event enable mask (query, execution and command errors) that says: prepared, and not switched off since.
@@ -64,20 +60,62 @@ def settling_s(nplc: float) -> float:
     return 0.0015 if nplc >= 1 else 0.001
 
 
-class ScpiMeter(ABC):
-    """A meter that is triggered with INITiate and asked for its readings with FETCh?.
+@dataclass(frozen=True)
+class Dialect:
+    """In what SCPI meters differ. The defaults are those of SCPI-1999 and ask for nothing of a maker's own.
 
-    Args:
-        line: its open serial line.
-        clock: bench time.
-        model: what its identity must name.
+    Attributes:
+        remote: the command that takes remote control; "" where there is none, as over GPIB and LAN.
+        clear: what gives up a measurement and empties the buffers: Ctrl-C where it stands for device clear.
+        clear_with_dtr: the line DTR has to be dropped for it.
+        reading: how readings are printed; the stricter, the surer is a lost character noticed.
+        start: starts `{count}` sweeps, whose readings the instrument keeps.
+        fetch: asks for them when they are complete.
 
     """
 
-    def __init__(self, line: SerialLine, clock: Clock, model: str) -> None:
+    remote: str = ""
+    clear: str = "ABOR"
+    clear_with_dtr: bool = False
+    reading: re.Pattern[str] = _NUMBER
+    start: str = "TRIG:COUN {count};:INIT"
+    fetch: str = "FETC?"
+
+
+Interface = Literal["rs232", "gpib"]
+"""What the instrument itself is connected by, whatever carries the text to it."""
+
+
+def hp_dialect(interface: Interface, *, clear_with_dtr: bool = False) -> Dialect:
+    """How the 34401A and the 34970A talk (user's guides).
+
+    Only over RS-232 do they know SYSTem:REMote, without which they refuse to measure; over GPIB it is error 514.
+    """
+    serial = interface == "rs232"
+    return Dialect(
+        remote="SYST:REM" if serial else "",
+        clear="\x03",
+        clear_with_dtr=serial and clear_with_dtr,
+        reading=re.compile(r"[+-]\d\.\d{8}E[+-]\d\d"),
+    )
+
+
+class ScpiMeter(ABC):
+    """A meter that is started with INITiate and asked for its readings with FETCh?, or as its dialect has it.
+
+    Args:
+        line: its open line.
+        clock: bench time.
+        model: what its identity must name.
+        dialect: how it differs from others.
+
+    """
+
+    def __init__(self, line: SerialLine, clock: Clock, model: str, dialect: Dialect = Dialect()) -> None:
         self._line = line
         self._clock = clock
         self._model = model
+        self._dialect = dialect
         self._count = 0
         self._due = 0.0
         self._mark = 0
@@ -106,7 +144,8 @@ class ScpiMeter(ABC):
         and takes remote control.
         """
         self._clear()
-        self._line.write("SYST:REM")
+        if self._dialect.remote:
+            self._line.write(self._dialect.remote)
         answer = self._line.query("*IDN?")
         parts = [part.strip() for part in answer.split(",")]
         if len(parts) != 4 or parts[1] != self._model:
@@ -134,7 +173,7 @@ class ScpiMeter(ABC):
         if not 1 <= count <= self.most_sweeps:
             raise LimitError(f"{self._line.where} can take 1 to {self.most_sweeps} sweeps at once, not {count}")
         self._mark = self._mark % (_MARKS - 1) + 1
-        self._line.write(f"*SRE {self._mark};:TRIG:COUN {count};:INIT")
+        self._line.write(f"*SRE {self._mark};:{self._dialect.start.format(count=count)}")
         expected = count * self.sweep_s()
         self._count = count
         self._due = self._clock.now() + expected
@@ -154,9 +193,10 @@ class ScpiMeter(ABC):
         names = self.channels()
         count, self._count = self._count, 0
         self._clock.sleep(self._due - self._clock.now())
+        question = f"{self._dialect.fetch};*SRE?"
         sending_s = self._line.takes_s(count * len(names) * _CHARACTERS_PER_READING)
         try:
-            answer = self._line.query(_FETCH, sending_s + count * self.sweep_s() / 4 + _LATE_S, repeat=False)
+            answer = self._line.query(question, sending_s + count * self.sweep_s() / 4 + _LATE_S, repeat=False)
         except NoReply:
             self._clear()
             self._raise_errors()  # often says why there are no readings
@@ -166,12 +206,12 @@ class ScpiMeter(ABC):
             self._clear()
             self._raise_errors()
         words = readings.split(",")
-        if not (mark.strip("+").isdecimal() and all(map(_READING.fullmatch, words))):
-            raise self._line.bad_reply(_FETCH, answer, "numbers like +1.23456789E+00 and the measurement's mark")
+        if not (mark.strip("+").isdecimal() and all(map(self._dialect.reading.fullmatch, words))):
+            raise self._line.bad_reply(question, answer, "readings and the measurement's mark")
         if int(mark) != self._mark:
-            raise self._line.bad_reply(_FETCH, answer, f"mark {self._mark}: these are another measurement's readings")
+            raise self._line.bad_reply(question, answer, f"mark {self._mark}: these are another measurement's readings")
         if len(words) != count * len(names):
-            raise self._line.bad_reply(_FETCH, answer, f"{count * len(names)} numbers")
+            raise self._line.bad_reply(question, answer, f"{count * len(names)} numbers")
         values = [float(word) for word in words]
         return {name: values[i :: len(names)] for i, name in enumerate(names)}
 
@@ -185,13 +225,13 @@ class ScpiMeter(ABC):
         self._line.close()
 
     def _clear(self) -> None:
-        self._line.write(_DEVICE_CLEAR)
-        self._line.drain()
+        self._line.device_clear(self._dialect.clear, with_dtr=self._dialect.clear_with_dtr)
 
     def _configure(self, commands: Iterable[str]) -> None:
         """Reset to a known state, send commands one by one, and see that none was refused."""
         self._clear()
-        for command in ("SYST:REM", "*RST", "*CLS", *commands):
+        remote = (self._dialect.remote,) if self._dialect.remote else ()
+        for command in (*remote, "*RST", "*CLS", *commands):
             self._line.write(command)
             if self._line.query("*OPC?") != "1":
                 raise self._line.bad_reply("*OPC?", "", "1")

@@ -22,6 +22,7 @@ from fitter.attitude import (
 )
 from fitter.data import AttitudeData
 from fitter.linear import LinearFit
+from fitter.misfit import covered, lacks_fit, reach_of_misfit
 from fitter.quantiles import t_limit
 from fitter.replication import Replication, analyse, between_replications
 from fitter.temperature import Temperature
@@ -44,6 +45,8 @@ class AttitudeFit:
         replication: Table 2.
         temperature: what temperature adds, where the declared model has it; the rest is then at its reference.
         degC: lowest, mean and highest sensor temperature of the run; None where it was not recorded.
+        model_error: by parameter, how far a model error as large as the lack of fit can move it; None where lack of fit
+            is not significant or cannot be tested.
         pitch_range_deg: lowest and highest pitch calibrated; outside it predictions are extrapolations.
         roll_range_deg: the same for roll.
 
@@ -59,6 +62,7 @@ class AttitudeFit:
     roll_range_deg: tuple[float, float]
     temperature: Temperature | None = None
     degC: tuple[float, float, float] | None = None
+    model_error: Mapping[str, float] | None = None
 
     @property
     def at_degC(self) -> float | None:  # noqa: N802 - units in names
@@ -140,6 +144,8 @@ class AttitudeFit:
             "at_degC": self.at_degC,
             "at_degC_measured": None if self.degC is None else [self.degC[0], self.degC[2]],
             "at_degC_sentence": self.at_words,
+            "intervals_cover": covered(replicated=self.parameters_df != self.linear.df),
+            "model_error": None if self.model_error is None else dict(self.model_error),
             "reference_degC": None if self.temperature is None else self.temperature.reference_degC,
             **table_2(self.replication, self.parameters.S_V),
         }
@@ -199,6 +205,7 @@ def fit_attitude(
         roll_range_deg=(float(data.roll_deg.min()), float(data.roll_deg.max())),
         temperature=own,
         degC=_temperatures(data),
+        model_error=_model_error(parameters, linear, columns, data.point, table),
     )
 
 
@@ -210,6 +217,26 @@ def _temperatures(data: AttitudeData) -> tuple[float, float, float] | None:
 def at_temperature(table: Mapping[str, JsonValue], degC: float | None) -> dict[str, JsonValue]:
     """A parameter table that says of every parameter at which sensor temperature it holds."""
     return {name: {**row, "at_degC": degC} if isinstance(row, dict) else row for name, row in table.items()}
+
+
+def _model_error(
+    parameters: AttitudeParameters | NoRollParameters,
+    linear: LinearFit,
+    columns: FloatArray,
+    point: IntArray,
+    table: Replication,
+) -> dict[str, float] | None:
+    """How far a model error as large as the lack of fit can move parameters; None without significant lack of fit."""
+    if not lacks_fit(table):
+        return None
+    reach = reach_of_misfit(columns, point, table.sigma_bias)
+    if isinstance(parameters, NoRollParameters):
+        moved = no_roll_parameters(linear.coefficients, reach).stderr
+        names: tuple[str, ...] = ("b_V", "S_V", "phi_deg")
+    else:
+        moved = attitude_parameters(parameters.axis, linear.coefficients, reach).stderr
+        names = ("b_V", "S_V", "Omega_deg", "A_deg")
+    return {name: float(value) for name, value in zip(names, moved, strict=True) if np.isfinite(value)}
 
 
 def drifting(table: Replication) -> bool:

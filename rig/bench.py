@@ -64,6 +64,8 @@ def check_options(config: BenchConfig, where: str, *, strict: bool = True) -> di
         if strict:  # else the wires say it when they are opened: what was measured can be read all the same
             _check_address(instrument.address, cls, f"{where}: instruments.{name}", simulated=config.simulated)
         checked[name] = validated(cls.Options, options, f"{where}: instruments.{name}", strict=strict)
+        if strict:
+            _check_flow(instrument.address, checked[name], f"{where}: instruments.{name}")
     _check_limit_names(config, where)
     _check_rates(config, checked, where)
     _check_interlocks(config, where)
@@ -83,6 +85,17 @@ def _check_address(address: str, cls: DriverClass, where: str, *, simulated: boo
         raise ConfigurationError(
             f"{where}.address: {address} is a twin's, which dry runs make; write the instrument's own and use --dry"
         )
+
+
+def _check_flow(address: str, options: BaseModel, where: str) -> None:
+    """Flow control that the address cannot carry is refused before anything is opened."""
+    from drivers.wires.addresses import SerialAddress  # noqa: PLC0415 - brings the wires, which few commands need
+    from drivers.wires.serial_options import SerialOptions, flow_refused  # noqa: PLC0415
+
+    if isinstance(options, SerialOptions):
+        refused = flow_refused(options.flow_at(address), SerialAddress.parse(address))
+        if refused:
+            raise ConfigurationError(f"{where}.flow: {refused}")
 
 
 def playing(config: BenchConfig, role: type[Any]) -> list[str]:

@@ -153,8 +153,8 @@ class Bench:
         late = (replicate >= self.since).astype(float)
         still = pitch_deg + self.pitch_unsettled * (pitch_before - pitch_deg) + self.pitch_shift_deg * late
         turned = roll_deg + self.roll_unsettled * (roll_before - roll_deg)
-        a = _head(still, self.pitch_error_deg) + np.radians(self.pitch_backlash_deg) * pitch_side / 2
-        r = _head(turned, self.roll_error_deg) + np.radians(self.roll_backlash_deg) * roll_side / 2
+        a = _head(still, self.pitch_error_deg) - np.radians(self.pitch_backlash_deg) * pitch_side / 2
+        r = _head(turned, self.roll_error_deg) - np.radians(self.roll_backlash_deg) * roll_side / 2
         a = a + _teeth(pitch_deg, self.pitch_teeth, self.pitch_gear_deg)
         r = r + _teeth(roll_deg, self.roll_teeth, self.roll_gear_deg)
         a = a + np.radians(self.pitch_zero_deg) + _head(roll_deg, self.wobble_deg) - np.radians(roll_deg)

@@ -12,7 +12,7 @@ from dry import LAB, write_short
 
 from drivers.errors import WrongAddress
 from drivers.roles import Reader
-from drivers.wires import SerialSettings, Wires
+from drivers.wires import SerialOptions, SerialSettings, Wires
 from drivers.wires.addresses import CanAddress, ModbusAddress, SerialAddress, Wire, parse_address
 from rig.bench import check_options, open_bench
 from rig.config import parse_bench
@@ -178,3 +178,27 @@ def test_a_twins_address_in_a_real_bench_file_is_refused() -> None:
     config = parse_bench(DVM.format(address="sim://dry1/dvm", baud=9600), "bench.toml")
     with pytest.raises(ConfigurationError, match=r"instruments\.dvm\.address: sim://dry1/dvm is a twin's"):
         check_options(config, "bench.toml")
+
+
+@pytest.mark.parametrize("flow", ["rtscts", "xonxoff", "dsrdtr"])
+def test_flow_control_over_plain_tcp_is_refused_with_the_bench_file(flow: str) -> None:
+    def check(address: str, given: str) -> None:
+        bench = DVM.format(address=address, baud=9600).replace('frame = "8N1"', f'frame = "8N1"\nflow = "{given}"')
+        check_options(parse_bench(bench, "bench.toml"), "bench.toml")
+
+    with pytest.raises(ConfigurationError, match=rf'instruments\.dvm\.flow: flow = "{flow}" cannot be set over TCP'):
+        check("socket://192.0.2.7:4001", flow)
+    check("socket://192.0.2.7:4001", "none")
+    check("rfc2217://192.0.2.7:4001", flow)
+    check("/dev/rig/dvm", flow)
+
+
+def test_a_scanners_own_flow_control_is_no_obstacle_over_tcp() -> None:
+    bench = DVM.format(address="socket://192.0.2.7:4001", baud=9600).replace("34401a", "34970a")
+    bench = bench.replace('reader = "dvm"', 'reader = "dvm"\nchannel = "101"').replace(
+        'frame = "8N1"', 'frame = "8N1"\nchannels = { "101" = "volts" }'
+    )
+    options = check_options(parse_bench(bench, "bench.toml"), "bench.toml")["dvm"]
+    assert isinstance(options, SerialOptions)
+    assert (options.flow, options.flow_at("socket://192.0.2.7:4001")) == ("xonxoff", "none")
+    assert options.flow_at("/dev/rig/dvm") == "xonxoff"

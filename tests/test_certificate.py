@@ -119,7 +119,7 @@ def test_a_certificate_says_what_speaks_against_it():
     )
     assert "to 0.00031 deg, which cannot tell. " in paragraph(EFFECT, left_out=HARMS, hides="which cannot tell")
     said = paragraph(EFFECT, unnamed=[{"share": 0.4, "where": "between points", "added": False}], left_out=None)
-    assert ". Unexplained: 40 % of the excess error, between points. Readings" in said
+    assert ". Unexplained: 40 % of the error beyond scatter, between points. Readings" in said
     assert "Nothing else" not in said
 
 
@@ -129,7 +129,9 @@ def test_a_certificate_says_that_nothing_was_found():
         "x_V: no effect beyond the declared model (1 + x) stands out from the noise. The error is 0.0003 deg. That "
         "between them is 1. The error left out is 0.0003 deg. Readings that repeat one setting scatter by 1e-4 deg."
     )
-    assert "stands out from the noise. The scatter grows (2 ppm); " in paragraph(NOISE)
+    assert "stands out from the noise, which is not what the model assumes. The scatter grows (2 ppm); " in paragraph(
+        NOISE
+    )
     rest = {"share": 0.4, "where": "between points", "added": False}
     said = paragraph(unnamed=[rest])
     assert said.startswith(
@@ -138,13 +140,13 @@ def test_a_certificate_says_that_nothing_was_found():
     assert "Found and sized" not in said
     said = paragraph(unnamed=[{**rest, "added": True}])
     assert "With all that was found, the error goes from" in said
-    assert "Without a name: 40 % of the excess error, between points." in said
+    assert "Without a name: 40 % of the error beyond scatter, between points." in said
 
 
 def test_what_is_too_small_to_tell_is_told_as_that():
     assert chance({"p_adjusted": 1e-40}) == "< 1e-06"
-    assert [percent(part) for part in (0.0, 0.004, 0.006, 0.9951)] == ["0 %", "less than 1 %", "1 %", "100 %"]
-    assert [part(share) for share in (0.004, 0.994, 0.9951, 1.3)] == ["less than 1 %", "99 %", "all", "all"]
+    assert [percent(part) for part in (0.0, 0.004, 0.01, 0.579)] == ["0 %", "less than 1 %", "1 %", "57 %"]
+    assert [part(share) for share in (0.004, 0.989, 0.995, 1.0)] == ["less than 1 %", "98 %", "nearly all", "all"]
 
 
 def test_an_effect_that_is_constant_in_replications_is_known_no_better_than_they_agree():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,8 +15,10 @@ from whole_plot_truth import Bench, Run, Transducer, simulate
 
 from fitter.confirm import NOTHING, WholePlotTogether, confirm, confirm_all, questions_of, separation
 from fitter.trace import trace_whole_plots
+from rig.closed_loop.confirm import confirmed_by, fit_whole_plots_confirmed
 
 CUBIC = 6e-3
+MODEL = "1 + P + T_sensor + T_SSE"
 DAY_S = 86400.0
 QUESTION = "pressure-third-order", NOTHING
 FEWER = Run(pairs=((-1.0, 0.0), (0.0, 0.0), (1.0, 0.0), (0.0, -1.0), (0.0, 1.0), (0.0, 0.0)))
@@ -69,12 +72,56 @@ def test_the_forecast_is_that_of_a_difference_between_two_runs() -> None:
     assert seen[1] / seen[0] == pytest.approx(np.sqrt((1 / n + 1 / few) / (1 / n + 1 / many)), rel=0.02)
 
 
-def test_the_command_confirms_on_the_simulated_bench(tmp_path) -> None:
-    bench, world = with_sensors(LAB, tmp_path, "bridge_1", "bridge_2")
-    first = dry(tmp_path, bench=bench, world=world)
-    done = rig("confirm", first, "--dry", "--json", "--formula", "1 + P + T_sensor + T_SSE", "--out", tmp_path)
+@pytest.fixture(scope="module")
+def followed(tmp_path_factory) -> tuple[Path, dict]:
+    """A run of the simulated bench, and what `rig confirm` told of it."""
+    folder = tmp_path_factory.mktemp("followed")
+    bench, world = with_sensors(LAB, folder, "bridge_1", "bridge_2")
+    first = dry(folder, bench=bench, world=world)
+    done = rig("confirm", first, "--dry", "--json", "--formula", MODEL, "--out", folder)
     assert done.returncode in (0, 3), done.stderr
-    told = json.loads(done.stdout)
+    return first, json.loads(done.stdout)
+
+
+def test_the_command_confirms_on_the_simulated_bench(followed) -> None:
+    told = followed[1]
     assert told["effects"]
     errors = told["error"].values()
     assert sum(e["after_psi"] for e in errors) < sum(e["before_psi"] for e in errors)
+
+
+def test_what_is_not_confirmed_adds_nothing_to_a_calibration(followed) -> None:
+    first, told = followed
+    fitted = rig("fit", first, "--confirmed-by", told["run"], "--formula", MODEL, "--json")
+    assert fitted.returncode == 0, fitted.stderr
+    result = json.loads(fitted.stdout)
+    record = result["confirmed_by"]
+    assert record["by_run_id"] in told["run"]
+    assert [effect["verdict"] for effect in record["effects"]] == [effect["verdict"] for effect in told["effects"]]
+    left = [effect for effect in record["effects"] if effect["verdict"] not in ("confirmed", "replaced")]
+    assert left, "terms of several orders are missing: no one of them holds in both runs"
+    assert all(effect["terms"] == [] and "nothing was added" in effect["used"] for effect in left)
+    added = {term for effect in record["effects"] for term in effect["terms"]}
+    assert set(result["sensors"]["bridge_1_mV"]["coefficients"]) == {"1", "P", "T_sensor", "T_SSE"} | added
+
+
+def test_the_terms_of_what_is_confirmed_are_added(followed) -> None:
+    """As above, had one of the effects held alone."""
+    opened, confirmed = confirmed_by(followed[0], Path(followed[1]["run"]), MODEL)
+    answers = list(confirmed.answers)
+    formulas = {
+        (k, member.effect): {candidate.term.formula for candidate in member.terms}
+        for k, question in enumerate(opened.questions)
+        for member in question.members
+        if all(candidate.term.formula for candidate in member.terms)
+    }
+    (at, effect), terms = next(iter(formulas.items()))
+    best = next(m for m in answers[at].members if m.effect == effect)
+    ends = tuple((1.0, 2.0) for _ in best.intervals)
+    held = replace(best, sigmas=0.0, p_changed=0.5, fits=True, shown=20.0, intervals_together=ends)
+    answers[at] = replace(answers[at], members=(held,))
+    judged = replace(confirmed.judged, answers=tuple(answers))
+    fitted, record = fit_whole_plots_confirmed(opened, replace(confirmed, judged=judged), MODEL, {})
+    assert set(record["effects"][at]["terms"]) == terms
+    assert f"the calibration has {effect} alone" in record["effects"][at]["used"]
+    assert terms <= set(fitted.to_json()["sensors"]["bridge_1_mV"]["coefficients"])

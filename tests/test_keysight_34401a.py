@@ -7,9 +7,6 @@ from unittest.mock import Mock
 
 import pytest
 from pydantic import ValidationError
-from pymeasure.adapters import SerialAdapter
-from pymeasure.instruments.hp import HP34401A
-from serial import serial_for_url
 from serial_bench import FakePlant, plug_in, wires
 
 from drivers.errors import BadReply, InstrumentError, LimitError, NoReply, NotReady, WrongInstrument
@@ -57,6 +54,54 @@ def test_identify_takes_remote_control_and_asks():
         ("rx", b"HEWLETT-PACKARD,34401A,0,10-5-2\r\n"),
     ]
     assert not identity.confirmed, "a 34401A answers serial number 0"
+
+
+@pytest.mark.parametrize("with_dtr", [True, False])
+def test_device_clear_is_heard_while_the_meter_holds_up_the_handshake_only_with_dtr(with_dtr):
+    """User's guide, page 151: a query is pending, its DTR is false; Ctrl-C counts when the controller drops its own."""
+    rig = Rig(nplc=100).ready()
+    rig.dvm.start(5)
+    with pytest.raises(NoReply):
+        rig.line.query("FETC?", 0.2, repeat=False)
+    rig.line.device_clear("\x03", with_dtr=with_dtr)
+    assert rig.twin.measuring is not with_dtr
+    if with_dtr:
+        assert rig.line.query("*IDN?").startswith("HEWLETT")
+
+
+def test_the_driver_clears_with_dtr():
+    rig = Rig(nplc=100).ready()
+    rig.dvm.start(5)
+    with pytest.raises(NoReply):
+        rig.line.query("FETC?", 0.2, repeat=False)
+    rig.dvm.make_safe()
+    assert not rig.twin.measuring
+
+
+def test_remote_control_is_taken_over_rs232_only():
+    """Over GPIB, SYSTem:REMote is error 514."""
+    rig = Rig(interface="gpib")
+    rig.ready()
+    rig.dvm.start(1)
+    rig.dvm.fetch()
+    rig.dvm.prepare()
+    assert not any(b"SYST:REM" in line for line in rig.wire.sent())
+    rig.line.write("SYST:REM")
+    assert rig.line.query("SYST:ERR?") == '+514,"Command allowed only with RS-232"'
+
+
+def test_more_readings_than_its_memory_holds_are_error_531():
+    line = Rig().remote()
+    line.write("SAMP:COUN 513;:INIT")
+    assert line.query("SYST:ERR?") == '+531,"Insufficient memory"'
+    line.write("SAMP:COUN 512;:VOLT:DC:NPLC 0.02;:INIT")
+    assert line.query("SYST:ERR?") == '+0,"No error"'
+
+
+@pytest.mark.parametrize("nplc", [2, 20, 200])
+def test_it_has_not_the_scanners_integration_times(nplc):
+    with pytest.raises(ValidationError, match="must be one of"):
+        Keysight34401A.Options(nplc=nplc)
 
 
 def test_another_meter_is_refused():
@@ -139,8 +184,11 @@ def test_a_measurement_is_two_lines_and_waits_until_the_readings_are_due():
 def test_noise_falls_with_the_square_root_of_time_down_to_a_floor():
     def sd(nplc):
         rig = Rig(nplc=nplc).ready()
-        rig.dvm.start(400)
-        return statistics.stdev(rig.dvm.fetch()["input"])
+        readings = []
+        for _ in range(4):
+            rig.dvm.start(500)
+            readings += rig.dvm.fetch()["input"]
+        return statistics.stdev(readings)
 
     assert sd(1) / sd(10) == pytest.approx(10**0.5, rel=0.2)
     assert sd(10) / sd(100) < 2.9, "white noise alone would give 3.16: the floor shows"
@@ -294,28 +342,3 @@ def test_a_wrong_frame_hears_nothing():
 def test_options_are_checked(options):
     with pytest.raises(ValidationError):
         Keysight34401A.Options(**options)
-
-
-@pytest.mark.filterwarnings("ignore:It is not known whether this device support SCPI:FutureWarning")
-def test_pymeasures_hp34401a_reads_the_twin():
-    """A driver we did not write; it never asks for remote control, so that is done for it."""
-    world = World()
-    twin = Keysight34401ATwin("dvm", {}, world, FakePlant(world, {"input": 2.5}), "")
-    twin.go_remote()
-    port = serial_for_url(plug_in(world, twin), baudrate=9600, bytesize=7, parity="E", stopbits=2, timeout=60.0)
-    dvm = HP34401A(SerialAdapter(port, write_termination="\n", read_termination="\r\n"))
-    assert dvm.id == "HEWLETT-PACKARD,34401A,0,10-5-2"
-    assert dvm.function_ == "DCV"
-    dvm.range_ = 10
-    dvm.nplc = 1
-    assert (dvm.range_, dvm.autorange, dvm.nplc) == (10.0, False, 1.0)
-    assert dvm.reading == pytest.approx(2.5, abs=2e-5)
-    dvm.sample_count = 4
-    dvm.trigger_count = 2
-    dvm.autozero_enabled = False
-    assert dvm.reading == pytest.approx([2.5] * 8, abs=2e-5)
-    dvm.init_trigger()
-    assert dvm.stored_reading == pytest.approx([2.5] * 8, abs=2e-5)
-    assert dvm.stored_readings_count == 8
-    assert dvm.check_errors() == []
-    port.close()

@@ -254,6 +254,7 @@ def test_readings_stay_after_fetching_and_go_with_a_changed_setting():
     ("command", "error"),
     [
         ("INIT", '+113,"Channel list: empty scan list"'),
+        ("ROUT:SCAN (@101,201)", '+111,"Channel list: slot number out of range"'),
         ("ROUT:SCAN (@101,121)", '+112,"Channel list: channel number out of range"'),
         ("ROUT:SCAN (101)", '+309,"Incorrectly formatted channel list"'),
         ("CONF:TEMP TC,K,(@101)", '+251,"Unsupported temperature transducer type"'),
@@ -302,12 +303,92 @@ def test_factory_reset_is_the_references():
     assert line.query("VOLT:DC:NPLC? (@101);:TRIG:COUN?;SOUR?") == "+1.00000000E+00;+1.00000000E+00;IMM"
 
 
+@pytest.mark.parametrize("nplc", [2, 20, 200])
+def test_integration_times_that_only_the_scanner_has(nplc):
+    rig = Rig(channels={"101": "volts", "109": "thermistor-10k"}, nplc=nplc).ready()
+    expected = rig.dvm.start(2)
+    assert expected == pytest.approx(2 * 2 * (0.0167 + 0.0015 + 2 * nplc / 50))
+    assert rig.dvm.fetch()["101"] == pytest.approx([rig.plant.volts["101"]] * 2, abs=5e-6)
+    assert float(rig.line.query("VOLT:DC:NPLC? (@101)")) == nplc
+
+
+def test_it_obeys_another_version_of_the_standard_than_the_voltmeter():
+    assert Rig().remote().query("SYST:VERS?") == "1994.0"
+
+
+@pytest.mark.parametrize(("slot", "card"), [(100, "34901A,0,2.3"), (200, "0,0,0"), (300, "0,0,0")])
+def test_it_tells_what_is_in_its_slots(slot, card):
+    assert Rig().remote().query(f"SYST:CTYP? {slot}") == f"HEWLETT-PACKARD,{card}"
+
+
+def test_measure_configures_scans_once_and_answers():
+    rig = Rig()
+    line = rig.remote()
+    first, second = line.query("MEAS:VOLT:DC? 10,(@101,102)", 10.0).split(",")
+    assert float(first) == pytest.approx(rig.plant.volts["101"], abs=1e-4)
+    assert float(second) == pytest.approx(rig.plant.volts["102"], abs=1e-4)
+    assert float(line.query("MEAS:TEMP? THER,10000,(@109)", 10.0)) == pytest.approx(rig.plant.degC, abs=0.01)
+    assert line.query("SYST:ERR?") == '+0,"No error"'
+
+
+def test_readings_carry_what_they_are_told_to():
+    """Unit, time from the beginning of the scan, channel, alarm: in this order (Command Reference, FORMat:READing)."""
+    rig = Rig()
+    line = rig.remote()
+    line.write("CONF:VOLT:DC 10,(@101,102)")
+    line.write("FORM:READ:UNIT ON;:FORM:READ:TIME ON;:FORM:READ:CHAN ON;:FORM:READ:ALAR ON")
+    words = line.query("READ?", 10.0).split(",")
+    assert [word.partition(" ")[2] for word in words[::4]] == ["VDC", "VDC"]
+    assert float(words[4].split()[0]) == pytest.approx(rig.plant.volts["102"], abs=1e-4)
+    assert [words[1], words[5]] == ["00000000.000", "00000000.058"], "a relay, settling and two power line cycles"
+    assert words[2::4] == ["101", "102"]
+    assert words[3::4] == ["0", "0"]
+    line.write("*RST")
+    assert line.query("FORM:READ:CHAN?") == "0"
+
+
+def test_readings_can_be_taken_out_of_the_memory_while_it_scans():
+    rig = Rig()
+    line = rig.remote()
+    line.write("CONF:VOLT:DC 10,(@101,102)")
+    line.write("TRIG:SOUR TIMER;TIM 5;COUN INF;:INIT")
+    assert line.query("TRIG:COUN?") == "+9.90000000E+37"
+    rig.world.sleep(11.0)
+    assert line.query("DATA:POIN?") == "+4"
+    values = [float(word) for word in line.query("DATA:REM? 3").split(",")]
+    assert values == pytest.approx([rig.plant.volts[c] for c in ("101", "102", "101")], abs=1e-4)
+    assert float(line.query("DATA:LAST?")) == pytest.approx(rig.plant.volts["102"], abs=1e-4)
+    assert line.query("DATA:POIN?") == "+1"
+    line.write("DATA:REM? 2")
+    assert line.query("SYST:ERR?") == '-222,"Data out of range"'
+    assert line.query("STAT:OPER:COND?") == "+16", "scanning"
+    block = line.query("R? 5")
+    assert block[:4] == "#215"
+    assert float(block[4:]) == pytest.approx(rig.plant.volts["102"], abs=1e-4)
+    assert line.query("R?") == "#10"
+    assert line.query("DIAG:DMM:CYCL?;:DIAG:REL:CYCL? (@101,102)") == "+0,+0,+0;+0,+0"
+
+
 def test_timed_scans_keep_their_interval():
     rig = Rig(channels={"101": "volts"}).ready()
     rig.line.write("TRIG:SOUR TIM;TIM 7.5;COUN 3;:INIT")
     rig.line.query("*OPC?", 60.0)
     begins = [t0 for _, t0, _ in rig.plant.windows]
     assert [b - a for a, b in itertools.pairwise(begins)] == pytest.approx([7.5, 7.5])
+
+
+def test_what_it_sends_to_hold_up_the_host_is_no_part_of_its_answers():
+    """It leaves the factory with XON/XOFF; the characters come when it pleases, between answers and in them."""
+    channels = {str(n): "volts" for n in range(101, 121)}
+    rig = Rig(channels=channels, nplc=0.02, ranges={f"1{n:02}": (1, 100)[n % 2] for n in range(1, 20)})
+    rig.plant.volts = dict.fromkeys(channels, 0.5)
+    rig.ready()
+    rig.line.write("*CLS;" * 30)
+    rig.dvm.start(3)
+    assert rig.dvm.fetch()["107"] == pytest.approx([0.5] * 3, abs=0.02)
+    heard = b"".join(data for direction, data in rig.wire.log if direction == "rx")
+    assert {b"\x11"[0], b"\x13"[0]} <= set(heard)
+    assert rig.line.retries == 0
 
 
 def test_another_scanner_is_refused():
@@ -319,7 +400,7 @@ def test_another_scanner_is_refused():
 
 def test_a_refused_channel_is_reported():
     rig = Rig(channels={"201": "volts"})
-    with pytest.raises(InstrumentError, match="error 112: Channel list: channel number out of range"):
+    with pytest.raises(InstrumentError, match="error 111: Channel list: slot number out of range"):
         rig.dvm.prepare()
 
 

@@ -89,9 +89,12 @@ def test_a_turned_package_without_its_mounting_is_misread(tmp_path, about_x: Pat
     rows = [line.split(",") for line in (tmp_path / "run.csv").read_text().splitlines()]
     kept = [i for i, name in enumerate(rows[0]) if not name.startswith("mounting")]
     (tmp_path / "kept.csv").write_text("".join(",".join(row[i] for i in kept) + "\n" for row in rows))
-    (misread,) = traced(tmp_path / "kept.csv")["x_V"]["effects"]
+    misread = traced(tmp_path / "kept.csv")["x_V"]
     (right,) = traced(about_x)["x_V"]["effects"]
-    assert float(misread["size"].split()[0]) == pytest.approx(-float(right["size"].split()[0]), rel=1e-3)
+    assert "isolation-pad-deflection" not in {effect["effect"] for effect in misread["effects"]}
+    (refused,) = misread["refused"]
+    assert refused["value"] == pytest.approx(-float(right["size"].split()[0]), rel=0.01)
+    assert "is mounted otherwise than declared" in refused["sentence"]
 
 
 def test_a_run_without_roll_may_stand_at_any_roll(tmp_path) -> None:

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import pytest
 from pydantic import ValidationError
-from pymeasure.adapters import SerialAdapter
-from pymeasure.instruments.newport import ESP300
-from serial import serial_for_url
 from serial_bench import FakePlant, plug_in, wires
 
 from drivers.errors import BadReply, InstrumentError, LimitError, NotReady, WrongInstrument
@@ -86,6 +83,54 @@ def test_prepare_sets_and_reads_back_every_setting():
     ]
     assert all(len(line) <= 80 for line in rig.wire.sent())
     assert rig.plant.head.commands == []
+
+
+def test_no_line_is_longer_than_the_controller_takes():
+    """80 characters (manual, page 3-8), whatever digits the bench file has."""
+    rig = Rig(
+        speed_deg_per_s=8.12345678,
+        acceleration_deg_per_s2=16.1234567,
+        home_speed_deg_per_s=4.12345678,
+        pitch_deg=(-179.123456, 179.123456),
+        roll_deg=(-179.123456, 179.123456),
+        line_end="crlf",
+    )
+    rig.head.prepare()
+    assert max(map(len, rig.wire.sent())) <= 80
+    assert rig.twin._axes[2].values["SR"] == pytest.approx(179.123456)
+
+
+def test_the_controller_refuses_a_line_of_more_than_80_characters():
+    rig = Rig()
+    line = rig.head._line
+    line.write("1SR100".rjust(80))
+    assert [line.query("1SR?"), line.query("TB?").partition(",")[0]] == ["100", "0"]
+    line.write("1SR200".rjust(81))
+    assert [line.query("1SR?"), line.query("TB?").partition(",")[0]] == ["100", "6"]
+
+
+def test_the_controller_answers_what_other_clients_ask():
+    """Axes of two digits as EPICS writes them; statuses in the forms of the manual's examples."""
+    rig = Rig()
+    line = rig.head._line
+    assert [line.query(q) for q in ("01SN?", "01ZB?", "01SU?", "01MD", "01MO?")] == ["7", "300H", "0.0001", "1", "0"]
+    assert line.query("TS") == "@"
+    line.write("01MO;01PA20.000000;")
+    rig.world.sleep(1.0)
+    assert [line.query("TS"), line.query("TX")] == ["Q", "P"]
+    assert float(line.query("1TV")) == pytest.approx(4.0)
+    rig.world.sleep(10.0)
+    assert [line.query("TS"), line.query("TX"), float(line.query("1TV"))] == ["P", "@", 0.0]
+    first, second = line.query("01PH").split(",")
+    assert first.endswith("H")
+    assert [int(word.strip().removesuffix("H"), 16) for word in (first, second)] == [0x18000000, 0]
+    asked = [f"1{name}?" for name in ("ZA", "ZE", "ZH", "ZF", "ZS", "QM", "FE", "AE", "DH", "VB")]
+    assert all(line.query(question) for question in asked)
+    line.write("1ZH0F25H")
+    assert line.query("1ZH?") == "F25H"
+    line.write("1ZHF25H")
+    assert line.query("TB?").partition(",")[0] == "6", "a letter first is taken for a command"
+    assert line.query("TB?").partition(",")[0] == "0"
 
 
 def test_limits_are_sent_with_all_their_digits():
@@ -294,29 +339,3 @@ def test_pitch_and_roll_may_be_on_other_axes():
 def test_options_are_checked(options, words):
     with pytest.raises(ValidationError, match=words):
         NewportESP301.Options(**options)
-
-
-@pytest.mark.filterwarnings("ignore:It is not known whether this device support SCPI:FutureWarning")
-def test_pymeasures_esp300_drives_the_twin():
-    """A driver we did not write: enable, home, move, wait, read back, limits, errors."""
-    world = World()
-    plant = FakePlant(world)
-    twin = NewportESP301Twin("head", {}, world, plant, "SN000042")
-    port = serial_for_url(plug_in(world, twin), baudrate=19200, timeout=60.0)
-    client = ESP300(SerialAdapter(port, write_termination="\r", read_termination="\r\n"))
-    client.x.enable()
-    assert client.x.enabled
-    client.x.home(1)
-    client.x.wait_for_stop()
-    assert client.x.position == pytest.approx(0.0, abs=1e-3)
-    client.x.position = 20.0
-    client.x.wait_for_stop()
-    assert client.x.position == pytest.approx(20.0, abs=1e-4)
-    assert client.x.units == "degree"
-    client.x.right_limit = 25.0
-    assert client.x.right_limit == 25.0
-    client.x.position = 30.0
-    client.y.position = 1.0
-    assert [e.message for e in client.errors] == ["POSITIVE SOFTWARE LIMIT DETECTED", "MOTOR NOT ENABLED"]
-    assert client.errors == []
-    port.close()

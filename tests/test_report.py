@@ -175,7 +175,7 @@ def test_words_for_what_was_found():
     assert "0.001 to 0.0009 deg" in little_help(sensor)
     assert little_help({**sensor, "after": {"cv_rms_deg": 5e-4}}) == ""
     assert little_help({**sensor, "effects": []}) == ""
-    assert unnamed(sensor) == ["Unexplained: 40 % of the excess error, between replications."]
+    assert unnamed(sensor) == ["Unexplained: 40 % of the error beyond scatter, between replications."]
 
 
 def test_a_path_is_not_broken_at_80_columns(path, tmp_path):

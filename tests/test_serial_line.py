@@ -95,6 +95,15 @@ def test_a_command_is_never_repeated():
     assert twin.heard == [b"GO\n"]
 
 
+@pytest.mark.parametrize(
+    ("flow", "asked"), [("none", r"9600 baud 8N1\?"), ("rtscts", "9600 baud 8N1, flow control rtscts")]
+)
+def test_silence_names_all_settings_of_the_port(flow, asked):
+    _, _, line, _ = parrot(flow=flow)
+    with pytest.raises(NoReply, match=f"set to {asked}"):
+        line.query("A")
+
+
 def test_part_of_a_reply_is_no_reply():
     _, twin, line, _ = parrot()
     twin.answers = [(0.01, b"+1.23")]
@@ -121,6 +130,65 @@ def test_bytes_that_are_no_text_suggest_baud_rate_and_frame():
     twin.answers = [(0.01, b"\xf7\x80\n")]
     with pytest.raises(BadReply, match="do baud rate and frame match"):
         line.query("A")
+
+
+@pytest.mark.parametrize(
+    ("end", "chunks"),
+    [
+        (b"\n", [b"\x11+1.0\x130\x11000E+00\r\n"]),  # as a 34970A sends them, in the middle of a number
+        (b"\n", [b"\x13", b"+1.00000E", b"\x11", b"+00\r", b"\x13\n\x11"]),
+        (b"\r", [b"\x11+1.00000E+00\x13\r"]),
+        (b"\r", [b"+1.00000E+00\r\n"]),  # the LF comes after the answer is complete
+    ],
+)
+def test_flow_control_characters_are_no_part_of_an_answer(end, chunks):
+    world, twin, line, _ = parrot(reply_end=end, flow="xonxoff")
+    cable = find(line.address.removeprefix("sim://"))
+    for n, chunk in enumerate(chunks):
+        world.call_in(0.02 + 0.3 * n, lambda chunk=chunk: cable._answer(chunk))
+    assert line.query("A") == "+1.00000E+00"
+    twin.answers = [(0.01, b"next" + end)]
+    before = world.now()
+    assert line.query("B") == "next"
+    assert (line.retries, world.now() - before < 0.1) == (0, True), "no reason to suspect the line"
+
+
+def test_one_changed_bit_of_a_digit_is_not_taken_for_flow_control():
+    """0x31 is a 1 and 0x11 is XON: without the character, 13.5 would be 3.5."""
+    _, twin, line, _ = parrot()
+    twin.answers = [(0.01, b"\x113.5\r\n"), (0.01, b"13.5\r\n")]
+    assert line.query("A") == "13.5"
+    assert line.retries == 1
+
+
+def test_an_instrument_that_uses_flow_control_undeclared_is_understood_if_it_says_the_same_twice():
+    _, twin, line, _ = parrot()
+    twin.answers = [(0.01, b"\x131\x113.5\n"), (0.01, b"1\x133.5\x11\n"), (0.01, b"1\x113.5\n"), (0.01, b"1\x113.6\n")]
+    assert line.query("A") == "13.5"
+    with pytest.raises(BadReply, match='if the instrument sends them, write flow = "xonxoff"'):
+        line.query("B")
+
+
+def test_an_instrument_that_sends_only_flow_control_is_silent():
+    world, _, line, _ = parrot()
+    cable = find(line.address.removeprefix("sim://"))
+
+    def live():
+        cable._answer(b"\x11")
+        world.call_in(0.4, live)
+
+    live()
+    with pytest.raises(NoReply, match="answered nothing"):
+        line.query("A")
+    assert world.now() < 6.0
+
+
+def test_a_late_answer_is_recognised_whatever_ends_it():
+    _, twin, line, _ = parrot(reply_end=b"\r", sync=("V?", "1999"))
+    twin.answers = [(1.2, b"late\r\n"), (0.01, b"1999.0\r\n"), (0.01, b"right\r\n")]
+    with pytest.raises(NoReply):
+        line.query("A", repeat=False)
+    assert line.query("B") == "right"
 
 
 def test_an_instrument_that_never_stops_talking_is_named():
@@ -192,11 +260,11 @@ class Terminal:
         os.close(self.master)
 
 
-@pytest.mark.parametrize("frame", ["8N1", "7E2"])
-def test_a_pseudo_terminal_can_be_opened_again_and_again_with_any_frame(frame):
+@pytest.mark.parametrize(("frame", "flow"), [("8N1", "none"), ("7E2", "xonxoff"), ("8N1", "rtscts"), ("8N1", "dsrdtr")])
+def test_a_pseudo_terminal_can_be_opened_again_and_again_with_any_frame_and_flow_control(frame, flow):
     terminal = Terminal(lambda data: b"echo " + data.replace(b"\n", b"\r\n"))
     for _ in range(3):
-        line = SerialLine(terminal.name, SerialSettings(9600, frame), RealClock(), label="dvm")
+        line = SerialLine(terminal.name, SerialSettings(9600, frame, flow), RealClock(), label="dvm")
         assert line.query("hello") == "echo hello"
         line.close()
     terminal.hang_up()
@@ -242,6 +310,39 @@ class NetworkServer:
                 answer = b"".join(manager.filter(data)) if manager else data
                 if answer:
                     client.sendall(answer)
+
+
+@pytest.mark.filterwarnings("ignore:set(Daemon|Name):DeprecationWarning")  # pyserial's own
+@pytest.mark.parametrize(("flow", "carried"), [("none", (0, 0)), ("rtscts", (1, 0)), ("xonxoff", (0, 1))])
+def test_flow_control_reaches_the_serial_server_that_can_be_told(flow, carried):
+    server = NetworkServer(rfc2217=True)
+    line = SerialLine(f"rfc2217://{server.address}", SerialSettings(9600, flow=flow), RealClock(), label="dvm")
+    assert line.query("hello") == "hello"
+    assert (server.port.rtscts, server.port.xonxoff) == carried
+    line.close()
+
+
+def test_flow_control_that_tcp_cannot_carry_is_refused():
+    with pytest.raises(Unreachable, match=r'dvm at socket://.*: flow = "rtscts" cannot be set over TCP; leave it out'):
+        SerialLine("socket://127.0.0.1:1", SerialSettings(9600, flow="rtscts"), RealClock(), label="dvm")
+
+
+def test_over_tcp_nobody_is_sent_to_look_at_a_baud_rate():
+    """It is the serial server's, or there is none."""
+    listening = socket.create_server(("127.0.0.1", 0))
+    address = f"socket://127.0.0.1:{listening.getsockname()[1]}"
+    wires = Wires(RealClock())
+    line = wires.serial(address, SerialSettings(9600, timeout_s=0.05, quiet_s=0.01), "dvm")
+    client, _ = listening.accept()
+    with pytest.raises(NoReply) as silent:
+        line.query("A")
+    with pytest.raises(Unreachable) as other:
+        wires.serial(address, SerialSettings(19200), "two")
+    assert "server" in str(silent.value)
+    assert not any("baud" in str(told.value) or "8N1" in str(told.value) for told in (silent, other))
+    wires.close()
+    client.close()
+    listening.close()
 
 
 @pytest.mark.filterwarnings("ignore:set(Daemon|Name):DeprecationWarning")  # pyserial's own

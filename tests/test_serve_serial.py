@@ -13,9 +13,6 @@ from importlib.resources import files
 from types import SimpleNamespace
 
 import pytest
-from pymeasure.adapters import SerialAdapter
-from pymeasure.instruments.hp import HP34401A
-from serial import Serial
 
 from drivers.cia402 import CiA402Pair
 from drivers.clock import RealClock, ScaledClock
@@ -155,21 +152,6 @@ def test_can_is_served_as_a_serial_adapter(tmp_path):
         drives.identify()
         goes_where_it_is_told(drives, bench.clock)
         bench.wires.close()
-
-
-@pytest.mark.filterwarnings("ignore:It is not known whether this device support SCPI:FutureWarning")
-def test_pymeasures_hp34401a_reads_the_twin_through_a_pseudo_terminal(tmp_path):
-    with served(tmp_path, speed=5.0) as bench:
-        port = Serial(bench.bench["instruments"]["dvm"]["address"], 9600, timeout=10.0)
-        dvm = HP34401A(SerialAdapter(port, write_termination="\n", read_termination="\r\n"))
-        dvm.write("SYST:REM")
-        assert dvm.id == "HEWLETT-PACKARD,34401A,0,10-5-2"
-        dvm.nplc = 1
-        dvm.sample_count = 3
-        readings = dvm.reading
-        assert len(readings) == 3
-        assert all(abs(r) < 12.0 for r in readings)
-        port.close()
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])

@@ -73,7 +73,7 @@ def test_a_head_that_shakes_is_said_to_make_noise_that_grows_with_the_slope():
 def test_an_offset_that_walks_is_a_finding():
     found = trace(simulate(Bench(wander=8.0), D1(180, 13, 13), seed=1)[0], validate=False)
     assert names(found) == set()
-    assert noise(found) == {(f"{axis}_V", "random-walk-drift") for axis in "xyz"}
+    assert noise(found) == {(f"{axis}_V", "autocorrelation") for axis in "xyz"}
     (walk,) = found.sensors[X].noise
     assert walk.coefficients[0] == pytest.approx(8 * SIGMA_V, rel=0.6)
 

@@ -199,7 +199,7 @@ def test_outliers_are_reported_and_stay():
 
 def test_scatter_that_grows_is_found_and_weighs():
     result = trace_general(prepare(simulate(Lab(200, 1, growing=6.0), 3), response="y", formula="1 + x")[0])
-    growing = next(e for e in result.effects if e.effect.startswith("growing-noise"))
+    growing = next(e for e in result.effects if e.effect == "noise-grows")
     low, high = growing.coefficients
     assert high / low == pytest.approx(6.0, rel=0.5)
     assert result.verdict == "nothing to add"

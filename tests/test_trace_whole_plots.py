@@ -179,7 +179,7 @@ def test_the_cubic_of_the_paper_and_nothing_else():
         (cubic, noise) = found.sensors[ONE].effects
         assert cubic.coefficients[0] == pytest.approx(CUBIC, abs=4 * cubic.stderr[0])
         assert cubic.formulas == ("P^3",)
-        assert (noise.effect, noise.stratum) == ("noise-grows-with-pressure", "noise")
+        assert (noise.effect, noise.stratum) == ("noise-grows", "noise")
         for value, truth, error in zip(noise.coefficients, GROWING, noise.stderr, strict=True):
             assert value == pytest.approx(truth, abs=4 * error)
             assert error < 0.25 * truth
@@ -369,7 +369,7 @@ def test_json_is_the_object_the_design_promises():
     assert {e["effect"] for e in one["effects"]} == {
         "pressure-third-order",
         "whole-plot-drift",
-        "noise-grows-with-pressure",
+        "noise-grows",
     }
     promised = {"effect", "stratum", "term", "coefficients", "stderr", "unit", "p_adjusted", "share", "aliases"}
     for effect in one["effects"]:

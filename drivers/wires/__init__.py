@@ -10,8 +10,9 @@ from drivers.errors import Unreachable
 from drivers.wires.can import CanLine, CanWires
 from drivers.wires.modbus import ModbusLine, ModbusWires
 from drivers.wires.serial_line import SerialLine, SerialSettings, Tap
+from drivers.wires.serial_options import SerialOptions
 
-__all__ = ["CanLine", "ModbusLine", "SerialLine", "SerialSettings", "Tap", "Wires"]
+__all__ = ["CanLine", "ModbusLine", "SerialLine", "SerialOptions", "SerialSettings", "Tap", "Wires"]
 
 
 class Wires:
@@ -56,8 +57,8 @@ class Wires:
             line = self._serial[address] = SerialLine(address, settings, self._clock, label=name, tap=self._tap)
         elif line.settings != settings:
             raise Unreachable(
-                f"{name or address}: {line.where} already uses this line at {line.settings.baud} baud "
-                f"{line.settings.frame}; instruments on one line must agree on its settings"
+                f"{name or address}: {line.where} already uses this line{line.port_settings and ' at '}"
+                f"{line.port_settings}; instruments on one line must agree on its settings"
             )
         return line
 

@@ -4,6 +4,9 @@ The line opens what `drivers.wires.addresses` allows (`/dev/ttyUSB0`, `COM4`, `s
 It never resends a command that may have been carried out. After a surprising reply it listens until the instrument is
 silent before it asks again. After a missing one it asks what only one answer fits: a line keeps order, so that whatever
 was late has come when that answer comes, and cannot answer the next question.
+
+XON and XOFF, which an instrument may send at any moment, are no part of what it says. One bit makes XON of a 1 and XOFF
+of a 3, though: of an instrument that is not declared to use them, an answer with one is asked for again.
 """
 
 from __future__ import annotations
@@ -19,6 +22,7 @@ import serial
 from drivers.clock import Clock
 from drivers.errors import BadReply, NoReply, Unreachable
 from drivers.wires.addresses import SerialAddress
+from drivers.wires.serial_options import Flow, flow_arguments, flow_refused
 
 try:
     import termios
@@ -39,12 +43,15 @@ _SLOWEST_BAUD = 1200  # of a line behind a serial server
 _WRITE_TIMEOUT_S = 5.0
 _LONGEST_REPLY = 1 << 20
 _TALKS_ON_S = 10.0
+_DTR_S = 0.01
+_NOT_SAID = bytes([0x11, 0x13])  # XON and XOFF: flow control, never part of an answer
 
 
 class _Port(Protocol):
     """What is used of a pyserial port; pyserial's own base class does not declare all of it."""
 
     timeout: float | None
+    dtr: bool
 
     @property
     def in_waiting(self) -> int: ...
@@ -60,6 +67,7 @@ class SerialSettings:
     Attributes:
         baud: symbols per second.
         frame: data bits, parity, stop bits.
+        flow: flow control of a real port; a pseudo-terminal or a simulated line has none.
         send_end: what ends a command.
         reply_end: last character of a reply; white space around a reply is not part of it.
         timeout_s: bench seconds within which an ordinary reply is complete.
@@ -71,6 +79,7 @@ class SerialSettings:
 
     baud: int
     frame: Frame = "8N1"
+    flow: Flow = "none"
     send_end: bytes = b"\n"
     reply_end: bytes = b"\n"
     timeout_s: float = 1.0
@@ -110,12 +119,21 @@ class SerialLine:
         self._tap = tap
         self._out_of_step = False
         self._owed = False  # an answer that may still come
+        self._doubtful = False  # something was taken out of the last answer that may have been a changed digit
         self._port: _Port | None = self._open()
 
     @property
     def where(self) -> str:
         """The instrument and its address, as messages name them."""
         return self.label if self.label == self.address else f"{self.label} at {self.address}"
+
+    @property
+    def port_settings(self) -> str:
+        """Settings of the port, as messages name them; empty over TCP, where they are the serial server's."""
+        if not self._place.timed:
+            return ""
+        flow = "" if self.settings.flow == "none" else f", flow control {self.settings.flow}"
+        return f"{self.settings.baud} baud {self.settings.frame}{flow}"
 
     def write(self, text: str) -> None:
         """Send a command that has no reply, at once: it cannot be mistaken for anything. Raises `Unreachable`."""
@@ -145,16 +163,30 @@ class SerialLine:
 
         """
         timeout = self.settings.timeout_s if timeout_s is None else timeout_s
+        lines: list[str] = []
         try:
-            return self._ask(text, count, timeout)
+            lines = self._ask(text, count, timeout)
         except NoReply:
             if not repeat:
                 raise
+        if lines and not (self._doubtful and repeat):
+            return lines
         self.retries += 1
-        return self._ask(text, count, timeout)
+        again = self._ask(text, count, timeout)
+        if self._doubtful and again != lines:
+            raise self.bad_reply(
+                text,
+                "; ".join(again),
+                'text without XON and XOFF; if the instrument sends them, write flow = "xonxoff"',
+            )
+        return again
 
-    def drain(self) -> None:
+    def drain(self, waiting: int = 0) -> None:
         """Listen until the instrument has been silent for `quiet_s`, and forget what it said.
+
+        Args:
+            waiting: bytes that have come in already; where these say nothing (the end of a line, XON, XOFF), that is
+                all. 0 to listen in any case.
 
         Raises:
             BadReply: it never stops talking.
@@ -164,10 +196,14 @@ class SerialLine:
         port = self._port or self._reopened()
         end = self.clock.now() + _TALKS_ON_S
         try:
+            if waiting:
+                heard = port.read(waiting)
+                self._tell_tap(heard)
+                if not _said(heard).strip():
+                    return
             port.timeout = self.clock.timeout(self.settings.quiet_s)
             while heard := port.read(4096):
-                if self._tap:
-                    self._tap(self.label, "rx", heard)
+                self._tell_tap(heard)
                 if self.clock.now() > end:
                     raise BadReply(
                         f"{self.where} sends without being asked: is it set to talk by itself, "
@@ -176,6 +212,33 @@ class SerialLine:
         except _PORT_ERRORS as error:
             self._lost(error)
         self._out_of_step = False
+
+    def device_clear(self, character: str, *, with_dtr: bool) -> None:
+        """Send the character that stands for device clear, and listen until the instrument is silent.
+
+        Args:
+            character: what to send.
+            with_dtr: drop the line DTR meanwhile, without which an instrument that holds up the handshake may not hear
+                it. A pseudo-terminal and a TCP connection have no such line.
+
+        Raises:
+            BadReply: it never stops talking.
+            Unreachable: the port is gone.
+
+        """
+        port = self._port or self._reopened()
+        with_dtr = with_dtr and self._has_dtr
+        try:
+            if with_dtr:
+                port.dtr = False
+            self._send(port, character)
+            if with_dtr:
+                # Not flush(): it never returns while flow control holds up the port.
+                self.clock.sleep(2 * _BITS_PER_CHARACTER / self.settings.baud + _DTR_S)  # it has left the adapter, too
+                port.dtr = True
+        except _PORT_ERRORS as error:
+            self._lost(error)
+        self.drain()
 
     def bad_reply(self, text: str, reply: object, expected: str) -> BadReply:
         """The error for an answer that makes no sense; the line resynchronises before it is used again."""
@@ -194,8 +257,12 @@ class SerialLine:
 
     def _open(self) -> _Port:
         settings = self.settings
-        # A pseudo-terminal carries whole bytes and refuses every other frame.
-        frame = "8N1" if os.path.realpath(self._place.place).startswith("/dev/pts/") else settings.frame
+        if refused := flow_refused(settings.flow, self._place):
+            raise Unreachable(f"{self.where}: {refused}")
+        # A pseudo-terminal carries whole bytes, refuses every other frame and has no lines for flow control.
+        terminal = os.path.realpath(self._place.place).startswith("/dev/pts/")
+        self._has_dtr = self._place.timed and not terminal
+        frame = "8N1" if terminal else settings.frame
         try:
             port = serial.serial_for_url(
                 self._place.place,
@@ -206,6 +273,7 @@ class SerialLine:
                 timeout=self.clock.timeout(settings.timeout_s),
                 write_timeout=None if "://" in self._place.place else _WRITE_TIMEOUT_S,  # rfc2217:// refuses one
                 exclusive=True,
+                **flow_arguments("none" if terminal else settings.flow),
             )
             return cast(_Port, port)
         except _OPEN_ERRORS as error:
@@ -221,11 +289,13 @@ class SerialLine:
     def _in_step(self) -> _Port:
         port = self._port or self._reopened()
         try:
-            stray = port.in_waiting
+            waiting = port.in_waiting
         except _PORT_ERRORS as error:
             self._lost(error)
-        if stray or self._out_of_step:
+        if self._out_of_step:
             self.drain()
+        elif waiting:
+            self.drain(waiting)
         if self._owed and self.settings.sync is not None:
             self._synchronise(port, *self.settings.sync)
         return port
@@ -237,23 +307,23 @@ class SerialLine:
             NoReply: it does not come.
 
         """
-        heard = bytearray()
+        raw, heard = bytearray(), bytearray()
+        timeout_s = self.settings.timeout_s
         self.exchanges += 1
         try:
-            self._limit(port, self.settings.timeout_s)
+            self._limit(port, timeout_s)
             self._send(port, question)
-            end = self.clock.now() + self.settings.timeout_s
-            while not (heard.endswith(self.settings.reply_end) and answer in _last_line(heard)):
-                more = port.read(port.in_waiting or 1)
+            end = self.clock.now() + timeout_s
+            while not (self._ended(heard) and answer in _last_line(heard)):
+                more = self._more(port, raw, timeout_s)
                 if not more or (len(heard) > _LONGEST_REPLY and self.clock.now() > end):
                     self._out_of_step = True
-                    raise self._silent(question, bytes(heard[-40:]), self.settings.timeout_s)
+                    raise self._silent(question, bytes(heard[-40:]), timeout_s)
                 heard += more
         except _PORT_ERRORS as error:
             self._lost(error)
         finally:
-            if self._tap and heard:
-                self._tap(self.label, "rx", bytes(heard))
+            self._tell_tap(raw)
         self._owed = False
         self.drain()  # the same question may have been asked before, in vain
 
@@ -277,36 +347,54 @@ class SerialLine:
             received = self._receive(port, text, count, timeout_s)
         except _PORT_ERRORS as error:
             self._lost(error)
-        if self._tap:
-            self._tap(self.label, "rx", received)
         try:
             lines = received.decode("ascii").split(self.settings.reply_end.decode("ascii"))
         except UnicodeDecodeError:
-            raise self.bad_reply(text, received, "text; do baud rate and frame match the instrument's?") from None
+            doubt = "do baud rate and frame match" if self.port_settings else "do the serial server's settings match"
+            raise self.bad_reply(text, received, f"text; {doubt} the instrument's?") from None
         if len(lines) != count + 1 or lines[-1].strip():
             raise self.bad_reply(text, received, f"{count} line(s)")
         return [line.strip() for line in lines[:-1]]
 
     def _receive(self, port: _Port, text: str, count: int, timeout_s: float) -> bytes:
-        end = self.settings.reply_end
-        received = bytearray()
-        while received.count(end) < count:
-            heard = port.read(port.in_waiting or 1)
-            if not heard:
-                self._out_of_step = self._owed = True
-                if self._tap and received:
-                    self._tap(self.label, "rx", bytes(received))
-                raise self._silent(text, bytes(received), timeout_s)
-            received += heard
-            if len(received) > _LONGEST_REPLY:
-                raise self.bad_reply(text, bytes(received[:40]), "an answer that ends")
+        raw, received = bytearray(), bytearray()
+        try:
+            while received.count(self.settings.reply_end) < count:
+                heard = self._more(port, raw, timeout_s)
+                if not heard:
+                    self._out_of_step = self._owed = True
+                    raise self._silent(text, bytes(received), timeout_s)
+                received += heard
+                if len(received) > _LONGEST_REPLY:
+                    raise self.bad_reply(text, bytes(received[:40]), "an answer that ends")
+        finally:
+            self._tell_tap(raw)
+        answer = raw[: raw.rfind(self.settings.reply_end)]
+        self._doubtful = self.settings.flow != "xonxoff" and len(_said(answer)) < len(answer)
         return bytes(received)
 
+    def _more(self, port: _Port, raw: bytearray, timeout_s: float) -> bytes:
+        """What is said next, flow control taken out; empty if nothing is. All bytes are added to `raw`."""
+        end = self.clock.now() + timeout_s
+        while True:
+            heard = port.read(port.in_waiting or 1)
+            raw += heard
+            said = _said(heard)
+            if said or not heard or self.clock.now() >= end:
+                return said
+
+    def _ended(self, heard: bytearray) -> bool:
+        return self.settings.reply_end in heard[len(heard.rstrip(b"\r\n")) :]
+
+    def _tell_tap(self, heard: bytes | bytearray) -> None:
+        if self._tap and heard:
+            self._tap(self.label, "rx", bytes(heard))
+
     def _silent(self, text: str, received: bytes, timeout_s: float) -> NoReply:
+        settings = f"set to {self.port_settings}" if self.port_settings else "the serial server set as it is"
         return NoReply(
             f"{self.where} answered {f'only {received!r}' if received else 'nothing'} to {text!r} "
-            f"within {timeout_s:g} s; is it switched on, connected, and set to "
-            f"{self.settings.baud} baud {self.settings.frame}?"
+            f"within {timeout_s:g} s; is it switched on, connected, and {settings}?"
         )
 
     def _lost(self, error: BaseException) -> NoReturn:
@@ -317,5 +405,9 @@ class SerialLine:
         raise Unreachable(f"{self.where} was lost ({error}); check cable and power") from error
 
 
+def _said(heard: bytes | bytearray) -> bytes:
+    return bytes(heard.translate(None, _NOT_SAID))
+
+
 def _last_line(heard: bytearray) -> str:
-    return heard.strip().rpartition(b"\n")[2].decode("ascii", "replace")
+    return bytes(heard).splitlines()[-1].decode("ascii", "replace")  # asked only once a line has ended

@@ -60,6 +60,7 @@ class Member:
         sigmas: standard errors by which it falls behind the best, both runs together.
         p_changed: probability of such a difference between its sizes in the two runs if it is the cause.
         shown: standard errors by which the later run shows it.
+        p_shown: probability of `shown` or more by chance if there is nothing of it in the later run; an upper bound.
         limit: standard errors that part two explanations, and one from nothing: three, or more where the error itself
             is known with few degrees of freedom.
         fits: whether it leaves of the later run no more than error.
@@ -67,6 +68,7 @@ class Member:
         coefficients: of the terms, from the later run alone: they owe nothing to the selection.
         intervals: 95 % intervals of them.
         together: coefficients from both runs.
+        intervals_together: 95 % intervals of these.
         sizes: of the cause in the later run alone, in physical terms, by sensor; with a single term with its interval:
             "5.0e-4 deg/g (4.1e-4 deg/g to 5.9e-4 deg/g)". Empty where that run does not tell.
         against: field of the data that its residual is best looked at against.
@@ -77,14 +79,28 @@ class Member:
     sigmas: float
     p_changed: float
     shown: float
+    p_shown: float
     limit: float
     fits: bool
     terms: tuple[str, ...]
     coefficients: tuple[float, ...]
     intervals: tuple[tuple[float, float], ...]
     together: tuple[float, ...]
+    intervals_together: tuple[tuple[float, float], ...]
     sizes: Mapping[str, str]
     against: str
+
+    @property
+    def zero(self) -> tuple[str, ...]:
+        """Names of the terms whose interval by the later run alone holds zero, or that this run does not tell."""
+        return tuple(
+            name for name, (low, high) in zip(self.terms, self.intervals, strict=True) if not (low > 0 or high < 0)
+        )
+
+    @property
+    def seen(self) -> bool:
+        """Whether the later run tells it from nothing, and both runs together give it a size that is not zero."""
+        return self.shown >= self.limit and any(low > 0 or high < 0 for low, high in self.intervals_together)
 
     @property
     def holds(self) -> bool:
@@ -123,7 +139,7 @@ class Confirmation:
             return "none holds"
         if len(self.holding) > 1:
             return "undecided"
-        if self.members[0].shown < self.members[0].limit:
+        if not self.members[0].seen:
             return "not shown"
         return "confirmed" if self.holding == (self.effect,) else "replaced"
 
@@ -264,7 +280,7 @@ def _member(
     sigmas: float,
 ) -> Member:
     q, model = own.shape[1], np.column_stack([own, rest])
-    together = solve(model, both.outputs)
+    together, spread = solve(model, both.outputs)[:q], _errors_of(model)[:q]
     changed = both.columns_in(member.terms, both.fresh)
     wider = np.column_stack([model, changed, shifts])
     more = orthonormal(wider).shape[1] - orthonormal(model).shape[1]
@@ -275,21 +291,36 @@ def _member(
     p = f_tail(gain / more, more, df) if more > 0 else 1.0
     alone, error = _alone(both, member, question.rest)
     t = t_limit(0.95, df)
-    intervals = tuple((float(a - t * e), float(a + t * e)) for a, e in zip(alone, error, strict=True))
+    intervals, wide = _around(alone, error, t), _around(together, spread, t)
     return Member(
         effect=member.effect,
         sigmas=float(sigmas),
         p_changed=float(p),
         shown=float(shown),
+        p_shown=float(f_tail(shown**2 / q, q, df)),
         limit=limit,
         fits=fits,
         terms=tuple(term.term.name + ("" if term.sensor is None else f" ({term.sensor})") for term in member.terms),
         coefficients=tuple(alone.tolist()),
         intervals=intervals,
-        together=tuple(together[:q].tolist()),
+        together=tuple(together.tolist()),
+        intervals_together=wide,
         sizes=_sizes(both, member, alone, intervals),
         against=member.terms[0].effect.against,
     )
+
+
+def _around(values: FloatArray, errors: FloatArray, t: float) -> tuple[tuple[float, float], ...]:
+    """95 % intervals of coefficients; ends that are not known are NaN."""
+    return tuple((float(v - t * e), float(v + t * e)) for v, e in zip(values, errors, strict=True))
+
+
+def _errors_of(model: FloatArray) -> FloatArray:
+    """(q,) standard errors of coefficients of columns (n, q) in units of the error; NaN for a column that is zero."""
+    length = np.linalg.norm(model, axis=0)
+    scale = np.where(length > 0, length, 1.0)
+    errors = np.linalg.norm(np.linalg.pinv(model / scale, rcond=1e-8) / scale[:, None], axis=1)
+    return np.asarray(np.where(length > 0, errors, np.nan))
 
 
 def _limits(both: Together, model: FloatArray) -> tuple[float, bool]:

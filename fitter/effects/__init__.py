@@ -3,7 +3,7 @@
 The order is the order in which equally good explanations are named: simplest and most usual cause first.
 """
 
-from fitter.effects.effect import Alias, Effect, Entry, Scene, Stratum, Term
+from fitter.effects.effect import Alias, Effect, Entry, Scene, Signed, Stratum, Term
 from fitter.effects.head import (
     AXES_NOT_SQUARE,
     BACKLASH_PITCH,
@@ -99,6 +99,7 @@ __all__ = [
     "PressureScene",
     "PressureTerm",
     "Scene",
+    "Signed",
     "Stratum",
     "Term",
     "separate",

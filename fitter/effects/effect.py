@@ -204,6 +204,28 @@ class Alias:
 
 
 @dataclass(frozen=True)
+class Signed:
+    """The sign that physics leaves the coefficients of an effect.
+
+    Attributes:
+        quantity: what would have to be negative: "compliance", "backlash".
+        where: for each term that has one, by name, the sign of its coefficient where the quantity is positive; a term
+            that is not named may have either. A number holds for all terms.
+        otherwise: what a negative value would take, for who reads that it was refused; "" if
+            nothing is known that does it.
+
+    """
+
+    quantity: str
+    where: Mapping[str, int] | int
+    otherwise: str
+
+    def of(self, term: str) -> int:
+        """+1 or -1, or 0 where either is possible."""
+        return self.where if isinstance(self.where, int) else self.where.get(term, 0)
+
+
+@dataclass(frozen=True)
 class Entry:
     """What every catalogue says of an effect, whatever kind of run it is looked for in.
 
@@ -223,6 +245,7 @@ class Entry:
         usual_size: what instruments of this kind show.
         known_aliases: effects that look alike on common designs.
         own: whether a laboratory added it: of what it looks like only its own entry knows.
+        signed: the sign that its coefficients have physically; None where either is possible.
 
     """
 
@@ -238,6 +261,11 @@ class Entry:
     usual_size: str
     known_aliases: Mapping[str, Alias]
     own: bool = field(default=False, kw_only=True)
+    signed: Signed | None = field(default=None, kw_only=True)
+
+    def sign(self, term: str) -> int:
+        """Sign of a term's coefficient, +1 or -1; 0 where either is possible."""
+        return 0 if self.signed is None else self.signed.of(term)
 
 
 @dataclass(frozen=True)

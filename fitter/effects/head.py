@@ -9,10 +9,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fitter.arrays import FloatArray
+from fitter.arrays import FloatArray, IntArray
 from fitter.data import AttitudeData
 from fitter.data import settings as settings_of
-from fitter.effects.effect import Alias, Effect, Scene, Term, fixed
+from fitter.effects.effect import Alias, Effect, Scene, Signed, Term, fixed
 from fitter.effects.sizes import amplitude, arcsec
 
 _BOTH_SIDES = "visit some points twice in one replication, once from each side"
@@ -68,6 +68,18 @@ def periods(angle_deg: FloatArray) -> tuple[float, ...]:
     return tuple(k for k in np.arange(spacing, 180.0 / step + 1e-6, spacing).tolist() if k not in (1.0, 2.0))
 
 
+_PLAY = Signed(
+    "backlash",
+    +1,
+    "an axis that goes beyond where it was sent, as one does whose controller corrects backlash by too much",
+)
+
+
+def _late(side: IntArray) -> FloatArray:
+    """(n,) error of an angle for a backlash of one: the axis stops short of where it was sent."""
+    return np.asarray(side / -2.0)
+
+
 BACKLASH_PITCH = Effect(
     name="backlash-pitch",
     cause="the pitch axis stops short by half the backlash, on the side it arrived from",
@@ -77,7 +89,8 @@ BACKLASH_PITCH = Effect(
     unit="deg",
     size=arcsec,
     against="pitch_deg",
-    terms=fixed(pitch_error("side/2", lambda scene: scene.data.pitch_side.astype(np.float64) / 2)),
+    terms=fixed(pitch_error("(-side/2)", lambda scene: _late(scene.data.pitch_side))),
+    signed=_PLAY,
     separate_by=_BOTH_SIDES,
     usual_size="arc seconds, 1e-3 deg",
     known_aliases={
@@ -99,7 +112,8 @@ BACKLASH_ROLL = Effect(
     unit="deg",
     size=arcsec,
     against="roll_deg",
-    terms=fixed(roll_error("side/2", lambda scene: scene.data.roll_side.astype(np.float64) / 2)),
+    terms=fixed(roll_error("(-side/2)", lambda scene: _late(scene.data.roll_side))),
+    signed=_PLAY,
     separate_by=_BOTH_SIDES,
     usual_size="arc seconds, 1e-3 deg",
     known_aliases={"roll-head-once-per-turn": Alias("where every replication walks the same path", _BOTH_SIDES)},

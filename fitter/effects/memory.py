@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitter.effects.effect import Alias, Effect, Term, fixed
+from fitter.effects.effect import Alias, Effect, Signed, Term, fixed
 from fitter.effects.head import pitch_error, roll_error
 from fitter.effects.sizes import micro, relative
 
 _FLAT = "read both sides where the output hardly depends on the angle: backlash is gone there, hysteresis is not"
+_AT_REST = Signed("share of its last move", +1, "an axis that is beyond where it was sent, by an overshoot")
 
 
 HYSTERESIS_PITCH = Effect(
@@ -76,6 +77,7 @@ SETTLING_PITCH = Effect(
     size=lambda values, _S_V: f"{1e6 * next(iter(values.values())):.3g} ppm of the move",
     against="elapsed_s",
     terms=fixed(pitch_error("(previous-present)", lambda s: s.data.previous_pitch_deg - s.data.pitch_deg)),
+    signed=_AT_REST,
     separate_by="settle twice as long at some points after large moves of pitch",
     usual_size="1e-5 of the move",
     known_aliases={},
@@ -92,6 +94,7 @@ SETTLING_ROLL = Effect(
     size=lambda values, _S_V: f"{1e6 * next(iter(values.values())):.3g} ppm of the move",
     against="elapsed_s",
     terms=fixed(roll_error("(previous-present)", lambda s: s.data.previous_roll_deg - s.data.roll_deg)),
+    signed=_AT_REST,
     separate_by="settle twice as long at some points after large moves of roll",
     usual_size="1e-5 of the move",
     known_aliases={

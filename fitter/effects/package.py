@@ -10,7 +10,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.data import AttitudeData
-from fitter.effects.effect import Alias, Effect, Scene, Term, fixed
+from fitter.effects.effect import Alias, Effect, Scene, Signed, Term, fixed
 from fitter.effects.head import REVERSED
 from fitter.effects.moments import Moment, starts
 from fitter.effects.sizes import arcsec, each
@@ -64,6 +64,12 @@ ISOLATION_PADS = Effect(
     against="pitch_deg",
     # about y first: the sag in the pitch plane that the paper shows, sin 2a cos R on an x sensor
     terms=fixed(*(_sag(about, along) for about in (1, 2, 0) for along in range(3))),
+    # a centre of mass above the pads: the package leans further the way it leans; what stands off to a side, either way
+    signed=Signed(
+        "compliance",
+        {"about y by weight along x": +1, "about x by weight along y": -1},
+        "a package that hangs below its pads or is mounted otherwise than declared, or a mass below the roll axis",
+    ),
     separate_by="lock the pads and repeat a few points: the sag goes",
     usual_size="4e-4 deg",
     known_aliases={

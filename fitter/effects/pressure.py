@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 from fitter.effects.effect import Entry
+from fitter.effects.noise import NOISE_GROWS
 from fitter.effects.pressure_line import (
     CARRY_OVER,
     HEAD_CORRECTION,
@@ -45,7 +46,7 @@ from fitter.effects.pressure_time import (
 from fitter.effects.sizes import each
 
 GROWING_NOISE = Entry(
-    name="noise-grows-with-pressure",
+    name=NOISE_GROWS,
     cause="readings scatter more the higher the pressure: sd = a + b P",
     source="sensor",
     scope="sensor",

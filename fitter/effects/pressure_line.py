@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from fitter.arrays import FloatArray
-from fitter.effects.effect import Alias
+from fitter.effects.effect import Alias, Signed
 from fitter.effects.pressure_scene import (
     AT_EASE,
     SECOND_GAUGE,
@@ -49,6 +49,7 @@ CARRY_OVER = PressureEffect(
     usual_size="1e-3 of the step, where settling is short",
     known_aliases={"creep": Alias("with a single transducer", SECOND_GAUGE)},
     terms=fixed(("P_before-P", lambda s: -s.change_psia), *map(settling, SETTLES_H)),
+    signed=Signed("share of the pressure before", +1, "a line that goes beyond the pressure it was set to"),
     searched=True,
 )
 TRANSPIRATION = PressureEffect(
@@ -64,6 +65,7 @@ TRANSPIRATION = PressureEffect(
     usual_size="one, if the bore is right",
     known_aliases={},
     terms=fixed(*map(_transpiration, BORES_MM)),
+    signed=Signed("thermal transpiration", +1, ""),
     searched=True,
     at_most=10.0,
 )
@@ -115,6 +117,7 @@ LINE_LEAK = PressureEffect(
         ("(14.7-P)*wait", lambda s: s.pull * s.waited_h),
         ("(14.7-P)*time in the whole plot", lambda s: s.pull * s.since_h),
     ),
+    signed=Signed("leak", +1, "a pump between the controller and the transducers"),
 )
 HEAD_CORRECTION = PressureEffect(
     name="head-correction",

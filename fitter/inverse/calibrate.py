@@ -7,18 +7,19 @@ not spoil the coefficients, and left behind: a note says so.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
 from fitter.arrays import FloatArray
-from fitter.attitude import COLUMNS, attitude_columns, fit_columns, nominal_axis, sensitive_axis
+from fitter.attitude import COLUMNS, attitude_columns, fit_columns, nominal_axis, sensitive_axis, sigma_deg
 from fitter.calibration import drifting
 from fitter.data import AttitudeData
 from fitter.effects import CATALOGUE
 from fitter.inverse.calibration import AttitudeCalibration, Drift, with_roll
 from fitter.inverse.sensor_model import SensorModel, Term
 from fitter.linear import LinearFit, least_squares
+from fitter.misfit import lacks_fit
 from fitter.replication import analyse, replication_spread
 from fitter.temperature import Temperature
 
@@ -37,12 +38,22 @@ _BASES = (
 _EXACT = 1e-7
 
 
+class NotApplicable(ValueError):
+    """An effect of the package that is no function of gravity and temperature, so that no use can apply it."""
+
+    def __init__(self, effect: str) -> None:
+        """Take the effect's name."""
+        super().__init__(f"{effect} is no function of gravity in the package and its temperature: it cannot be applied")
+        self.effect = effect
+
+
 def calibrate_package(
     data: AttitudeData,
     sensors: Sequence[str] | None = None,
     *,
     effects: Mapping[str, Mapping[str, FloatArray]] | None = None,
     temperature: bool = False,
+    left_behind: Collection[str] = (),
 ) -> AttitudeCalibration:
     """Fit the sensors of one run, with the correlation of their coefficients: a head that shakes moves all of them.
 
@@ -52,12 +63,14 @@ def calibrate_package(
         effects: by name and sensor, (n,) volts each adds to the observations, as `FoundEffect.contribution_V`. Its
             size is fitted again beside the model, so that its uncertainty is in the covariance.
         temperature: fit offset and sensitivity as linear in the sensor temperature (section 9, row 28(b) of Table 2).
+        left_behind: effects that are fitted and not applied in use, besides those of the head and the night.
 
     Raises:
         KeyError: there is no such output.
         fitter.linear.RankError: the points do not determine the model with its effects.
-        ValueError: no sensor temperature was recorded or it never changed, an effect has another number of
-            observations, or an effect of the package cannot be carried over to other attitudes.
+        NotApplicable: an effect of the package cannot be carried over to other attitudes.
+        ValueError: no sensor temperature was recorded or it never changed, or an effect has another number of
+            observations.
 
     """
     chosen = data.sensors if sensors is None else tuple(sensors)
@@ -83,8 +96,9 @@ def calibrate_package(
         columns = np.column_stack([base, *shapes.values()])
         # the plain fit has seen that no column of the model is empty; those of effects are volts and may be small
         fit = least_squares(columns, y, (*plain.names, *shapes))
-        left |= _LEFT_BEHIND & set(shapes)
-        terms, to_model = _model_of(shapes, g, warmth, base.shape[1])
+        behind = (_LEFT_BEHIND | set(left_behind)) & set(shapes)
+        left |= behind
+        terms, to_model = _model_of(shapes, behind, g, warmth, base.shape[1])
         letter = _axis_letter(name, data, fit, base.shape[1])
         models.append(SensorModel(name, letter, to_model @ fit.coefficients, fit.sigma, fit.df, terms))
         maps.append(to_model)
@@ -96,6 +110,16 @@ def calibrate_package(
         tables.append(analyse(alone, base, corrected, data.point, data.replicate_index, extra, extra.shape[1]))
         spreads.append(replication_spread(base, corrected, data.replicate_index, alone))
     notes = [f"fitted beside the model and not applied in use: {', '.join(sorted(left))}"] if left else []
+    lacking = [
+        f"{name} ({sigma_deg(table.sigma_bias, float(np.linalg.norm(model.sensitive_axis))):.2g} deg rms)"
+        for name, table, model in zip(chosen, tables, models, strict=True)
+        if lacks_fit(table)
+    ]
+    if lacking:
+        notes.append(
+            f"lack of fit is left in {', '.join(lacking)}: model error, which repeats in every replication, is not in "
+            "standard deviations and intervals"
+        )
     covariance, drift = _joint(fits, maps, solvers, np.array(residuals)), None
     if any(drifting(table) for table in tables):
         drift = Drift(
@@ -155,13 +179,13 @@ def _joint(
 
 
 def _model_of(
-    shapes: Mapping[str, FloatArray], g: FloatArray, warmth: FloatArray, k: int
+    shapes: Mapping[str, FloatArray], behind: Collection[str], g: FloatArray, warmth: FloatArray, k: int
 ) -> tuple[tuple[Term, ...], FloatArray]:
     """Terms of all effects, and the (4 + q, k + p) matrix from fitted coefficients to the model's."""
     terms: list[Term] = []
     columns = []
     for effect, shape in shapes.items():
-        weights = {} if effect in _LEFT_BEHIND else _as_terms(effect, shape, g, warmth)
+        weights = {} if effect in behind else _as_terms(effect, shape, g, warmth)
         for term in weights:
             if term not in terms:
                 terms.append(term)
@@ -185,7 +209,7 @@ def _as_terms(effect: str, shape: FloatArray, g: FloatArray, warmth: FloatArray)
             reach = np.abs(weights) * np.linalg.norm(columns, axis=0)
             kept = reach > _EXACT * scale
             return {t: float(w) for t, w, keep in zip(terms, weights, kept, strict=True) if keep}
-    raise ValueError(f"{effect} is no function of gravity in the package and its temperature: it cannot be applied")
+    raise NotApplicable(effect)
 
 
 def _axis_letter(name: str, data: AttitudeData, fit: LinearFit, k: int) -> str:

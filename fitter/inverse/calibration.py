@@ -74,6 +74,8 @@ class AttitudeCalibration:
         reference_degC: temperature at which temperature terms are zero.
         notes: what a reader should know: effects that were left out, and why.
         drift: what a use sees where the parameters drift between replications; None where they do not.
+        alternatives: the same calibration with another member of a class of causes that the data cannot separate in
+            the place of the one that was named: (named, member, calibration). Intervals in use cover all of them.
 
     """
 
@@ -86,6 +88,7 @@ class AttitudeCalibration:
     reference_degC: float | None = None
     notes: tuple[str, ...] = field(default=())
     drift: Drift | None = None
+    alternatives: tuple[tuple[str, str, AttitudeCalibration], ...] = ()
 
     def __post_init__(self) -> None:
         if not self.sensors:
@@ -180,7 +183,8 @@ class AttitudeCalibration:
             sigma_df=self.drift.sigma_df[picked],
         )
         sensors = tuple(self.sensors[i] for i in picked)
-        return replace(self, sensors=sensors, covariance=self.covariance[block], drift=drift)
+        others = tuple((named, member, other.only(names)) for named, member, other in self.alternatives)
+        return replace(self, sensors=sensors, covariance=self.covariance[block], drift=drift, alternatives=others)
 
     @classmethod
     def from_fits(cls, fits: Sequence[AttitudeFit]) -> AttitudeCalibration:
@@ -226,6 +230,10 @@ class AttitudeCalibration:
             "degC_range": None if self.degC_range is None else list(self.degC_range),
             "reference_degC": self.reference_degC,
             "notes": list(self.notes),
+            "alternatives": [
+                {"named": named, "member": member, "calibration": other.to_dict()}
+                for named, member, other in self.alternatives
+            ],
         }
 
     @staticmethod
@@ -272,6 +280,10 @@ class AttitudeCalibration:
                     float(drift["df"]),
                     np.array(drift["sigma_V"], np.float64),
                     np.array(drift["sigma_df"], np.float64),
+                ),
+                alternatives=tuple(
+                    (str(one["named"]), str(one["member"]), AttitudeCalibration.from_dict(one["calibration"]))
+                    for one in given.get("alternatives", ())
                 ),
             )
         except (KeyError, TypeError) as problem:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fitter.arrays import FloatArray
 from fitter.inverse import two_axis
+from fitter.inverse.alternatives import cover
 from fitter.inverse.answer import (
     BAD_READING,
     BOTH_OPEN,
@@ -85,6 +87,9 @@ def infer_attitude(
     (a, R) and (180 deg - a, R + 180 deg) are one attitude: which of the two is given, and which solution where the
     package has several (`InferredAttitude.assumed`), is that on the side of `near_deg`.
 
+    Where the calibration has alternatives (causes that its data cannot separate) angles are those of the causes named,
+    and intervals cover all of them.
+
     Args:
         calibration: of the package.
         outputs_V: (n, S), or (n,) of a single sensor.
@@ -102,6 +107,42 @@ def infer_attitude(
         ValueError: the arrays do not fit the calibration, or the sensors cannot tell what is asked.
 
     """
+    given: dict[str, Any] = {
+        "roll_deg": roll_deg,
+        "roll_sd_deg": roll_sd_deg,
+        "near_deg": near_deg,
+        "noise_sd_V": noise_sd_V,
+        "weighted": weighted,
+    }
+    out = _as_named(calibration, outputs_V, sensor_temperature_degC=sensor_temperature_degC, **given)
+    found, untold = [], []
+    for named, member, other in calibration.alternatives:
+        if other.needs_temperature and sensor_temperature_degC is None:
+            untold.append(member)
+        else:
+            degC = sensor_temperature_degC
+            found.append((named, _as_named(other, outputs_V, sensor_temperature_degC=degC, **given)))
+    cover(out, found, "pitch")
+    if roll_deg is None and calibration.roll:
+        cover(out, found, "roll")
+    if untold:
+        everywhere = np.ones(len(out.flag), np.bool_)
+        reason(out.flag, everywhere, f"the interval leaves out {', '.join(untold)}: no sensor temperature is given")
+    return out
+
+
+def _as_named(
+    calibration: AttitudeCalibration,
+    outputs_V: ArrayLike,
+    *,
+    roll_deg: ArrayLike | None,
+    roll_sd_deg: ArrayLike,
+    near_deg: tuple[ArrayLike, ArrayLike] | None,
+    sensor_temperature_degC: ArrayLike | None,
+    noise_sd_V: ArrayLike | None,
+    weighted: bool,
+) -> InferredAttitude:
+    """See `infer_attitude`; by one calibration, without its alternatives."""
     outputs = np.asarray(outputs_V, np.float64)
     outputs = outputs[:, None] if outputs.ndim == 1 and len(calibration.sensors) == 1 else outputs
     if outputs.ndim != 2 or outputs.shape[1] != len(calibration.sensors):

@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from collections.abc import Set as AbstractSet
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.effects import Entry
+from fitter.trace.signs import Impossible, impossible
 from fitter.trace.whitened import Whitened
 
 DELTA = 9.0
@@ -51,6 +52,7 @@ class Rival:
         terms: indices of the candidates that make it up.
         sigmas: how far behind the best explanation it is, in standard errors.
         searched: whether a constant in its columns was searched.
+        refused: terms that would need the sign that physics does not leave them; such a rival is no explanation.
 
     """
 
@@ -58,11 +60,12 @@ class Rival:
     terms: tuple[int, ...]
     sigmas: float
     searched: bool = False
+    refused: tuple[Impossible, ...] = ()
 
     @property
     def alias(self) -> bool:
-        """Whether the data cannot tell it from the best."""
-        return self.sigmas**2 <= DELTA
+        """Whether the data cannot tell it from the best, and physics allows it."""
+        return not self.refused and self.sigmas**2 <= DELTA
 
 
 def rivals(
@@ -98,13 +101,34 @@ def rivals(
     for name, terms in of.items():
         if name != effect and name not in held:
             paths.append(_path(products, terms, searched=name in searched))
-    best = min(min(path.values()) for path in paths)
-    explanations = [_smallest(path, best) for path in paths]
-    return tuple(
-        Rival(name, terms, float(np.sqrt(price - best)), name in searched)
-        for terms, price in sorted(explanations, key=lambda explanation: explanation[1])
-        for name in (candidates[terms[0]].effect.name,)
-    )
+    best = min(min(path.values()) for path in paths if path)
+    found = [_rival(candidates, _smallest(path, best), best, searched) for path in paths if path]
+    allowed = {rival.effect for rival in found if rival.alias}
+    free = replace(products, signs=None)
+    for name, terms in of.items():
+        if name in allowed or name == effect or name in held or not products.signed(terms):
+            continue
+        fit, price = _smallest(_path(free, terms, searched=name in searched), best)
+        wrong = products.impossible(fit)
+        if wrong and price - best <= DELTA:
+            found = [rival for rival in found if rival.effect != name]
+            found.append(replace(_rival(candidates, (fit, max(price, best)), best, searched), refused=wrong))
+    return tuple(sorted(found, key=lambda rival: (bool(rival.refused), rival.sigmas)))
+
+
+def _rival(
+    candidates: Sequence[Named], fit: tuple[tuple[int, ...], float], best: float, searched: AbstractSet[str]
+) -> Rival:
+    terms, price = fit
+    name = candidates[terms[0]].effect.name
+    return Rival(name, terms, float(np.sqrt(price - best)), name in searched)
+
+
+def separation(explanations: Sequence[Rival], name: str) -> dict[str, float]:
+    """Standard errors by which every other explanation falls behind the one of this name, by effect."""
+    best = next(rival.sigmas for rival in explanations if rival.effect == name)
+    others = [rival for rival in explanations if rival.effect != name and not rival.refused]
+    return {rival.effect: round(max(rival.sigmas - best, 0.0), 2) for rival in others}
 
 
 def simplest(candidates: Iterable[Rival]) -> Rival:
@@ -114,10 +138,26 @@ def simplest(candidates: Iterable[Rival]) -> Rival:
 
 @dataclass(frozen=True, eq=False)
 class Products:
-    """All that refits need: products of the candidates' columns (J, J), and with the outputs (J,)."""
+    """All that refits need.
+
+    Attributes:
+        columns: (J, J) products of the candidates' columns.
+        outputs: (J,) of these and the outputs.
+        signs: (J,) that coefficients have physically, 0 for either; None where none is asked.
+
+    """
 
     columns: FloatArray
     outputs: FloatArray
+    signs: FloatArray | None = None
+
+    def signed(self, units: Iterable[tuple[int, ...]]) -> bool:
+        """Whether any of these candidates has a sign."""
+        return self.signs is not None and any(self.signs[j] for unit in units for j in unit)
+
+    def impossible(self, terms: tuple[int, ...]) -> tuple[Impossible, ...]:
+        """Those of `terms`, fitted together, that have the wrong sign for certain."""
+        return () if self.signs is None else impossible(self.columns, self.outputs, terms, self.signs)
 
     @classmethod
     def of(cls, white: Whitened) -> Products:
@@ -134,7 +174,7 @@ class Products:
         """
         gone = np.diag(self.columns) <= NOTHING_LEFT**2 * length2
         kept = np.where(gone, 0.0, 1.0)
-        return Products(self.columns * np.outer(kept, kept), self.outputs * kept)
+        return replace(self, columns=self.columns * np.outer(kept, kept), outputs=self.outputs * kept)
 
     def price(self, terms: tuple[int, ...]) -> float:
         """Residual sum of squares with `terms` fitted, less that without them, plus the price of the columns."""
@@ -157,6 +197,9 @@ def _path(
     price = np.inf
     while len(taken) < sum(map(len, units)):
         tries = {unit: products.price((*taken, *unit)) for unit in units if unit[0] not in taken}
+        tries = {unit: price for unit, price in tries.items() if not products.impossible((*taken, *unit))}
+        if not tries:
+            break
         best = min(tries, key=lambda unit: tries[unit])
         if tries[best] >= price:
             break

@@ -9,11 +9,12 @@ import numpy as np
 from fitter.arrays import FloatArray
 from fitter.attitude import attitude_columns
 from fitter.data import AttitudeData
-from fitter.linear import LinearFit, least_squares
+from fitter.linear import LinearFit, RankError, least_squares
 from fitter.replication import Replication, analyse
 from fitter.temperature import Temperature
 from fitter.trace.aliases import NOTHING_LEFT
 from fitter.trace.levels import Level
+from fitter.trace.not_kept import independent
 from fitter.trace.problem import Problem, raw_columns
 from fitter.trace.robust import walked
 from fitter.trace.score import errors
@@ -28,6 +29,7 @@ class Estimate:
 
     Attributes:
         chosen: indices of the candidates in the model.
+        told_apart: those of them that are no combinations of those before; the others have coefficients of zero.
         level: "declared" if all observations were fitted as one, "replications" if each replication was given
             parameters of its own because they drift beyond what the effects explain.
         gamma: (q,) their coefficients.
@@ -40,6 +42,7 @@ class Estimate:
     """
 
     chosen: tuple[int, ...]
+    told_apart: tuple[int, ...]
     level: Level
     gamma: FloatArray
     covariance: FloatArray
@@ -69,16 +72,25 @@ def _joint(fit: LinearFit, h: FloatArray, effects: FloatArray, covariance: Float
 
 
 def coefficients(problem: Problem, chosen: tuple[int, ...], level: Level) -> tuple[FloatArray, FloatArray]:
-    """(q,) coefficients of the `chosen` candidates, fitted at one level, and their (q, q) covariance."""
+    """(q,) coefficients of the `chosen` candidates, fitted at one level, and their (q, q) covariance.
+
+    A candidate whose column is a combination of those of the candidates before it has a coefficient of zero.
+    """
     if not chosen:
         return np.zeros(0), np.zeros((0, 0))
     picked, sigma = list(chosen), errors(problem, chosen)[:, None]
     white = problem.columns_at(level, picked) / sigma[:, :, None]
     columns = white.reshape(-1, len(picked))
     names = [f"{problem.candidates[j].effect.name} {problem.candidates[j].term.name}" for j in picked]
-    solved = least_squares(columns, (problem.outputs_at(level) / sigma).reshape(-1), names)
-    spread = solved.root @ solved.root.T
-    return solved.coefficients, spread + spread @ walked(problem, white) @ spread
+    y, kept = (problem.outputs_at(level) / sigma).reshape(-1), list(range(len(picked)))
+    try:
+        solved = least_squares(columns, y, names)
+    except RankError:
+        kept = independent(columns)
+        solved = least_squares(columns[:, kept], y, [names[k] for k in kept])
+    spread, gamma = np.zeros((len(picked), len(picked))), np.zeros(len(picked))
+    spread[np.ix_(kept, kept)], gamma[kept] = solved.root @ solved.root.T, solved.coefficients
+    return gamma, spread + spread @ walked(problem, white) @ spread
 
 
 def concerns(problem: Problem, j: int) -> FloatArray:
@@ -117,4 +129,5 @@ def _estimate_at(problem: Problem, chosen: tuple[int, ...], level: Level) -> Est
         tables.append(analyse(fit, h, corrected[i], data.point, data.replicate_index, extra, extra.shape[1]))
         fits.append(_joint(fit, h, effects[i][:, own], covariance[np.ix_(own, own)]))
         temperatures.append(temperature)
-    return Estimate(chosen, level, gamma, covariance, corrected, tuple(fits), tuple(temperatures), tuple(tables))
+    apart = tuple(j for j, error in zip(chosen, np.diag(covariance), strict=True) if error > 0)
+    return Estimate(chosen, apart, level, gamma, covariance, corrected, tuple(fits), tuple(temperatures), tuple(tables))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,16 +13,19 @@ from fitter.calibration import AttitudeFit
 from fitter.data import AttitudeData
 from fitter.effects import Effect, separate
 from fitter.effects.unnamed import NAMELESS
+from fitter.linear import orthonormal
 from fitter.replication import Replication
-from fitter.trace.aliases import Rival
+from fitter.trace.aliases import Rival, separation
 from fitter.trace.estimate import Estimate, concerns, predict
 from fitter.trace.judge import AttitudeJudge
 from fitter.trace.noise import noise_findings, outlier_finding
+from fitter.trace.not_kept import NotKept, for_others
 from fitter.trace.outliers import outliers
 from fitter.trace.problem import Problem, raw_columns
 from fitter.trace.remainder import shared_attitude, strongest_wave
 from fitter.trace.result import Found, FoundEffect, SensorTrace, Unnamed, verdict
 from fitter.trace.score import RESOLVED
+from fitter.trace.shares import of_rest, shares, unnamed_part
 
 UNEXPLAINED = 1e-3
 """Lack of fit or drift below this probability is something that remains."""
@@ -34,6 +38,7 @@ def sensor_trace(
     judge: AttitudeJudge,
     whole: AttitudeData,
     aside: IntArray,
+    not_kept: tuple[NotKept, ...],
     before: Estimate,
     after: Estimate,
     classes: dict[str, tuple[Rival, ...]],
@@ -46,6 +51,7 @@ def sensor_trace(
         judge: of the run without its outliers, after the search.
         whole: the run.
         aside: rows of the outliers.
+        not_kept: candidates that were not kept, of any sensor.
         before: the declared model.
         after: the same with what was found.
         classes: all explanations of each effect found, by its name.
@@ -56,17 +62,21 @@ def sensor_trace(
     problem = judge.problem
     sensor = problem.sensors[i]
     declared: AttitudeFit = problem.fits[sensor]
+    rest = _unnamed(problem, after, i)
+    shown = [e for name in classes if (e := _found(judge, whole, after, classes[name], name, i)) is not None]
+    divided = _shares(problem, after, [effect.effect for effect in shown], unnamed_part(rest), i)
     every = sorted(
-        (e for name in classes if (e := _found(judge, whole, before, after, classes[name], name, i)) is not None),
+        (replace(effect, share=float(share)) for effect, share in zip(shown, divided, strict=True)),
         key=lambda effect: -effect.share,
     )
+    fell = after.tables[i].sigma_E < before.tables[i].sigma_E
     smooth = tuple(effect for effect in every if effect.effect in NAMELESS)
     effects = tuple(effect for effect in every if effect.effect not in NAMELESS)
-    unnamed = (*(_added(problem, after, one, i) for one in smooth), *_unnamed(problem, after, i))
+    unnamed = (*(_added(problem, after, one, i) for one in smooth), *of_rest(divided, rest))
     return SensorTrace(
         sensor=sensor,
         declared=declared.declared,
-        verdict=verdict(bool(effects), bool(unnamed)),
+        verdict=verdict(found=bool(effects), fell=fell, rest=unnamed),
         before=before.tables[i],
         after=after.tables[i],
         cv_rms_before=None if cv is None else float(cv[0]),
@@ -82,6 +92,10 @@ def sensor_trace(
         residual_after_V=residual_of(problem, after, whole)[i],
         temperature_recorded=problem.scene.temperature_degC is not None,
         smooth=smooth,
+        keeping=(
+            *(one.sentence for one in not_kept if one.sensor in (None, sensor)),
+            *(() if fell else (for_others(effect.effect) for effect in effects)),
+        ),
         noise=(*noise_findings(problem, after, i), *_outliers(problem, whole, aside, after, i)),
     )
 
@@ -109,7 +123,6 @@ def _outliers(problem: Problem, whole: AttitudeData, aside: IntArray, after: Est
 def _found(
     judge: AttitudeJudge,
     whole: AttitudeData,
-    before: Estimate,
     after: Estimate,
     explanations: tuple[Rival, ...],
     name: str,
@@ -130,14 +143,8 @@ def _found(
     own = {part.term.name: float(after.gamma[k]) for k, part in parts.items() if part.sensor in (None, sensor)}
     stratum = judge.stratum_of(after.chosen, picked[shown[0]])
     stderr = np.sqrt(np.diag(after.covariance)) * (_apart(problem, after, mine) if stratum == "replication" else 1.0)
-    h = problem.fits[sensor].columns(problem.scene.data.pitch_deg, problem.scene.data.roll_deg)
     shape = [problem.candidates[picked[k]] for k in mine]
-    without = after.corrected[i] + contribution
-    own_columns = np.column_stack([h, problem.fits[sensor].beside(problem.scene.data)])
-    rss_without = float(np.sum((without - own_columns @ np.linalg.lstsq(own_columns, without, rcond=None)[0]) ** 2))
-    excess = before.fits[i].rss - after.fits[i].df * _pure_variance(after.tables[i])
     p = min(judge.p_adjusted(after.chosen, picked[k]) for k in shown)
-    best = next(rival for rival in explanations if rival.effect == name)
     alike = [problem.candidates[r.terms[0]].effect for r in explanations if r.alias and r.effect != name]
     peak = float(np.max(np.abs(contribution)))
     return FoundEffect(
@@ -151,14 +158,30 @@ def _found(
         size=effect.size(own, problem.fits[sensor].parameters.S_V),
         p_adjusted=p,
         p_adjusted_is_bound=p == judge.family.least,
-        share=float(np.clip((rss_without - after.fits[i].rss) / excess, 0.0, 1.0)) if excess > 0 else 0.0,
+        share=0.0,  # of all together: `_shares`
         aliases=tuple(other.name for other in alike),
-        separation={r.effect: round(max(r.sigmas - best.sigmas, 0.0), 2) for r in explanations if r.effect != name},
+        separation=separation(explanations, name),
         separate_by=f"{_experiments(effect, alike)}; it reaches {peak:.2g} V "
         f"({np.degrees(peak / problem.fits[sensor].parameters.S_V):.2g} deg) here",
         contribution_V=raw_columns(problem.scene.on(whole), shape)[i] @ after.gamma[mine],
         against=effect.against,
     )
+
+
+def _shares(problem: Problem, after: Estimate, names: list[str], unnamed: float, i: int) -> FloatArray:
+    """Share of each effect in the error of sensor `i` beyond scatter; `unnamed`: part of what is left that is none."""
+    data, table = problem.scene.data, after.tables[i]
+    declared = problem.fits[problem.sensors[i]]
+    columns = np.column_stack([declared.columns(data.pitch_deg, data.roll_deg), declared.beside(data)])
+    basis = orthonormal(columns)
+    effects = [problem.candidates[j] for j in after.chosen]
+    parts = raw_columns(problem.scene, effects)[i] * after.gamma
+    added = [parts[:, [k for k, c in enumerate(effects) if c.effect.name == name]].sum(axis=1) for name in names]
+    every = np.column_stack([*added, data.outputs[problem.sensors[i]]])
+    *beyond, residual = (every - basis @ (basis.T @ every)).T
+    known = np.isfinite(table.sigma_pr)
+    variance = table.sigma_pr**2 if known else table.sigma_E**2 * (1.0 - unnamed)
+    return shares(beyond, residual, after.fits[i].df * float(variance))
 
 
 def _apart(problem: Problem, after: Estimate, mine: list[int]) -> float:
@@ -204,7 +227,8 @@ def _unnamed(problem: Problem, after: Estimate, i: int) -> tuple[Unnamed, ...]:
     if table.bias.p < UNEXPLAINED:
         rest.append(strongest_wave(problem, after.corrected[i]))
     if problem.wander[i] > 0:
-        rest.append(Unnamed("along the run: the offset takes a random walk", _walk_share(problem, i)))
+        walk = "along the run: the offset takes a random walk"
+        rest.append(Unnamed(walk, _walk_share(problem, i), stratum="noise"))
     elif table.drift.p < UNEXPLAINED:
         share = 1.0 - _pure_variance(table) / table.sigma_E**2
         rest.append(Unnamed("between replications: the parameters drift", float(np.clip(share, 0.0, 1.0))))

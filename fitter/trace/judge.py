@@ -20,6 +20,7 @@ from fitter.trace.refine import refined
 from fitter.trace.replications import Between, Slow, between_replications, slow_of
 from fitter.trace.robust import second_thoughts
 from fitter.trace.score import Scores, beside, errors, score
+from fitter.trace.signs import Impossible
 
 BETWEEN = 5 / 7, 1 / 7
 """Of ALPHA, for tests between replications without and with a constant that is searched: 2.5 % and 0.5 % of runs,
@@ -60,12 +61,27 @@ class AttitudeJudge:
         problem = refined(self.problem, chosen)
         return self if problem is self.problem else replace(self, problem=problem)
 
+    @cached_property
+    def signs(self) -> FloatArray:
+        """(J,) sign that each candidate's coefficient has physically; 0 where either is possible."""
+        return np.array([c.effect.sign(c.term.name) for c in self.candidates], np.float64)
+
+    @cached_property
+    def _unit_signs(self) -> FloatArray:
+        """(U,) the same of units of one column; those of several have none."""
+        return np.array([self.signs[unit[0]] if len(unit) == 1 else 0.0 for unit in self.problem.units])
+
+    def possible(self, scores: Scores) -> NDArray[np.bool_]:
+        """(U,) units whose coefficient has no sign that physics does not leave it."""
+        return np.asarray(scores.sign * self._unit_signs >= 0)
+
     def best(self, chosen: tuple[int, ...]) -> tuple[int, ...]:
         """The unit that removes most beside those `chosen`, of those that stand out."""
         if not self.candidates:
             return ()
         scores = score(self.problem, chosen)
-        found = np.flatnonzero((scores.p <= self.family.critical) & self._open)
+        able = self._open & self.possible(scores)
+        found = np.flatnonzero((scores.p <= self.family.critical) & able)
         for u in found[np.argsort(-scores.gain[found])].tolist():
             if self._again(chosen, u, scores) <= ALPHA:
                 return self.problem.units[u]
@@ -93,7 +109,7 @@ class AttitudeJudge:
         sigma = errors(problem, chosen)
         left = beside(problem, estimate(problem, chosen).level, rest, every, sigma)
         length2 = np.sum((problem.length / sigma[:, None]) ** 2, axis=0)
-        products = Products(left.columns.sum(axis=0), left.outputs.sum(axis=0)).without(length2)
+        products = Products(left.columns.sum(axis=0), left.outputs.sum(axis=0), self.signs).without(length2)
         sensors = {problem.sensors[i] for j in group for i in np.flatnonzero(concerns(problem, j) > 0.01)}
         barred = (self.shut | NAMELESS) - {effect}
         named = [unit for unit in problem.units if problem.candidates[unit[0]].effect.name not in barred]
@@ -121,6 +137,8 @@ class AttitudeJudge:
         if (frozenset(others), u) in self._known:
             return self._known[frozenset(others), u]
         scores = score(self.problem, others, (u,))
+        if scores.sign[u] * self._unit_signs[u] < 0:
+            return 1.0
         if scores.p[u] > self.family.critical:
             return float(self.family.adjust(scores.p[u]))
         return self._again(others, u, scores)
@@ -151,12 +169,29 @@ class AttitudeJudge:
         tested = np.flatnonzero(between.p < 1.0).tolist()
         both = [u for u in tested if self.problem.judged_at[self.problem.units[u][0]] == "points"]
         scores, price = score(self.problem, chosen, both), self._price
-        p = between.p.copy()
+        p, sign = between.p.copy(), between.sign.copy()
         for u in both:
-            p[u] = _together(between, u, scores.p[u], scores.sign[u])
+            p[u], sign[u] = _together(between, u, scores.p[u], scores.sign[u])
             if p[u] * price[u] <= ALPHA:
-                p[u] = _together(between, u, second_thoughts(self.problem, chosen, u, scores, 1.0), scores.sign[u])
+                again = second_thoughts(self.problem, chosen, u, scores, 1.0)
+                p[u], sign[u] = _together(between, u, again, scores.sign[u])
+        p = np.where(sign * self._unit_signs < 0, 1.0, p)
         return np.asarray(np.minimum(p * price, 1.0))
+
+    def alone(self, chosen: tuple[int, ...]) -> tuple[Impossible, ...]:
+        """Candidates that stand out beside those `chosen`, but for the sign that they would need."""
+        if not np.any(self._unit_signs):
+            return ()
+        problem, scores = self.problem, score(self.problem, chosen)
+        wrong = np.flatnonzero((scores.p <= self.family.critical) & ~self.possible(scores) & self._open)
+        out = []
+        for u in wrong.tolist():
+            if self._again(chosen, u, scores) <= ALPHA:
+                (j,) = problem.units[u]
+                left = beside(problem, problem.judged_at[j], chosen, np.array([j]), errors(problem, chosen))
+                value = float(left.outputs.sum() / left.columns.sum())
+                out.append(Impossible(j, value, abs(value) / float(np.sqrt(scores.f[u]))))
+        return tuple(out)
 
     @cached_property
     def _price(self) -> FloatArray:
@@ -166,11 +201,15 @@ class AttitudeJudge:
         return np.array([sought if e.searched and e.stratum != "replication" else given for e in effects])
 
 
-def _together(between: Between, u: int, within: float, sign: float) -> float:
-    """P of what a unit does between and within replications: by weight and sign; of several columns as Fisher does."""
+def _together(between: Between, u: int, within: float, sign: float) -> tuple[float, float]:
+    """P and sign of what a unit does between and within replications: by weight and sign; of several columns Fisher's.
+
+    Several columns have no sign: 0.
+    """
     p = np.clip([between.p[u], within], np.finfo(float).tiny, 1.0)
     if between.sign[u] == 0.0:
-        product = float(np.prod(p))
-        return product * (1.0 - float(np.log(product)))
+        log_product = float(np.sum(np.log(p)))  # the product itself may be too small for a double
+        return float(np.exp(log_product)) * (1.0 - log_product), 0.0
     z = -special.ndtri(0.5 * p) * np.sqrt([between.share[u], 1.0 - between.share[u]])
-    return float(min(2.0 * special.ndtr(-(z[0] + z[1] * sign * between.sign[u])), 1.0))
+    signed = z[0] * between.sign[u] + z[1] * sign
+    return float(min(2.0 * special.ndtr(-signed * between.sign[u]), 1.0)), float(np.sign(signed))

@@ -13,6 +13,7 @@ from scipy import special
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.data import AttitudeData
+from fitter.effects.noise import AUTOCORRELATION, NOISE_GROWS, OUTLIERS
 from fitter.trace.estimate import Estimate
 from fitter.trace.family import ALPHA, COUNTED
 from fitter.trace.problem import Problem, raw_columns
@@ -41,7 +42,7 @@ def _walk(problem: Problem, left: FloatArray, sigma: float, i: int) -> Found | N
         return None
     night = sigma * float(np.sqrt(max(step, problem.wander[i]) * len(left)))
     return Found.of_noise(
-        effect="random-walk-drift",
+        effect=AUTOCORRELATION,
         cause="the offset takes a random walk: what it did so far says nothing of where it goes",
         terms=("sd of the walk over the run",),
         coefficients=(night,),
@@ -89,13 +90,13 @@ def _growth(problem: Problem, after: Estimate, left: FloatArray, sigma: float, i
     low, high = (sigma * np.sqrt(np.maximum(ends, 0.0))).tolist()
     least, most = np.quantile(_intervals(problem, after, squares / squares.mean(), i), [0.0, 1.0]).tolist()
     return Found.of_noise(
-        effect="noise-grows",
+        effect=NOISE_GROWS,
         cause=f"the scatter of readings changes with the {name}",
         terms=(f"sd at the lowest {name}", f"sd at the highest {name}"),
         coefficients=(low, high),
         unit="V",
         size=f"{1e6 * low:.3g} uV to {1e6 * high:.3g} uV; coefficients scatter by {least:.2f} to {most:.2f} times "
-        "their standard errors, which are reckoned with one sd for all",
+        "their standard errors, which are computed with one sd for all",
         p_adjusted=p_adjusted,
         separate_by="read one point of each kind a hundred times",
         against=against,
@@ -140,7 +141,7 @@ def outlier_finding(
         f"order {whole.order[r]} at pitch {whole.pitch_deg[r]:g} deg, roll {whole.roll_deg[r]:g} deg" for r in worst
     )
     return Found.of_noise(
-        effect="outliers",
+        effect=OUTLIERS,
         cause="readings that no scatter of the others explains; they are left out of the search and of the fit",
         terms=where,
         coefficients=tuple(float(sd[r] * scale) for r in worst),

@@ -13,6 +13,7 @@ from fitter.data import AttitudeData
 from fitter.effects import Effect
 from fitter.trace.aliases import NOTHING_LEFT
 from fitter.trace.levels import LEVELS, Level, levels_of
+from fitter.trace.not_kept import NotKept, overflows
 from fitter.trace.problem import Candidate, Problem, Products, columns_of, scene_of
 
 KEPT = 0.05
@@ -47,12 +48,16 @@ def pose(data: AttitudeData, catalogue: Sequence[Effect], *, temperature: bool =
     length = np.zeros((len(data.sensors), len(every)))
     left = np.zeros_like(length)
     moves = np.zeros((data.replicates.size, len(data.sensors), levels.declared.shape[1], len(every) + 1))
-    outputs, owns, known = [], [], []
+    outputs, owns, known, overflowing = [], [], [], set[int]()
     for i, sensor in enumerate(data.sensors):
         own = np.array([j for j, c in enumerate(every) if c.sensor in (None, sensor)], np.int64)
         both = np.empty((len(data), own.size + 1), order="F")
         both[:, -1] = data.outputs[sensor]
-        columns_of(scene, [every[j] for j in own], sensor, both)
+        with np.errstate(over="ignore", invalid="ignore"):
+            columns_of(scene, [every[j] for j in own], sensor, both)
+        large = [k for k in range(own.size) if overflows(both[:, k])]
+        both[:, large] = 0.0
+        overflowing |= set(own[large].tolist())
         length[i, own] = np.linalg.norm(both[:, :-1], axis=0)
         both = levels.leave_beside(both, beside[i], level="declared")
         left[i, own] = np.linalg.norm(both[:, :-1], axis=0)
@@ -61,6 +66,7 @@ def pose(data: AttitudeData, catalogue: Sequence[Effect], *, temperature: bool =
         owns.append(own)
         known.append(levels.products(both, beside[i]))
     useful = _useful(every, length, left)
+    useful[list(overflowing)] = False
     candidates = tuple(c for c, use in zip(every, useful, strict=True) if use)
     products = _products(known, owns, useful)
     length, units = length[:, useful], _units(candidates)
@@ -78,6 +84,7 @@ def pose(data: AttitudeData, catalogue: Sequence[Effect], *, temperature: bool =
         length=length,
         judged_at=_judged_at(candidates, units, products, length),
         wander=np.zeros(len(data.sensors)),
+        left_out=tuple(dict.fromkeys(NotKept(*every[j].cause, "overflow") for j in sorted(overflowing))),
     )
 
 

@@ -18,6 +18,7 @@ from fitter.calibration import AttitudeFit
 from fitter.data import AttitudeData
 from fitter.effects import Effect, Scene, Term
 from fitter.trace.levels import LEVELS, Level, Levels
+from fitter.trace.not_kept import NotKept
 
 AT_ONCE = 64
 """Columns that are reckoned at a time where only their products are wanted."""
@@ -72,6 +73,7 @@ class Problem:
         judged_at: for each candidate, the level it is tested at.
         wander: (S,) mean square step, a row, of the random walk in each sensor's offset, over its error's variance;
             zero where the residual shows none.
+        left_out: candidates that cannot be computed with.
 
     """
 
@@ -88,6 +90,7 @@ class Problem:
     length: FloatArray
     judged_at: tuple[Level, ...]
     wander: FloatArray
+    left_out: tuple[NotKept, ...] = ()
 
     @property
     def sensors(self) -> tuple[str, ...]:

@@ -35,7 +35,7 @@ def _starts(judge: AttitudeJudge) -> list[tuple[int, ...]]:
     problem = judge.problem
     scores = score(problem, ())
     best: dict[str, dict[str | None, int]] = {}
-    for u in np.flatnonzero(scores.p <= judge.family.critical).tolist():
+    for u in np.flatnonzero((scores.p <= judge.family.critical) & judge.possible(scores)).tolist():
         name, sensor = problem.candidates[problem.units[u][0]].cause
         of = best.setdefault(name, {})
         if sensor not in of or scores.gain[u] > scores.gain[of[sensor]]:

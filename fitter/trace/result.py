@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Self
 
@@ -17,8 +17,10 @@ from fitter.linear import LinearFit
 from fitter.replication import FTest, Replication
 from fitter.temperature import Temperature
 from fitter.trace.aliases import Rival
+from fitter.trace.alternatives import Alternative
 from fitter.trace.estimate import predict
 from fitter.trace.problem import Candidate, raw_columns
+from fitter.trace.signs import Refused
 
 CONFIRMED = 0.8
 """Left-out error after over before, above which the effects found do not carry over to what was not fitted."""
@@ -39,7 +41,8 @@ class Found:
         size: of the cause, in physical terms: "1.50e-3 deg/g", "45 ppm/degC", "1.2 arcsec".
         p_adjusted: probability of finding the like by chance, over all candidates, sensors and steps of the run.
         p_adjusted_is_bound: the null was not simulated often enough to say how much smaller than `p_adjusted` it is.
-        share: of the sensor's residual beyond pure error, how much it explains.
+        share: of the sensor's whole error beyond scatter, how much it explains; those of all effects add up to one at
+            most (`fitter.trace.shares`).
         aliases: other effects the data cannot tell from it.
         separation: standard errors by which every other explanation falls behind, by effect.
         separate_by: the measurement that would tell it from its aliases, with the size it would show.
@@ -142,22 +145,40 @@ class FoundEffect(Found):
 class Unnamed:
     """What no effect of the catalogue explains: where it lives, and its share of what is left.
 
-    If a smooth term without a cause was `added`, the share is of the residual beyond pure error.
+    In a finished trace the share is of the whole error beyond scatter, beside the shares of the effects.
+
+    Attributes:
+        where: it lives.
+        share: see above.
+        added: whether a smooth term without a cause was added for it.
+        stratum: "noise" where what remains is noise that wanders; else "unnamed".
+
     """
 
     where: str
     share: float
     added: bool = field(default=False, kw_only=True)
+    stratum: str = field(default="unnamed", kw_only=True)
 
     def to_json(self) -> dict[str, JsonValue]:
         """As `rig trace --json` prints it."""
-        return {"where": self.where, "share": self.share, "added": self.added}
+        return {"where": self.where, "share": self.share, "added": self.added, "stratum": self.stratum}
 
 
-def verdict(found: bool, remains: bool) -> str:
-    """One word or two for a sensor: were effects found, and is something left?"""
+def verdict(*, found: bool, fell: bool, rest: Iterable[Unnamed]) -> str:
+    """One word or two for a sensor, by one rule in every kind of run.
+
+    Findings about the noise are no effects: they explain nothing, and leave nothing to be added to the model.
+
+    Args:
+        found: whether effects were, findings about the noise apart.
+        fell: whether the error is smaller with them.
+        rest: what is left.
+
+    """
+    remains = any(one.stratum != "noise" for one in rest)
     if found:
-        return "partly explained" if remains else "explained"
+        return "explained" if fell and not remains else "partly explained"
     return "unexplained" if remains else "nothing to add"
 
 
@@ -185,6 +206,8 @@ class SensorTrace:
         temperature_recorded: whether effects of temperature could be tested at all.
         noise: what was found of the noise; in JSON these are effects of stratum "noise".
         smooth: terms without a cause that were added.
+        refused: causes that would fit, but for the sign that they would need.
+        keeping: sentences about what was not kept, and what was kept for the sake of other sensors.
 
     """
 
@@ -207,6 +230,8 @@ class SensorTrace:
     temperature_recorded: bool
     noise: tuple[Found, ...] = ()
     smooth: tuple[FoundEffect, ...] = ()
+    refused: tuple[Refused, ...] = ()
+    keeping: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, JsonValue]:
         """As `rig trace --json` prints it."""
@@ -218,13 +243,14 @@ class SensorTrace:
             "after": self._side(self.after, self.cv_rms_after, self.shared_attitude_after),
             "unnamed": [rest.to_json() for rest in self.unnamed],
             "notes": list(self.notes),
+            "refused": [one.to_json() for one in self.refused],
             "fitted": {"coefficients": self._fitted()},
         }
 
     @property
     def notes(self) -> tuple[str, ...]:
         """Sentences that stand beside the numbers before and after."""
-        notes = []
+        notes = [*(one.sentence for one in self.refused), *self.keeping]
         if not self.temperature_recorded:
             notes.append("no sensor temperature was recorded: temperature effects could not be tested")
         if self.effects and self.after.drift_b.value > self.before.drift_b.value:
@@ -304,6 +330,7 @@ class Trace:
         points: number of observations.
         outliers: rows that stand out and were left out of search and fit.
         explanations: all of them for each effect found, best first.
+        alternatives: the effects with another member of a class in the place of the one named, one for every member.
 
     """
 
@@ -314,6 +341,7 @@ class Trace:
     points: int
     outliers: tuple[int, ...] = ()
     explanations: Mapping[str, tuple[Explanation, ...]] = field(default_factory=dict)
+    alternatives: tuple[Alternative, ...] = ()
 
     def predict(self, data: AttitudeData) -> dict[str, FloatArray]:
         """(n,) outputs in volts of each sensor for other observations, effects included."""

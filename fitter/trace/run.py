@@ -12,13 +12,17 @@ from fitter.data import AttitudeData
 from fitter.effects import CATALOGUE, Effect
 from fitter.effects.unnamed import UNNAMED
 from fitter.trace.agreement import borne_out
-from fitter.trace.estimate import estimate
+from fitter.trace.alternatives import alternatives
+from fitter.trace.estimate import concerns, estimate
 from fitter.trace.family import Family, family_of
 from fitter.trace.findings import residual_of, sensor_trace
 from fitter.trace.judge import AttitudeJudge
+from fitter.trace.keep import groups_of, kept
+from fitter.trace.not_kept import NotKept
 from fitter.trace.outliers import outliers
 from fitter.trace.pose import pose
 from fitter.trace.problem import Problem
+from fitter.trace.refusals import refusals
 from fitter.trace.restarts import search_with_restarts
 from fitter.trace.result import Trace, explanations_of
 from fitter.trace.score import score
@@ -94,25 +98,49 @@ def trace(
 
     """
     search = Search((*catalogue, *UNNAMED) if unnamed else tuple(catalogue), temperature, unnamed)
-    aside, judge, found, family = _without_outliers(data, search, seed)
+    aside, judge, found, family, not_kept = _without_outliers(data, search, seed)
     problem = judge.problem
     before, after = estimate(problem, ()), estimate(problem, found)
     classes = {name: judge.rivals(found, name) for name in names_of(problem.candidates, found)}
     cv = None
     if validate:
         cv = left_out(problem.scene.data, search, family, anything=bool(found))
+    wrong = refusals(judge, found, classes, {name: fit.parameters.S_V for name, fit in problem.fits.items()})
     sensors = {
-        sensor: sensor_trace(judge, data, aside, before, after, classes, i, None if cv is None else cv[:, i])
+        sensor: replace(
+            sensor_trace(judge, data, aside, not_kept, before, after, classes, i, None if cv is None else cv[:, i]),
+            refused=tuple(one for one in wrong if sensor in one.sensors),
+        )
         for i, sensor in enumerate(problem.sensors)
     }
     chosen = tuple(problem.candidates[j] for j in after.chosen)
     explanations = explanations_of(classes, problem.candidates)
-    return Trace(sensors, problem.scene, chosen, after.gamma, len(data), tuple(aside.tolist()), explanations)
+    others = alternatives(problem, after, classes, data)
+    rows = tuple(aside.tolist())
+    return Trace(sensors, problem.scene, chosen, after.gamma, len(data), rows, explanations, others)
+
+
+def stays(judge: AttitudeJudge, chosen: tuple[int, ...]) -> tuple[tuple[int, ...], tuple[NotKept, ...]]:
+    """Those of the `chosen` candidates that stay, by the standard error of the sensors they concern."""
+    problem = judge.problem
+    fitted = estimate(problem, chosen)
+    same = [j for j in chosen if j not in fitted.told_apart]
+    dependent = tuple(NotKept(name, sensor, "dependent") for name, sensor in groups_of(judge, same))
+
+    def helps(chosen: tuple[int, ...], own: tuple[int, ...]) -> bool:
+        fitted, without = estimate(problem, chosen), estimate(problem, tuple(j for j in chosen if j not in own))
+        share = concerns(problem, own[0])
+        pairs = zip(fitted.tables, without.tables, share.tolist(), strict=True)
+        ratio = [one.sigma_E / other.sigma_E if other.sigma_E > 0 else 1.0 for one, other, _ in pairs]
+        return float(np.dot(share, np.square(ratio))) < 1.0
+
+    stay, idle = kept(judge, fitted.told_apart, helps, "the standard error of an observation")
+    return stay, (*problem.left_out, *dependent, *idle)
 
 
 def _without_outliers(
     data: AttitudeData, search: Search, seed: int
-) -> tuple[IntArray, AttitudeJudge, tuple[int, ...], Family]:
+) -> tuple[IntArray, AttitudeJudge, tuple[int, ...], Family, tuple[NotKept, ...]]:
     """Search; again without the readings that stand out beside what was found; until none is to be added.
 
     A reading that stood out only of what was not yet in the model comes back.
@@ -123,11 +151,12 @@ def _without_outliers(
         problem = search.pose(kept)
         family = family_of(problem, score(problem, ()), seed)
         judge, found = search.settle(problem, family)
+        found, not_kept = stays(judge, found)
         again = outliers(data, residual_of(judge.problem, estimate(judge.problem, found), data))[0]
         if last or np.array_equal(again, aside):
             break
         aside = again
-    return aside, judge, found, family
+    return aside, judge, found, family, not_kept
 
 
 def left_out(

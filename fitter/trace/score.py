@@ -138,11 +138,11 @@ def inverse(products: FloatArray, length2: FloatArray, rank: int | None = None) 
 
     Args:
         products: (..., q, q).
-        length2: (..., q) squared lengths that columns are measured by.
+        length2: (..., q) squared lengths that columns are measured by; a column without length says nothing.
         rank: how many combinations of columns are told apart; without it those of which `NOTHING_LEFT` is left.
 
     """
-    scale = 1.0 / np.sqrt(np.maximum(length2, np.finfo(float).tiny))
+    scale = np.where(length2 > 0.0, 1.0 / np.sqrt(np.where(length2 > 0.0, length2, 1.0)), 0.0)
     values, vectors = np.linalg.eigh(products * scale[..., :, None] * scale[..., None, :])
     least = np.finfo(float).tiny if rank is not None else NOTHING_LEFT**2
     kept = values > least

@@ -56,13 +56,13 @@ def search(judge: J, start: tuple[int, ...] = ()) -> tuple[J, tuple[int, ...]]:
     return judge, chosen
 
 
-def prune(judge: Judge, chosen: tuple[int, ...]) -> tuple[int, ...]:
-    """`chosen` without the units that are not significant beside the others, the weakest dropped first."""
+def prune(judge: Judge, chosen: tuple[int, ...], level: float = ALPHA) -> tuple[int, ...]:
+    """`chosen` without the units whose p beside the others is above a level, the weakest dropped first."""
     while chosen:
         units = list(dict.fromkeys(tuple(k for k in judge.unit(j) if k in chosen) for j in chosen))
         p = [judge.p_adjusted(chosen, unit[0]) for unit in units]
         weakest = int(np.argmax(p))
-        if p[weakest] <= ALPHA:
+        if p[weakest] <= level:
             break
         chosen = tuple(j for j in chosen if j not in units[weakest])
     return chosen

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from rich.markup import escape
@@ -12,7 +12,7 @@ from rig.cli.effects import paragraph, show_certificate, show_effect
 from rig.cli.gross import show_gross, show_left_out
 from rig.cli.show import headline, number, out
 from rig.closed_loop import AttitudeTraced
-from rig.report.words import TESTS, little_help, significant, unnamed
+from rig.report.words import TESTS, little_help, misfit_in_words, significant, unnamed, verdict_of
 
 
 def show_attitude_fit(result: Mapping[str, Any]) -> None:
@@ -24,9 +24,15 @@ def show_attitude_fit(result: Mapping[str, Any]) -> None:
             kept = result["kept"][name]
             _show_parameters_of(f"{name}, kept with {', '.join(kept['effects']) or 'no effect'}", kept["parameters"])
             out.print(f"  {kept['at_degC_sentence']}", soft_wrap=True)
+            _say(kept["depends_on"])
             out.print()
     if any(significant(sensor, test) for sensor in result["sensors"].values() for test in TESTS):
         out.print("some tests are significant: the model lacks something; see rig trace", soft_wrap=True)
+
+
+def _say(sentences: Iterable[str]) -> None:
+    for sentence in sentences:
+        out.print(f"  [yellow]{escape(sentence)}[/]", soft_wrap=True)
 
 
 def _show_sensor(name: str, sensor: Mapping[str, Any]) -> None:
@@ -34,8 +40,10 @@ def _show_sensor(name: str, sensor: Mapping[str, Any]) -> None:
     style = "yellow" if "OUTSIDE" in sensor["at_degC_sentence"] else "none"
     out.print(f"  [{style}]{sensor['at_degC_sentence']}[/]", soft_wrap=True)
     show_gross(sensor["gross_errors"])
-    if sensor["errors_from"] == "replications":
-        out.print("  replications drift: the errors are those between replications, which hold all the same")
+    drift = "replications drift: " if sensor["errors_from"] == "replications" else ""
+    out.print(f"  {drift}{sensor['intervals_cover']}", soft_wrap=True)
+    if sensor["model_error"] is not None:
+        out.print(f"  [yellow]{escape(misfit_in_words(sensor))}[/]", soft_wrap=True)
     out.print(
         f"  sigma_E {degrees(sensor['sigma_E_deg'])} = bias {degrees(sensor['sigma_bias_deg'])} and "
         f"precision {degrees(sensor['sigma_prec_deg'])}"
@@ -82,7 +90,7 @@ def show_attitude_trace(traced: AttitudeTraced) -> None:
     result = traced.to_json()
     headline(result["data"]["file"], traced.table)
     for name, sensor in result["sensors"].items():
-        out.print(f"\n[bold]{name}[/] ({sensor['declared']}): [bold]{sensor['verdict']}[/]")
+        out.print(f"\n[bold]{name}[/] ({sensor['declared']}): [bold]{escape(verdict_of(sensor))}[/]")
         table = RichTable("", "before", "after")
         for key, label, scale in _BEFORE_AFTER:
             table.add_row(label, *(_cell(sensor[side], key, scale) for side in ("before", "after")))
@@ -90,9 +98,10 @@ def show_attitude_trace(traced: AttitudeTraced) -> None:
         if any(significant(sensor[side], test) for side in ("before", "after") for test in _MARKED):
             out.print("  * above its 95 % limit")
         _show_parameters(traced, name)
+        _say(sensor["depends_on"])
         for effect in sensor["effects"]:
             show_effect(effect)
-        for line in (*unnamed(sensor), little_help(sensor)):
+        for line in (*(one["sentence"] for one in sensor["refused"]), *unnamed(sensor), little_help(sensor)):
             if line:
                 paragraph(f"[yellow]{escape(line)}[/]", 2)
         show_certificate(sensor)

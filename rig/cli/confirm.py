@@ -207,7 +207,7 @@ def _sigmas(value: float | None) -> str:
 
 
 def _show(confirmed: Confirmed, proposals: Sequence[Proposal], report: Path | None, *, as_json: bool) -> int:
-    from rig.closed_loop.confirm import sentences, sizes  # noqa: PLC0415
+    from rig.closed_loop.confirm import chance, sentences, sizes  # noqa: PLC0415
 
     code = ExitCode.DONE if confirmed.settled else ExitCode.OUTSIDE_ACCEPTANCE
     if as_json:
@@ -218,11 +218,13 @@ def _show(confirmed: Confirmed, proposals: Sequence[Proposal], report: Path | No
     out.print(f"\n{mark(confirmed.first.simulated)}judged by {escape(str(confirmed.path))}", soft_wrap=True)
     for answer in confirmed.answers:
         out.print(f"\n[bold]{escape(answer.effect)}[/]: [bold]{answer.verdict}[/]")
-        table = Table(Column("cause", no_wrap=True), "behind by", "same size?", "size in the further run, 95 %")
+        shown = "shown by"
+        table = Table(Column("cause", no_wrap=True), "behind by", shown, "same size?", "size in the further run, 95 %")
         for member in answer.members:
             table.add_row(
                 f"[green]{escape(member.effect)}[/]" if member.holds else escape(member.effect),
                 f"{member.sigmas:.1f} sd",
+                f"{member.shown:.1f} sd (limit {member.limit:.1f}), p {chance(member.p_shown)}",
                 f"p {member.p_changed:.2g}" + ("" if member.fits else ", does not fit"),
                 escape("\n".join(sizes(member)) or "not told"),
             )

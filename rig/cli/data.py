@@ -100,6 +100,15 @@ def fit(
     traced: Annotated[
         bool, typer.Option("--traced", help="attitude: keep a calibration with the effects that a trace finds")
     ] = False,
+    confirmed_by: Annotated[
+        Path | None,
+        typer.Option(
+            "--confirmed-by",
+            help="keep the calibration with the causes that this later run file confirmed (see rig confirm); attitude: "
+            "as with --traced; whole plots: their terms are added",
+            show_default=False,
+        ),
+    ] = None,
     temperature: TemperatureOption = None,
     at_degC: Annotated[
         float | None,
@@ -132,7 +141,7 @@ def fit(
     Examples: `rig fit runs/20260115T180000-night-1a2b.sqlite`, `rig fit RUN --traced --temperature --out package.json`,
     `rig fit RUN --points 73`, `rig fit table.csv --response y --formula "1 + x"`
     """
-    check_not_input([out_file, report], [data])
+    check_not_input([out_file, report], [data, *filter(None, (confirmed_by,))])
     if response is not None:
         for option, value in (
             ("--report", report),
@@ -140,6 +149,7 @@ def fit(
             ("--add", add),
             ("--exclude-zero", exclude_zero),
             ("--at-degC", at_degC is not None),
+            ("--confirmed-by", confirmed_by),
         ):
             if value:
                 kind = "attitude sensors" if option == "--at-degC" else "whole plots"
@@ -160,12 +170,16 @@ def fit(
             "--add": add,
         }
         others |= {"--at-degC": at_degC is not None, "--leave-out": leave_out, "--power": power}
-        others |= {"--exclude-zero": exclude_zero, "--traced": traced}
+        others |= {"--exclude-zero": exclude_zero, "--traced": traced, "--confirmed-by": confirmed_by}
         result, show = _fractions(data, points, temperature, others)
     else:
         options = {"method": method, "add": tuple(add or ()), "power": power, "exclude_zero": exclude_zero}
         attitude = {"traced": traced, "temperature": temperature, "at_degC": at_degC}
-        result, show = _calibration(data, formula, report, options, attitude, leave_out or ())
+        if confirmed_by is not None and (leave_out or at_degC is not None):
+            raise UsageError(
+                "--confirmed-by keeps every row, at the run's mean temperature: leave --leave-out and --at-degC away"
+            )
+        result, show = _calibration(data, formula, report, options, attitude, leave_out or (), confirmed_by)
     if out_file is not None:
         write_whole(out_file, lambda file: json.dump(result, file, indent=2, allow_nan=False))
         err.print(f"calibration: {escape(str(out_file))}", soft_wrap=True)
@@ -219,6 +233,7 @@ def _calibration(
     options: Mapping[str, Any],
     attitude: Mapping[str, Any],
     leave_out: Sequence[str],
+    later: Path | None,
 ) -> Shown:
     from rig.closed_loop import fit_whole_plots  # noqa: PLC0415
     from rig.closed_loop.attitude import fit_attitude_table  # noqa: PLC0415
@@ -230,20 +245,34 @@ def _calibration(
         for option, value in given.items():
             if value:
                 raise UsageError(f"{option} is for whole plots; {data} holds a pitch-roll calibration")
-        result = fit_attitude_table(
-            table,
-            traced=bool(attitude["traced"]),
-            temperature=attitude["temperature"],
-            at_degC=attitude["at_degC"],
-            leave_out=leave_out,
-        )
+        if later is None:
+            result = fit_attitude_table(
+                table,
+                traced=bool(attitude["traced"]),
+                temperature=attitude["temperature"],
+                at_degC=attitude["at_degC"],
+                leave_out=leave_out,
+            )
+        else:
+            from rig.closed_loop.confirm import confirmed_by, fit_attitude_confirmed  # noqa: PLC0415
+
+            result = fit_attitude_confirmed(*confirmed_by(data, later, temperature=attitude["temperature"]))
         return result, lambda: show_fit(data.name, table, result)
     for name, asked in attitude.items():
         if asked or (name == "at_degC" and asked is not None):
-            raise UsageError(f"--{name.replace('_', '-')} is for attitude sensors; {data} is no pitch-roll calibration")
+            hint = "; add terms that rig trace prints with --add, or --confirmed-by RUN" if name == "traced" else ""
+            option = f"--{name.replace('_', '-')}"
+            raise UsageError(f"{option} is for attitude sensors; {data} is no pitch-roll calibration{hint}")
     chosen = {name: value for name, value in options.items() if value is not None}
-    fitted = fit_whole_plots(table, formula, leave_out=leave_out, **chosen)
-    result = fitted.to_json()
+    if later is None:
+        fitted, record = fit_whole_plots(table, formula, leave_out=leave_out, **chosen), {}
+    else:
+        from rig.closed_loop.confirm import confirmed_by, fit_whole_plots_confirmed  # noqa: PLC0415
+
+        model = formula or table.declared.get("formula") or "full"
+        fitted, told = fit_whole_plots_confirmed(*confirmed_by(data, later, formula), model, chosen)
+        record = {"confirmed_by": told}
+    result = fitted.to_json() | record
     if report is not None:
         from rig.report import write_fit_report  # noqa: PLC0415
 
@@ -262,6 +291,11 @@ def show_fit(name: str, table: Table, result: Mapping[str, Any]) -> None:
         show_whole_plot_fit(result)
     else:
         show_attitude_fit(result)
+    if "confirmed_by" in result:
+        told = result["confirmed_by"]
+        out.print(f"\njudged by {escape(told['by_run_id'])}", soft_wrap=True)
+        for effect in told["effects"]:
+            out.print(escape(f"  {effect['used']}. {effect['evidence']}"), soft_wrap=True)
 
 
 @app.command(rich_help_panel="Data")

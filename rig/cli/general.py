@@ -14,7 +14,7 @@ from rig.cli.effects import paragraph, show_certificate, show_effect
 from rig.cli.gross import show_gross, show_left_out
 from rig.cli.show import err, number, out, print_json, show_unused
 from rig.errors import UsageError
-from rig.report.words import unnamed
+from rig.report.words import unnamed, verdict_of
 
 
 def _columns(text: str) -> Any:
@@ -93,7 +93,9 @@ def show_general_trace(result: Mapping[str, Any]) -> None:
     """Error before and after, the effects found, what remains, and what was taken for what."""
     out.print(f"[bold]{escape(result['data']['file'])}[/]: {result['data']['points']} rows", soft_wrap=True)
     for name, found in result["sensors"].items():
-        out.print(f"[bold]{escape(name)}[/] (declared {escape(found['declared'])}): [bold]{found['verdict']}[/]")
+        out.print(
+            f"[bold]{escape(name)}[/] (declared {escape(found['declared'])}): [bold]{escape(verdict_of(found))}[/]"
+        )
         table = Table("", "before", "after")
         for key, label in (
             ("sigma_E", "standard error of one row"),

@@ -13,7 +13,7 @@ from rig.cli.gross import show_gross, show_left_out
 from rig.cli.show import headline, number, out
 from rig.closed_loop import WholePlotTraced
 from rig.closed_loop.whole_plot import IN_USE, errors_in_words, in_use_words, low_pressure
-from rig.report.words import unnamed
+from rig.report.words import unnamed, verdict_of
 
 _MEASURES = (
     ("in_use", "max_pct", "largest reading error in use / %"),
@@ -65,6 +65,7 @@ def show_whole_plot_fit(result: Mapping[str, Any]) -> None:
                 out.print(f"  [yellow]{method}:[/] {escape(fitted['note'])}", soft_wrap=True)
         out.print(_kept(sensor))
         spans = (f"{name} {low:.4g} to {high:.4g}" for name, (low, high) in sensor["calibration"]["ranges"].items())
+        out.print(f"  {sensor['intervals_cover']}", soft_wrap=True)
         out.print(f"  valid for {', '.join(spans)} (psia, degC)", soft_wrap=True)
         for note in sensor["notes"]:
             out.print(f"  [yellow]{escape(note)}[/]", soft_wrap=True)
@@ -125,7 +126,7 @@ def show_whole_plot_trace(traced: WholePlotTraced) -> None:
     out.print(escape(result["data"]["model"]["sentence"]), soft_wrap=True)
     _show_dead(result)
     for name, sensor in result["sensors"].items():
-        out.print(f"\n[bold]{name}[/] (declared {escape(sensor['declared'])}): [bold]{sensor['verdict']}[/]")
+        out.print(f"\n[bold]{name}[/] (declared {escape(sensor['declared'])}): [bold]{escape(verdict_of(sensor))}[/]")
         out.print(_before_after(sensor))
         for effect in sensor["effects"]:
             show_effect(effect)

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from fitter import AttitudeData, fit_all, fit_attitude
 from fitter.arrays import FloatArray
-from fitter.calibration import AttitudeFit, at_temperature, parameter_table
+from fitter.calibration import AttitudeFit, at_temperature
 from fitter.gross import of_attitude
-from fitter.inverse import AttitudeCalibration, calibrate_package
+from fitter.inverse import AttitudeCalibration
+from fitter.inverse.traced import Volts, calibrate_traced, covering_parameters
 from fitter.quantiles import t_limit
 from fitter.trace import SensorTrace, Trace, trace
 from fitter.trace.result import FoundEffect
@@ -20,7 +23,7 @@ from rig.closed_loop.certificate import Change, Errors, certificate, size_95, wi
 from rig.closed_loop.gross import FitSummary, LeaveOut, Searched, kept_with, search
 from rig.effects import attitude_catalogue
 from rig.errors import UsageError
-from rig.report.words import part
+from rig.report.words import noise_of, part, verdict
 from rig.tables import Table, attitude_data
 from rig.tables.unused import unused_in_fit
 
@@ -34,6 +37,8 @@ def fit_attitude_table(
     temperature: bool | None = None,
     at_degC: float | None = None,
     leave_out: Sequence[str] = (),
+    found: Trace | None = None,
+    allowed: Mapping[str, Sequence[str]] = MappingProxyType({}),
 ) -> dict[str, Any]:
     """Fit the declared model to every sensor of a pitch-roll table; JSON-ready.
 
@@ -44,6 +49,9 @@ def fit_attitude_table(
             procedure has it if None.
         at_degC: sensor temperature at which parameters are given; the run's mean if None.
         leave_out: "gross" for the rows that the search for gross errors names, or row numbers of the file.
+        found: what a trace of the table found, where it was made already.
+        allowed: members that a follow-up run leaves of an effect's class, by the name the trace gave it; the first is
+            kept and the others widen its intervals. All members of a class that is not in it.
 
     Raises:
         UsageError: the table lacks something, or its rows do not determine the model.
@@ -56,9 +64,11 @@ def fit_attitude_table(
         searched = search(len(every), asked, lambda rows: of_attitude(every.take(rows)))
         data = every.take(searched.used)
         fits = fit_all(data, temperature=warm, at_degC=at_degC)
-        others = searched.with_the_others(lambda rows: fit_all(every.take(rows), temperature=warm, at_degC=at_degC))
-        effects = _effects(trace(data, attitude_catalogue(), temperature=warm)) if traced else {}
-        calibration = calibrate_package(data, effects=effects, temperature=warm)
+        without = searched.with_the_others(lambda rows: fit_all(every.take(rows), temperature=warm, at_degC=at_degC))
+        if traced and found is None:
+            found = trace(data, attitude_catalogue(), temperature=warm, validate=False)  # no left-out error is told
+        effects, others = ({}, []) if found is None else _effects(found, allowed)
+        calibration = calibrate_traced(data, effects, others, temperature=warm)
     except ValueError as error:
         raise UsageError(f"{table.source}: {error}") from error
     return {
@@ -70,7 +80,7 @@ def fit_attitude_table(
             **table.provenance,
         },
         "sensors": {
-            name: fit.to_dict() | {"gross_errors": _gross(every, searched, fit, others)} for name, fit in fits.items()
+            name: fit.to_dict() | {"gross_errors": _gross(every, searched, fit, without)} for name, fit in fits.items()
         },
         "kept": {name: _kept(calibration, name, effects, fits[name]) for name in calibration.names} if effects else {},
         "calibration": calibration.to_dict() | kept_with(searched, len(every)),
@@ -105,11 +115,12 @@ def _kept(
     calibration: AttitudeCalibration, name: str, effects: Mapping[str, Mapping[str, FloatArray]], fit: AttitudeFit
 ) -> dict[str, Any]:
     """A sensor as the calibration has it, where that is not what the declared model alone gives."""
-    parameters, df = calibration.parameters(name)
+    parameters = covering_parameters(calibration, name)
     return {
         "effects": [effect for effect, by in effects.items() if name in by],
-        "parameters": at_temperature(parameter_table(parameters, df), fit.at_degC),
+        "parameters": at_temperature(parameters, fit.at_degC),
         "at_degC_sentence": fit.at_words,
+        "depends_on": [row["sentence"] for row in parameters.values() if "sentence" in row],
     }
 
 
@@ -136,13 +147,46 @@ def with_temperature(table: Table, asked: bool | None) -> bool:
     return bool(table.declared.get("temperature", False)) if asked is None else asked
 
 
-def _effects(found: Trace) -> dict[str, dict[str, FloatArray]]:
-    """Volts that each effect adds to the observations, by effect and sensor."""
-    effects: dict[str, dict[str, FloatArray]] = {}
-    for name, sensor in found.sensors.items():
-        for effect in sensor.effects:
-            effects.setdefault(effect.effect, {})[name] = effect.contribution_V
-    return effects
+Others = list[tuple[str, str, Volts]]
+
+
+def _effects(found: Trace, allowed: Mapping[str, Sequence[str]]) -> tuple[Volts, Others]:
+    """Volts that each effect adds to the observations, by effect and sensor; and those of every alternative.
+
+    An effect stands in the sensors in which it is reported; what it does to others is too little to name.
+    """
+    named: dict[str, dict[str, FloatArray]] = {}
+    for sensor in found.sensors.values():
+        for one in sensor.effects:
+            named.setdefault(one.effect, {})[sensor.sensor] = one.contribution_V
+    shown = {sensor for by in named.values() for sensor in by}
+    full = {
+        (other.named, other.member): {
+            e: {s: v for s, v in by.items() if s in shown}
+            for e, by in other.effects.items()
+            if e in named or e == other.member  # not the smooth terms without a cause
+        }
+        for other in found.alternatives
+        if other.named in named
+    }
+    classes = {name: _members(name, [m for n, m in full if n == name], allowed) for name in named}
+    own: dict[tuple[str, str], Volts] = {
+        (name, member): {member: volts[member]} for (name, member), volts in full.items()
+    }
+    own |= {(name, name): {name: by} for name, by in named.items()}
+    kept = {e: by for name, members in classes.items() for e, by in own[name, members[0]].items()}
+    as_named = all(members[0] == name for name, members in classes.items())
+    others: Others = []
+    for name, (first, *rest) in classes.items():
+        beside = {e: by for e, by in kept.items() if e != first}
+        others += [(first, m, full[name, m] if as_named else {**beside, **own[name, m]}) for m in rest]
+    return kept, others
+
+
+def _members(name: str, others: Sequence[str], allowed: Mapping[str, Sequence[str]]) -> list[str]:
+    """Members of an effect's class that are left, the one that is kept first: that which was named, if it is left."""
+    every = [name, *others]
+    return [member for member in every if member in allowed.get(name, every)] or every
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,7 +220,19 @@ class AttitudeTraced:
             shown["effects"] = [_worded(self.trace, sensor, effect) for effect in shown["effects"]]
             shown["at_degC_sentence"] = self.at_words(name)
             shown["certificate"] = certificate(name, shown, _errors(sensor))
+            shown["depends_on"] = list(self.depends_on(name))
         return {**result, "unused": unused_in_fit(self.table).to_json()}
+
+    def depends_on(self, sensor: str) -> tuple[str, ...]:
+        """Sentences about the parameters of a sensor whose value depends on which of several causes holds."""
+        if not any(e.aliases for e in self.trace.sensors[sensor].effects):
+            return ()
+        table = covering_parameters(self._calibration, sensor)
+        return tuple(row["sentence"] for row in table.values() if "sentence" in row)
+
+    @cached_property
+    def _calibration(self) -> AttitudeCalibration:
+        return calibrate_traced(self.data, *_effects(self.trace, {}), temperature=self.temperature)
 
 
 def _worded(found: Trace, sensor: SensorTrace, effect: dict[str, Any]) -> dict[str, Any]:
@@ -242,9 +298,11 @@ def trace_attitude_table(table: Table, *, temperature: bool | None = None, unnam
 def attitude_sentence(name: str, found: SensorTrace) -> str:
     """What was found in one sensor, in brief."""
     before, after = (_degrees(side.sigma_E, found.S_V) for side in (found.before, found.after))
+    noise = [finding.cause for finding in found.noise]
     if not found.effects:
-        return f"{name}: the declared model ({found.declared}) leaves a standard error of {before}; {found.verdict}."
-    effects = " and ".join(f"{e.effect} ({part(e.share)} of the excess over scatter)" for e in found.effects)
+        told = verdict(found.verdict, noise)
+        return f"{name}: the declared model ({found.declared}) leaves a standard error of {before}; {told}."
+    effects = " and ".join(f"{e.effect} ({part(e.share)} of the error beyond scatter)" for e in found.effects)
     alike = "; ".join(f"{e.effect} from {', '.join(e.aliases)}" for e in found.effects if e.aliases)
     told = f"; these data cannot tell {alike}" if alike else ""
     text = (
@@ -254,7 +312,7 @@ def attitude_sentence(name: str, found: SensorTrace) -> str:
     if found.cv_rms_before is not None and found.cv_rms_after is not None:
         errors = (_degrees(rms, found.S_V) for rms in (found.cv_rms_before, found.cv_rms_after))
         text += ", and the error at replications that were left out goes from {} to {}".format(*errors)
-    return text + "."
+    return text + noise_of(noise) + "."
 
 
 def _degrees(volts: float, sensitivity: float) -> str:

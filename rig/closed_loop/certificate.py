@@ -133,7 +133,8 @@ def certificate(sensor: str, found: Mapping[str, Any], errors: Errors) -> str:
     elif rest:
         texts += [f"{sensor}: no effect that was looked for explains what {model} leaves"]
     else:
-        texts += [f"{sensor}: no effect beyond {model} stands out from the noise"]
+        beside = ", which is not what the model assumes" if noise else ""
+        texts += [f"{sensor}: no effect beyond {model} stands out from the noise{beside}"]
     texts += [capitalised(_of_noise(effect)) for effect in noise]
     count = len(added) + sum(left.get("added", False) for left in found["unnamed"])
     texts += _change(errors, count)

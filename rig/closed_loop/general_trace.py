@@ -13,7 +13,7 @@ from fitter.trace.tables import TableTrace, trace_general
 from rig.closed_loop.certificate import Change, Errors, certificate, with_words
 from rig.closed_loop.roles import Roles, parts_played, read_roles, used_columns
 from rig.errors import UsageError
-from rig.report.words import part
+from rig.report.words import noise_of, part, verdict
 from rig.tables import Table
 from rig.tables.unused import TEXT, unused_columns
 
@@ -108,11 +108,10 @@ def general_sentence(found: TableTrace) -> str:
     before, after = found.before.fit.sigma_E, found.after.fit.sigma_E
     start = f"{found.response}: the declared model ({found.declared}) leaves a standard error of {before:.4g}"
     noise = [effect.cause for effect in found.effects if effect.stratum == "noise"]
-    more = f" Of the noise: {'; '.join(noise)}." if noise else ""
-    more += "".join(f" What remains: {rest.where}." for rest in found.unnamed)
+    more = "".join(f" What remains: {rest.where}." for rest in found.unnamed)
     if not found.added:
-        return f"{start}; {found.verdict}.{more}"
-    effects = " and ".join(f"{e.effect} ({part(e.share)} of the excess)" for e in found.added)
+        return f"{start}; {verdict(found.verdict, noise)}.{more}"
+    effects = " and ".join(f"{e.effect} ({part(e.share)} of the error beyond scatter)" for e in found.added)
     text = f"{start}; it lacks {effects}. With that the standard error is {after:.4g}"
     if found.before.cv_rms is not None and found.after.cv_rms is not None:
         text += (
@@ -124,4 +123,4 @@ def general_sentence(found: TableTrace) -> str:
         text += "; these data cannot tell " + ", nor ".join(
             f"{e.effect} from {' or '.join(e.aliases[:3])}" for e in doubtful
         )
-    return f"{text}.{more}"
+    return f"{text}{noise_of(noise)}.{more}"

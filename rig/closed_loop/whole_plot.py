@@ -10,6 +10,7 @@ import numpy as np
 
 from fitter.arrays import IntArray
 from fitter.gross import of_whole_plots
+from fitter.misfit import COVERED_BY_WHOLE_PLOTS
 from fitter.pressure import PressureFit, fit_transducers, variance_inflation
 from fitter.pressure.models import FULL, named_formula
 from fitter.trace import TransducerTrace, WholePlotTrace, trace_whole_plots
@@ -19,6 +20,7 @@ from rig.closed_loop.certificate import Change, Errors, certificate, size_95, wi
 from rig.closed_loop.gross import FitSummary, LeaveOut, Searched, kept_with, search
 from rig.effects import pressure_catalogue
 from rig.errors import UsageError
+from rig.report.words import noise_of, verdict
 from rig.tables import Table, whole_plot_data
 from rig.tables.unused import unused_in_fit
 
@@ -106,8 +108,9 @@ class WholePlotFitted:
             except ValueError:  # terms that coded variables cannot stand in, logarithms say, have none
                 inflation = {}
             calibration |= kept_with(self.searched, count)
-            own = {"calibration": calibration, "variance_inflation": inflation, "gross_errors": self.gross(name)}
-            sensors[name] = with_units({**fit.to_dict(), **own})
+            more: dict[str, Any] = {"calibration": calibration, "variance_inflation": inflation}
+            more |= {"gross_errors": self.gross(name), "intervals_cover": COVERED_BY_WHOLE_PLOTS}
+            sensors[name] = with_units({**fit.to_dict(), **more})
         table = self.table
         points: dict[str, Any] = {"points": len(self.data), "rows_left_out": self.searched.rows_left_out(count)}
         points["model"] = self.declared.to_dict()
@@ -349,9 +352,11 @@ def whole_plot_sentence(name: str, found: TransducerTrace) -> str:
         f"{side.fit.sigma_subplot:.3g} mV within whole plots and {side.fit.sigma_wholeplot:.3g} mV between them"
         for side in (found.before, found.after)
     )
-    if not found.effects:
-        return f"{name}: the declared model ({found.declared}) leaves errors of {before}; {found.verdict}."
-    causes = [e.effect if e.stratum == "noise" else f"{e.effect} ({e.peak_psi:.2g} psi at most)" for e in found.effects]
+    noise = [e.cause for e in found.effects if e.stratum == "noise"]
+    if not found.added:
+        told = verdict(found.verdict, noise)
+        return f"{name}: the declared model ({found.declared}) leaves errors of {before}; {told}."
+    causes = [f"{e.effect} ({e.peak_psi:.2g} psi at most)" for e in found.added]
     text = (
         f"{name}: the declared model ({found.declared}) leaves errors of {before}; it lacks {' and '.join(causes)}. "
         f"With that the errors are {after}"
@@ -359,4 +364,4 @@ def whole_plot_sentence(name: str, found: TransducerTrace) -> str:
     rms = found.before.cv_rms, found.after.cv_rms
     if rms[0] is not None and rms[1] is not None:
         text += f", and the error at whole plots that were left out goes from {rms[0]:.3g} to {rms[1]:.3g} mV"
-    return text + "."
+    return text + noise_of(noise) + "."

@@ -68,6 +68,7 @@ def infer(
         found = infer_pressures(file.calibration, data, zero, zero_rows)
     if file.incomplete:
         found = replace(found, notes=(f"the calibration is of an incomplete run: {file.incomplete}", *found.notes))
+    found = replace(found, notes=(*file.confirmed, *found.notes))
     if file.simulated and "simulated" not in found.columns:
         rows = len(next(iter(found.columns.values())))
         found = replace(found, columns={**found.columns, "simulated": np.ones(rows)})

@@ -63,12 +63,15 @@ class CalibrationFile:
             column.
         simulated: made from a simulated run.
         incomplete: that the run it was made from lacked points, "" if it did not.
+        confirmed: pressure: what a follow-up run said of each effect, and what the calibration has of it; the notes of
+            an attitude calibration say so themselves.
 
     """
 
     calibration: Calibration
     simulated: bool
     incomplete: str
+    confirmed: tuple[str, ...] = ()
 
 
 def read_calibration(path: Path) -> CalibrationFile:
@@ -77,7 +80,10 @@ def read_calibration(path: Path) -> CalibrationFile:
         raise UsageError(f"{path} is a run file; make a calibration of it first: rig fit {path} --out calibration.json")
     try:
         given = json.loads(path.read_text(encoding="utf-8"))
-        return CalibrationFile(calibration_of(given), bool(given["data"].get("simulated")), incomplete(given["data"]))
+        about = given["data"]
+        told = () if about["kind"] == "pitch-roll" else given.get("confirmed_by", {"effects": ()})["effects"]
+        words = tuple(str(effect["used"]) for effect in told)
+        return CalibrationFile(calibration_of(given), bool(about.get("simulated")), incomplete(about), words)
     except FileNotFoundError:
         raise UsageError(f"there is no file {path}") from None
     except OSError as error:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fitter import fit_attitude
+from fitter.effects.noise import OUTLIERS
 from fitter.linear import orthonormal
 from fitter.trace.result import FoundEffect
 from rig.report.attitude_plots import SCALE, UNIT, Picture, residual_map, residuals_against
@@ -90,7 +91,7 @@ def _effect_plots(traced: AttitudeTraced, name: str) -> dict[str, str]:
     plots = {}
     for effect in (*found.effects, *found.noise):
         name, (label, scale) = _variable(effect.against)
-        rows = every if effect.effect == "outliers" else kept
+        rows = every if effect.effect == OUTLIERS else kept
         x, left = getattr(data, name)[rows] * scale, residual[rows]
         if isinstance(effect, FoundEffect):
             adds = (effect.contribution_V - basis @ (basis.T @ effect.contribution_V)) * to_unit

@@ -9,7 +9,7 @@ import numpy as np
 
 from fitter.confirm import Confirmation
 from rig.atomic import write_whole
-from rig.closed_loop.confirm import Confirmed, sentences, sizes
+from rig.closed_loop.confirm import Confirmed, chance, sentences, sizes
 from rig.report.attitude_plots import SCALE, UNIT
 from rig.report.effect_plots import EffectView, effect_plot
 from rig.report.frame import render
@@ -64,6 +64,7 @@ def _answer(confirmed: Confirmed, answer: Confirmation, told: dict[str, Any]) ->
                 "holds": m.holds,
                 "behind": f"{m.sigmas:.1f}",
                 "p_changed": f"{m.p_changed:.2g}",
+                "shown": f"{m.shown:.1f} (limit {m.limit:.1f}), p {chance(m.p_shown)}",
                 "sizes": sizes(m) or ["this run does not tell"],
             }
             for m in answer.members

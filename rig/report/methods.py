@@ -79,7 +79,7 @@ def _transducer(name: str, result: dict[str, Any], fitted: WholePlotFitted) -> d
         "remarks": [HOLD_AT, result["gross_errors"]["sentence"]]
         + [f"{m}: {v['note']}" for m, v in methods.items() if v["note"]]
         + [f"{m} is not possible: {why}" for m, why in result["not_possible"].items()]
-        + list(result["notes"]),
+        + [*result["notes"], result["intervals_cover"]],
         "rows": [
             {
                 "term": term,

@@ -14,8 +14,9 @@ SMALLEST = 1e-6
 _CARRIES_OVER = 0.8
 """Left-out error after over before; above this the effects found are of little use to data not seen."""
 
-_ALL = 0.995
-"""A share that whole percent cannot tell from all."""
+_ONE_PERCENT, _NEARLY_ALL = 0.01, 0.99
+_ROUNDING = 1e-9
+"""Of a share: by so little all may fail to be all, and a whole percent to be whole."""
 
 
 _SKIPPED_TOLD = 5
@@ -65,20 +66,43 @@ def chance(effect: Mapping[str, Any]) -> str:
 
 
 def share(effect: Mapping[str, Any]) -> str:
-    """How much of the excess error an effect explains; a finding about the noise explains none, and needs to."""
+    """How much of the whole error beyond scatter an effect explains; a finding about the noise explains none."""
     if effect["stratum"] == "noise":
         return "a finding about the noise"
-    return f"{part(effect['share'])} of the excess error"
+    return f"{part(effect['share'])} of the error beyond scatter"
+
+
+def verdict(word: str, causes: Sequence[str]) -> str:
+    """A verdict, with what was found of the noise: that adds nothing to the model, and is said.
+
+    Args:
+        word: the verdict.
+        causes: of the findings about the noise.
+
+    """
+    to_model = " to the model" if word == "nothing to add" and causes else ""
+    return f"{word}{to_model}{noise_of(causes)}"
+
+
+def noise_of(causes: Sequence[str]) -> str:
+    """What was found of the noise, to follow what was found for the model; "" if nothing was."""
+    return f"; the noise is not what the model assumes: {'; '.join(causes)}" if causes else ""
+
+
+def verdict_of(sensor: Mapping[str, Any]) -> str:
+    """The same of a sensor's JSON."""
+    causes = [effect["cause"] for effect in sensor["effects"] if effect["stratum"] == "noise"]
+    return verdict(sensor["verdict"], causes)
 
 
 def percent(part: float) -> str:
-    """A share in whole percent; what would round to nothing is "less than 1 %", for it is something."""
-    return "less than 1 %" if 0 < part < 0.005 else f"{100 * part:.0f} %"
+    """A share in whole percent, rounded down so that shares add up; less than one is "less than 1 %"."""
+    return "less than 1 %" if 0 < part < _ONE_PERCENT else f"{int(100 * part + _ROUNDING)} %"
 
 
 def part(share: float) -> str:
-    """A share in words: "all" from where whole percent say 100, and above, where effects offset one another."""
-    return "all" if share > _ALL else percent(share)
+    """A share in words: "all" where nothing is left for another, "nearly all" where less than a percent is."""
+    return "all" if share > 1.0 - _ROUNDING else "nearly all" if share > _NEARLY_ALL else percent(share)
 
 
 def units(effect: Mapping[str, Any]) -> list[str]:
@@ -90,10 +114,22 @@ def units(effect: Mapping[str, Any]) -> list[str]:
 def unnamed(sensor: Mapping[str, Any]) -> list[str]:
     """What no effect of the catalogue explains, a sentence each."""
     return [
-        f"{'Without a name' if rest.get('added') else 'Unexplained'}: {part(rest['share'])} of the excess error, "
-        f"{rest['where']}."
+        f"{'Without a name' if rest.get('added') else 'Unexplained'}: {part(rest['share'])} of the error beyond "
+        f"scatter, {rest['where']}."
         for rest in sensor["unnamed"]
     ]
+
+
+def misfit_in_words(sensor: Mapping[str, Any]) -> str:
+    """How far a model error as large as the significant lack of fit can move each parameter of a sensor."""
+    moves = [
+        f"{name.partition('_')[0]} by up to {value:.2g} {name.partition('_')[2]}"
+        for name, value in sensor["model_error"].items()
+    ]
+    return (
+        f"lack of fit is significant: a model error of the size that is left ({sensor['sigma_bias_deg']:.2g} deg rms) "
+        f"can move {', '.join(moves)} beyond the intervals; see rig trace"
+    )
 
 
 def little_help(sensor: Mapping[str, Any]) -> str:

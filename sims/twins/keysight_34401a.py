@@ -25,6 +25,9 @@ from sims.twins.scpi import COMMON, ScpiTwin
 from sims.twins.scpi_syntax import Command, ScpiError, boolean, compiled
 from sims.world import World
 
+NPLC = (0.02, 0.2, 1.0, 10.0, 100.0)
+"""Integration times, power line cycles (user's guide)."""
+
 _INPUT = "input"
 _MOST_SAMPLES = 50_000
 
@@ -46,7 +49,11 @@ _TABLE = (
     Command("INPut:IMPedance:AUTO", set="set_impedance_auto", query="ask_impedance_auto"),
     Command("ROUTe:TERMinals", query="ask_terminals"),
     Command("DISPlay", set="set_display", query="ask_display"),
+    Command("DISPlay:TEXT", set="set_text", query="ask_text"),
+    Command("DISPlay:TEXT:CLEar", set="clear_text"),
     Command("SYSTem:BEEPer", set="beep"),
+    Command("SYSTem:BEEPer:STATe", set="set_beeper", query="ask_beeper"),
+    Command("CALCulate:STATe", query="ask_math"),
     Command("*TST", query="test"),
 )
 
@@ -56,7 +63,7 @@ class Keysight34401ATwin(TriggeredTwin):
 
     Args:
         name: the bench's name for it.
-        options: its options in the bench file; `baud`, `frame` and `line_Hz` matter here.
+        options: its options in the bench file; `baud`, `frame`, `interface` and `line_Hz` matter here.
         world: virtual time.
         plant: what is at the input.
         serial: not told by this model, which answers 0.
@@ -64,12 +71,22 @@ class Keysight34401ATwin(TriggeredTwin):
     """
 
     commands = compiled(_TABLE)
-    errors: ClassVar[Mapping[int, str]] = {**ScpiTwin.errors, 550: "Command not allowed in local"}
+    errors: ClassVar[Mapping[int, str]] = {
+        **ScpiTwin.errors,
+        514: "Command allowed only with RS-232",
+        531: "Insufficient memory",
+        550: "Command not allowed in local",
+    }
     identity = "HEWLETT-PACKARD,34401A,0,10-5-2"
     memory = 512
 
     def __init__(self, name: str, options: Mapping[str, object], world: World, plant: Plant, serial: str) -> None:
+        self.dsr: bool | None = None
         super().__init__(name, options, world, plant, baud=9600, frame="7E2")
+
+    def hears_clear(self) -> bool:
+        """While it has a query to answer it holds its DTR false; Ctrl-C counts then only if DSR is false (page 151)."""
+        return not (self.busy and self.dsr)
 
     def reset(self) -> None:
         """*RST: DC volts, autorange, 10 power line cycles, autozero, one reading at once."""
@@ -81,10 +98,17 @@ class Keysight34401ATwin(TriggeredTwin):
         self.sample_count = 1
         self.impedance_auto = False
         self.display = True
+        self.text = ""
+        self.beeper = True
 
-    def sweeps(self) -> int:
+    def sweeps(self) -> float:
         """One sweep is one reading."""
         return self.trigger_count * self.sample_count
+
+    def check_memory(self) -> None:
+        """512 readings."""
+        if self.sweeps() > self.memory:
+            raise ScpiError(531)
 
     def readings_per_sweep(self) -> int:
         """One input."""
@@ -111,7 +135,7 @@ class Keysight34401ATwin(TriggeredTwin):
     def configure(self, span: str = "DEF", resolution: str = "DEF") -> None:
         """CONFigure:VOLTage:DC presets everything and does not trigger."""
         wanted = range_named(span)
-        nplc = nplc_for_resolution(resolution, wanted)
+        nplc = nplc_for_resolution(resolution, wanted, NPLC)
         self.changed()
         TriggeredTwin.reset(self)
         self.range, self.nplc = wanted, nplc
@@ -147,7 +171,7 @@ class Keysight34401ATwin(TriggeredTwin):
 
     def set_nplc(self, cycles: str) -> None:
         """VOLTage:DC:NPLCycles."""
-        chosen = nplc_for(cycles)
+        chosen = nplc_for(cycles, NPLC)
         self.changed()
         self.nplc = chosen
 
@@ -179,7 +203,7 @@ class Keysight34401ATwin(TriggeredTwin):
         """VOLTage:DC:RESolution; refused while autoranging."""
         if not self.range:
             raise ScpiError(-221)
-        chosen = nplc_for_resolution(volts, self.range)
+        chosen = nplc_for_resolution(volts, self.range, NPLC)
         self.changed()
         self.nplc = chosen
 
@@ -250,6 +274,30 @@ class Keysight34401ATwin(TriggeredTwin):
     def ask_display(self) -> str:
         """DISPlay?."""
         return "1" if self.display else "0"
+
+    def set_text(self, words: str) -> None:
+        """DISPlay:TEXT: up to twelve characters are shown."""
+        self.text = words.strip("\"'")[:12]
+
+    def ask_text(self) -> str:
+        """DISPlay:TEXT?."""
+        return f'"{self.text}"'
+
+    def clear_text(self) -> None:
+        """DISPlay:TEXT:CLEar."""
+        self.text = ""
+
+    def set_beeper(self, state: str) -> None:
+        """SYSTem:BEEPer:STATe."""
+        self.beeper = boolean(state)
+
+    def ask_beeper(self) -> str:
+        """SYSTem:BEEPer:STATe?."""
+        return "1" if self.beeper else "0"
+
+    def ask_math(self) -> str:
+        """CALCulate:STATe?: math is off; it is not simulated."""
+        return "0"
 
     def beep(self) -> None:
         """SYSTem:BEEPer."""

@@ -8,13 +8,25 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import ClassVar
 
+from sims.twins.keysight_channel import (
+    CHANNELS,
+    DEGREES,
+    NPLC,
+    RELAY_S,
+    SLOTS,
+    SPANS_DEGC,
+    TYPES,
+    VOLTS,
+    Channel,
+)
+from sims.twins.keysight_mainframe import MAINFRAME, Mainframe
+from sims.twins.keysight_memory import MEMORY, RememberingTwin
 from sims.twins.keysight_meter import (
     OVERLOAD,
     RESOLUTION,
-    SETTLING_S,
     Plant,
     nplc_for,
     nplc_for_resolution,
@@ -26,25 +38,17 @@ from sims.twins.keysight_meter import (
 )
 from sims.twins.keysight_trigger import TRIGGERING, TriggeredTwin
 from sims.twins.scpi import COMMON, ScpiTwin
+from sims.twins.scpi_flow import XonXoffTwin
 from sims.twins.scpi_syntax import Command, ScpiError, boolean, compiled
 from sims.world import World
 
-CHANNELS = tuple(str(n) for n in range(101, 121))
-"""Of a 34901A in slot 100."""
-
-_THERMISTORS = ("2252", "5000", "10000")
-_PLATINUM = ("85", "91")
-TYPES = {"THER": _THERMISTORS, "RTD": _PLATINUM, "FRTD": _PLATINUM}
-"""Thermometers it linearises: ohms at 25 degrees Celsius (44004, 44007, 44006), or alpha 0.00385 and 0.00391."""
-
-_SPANS_degC = {"THER": (-80.0, 150.0), "RTD": (-200.0, 600.0), "FRTD": (-200.0, 600.0)}
 _LONG = {"THERMISTOR": "THER"}
-_RELAY_S = 0.0167  # closing a 34901A's relay: 60 channels a second
-_VOLTS, _DEGREES = "VOLT", "TEMP"
 
 _TABLE = (
     *COMMON,
     *TRIGGERING,
+    *MAINFRAME,
+    *MEMORY,
     Command("ABORt", set="abort"),
     Command("CONFigure:VOLTage[:DC]", set="configure_volts"),
     Command("CONFigure:TEMPerature", set="configure_temperature"),
@@ -64,32 +68,21 @@ _TABLE = (
     Command("UNIT:TEMPerature", set="set_unit", query="ask_unit"),
     Command("TRIGger:TIMer", set="set_timer", query="ask_timer"),
     Command("SYSTem:LFRequency", query="ask_line_frequency"),
+    Command("MEASure:VOLTage[:DC]", query="measure_volts"),
+    Command("MEASure:TEMPerature", query="measure_temperature"),
+    Command("[SENSe:]FUNCtion", query="ask_function"),
+    Command("ROUTe:CHANnel:DELay", set="set_delay", query="ask_delay"),
+    Command("STATus:OPERation:CONDition", query="ask_operation", local=True),
+    Command("DIAGnostic:RELay:CYCLes", query="ask_relay_cycles"),
 )
 
 
-@dataclass(frozen=True)
-class Channel:
-    """Settings of one channel. `range` 0 means autorange; `probe` and `type` are a thermometer's."""
-
-    function: str = _VOLTS
-    nplc: float = 1.0
-    range: float = 0.0
-    probe: str = ""
-    type: str = ""
-    autozero: bool = True
-    fahrenheit: bool = False
-
-    def seconds(self, line_hz: float) -> float:
-        """Time of a reading: relay, settling, integration, and with autozero a second integration."""
-        return _RELAY_S + SETTLING_S[self.nplc] + (2 if self.autozero else 1) * self.nplc / line_hz
-
-
-class Keysight34970ATwin(TriggeredTwin):
+class Keysight34970ATwin(Mainframe, XonXoffTwin, RememberingTwin):
     """The scanner.
 
     Args:
         name: the bench's name for it.
-        options: its options in the bench file; `baud`, `frame` and `line_Hz` matter here.
+        options: its options in the bench file; `baud`, `frame`, `flow`, `interface` and `line_Hz` matter here.
         world: virtual time.
         plant: what is wired to its channels.
         serial: not told by this model, which answers 0.
@@ -99,6 +92,7 @@ class Keysight34970ATwin(TriggeredTwin):
     commands = compiled(_TABLE)
     errors: ClassVar[Mapping[int, str]] = {
         **ScpiTwin.errors,
+        111: "Channel list: slot number out of range",
         112: "Channel list: channel number out of range",
         113: "Channel list: empty scan list",
         251: "Unsupported temperature transducer type",
@@ -107,6 +101,7 @@ class Keysight34970ATwin(TriggeredTwin):
         306: "Part of a 4-wire pair",
         308: "Channel not able to perform requested operation",
         309: "Incorrectly formatted channel list",
+        514: "Not allowed",
         550: "Not able to execute command in local mode",
     }
     identity = "HEWLETT-PACKARD,34970A,0,13-2-2"
@@ -116,6 +111,7 @@ class Keysight34970ATwin(TriggeredTwin):
     sources = ("IMM", "BUS", "EXT", "TIM")
 
     def __init__(self, name: str, options: Mapping[str, object], world: World, plant: Plant, serial: str) -> None:
+        self.holds_up = options.get("flow", "xonxoff") == "xonxoff"  # as it leaves the factory
         super().__init__(name, options, world, plant, baud=9600, frame="8N1")
 
     def reset(self) -> None:
@@ -131,7 +127,20 @@ class Keysight34970ATwin(TriggeredTwin):
             raise ScpiError(261)
         super().changed()
 
-    def sweeps(self) -> int:
+    def channel_of(self, position: int) -> str:
+        """In the order of the scan list."""
+        return self.scan[position]
+
+    def unit_of(self, channel: str) -> str:
+        """Volts or degrees."""
+        settings = self.channels[channel]
+        return "VDC" if settings.function == VOLTS else "F" if settings.fahrenheit else "C"
+
+    def late_s(self, position: int) -> float:
+        """Channel after channel."""
+        return sum(self.channels[name].seconds(self.line_hz) for name in self.scan[:position])
+
+    def sweeps(self) -> float:
         """Scans in a measurement."""
         return self.trigger_count
 
@@ -149,12 +158,12 @@ class Keysight34970ATwin(TriggeredTwin):
         values = []
         for name in self.scan:
             channel = self.channels[name]
-            t0 = began + _RELAY_S + SETTLING_S[channel.nplc]
-            volts = channel.function == _VOLTS
+            t0 = began + RELAY_S + channel.settling_s()
+            volts = channel.function == VOLTS
             if volts:
                 value = reading(self.plant, self.name, name, t0, channel.nplc, self.line_hz, channel.range)
             else:
-                span = _SPANS_degC[channel.probe]
+                span = SPANS_DEGC[channel.probe]
                 value = temperature(self.plant, self.name, name, t0, channel.nplc, self.line_hz, span)
             value = self.inputs.given(name, "V" if volts else "degC", t0, t0 + channel.nplc / self.line_hz, value)
             if not volts and channel.fahrenheit and value != OVERLOAD:
@@ -165,7 +174,7 @@ class Keysight34970ATwin(TriggeredTwin):
 
     def overload_bit(self, position: int) -> int:
         """Voltage overload is bit 0, temperature overload bit 10."""
-        return 1 if self.channels[self.scan[position]].function == _VOLTS else 1 << 10
+        return 1 if self.channels[self.scan[position]].function == VOLTS else 1 << 10
 
     def initiate(self) -> None:
         """INITiate; fails without a scan list."""
@@ -188,8 +197,8 @@ class Keysight34970ATwin(TriggeredTwin):
         """CONFigure:VOLTage:DC [range[,resolution],](@channels): also makes them the scan list."""
         span, resolution, *_ = *parameters[:-1], "DEF", "DEF"
         chosen = range_named(span)
-        nplc = nplc_for_resolution(resolution, chosen) if resolution.upper() != "DEF" else 1.0
-        self._configure(parameters, Channel(_VOLTS, nplc, chosen))
+        nplc = nplc_for_resolution(resolution, chosen, NPLC) if resolution.upper() != "DEF" else 1.0
+        self._configure(parameters, Channel(VOLTS, nplc, chosen))
 
     def configure_temperature(self, *parameters: str) -> None:
         """CONFigure:TEMPerature probe,type[,1[,resolution]],(@channels): also makes them the scan list."""
@@ -204,7 +213,42 @@ class Keysight34970ATwin(TriggeredTwin):
             raise ScpiError(-224)
         if probe == "FRTD" and any(int(name) % 100 > 10 for name in self._listed(parameters[-1])):
             raise ScpiError(308)
-        self._configure(parameters, Channel(_DEGREES, 1.0, 0.0, probe, type_))
+        self._configure(parameters, Channel(DEGREES, 1.0, 0.0, probe, type_))
+
+    def measure_volts(self, *parameters: str) -> str:
+        """MEASure:VOLTage:DC?: configure, scan once and answer."""
+        if not self._streaming:
+            self.configure_volts(*parameters)
+        return self.read()
+
+    def measure_temperature(self, *parameters: str) -> str:
+        """MEASure:TEMPerature?: likewise."""
+        if not self._streaming:
+            self.configure_temperature(*parameters)
+        return self.read()
+
+    def ask_function(self, channels: str = "") -> str:
+        """FUNCtion?."""
+        return self._about_channels(channels, lambda c: f'"{c.function}"')
+
+    def set_delay(self, seconds: str, channels: str = "") -> None:
+        """ROUTe:CHANnel:DELay: instead of the automatic delay."""
+        value = parameter(seconds, 0.0, 60.0, 0.0)
+        if not 0.0 <= value <= 60.0:
+            raise ScpiError(-222)
+        self._change(channels, "", lambda c: replace(c, delay=value))
+
+    def ask_delay(self, channels: str = "") -> str:
+        """ROUTe:CHANnel:DELay?."""
+        return self._about_channels(channels, lambda c: text(c.settling_s()))
+
+    def ask_operation(self) -> str:
+        """STATus:OPERation:CONDition?: bit 4 while scanning."""
+        return f"{16 * self.measuring:+d}"
+
+    def ask_relay_cycles(self, channels: str = "") -> str:
+        """DIAGnostic:RELay:CYCLes?: closures of the channels' relays; they are not counted."""
+        return self._about_channels(channels, lambda c: "+0")
 
     def _configure(self, parameters: tuple[str, ...], settings: Channel) -> None:
         listed = self._listed(parameters[-1] if parameters else "")
@@ -228,7 +272,7 @@ class Keysight34970ATwin(TriggeredTwin):
         return ",".join(self._about(self.channels[name]) for name in self._listed(channels))
 
     def _about(self, channel: Channel) -> str:
-        if channel.function == _DEGREES:
+        if channel.function == DEGREES:
             return f'"TEMP {channel.probe},{channel.type},{1:+.6E},{1e-4:+.6E}"'
         span = channel.range or 10.0
         return f'"VOLT {span:+.6E},{RESOLUTION[channel.nplc] * span:+.6E}"'
@@ -245,6 +289,8 @@ class Keysight34970ATwin(TriggeredTwin):
             first, _, last = part.partition(":")
             ends = sorted((int(first), int(last or first)))
             found.update(range(ends[0], ends[1] + 1))
+        if any(n // 100 * 100 != SLOTS[0] for n in found):
+            raise ScpiError(111)
         if any(str(n) not in self.channels for n in found):
             raise ScpiError(112)
         return [str(n) for n in sorted(found)]
@@ -275,35 +321,35 @@ class Keysight34970ATwin(TriggeredTwin):
         for name in listed:
             self.channels[name] = change(self.channels[name])
 
-    def _ask(self, channels: str, about: Callable[[Channel], str]) -> str:
+    def _about_channels(self, channels: str, about: Callable[[Channel], str]) -> str:
         return ",".join(about(self.channels[name]) for name in self._listed(channels))
 
     def set_nplc_volts(self, cycles: str, channels: str = "") -> None:
         """VOLTage:DC:NPLC."""
-        chosen = nplc_for(cycles)
-        self._change(channels, _VOLTS, lambda c: replace(c, nplc=chosen))
+        chosen = nplc_for(cycles, NPLC)
+        self._change(channels, VOLTS, lambda c: replace(c, nplc=chosen))
 
     def ask_nplc_volts(self, channels: str = "") -> str:
         """VOLTage:DC:NPLC?."""
-        return self._ask(channels, lambda c: text(c.nplc))
+        return self._about_channels(channels, lambda c: text(c.nplc))
 
     def set_nplc_temperature(self, cycles: str, channels: str = "") -> None:
         """TEMPerature:NPLC."""
-        chosen = nplc_for(cycles)
-        self._change(channels, _DEGREES, lambda c: replace(c, nplc=chosen))
+        chosen = nplc_for(cycles, NPLC)
+        self._change(channels, DEGREES, lambda c: replace(c, nplc=chosen))
 
     def ask_nplc_temperature(self, channels: str = "") -> str:
         """TEMPerature:NPLC?."""
-        return self._ask(channels, lambda c: text(c.nplc))
+        return self._about_channels(channels, lambda c: text(c.nplc))
 
     def set_range(self, span: str, channels: str = "") -> None:
         """VOLTage:DC:RANGe."""
         chosen = range_named(span)
-        self._change(channels, _VOLTS, lambda c: replace(c, range=chosen))
+        self._change(channels, VOLTS, lambda c: replace(c, range=chosen))
 
     def ask_range(self, channels: str = "") -> str:
         """VOLTage:DC:RANGe?."""
-        return self._ask(channels, lambda c: text(c.range or 10.0))
+        return self._about_channels(channels, lambda c: text(c.range or 10.0))
 
     def set_autozero(self, state: str, channels: str = "") -> None:
         """ZERO:AUTO; ONCE leaves it off."""
@@ -312,7 +358,7 @@ class Keysight34970ATwin(TriggeredTwin):
 
     def ask_autozero(self, channels: str = "") -> str:
         """ZERO:AUTO?."""
-        return self._ask(channels, lambda c: "1" if c.autozero else "0")
+        return self._about_channels(channels, lambda c: "1" if c.autozero else "0")
 
     def set_unit(self, unit: str, channels: str = "") -> None:
         """UNIT:TEMPerature."""
@@ -322,7 +368,7 @@ class Keysight34970ATwin(TriggeredTwin):
 
     def ask_unit(self, channels: str = "") -> str:
         """UNIT:TEMPerature?."""
-        return self._ask(channels, lambda c: "F" if c.fahrenheit else "C")
+        return self._about_channels(channels, lambda c: "F" if c.fahrenheit else "C")
 
     def ask_transducer(self, channels: str = "") -> str:
         """TEMPerature:TRANsducer:TYPE?."""
@@ -346,7 +392,7 @@ class Keysight34970ATwin(TriggeredTwin):
 
     def _ask_probes(self, channels: str, about: Callable[[Channel], str], *probes: str) -> str:
         chosen = [self.channels[name] for name in self._listed(channels)]
-        if any(c.function != _DEGREES or (probes and c.probe not in probes) for c in chosen):
+        if any(c.function != DEGREES or (probes and c.probe not in probes) for c in chosen):
             raise ScpiError(305)
         return ",".join(map(about, chosen))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Protocol
 
 from sims.noise import event_at, normal
@@ -14,10 +15,22 @@ OVERLOAD = 9.9e37
 RANGES = (0.1, 1.0, 10.0, 100.0, 1000.0)
 """DC voltage ranges, V; all but the highest measure 20 % beyond their name."""
 
-RESOLUTION = {0.02: 1e-4, 0.2: 1e-5, 1.0: 3e-6, 10.0: 1e-6, 100.0: 3e-7}
-"""Specified resolution as a fraction of the range, by integration time in power line cycles (34401A manual)."""
+RESOLUTION = {
+    0.02: 1e-4,
+    0.2: 1e-5,
+    1.0: 3e-6,
+    2.0: 2.2e-6,
+    10.0: 1e-6,
+    20.0: 8e-7,
+    100.0: 3e-7,
+    200.0: 2.2e-7,
+}
+"""Specified resolution as a fraction of the range, by integration time in power line cycles.
 
-SETTLING_S = {0.02: 0.001, 0.2: 0.001, 1.0: 0.0015, 10.0: 0.0015, 100.0: 0.0015}
+Those of the 34401A are its manual's; 2, 20 and 200 cycles are the 34970A's alone.
+"""
+
+SETTLING_S = {nplc: 0.0015 if nplc >= 1.0 else 0.001 for nplc in RESOLUTION}
 """Automatic trigger delay for DC volts by power line cycles (34401A manual)."""
 
 _LAST_DIGIT = 0.1  # readings are sent ten times finer than the specified resolution, as recorded data show
@@ -115,10 +128,10 @@ def text(value: float) -> str:
     return f"{value:+.8E}"
 
 
-def nplc_for(request: str) -> float:
-    """The integration time for a request, power line cycles: the shortest that is not shorter than asked for."""
-    value = parameter(request, min(RESOLUTION), max(RESOLUTION), 10.0)
-    chosen = next((n for n in RESOLUTION if n >= value * (1 - 1e-9)), None)
+def nplc_for(request: str, legal: Sequence[float]) -> float:
+    """The integration time for a request, power line cycles: the shortest legal one that is not shorter."""
+    value = parameter(request, min(legal), max(legal), 10.0)
+    chosen = next((n for n in legal if n >= value * (1 - 1e-9)), None)
     if chosen is None or value <= 0:
         raise ScpiError(-222)
     return chosen
@@ -135,13 +148,13 @@ def range_named(request: str) -> float:
     return chosen
 
 
-def nplc_for_resolution(request: str, span: float) -> float:
+def nplc_for_resolution(request: str, span: float, legal: Sequence[float]) -> float:
     """The integration time that gives a resolution in volts on a range (10 V while autoranging)."""
     if request.upper() in ("DEF", "DEFAULT"):
         return 10.0
     scale = span or 10.0
-    value = parameter(request, RESOLUTION[100.0] * scale, RESOLUTION[0.02] * scale, RESOLUTION[10.0] * scale)
-    chosen = next((n for n, r in RESOLUTION.items() if r * scale <= value * (1 + 1e-9)), None)
+    value = parameter(request, RESOLUTION[legal[-1]] * scale, RESOLUTION[legal[0]] * scale, RESOLUTION[10.0] * scale)
+    chosen = next((n for n in legal if RESOLUTION[n] * scale <= value * (1 + 1e-9)), None)
     if chosen is None:
         raise ScpiError(-222)
     return chosen

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Mapping
+from typing import NamedTuple
 
 from sims.inputs import Inputs
 from sims.twins.keysight_meter import OVERLOAD, Plant, parameter, text
@@ -21,12 +23,31 @@ TRIGGERING = (
     Command("DATA:POINts", query="ask_points"),
 )
 _MOST_TRIGGERS = 50_000
+_SAME_S = 1e-9
+_LOOK_AGAIN_S = 1.0
+_NAMES = {"IMMEDIATE": "IMM", "EXTERNAL": "EXT", "TIMER": "TIM"}
+
+
+class Reading(NamedTuple):
+    """A reading in memory.
+
+    Attributes:
+        value: in the channel's unit.
+        position: which of its sweep.
+        seconds: when its sweep began, from the beginning of the measurement.
+
+    """
+
+    value: float
+    position: int
+    seconds: float
 
 
 class TriggeredTwin(ScpiTwin):
     """A meter with a trigger system: idle, waiting for a trigger, measuring.
 
-    A measurement is `sweeps` equal sweeps from the moment of the trigger. Its readings are worked out when it ends.
+    A measurement is `sweeps` equal sweeps from the moment of the trigger. Its readings are worked out when it ends, or
+    when somebody asks for those there are.
 
     Attributes:
         inputs: what becomes of its readings.
@@ -41,14 +62,15 @@ class TriggeredTwin(ScpiTwin):
     ) -> None:
         self.plant = plant
         self.inputs = Inputs(OVERLOAD)
+        self._gpib = options.get("interface") == "gpib"
         self.line_hz = float(str(options.get("line_Hz", 50)))
         self._timer: Timer | None = None
         self._ends = 0.0
         super().__init__(name, world, int(str(options.get("baud", baud))), str(options.get("frame", frame)))
 
     @abstractmethod
-    def sweeps(self) -> int:
-        """Sweeps in a measurement."""
+    def sweeps(self) -> float:
+        """Sweeps in a measurement; infinity if it goes on until it is stopped."""
 
     @abstractmethod
     def sweep_s(self) -> float:
@@ -70,7 +92,24 @@ class TriggeredTwin(ScpiTwin):
         """Trigger settings of *RST."""
         self.stop_measuring()
         self.source = "IMM"
-        self.trigger_count = 1
+        self.trigger_count: float = 1
+
+    def switch_on(self) -> None:
+        """Over GPIB whoever talks to it has remote control."""
+        super().switch_on()
+        self.remote = self._gpib
+
+    def go_remote(self) -> None:
+        """SYSTem:REMote and SYSTem:RWLock are known to the serial interface only."""
+        if self._gpib:
+            raise ScpiError(514)
+        super().go_remote()
+
+    def go_local(self) -> None:
+        """SYSTem:LOCal likewise."""
+        if self._gpib:
+            raise ScpiError(514)
+        super().go_local()
 
     def stop_measuring(self) -> None:
         """Give up the measurement and forget its readings."""
@@ -79,7 +118,8 @@ class TriggeredTwin(ScpiTwin):
         self._timer = None
         self._armed = False
         self._streaming = False
-        self._readings: list[float] | None = None
+        self._began: float | None = None
+        self._readings: list[Reading] | None = None
 
     def device_clear(self) -> None:
         """Also gives up the measurement."""
@@ -93,19 +133,23 @@ class TriggeredTwin(ScpiTwin):
     @property
     def measuring(self) -> bool:
         """Whether a measurement is under way."""
-        return self._timer is not None
+        return self._began is not None
 
     def busy_for(self) -> float:
         """See `ScpiTwin`."""
-        return max(0.0, self._ends - self.world.now()) if self.measuring else 0.0
+        if not self.measuring:
+            return 0.0
+        return max(0.0, self._ends - self.world.now()) if math.isfinite(self._ends) else _LOOK_AGAIN_S
 
     def initiate(self) -> None:
         """INITiate: readings go to memory."""
-        if self.sweeps() * self.readings_per_sweep() > self.memory:
-            raise ScpiError(-222)
+        self.check_memory()
         self._arm()
         if self.source in ("IMM", "TIM"):
             self._begin()
+
+    def check_memory(self) -> None:
+        """Refuse a measurement that does not fit the memory; the oldest readings make room otherwise."""
 
     def _arm(self) -> None:
         if self.measuring or self._armed:
@@ -117,19 +161,41 @@ class TriggeredTwin(ScpiTwin):
         began = self.world.now()
         seconds = self.sweeps() * self.sweep_s()
         self._armed = False
+        self._began, self._swept, self._readings = began, 0, []
         self._ends = began + seconds
-        self._timer = self.world.call_in(seconds, lambda: self._finish(began))
+        if math.isfinite(seconds):
+            self._timer = self.world.call_in(seconds, self._finish)
 
-    def _finish(self, began: float) -> None:
+    def _finish(self) -> None:
+        self.taken()
         self._timer = None
-        self._readings = []
-        for k in range(self.sweeps()):
-            taken = self.take(began + k * self.sweep_s())
-            self._readings += taken
-            for position, value in enumerate(taken):
-                if abs(value) == OVERLOAD:
-                    self.events |= DEVICE_ERROR
-                    self.questionable |= self.overload_bit(position)
+        self._began = None
+
+    def taken(self) -> list[Reading]:
+        """The memory: what has been read by now."""
+        if self._readings is None:
+            return []
+        if self._began is not None:
+            period = self.sweep_s()
+            now = self.world.now() + _SAME_S
+            while self._swept < self.sweeps() and self._began + (self._swept + 1) * period <= now:
+                self._sweep(self._began + self._swept * period)
+                self._swept += 1
+            del self._readings[: -self.memory]
+        return self._readings
+
+    def _sweep(self, began: float) -> None:
+        assert self._readings is not None
+        assert self._began is not None
+        for position, value in enumerate(self.take(began)):
+            self._readings.append(Reading(value, position, began - self._began))
+            if abs(value) == OVERLOAD:
+                self.events |= DEVICE_ERROR
+                self.questionable |= self.overload_bit(position)
+
+    def printed(self, reading: Reading) -> str:
+        """A reading as it is handed over."""
+        return text(reading.value)
 
     def trigger(self) -> None:
         """*TRG."""
@@ -145,7 +211,7 @@ class TriggeredTwin(ScpiTwin):
             raise ScpiError(-214)
         if self._readings is None:
             raise ScpiError(-230)
-        return ",".join(map(text, self._readings))
+        return ",".join(map(self.printed, self._readings))
 
     def read(self) -> str:
         """READ?: measures and answers without using the memory."""
@@ -162,7 +228,7 @@ class TriggeredTwin(ScpiTwin):
 
     def set_source(self, name: str) -> None:
         """TRIGger:SOURce."""
-        source = "IMM" if name.upper() == "IMMEDIATE" else name.upper()
+        source = _NAMES.get(name.upper(), name.upper())
         if source not in self.sources:
             raise ScpiError(-224)
         self.changed()
@@ -174,16 +240,17 @@ class TriggeredTwin(ScpiTwin):
 
     def set_trigger_count(self, count: str) -> None:
         """TRIGger:COUNt."""
-        value = parameter(count, 1, _MOST_TRIGGERS, 1)
-        if not 1 <= value <= _MOST_TRIGGERS:
+        endless = count.upper() in ("INF", "INFINITY")
+        value = math.inf if endless else parameter(count, 1, _MOST_TRIGGERS, 1)
+        if not (endless or 1 <= value <= _MOST_TRIGGERS):
             raise ScpiError(-222)
         self.changed()
-        self.trigger_count = round(value)
+        self.trigger_count = value if endless else round(value)
 
     def ask_trigger_count(self) -> str:
         """TRIGger:COUNt?."""
-        return text(self.trigger_count)
+        return text(min(self.trigger_count, OVERLOAD))
 
     def ask_points(self) -> str:
         """DATA:POINts?: readings in memory."""
-        return f"{len(self._readings or ()):+d}"
+        return f"{len(self.taken()):+d}"

@@ -10,6 +10,8 @@ from sims.world import World
 ENCODER_DEG = 1e-4
 """Encoder resolution; positions are answered in whole counts."""
 
+_MOMENT_S = 1e-3
+
 
 class Head(Protocol):
     """The mechanics this controller drives (`sims.physics.head`)."""
@@ -40,6 +42,7 @@ class Parameter:
         low, high: range.
         ceiling: parameter that this one may not exceed, "" if none.
         ceiling_error: axis error if it does.
+        hexadecimal: it is a configuration word.
 
     """
 
@@ -48,6 +51,7 @@ class Parameter:
     high: float = 1e9
     ceiling: str = ""
     ceiling_error: int = 0
+    hexadecimal: bool = False
 
 
 PARAMETERS = {
@@ -65,8 +69,23 @@ PARAMETERS = {
     "SR": Parameter(360.0, low=-1e6, high=1e6),
     "SN": Parameter(7, low=0, high=11),
     "FP": Parameter(4, low=0, high=7),
+    "SU": Parameter(ENCODER_DEG),
+    "FE": Parameter(1.0),
+    "AE": Parameter(160.0),
+    "VB": Parameter(0.0),
+    "QM": Parameter(4, low=0, high=4),
+    "ZA": Parameter(0x123, high=0xFFFF, hexadecimal=True),
+    "ZB": Parameter(0x300, high=0xFFFF, hexadecimal=True),
+    "ZE": Parameter(0x3, high=0xFFFF, hexadecimal=True),
+    "ZF": Parameter(0x3, high=0xFFFF, hexadecimal=True),
+    "ZH": Parameter(0x24, high=0xFFFF, hexadecimal=True),
+    "ZS": Parameter(0x5, high=0xFFFF, hexadecimal=True),
 }
-"""Speeds in deg/s, accelerations in deg/s^2, angles in degrees; SN 7 means degrees."""
+"""Speeds in deg/s, accelerations in deg/s^2, angles in degrees; SN 7 means degrees, QM 4 a brushless motor.
+
+What the configuration words of these stages are, and FE and AE, is not from the manual [?]: ZB's bits 8 and 9 say that
+there is an encoder, ZH's bit 0 that there are limit switches.
+"""
 
 _POWER_ON = {name: parameter.default for name, parameter in PARAMETERS.items()}
 
@@ -92,6 +111,14 @@ class Axis:
         """The count, in degrees."""
         counts = round((self._head.encoder_deg(self.name, self._world.now()) - self.zero) / ENCODER_DEG)
         return counts * ENCODER_DEG
+
+    def speed(self) -> float:
+        """How fast it turns, deg/s."""
+        if not self.driving():
+            return 0.0
+        now = self._world.now()
+        here, there = (self._head.encoder_deg(self.name, t) for t in (now, now + _MOMENT_S))
+        return (there - here) / _MOMENT_S
 
     def driving(self) -> bool:
         """Whether a motion profile is under way."""

@@ -22,6 +22,9 @@ _TICK_S = 400e-6  # TB?'s time stamps count servo cycles of 400 us
 _QUEUED_ERRORS = 10
 _POLL_S = 0.05
 _HOME_RUN_UP_DEG = 2.0
+_LONGEST_LINE = 80
+"""Characters a line may have (manual, page 3-8)."""
+
 _TRIPS = {"drive-fault": 2, "following-error": 3}
 
 _ERRORS = {
@@ -55,6 +58,9 @@ class Plant(Protocol):
 
 
 _COMMAND = re.compile(r"(\d{0,3})([A-Z]{2})(\??)(.*)", re.ASCII)
+_WORD = re.compile(r"[0-9][0-9A-F]{0,4}H?", re.ASCII)
+_SET = 0x40  # high in the manual's example of the status characters
+_NO_EMERGENCY_STOP = 0x18000000  # likewise in that of the hardware status
 _NUMBER = re.compile(r"[+-]?(\d{1,9}\.?\d*|\.\d+)(E[+-]?\d)?", re.ASCII)
 
 
@@ -83,6 +89,13 @@ def _number(text: str) -> float:
     return float(text)
 
 
+def _hexadecimal(text: str) -> float:
+    """A configuration word: hexadecimal digits, with or without an H."""
+    if not _WORD.fullmatch(text):
+        raise _Refused(6 if text else 38)  # a letter first is taken for a command
+    return int(text.removesuffix("H"), 16)
+
+
 class NewportESP301Twin:
     """The controller.
 
@@ -109,6 +122,7 @@ class NewportESP301Twin:
             "TP": lambda axis, n, text: f"{axis.position():.4f}",
             "MD": lambda axis, n, text: "0" if axis.moving() else "1",
             "DP": lambda axis, n, text: f"{axis.target:.4f}",
+            "TV": lambda axis, n, text: f"{axis.speed():.4f}",
             "ID": lambda axis, n, text: f"RGV100BL, {self._serial}",
             "MO": self._power_on,
             "MF": self._power_off,
@@ -175,7 +189,11 @@ class NewportESP301Twin:
         """Take the next line; it is carried out when the controller has had time to read it."""
         self._running = bool(self._lines)
         if self._running:
-            commands = deque(c for c in self._lines.popleft().split(";") if c.strip())
+            line = self._lines.popleft()
+            if len(line) > _LONGEST_LINE:
+                self._fail(6)  # which error it is the manual does not say [?]
+                line = ""
+            commands = deque(c for c in line.split(";") if c.strip())
             self._world.call_in(_COMMAND_S * len(commands), partial(self._carry_out, commands, tx, self._session))
 
     def _carry_out(self, commands: deque[str], tx: Callable[[bytes], None], session: int) -> None:
@@ -183,8 +201,9 @@ class NewportESP301Twin:
             return  # switched off in between
         answers = []
         while commands:
-            if self._waits(commands[0]):
-                self._world.call_in(_POLL_S, partial(self._carry_out, commands, tx, session))
+            seconds = self._waits(commands)
+            if seconds:
+                self._world.call_in(seconds, partial(self._carry_out, commands, tx, session))
                 break
             try:
                 answer = self._execute(commands.popleft())
@@ -198,20 +217,24 @@ class NewportESP301Twin:
         if not commands:
             self._next_line(tx)
 
-    def _waits(self, command: str) -> bool:
-        """Whether the command is WS (wait for stop) and there is motion to wait for."""
-        parsed = _parsed(command)
+    def _waits(self, commands: deque[str]) -> float:
+        """Seconds until the next command may be looked at again: WS waits for the end of motion and nn ms more."""
+        parsed = _parsed(commands[0])
         if parsed is None or parsed[1] != "WS":
-            return False
-        waited = [self._axes[parsed[0]]] if parsed[0] in self._axes else list(self._axes.values())
-        return any(axis.moving() for axis in waited)
+            return 0.0
+        number, _, _, text = parsed
+        waited = [self._axes[number]] if number in self._axes else list(self._axes.values())
+        if any(axis.moving() for axis in waited):
+            return _POLL_S
+        commands[0] = f"{number or ''}WS"
+        return float(text) / 1000 if _NUMBER.fullmatch(text) else 0.0
 
     def _execute(self, command: str) -> str | None:
         parsed = _parsed(command)
         if parsed is None:
             raise _Refused(6)
         number, mnemonic, query, text = parsed
-        if mnemonic in ("TE", "TB", "VE", "AB", "WS"):
+        if mnemonic in ("TE", "TB", "VE", "AB", "WS", "TS", "TX", "PH"):
             return self._execute_without_axis(mnemonic)
         action = self._commands.get(mnemonic)
         parameter = PARAMETERS.get(mnemonic)
@@ -224,7 +247,8 @@ class NewportESP301Twin:
             raise _Refused(9)
         if parameter is not None:
             if query:
-                return f"{axis.values[mnemonic]:.9g}"
+                value = axis.values[mnemonic]
+                return f"{int(value):X}H" if parameter.hexadecimal else f"{value:.9g}"
             self._set(axis, number, mnemonic, parameter, text)
             return None
         assert action is not None
@@ -240,11 +264,22 @@ class NewportESP301Twin:
                 code, tick = self._oldest_error()
                 text = _AXIS_ERRORS[code % 100] if code >= 100 else _ERRORS[code]
                 return f"{code}, {tick}, {f'AXIS-{code // 100} ' if code >= 100 else ''}{text}"
+            case "TS":
+                return self._status()
+            case "TX":
+                return chr(_SET | 16 * any(axis.moving() for axis in self._axes.values()))
+            case "PH":
+                return f"{_NO_EMERGENCY_STOP:X}H, 0H"  # stages without limit switches, home switches open
             case "AB":
                 for number, axis in self._axes.items():
                     self._stop(axis, number, "")
                     axis.powered = False
         return None
+
+    def _status(self) -> str:
+        """Which axes move, and whether a motor is on, as the bits of a character."""
+        moving = sum(1 << (number - 1) for number, axis in self._axes.items() if axis.moving())
+        return chr(_SET | moving | 16 * any(axis.powered for axis in self._axes.values()))
 
     def _oldest_error(self) -> tuple[int, int]:
         return self._errors.popleft() if self._errors else (0, self._ticks())
@@ -258,7 +293,7 @@ class NewportESP301Twin:
         self._errors.append((code, self._ticks()))
 
     def _set(self, axis: Axis, number: int, name: str, parameter: Parameter, text: str) -> None:
-        value = _number(text)
+        value = _hexadecimal(text) if parameter.hexadecimal else _number(text)
         if not parameter.low <= value <= parameter.high:
             raise _Refused(7)
         if parameter.ceiling and value > axis.values[parameter.ceiling]:
@@ -307,8 +342,11 @@ class NewportESP301Twin:
             self._fail(100 * number + 20)
         axis.stop()
 
-    def _define_home(self, axis: Axis, number: int, text: str) -> None:
+    def _define_home(self, axis: Axis, number: int, text: str) -> str | None:
+        if text == "?":
+            return f"{axis.values['SH']:.4f}"
         axis.zero += axis.position() - (_number(text) if text else 0.0)
+        return None
 
     def _search_home(self, axis: Axis, number: int, text: str) -> None:
         """Go below the home mark fast, then up to it slowly: the index is always met from the same side."""

@@ -139,15 +139,20 @@ class ScpiTwin:
 
     def on_rx(self, data: bytes, tx: Callable[[bytes], None]) -> None:
         """Collect characters; LF ends a line, CR is white space, Ctrl-C clears input, output and measurement."""
-        if DEVICE_CLEAR in data:
+        if DEVICE_CLEAR in data and self.hears_clear():
             data = data[data.rindex(DEVICE_CLEAR) + 1 :]
             self.device_clear()
+        data = data.replace(bytes([DEVICE_CLEAR]), b"")
         self._input += data
         *lines, rest = bytes(self._input).split(b"\n")
         self._input = bytearray(rest)
         self._lines.extend(line.decode("latin-1") for line in lines)
         if not self._running:
             self._next_line(tx)
+
+    def hears_clear(self) -> bool:
+        """Whether Ctrl-C is recognised now."""
+        return True
 
     def device_clear(self) -> None:
         """Forget what was sent and not yet carried out."""
@@ -162,6 +167,16 @@ class ScpiTwin:
             units = deque(split_outside(self._lines.popleft().strip(), ";"))
             delay = _COMMAND_S * len(units)
             self.world.call_in(delay, partial(self._carry_out, units, [], "", tx, self._session))
+
+    @property
+    def waiting(self) -> int:
+        """Characters that have come in and are not yet being carried out."""
+        return len(self._input) + sum(map(len, self._lines))
+
+    @property
+    def busy(self) -> bool:
+        """Whether a line is being carried out or waits for it."""
+        return self._running
 
     def _carry_out(
         self, units: deque[str], answers: list[str], path: str, tx: Callable[[bytes], None], session: int

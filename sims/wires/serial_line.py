@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import serial
 
@@ -28,6 +28,13 @@ class SerialTwin(Protocol):
     def on_rx(self, data: bytes, tx: Callable[[bytes], None]) -> None:
         """Take bytes in; answer through `tx`, now or later."""
         ...
+
+
+@runtime_checkable
+class Handshaking(Protocol):
+    """A twin that looks at the line DSR, which is the host's DTR: None if nothing is connected to it."""
+
+    dsr: bool | None
 
 
 def bits_per_character(frame: str) -> int:
@@ -86,6 +93,11 @@ class SerialCable:
             self._carry_out(data)
         else:
             self._tampering.to_twin(data, self._carry_out, self._carry_back)
+
+    def host_dtr(self, on: bool | None) -> None:
+        """The host sets its line DTR; None as long as nobody is connected. TCP has no such line."""
+        if self.setting is not None and isinstance(self._twin, Handshaking):
+            self._twin.dsr = on
 
     def _carry_out(self, data: bytes) -> None:
         now = self.world.now()

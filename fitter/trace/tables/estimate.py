@@ -59,11 +59,21 @@ def estimate(judge: TableJudge, chosen: tuple[int, ...], tails: FloatArray | Non
         white = problem.noise.whiten(np.array([at]), model / problem.sd[:, None])[0]
         fit = _solved(white, judge.white(at, chosen), None)
     coefficients, stderr = fit if fit is not None else _smallest(model, problem.y)
-    basis = orthonormal(model)
-    left = problem.y - basis @ (basis.T @ problem.y)
-    df = problem.n - basis.shape[1]
+    left, df = _plain(judge, chosen)
     sigma = float(np.sqrt(left @ left / df)) if df > 0 else float("nan")
     return Estimate(chosen, at, coefficients, stderr, model @ coefficients, left, sigma, df)
+
+
+def error_of(judge: TableJudge, chosen: tuple[int, ...]) -> float:
+    """Standard error of one row beside the `chosen` candidates, as in `Estimate`."""
+    left, df = _plain(judge, chosen)
+    return float(np.sqrt(left @ left / df)) if df > 0 else float("nan")
+
+
+def _plain(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[FloatArray, int]:
+    """(n,) residuals of ordinary least squares, and their degrees of freedom."""
+    basis = orthonormal(judge.problem.model(chosen))
+    return judge.problem.y - basis @ (basis.T @ judge.problem.y), judge.problem.n - basis.shape[1]
 
 
 def _solved(model: FloatArray, y: FloatArray, tails: FloatArray | None) -> tuple[FloatArray, FloatArray] | None:

@@ -8,6 +8,7 @@ import numpy as np
 from scipy import special
 
 from fitter.arrays import FloatArray
+from fitter.effects.noise import AUTOCORRELATION, NOISE_GROWS, OUTLIERS
 from fitter.trace.family import ALPHA
 from fitter.trace.tables.intervals import in_words, moved, understated
 from fitter.trace.tables.judge import TableJudge
@@ -59,7 +60,7 @@ def _wander(judge: TableJudge, chosen: tuple[int, ...], data: TableData) -> Foun
     return _finding(
         judge,
         data,
-        "autocorrelation",
+        AUTOCORRELATION,
         cause,
         {"correlation of neighbours": correlation},
         "1",
@@ -80,7 +81,7 @@ def _growing(
     return _finding(
         judge,
         data,
-        f"growing-noise:{growth.driver}",
+        NOISE_GROWS,
         f"the scatter of {data.response} changes with {where}",
         {f"sd at {growth.span[0]:.4g}": low, f"sd at {growth.span[1]:.4g}": high},
         data.response,
@@ -119,7 +120,7 @@ def _alone(judge: TableJudge, chosen: tuple[int, ...], data: TableData) -> Found
     return _finding(
         judge,
         data,
-        "outliers",
+        OUTLIERS,
         f"{len(alone)} of {problem.n} rows stand alone, by {z.min():.1f} to {z.max():.1f} sd",
         {f"row {rows[i]}": float(left[i] * problem.sd[i]) for i in shown},
         data.response,

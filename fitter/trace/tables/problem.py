@@ -12,6 +12,7 @@ from fitter.arrays import FloatArray, IntArray
 from fitter.effects.tables import TableEffect, effects_of
 from fitter.effects.tables_scene import TableScene, TableTerm
 from fitter.resolution import resolution
+from fitter.trace.not_kept import NotKept, overflows
 from fitter.trace.tables.noise import Noise
 
 SPARED = 2
@@ -39,6 +40,7 @@ class Problem:
         sd: (n,) standard deviation of each row's own error over the usual one.
         ordered: whether rows stand in an order, that of taking or that of a setting.
         presumed: whether nobody vouches for that order.
+        left_out: candidates that cannot be computed with.
 
     """
 
@@ -49,6 +51,7 @@ class Problem:
     sd: FloatArray
     ordered: bool
     presumed: bool = False
+    left_out: tuple[NotKept, ...] = ()
 
     @property
     def n(self) -> int:
@@ -101,8 +104,8 @@ class Problem:
         return replace(self, candidates=tuple(candidates))
 
 
-def candidates_of(scene: TableScene, response: str, left: int) -> tuple[Candidate, ...]:
-    """All that can be looked for in a table, cheapest first, then in catalogue order.
+def candidates_of(scene: TableScene, response: str, left: int) -> tuple[tuple[Candidate, ...], tuple[NotKept, ...]]:
+    """All that can be looked for in a table, cheapest first, then in catalogue order; and what is too large for that.
 
     Args:
         scene: the table.
@@ -110,14 +113,14 @@ def candidates_of(scene: TableScene, response: str, left: int) -> tuple[Candidat
         left: rows less columns of the declared model.
 
     """
-    found = [
-        Candidate(effect, term)
-        for effect in effects_of(scene, response)
-        for term in effect.terms(scene)
-        if term.columns.shape[1] + SPARED <= left
-    ]
+    with np.errstate(over="ignore", invalid="ignore"):
+        every = [Candidate(effect, term) for effect in effects_of(scene, response) for term in effect.terms(scene)]
+    large = [c for c in every if overflows(c.term.columns)]
+    found = [c for c in every if c.term.columns.shape[1] + SPARED <= left and c not in large]
     cheapest: dict[str, int] = {}
     for candidate in found:
         name = candidate.effect.name
         cheapest[name] = min(cheapest.get(name, candidate.term.price), candidate.term.price)
-    return tuple(sorted(found, key=lambda c: cheapest[c.effect.name]))
+    names = dict.fromkeys(c.effect.name for c in large)
+    ordered = tuple(sorted(found, key=lambda c: cheapest[c.effect.name]))
+    return ordered, tuple(NotKept(name, None, "overflow") for name in names)

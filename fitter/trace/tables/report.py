@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +15,7 @@ from fitter.split_plot import fit_split_plot
 from fitter.trace.aliases import DELTA
 from fitter.trace.result import verdict
 from fitter.trace.search import names_of
+from fitter.trace.shares import of_rest, shares, unnamed_part
 from fitter.trace.tables.cross import left_out
 from fitter.trace.tables.estimate import Estimate, estimate
 from fitter.trace.tables.findings import noise_findings
@@ -37,17 +39,19 @@ def trace_general(data: TableData) -> TableTrace:
     before, after = estimate(judge, (), data.tails), estimate(judge, chosen, data.tails)
     crossed = left_out(problem_of(data), judge, chosen)
     pure = [pure_error(data.y, data.points, judge.problem.of(terms)) for terms in ((), chosen)]
-    effects = [_effect(judge, after, name, data) for name in names_of(judge.candidates, chosen)]
+    left = unnamed(judge, chosen, _variables(data))
+    shown = [_effect(judge, after, name, data) for name in names_of(judge.candidates, chosen)]
+    divided = _shares(judge, chosen, shown, unnamed_part(left))
+    effects = [replace(effect, share=float(share)) for effect, share in zip(shown, divided, strict=True)]
     effects.sort(key=lambda effect: -effect.share)
-    left = 1.0 if not effects else float(after.sigma_E**2 * after.df / (before.sigma_E**2 * before.df))
-    rest = tuple(replace(r, share=r.share * min(left, 1.0)) for r in unnamed(judge, chosen, _variables(data)))
+    rest = of_rest(divided, left)
     cv = (None, None) if crossed is None else crossed[0]
     noise = noise_findings(judge, chosen, found.growth, data)
     return TableTrace(
         response=data.response,
         declared=data.formula,
         names=data.names,
-        verdict=verdict(bool(effects), any(r.stratum != "noise" for r in rest)),
+        verdict=verdict(found=bool(effects), fell=after.sigma_E < before.sigma_E, rest=rest),
         before=TableSide(before, cv[0], pure[0], _shared(data, judge, ())),
         after=TableSide(after, cv[1], pure[1], _shared(data, judge, chosen)),
         effects=(*effects, *noise),
@@ -108,7 +112,7 @@ def _effect(judge: TableJudge, after: Estimate, name: str, data: TableData) -> F
         size=_size(own, values, effect, data.response),
         p_adjusted=p,
         p_adjusted_is_bound=judge.is_bound(p),
-        share=_share(judge, chosen, mine),
+        share=0.0,  # of all together: `_shares`
         aliases=aliases,
         separation=separation,
         separate_by="; ".join(experiments),
@@ -151,24 +155,27 @@ def _stratum(judge: TableJudge, mine: list[int], usual: str) -> str:
     return "whole-plot" if between > CONSTANT * float(np.sum(columns**2)) else "subplot"
 
 
-def _share(judge: TableJudge, chosen: tuple[int, ...], mine: list[int]) -> float:
-    """Of the declared model's residual beyond what is left in the end, what the terms `mine` take, in the order found.
+def _shares(
+    judge: TableJudge, chosen: tuple[int, ...], effects: Sequence[FoundTableEffect], unnamed: float
+) -> FloatArray:
+    """Share of each effect in the response beyond scatter, rows weighted by the scatter found.
 
-    Effects that overlap share what they overlap in with the one found first; all shares together make one.
+    Args:
+        judge: of the table.
+        chosen: candidates in the model.
+        effects: as they were estimated.
+        unnamed: part of what is left beside them that is no scatter.
+
     """
     view, white = judge.view(0), judge.white(0, chosen)
-    names = names_of(judge.candidates, chosen)
-    name = judge.candidates[mine[0]].effect.name
-    earlier = names[: names.index(name)]
-    ahead = tuple(j for j in chosen if judge.candidates[j].effect.name in earlier)
-    rss = []
-    for terms in ((), ahead, (*ahead, *mine), chosen):
-        taken = view.taken(terms)
-        left = white - taken @ (taken.T @ white)
-        rss.append(float(left @ left))
-    variance = rss[3] / max(len(white) - taken.shape[1], 1)
-    excess = rss[0] - (len(white) - view.basis.shape[1]) * variance
-    return float(np.clip((rss[1] - rss[2]) / excess, 0.0, 1.0)) if excess > 0 else 0.0
+    taken = view.taken(chosen)
+    left = white - taken @ (taken.T @ white)
+    df = len(white) - view.basis.shape[1]
+    variance = float(left @ left) / max(len(white) - taken.shape[1], 1)
+    parts = [effect.contribution / judge.problem.sd for effect in effects]
+    beyond = [part - view.basis @ (view.basis.T @ part) for part in parts]
+    residual = white - view.basis @ (view.basis.T @ white)
+    return shares(beyond, residual, df * variance * (1.0 - unnamed))
 
 
 def _shared(data: TableData, judge: TableJudge, chosen: tuple[int, ...]) -> tuple[float, float] | None:
@@ -184,7 +191,7 @@ def _shared(data: TableData, judge: TableJudge, chosen: tuple[int, ...]) -> tupl
 
 
 def _remarks(found: Found) -> tuple[str, ...]:
-    judge, remarks = found.judge, []
+    judge, remarks = found.judge, [one.sentence for one in found.not_kept]
     noise, at = judge.problem.noise, judge.beside(found.chosen).best
     if found.growth is not None:
         remarks.append("rows were weighted by the scatter found; sigma_E counts them alike")

@@ -10,7 +10,10 @@ from fitter.arrays import FloatArray, IntArray
 from fitter.effects.tables_scene import TableScene
 from fitter.linear import orthonormal
 from fitter.trace.family import ALPHA
+from fitter.trace.keep import kept
+from fitter.trace.not_kept import NotKept
 from fitter.trace.search import names_of, prune, search_and_name
+from fitter.trace.tables.estimate import error_of
 from fitter.trace.tables.judge import TableJudge
 from fitter.trace.tables.noise import Independent, Noise, Wandering
 from fitter.trace.tables.problem import Problem, candidates_of
@@ -21,8 +24,8 @@ from fitter.trace.tables.spread import Growth, growth_of
 ROUNDS = 3
 ORDERS = ("second-order", "third-order", "fourth-order", "fifth-order")
 """Kinds that lead their alias class as its simplest even if they just miss standing out by themselves."""
-JUST = 2.0
-"""Up to so many times the limit of the probability; another of the class is below it."""
+LEVEL = 0.05
+"""Up to this probability, that of the whole run; another of the class is below `ALPHA`."""
 FEWEST_FOR_WANDER = 6
 
 
@@ -67,17 +70,18 @@ class TableData:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """What a search ends with."""
+    """What a search ends with, with what stood out and was not kept."""
 
     judge: TableJudge
     chosen: tuple[int, ...]
     growth: Growth | None
+    not_kept: tuple[NotKept, ...]
 
 
 def problem_of(data: TableData) -> Problem:
     """The table ready to be searched."""
     left = len(data.y) - orthonormal(data.columns).shape[1]
-    candidates = candidates_of(data.scene, data.response, left)
+    candidates, large = candidates_of(data.scene, data.response, left)
     time = data.scene.time
     return Problem(
         y=data.y,
@@ -87,6 +91,7 @@ def problem_of(data: TableData) -> Problem:
         sd=np.ones(len(data.y)),
         ordered=time is not None or data.order_unknown,
         presumed=time is not None and time.presumed,
+        left_out=large,
     )
 
 
@@ -128,7 +133,18 @@ def look(judge: TableJudge, data: TableData, rows: IntArray | None = None) -> Fo
         if set(again) == set(chosen) and settled:
             break
         chosen = again
-    return Found(judge, _simplest_orders(judge, chosen), growth)
+    chosen, not_kept = stays(judge, chosen)
+    return Found(judge, _simplest_orders(judge, chosen), growth, not_kept)
+
+
+def stays(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[tuple[int, ...], tuple[NotKept, ...]]:
+    """Those of the `chosen` candidates that stay."""
+
+    def helps(chosen: tuple[int, ...], own: tuple[int, ...]) -> bool:
+        return error_of(judge, chosen) < error_of(judge, tuple(j for j in chosen if j not in own))
+
+    stay, idle = kept(judge, chosen, helps, "the standard error of a row, every row counted alike,")
+    return stay, (*judge.problem.left_out, *idle)
 
 
 def _simplest_orders(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[int, ...]:
@@ -140,8 +156,9 @@ def _simplest_orders(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[int, .
         if first.effect == name or kind not in ORDERS or judge.candidates[mine[0]].effect.source != "setting":
             continue
         trial = tuple(j for j in chosen if j not in mine) + first.terms
-        limit = [ALPHA * (JUST if j in first.terms else 1.0) for j in trial]
-        if all(judge.p_adjusted(trial, j) <= most for j, most in zip(trial, limit, strict=True)):
+        limit = [LEVEL if j in first.terms else ALPHA for j in trial]
+        stands_out = all(judge.p_adjusted(trial, j) <= most for j, most in zip(trial, limit, strict=True))
+        if stands_out and error_of(judge, trial) < error_of(judge, tuple(j for j in chosen if j not in mine)):
             chosen = trial
     return chosen
 

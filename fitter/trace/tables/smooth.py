@@ -29,7 +29,6 @@ class Smooth(Unnamed):
         period: of the curve's largest part, unit of the variable; None for fewer than `WAVES` half waves.
         sigma_E: standard error of one row with the effects, and with the curve besides.
         left_out: rms error at random rows left out of the fit of the same model, without the curve and with it.
-        stratum: "noise" where what remains is as likely noise that wanders as an effect; else "unnamed".
 
     """
 
@@ -38,13 +37,11 @@ class Smooth(Unnamed):
     period: float | None
     sigma_E: tuple[float, float]
     left_out: tuple[float, float]
-    stratum: str = "unnamed"
 
     def to_json(self) -> dict[str, JsonValue]:
         """As `rig trace --json` prints it."""
         return {
             **super().to_json(),
-            "stratum": self.stratum,
             "variable": self.variable,
             "order": self.order,
             "period": self.period,

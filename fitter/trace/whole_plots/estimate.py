@@ -12,6 +12,7 @@ from fitter.quantiles import t_limit
 from fitter.split_plot import SplitPlotDesign, SplitPlotFit
 from fitter.trace.whole_plots.problem import Problem
 from fitter.trace.whole_plots.score import score
+from fitter.trace.whole_plots.strata import Level
 
 
 @dataclass(frozen=True)
@@ -72,6 +73,12 @@ def estimate(problem: Problem, chosen: tuple[int, ...]) -> Estimate:
         fits.append(design.fit(problem.outputs[i] - of_line))
         residual[i] = fits[-1].marginal_residuals
     return Estimate(chosen, coefficients, contribution, declared, tuple(fits), residual)
+
+
+def error_of(fitted: Estimate, level: Level, i: int) -> tuple[float, float]:
+    """The declared error of transducer `i` at a level, mV; of two zeros between whole plots, that within decides."""
+    fit = fitted.fits[i]
+    return (fit.sigma_subplot if level == "subplot" else fit.sigma_wholeplot, fit.sigma_subplot)
 
 
 def residual_of(problem: Problem, fitted: Estimate) -> FloatArray:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fitter.arrays import FloatArray
 from fitter.trace.aliases import PER_COLUMN, Products, Rival, rivals, simplest
 from fitter.trace.family import ALPHA
+from fitter.trace.signs import SURE, Impossible
 from fitter.trace.whitened import Whitened
 from fitter.trace.whole_plots.null import Families
 from fitter.trace.whole_plots.problem import Candidate, Problem
@@ -61,7 +64,17 @@ class WholePlotJudge:
     def p_adjusted(self, chosen: tuple[int, ...], j: int) -> float:
         """Probability that the best of the family looks as good as `j` beside the other `chosen` by chance."""
         others = tuple(k for k in chosen if k != j)
-        return self.family.adjusted(float(score(self.problem, others, (j,)).p[j]), j)
+        scores = score(self.problem, others, (j,))
+        return 1.0 if self.wrong(scores)[j] else self.family.adjusted(float(scores.p[j]), j)
+
+    def alone(self, chosen: tuple[int, ...]) -> tuple[Impossible, ...]:
+        """Candidates that stand out beside those `chosen`, but for the sign that they would need."""
+        if not np.any(self.signs):
+            return ()
+        scores = score(self.problem, chosen)
+        wrong = np.flatnonzero((self.family.adjust(scores.p) <= ALPHA) & self.wrong(scores))
+        value, error = scores.gamma, np.abs(scores.gamma) / np.maximum(np.abs(scores.t), np.finfo(float).tiny)
+        return tuple(Impossible(j, float(value[j]), float(error[j])) for j in wrong.tolist())
 
     def lead(self, explanations: Sequence[Rival]) -> Rival:
         """The simplest of those the data cannot tell apart; what is only suspected leads if nothing else is left."""
@@ -80,17 +93,21 @@ class WholePlotJudge:
         rest = tuple(j for j in chosen if j not in group)
         stratum, error = beside(problem, level, rest), beside(problem, level, chosen, ()).sigma
         scale = (stratum.sigma / error)[:, None]
-        able = self._judged(level, stratum) & (self._possible(score(problem, rest)) | np.isin(every, group))
+        scores = score(problem, rest)
+        able = self._judged(level, stratum) & (self._possible(scores) | self.wrong(scores) | np.isin(every, group))
         columns = np.where(able, stratum.white.columns * scale[:, :, None], 0.0)
         white = Whitened(stratum.white.outputs * scale, columns)
         line = any(problem.candidates[j].sensor is None for j in group)
         sensors = problem.sensors if line else {str(problem.candidates[j].sensor) for j in group}
         elsewhere = tuple(j for j in named if j not in group)
         searched = {e.name for c in self.candidates if (e := c.effect).searched and (len(sensors) == 1 or not c.sensor)}
-        found = rivals(problem.candidates, Products.of(white), group, rest, sensors, searched=searched)
+        products = replace(Products.of(white), signs=self.signs)
+        found = rivals(problem.candidates, products, group, rest, sensors, searched=searched)
         price = np.array([rival.sigmas**2 + self._tried(rival) for rival in found])
+        least = min(p for p, rival in zip(price.tolist(), found, strict=True) if not rival.refused)
+        price = np.maximum(price, least)
         return tuple(
-            replace(found[k], terms=(*found[k].terms, *elsewhere), sigmas=float(np.sqrt(price[k] - price.min())))
+            replace(found[k], terms=(*found[k].terms, *elsewhere), sigmas=float(np.sqrt(price[k] - least)))
             for k in np.argsort(price, kind="stable")
         )
 
@@ -100,10 +117,23 @@ class WholePlotJudge:
         return max(gained - PER_COLUMN * rival.searched, 0.0)
 
     def _possible(self, scores: Scores) -> NDArray[np.bool_]:
-        """(J,) candidates whose coefficient is no larger than their cause can have, within three standard errors."""
+        """(J,) candidates whose coefficient is of a size and sign that their cause can have, within three sd."""
         most = np.array([c.effect.at_most for c in self.candidates])
         size = np.abs(scores.gamma)
-        return np.asarray(size - 3.0 * size / np.maximum(np.abs(scores.t), np.finfo(float).tiny) <= most)
+        small = size - 3.0 * size / np.maximum(np.abs(scores.t), np.finfo(float).tiny) <= most
+        return np.asarray(small & ~self.wrong(scores))
+
+    def wrong(self, scores: Scores) -> NDArray[np.bool_]:
+        """(J,) candidates whose coefficient has, for certain, a sign that physics does not leave them."""
+        return np.asarray(self.signs * scores.t < -SURE)
+
+    @cached_property
+    def signs(self) -> FloatArray:
+        """(J,) sign that each candidate's coefficient has physically; 0 where either is possible.
+
+        A line's error is one of pressure, whatever the sensitivities; a transducer's own is a part of its output.
+        """
+        return np.array([c.effect.sign(c.term.name) for c in self.candidates], np.float64)
 
     def _judged(self, level: Level, stratum: Beside) -> NDArray[np.bool_]:
         """(J,) candidates of a level that enough is left of beside the others to explain something there."""

@@ -8,6 +8,7 @@ import numpy as np
 
 from fitter.arrays import IntArray
 from fitter.effects import GROWING_NOISE
+from fitter.effects.noise import AUTOCORRELATION, OUTLIERS
 from fitter.quantiles import t_limit
 from fitter.trace.family import ALPHA, COUNTED
 from fitter.trace.whole_plots.estimate import Estimate, estimate
@@ -76,7 +77,7 @@ class _About:
         if memory.p * len(self.whole.sensors) / COUNTED > ALPHA:
             return None
         return self._of_noise(
-            effect="autocorrelation",
+            effect=AUTOCORRELATION,
             cause="what a reading is off by stays with the next ones: something wanders within whole plots that was "
             "not recorded",
             terms=("correlation with the reading before",),
@@ -99,7 +100,7 @@ class _About:
         rows, sd = aside.rows[own], np.abs(aside.sd[self.i][own])
         off = tuple(aside.off_mV[self.i][own].tolist())
         return self._of_noise(
-            effect="outliers",
+            effect=OUTLIERS,
             cause="readings that no scatter of the others explains; they are left out of the search and of the fit",
             terms=tuple(f"order {self.data.order[r]} at {self.data.pressure_psia[r]:.3g} psia" for r in rows),
             coefficients=off,

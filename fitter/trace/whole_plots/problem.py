@@ -12,6 +12,7 @@ from fitter.arrays import FloatArray, IntArray
 from fitter.effects import PressureEffect, PressureScene, PressureTerm
 from fitter.linear import orthonormal
 from fitter.split_plot import SplitPlotDesign
+from fitter.trace.not_kept import NotKept, overflows
 from fitter.trace.whole_plots.strata import LEVELS, Level, Strata
 from fitter.whole_plot_data import WholePlotData
 
@@ -61,6 +62,7 @@ class Problem:
         weight: (S, n) of each reading, mean one: the inverse of its variance where that grows with pressure.
         ratio: (S,) variance of the whole-plot error over that of a reading.
         rho: (S,) correlation of a reading's error with that of the one before in its whole plot.
+        left_out: candidates that cannot be computed with.
 
     """
 
@@ -76,6 +78,7 @@ class Problem:
     weight: FloatArray
     ratio: FloatArray
     rho: FloatArray
+    left_out: tuple[NotKept, ...] = ()
 
     @cached_property
     def strata(self) -> tuple[Strata, ...]:
@@ -179,7 +182,10 @@ def pose(
         for sensor in (data.transducers if effect.scope == "sensor" else (None,))
         for term in effect.terms(data)
     )
-    raw = raw_columns(scene, data.transducers, candidates)
+    with np.errstate(over="ignore", invalid="ignore"):
+        raw = raw_columns(scene, data.transducers, candidates)
+    large = [j for j in range(len(candidates)) if overflows(raw[:, :, j])]
+    raw[:, :, large] = 0.0
     basis = orthonormal(declared)
     left = np.linalg.norm(raw - np.einsum("nk,mk,smj->snj", basis, basis, raw, optimize=True), axis=(0, 1))
     useful = np.flatnonzero(left > IS_THE_MODEL * np.linalg.norm(raw, axis=(0, 1)))
@@ -198,6 +204,7 @@ def pose(
         weight=np.ones_like(outputs),
         ratio=fitted.ratio,
         rho=np.zeros(len(outputs)),
+        left_out=tuple(NotKept(candidates[j].effect.name, candidates[j].sensor, "overflow") for j in large),
     )
 
 

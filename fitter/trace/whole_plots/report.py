@@ -13,10 +13,12 @@ from fitter.arrays import FloatArray, IntArray
 from fitter.effects import Entry, PressureEffect, PressureScene, PressureTerm, separate_pressure
 from fitter.formula import Formula
 from fitter.linear import orthonormal
-from fitter.trace.aliases import Rival
+from fitter.trace.aliases import Rival, separation
+from fitter.trace.not_kept import NotKept, for_others
 from fitter.trace.result import Unnamed, verdict
+from fitter.trace.shares import of_rest, shares, unnamed_part
 from fitter.trace.whole_plots.agreement import classes
-from fitter.trace.whole_plots.estimate import Estimate, residual_of
+from fitter.trace.whole_plots.estimate import Estimate, error_of, residual_of
 from fitter.trace.whole_plots.judge import WholePlotJudge
 from fitter.trace.whole_plots.noise_report import noise_findings
 from fitter.trace.whole_plots.problem import Problem
@@ -29,7 +31,6 @@ from fitter.trace.whole_plots.remainder import (
     strongest_whole_plot,
 )
 from fitter.trace.whole_plots.result import FoundPressureEffect, Side, TransducerTrace
-from fitter.trace.whole_plots.score import beside
 from fitter.trace.whole_plots.settle import Look
 from fitter.trace.whole_plots.smooth import smoothest
 from fitter.trace.whole_plots.strata import Level
@@ -56,6 +57,7 @@ class Finding:
         after: the same beside the effects.
         every: the whole run made ready.
         look: at the noise beside the effects.
+        not_kept: candidates that were not kept, and why.
         cv: (2, S) error on whole plots left out, before and after.
 
     """
@@ -70,6 +72,7 @@ class Finding:
     after: Estimate
     every: Problem
     look: Look
+    not_kept: tuple[NotKept, ...]
     cv: FloatArray | None
 
     @cached_property
@@ -81,16 +84,24 @@ class Finding:
 def transducer(finding: Finding, i: int) -> TransducerTrace:
     """What was found in transducer `i`."""
     sensor = finding.judge.problem.sensors[i]
-    effects = [e for name in finding.classes if (e := _found(finding, name, i)) is not None]
+    left = _unnamed(finding, i)
+    shown = [e for name in finding.classes if (e := _found(finding, name, i)) is not None]
+    divided = _shares(finding, [effect.effect for effect in shown], unnamed_part(left), i)
+    effects = [replace(effect, share=float(share)) for effect, share in zip(shown, divided, strict=True)]
     effects.sort(key=lambda effect: -effect.share)
     effects += noise_findings(
         finding.whole, finding.every, finding.after, finding.look, finding.scene.sensitivity[sensor], i
     )
-    rest = _unnamed(finding, i)
+    rest = of_rest(divided, left)
+    idle = [effect.effect for effect in effects if not _falls(finding, effect, i)]
     return TransducerTrace(
         sensor=sensor,
         declared=finding.model,
-        verdict=verdict(bool(effects), bool(rest)),
+        verdict=verdict(
+            found=any(e.stratum != "noise" for e in effects),
+            fell=not idle,
+            rest=rest,
+        ),
         before=_side(finding, finding.before, i, 0),
         after=_side(finding, finding.after, i, 1),
         effects=tuple(effects),
@@ -100,6 +111,10 @@ def transducer(finding: Finding, i: int) -> TransducerTrace:
         ),
         noise=finding.look.noise[i],
         sensitivity=finding.scene.sensitivity[sensor],
+        keeping=(
+            *(one.sentence for one in finding.not_kept if one.sensor in (None, sensor)),
+            *map(for_others, idle),
+        ),
     )
 
 
@@ -134,7 +149,6 @@ def _found(finding: Finding, name: str, i: int) -> FoundPressureEffect | None:
     values = np.array([c.value for c in coefficients.values()])
     contribution = problem.raw[i][:, mine] @ values
     p = min(finding.judge.p_adjusted(after.chosen, j) for j in mine)
-    best = next(rival for rival in explanations if rival.effect == name)
     alike = [problem.candidates[r.terms[0]].effect for r in explanations if r.alias and r.effect != name]
     basis = orthonormal(problem.declared)
     peak = float(np.max(np.abs(contribution - basis @ (basis.T @ contribution))))
@@ -150,9 +164,9 @@ def _found(finding: Finding, name: str, i: int) -> FoundPressureEffect | None:
         size=effect.size({term: c.value for term, c in coefficients.items()}, finding.scene.sensitivity[sensor]),
         p_adjusted=p,
         p_adjusted_is_bound=p <= min(map(finding.judge.family.least, mine)),
-        share=_share(finding, level, mine, i),
+        share=0.0,  # of all together: `_shares`
         aliases=tuple(other.name for other in alike),
-        separation={r.effect: round(max(r.sigmas - best.sigmas, 0.0), 2) for r in explanations if r.effect != name},
+        separation=separation(explanations, name),
         separate_by=f"{_experiments(effect, alike)}; {peak:.2g} mV ({psi:.2g} psi) of it are left beside the model",
         against=effect.against,
         formulas=tuple(filter(None, (problem.candidates[j].term.formula for j in mine))),
@@ -170,18 +184,42 @@ def _unit(effect: PressureEffect, terms: Iterable[PressureTerm]) -> str:
     return ", ".join(units if len(set(units)) > 1 else units[:1])
 
 
-def _share(finding: Finding, level: Level, mine: list[int], i: int) -> float:
-    """Of what stands in the stratum beyond its error, the part that goes with the effect's terms `mine`.
+def _falls(finding: Finding, effect: FoundPressureEffect, i: int) -> bool:
+    """Whether the error of the stratum an effect was found in is smaller with all effects; so of findings of noise."""
+    if effect.stratum == "noise":
+        return True
+    level: Level = "whole-plot" if effect.stratum == "whole-plot" else "subplot"
+    return error_of(finding.after, level, i) < error_of(finding.before, level, i)
 
-    They are left out with all other effects as they are: of two that overlap, neither may take up the other's part.
+
+def _shares(finding: Finding, names: list[str], unnamed: float, i: int) -> FloatArray:
+    """Share of each effect in what stands in both strata together beyond their errors, in mV^2 of all readings alike.
+
+    Args:
+        finding: of the run.
+        names: of the effects.
+        unnamed: part of what is left beside them that is no scatter.
+        i: the transducer.
+
     """
     problem, after = finding.judge.problem, finding.after
-    without = [(), tuple(j for j in after.chosen if j not in mine), after.chosen]
-    taken = [problem.raw[i][:, list(of)] @ np.array([after.coefficients[j].value for j in of]) for of in without]
-    outputs = problem.outputs[i][:, None] - np.column_stack(taken)
-    rss = np.sum(problem.strata[i].leave(outputs, level) ** 2, axis=0)
-    excess = rss[0] - problem.at[level].df[i] * beside(problem, level, after.chosen, ()).sigma[i] ** 2
-    return float(np.clip((rss[1] - rss[2]) / excess, 0.0, 1.0)) if excess > 0 else 0.0
+    sensor, effects = problem.sensors[i], problem.candidates
+    strata = problem.stratified(np.ones(problem.outputs.shape[1]), float(problem.ratio[i]), 0.0)
+    mine = [
+        [j for j in after.chosen if effects[j].effect.name == n and effects[j].sensor in (None, sensor)] for n in names
+    ]
+    parts = [problem.raw[i][:, own] @ np.array([after.coefficients[j].value for j in own]) for own in mine]
+    every = np.column_stack([*parts, problem.outputs[i]])
+    of_mean = np.sqrt(strata.total) / strata.precision  # a whole plot's mean counts as often as it has readings
+    within, between = strata.leave(every, "subplot"), strata.leave(every, "whole-plot") * of_mean[:, None]
+    scatter = 0.0
+    levels: dict[Level, FloatArray] = {"subplot": within, "whole-plot": between}
+    for level, rows in levels.items():
+        used, df = sum(problem.judged_at[own[0]] == level for own in mine if own), float(strata.df(level))
+        left = float(np.sum((rows[:, -1] - rows[:, :-1].sum(axis=1)) ** 2))
+        scatter += left * (1.0 - unnamed) * df / max(df - used, 1.0)
+    *beyond, residual = np.vstack([within, between]).T
+    return shares(beyond, residual, scatter)
 
 
 def _alike(finding: Finding, name: str) -> str:

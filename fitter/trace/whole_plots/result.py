@@ -9,10 +9,12 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.calibration import JsonValue
-from fitter.effects import GROWING_NOISE, PressureScene
+from fitter.effects import PressureScene
+from fitter.effects.noise import AUTOCORRELATION, NOISE_GROWS, OUTLIERS
 from fitter.formula import Formula
 from fitter.split_plot import SplitPlotFit
 from fitter.trace.result import CONFIRMED, Explanation, Found, Unnamed
+from fitter.trace.signs import Refused
 from fitter.trace.whole_plots.noise import Noise
 from fitter.trace.whole_plots.problem import Candidate, raw_columns
 from fitter.whole_plot_data import WholePlotData
@@ -111,6 +113,8 @@ class TransducerTrace:
         alike: sentences about effects that all transducers show alike.
         noise: how the scatter within whole plots depends on pressure.
         sensitivity: mV/psi.
+        refused: causes that would fit, but for the sign that they would need.
+        keeping: sentences about what was not kept, and what was kept for the sake of other sensors.
 
     """
 
@@ -124,6 +128,8 @@ class TransducerTrace:
     alike: tuple[str, ...]
     noise: Noise
     sensitivity: float
+    refused: tuple[Refused, ...] = ()
+    keeping: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, JsonValue]:
         """As `rig trace --json` prints it."""
@@ -135,26 +141,32 @@ class TransducerTrace:
             "after": self.after.to_json(),
             "unnamed": [rest.to_json() for rest in self.unnamed],
             "notes": list(self.notes),
+            "refused": [one.to_json() for one in self.refused],
             "fitted": {"coefficients": self._fitted()},
         }
 
     @property
+    def added(self) -> tuple[FoundPressureEffect, ...]:
+        """Effects that add to the model."""
+        return tuple(effect for effect in self.effects if effect.stratum != "noise")
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """Sentences that stand beside the numbers before and after."""
-        notes = [*self.after.fit.notes, *self.alike]
-        means = [effect for effect in self.effects if effect.stratum != "noise"]
+        notes = [*self.after.fit.notes, *self.alike, *self.keeping, *(one.sentence for one in self.refused)]
+        means = self.added
         named = {effect.effect for effect in self.effects}
-        if GROWING_NOISE.name in named:
+        if NOISE_GROWS in named:
             notes.append(
                 "noise grows with pressure: intervals that take one sd for all pressures are too wide at low pressure "
                 "and too narrow at high; readings were weighted by it here"
             )
-        if "autocorrelation" in named:
+        if AUTOCORRELATION in named:
             notes.append(
                 "successive readings' errors are alike: intervals that take them for independent are too narrow for "
                 "what changes slowly within whole plots; effects were judged beside that here"
             )
-        if "outliers" in named:
+        if OUTLIERS in named:
             notes.append("readings that stand out are left out of everything here, before and after; they are listed")
         if any(effect.stratum == "whole-plot" for effect in means):
             count = len(self.after.fit.whole_plots)
@@ -178,7 +190,7 @@ class TransducerTrace:
         declared = zip(fit.names, self.after.declared, adjusted.stderr, fit.df, strict=False)  # effects come after them
         for name, value, error, df in declared:
             table[name] = {"estimate": float(value), "stderr": float(error), "df": float(df)}
-        for effect in self.effects:
+        for effect in self.added:
             rows = zip(effect.terms, effect.coefficients, effect.stderr, effect.df, effect.units, strict=True)
             for term, value, error, df, unit in rows:
                 entry: dict[str, JsonValue] = {"estimate": value, "stderr": error, "df": df, "unit": unit}

@@ -12,6 +12,7 @@ from fitter.effects import PRESSURE_CATALOGUE, PressureEffect, PressureScene
 from fitter.linear import RankError
 from fitter.pressure.models import HIERARCHICAL, check_determined, named_formula
 from fitter.split_plot import SplitPlotDesign
+from fitter.trace.refusals import refusals
 from fitter.trace.result import explanations_of
 from fitter.trace.whole_plots.agreement import named
 from fitter.trace.whole_plots.estimate import coefficients_of, contributed, estimate
@@ -71,9 +72,14 @@ def trace_whole_plots(
         after=after,
         every=whole,
         look=settled.look,
+        not_kept=settled.not_kept,
         cv=left_out(problem, settled.families, found) if validate else None,
     )
-    sensors = {sensor: transducer(finding, i) for i, sensor in enumerate(problem.sensors)}
+    wrong = refusals(finding.judge, found, finding.classes, scene.sensitivity)
+    sensors = {
+        sensor: replace(transducer(finding, i), refused=tuple(one for one in wrong if sensor in one.sensors))
+        for i, sensor in enumerate(problem.sensors)
+    }
     lasting = [j for j in found if not problem.candidates[j].effect.of_noise]
     chosen, gamma = tuple(problem.candidates[j] for j in lasting), [after.coefficients[j].value for j in lasting]
     classes = {c.effect.name: finding.classes[c.effect.name] for c in chosen}

@@ -12,8 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
+from fitter.trace.keep import kept
+from fitter.trace.not_kept import NotKept
 from fitter.trace.search import prune
 from fitter.trace.whole_plots.agreement import named
+from fitter.trace.whole_plots.estimate import error_of, estimate
 from fitter.trace.whole_plots.judge import WholePlotJudge
 from fitter.trace.whole_plots.memory import SEEMS, Memory, memories
 from fitter.trace.whole_plots.noise import Noise
@@ -65,6 +68,7 @@ class Settled:
         chosen: candidates found.
         look: at the noise beside them.
         kept: (m,) rows of the whole run that the problem has.
+        not_kept: candidates that stood out and were not kept, and why.
 
     """
 
@@ -73,6 +77,7 @@ class Settled:
     chosen: tuple[int, ...]
     look: Look
     kept: IntArray
+    not_kept: tuple[NotKept, ...]
 
 
 def settle(pressure_psia: FloatArray, whole: Problem, seed: int) -> Settled:
@@ -96,8 +101,25 @@ def settle(pressure_psia: FloatArray, whole: Problem, seed: int) -> Settled:
         held, families = look, family_of(look.problem, seed)
         judge = WholePlotJudge(look.problem, families)
         chosen = named(judge, prune(judge, chosen))
-    kept = np.setdiff1d(np.arange(whole.outputs.shape[1]), held.aside.rows)
-    return Settled(held.problem, families, chosen, replace(look, aside=held.aside, grows=held.grows), kept)
+    chosen, not_kept = stays(WholePlotJudge(held.problem, families), chosen)
+    rows = np.setdiff1d(np.arange(whole.outputs.shape[1]), held.aside.rows)
+    return Settled(held.problem, families, chosen, replace(look, aside=held.aside, grows=held.grows), rows, not_kept)
+
+
+def stays(judge: WholePlotJudge, chosen: tuple[int, ...]) -> tuple[tuple[int, ...], tuple[NotKept, ...]]:
+    """Those of the `chosen` candidates that stay, by the error of the stratum each is judged in."""
+    problem = judge.problem
+
+    def helps(chosen: tuple[int, ...], own: tuple[int, ...]) -> bool:
+        if judge.candidates[own[0]].effect.of_noise:
+            return True
+        fitted, without = estimate(problem, chosen), estimate(problem, tuple(j for j in chosen if j not in own))
+        level, sensor = problem.judged_at[own[0]], judge.candidates[own[0]].sensor
+        concerned = [i for i, name in enumerate(problem.sensors) if sensor in (None, name)]
+        return any(error_of(fitted, level, i) < error_of(without, level, i) for i in concerned)
+
+    stay, idle = kept(judge, chosen, helps, "the error of its stratum")
+    return stay, (*problem.left_out, *idle)
 
 
 def _look(pressure_psia: FloatArray, whole: Problem, chosen: tuple[int, ...], held: Look) -> Look:

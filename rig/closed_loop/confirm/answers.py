@@ -13,10 +13,12 @@ from fitter import AttitudeData
 from fitter.arrays import FloatArray
 from fitter.confirm import Confirmation, Member, SensorError, confirm_all
 from fitter.confirm import Confirmed as Judged
+from fitter.confirm.judge import CHANGED
 from fitter.whole_plot_data import WholePlotData
 from rig.closed_loop import AttitudeTraced
 from rig.closed_loop.confirm.first import First, read_later
 from rig.errors import UsageError
+from rig.report.words import SMALLEST
 
 Value = TypeVar("Value", float, FloatArray)
 
@@ -66,7 +68,7 @@ class Confirmed:
 
     def to_json(self) -> dict[str, Any]:
         """For `--json`."""
-        told = [self._answer(a) | {"sentence": _sentence(a)} for a in self.answers]
+        told = [self._answer(a) | {"sentence": _sentence(a), "evidence": evidence(a)} for a in self.answers]
         errors = {name: self._error(e) for name, e in self.judged.errors.items()}
         about = {"run": str(self.path), "points": len(self.data), "taken_out": self.own}
         return about | {"error": errors, "effects": told}
@@ -83,11 +85,15 @@ class Confirmed:
                     "sigmas_behind": m.sigmas,
                     "p_changed": m.p_changed,
                     "sigmas_shown": m.shown,
+                    "p_shown": m.p_shown,
+                    "limit_sigmas": m.limit,
                     "fits": m.fits,
                     "terms": list(m.terms),
                     "coefficients": list(m.coefficients),
                     "interval_95": [list(i) for i in m.intervals],
+                    "interval_holds_zero": list(m.zero),
                     "coefficients_both_runs": list(m.together),
+                    "interval_95_both_runs": [list(i) for i in m.intervals_together],
                     "size": dict(m.sizes),
                 }
                 for m in answer.members
@@ -121,7 +127,7 @@ def judge(first: First, later: Path) -> Confirmed:
 def sentences(confirmed: Confirmed) -> Iterator[str]:
     """What was confirmed, in words that can go into a certificate; the errors of both models last."""
     for answer in confirmed.answers:
-        yield _sentence(answer)
+        yield " ".join(filter(None, (_sentence(answer), evidence(answer))))
     errors = confirmed.judged.errors
     name = max(errors, key=lambda sensor: errors[sensor].before / errors[sensor].sigma)
     if not np.isfinite(errors[name].before):
@@ -149,6 +155,50 @@ def _sentence(answer: Confirmation) -> str:
         f"{_listed([m.effect for m in answer.members])}: not of one size in both runs, or more than error is left "
         f"beside it. What was found is something else, or it changed between them."
     )
+
+
+def evidence(answer: Confirmation) -> str:
+    """What decided: by how much the further run shows what holds and excludes the others, with limits.
+
+    "" where several hold, or none does.
+    """
+    if len(answer.holding) != 1:
+        return ""
+    best, limit = answer.members[0], f"limit {answer.members[0].limit:.1f}"
+    text = (
+        f"The further run shows {best.effect} by {best.shown:.1f} standard errors ({limit}, p {chance(best.p_shown)})"
+    )
+    why = [f"{m.effect}: {_against(m)}" for m in answer.members[1:]]
+    text += f"; excluded: {'; '.join(why)}." if why else "."
+    if answer.verdict in ("confirmed", "replaced") and best.zero:
+        text += (
+            f" By the further run alone the 95 % interval of {_listed(best.zero)} holds zero, since that run also has "
+            "to tell the declared model and the other effects; the verdict rests on both runs together, which give "
+            f"{_ends(best)}."
+        )
+    return text
+
+
+def _against(member: Member) -> str:
+    """Why an explanation is excluded."""
+    reasons = []
+    if member.sigmas > member.limit:
+        reasons.append(f"{member.sigmas:.1f} standard errors behind (limit {member.limit:.1f})")
+    if member.p_changed < CHANGED:
+        reasons.append(f"another size than in the first run (p {chance(member.p_changed)}, limit {CHANGED:g})")
+    if not member.fits:
+        reasons.append("leaves more than error of the further run")
+    return ", ".join(reasons)
+
+
+def _ends(member: Member) -> str:
+    pairs = zip(member.terms, member.intervals_together, strict=True)
+    return ", ".join(f"{low:.3g} to {high:.3g} for {name}" for name, (low, high) in pairs)
+
+
+def chance(p: float) -> str:
+    """A probability; what is below the smallest that tails can be trusted with is told as below it."""
+    return f"< {SMALLEST:g}" if p < SMALLEST else f"= {p:.2g}"
 
 
 def sizes(member: Member) -> list[str]:

@@ -69,12 +69,13 @@ class First:
         return WholePlotTogether.of(self.traced.trace, self.traced.data, later, after_s)
 
 
-def open_traced(path: Path, model: str | None = None) -> First:
+def open_traced(path: Path, model: str | None = None, *, temperature: bool | None = None) -> First:
     """Trace a run.
 
     Args:
         path: its run file.
         model: whole plots: the declared model, if not the full second order.
+        temperature: attitude: whether the declared model has temperature in it; as the run's procedure has it if None.
 
     Raises:
         UsageError: it is no run file, or its rows do not determine the declared model.
@@ -88,7 +89,7 @@ def open_traced(path: Path, model: str | None = None) -> First:
     with RunReader.open(path) as reader:
         documents, genesis = reader.documents(), reader.genesis()
     plan = plan_of(documents, dry=bool(genesis.data["dry"]), stored=True)
-    traced = trace_table(table, model)
+    traced = trace_table(table, model, temperature=temperature)
     return First(
         path=path,
         traced=traced,

@@ -43,12 +43,14 @@ class Serial(SerialBase):
         self._received.clear()
         self._reconfigure_port()
         cable.attach(self._hear)
+        cable.host_dtr(self.dtr)
         self.is_open = True
 
     def close(self) -> None:
         """Unplug."""
         if self.is_open and self._alive():
             self._plugged().attach(None)
+            self._plugged().host_dtr(None)
         self._cable = None
         self.is_open = False
 
@@ -119,10 +121,10 @@ class Serial(SerialBase):
         """Nothing waits on this side."""
 
     def _update_rts_state(self) -> None:
-        pass  # the simulated cable has three wires
+        pass  # nobody looks at it
 
     def _update_dtr_state(self) -> None:
-        pass
+        self._check("[Errno 5] Input/output error").host_dtr(self.dtr)
 
     def _update_break_state(self) -> None:
         pass

@@ -1,0 +1,47 @@
+"""Model error that repeats in every replication: what intervals cannot cover, and how large it may be."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fitter.arrays import FloatArray, IntArray
+from fitter.replication import Replication
+
+
+def covered(*, replicated: bool) -> str:
+    """What the intervals of the parameters cover, and what they cannot."""
+    scatter = "the scatter between replications" if replicated else "the scatter of the residuals"
+    return (
+        f"standard errors and intervals use {scatter}; they do not cover model error, which repeats in every "
+        "replication and moves all of them alike"
+    )
+
+
+COVERED_BY_WHOLE_PLOTS = (
+    "standard errors and intervals use the scatter of readings within whole plots and of whole plots; they do not "
+    "cover model error, which repeats in every whole plot at the same settings"
+)
+"""What the intervals of a whole-plot calibration cover, and what they cannot."""
+
+
+def lacks_fit(table: Replication) -> bool:
+    """Whether lack of fit is significant (T_bias, 5 %)."""
+    return bool(table.bias.value > table.bias.limit_95)
+
+
+def reach_of_misfit(columns: FloatArray, point: IntArray, sigma_bias: float) -> FloatArray:
+    """(L, L) covariance whose roots are how far a model error as large as the lack of fit can move coefficients.
+
+    Of a model error the fit leaves a part, rms `sigma_bias` over the points, and takes up another, which nothing
+    shows. If that is as large, a combination c of the coefficients moves by sigma_bias (K c'(H'H)^-1 c)^1/2 at most
+    (Cauchy and Schwarz), H with a row for each of the K points. Twice that is told: the hidden part may be larger.
+
+    Args:
+        columns: (n, L) rows of the declared model.
+        point: (n,) point of the design, from 0.
+        sigma_bias: of the lack of fit, in units of the output.
+
+    """
+    first = np.unique(point, return_index=True)[1]
+    rows = columns[first]
+    return np.asarray((2.0 * sigma_bias) ** 2 * len(rows) * np.linalg.inv(rows.T @ rows))

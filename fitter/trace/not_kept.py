@@ -1,0 +1,74 @@
+"""Candidates that are left out and named: combinations of others, too large to be computed with, of no help."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+
+DEPENDENT = 1e-6
+"""Share of a column's length that the columns before it have to leave; less is a combination of them and rounding."""
+LARGEST = 1e75
+"""Values beyond this have squares and products that a double cannot hold."""
+
+
+Why = Literal["error", "dependent", "overflow"]
+
+_WHY: dict[Why, str] = {
+    "error": "it stands out (p {p:.2g}), but {error} is no smaller with it",
+    "dependent": "these data cannot tell it from what is in the model",
+    "overflow": "its values are too large to be computed with",
+}
+
+
+@dataclass(frozen=True)
+class NotKept:
+    """A candidate that was left out.
+
+    Attributes:
+        effect: its name.
+        sensor: that it concerns; None for all.
+        why: "error" if the declared error is no smaller with it, "dependent" if its column is a combination of others,
+            "overflow" if that is too large for a double.
+        p: family-wise, beside the others; one where it was not judged.
+        error: what is no smaller with it, in words; "" where that plays no part.
+
+    """
+
+    effect: str
+    sensor: str | None
+    why: Why
+    p: float = 1.0
+    error: str = ""
+
+    @property
+    def sentence(self) -> str:
+        """What is said of it."""
+        return f"{self.effect} was left out: {_WHY[self.why].format(p=self.p, error=self.error)}"
+
+
+def for_others(effect: str) -> str:
+    """What is said of an effect of several sensors in one whose error is no smaller with it."""
+    return f"{effect} is kept because other sensors show it; the error of this one is no smaller with it"
+
+
+def independent(columns: FloatArray) -> list[int]:
+    """Which of (n, q) columns are no combinations of those before them, ascending."""
+    basis, kept = np.zeros((len(columns), 0)), list[int]()
+    for j, column in enumerate(columns.T):
+        length = float(np.linalg.norm(column))
+        left = column - basis @ (basis.T @ column)
+        left -= basis @ (basis.T @ left)
+        rest = float(np.linalg.norm(left))
+        if rest > DEPENDENT * length:
+            kept.append(j)
+            basis = np.column_stack([basis, left / rest])
+    return kept
+
+
+def overflows(values: FloatArray) -> bool:
+    """Whether values are too large to be squared and summed, or are no numbers."""
+    return not bool(np.all(np.abs(values) <= LARGEST))

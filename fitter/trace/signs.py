@@ -1,0 +1,125 @@
+"""Signs that physics leaves coefficients: what would need the other one, significantly, is no explanation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+
+SURE = 3.0
+"""Standard errors on the wrong side of zero from which a coefficient is impossible; nearer it may be zero."""
+
+
+@dataclass(frozen=True)
+class Impossible:
+    """A term whose coefficient has the sign that its cause cannot give it.
+
+    Attributes:
+        candidate: index of the term.
+        value: its coefficient, in the term's unit.
+        stderr: standard error of that.
+
+    """
+
+    candidate: int
+    value: float
+    stderr: float
+
+
+@dataclass(frozen=True)
+class Refused:
+    """A cause that fits, but for the sign that it would need.
+
+    Attributes:
+        effect: its name in the catalogue.
+        instead_of: the effect that was named in its place; "" where nothing was.
+        sensors: in which it would stand.
+        quantity: what would be negative.
+        value: of the quantity, below zero, in the unit of the term.
+        stderr: standard error of that.
+        size: value and standard error in the terms of who works on the bench.
+        otherwise: what a negative value would take; "" if nothing is known that does it.
+
+    """
+
+    effect: str
+    instead_of: str
+    sensors: tuple[str, ...]
+    quantity: str
+    value: float
+    stderr: float
+    size: str
+    otherwise: str
+
+    @property
+    def sentence(self) -> str:
+        """For a report."""
+        other = f". A negative value would take {self.otherwise}" if self.otherwise else ""
+        return f"{self.effect} would need negative {self.quantity} ({self.size}): refused{other}"
+
+    def to_json(self) -> dict[str, Any]:
+        """As `rig trace --json` prints it."""
+        return {
+            "effect": self.effect,
+            "in_place_of": self.instead_of or None,
+            "quantity": self.quantity,
+            "value": self.value,
+            "stderr": self.stderr,
+            "sentence": self.sentence,
+        }
+
+
+def impossible(gram: FloatArray, dot: FloatArray, terms: tuple[int, ...], signs: FloatArray) -> tuple[Impossible, ...]:
+    """Terms whose coefficients, fitted together, have the wrong sign for certain.
+
+    Args:
+        gram: (J, J) products of the candidates' columns, in units of the error.
+        dot: (J,) of these and the outputs.
+        terms: those that are fitted.
+        signs: (J,) of their coefficients; 0 where either is possible.
+
+    """
+    picked = list(terms)
+    if not np.any(signs[picked]):
+        return ()
+    length = np.sqrt(np.maximum(np.diag(gram)[picked], np.finfo(float).tiny))
+    spread = np.linalg.pinv(gram[picked][:, picked] / np.outer(length, length), rcond=1e-10)
+    value = (spread @ (dot[picked] / length)) / length
+    stderr = np.sqrt(np.maximum(np.diag(spread), 0.0)) / length
+    return tuple(
+        Impossible(j, float(v), float(e))
+        for j, v, e in zip(picked, value, stderr, strict=True)
+        if signs[j] * v < -SURE * e
+    )
+
+
+def refused(
+    term: Any, found: Impossible, instead_of: str, slopes: Mapping[str, float], concerned: tuple[str, ...]
+) -> Refused:
+    """What is reported of a term that would need the wrong sign.
+
+    Args:
+        term: the candidate; it has `effect`, `term` and `sensor`.
+        found: its coefficient.
+        instead_of: what was named in its place; "" for nothing.
+        slopes: output per unit of what is measured, of every sensor, as `Entry.size` wants it.
+        concerned: sensors that it concerns.
+
+    """
+    signed, name = term.effect.signed, term.term.name
+    sign = signed.of(name)
+    value, error = (term.effect.size({name: v}, slopes[concerned[0]]) for v in (sign * found.value, found.stderr))
+    return Refused(
+        effect=term.effect.name,
+        instead_of=instead_of,
+        sensors=concerned,
+        quantity=signed.quantity,
+        value=sign * found.value,
+        stderr=found.stderr,
+        size=f"{value} +- {error}",
+        otherwise=signed.otherwise,
+    )
