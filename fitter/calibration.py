@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -44,6 +44,7 @@ class AttitudeFit:
         parameters_df: degrees of freedom of these errors.
         replication: Table 2.
         temperature: what temperature adds, where the declared model has it; the rest is then at its reference.
+        degC: lowest, mean and highest sensor temperature of the run; None where it was not recorded.
         model_error: by parameter, how far a model error as large as the lack of fit can move it; None where lack of fit
             is not significant or cannot be tested.
         pitch_range_deg: lowest and highest pitch calibrated; outside it predictions are extrapolations.
@@ -60,7 +61,30 @@ class AttitudeFit:
     pitch_range_deg: tuple[float, float]
     roll_range_deg: tuple[float, float]
     temperature: Temperature | None = None
+    degC: tuple[float, float, float] | None = None
     model_error: Mapping[str, float] | None = None
+
+    @property
+    def at_degC(self) -> float | None:  # noqa: N802 - units in names
+        """Sensor temperature at which the parameters hold: as asked, else the mean; None where none was recorded."""
+        if self.temperature is not None:
+            return self.temperature.reference_degC
+        return None if self.degC is None else self.degC[1]
+
+    @property
+    def at_words(self) -> str:
+        """At which temperature the parameters hold, in words."""
+        if self.degC is None:
+            return "parameters hold at the sensor temperature of the run, which was not recorded"
+        low, mean, high = self.degC
+        span = f"{low:.2f} to {high:.2f} degC"
+        if self.temperature is None:
+            return f"parameters hold at {mean:.2f} degC, the mean of the run ({span}): no temperature in the model"
+        at = self.temperature.reference_degC
+        if at == mean:
+            return f"parameters hold at {at:.2f} degC, the mean of the run ({span})"
+        outside = "" if low <= at <= high else ", OUTSIDE what was measured: extrapolated"
+        return f"parameters hold at {at:.2f} degC, as asked (measured from {span}{outside})"
 
     @property
     def drifts(self) -> bool:
@@ -112,8 +136,14 @@ class AttitudeFit:
             "roll_range_deg": list(self.roll_range_deg),
             "coefficients": coefficient_table(self.linear),
             "errors_from": "replications" if self.parameters_df != self.linear.df else "residuals",
-            "parameters": parameter_table(self.parameters, self.parameters_df)
-            | temperature_table(self.temperature, self.parameters.S_V, self.linear.df),
+            "parameters": at_temperature(
+                parameter_table(self.parameters, self.parameters_df)
+                | temperature_table(self.temperature, self.parameters.S_V, self.linear.df),
+                self.at_degC,
+            ),
+            "at_degC": self.at_degC,
+            "at_degC_measured": None if self.degC is None else [self.degC[0], self.degC[2]],
+            "at_degC_sentence": self.at_words,
             "intervals_cover": covered(replicated=self.parameters_df != self.linear.df),
             "model_error": None if self.model_error is None else dict(self.model_error),
             "reference_degC": None if self.temperature is None else self.temperature.reference_degC,
@@ -121,13 +151,16 @@ class AttitudeFit:
         }
 
 
-def fit_attitude(data: AttitudeData, sensor: str, *, temperature: bool = False) -> AttitudeFit:
+def fit_attitude(
+    data: AttitudeData, sensor: str, *, temperature: bool = False, at_degC: float | None = None
+) -> AttitudeFit:
     """Calibrate one sensor: eq. (2), (4) or (5) by its nominal axis (`data.axes`), eq. (1) where there was no roll.
 
     Args:
         data: the run.
         sensor: name of the output.
         temperature: whether offset and sensitivity follow the sensor's temperature in the declared model.
+        at_degC: sensor temperature at which the parameters are given, with `temperature`; None for the mean of the run.
 
     Raises:
         KeyError: `data` has no such output.
@@ -140,13 +173,19 @@ def fit_attitude(data: AttitudeData, sensor: str, *, temperature: bool = False) 
         raise ValueError(f"{sensor} reads {output[0]:g} V at every attitude: there is nothing to calibrate")
     columns = attitude_columns(data.pitch_deg, data.roll_deg, roll=data.has_roll)
     linear, own, beside = fit_columns(columns, output), None, np.empty((len(data), 0))
+    carried = np.zeros((columns.shape[1], 2))
     if temperature:
         own = Temperature.of(data, columns, output, linear)
+        if at_degC is not None:
+            carried = own.moved(at_degC)
+            own = replace(own, reference_degC=at_degC)
         linear, own = own.fitted(columns, data, output, linear.names)
         beside = own.columns(columns, data)
         output = output - own.volts(columns, data)
     table = analyse(linear, columns, output, data.point, data.replicate_index, beside, beside.shape[1])
     covariance, df = errors_of(linear, columns, output, data.replicate_index, table)
+    if own is not None and df != linear.df:  # replications show no error of the temperature coefficients
+        covariance = covariance + carried @ own.covariance @ carried.T
     parameters: AttitudeParameters | NoRollParameters
     if data.has_roll:
         axis = nominal_axis(sensor, linear.coefficients, data.axes)
@@ -165,8 +204,19 @@ def fit_attitude(data: AttitudeData, sensor: str, *, temperature: bool = False) 
         pitch_range_deg=(float(data.pitch_deg.min()), float(data.pitch_deg.max())),
         roll_range_deg=(float(data.roll_deg.min()), float(data.roll_deg.max())),
         temperature=own,
+        degC=_temperatures(data),
         model_error=_model_error(parameters, linear, columns, data.point, table),
     )
+
+
+def _temperatures(data: AttitudeData) -> tuple[float, float, float] | None:
+    degC = data.sensor_temperature_degC
+    return None if degC is None else (float(degC.min()), float(np.mean(degC)), float(degC.max()))
+
+
+def at_temperature(table: Mapping[str, JsonValue], degC: float | None) -> dict[str, JsonValue]:
+    """A parameter table that says of every parameter at which sensor temperature it holds."""
+    return {name: {**row, "at_degC": degC} if isinstance(row, dict) else row for name, row in table.items()}
 
 
 def _model_error(
@@ -288,9 +338,11 @@ def coefficient_table(fit: LinearFit) -> dict[str, JsonValue]:
     }
 
 
-def fit_all(data: AttitudeData, *, temperature: bool = False) -> Mapping[str, AttitudeFit]:
+def fit_all(
+    data: AttitudeData, *, temperature: bool = False, at_degC: float | None = None
+) -> Mapping[str, AttitudeFit]:
     """`fit_attitude` for every output."""
-    return {sensor: fit_attitude(data, sensor, temperature=temperature) for sensor in data.sensors}
+    return {s: fit_attitude(data, s, temperature=temperature, at_degC=at_degC) for s in data.sensors}
 
 
 def _known(value: float) -> float | None:

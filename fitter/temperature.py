@@ -73,6 +73,13 @@ class Temperature:
             own = replace(own, direction=m)
         return own
 
+    def moved(self, degC: float) -> FloatArray:
+        """(k, 2) what a degC of another reference adds to the model's coefficients, by those of temperature, times
+        how far that reference is from this one.
+        """
+        away = degC - self.reference_degC
+        return away * np.column_stack([np.eye(1, self.direction.size + 1)[0], np.r_[0.0, self.direction]])
+
     def columns(self, h: FloatArray, data: AttitudeData) -> FloatArray:
         """(n, 2) columns of `TERMS`: warmth in degC, and warmth times gravity along the sensitive axis in degC g.
 

@@ -23,6 +23,8 @@ PRESSURE, SENSOR, SSE = "pressure_psia", "sensor_temperature_degC", "sse_tempera
 
 FACTORS = (PRESSURE, SENSOR, SSE)
 
+FULL = "full"
+"""The full second order, the declared model where a procedure names none."""
 MOST_POINTS = 100_000
 """A longer run list is a mistake: at a minute a point it would take ten weeks."""
 
@@ -155,20 +157,38 @@ class WholePlotRecovery(Strict):
     )
 
 
+class WholePlotModel(Strict):
+    """The declared model of every transducer: what is planned, fitted, traced and accepted. The run file keeps it."""
+
+    formula: str | None = Field(
+        None,
+        description="full (second order in pressure and both temperatures), II.C, eq10, hierarchical, or a formula "
+        "such as `1 + P + P^2`; a design that cannot estimate it is refused. Left out: full",
+    )
+
+
 class WholePlotExpect(Strict):
     """What is expected of the transducers; used by `rig plan` and never by a fit."""
 
     sigma_wholeplot_mV: Positive = Field(0.0125, description="sd of the error that every temperature change draws anew")
     sigma_subplot_mV: Positive = Field(0.004, description="sd of one observation inside a whole plot")
     sensitivity_mV_per_psi: Positive = Field(2.0)
-    model: str = Field("full", description="model whose precision is forecast: full, II.C, eq10, or a formula")
+    model: str | None = Field(
+        None, description="the declared model as procedures before `[model]` have it; write `[model]` formula instead"
+    )
+
+
+def declared_model(formula: str | None, expected: str | None) -> str:
+    """The declared model, from `[model]` formula and `[expect]` model; the full second order where neither says."""
+    return formula or expected or FULL
 
 
 class WholePlotAcceptance(Strict):
     """When a finished calibration is fit for use; outside it `rig run` ends with exit code 3."""
 
     reading_error_pct: Positive | None = Field(
-        None, description="largest reading error with in-flight zero, weighted by 1/P"
+        None,
+        description="largest reading error in use with in-flight zero + WLS, the zero's own error in it",
     )
     at_psia: Pressure = Field(0.12, description="at this pressure")
 
@@ -188,6 +208,7 @@ class WholePlotProcedure(Strict):
     recovery: WholePlotRecovery = WholePlotRecovery()
     faults: WholePlotFaults = WholePlotFaults()
     warnings: WarningSettings = WarningSettings()
+    model: WholePlotModel = WholePlotModel()
     expect: WholePlotExpect = WholePlotExpect()
     acceptance: WholePlotAcceptance = WholePlotAcceptance()
 
@@ -204,6 +225,21 @@ class WholePlotProcedure(Strict):
                 f"settle.band_psia = {self.settle.band_psia:g}, or a pressure would not be left"
             )
         return self
+
+    @model_validator(mode="after")
+    def _one_model_is_declared(self) -> Self:
+        declared, expected = self.model.formula, self.expect.model
+        if declared is not None and expected is not None and declared != expected:
+            raise ValueError(
+                f"model.formula = {declared!r} and expect.model = {expected!r} are two models; what is planned and "
+                "fitted is one: leave expect.model out"
+            )
+        return self
+
+    @property
+    def declared_model(self) -> str:
+        """The model that is planned, fitted, traced and accepted."""
+        return declared_model(self.model.formula, self.expect.model)
 
     @model_validator(mode="after")
     def _acceptance_can_be_judged(self) -> Self:

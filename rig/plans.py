@@ -13,6 +13,7 @@ from procedures import Procedure, RunList
 from rig.bench import check_options
 from rig.config import BenchConfig, parse_bench, parse_procedure, parse_toml, read_text
 from rig.contracts import files_beside, read_bench, with_contracts, with_files
+from rig.declared import check_declared
 from rig.errors import ConfigurationError, RigError, UsageError
 from rig.matching import check_match
 from rig.run_file.reader import RunReader
@@ -60,7 +61,9 @@ def load_plan(procedure: Path, bench: Path, *, dry: bool = False, world: Path | 
         except (RigError, OSError) as error:
             what = f"{procedure}: warnings.against = {against!r}: {error}"
             raise ConfigurationError(f"{what}; name the last calibration, or leave the line out") from error
-    return _plan(documents, dry, {"bench.toml": str(bench), "procedure.toml": str(procedure), "world.toml": str(world)})
+    plan = _plan(documents, dry, {"bench.toml": str(bench), "procedure.toml": str(procedure), "world.toml": str(world)})
+    check_declared(plan.procedure, plan.run_list, str(procedure))
+    return plan
 
 
 def _plan(documents: Mapping[str, str], dry: bool, where: Mapping[str, str], *, strict: bool = True) -> Plan:

@@ -51,7 +51,7 @@ def precision(procedure: Procedure, run_list: RunList) -> Precision:
             return _of_terms(procedure, run_list)
         return _of_angles(procedure, run_list)
     except (ValueError, KeyError) as error:
-        smaller = ", or plan a smaller model (expect.model)" if isinstance(procedure, WholePlotProcedure) else ""
+        smaller = ", or plan a smaller model ([model] formula)" if isinstance(procedure, WholePlotProcedure) else ""
         why = error.args[0] if error.args else error
         raise ConfigurationError(
             f"the design does not determine a sensor: {why}; visit more settings{smaller}"
@@ -91,7 +91,7 @@ def _of_terms(procedure: WholePlotProcedure, run_list: RunList) -> Precision:
     half = np.where(half > 0, half, 1.0)
     coded = (set_to - middle) / half
     whole_plot = np.array([p.whole_plot for p in run_list.points])
-    formula = named_formula(expect.model)
+    formula = named_formula(procedure.declared_model)
     names, columns = formula.columns(dict(zip(_VARIABLES, coded.T, strict=True)))
     found = plan_precision(columns, whole_plot, expect.sigma_wholeplot_mV, expect.sigma_subplot_mV, names)
     sensitivity = expect.sensitivity_mV_per_psi

@@ -49,6 +49,8 @@ type = "list"
 temperatures_degC = [[10, 20], [20, 10], [20, 20], [15, 15]]
 pressures_psia = [0.5, 1.0, 2.5]
 repeated_psia = []
+[model]
+formula = "1 + P"
 [soak]
 dwell_s = 60
 drift_degC_per_h = 10

@@ -44,6 +44,8 @@ type = "list"
 temperatures_degC = [[10, 20], [20, 10], [20, 30], [30, 20], [15, 15]]
 pressures_psia = [0.12, 0.5, 1.0, 2.5]
 repeated_psia = [0.5]
+[model]
+formula = "1 + P"
 [soak]
 dwell_s = 120
 drift_degC_per_h = 5

@@ -128,7 +128,8 @@ def test_a_step_is_dated_and_put_beside_a_change_of_instruments(runs, tmp_path):
     assert abs(float(stepped[1]) - 200) < 4 * float(stepped[2])
     note = "between 2025-07-14 and 2026-01-12 the scanner changed from"
     assert any(n.startswith(note) and "DVM-0999" in n for n in charted.notes)
-    assert len(charted.notes) == 1
+    assert charted.notes[0] == "charted parameters hold at each calibration's own mean sensor temperature"
+    assert len(charted.notes) == 2
 
 
 def test_tables_with_dates_give_the_same(charted, tables):

@@ -25,6 +25,8 @@ type = "list"
 temperatures_degC = [[12, 18], [16, 24]]
 pressures_psia = [0.12, 0.5, 1.0, 1.5]
 repeated_psia = [0.5]
+[model]
+formula = "1 + P"
 [soak]
 tolerance_degC = 1.0
 sensor_tolerance_degC = 2.0

@@ -18,6 +18,7 @@ from fitter.arrays import FloatArray
 from fitter.formula import Formula
 from fitter.linear import Triangle
 from fitter.pressure.errors import Errors, Layout
+from fitter.pressure.in_use import InUse, in_use
 from fitter.pressure.models import of_whole_plot
 from fitter.pressure.reading_error import ReadingError, reading_error
 from fitter.split_plot import SplitPlotFit
@@ -163,6 +164,7 @@ class MethodFit:
         df: (k,) degrees of freedom.
         residuals_mV: (n,) marginal residuals.
         reading_error: by pressure.
+        in_use: the same as it is in use: readings predicted by others, the in-flight zero's own error included.
         note: what a reader must know; empty when there is nothing.
 
     """
@@ -175,6 +177,7 @@ class MethodFit:
     df: FloatArray
     residuals_mV: FloatArray
     reading_error: ReadingError
+    in_use: InUse
     note: str
 
     @property
@@ -192,6 +195,7 @@ class MethodFit:
         return {
             "coefficients": coefficient_table(self.names, self.coefficients, self.stderr, self.df),
             "reading_error": self.reading_error.to_dict(),
+            "in_use": {"pressure_psia": self.reading_error.pressure_psia.tolist(), **self.in_use.to_dict()},
             "biased": self.biased,
             "note": self.note,
         }
@@ -238,21 +242,25 @@ def fit_method(problem: Problem, method: str, sensitivity_mV_per_psi: float | No
     else:
         slope = np.full(len(data), sensitivity_mV_per_psi)
     residuals = y - estimate.hat @ y
+    coefficients = estimate.estimator @ y
+    zeroed = (coefficients, covariance, derivatives) if estimate.knows_whole_plot else None
+    half = limit * np.sqrt(new + fixed)
     return MethodFit(
         method=method,
         names=problem.names,
-        coefficients=estimate.estimator @ y,
+        coefficients=coefficients,
         covariance=covariance,
         derivatives=derivatives,
         df=df,
         residuals_mV=residuals,
         reading_error=reading_error(
             residuals,
-            limit * np.sqrt(new + fixed),
+            half,
             np.where(problem.without_pressure, 0.0, data.pressure_psia),
             slope,
             data.pressure_levels,
         ),
+        in_use=in_use(problem, estimate.hat, residuals, half, slope, zeroed),
         note=BIASED if method == "weighted response" else "",
     )
 

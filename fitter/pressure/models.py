@@ -19,8 +19,10 @@ from fitter.quantiles import t_tail
 from fitter.split_plot import SplitPlotFit, fit_split_plot
 from fitter.whole_plot_data import WholePlotData
 
+FULL = "full"
+"""Of second order in pressure and both temperatures."""
 MODELS: Mapping[str, str] = {
-    "full": "(P + T_sensor + T_SSE)^2 + P^2 + T_sensor^2 + T_SSE^2",
+    FULL: "(P + T_sensor + T_SSE)^2 + P^2 + T_sensor^2 + T_SSE^2",
     "II.C": "1 + P + T_sensor + P^2 + P:T_SSE + T_sensor^2",
     "eq10": "1 + P + P^2 + P:T_sensor + P:T_SSE",
 }
@@ -46,7 +48,7 @@ def named_formula(model: str, extra: tuple[str, ...] = ()) -> Formula:
         fitter.formula.FormulaError: neither a name nor a formula.
 
     """
-    formula = _parse(MODELS.get(model, MODELS["full"] if model == HIERARCHICAL else model))
+    formula = _parse(MODELS.get(model, MODELS[FULL] if model == HIERARCHICAL else model))
     for text in extra:
         formula = formula.plus(*(term for term in _parse(text).terms if len(term)))
     return formula

@@ -11,6 +11,7 @@ from scipy import special
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.data import AttitudeData
+from fitter.resolution import resolution, robust_sd
 
 BY_CHANCE = 0.001
 """Probability that one of all readings of a clean run is pointed at, were deviations normal; from a median of six they
@@ -35,13 +36,14 @@ def outliers(data: AttitudeData, residual: FloatArray) -> tuple[IntArray, FloatA
         (k,) rows in which a sensor does, and (S, n) deviations in standard deviations.
 
     """
-    sd = np.stack([_deviations(data, one) for one in residual])
+    steps = [resolution(output) for output in data.outputs.values()]
+    sd = np.stack([_deviations(data, one, step) for one, step in zip(residual, steps, strict=True)])
     limit = float(special.ndtri(1.0 - 0.5 * BY_CHANCE / sd.size))
     rows = np.flatnonzero(np.any(np.abs(sd) > limit, axis=0))
     return (rows if rows.size <= max(FEW * len(data), 1.0) else rows[:0]), sd
 
 
-def _deviations(data: AttitudeData, residual: FloatArray) -> FloatArray:
+def _deviations(data: AttitudeData, residual: FloatArray, step: float) -> FloatArray:
     """(n,) deviations of one sensor from its points' medians, over their scale."""
     e = residual.copy()
     if data.replicates.size >= REPLICATIONS:
@@ -50,5 +52,5 @@ def _deviations(data: AttitudeData, residual: FloatArray) -> FloatArray:
         first = np.concatenate([[0], np.cumsum(visits)[:-1]])
         middle = 0.5 * (e[ahead][first + (visits - 1) // 2] + e[ahead][first + visits // 2])
         e -= middle[data.point]
-    scale = float(np.quantile(np.abs(e), INSIDE)) / special.ndtri(0.5 + 0.5 * INSIDE)
+    scale = robust_sd(e, step, INSIDE)
     return np.asarray(e / scale) if scale > 0 else np.zeros_like(e)

@@ -9,6 +9,7 @@ from rich.markup import escape
 from rich.table import Table as RichTable
 
 from rig.cli.effects import paragraph, show_certificate, show_effect
+from rig.cli.gross import show_gross, show_left_out
 from rig.cli.show import headline, number, out
 from rig.closed_loop import AttitudeTraced
 from rig.report.words import TESTS, little_help, misfit_in_words, significant, unnamed, verdict_of
@@ -16,11 +17,13 @@ from rig.report.words import TESTS, little_help, misfit_in_words, significant, u
 
 def show_attitude_fit(result: Mapping[str, Any]) -> None:
     """A table of parameters a sensor, and its analysis of variance."""
+    show_left_out(result["data"])
     for name, sensor in result["sensors"].items():
         _show_sensor(name, sensor)
         if name in result["kept"]:
             kept = result["kept"][name]
             _show_parameters_of(f"{name}, kept with {', '.join(kept['effects']) or 'no effect'}", kept["parameters"])
+            out.print(f"  {kept['at_degC_sentence']}", soft_wrap=True)
             _say(kept["depends_on"])
             out.print()
     if any(significant(sensor, test) for sensor in result["sensors"].values() for test in TESTS):
@@ -34,8 +37,9 @@ def _say(sentences: Iterable[str]) -> None:
 
 def _show_sensor(name: str, sensor: Mapping[str, Any]) -> None:
     _show_parameters_of(f"{name}, {sensor['model']}", sensor["parameters"])
-    if sensor["reference_degC"] is not None:
-        out.print(f"  at {sensor['reference_degC']:.2f} degC")
+    style = "yellow" if "OUTSIDE" in sensor["at_degC_sentence"] else "none"
+    out.print(f"  [{style}]{sensor['at_degC_sentence']}[/]", soft_wrap=True)
+    show_gross(sensor["gross_errors"])
     drift = "replications drift: " if sensor["errors_from"] == "replications" else ""
     out.print(f"  {drift}{sensor['intervals_cover']}", soft_wrap=True)
     if sensor["model_error"] is not None:
@@ -118,6 +122,7 @@ def _show_parameters(traced: AttitudeTraced, sensor: str) -> None:
     for parameter in parameters(traced, sensor):
         table.add_row(parameter.name, *parameter.before, *parameter.after)
     out.print(table)
+    out.print(f"  {traced.at_words(sensor)}", soft_wrap=True)
 
 
 def degrees(value: float | None) -> str:

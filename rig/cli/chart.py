@@ -47,7 +47,11 @@ def chart(
     ] = None,
     formula: Annotated[
         str | None,
-        typer.Option("--formula", help="whole plots: the model, instead of the full second order", show_default=False),
+        typer.Option(
+            "--formula",
+            help="whole plots: the model, where not the one declared",
+            show_default=False,
+        ),
     ] = None,
     report: Annotated[Path | None, typer.Option(help="write a self-contained HTML report", show_default=False)] = None,
     as_json: JsonOption = False,

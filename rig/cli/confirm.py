@@ -56,7 +56,7 @@ def confirm(
     yes: Annotated[bool, typer.Option("--yes", help="the package is mounted as the run asks for: do not wait")] = False,
     formula: Annotated[
         str | None,
-        typer.Option(help="whole plots: the declared model, where not the full second order", show_default=False),
+        typer.Option(help="whole plots: the model, where not the one the procedure declares", show_default=False),
     ] = None,
     as_json: JsonOption = False,
 ) -> int:

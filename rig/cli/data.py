@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -38,8 +38,8 @@ FormulaOption = Annotated[
     str | None,
     typer.Option(
         "--formula",
-        help="the model: for any table with --response ('1 + x + x^2'); for whole plots instead of the full second "
-        "order (full, II.C, eq10, hierarchical, or '1 + P + P:T_sensor')",
+        help="the model: for any table with --response ('1 + x + x^2'); for whole plots instead of the one that "
+        "the run's procedure declares (full, II.C, eq10, hierarchical, or '1 + P + P:T_sensor')",
         show_default=False,
     ),
 ]
@@ -110,6 +110,23 @@ def fit(
         ),
     ] = None,
     temperature: TemperatureOption = None,
+    at_degC: Annotated[
+        float | None,
+        typer.Option(
+            "--at-degC",
+            help="attitude with temperature: the sensor temperature at which parameters are given, 20 or 23 say",
+            show_default="the mean of the run",
+        ),
+    ] = None,
+    leave_out: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--leave-out",
+            help="fit without these rows and say so in the calibration: 'gross' for the gross errors found, or row "
+            "numbers of the file (12,31); repeatable",
+            show_default="every row is fitted, and gross errors are named",
+        ),
+    ] = None,
     points: Annotated[
         str | None,
         typer.Option(
@@ -131,13 +148,15 @@ def fit(
             ("--method", method),
             ("--add", add),
             ("--exclude-zero", exclude_zero),
+            ("--at-degC", at_degC is not None),
             ("--confirmed-by", confirmed_by),
         ):
             if value:
-                raise UsageError(f"{option} is for whole plots, not for tables of any kind")
+                kind = "attitude sensors" if option == "--at-degC" else "whole plots"
+                raise UsageError(f"{option} is for {kind}, not for tables of any kind")
         if points is not None:
             raise UsageError("--points is for pitch-roll calibrations, not for tables of any kind")
-        result, show = _general(data, response, formula, whole_plot, replicate)
+        result, show = _general(data, response, formula, whole_plot, replicate, leave_out or ())
     elif whole_plot is not None or replicate is not None:
         raise UsageError(
             "--whole-plot and --replicate name columns of any table; they go with --response and --formula"
@@ -150,12 +169,17 @@ def fit(
             "--method": method,
             "--add": add,
         }
-        others |= {"--power": power, "--exclude-zero": exclude_zero, "--traced": traced, "--confirmed-by": confirmed_by}
+        others |= {"--at-degC": at_degC is not None, "--leave-out": leave_out, "--power": power}
+        others |= {"--exclude-zero": exclude_zero, "--traced": traced, "--confirmed-by": confirmed_by}
         result, show = _fractions(data, points, temperature, others)
     else:
         options = {"method": method, "add": tuple(add or ()), "power": power, "exclude_zero": exclude_zero}
-        attitude = {"traced": traced, "temperature": temperature}
-        result, show = _calibration(data, formula, report, options, attitude, confirmed_by)
+        attitude = {"traced": traced, "temperature": temperature, "at_degC": at_degC}
+        if confirmed_by is not None and (leave_out or at_degC is not None):
+            raise UsageError(
+                "--confirmed-by keeps every row, at the run's mean temperature: leave --leave-out and --at-degC away"
+            )
+        result, show = _calibration(data, formula, report, options, attitude, leave_out or (), confirmed_by)
     if out_file is not None:
         write_whole(out_file, lambda file: json.dump(result, file, indent=2, allow_nan=False))
         err.print(f"calibration: {escape(str(out_file))}", soft_wrap=True)
@@ -171,14 +195,21 @@ Shown = tuple[dict[str, Any], Callable[[], None]]
 """A result, and what shows it to a person."""
 
 
-def _general(data: Path, response: str, formula: str | None, whole_plot: str | None, replicate: str | None) -> Shown:
+def _general(
+    data: Path,
+    response: str,
+    formula: str | None,
+    whole_plot: str | None,
+    replicate: str | None,
+    leave_out: Sequence[str],
+) -> Shown:
     from rig.cli.general import show_general_fit  # noqa: PLC0415
     from rig.closed_loop.general import fit_general  # noqa: PLC0415
 
     if formula is None:
         raise UsageError("--response needs --formula, such as --formula '1 + x'")
     columns = [name.strip() for name in whole_plot.split(",")] if whole_plot else []
-    result = fit_general(data, response, formula, columns, replicate)
+    result = fit_general(data, response, formula, columns, replicate, leave_out)
     return result, lambda: show_general_fit(data.name, result)
 
 
@@ -200,10 +231,12 @@ def _calibration(
     formula: str | None,
     report: Path | None,
     options: Mapping[str, Any],
-    attitude: Mapping[str, bool | None],
+    attitude: Mapping[str, Any],
+    leave_out: Sequence[str],
     later: Path | None,
 ) -> Shown:
-    from rig.closed_loop import fit_table, fit_whole_plots  # noqa: PLC0415
+    from rig.closed_loop import fit_whole_plots  # noqa: PLC0415
+    from rig.closed_loop.attitude import fit_attitude_table  # noqa: PLC0415
     from rig.tables import read_table  # noqa: PLC0415
 
     table = read_table(data)
@@ -213,23 +246,31 @@ def _calibration(
             if value:
                 raise UsageError(f"{option} is for whole plots; {data} holds a pitch-roll calibration")
         if later is None:
-            result = fit_table(table, traced=bool(attitude["traced"]), temperature=attitude["temperature"])
+            result = fit_attitude_table(
+                table,
+                traced=bool(attitude["traced"]),
+                temperature=attitude["temperature"],
+                at_degC=attitude["at_degC"],
+                leave_out=leave_out,
+            )
         else:
             from rig.closed_loop.confirm import confirmed_by, fit_attitude_confirmed  # noqa: PLC0415
 
             result = fit_attitude_confirmed(*confirmed_by(data, later, temperature=attitude["temperature"]))
         return result, lambda: show_fit(data.name, table, result)
     for name, asked in attitude.items():
-        if asked:
+        if asked or (name == "at_degC" and asked is not None):
             hint = "; add terms that rig trace prints with --add, or --confirmed-by RUN" if name == "traced" else ""
-            raise UsageError(f"--{name} is for attitude sensors; {data} is no pitch-roll calibration{hint}")
+            option = f"--{name.replace('_', '-')}"
+            raise UsageError(f"{option} is for attitude sensors; {data} is no pitch-roll calibration{hint}")
     chosen = {name: value for name, value in options.items() if value is not None}
     if later is None:
-        fitted, record = fit_whole_plots(table, formula or "full", **chosen), {}
+        fitted, record = fit_whole_plots(table, formula, leave_out=leave_out, **chosen), {}
     else:
         from rig.closed_loop.confirm import confirmed_by, fit_whole_plots_confirmed  # noqa: PLC0415
 
-        fitted, told = fit_whole_plots_confirmed(*confirmed_by(data, later, formula), formula or "full", chosen)
+        model = formula or table.declared.get("formula") or "full"
+        fitted, told = fit_whole_plots_confirmed(*confirmed_by(data, later, formula), model, chosen)
         record = {"confirmed_by": told}
     result = fitted.to_json() | record
     if report is not None:
@@ -266,8 +307,8 @@ def trace(
         str | None,
         typer.Option(
             "--formula",
-            help="the declared model: of any table with --response ('1 + x'); of whole plots instead of the full "
-            "second order (II.C, eq10, or a formula)",
+            help="the declared model: of any table with --response ('1 + x'); of whole plots instead of the one "
+            "that the run's procedure declares (II.C, eq10, or a formula)",
             show_default=False,
         ),
     ] = None,

@@ -11,6 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from rig.cli.effects import paragraph, show_certificate, show_effect
+from rig.cli.gross import show_gross, show_left_out
 from rig.cli.show import err, number, out, print_json, show_unused
 from rig.errors import UsageError
 from rig.report.words import unnamed, verdict_of
@@ -131,5 +132,7 @@ def show_general_fit(file: str, result: Mapping[str, Any]) -> None:
     ):
         if result.get(key) is not None:
             out.print(f"  {key:<16} {number(result[key], 5)}  {what}")
+    show_left_out(result["data"])
+    show_gross(result["gross_errors"])
     for note in result.get("notes", ()):
         out.print(f"  [yellow]{escape(note)}[/]", soft_wrap=True)

@@ -9,15 +9,22 @@ from rich.markup import escape
 from rich.table import Table
 
 from rig.cli.effects import paragraph, show_certificate, show_effect
+from rig.cli.gross import show_gross, show_left_out
 from rig.cli.show import headline, number, out
 from rig.closed_loop import WholePlotTraced
-from rig.closed_loop.whole_plot import errors_in_words, low_pressure
+from rig.closed_loop.whole_plot import IN_USE, errors_in_words, in_use_words, low_pressure
 from rig.report.words import unnamed, verdict_of
 
 _MEASURES = (
-    ("max_pct", "largest reading error / %; in-flight zero: without the zero's own error"),
-    ("width_pct", "full width of the 95 % prediction interval / %"),
-    ("bias_pct", "bias / %"),
+    ("in_use", "max_pct", "largest reading error in use / %"),
+    ("in_use", "half95_pct", "±, the 95 % interval of one reading in use / %"),
+    (
+        "reading_error",
+        "max_pct",
+        "largest residual / %: no error in use, where a method fits whole plots, or a reading, as they come",
+    ),
+    ("reading_error", "width_pct", "full width of the 95 % prediction interval / %"),
+    ("reading_error", "bias_pct", "bias / %"),
 )
 
 
@@ -26,25 +33,31 @@ def show_whole_plot_summary(result: Mapping[str, Any]) -> None:
     sensors = result["sensors"]
     first = next(iter(sensors.values()))["methods"]
     at, low = low_pressure(result)
-    table = Table(f"at {low:.3g} psia", *first, title="Largest reading error / % by method", title_justify="left")
+    title = "Largest reading error in use / % by method"
+    table = Table(f"at {low:.3g} psia", *first, title=title, title_justify="left")
     for name, sensor in sensors.items():
         fits = (sensor["methods"].get(method) for method in first)
-        table.add_row(name, *(number(fit["reading_error"]["max_pct"][at] if fit else None, 3) for fit in fits))
+        table.add_row(name, *(in_use_words(fit, at) if fit else "-" for fit in fits))
     out.print(table)
-    out.print("  in-flight zero: without the zero's own error, which rig infer includes", soft_wrap=True)
+    out.print(f"  {IN_USE}", soft_wrap=True)
 
 
 def show_whole_plot_fit(result: Mapping[str, Any]) -> None:
     """A summary, then methods side by side and the coefficients of GLS, a transducer after the other."""
     _show_dead(result)
+    out.print(escape(result["data"]["model"]["sentence"]), soft_wrap=True)
+    out.print(result["data"]["coefficients_hold_at"], soft_wrap=True)
+    show_left_out(result["data"])
     if len(result["sensors"]) > 1:
         show_whole_plot_summary(result)
     for name, sensor in result["sensors"].items():
         out.print(f"\n[bold]{name}[/] ~ {escape(sensor['formula'])}", soft_wrap=True)
         out.print(f"  {errors_in_words(sensor)}", soft_wrap=True)
-        for key, title in _MEASURES:
+        show_gross(sensor["gross_errors"])
+        out.print(f"  {IN_USE}", soft_wrap=True)
+        for part, key, title in _MEASURES:
             out.print(f"  {title}", soft_wrap=True)
-            out.print(_methods(sensor["methods"], key))
+            out.print(_methods(sensor["methods"], part, key))
         for method, reason in sensor["not_possible"].items():
             out.print(f"  [yellow]{method}: not possible:[/] {escape(reason)}", soft_wrap=True)
         for method, fitted in sensor["methods"].items():
@@ -63,13 +76,16 @@ def _show_dead(result: Mapping[str, Any]) -> None:
         out.print(f"[red]{escape(name)} is left out:[/] it {why}", soft_wrap=True)
 
 
-def _methods(methods: Mapping[str, Any], key: str) -> Table:
+def _methods(methods: Mapping[str, Any], part: str, key: str) -> Table:
     """One measure of every method at every pressure."""
     pressures = next(iter(methods.values()))["reading_error"]["pressure_psia"]
     table = Table("  psia", *(f"{p:.3g}" for p in pressures), padding=(0, 1, 0, 0), box=None)
     for method, fitted in methods.items():
-        values = fitted["reading_error"][key]
-        shown = (_percent(v) if key == "bias_pct" else number(v, 3) for v in values)
+        values = fitted[part][key]
+        shown = (
+            _percent(v) if key == "bias_pct" else "?" if v is None and part == "in_use" else number(v, 3)
+            for v in values
+        )
         table.add_row(f"  [yellow]{method}[/]" if fitted["biased"] else f"  {method}", *shown)
     return table
 
@@ -107,6 +123,7 @@ def show_whole_plot_trace(traced: WholePlotTraced) -> None:
     """A short table a transducer: error before and after, and the effects found."""
     result = traced.to_json()
     headline(result["data"]["file"], traced.table)
+    out.print(escape(result["data"]["model"]["sentence"]), soft_wrap=True)
     _show_dead(result)
     for name, sensor in result["sensors"].items():
         out.print(f"\n[bold]{name}[/] (declared {escape(sensor['declared'])}): [bold]{escape(verdict_of(sensor))}[/]")

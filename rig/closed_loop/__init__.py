@@ -33,7 +33,8 @@ def fit_table(
 
     Args:
         table: of either kind.
-        model: of a whole-plot calibration, a named set of terms or a formula; the full second order if None.
+        model: of a whole-plot calibration, a named set of terms or a formula; if None as its procedure declares
+            it, else the full second order.
         traced: attitude: have the effects that a trace finds in the calibration that is kept.
         temperature: attitude: whether offset and sensitivity follow the sensor temperature in the declared model; as
             the table's procedure has it if None.
@@ -44,7 +45,7 @@ def fit_table(
     """
     _check(table, model)
     if table.kind == "whole-plot":
-        return fit_whole_plots(table, model or "full").to_json()
+        return fit_whole_plots(table, model).to_json()
     return fit_attitude_table(table, traced=traced, temperature=temperature)
 
 
@@ -57,7 +58,7 @@ def trace_table(
     """
     _check(table, model)
     if table.kind == "whole-plot":
-        return trace_whole_plot_table(table, model or "full")
+        return trace_whole_plot_table(table, model)
     return trace_attitude_table(table, temperature=temperature, unnamed=unnamed)
 
 

@@ -10,19 +10,24 @@ from typing import Any
 
 import numpy as np
 
-from fitter import AttitudeData, fit_all
+from fitter import AttitudeData, fit_all, fit_attitude
 from fitter.arrays import FloatArray
+from fitter.calibration import AttitudeFit, at_temperature
+from fitter.gross import of_attitude
 from fitter.inverse import AttitudeCalibration
 from fitter.inverse.traced import Volts, calibrate_traced, covering_parameters
 from fitter.quantiles import t_limit
 from fitter.trace import SensorTrace, Trace, trace
 from fitter.trace.result import FoundEffect
 from rig.closed_loop.certificate import Change, Errors, certificate, size_95, with_words
+from rig.closed_loop.gross import FitSummary, LeaveOut, Searched, kept_with, search
 from rig.effects import attitude_catalogue
 from rig.errors import UsageError
 from rig.report.words import noise_of, part, verdict
 from rig.tables import Table, attitude_data
 from rig.tables.unused import unused_in_fit
+
+ABSOLUTE_ZERO_DEGC = -273.15
 
 
 def fit_attitude_table(
@@ -30,6 +35,8 @@ def fit_attitude_table(
     *,
     traced: bool = False,
     temperature: bool | None = None,
+    at_degC: float | None = None,
+    leave_out: Sequence[str] = (),
     found: Trace | None = None,
     allowed: Mapping[str, Sequence[str]] = MappingProxyType({}),
 ) -> dict[str, Any]:
@@ -40,6 +47,8 @@ def fit_attitude_table(
         traced: have the effects that a trace finds in the calibration that is kept.
         temperature: whether offset and sensitivity follow the sensor temperature in the declared model; as the table's
             procedure has it if None.
+        at_degC: sensor temperature at which parameters are given; the run's mean if None.
+        leave_out: "gross" for the rows that the search for gross errors names, or row numbers of the file.
         found: what a trace of the table found, where it was made already.
         allowed: members that a follow-up run leaves of an effect's class, by the name the trace gave it; the first is
             kept and the others widen its intervals. All members of a class that is not in it.
@@ -48,9 +57,14 @@ def fit_attitude_table(
         UsageError: the table lacks something, or its rows do not determine the model.
 
     """
-    data, warm = attitude_data(table), with_temperature(table, temperature)
+    every, warm = attitude_data(table), with_temperature(table, temperature)
+    asked = LeaveOut.of(leave_out, table.source, len(every))
+    _check_at(at_degC, table.source, warm=warm, traced=traced)
     try:
-        fits = fit_all(data, temperature=warm)
+        searched = search(len(every), asked, lambda rows: of_attitude(every.take(rows)))
+        data = every.take(searched.used)
+        fits = fit_all(data, temperature=warm, at_degC=at_degC)
+        without = searched.with_the_others(lambda rows: fit_all(every.take(rows), temperature=warm, at_degC=at_degC))
         if traced and found is None:
             found = trace(data, attitude_catalogue(), temperature=warm, validate=False)  # no left-out error is told
         effects, others = ({}, []) if found is None else _effects(found, allowed)
@@ -58,24 +72,74 @@ def fit_attitude_table(
     except ValueError as error:
         raise UsageError(f"{table.source}: {error}") from error
     return {
-        "data": {"points": len(table), "kind": "pitch-roll", "simulated": table.simulated, **table.provenance},
-        "sensors": {name: fit.to_dict() for name, fit in fits.items()},
-        "kept": {name: _kept(calibration, name, effects) for name in calibration.names} if effects else {},
-        "calibration": calibration.to_dict(),
+        "data": {
+            "points": len(data),
+            "rows_left_out": searched.rows_left_out(len(every)),
+            "kind": "pitch-roll",
+            "simulated": table.simulated,
+            **table.provenance,
+        },
+        "sensors": {
+            name: fit.to_dict() | {"gross_errors": _gross(every, searched, fit, without)} for name, fit in fits.items()
+        },
+        "kept": {name: _kept(calibration, name, effects, fits[name]) for name in calibration.names} if effects else {},
+        "calibration": calibration.to_dict() | kept_with(searched, len(every)),
         "unused": unused_in_fit(table).to_json(),
     }
 
 
+def _gross(
+    data: AttitudeData, searched: Searched, fit: AttitudeFit, others: Mapping[str, AttitudeFit] | str | None
+) -> dict[str, Any]:
+    """A sensor's gross errors for JSON; `data` are all rows of the table."""
+    fits: tuple[FitSummary, FitSummary | str] | None = None
+    if isinstance(others, str):
+        fits = _summary(fit), others
+    elif others is not None:
+        own, other = _summary(fit), _summary(others[fit.sensor])
+        fits = (other, own) if searched.left_out.gross else (own, other)
+
+    def where(row: int) -> str:
+        return f"order {data.order[row]} at pitch {data.pitch_deg[row]:g} deg, roll {data.roll_deg[row]:g} deg"
+
+    return searched.of_sensor(fit.sensor, "V", where, fits)
+
+
+def _summary(fit: AttitudeFit) -> FitSummary:
+    linear = fit.linear
+    values = zip(linear.coefficients.tolist(), linear.stderr.tolist(), strict=True)
+    return FitSummary({"sigma_E": linear.sigma}, "V", dict(zip(linear.names, values, strict=True)))
+
+
 def _kept(
-    calibration: AttitudeCalibration, name: str, effects: Mapping[str, Mapping[str, FloatArray]]
+    calibration: AttitudeCalibration, name: str, effects: Mapping[str, Mapping[str, FloatArray]], fit: AttitudeFit
 ) -> dict[str, Any]:
     """A sensor as the calibration has it, where that is not what the declared model alone gives."""
     parameters = covering_parameters(calibration, name)
     return {
         "effects": [effect for effect, by in effects.items() if name in by],
-        "parameters": parameters,
+        "parameters": at_temperature(parameters, fit.at_degC),
+        "at_degC_sentence": fit.at_words,
         "depends_on": [row["sentence"] for row in parameters.values() if "sentence" in row],
     }
+
+
+def _check_at(at_degC: float | None, source: str, *, warm: bool, traced: bool) -> None:
+    """Refuse a temperature that parameters cannot be brought to."""
+    if at_degC is None:
+        return
+    if not warm:
+        raise UsageError(
+            f"--at-degC: the declared model of {source} has no temperature in it, so its parameters hold at the run's "
+            f"own temperature alone; fit with --temperature"
+        )
+    if traced:
+        raise UsageError(
+            "--at-degC gives the declared model's parameters; with effects beside it (--traced) they are given at the "
+            "run's mean temperature: leave one of the two away"
+        )
+    if not np.isfinite(at_degC) or at_degC < ABSOLUTE_ZERO_DEGC:
+        raise UsageError(f"--at-degC {at_degC:g} is no temperature")
 
 
 def with_temperature(table: Table, asked: bool | None) -> bool:
@@ -142,6 +206,10 @@ class AttitudeTraced:
     trace: Trace
     temperature: bool = False
 
+    def at_words(self, sensor: str) -> str:
+        """At which temperature a sensor's parameters hold, in words."""
+        return fit_attitude(self.data, sensor, temperature=self.temperature).at_words
+
     def to_json(self) -> dict[str, Any]:
         """What `rig trace --json` prints."""
         result: dict[str, Any] = self.trace.to_json(self.table.source)
@@ -150,6 +218,7 @@ class AttitudeTraced:
             shown = result["sensors"][name]
             shown["sentence"] = attitude_sentence(name, sensor)
             shown["effects"] = [_worded(self.trace, sensor, effect) for effect in shown["effects"]]
+            shown["at_degC_sentence"] = self.at_words(name)
             shown["certificate"] = certificate(name, shown, _errors(sensor))
             shown["depends_on"] = list(self.depends_on(name))
         return {**result, "unused": unused_in_fit(self.table).to_json()}

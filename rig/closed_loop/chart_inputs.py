@@ -140,7 +140,7 @@ def read(source: str, formula: str | None = None) -> Given:
             f"first, rig fit {path} --response Y --formula '1 + X' --out C.json, and chart C.json@DATE"
         )
     try:
-        sensors = _attitude(table) if table.kind == "pitch-roll" else fit_whole_plots(table, formula or "full").fits
+        sensors = _attitude(table) if table.kind == "pitch-roll" else fit_whole_plots(table, formula).fits
     except ValueError as error:
         raise UsageError(f"{path}: {error}") from error
     degC = table.columns.get("sensor_temperature_degC") if table.kind == "pitch-roll" else None
@@ -165,7 +165,7 @@ def _attitude(table: Table) -> dict[str, Calibrated]:
 
 def notes(given: Sequence[Given]) -> list[str]:
     """What changed between calibrations besides the sensors, and what they lack: a step may be due to that."""
-    found = []
+    found = _temperature_words(given)
     for one in given:
         missing = incomplete(one.provenance)
         if missing:
@@ -182,6 +182,18 @@ def notes(given: Sequence[Given]) -> list[str]:
             f"coefficient looks like a change over time"
         )
     return found
+
+
+def _temperature_words(given: Sequence[Given]) -> list[str]:
+    """At which sensor temperature the charted parameters hold."""
+    known = [one.degC for one in given if one.degC is not None]
+    if given[0].kind != "pitch-roll":
+        return []
+    if all(one.corrected for one in given) and len(known) == len(given):
+        return [f"parameters are charted at {np.mean(known):.2f} degC, to which every calibration was brought"]
+    if not known:
+        return ["at which sensor temperature the charted parameters hold was not recorded"]
+    return ["charted parameters hold at each calibration's own mean sensor temperature"]
 
 
 def as_table(given: Sequence[Given], title: str) -> Table:

@@ -3,22 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from fitter import LinearFit, least_squares
+from fitter.arrays import FloatArray, IntArray
 from fitter.formula import Formula
+from fitter.gross import GrossErrors, of_table
 from fitter.inverse import CurveCalibration
 from fitter.split_plot import SplitPlotFit, fit_split_plot
+from rig.closed_loop.gross import FitSummary, LeaveOut, Searched, Where, kept_with, search
 from rig.errors import UsageError
 from rig.tables import Table, read_any_csv
 from rig.tables.unused import unused_columns
 
 
 def fit_general(
-    path: Path, response: str, formula: str, whole_plot: Sequence[str] = (), replicate: str | None = None
+    path: Path,
+    response: str,
+    formula: str,
+    whole_plot: Sequence[str] = (),
+    replicate: str | None = None,
+    leave_out: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Fit a formula to a column of a CSV table; JSON-ready.
 
@@ -28,6 +37,7 @@ def fit_general(
         formula: the model; see `fitter.formula`.
         whole_plot: columns whose values together say which rows share a whole-plot error; none: all independent.
         replicate: column of replications that whole plots are nested in.
+        leave_out: "gross" for the rows that the search for gross errors names, or row numbers of the file.
 
     Raises:
         UsageError: a column is missing, the formula cannot be read, or the rows do not determine it.
@@ -42,30 +52,102 @@ def fit_general(
     if response not in table.columns:
         raise UsageError(f"{path}: the response {response} is not a column of numbers")
     y = table.columns[response]
+    asked = LeaveOut.of(leave_out, str(path), len(y))
     try:
         names, exact = model.exact_columns({**table.columns, **table.text})
         if not names:
             raise ValueError(f"the formula {formula!r} has no terms: there is nothing to fit")
-        fit: LinearFit | SplitPlotFit
-        if not whole_plot:
-            fit = least_squares(exact.hi, y, names, tails=exact.lo)
-            found = _of_rows(fit)
-        else:
-            blocks = None if replicate is None else _identities(table, [replicate])
-            fit = fit_split_plot(exact.hi, y, _identities(table, extra), names, replicate=blocks)
-            found = _of_whole_plots(fit)
+        plots = _identities(table, extra) if whole_plot else None
+        blocks = _identities(table, [replicate]) if whole_plot and replicate else None
+        every = _Rows(names, exact.hi, exact.lo, y, plots, blocks)
+        searched = search(len(y), asked, lambda rows: {response: every.take(rows).gross()})
+        fit = every.take(searched.used).fitted()
+        others = searched.with_the_others(lambda rows: every.take(rows).fitted())
+        found = _of_rows(fit) if isinstance(fit, LinearFit) else _of_whole_plots(fit)
     except (ValueError, KeyError) as error:
         raise UsageError(f"{path}: {error.args[0] if error.args else error}") from error
     simulated = bool(np.any(table.columns.get("simulated", 0.0)))
     used = [response, *model.names, *extra, "simulated"]
     return {
-        "data": {"file": path.name, "points": len(y), "kind": "general", "simulated": simulated},
+        "data": {
+            "file": path.name,
+            "points": len(searched.used),
+            "rows_left_out": searched.rows_left_out(len(y)),
+            "kind": "general",
+            "simulated": simulated,
+        },
         "response": response,
         "formula": str(model),
         **found,
         "unused": unused_columns(table, used).to_json(),
-        "calibration": _calibration(fit, response, model, table).to_dict(),
+        "gross_errors": searched.of_sensor(response, "", _order_of(table), _both(searched, fit, others)),
+        "calibration": _calibration(fit, response, model, table, searched.used).to_dict() | kept_with(searched, len(y)),
     }
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Rows of a table and the model to fit to them.
+
+    Attributes:
+        names: of the k columns.
+        columns: (n, k).
+        tails: (n, k) what the doubles in `columns` leave out.
+        y: (n,) response.
+        plots: (n,) identity of each row's whole plot; None where rows are independent.
+        blocks: (n,) replication that whole plots are nested in; None where they are not.
+
+    """
+
+    names: Sequence[str]
+    columns: FloatArray
+    tails: FloatArray
+    y: FloatArray
+    plots: IntArray | None
+    blocks: IntArray | None
+
+    def take(self, rows: IntArray) -> _Rows:
+        """Some of the rows."""
+        plots, blocks = (None if given is None else given[rows] for given in (self.plots, self.blocks))
+        return _Rows(self.names, self.columns[rows], self.tails[rows], self.y[rows], plots, blocks)
+
+    def gross(self) -> GrossErrors:
+        """The gross errors among them."""
+        plots = None if self.plots is None else np.unique(self.plots, return_inverse=True)[1].reshape(-1)
+        return of_table(self.y, self.columns, plots)
+
+    def fitted(self) -> LinearFit | SplitPlotFit:
+        """The model fitted to them. Raises `ValueError`."""
+        if self.plots is None:
+            return least_squares(self.columns, self.y, self.names, tails=self.tails)
+        return fit_split_plot(self.columns, self.y, self.plots, self.names, replicate=self.blocks)
+
+
+def _summary(fit: LinearFit | SplitPlotFit) -> FitSummary:
+    if isinstance(fit, LinearFit):
+        sigmas: dict[str, float | None] = {"sigma_E": _finite(fit.sigma)}
+        stderr = fit.stderr
+    else:
+        sigmas = {name: getattr(fit, name) for name in ("sigma_subplot", "sigma_wholeplot", "sigma_replicate")}
+        stderr = fit.kenward_roger().stderr
+    values = zip(fit.coefficients.tolist(), stderr.tolist(), strict=True)
+    return FitSummary(sigmas, "", dict(zip(fit.names, values, strict=True)))
+
+
+def _both(
+    searched: Searched, fit: LinearFit | SplitPlotFit, others: LinearFit | SplitPlotFit | str | None
+) -> tuple[FitSummary, FitSummary | str] | None:
+    """The fits with the gross errors and without them."""
+    if others is None or isinstance(others, str):
+        return None if others is None else (_summary(fit), others)
+    pair = _summary(fit), _summary(others)
+    return pair[::-1] if searched.left_out.gross else pair
+
+
+def _order_of(table: Table) -> Where:
+    """A row's place in words: its order, where the table has one."""
+    order = table.columns.get("order")
+    return lambda row: "" if order is None else f"order {order[row]:.0f}"
 
 
 def _of_rows(fit: LinearFit) -> dict[str, Any]:
@@ -116,8 +198,10 @@ def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def _calibration(fit: LinearFit | SplitPlotFit, response: str, formula: Formula, table: Table) -> CurveCalibration:
-    """What `rig infer` and `rig chart` need of a fit."""
+def _calibration(
+    fit: LinearFit | SplitPlotFit, response: str, formula: Formula, table: Table, rows: IntArray
+) -> CurveCalibration:
+    """What `rig infer` and `rig chart` need of a fit to these rows of a table."""
     if isinstance(fit, SplitPlotFit):
         covariance, variances = fit.kenward_roger().covariance, fit.structure.variances
         derivatives, spread = fit.moments.derivatives, fit.moments.inverse_information
@@ -129,7 +213,7 @@ def _calibration(fit: LinearFit | SplitPlotFit, response: str, formula: Formula,
         derivatives = np.array([shape] if known else [])
         spread = np.array([[2.0 * fit.sigma**4 / fit.df]] if known else [])
     ranges = {
-        name: (float(table.columns[name].min()), float(table.columns[name].max()))
+        name: (float(table.columns[name][rows].min()), float(table.columns[name][rows].max()))
         for name in formula.names
         if name in table.columns
     }

@@ -8,12 +8,16 @@ from typing import Any
 
 import numpy as np
 
+from fitter.arrays import IntArray
+from fitter.gross import of_whole_plots
 from fitter.misfit import COVERED_BY_WHOLE_PLOTS
 from fitter.pressure import PressureFit, fit_transducers, variance_inflation
+from fitter.pressure.models import FULL, named_formula
 from fitter.trace import TransducerTrace, WholePlotTrace, trace_whole_plots
 from fitter.trace.whole_plots.result import FoundPressureEffect
 from fitter.whole_plot_data import WholePlotData
 from rig.closed_loop.certificate import Change, Errors, certificate, size_95, with_words
+from rig.closed_loop.gross import FitSummary, LeaveOut, Searched, kept_with, search
 from rig.effects import pressure_catalogue
 from rig.errors import UsageError
 from rig.report.words import noise_of, verdict
@@ -22,6 +26,42 @@ from rig.tables.unused import unused_in_fit
 
 METHOD = "GLS"
 """By which a calibration is made unless another method is asked for: it takes no side between pressures."""
+
+
+@dataclass(frozen=True)
+class Declared:
+    """The declared model of a whole-plot table.
+
+    Attributes:
+        model: a name of terms, or a formula.
+        source: who says so: "--formula", "procedure" or "default".
+        procedure: what the run's procedure declares; None where it says nothing.
+
+    """
+
+    model: str
+    source: str
+    procedure: str | None
+
+    @staticmethod
+    def of(table: Table, asked: str | None) -> Declared:
+        """As asked; else as the procedure of the table's run declares it; else the full second order."""
+        told = table.declared.get("formula")
+        if asked is not None:
+            return Declared(asked, "--formula", told)
+        return Declared(FULL, "default", None) if told is None else Declared(told, "procedure", told)
+
+    def to_dict(self) -> dict[str, str | None]:
+        """For JSON, with a sentence."""
+        if self.source == "procedure":
+            said = f"model {self.model}, as the run's procedure declares it"
+        elif self.source == "default":
+            said = f"model {self.model}: none is declared"
+        elif self.procedure is None:
+            said = f"model {self.model}, as --formula says"
+        else:
+            said = f"model {self.model}, as --formula says; the run's procedure declares {self.procedure}"
+        return {"fitted": self.model, "source": self.source, "procedure": self.procedure, "sentence": said}
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +74,10 @@ class WholePlotFitted:
         fits: by transducer.
         method: by which each calibration is kept.
         dead: why other transducers were left out, by output.
+        searched: for gross errors; `data` and `fits` are of the rows it says are used.
+        declared: the model, and where it comes from.
+        others: fits with the gross errors where `fits` are without them, and the other way round; why there are none;
+            None where no row is named.
 
     """
 
@@ -42,6 +86,9 @@ class WholePlotFitted:
     fits: Mapping[str, PressureFit]
     method: str
     dead: Mapping[str, str]
+    searched: Searched
+    declared: Declared
+    others: Mapping[str, PressureFit] | str | None = None
 
     def to_json(self) -> dict[str, Any]:
         """What `rig fit --json` prints; with one transducer its keys stand at the top level too.
@@ -50,7 +97,7 @@ class WholePlotFitted:
             UsageError: the method cannot be used, or makes no calibration to use.
 
         """
-        sensors = {}
+        sensors, count = {}, len(self.table)
         for name, fit in self.fits.items():
             try:
                 calibration = fit.calibration(self.method).to_dict()
@@ -60,43 +107,83 @@ class WholePlotFitted:
                 inflation = variance_inflation(fit.formula, self.data.table)
             except ValueError:  # terms that coded variables cannot stand in, logarithms say, have none
                 inflation = {}
+            calibration |= kept_with(self.searched, count)
             more: dict[str, Any] = {"calibration": calibration, "variance_inflation": inflation}
-            more["intervals_cover"] = COVERED_BY_WHOLE_PLOTS
+            more |= {"gross_errors": self.gross(name), "intervals_cover": COVERED_BY_WHOLE_PLOTS}
             sensors[name] = with_units({**fit.to_dict(), **more})
         table = self.table
-        data = {"points": len(table), "kind": "whole-plot", "simulated": table.simulated, **table.provenance}
+        points: dict[str, Any] = {"points": len(self.data), "rows_left_out": self.searched.rows_left_out(count)}
+        points["model"] = self.declared.to_dict()
+        points["coefficients_hold_at"] = HOLD_AT
+        data = {**points, "kind": "whole-plot", "simulated": table.simulated, **table.provenance}
         alone = next(iter(sensors.values())) if len(sensors) == 1 else {}
         unused = unused_in_fit(table).to_json()
         return {**alone, "data": data, "sensors": sensors, "left_out": dict(self.dead), "unused": unused}
 
+    def gross(self, name: str) -> dict[str, Any]:
+        """The gross errors of a transducer for JSON."""
+        own, columns = _summary(self.fits[name]), self.table.columns
+        fits: tuple[FitSummary, FitSummary | str] | None = None
+        if isinstance(self.others, str):
+            fits = own, self.others
+        elif self.others is not None:
+            other = _summary(self.others[name])
+            fits = (other, own) if self.searched.left_out.gross else (own, other)
+
+        def where(row: int) -> str:
+            return f"order {columns['order'][row]:.0f} at {columns['pressure_psia'][row]:.3g} psia"
+
+        return self.searched.of_sensor(name, "mV", where, fits)
+
+
+def _summary(fit: PressureFit) -> FitSummary:
+    reml = fit.reml
+    stderr = np.sqrt(np.diag(reml.covariance))
+    values = zip(reml.coefficients.tolist(), stderr.tolist(), strict=True)
+    sigmas = {"sigma_subplot": reml.sigma_subplot, "sigma_wholeplot": reml.sigma_wholeplot}
+    return FitSummary(sigmas, "mV", dict(zip(reml.names, values, strict=True)))
+
 
 def fit_whole_plots(
     table: Table,
-    model: str = "full",
+    model: str | None = None,
     *,
     method: str = METHOD,
     add: Sequence[str] = (),
     power: float = 1.0,
     exclude_zero: bool = False,
+    leave_out: Sequence[str] = (),
 ) -> WholePlotFitted:
     """Calibrate every transducer of a whole-plot table by every method.
 
     Args:
         table: of kind whole-plot.
-        model: "full", "II.C", "eq10", "hierarchical" or a formula.
+        model: "full", "II.C", "eq10", "hierarchical" or a formula; as the table's procedure declares it if None.
         method: by which each calibration is kept.
         add: further terms, effects that were traced, say.
         power: weighted methods multiply rows by 1/P^power.
         exclude_zero: weighted methods leave out readings at zero pressure.
+        leave_out: "gross" for the rows that the search for gross errors names, or row numbers of the file.
 
     Raises:
         UsageError: the table lacks something, or its rows do not determine the model or its errors.
 
     """
     data, dead = _alive(table)
+    declared = Declared.of(table, model)
+    asked = LeaveOut.of(leave_out, table.source, len(data))
+
+    def fitted(rows: IntArray) -> Mapping[str, PressureFit]:
+        return fit_transducers(
+            data.take(rows), declared.model, extra=tuple(add), power=power, exclude_zero=exclude_zero
+        )
+
     try:
-        fits = fit_transducers(data, model, extra=tuple(add), power=power, exclude_zero=exclude_zero)
-        return WholePlotFitted(table, data, fits, method, dead)
+        formula = named_formula(declared.model, tuple(add))
+        searched = search(len(data), asked, lambda rows: of_whole_plots(data.take(rows), formula))
+        fits = fitted(searched.used)
+        others = searched.with_the_others(fitted)
+        return WholePlotFitted(table, data.take(searched.used), fits, method, dead, searched, declared, others)
     except (ValueError, KeyError) as error:
         raise UsageError(f"{table.source}: {error.args[0] if error.args else error}") from error
 
@@ -146,6 +233,7 @@ def errors_in_words(sensor: Mapping[str, Any]) -> str:
     return f"errors: {s_0:.3g} mV + {s_0 * growth:.3g} mV/psi x P within whole plots, {between}"
 
 
+HOLD_AT = "coefficients are of P in psia and temperatures in degC as measured: each holds where the others are zero"
 LOW_PSIA = 0.12
 """Where the paper compares its methods."""
 
@@ -158,6 +246,35 @@ def low_pressure(result: Mapping[str, Any]) -> tuple[int, float]:
     return pressures.index(low), low
 
 
+IN_USE = (
+    "in use: readings predicted by other whole plots, or with in-flight zero by one zero reading of their own, whose "
+    "error counts; ± is the 95 % interval of one reading, ? where no reading can be held against a prediction"
+)
+
+
+def in_use_words(fitted: Mapping[str, Any], at: int) -> str:
+    """A method's largest error in use at one pressure, and the 95 % interval of a reading there: "3.3±2.9"."""
+    largest, half = fitted["in_use"]["max_pct"][at], fitted["in_use"]["half95_pct"][at]
+    if half is None:
+        return "-"
+    return f"{'?' if largest is None else f'{largest:.3g}'}±{half:.2g}"
+
+
+def largest_words(fitted: Mapping[str, Any], at: int) -> str:
+    """A method's largest error in use at one pressure in a clause, with what chance makes of it."""
+    use = fitted["in_use"]
+    largest, half = use["max_pct"][at], use["half95_pct"][at]
+    if half is None:
+        return "unknown in use"
+    if largest is None:
+        return f"not measured in use, for want of another reading as zero; 95 % of readings within ±{half:.2g} %"
+    low, high = use["max_by_chance_pct"][at]
+    return (
+        f"{largest:.3g} % in use, the largest of {use['count'][at]} (by chance {low:.2g} to {high:.2g} %; 95 % of "
+        f"readings within ±{half:.2g} %)"
+    )
+
+
 @dataclass(frozen=True, eq=False)
 class WholePlotTraced:
     """A table and what was traced in it.
@@ -167,6 +284,7 @@ class WholePlotTraced:
         data: the same as arrays.
         trace: what was found, by transducer.
         dead: why other transducers were left out, by output.
+        declared: the model, and where it comes from.
 
     """
 
@@ -174,11 +292,13 @@ class WholePlotTraced:
     data: WholePlotData
     trace: WholePlotTrace
     dead: Mapping[str, str]
+    declared: Declared
 
     def to_json(self) -> dict[str, Any]:
         """What `rig trace --json` prints."""
         result: dict[str, Any] = self.trace.to_json(self.table.source)
         result["data"] |= {"simulated": self.table.simulated, **self.table.provenance, "file": self.table.source}
+        result["data"]["model"] = self.declared.to_dict()
         for name, found in self.trace.sensors.items():
             shown = result["sensors"][name]
             shown["sentence"] = whole_plot_sentence(name, found)
@@ -215,11 +335,13 @@ def _errors(found: TransducerTrace) -> Errors:
     return Errors([Change(*within, "mV"), Change(*between, "mV")], left_out, "" if tells else _HIDES)
 
 
-def trace_whole_plot_table(table: Table, model: str = "full") -> WholePlotTraced:
-    """Trace what the declared model lacks in a whole-plot table. Raises `UsageError`."""
+def trace_whole_plot_table(table: Table, model: str | None = None) -> WholePlotTraced:
+    """Trace what the declared model lacks in a whole-plot table; errors as for `fit_whole_plots`."""
     data, dead = _alive(table)
+    declared = Declared.of(table, model)
     try:
-        return WholePlotTraced(table, data, trace_whole_plots(data, model, pressure_catalogue()), dead)
+        found = trace_whole_plots(data, declared.model, pressure_catalogue())
+        return WholePlotTraced(table, data, found, dead, declared)
     except (ValueError, KeyError) as error:
         raise UsageError(f"{table.source}: {error.args[0] if error.args else error}") from error
 

@@ -61,6 +61,7 @@ def _sensor(name: str, result: dict[str, Any], traced: AttitudeTraced) -> dict[s
             for key, label, scale, what in _ROWS
         ],
         "parameters": estimates,
+        "at_words": traced.at_words(name),
         "no_direction": NO_DIRECTION if LABELS["mx_V"] in {p.name for p in estimates} else "",
         **effects_part(result, plots),
         "little_help": little_help(result),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fitter.pressure import METHODS, PressureFit
-from rig.closed_loop.whole_plot import errors_in_words, low_pressure
+from rig.closed_loop.whole_plot import HOLD_AT, IN_USE, errors_in_words, in_use_words, low_pressure
 from rig.report.frame import render
 from rig.report.pictures import grid, png
 
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from rig.closed_loop import WholePlotFitted
 
 _MEASURES = (
-    ("max_pct", "Largest reading error / %"),
-    ("rms_pct", "Root-mean-square reading error / %"),
+    ("max_pct", "Largest residual / % (no error in use where a method fits whole plots as they come)"),
+    ("rms_pct", "Root-mean-square residual / %"),
     ("width_pct", "Full width of the 95 % prediction interval / % (eq. 11)"),
     ("bias_pct", "Bias / % (eq. 12)"),
 )
@@ -35,7 +35,7 @@ def fit_report(fitted: WholePlotFitted) -> str:
         method=fitted.method,
         low=f"{low:.3g}",
         summary=[
-            {"name": name, "values": [_number(sensor["methods"][m]["reading_error"]["max_pct"][at]) for m in methods]}
+            {"name": name, "values": [in_use_words(sensor["methods"][m], at) for m in methods]}
             for name, sensor in result["sensors"].items()
         ],
         methods=methods,
@@ -55,6 +55,19 @@ def _transducer(name: str, result: dict[str, Any], fitted: WholePlotFitted) -> d
         "pressures": [f"{p:.3g}" for p in pressures],
         "measures": [
             {
+                "title": f"Largest reading error in use / %; {IN_USE}",
+                "rows": [
+                    {
+                        "method": m,
+                        "biased": v["biased"],
+                        "values": [in_use_words(v, i) for i in range(len(pressures))],
+                    }
+                    for m, v in methods.items()
+                ],
+            }
+        ]
+        + [
+            {
                 "title": title,
                 "rows": [
                     {"method": m, "biased": v["biased"], "values": [_number(x) for x in v["reading_error"][key]]}
@@ -63,7 +76,8 @@ def _transducer(name: str, result: dict[str, Any], fitted: WholePlotFitted) -> d
             }
             for key, title in _MEASURES
         ],
-        "remarks": [f"{m}: {v['note']}" for m, v in methods.items() if v["note"]]
+        "remarks": [HOLD_AT, result["gross_errors"]["sentence"]]
+        + [f"{m}: {v['note']}" for m, v in methods.items() if v["note"]]
         + [f"{m} is not possible: {why}" for m, why in result["not_possible"].items()]
         + [*result["notes"], result["intervals_cover"]],
         "rows": [

@@ -53,7 +53,7 @@ def _run_table(path: Path, everything: bool, salvage: bool) -> Table:
         bench = parse_toml(reader.documents().get("bench.toml", ""), str(path))
         factors: Mapping[str, str] = bench.get("factors", {})
         procedure = parse_toml(reader.documents().get("procedure.toml", ""), str(path))
-        declared = procedure.get("model", {})
+        declared = {"formula": procedure.get("expect", {}).get("model"), **procedure.get("model", {})}
         turned = {f"mounting_{axis}": float(turn) for axis, turn in procedure.get("mounting", {}).items()}
         rows: list[dict[str, float]] = []
         left_out = rejected = 0

@@ -102,7 +102,7 @@ def _alone(judge: TableJudge, chosen: tuple[int, ...], data: TableData) -> Found
     taken = view.taken(chosen)
     left = view.y - taken @ (taken.T @ view.y)
     alone = alone[np.argsort(-np.abs(left[alone]))]
-    z = np.abs(left[alone]) / scale(left)
+    z = np.abs(left[alone]) / scale(left, problem.step)
     p = float(min(2.0 * special.ndtr(-z.max()) * problem.n, 1.0))
     if p > ALPHA:
         return None

@@ -168,7 +168,10 @@ class TableJudge:
         """(n,) by how much readings stand alone beside those `chosen`."""
         view = self.view(0)
         taken = view.taken(chosen)
-        return excess(view.y - taken @ (taken.T @ view.y), ordered=self.problem.ordered) * self.problem.sd
+        return (
+            excess(view.y - taken @ (taken.T @ view.y), ordered=self.problem.ordered, step=self.problem.step)
+            * self.problem.sd
+        )
 
     def white(self, at: int, chosen: tuple[int, ...]) -> FloatArray:
         """(n,) `held`, whitened by covariance `at`."""

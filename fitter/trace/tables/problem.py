@@ -11,6 +11,7 @@ import numpy as np
 from fitter.arrays import FloatArray, IntArray
 from fitter.effects.tables import TableEffect, effects_of
 from fitter.effects.tables_scene import TableScene, TableTerm
+from fitter.resolution import resolution
 from fitter.trace.not_kept import NotKept, overflows
 from fitter.trace.tables.noise import Noise
 
@@ -56,6 +57,11 @@ class Problem:
     def n(self) -> int:
         """Number of rows."""
         return len(self.y)
+
+    @cached_property
+    def step(self) -> FloatArray:
+        """(n,) what the response was rounded to, over each row's `sd`; zero where it does not seem to be."""
+        return np.asarray(resolution(self.y) / self.sd)
 
     @cached_property
     def columns(self) -> FloatArray:

@@ -12,6 +12,7 @@ import numpy as np
 from scipy import special
 
 from fitter.arrays import FloatArray, IntArray
+from fitter.resolution import resolution, robust_sd
 from fitter.trace.whole_plots.problem import Problem
 from fitter.trace.whole_plots.score import beside
 
@@ -47,6 +48,7 @@ def outliers(problem: Problem, chosen: tuple[int, ...]) -> Outliers:
     """The readings that stand out beside the `chosen` candidates, as they do once the others are out."""
     count, n = len(problem.sensors), problem.outputs.shape[1]
     kept = np.arange(n)
+    steps = np.array([resolution(output) for output in problem.outputs])
     found: dict[int, tuple[FloatArray, FloatArray]] = {}
     while len(found) <= FEW * n:
         part = problem.take(kept)
@@ -54,7 +56,8 @@ def outliers(problem: Problem, chosen: tuple[int, ...]) -> Outliers:
         share = np.stack([strata.kept for strata in part.strata])
         whole = np.sqrt(np.maximum(share, LONE))
         alone = np.where(share > LONE, stratum.white.outputs / whole, 0.0)
-        scale = np.quantile(np.abs(alone), INSIDE, axis=1) / special.ndtri(0.5 + 0.5 * INSIDE)
+        rounded = steps[:, None] * np.sqrt(part.weight) / (stratum.sigma[:, None] * whole)
+        scale = np.array([robust_sd(one, step, INSIDE) for one, step in zip(alone, rounded, strict=True)])
         sd = alone / np.maximum(scale, np.finfo(float).tiny)[:, None]
         p = 2.0 * special.stdtr(np.maximum(stratum.df, 1.0)[:, None], -np.abs(sd)) * n * count
         worst = np.max(np.abs(sd), axis=0)

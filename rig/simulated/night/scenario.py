@@ -52,6 +52,8 @@ type = "list"
 temperatures_degC = {temperatures}
 pressures_psia = {pressures}
 repeated_psia = {repeated}
+[model]
+formula = "1 + P"
 [soak]
 dwell_s = 60
 drift_degC_per_h = 20

@@ -1,0 +1,85 @@
+"""How often a clean table has a row named a gross error: docs/gross_errors.md.
+
+python benchmarks/gross_campaign.py [TABLES]
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+
+import attitude_truth
+import whole_plot_truth
+
+from fitter.arrays import FloatArray
+from fitter.gross import GrossErrors, of_attitude, of_table, of_whole_plots
+from fitter.pressure.models import named_formula
+
+Tables = Callable[[int], Iterator[GrossErrors]]
+FULL = named_formula("full", ())
+
+
+def table(n: int, k: int, step: float = 0.0, growing: float = 0.0) -> Tables:
+    """Normal errors of sd one about a model of k columns, rounded to `step`; sd 1 + `growing` x."""
+
+    def look(seed: int) -> Iterator[GrossErrors]:
+        rng = np.random.default_rng([n, k, seed])
+        x = rng.uniform(0.0, 10.0, (n, k - 1))
+        y: FloatArray = np.sum(x, axis=1) + (1.0 + growing * x[:, 0]) * rng.standard_normal(n)
+        yield of_table(np.round(y / step) * step if step else y, np.column_stack([np.ones(n), x]))
+
+    return look
+
+
+def whole_plots(bench: whole_plot_truth.Bench) -> Tables:
+    """The design of 20 whole plots of 11 pressures."""
+
+    def look(seed: int) -> Iterator[GrossErrors]:
+        yield from of_whole_plots(whole_plot_truth.simulate(bench, seed=seed), FULL).values()
+
+    return look
+
+
+def attitude(**given: object) -> Tables:
+    """Three sensors, six replications of 9 x 9 points."""
+    bench = attitude_truth.Bench(**given)
+
+    def look(seed: int) -> Iterator[GrossErrors]:
+        yield from of_attitude(attitude_truth.simulate(bench, attitude_truth.D1(180, 9, 9), seed)[0]).values()
+
+    return look
+
+
+GROWING = whole_plot_truth.Bench(
+    (whole_plot_truth.Transducer(cubic=whole_plot_truth.CUBIC),), subplot=whole_plot_truth.GROWING
+)
+CASES = {
+    "12 rows, 2 coefficients": table(12, 2),
+    "21 rows, 4 coefficients": table(21, 4),
+    "60 rows, 3 coefficients": table(60, 3),
+    "200 rows, 6 coefficients": table(200, 6),
+    "60 rows rounded to 3 sd": table(60, 2, step=3.0),
+    "60 rows rounded to 2 sd": table(60, 2, step=2.0),
+    "60 rows rounded to 1 sd": table(60, 2, step=1.0),
+    "120 rows, noise that grows": table(120, 2, growing=1.0),
+    "whole plots": whole_plots(whole_plot_truth.Bench()),
+    "whole plots, cubic and noise that grows": whole_plots(GROWING),
+    "attitude, pads and drift": attitude(compliance={("y", "x"): 4e-3}, offset_sd=2.0),
+    "attitude, noise of the angles": attitude(sigma_deg=2e-5, jitter_deg=1e-3),
+}
+
+
+def main(tables: int = 300) -> None:
+    """Print the share of tables with a row named, and of how many tables."""
+    for name, look in CASES.items():
+        named = sum(any(found.rows.size for found in look(seed)) for seed in range(tables))
+        print(f"{name:42} {named:3} of {tables}", flush=True)
+
+
+if __name__ == "__main__":
+    main(*(int(given) for given in sys.argv[1:]))

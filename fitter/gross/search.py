@@ -1,0 +1,302 @@
+"""The search for gross errors: a robust start, then rows taken back one by one, each judged by the rows before it.
+
+Several gross errors can hide one another: together they move the fit and raise the standard deviation that each is
+measured by. So the search does not begin with the fit of all rows.
+
+1. The start is the subset that fits best when up to a third of the rows is left out (least trimmed squares;
+   Rousseeuw and Van Driessen, Data Min. Knowl. Disc. 12 (2006) 29), found from several starts by concentration steps.
+2. The rows left out are taken back one by one, the nearest to the fit of those inside first (forward search; Atkinson
+   and Riani, Robust Diagnostic Regression Analysis, 2000). Each is judged by its deletion residual.
+3. Of the limits that are passed the one with the most rows outside counts, as in the generalised extreme Studentized
+   deviate test (Rosner, Technometrics 25 (1983) 165), so that a row hidden by another is found with it.
+
+The limit holds for all rows and all responses of a table together: a clean table has a gross error with a probability
+of about `LEVEL` (measured: docs/gross_errors.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import special
+from scipy.linalg import cho_factor, cho_solve
+
+from fitter.arrays import FloatArray, IntArray
+from fitter.gross.rows import NO_GROUP, Rows
+from fitter.resolution import least_sd, robust_sd
+from fitter.trace.tables.spread import growth_of
+
+LEVEL = 0.005
+"""Probability that a clean table has any row named, were the sd of its rows known to be in proportion."""
+SHARE, MOST = 0.35, 100
+"""Of the rows that can be gross errors at most, and their number: more are no gross errors but another model."""
+OF_GROUP = 0.5
+"""Of a group's rows at most: when most of a group is off, its level is."""
+FEWEST_DF = 8
+"""Degrees of freedom that must be left for error without the rows left out."""
+LONE = 1e-6
+"""A row of which no larger share than this is left has nothing to be compared with."""
+CLEAR = 0.85
+"""Of the limit: where no row of a design is so far off a robust fit, no subset need be looked for."""
+SUBSETS, STEPS, FINAL = 100, 2, 30
+"""Random starts, concentration steps of each, and of the best few to the end."""
+BEST, LEAST_ABSOLUTE = 5, 12
+AFFORDABLE = 4_000_000
+"""Numbers that random starts may look at, all together."""
+SEED = 20260115
+ROUNDING = 1e3
+"""Times the rounding errors of the response that a standard deviation is at least."""
+
+
+@dataclass(frozen=True, eq=False)
+class GrossErrors:
+    """Rows that stand off from the model, and by how much.
+
+    Attributes:
+        rows: (m,) indices, the farthest first.
+        distance_sd: (m,) difference between the reading and the prediction of a fit without these rows, over the
+            standard deviation of that difference.
+        off: (m,) the difference itself, in units of the response.
+        p: probability that a clean table has a row named for so much; 1 where none is.
+        sd: (n,) standard deviation of a reading by the fit without these rows, in units of the response.
+        alone: indices of rows that nothing can be compared with.
+        not_looked: why no search could be made; empty where one was.
+
+    """
+
+    rows: IntArray
+    distance_sd: FloatArray
+    off: FloatArray
+    p: float
+    sd: FloatArray
+    alone: IntArray
+    not_looked: str = ""
+
+
+def gross_errors(
+    y: FloatArray,
+    columns: FloatArray,
+    *,
+    group: IntArray | None = None,
+    spread: FloatArray | None = None,
+    step: float = 0.0,
+    responses: int = 1,
+    drivers: Mapping[str, FloatArray] | None = None,
+    designed: bool = False,
+    level: float = LEVEL,
+) -> GrossErrors:
+    """Which rows stand off from a linear model.
+
+    Args:
+        y: (n,) response.
+        columns: (n, k) of the model; they may be collinear.
+        group: (n,) from 0: rows of a group share a level of their own, such as a whole plot's error; -1 for a row that
+            shares none.
+        spread: (n,) relative standard deviations of the rows; None for all alike.
+        step: that the response was rounded to.
+        responses: of the table; the limit holds for all together.
+        drivers: (n,) what the standard deviation may grow with, by name; where the rows that are not off show that it
+            does, they are weighted by the likeliest and the search is made again.
+        designed: whether no row lies far from the others in `columns`, so that random starts need not be tried.
+        level: probability that a clean table has any row named.
+
+    """
+    asked = _Asked(y, columns, group, step, responses, designed, level)
+    found = _search(asked, spread)
+    if drivers and spread is None and not found.not_looked:
+        grown = _growth(asked, np.setdiff1d(np.arange(len(y)), found.rows), drivers)
+        if grown is not None:
+            found = _search(asked, grown)
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Asked:
+    y: FloatArray
+    columns: FloatArray
+    group: IntArray | None
+    step: float
+    responses: int
+    designed: bool
+    level: float
+
+    def rows(self, weight: FloatArray) -> Rows:
+        group = np.full(len(self.y), NO_GROUP, np.int64) if self.group is None else self.group
+        return Rows(self.columns * weight[:, None], self.y * weight, weight, group)
+
+
+def _growth(asked: _Asked, inside: IntArray, drivers: Mapping[str, FloatArray]) -> FloatArray | None:
+    """(n,) standard deviation where these rows show that it grows with one of the drivers; None where not."""
+    every = asked.rows(np.ones(len(asked.y)))
+    group = every.group[inside]
+    known = group >= 0
+    group[known] = np.unique(group[known], return_inverse=True)[1]
+    rows = Rows(every.columns[inside], every.y[inside], np.ones(inside.size), group)
+    left, kept = rows.residual, np.maximum(rows.kept, 0.0)
+    if growth_of(left, kept, {n: v[inside] for n, v in drivers.items()}) is None:
+        return None
+    best: tuple[float, FloatArray | None] = (np.inf, None)
+    for name, values in drivers.items():
+        growth = growth_of(left, kept, {name: values[inside]})
+        if growth is not None:
+            sd = growth.sd(values)
+            likely = float(np.sum(2.0 * kept * np.log(sd[inside]) + (left / sd[inside]) ** 2))
+            best = min(best, (likely, sd), key=lambda one: one[0])
+    return best[1]
+
+
+def _search(asked: _Asked, spread: FloatArray | None) -> GrossErrors:
+    y, step = asked.y, asked.step
+    weight = np.ones(len(y)) if spread is None else float(np.median(spread)) / spread
+    rows = asked.rows(weight)
+    none = np.zeros(0, np.int64)
+    alone = np.flatnonzero(rows.kept <= LONE)
+    most = int(min(SHARE * len(y), rows.df - FEWEST_DF, MOST))
+    if most < 1:
+        why = f"{len(y)} rows leave {max(rows.df, 0)} degrees of freedom: too few to tell a gross error"
+        return GrossErrors(none, np.zeros(0), np.zeros(0), 1.0, np.full(len(y), np.nan), alone, why)
+    eps = ROUNDING * np.finfo(float).eps * float(np.sqrt(np.mean(rows.y**2)))
+    floor = max(least_sd(step * weight), eps)
+    found = _judged(rows, _trimmed(rows, most, designed=asked.designed), floor, asked)
+    out = found.out
+    return GrossErrors(out, found.distance, found.off / weight[out], found.p, found.sigma / weight, alone)
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    out: IntArray
+    distance: FloatArray
+    off: FloatArray
+    p: float
+    sigma: float
+
+
+def _judged(rows: Rows, out: IntArray, floor: float, asked: _Asked) -> _Found:
+    """The rows that are off, of those outside a robust fit."""
+    n, rss, left = len(rows.y), float(rows.residual @ rows.residual), rows.df
+    none = np.zeros(0)
+    sigma = max(np.sqrt(rss / left), floor)
+    best = _Found(out[:0], none, none, 1.0, sigma)
+    inverse = np.linalg.inv(rows.maker(out)[out]) if out.size else np.zeros((0, 0))
+    inside = np.arange(out.size)
+    lowest = 1.0
+    while inside.size:
+        mine, e = inverse[np.ix_(inside, inside)], rows.residual[out[inside]]
+        off = mine @ e
+        sigma = max(np.sqrt(max(rss - float(e @ off), 0.0) / (left - inside.size)), floor)
+        distance = off / (sigma * np.sqrt(np.diag(mine)))
+        back = int(np.argmin(np.abs(distance)))
+        tail = 2.0 * float(special.stdtr(left - inside.size, -abs(distance[back])))
+        p = min(tail * (n - inside.size + 1) * asked.responses, 1.0)
+        lowest = min(lowest, p)
+        if p < asked.level and not best.out.size:
+            ahead = np.argsort(-np.abs(distance))
+            best = _Found(out[inside][ahead], distance[ahead], off[ahead], p, sigma)
+        # taking a row back in: the inverse of the smaller block, by the matrix inversion lemma
+        row = inverse[inside[back]]
+        inverse = inverse - np.outer(row, row) / row[inside[back]]
+        inside = np.delete(inside, back)
+    return replace(best, p=lowest) if best.out.size else best
+
+
+def _trimmed(rows: Rows, most: int, *, designed: bool) -> IntArray:
+    """The `most` rows without which the others fit best."""
+    allowed = _allowed(rows)
+    best = [(np.inf, np.zeros(0, np.int64))]
+    starts = list(_starts(rows, designed=designed))
+    if designed and _clear(rows, starts[-1]):
+        return best[0][1]
+    for start in starts:
+        out, rss = _concentrated(rows, start, most, allowed, STEPS)
+        best = sorted([*best, (rss, out)], key=lambda one: one[0])[:BEST]
+    found: tuple[float, IntArray] = (np.inf, np.zeros(0, np.int64))
+    for rss, out in best:
+        if np.isfinite(rss):
+            again, less = _concentrated(rows, _without(rows, out)[0], most, allowed, FINAL)
+            found = min(found, (less, again), (rss, out), key=lambda one: one[0])
+    return found[1]
+
+
+def _clear(rows: Rows, left: FloatArray) -> bool:
+    """Whether no row is so far from a robust fit (n,) that it could be judged off."""
+    usable = rows.kept > LONE
+    alone = left[usable] / np.sqrt(rows.kept[usable])
+    limit = -float(special.stdtrit(rows.df, 0.5 * LEVEL / len(left)))
+    return bool(np.max(np.abs(alone), initial=0.0) < CLEAR * limit * robust_sd(alone))
+
+
+def _starts(rows: Rows, *, designed: bool) -> Iterator[FloatArray]:
+    """(n,) residuals of several fits: of all rows, by least absolute values, of random subsets."""
+    n = len(rows.y)
+    left = rows.residual_of(np.ones(n))
+    yield left
+    for _ in range(LEAST_ABSOLUTE):
+        size = np.abs(left)
+        left = rows.residual_of(1.0 / np.maximum(size, 1e-3 * max(float(np.median(size)), 1e-300)))
+    yield left
+    if designed:
+        return
+    random = np.random.default_rng(SEED)
+    few, share = rows.columns.shape[1] + 1, 5 if rows.groups else 1
+    for _ in range(min(SUBSETS // share, AFFORDABLE // rows.columns.size + 1)):
+        kept = np.zeros(n)
+        if rows.groups:
+            kept[random.random(n) < 0.5] = 1.0
+        else:
+            kept[random.choice(n, min(few, n), replace=False)] = 1.0
+        yield rows.residual_of(kept)
+
+
+def _allowed(rows: Rows) -> IntArray:
+    """(n,) how many rows of a row's group may be left out."""
+    if rows.groups == 0:
+        return np.full(len(rows.y), len(rows.y))
+    inside = rows.group >= 0
+    visits = np.bincount(rows.group[inside], minlength=rows.groups)
+    allowed = np.full(len(rows.y), len(rows.y))
+    allowed[inside] = np.floor(OF_GROUP * visits)[rows.group[inside]].astype(np.int64)
+    return allowed
+
+
+def _outside(rows: Rows, left: FloatArray, most: int, allowed: IntArray) -> IntArray:
+    """The `most` rows farthest off, no more of a group than may be."""
+    size = np.where(rows.kept > LONE, np.abs(left), -1.0)
+    ahead = np.argsort(-size, kind="stable")
+    ahead = ahead[size[ahead] >= 0]
+    group = rows.group[ahead]
+    place = np.zeros(ahead.size, np.int64)
+    by_group = np.argsort(group, kind="stable")
+    first = np.r_[0, np.flatnonzero(np.diff(group[by_group])) + 1]
+    counts = np.diff(np.r_[first, ahead.size])
+    place[by_group] = np.arange(ahead.size) - np.repeat(first, counts)
+    return np.asarray(ahead[(group < 0) | (place < allowed[ahead])][:most])
+
+
+def _without(rows: Rows, out: IntArray) -> tuple[FloatArray, float]:
+    """(n,) residuals of all rows without `out` in the fit, and its sum of squares; infinite if there is none."""
+    e = rows.residual
+    if not out.size:
+        return e, float(e @ e)
+    made = rows.maker(out)
+    block = made[out]
+    try:
+        off = cho_solve(cho_factor(block - LONE * np.eye(out.size), lower=True, check_finite=False), e[out])
+    except np.linalg.LinAlgError:
+        return e, float("inf")
+    left = e - made @ off
+    left[out] = off
+    return left, float(e @ e - e[out] @ off)
+
+
+def _concentrated(rows: Rows, left: FloatArray, most: int, allowed: IntArray, steps: int) -> tuple[IntArray, float]:
+    """Rows outside and residual sum of squares after so many concentration steps from these residuals."""
+    best: tuple[IntArray, float] = np.zeros(0, np.int64), float("inf")
+    for _ in range(steps):
+        out = _outside(rows, left, most, allowed)
+        left, rss = _without(rows, out)
+        if not rss < best[1]:
+            break
+        best = out, rss
+    return best

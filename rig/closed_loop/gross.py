@@ -1,0 +1,250 @@
+"""Gross errors in what `rig fit` prints: which rows, how far off, and the fit with and without them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+
+from fitter.arrays import FloatArray, IntArray
+from fitter.gross import LEVEL, GrossErrors
+from rig.errors import UsageError
+
+GROSS = "gross"
+"""What `--leave-out` takes for the rows that the search names."""
+HEADER = 2
+"""Row of a file that the first observation stands in: the header is row 1."""
+MANY = 0.05
+"""Share of the rows from which the model is doubted, not the rows."""
+SHOWN = 8
+
+Fits = TypeVar("Fits")
+Where = Callable[[int], str]
+"""A row's place in words, by its index: "order 31 at 2.5 psia"."""
+
+
+@dataclass(frozen=True)
+class LeaveOut:
+    """What a person wants left out of a fit.
+
+    Attributes:
+        gross: the rows that the search for gross errors names.
+        rows: (m,) indices of rows by their number in the file.
+
+    """
+
+    gross: bool
+    rows: IntArray
+
+    @staticmethod
+    def of(asked: Sequence[str], source: str, count: int) -> LeaveOut:
+        """From `--leave-out` options: "gross", or row numbers with commas between.
+
+        Raises:
+            UsageError: neither, or the table has no such row.
+
+        """
+        words = [word.strip() for text in asked for word in text.split(",") if word.strip()]
+        numbers = sorted({word for word in words if word != GROSS})
+        wrong = [word for word in numbers if not word.isdecimal()]
+        if wrong:
+            raise UsageError(f"--leave-out {wrong[0]}: say gross, or row numbers of the file such as 12,31")
+        rows = np.array(sorted(int(word) - HEADER for word in numbers), np.int64)
+        outside = rows[(rows < 0) | (rows >= count)]
+        if outside.size:
+            raise UsageError(
+                f"--leave-out {outside[0] + HEADER}: {source} has observations in rows {HEADER} to {count + 1}"
+            )
+        return LeaveOut(GROSS in words, rows)
+
+
+@dataclass(frozen=True)
+class FitSummary:
+    """One fit, for comparison.
+
+    Attributes:
+        sigmas: its standard deviations by name.
+        unit: of them.
+        coefficients: estimate and standard error by name.
+
+    """
+
+    sigmas: Mapping[str, float | None]
+    unit: str
+    coefficients: Mapping[str, tuple[float, float]]
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        table = {n: {"estimate": _known(b), "stderr": _known(s)} for n, (b, s) in self.coefficients.items()}
+        return {**self.sigmas, "coefficients": table}
+
+
+@dataclass(frozen=True, eq=False)
+class Searched:
+    """The search of one table, before and after a decision.
+
+    Attributes:
+        found: by sensor; indices are of the rows searched.
+        searched: (k,) indices of these rows in the table.
+        left_out: what was asked for.
+
+    """
+
+    found: Mapping[str, GrossErrors]
+    searched: IntArray
+    left_out: LeaveOut
+
+    @property
+    def named(self) -> IntArray:
+        """Indices in the table of the rows that are off in any sensor, ascending."""
+        rows = [self.searched[found.rows] for found in self.found.values()]
+        return np.unique(np.concatenate([np.zeros(0, np.int64), *rows]))
+
+    @property
+    def without(self) -> IntArray:
+        """Indices in the table of the rows searched that are not named."""
+        return np.setdiff1d(self.searched, self.named)
+
+    @property
+    def used(self) -> IntArray:
+        """Indices in the table of the rows that the calibration is made from."""
+        return self.without if self.left_out.gross else self.searched
+
+    def rows_left_out(self, count: int) -> list[int]:
+        """Row numbers of a table of `count` observations that are not in the calibration."""
+        return [int(row) + HEADER for row in np.setdiff1d(np.arange(count), self.used)]
+
+    def with_the_others(self, fitted: Callable[[IntArray], Fits]) -> Fits | str | None:
+        """The fit that is not kept: without the named rows, or with them; why it cannot be made; None if none is named.
+
+        Args:
+            fitted: fits rows (k,) of the table.
+
+        """
+        if not self.named.size:
+            return None
+        try:
+            return fitted(self.searched if self.left_out.gross else self.without)
+        except ValueError as error:
+            return str(error)
+
+    def of_sensor(
+        self,
+        name: str,
+        unit: str,
+        where: Where,
+        fits: tuple[FitSummary, FitSummary | str] | None,
+    ) -> dict[str, Any]:
+        """The `gross_errors` of one sensor for JSON.
+
+        Args:
+            name: of the sensor.
+            unit: of its output.
+            where: a row's place in words.
+            fits: with the named rows and without them, or why it cannot be fitted without; None where none is named.
+
+        """
+        found, kept = self.found[name], not self.left_out.gross
+        rows = self.searched[found.rows]
+        result: dict[str, Any] = {
+            "rows": (rows + HEADER).tolist(),
+            "where": [where(row) for row in rows.tolist()],
+            "distance_sd": found.distance_sd.tolist(),
+            "off": found.off.tolist(),
+            "unit": unit,
+            "p": found.p if rows.size else None,
+            "level": LEVEL,
+            "kept": kept if self.named.size else None,
+            "with": None,
+            "without": None,
+            "moved_stderr": None,
+            "not_checked": (self.searched[found.alone] + HEADER).tolist(),
+            "not_looked": found.not_looked or None,
+        }
+        if fits is not None:
+            result["with"] = fits[0].to_dict()
+            result["without"] = fits[1] if isinstance(fits[1], str) else fits[1].to_dict()
+            result["moved_stderr"] = None if isinstance(fits[1], str) else _moved(fits[0], fits[1])
+        result["sentence"] = _sentence(name, result, fits, len(self.searched))
+        return result
+
+
+def search(count: int, left_out: LeaveOut, look: Callable[[IntArray], Mapping[str, GrossErrors]]) -> Searched:
+    """Look for gross errors in the rows of a table that are not left out by number; `look` searches rows (k,)."""
+    searched = np.setdiff1d(np.arange(count), left_out.rows)
+    if not searched.size:
+        raise UsageError("--leave-out leaves no row to fit")
+    return Searched(look(searched), searched, left_out)
+
+
+def kept_with(searched: Searched, count: int) -> dict[str, Any]:
+    """What the calibration that is kept says of the rows behind it."""
+    named = (searched.named + HEADER).tolist()
+    return {
+        "gross_errors": {"rows": named, "kept": (not searched.left_out.gross) if named else None},
+        "rows_left_out": searched.rows_left_out(count),
+    }
+
+
+def _moved(first: FitSummary, other: FitSummary) -> dict[str, float | None]:
+    """How far coefficients are from those of another fit, in its standard errors."""
+    pairs = ((name, first.coefficients[name][0] - b, s) for name, (b, s) in other.coefficients.items())
+    return {name: _known(off / s) if s > 0 else None for name, off, s in pairs}
+
+
+def _sentence(
+    name: str, result: Mapping[str, Any], fits: tuple[FitSummary, FitSummary | str] | None, count: int
+) -> str:
+    rows, unit = result["rows"], result["unit"]
+    if result["not_looked"]:
+        return f"{name}: not looked for gross errors: {result['not_looked']}"
+    alone = result["not_checked"]
+    unchecked = (
+        f"; row{'s' * (len(alone) > 1)} {_listed(alone)} cannot be checked: the model needs each to be fitted at all"
+        if alone
+        else ""
+    )
+    if not rows:
+        return f"{name}: no gross errors found{unchecked}"
+    told = [
+        f"row {row}{f' ({where})' if where else ''} is {abs(d):.3g} sd off ({f'{off:+.3g} {unit}'.strip()})"
+        for row, where, d, off in zip(rows, result["where"], result["distance_sd"], result["off"], strict=True)
+    ]
+    more = f", and {len(rows) - SHOWN} more" if len(rows) > SHOWN else ""
+    p = f"p {result['p']:.1g}" if result["p"] > 0 else "p < 1e-300"
+    state = "IN this calibration" if result["kept"] else "left out of this calibration"
+    text = f"{name}: gross errors {state}: {'; '.join(told[:SHOWN])}{more} ({p} that chance names any row)"
+    if fits is not None:
+        text += f". {_compared(fits, result['moved_stderr'])}"
+    if len(rows) > MANY * count:
+        text += ". So many may mean that the model lacks something there: see rig trace"
+    elif result["kept"]:
+        text += ". Look in the log, measure again, or fit without them: --leave-out gross"
+    return text + unchecked
+
+
+def _compared(fits: tuple[FitSummary, FitSummary | str], moved: Mapping[str, float | None] | None) -> str:
+    first, other = fits
+    if isinstance(other, str):
+        return f"Without them the model cannot be fitted: {other}"
+    sigmas = [
+        f"{key} is {value:.3g} instead of {before:.3g}{first.unit and ' '}{first.unit}"
+        for key, value in other.sigmas.items()
+        if value is not None and (before := first.sigmas.get(key)) is not None
+    ]
+    text = f"Without them {', '.join(sigmas)}"
+    known = {name: value for name, value in (moved or {}).items() if value is not None}
+    if known:
+        worst = max(known, key=lambda name: abs(known[name]))
+        text += f"; with them {worst} is {abs(known[worst]):.2g} of its standard errors off"
+    return text
+
+
+def _listed(numbers: Sequence[int]) -> str:
+    return ", ".join(str(n) for n in numbers[:SHOWN]) + (" ..." if len(numbers) > SHOWN else "")
+
+
+def _known(value: float | FloatArray) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,66 @@
+"""The declared model of a whole-plot procedure: whether the design can estimate it, asked before the night.
+
+What `rig plan` forecasts, `rig fit` and `rig trace` fit and acceptance judges is one model: `[model] formula` of the
+procedure, which the run file keeps.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from procedures import Procedure, WholePlotProcedure
+from procedures.run_list import RunList
+from rig.errors import ConfigurationError
+
+REHEARSED = 600
+"""Points up to which the fit itself is rehearsed, on simulated readings; the time it takes grows with their cube."""
+OUTPUT = "rehearsed_mV"
+ACCEPTED_BY = "in-flight zero + WLS"
+"""Method whose reading error acceptance judges."""
+
+
+def check_declared(procedure: Procedure, run_list: RunList, where: str) -> None:
+    """Refuse a design that cannot estimate its declared model, or that acceptance could not judge.
+
+    Raises:
+        ConfigurationError: naming the terms that cannot be estimated, and what to declare or to visit instead.
+
+    """
+    if not isinstance(procedure, WholePlotProcedure):
+        return
+    from fitter.pressure import fit_pressure, named_formula  # noqa: PLC0415 - few runs need the fitter
+    from fitter.pressure.models import check_determined  # noqa: PLC0415
+    from fitter.whole_plot_data import WholePlotData  # noqa: PLC0415
+
+    model = procedure.declared_model
+    points = run_list.points
+    set_to = np.array([p.setpoints for p in points])
+    plot = np.array([p.whole_plot for p in points])
+    rng, expect = np.random.default_rng(procedure.seed), procedure.expect
+    own = expect.sigma_wholeplot_mV * rng.standard_normal(int(plot.max()) + 1)[plot]
+    y = expect.sensitivity_mV_per_psi * set_to[:, 0] + own + expect.sigma_subplot_mV * rng.standard_normal(len(plot))
+    data = WholePlotData(
+        whole_plot=plot,
+        order=np.arange(len(plot)),
+        elapsed_s=np.arange(len(plot), dtype=np.float64),
+        pressure_psia=set_to[:, 0],
+        sensor_temperature_degC=set_to[:, 1],
+        sse_temperature_degC=set_to[:, 2],
+        outputs={OUTPUT: y},
+        replicate=np.array([p.replication for p in points]),
+        pressure_set_psia=set_to[:, 0],
+        sensor_set_degC=set_to[:, 1],
+        sse_set_degC=set_to[:, 2],
+    )
+    try:
+        check_determined(data, named_formula(model))
+        if len(data) <= REHEARSED:
+            fit = fit_pressure(data, OUTPUT, model)
+            if procedure.acceptance.reading_error_pct is not None and ACCEPTED_BY in fit.not_possible:
+                raise ValueError(f"acceptance.reading_error_pct: {ACCEPTED_BY}: {fit.not_possible[ACCEPTED_BY]}")
+    except (ValueError, KeyError) as error:
+        why = str(error.args[0] if error.args else error).removesuffix("; fit a smaller model")
+        raise ConfigurationError(
+            f"{where}: the design cannot estimate the declared model ({model}): {why}; visit more settings, or declare "
+            f'a smaller model: [model] formula = "1 + P + P^2"'
+        ) from error
