@@ -32,6 +32,7 @@ from fitter.trace.tables import trace_general
 from rig.closed_loop import AttitudeTraced, WholePlotTraced
 from rig.closed_loop.general_trace import GeneralTraced
 from rig.closed_loop.roles import Roles, roles_of
+from rig.closed_loop.whole_plot import Declared
 from rig.tables import Table
 
 GRID = D1(90, 13, 13)
@@ -109,7 +110,7 @@ def whole_plots(seeds):
         for seed in range(seeds):
             data = simulate_whole_plots(Bench((transducer,)), Run(), 2000 + seed)
             table = Table("run", {"pressure_psia": data.pressure_psia}, True, {})
-            found = WholePlotTraced(table, data, trace_whole_plots(data), {}).to_json()["sensors"]["bridge_1_mV"]
+            found = WholePlotTraced(table, data, trace_whole_plots(data), {}, Declared.of(table, None)).to_json()["sensors"]["bridge_1_mV"]
             answers.append(held(found["effects"], name, truth))
         every += show(f"whole plots: {name}", answers)
     return every

@@ -16,6 +16,7 @@ from fitter.effects.sizes import amplitude, each, relative
 from fitter.trace import trace, trace_whole_plots
 from rig.closed_loop import AttitudeTraced, WholePlotTraced
 from rig.closed_loop.certificate import Change, Errors, certificate, size_95, with_words
+from rig.closed_loop.whole_plot import Declared
 from rig.report.whole_plot_effects import effect_figures
 from rig.report.words import chance, part, percent
 from rig.tables import Table
@@ -165,7 +166,7 @@ def test_an_effect_of_a_transducer_has_interval_sentence_and_figure():
     """5e-3 mV to each side were put in; whole plots' own errors are no witness against what varies within them."""
     data = simulate_whole_plots(Bench((Transducer(hysteresis=5e-3),)), Run(), 1)
     table = Table("run", {"pressure_psia": data.pressure_psia}, True, {})
-    traced = WholePlotTraced(table, data, trace_whole_plots(data), {})
+    traced = WholePlotTraced(table, data, trace_whole_plots(data), {}, Declared.of(table, None))
     found = traced.to_json()["sensors"]["bridge_1_mV"]
     (effect,) = found["effects"]
     assert effect["effect"] == "hysteresis"
