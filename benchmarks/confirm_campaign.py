@@ -16,7 +16,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from rig.closed_loop.confirm import judge, open_traced, plan_for, propose
+from rig.closed_loop.confirm import consider, judge, open_traced, plan_for, propose
 from rig.config import parse_toml
 from rig.controller import start_run
 from rig.engine.session import Signals
@@ -73,7 +73,7 @@ def loop(hidden, world, seed):
         classes = [{m.effect for m in q.members} for q in first.questions]
         if not first.questions:
             return classes, None, "nothing found", ()
-        proposal = propose(first)[0]
+        proposal = propose(consider(first))[0]
         plan = plan_for(first, proposal.variation, dry=True)
         later = dry(plan, Path(folder), first.world_s + first.later_s)
         answers = judge(first, later).answers

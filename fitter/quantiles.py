@@ -7,6 +7,9 @@ from __future__ import annotations
 
 from scipy import special
 
+PARTED = 0.9973
+"""Of three standard errors, where the error is known: what two explanations are told apart by."""
+
 
 def t_limit(level: float, df: float) -> float:
     """Two-tailed limit of Student's t: |t| stays below it with probability `level`, for `df` degrees of freedom."""

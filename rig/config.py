@@ -57,6 +57,10 @@ class SensorConfig(_Strict):
     asset: str = ""
 
 
+FOLLOWS_S = 480.0
+"""Time constant with which sensors are taken to follow their chamber where the bench file does not say."""
+
+
 class TemperatureConfig(_Strict):
     """One `[temperatures.NAME]` table; NAME is the column it is recorded in and ends in `_degC`."""
 
@@ -64,6 +68,12 @@ class TemperatureConfig(_Strict):
     channel: str
     place: Literal["package", "enclosure", "sensors", "sse", "lab"] = Field(
         "package", description="where the thermometer sits; the simulation reads it"
+    )
+    follows_s: float | None = Field(
+        None,
+        ge=1,
+        le=1e6,
+        description="time constant with which it follows its chamber; how long soaks are forecast to take rests on it",
     )
 
 

@@ -9,12 +9,15 @@ from __future__ import annotations
 import itertools
 import statistics
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
-from procedures import RunList
+from procedures import RunList, WholePlotProcedure
+from rig.config import FOLLOWS_S
 from rig.controller import start_run
+from rig.engine.pace import Pace
 from rig.engine.session import Outcome, Progress, Signals
 from rig.errors import RigError
 from rig.plans import Plan
@@ -39,6 +42,7 @@ class Forecast:
         total_s: all of it, with nothing going wrong.
         latest_s: with the allowance for what may go wrong.
         rehearsed: on how many points this stands.
+        assumed: what it takes for given that nobody declared, a sentence each.
 
     """
 
@@ -49,6 +53,27 @@ class Forecast:
     total_s: float
     latest_s: float
     rehearsed: int
+    assumed: tuple[str, ...] = ()
+
+
+def _ordinary(plan: Plan) -> dict[str, Any]:
+    """The world of a rehearsal: an ordinary one, in which sensors follow their chambers as the bench file says."""
+    return {
+        f"{name.removesuffix('_temperature_degC')}_chamber": {"body_time_constant_s": thermometer.follows_s}
+        for name, thermometer in plan.bench.temperatures.items()
+        if thermometer.follows_s is not None and name in plan.bench.factors
+    }
+
+
+def _assumed(plan: Plan) -> Iterator[str]:
+    """What soaks are forecast with where the bench file does not say it."""
+    for factor in plan.run_list.hard:
+        thermometer = plan.bench.temperatures.get(factor.name)
+        if thermometer is None or thermometer.follows_s is None:
+            yield (
+                f"assumed: what is in the chamber of {factor.name} follows it with {FOLLOWS_S:g} s; "
+                f"temperatures.{factor.name}.follows_s in the bench file says better"
+            )
 
 
 def rehearse(plan: Plan, on_progress: Callable[[Progress], None], *, points: int = 400) -> Forecast:
@@ -59,23 +84,33 @@ def rehearse(plan: Plan, on_progress: Callable[[Progress], None], *, points: int
 
     """
     head = RunList(plan.run_list.factors, plan.run_list.points[:points], plan.run_list.seed)
+    pace = None
+    if isinstance(plan.procedure, WholePlotProcedure):
+        pace = Pace(plan.run_list, plan.procedure, plan.bench)
     with tempfile.TemporaryDirectory(prefix="rig-rehearsal-") as folder:
         paths: list[Path] = []
-        dry = replace(plan, run_list=head, dry=True, truth={})
+        dry = replace(plan, run_list=head, dry=True, truth=_ordinary(plan))
         result = start_run(dry, Path(folder), signals=Signals(), announce=paths.append, on_progress=on_progress)
         if result.outcome is not Outcome.COMPLETE:
             raise RigError(f"a rehearsal on simulated instruments failed: {result.message}")
         with RunReader.open(paths[0]) as reader:
             seen = [(r.elapsed_s, r.whole_plot) for r in reader.records("observation")]
             soaked = {r.whole_plot: r.elapsed_s for r in reader.records("event") if r.status == "whole-plot"}
+            if pace is not None:
+                for record in reader.records():
+                    pace.add(record)
     pairs = list(itertools.pairwise(seen))
     steps = [b - a for (a, before), (b, now) in pairs if now == before] or [0.0]
     soaks = [soaked[now] - a for (a, before), (_, now) in pairs if now != before]
     point = statistics.fmean(steps)
     soak = statistics.fmean(soaks) if soaks else None
     preparation = max(0.0, seen[0][0] - point)
-    measuring, soaking = len(plan.run_list) * point, max(0, plan.run_list.whole_plots - 1) * (soak or 0.0)
-    total = preparation + measuring + soaking
+    soaking = max(0, plan.run_list.whole_plots - 1) * (soak or 0.0)
+    if pace is None:
+        total = preparation + len(plan.run_list) * point + soaking
+    else:
+        total = seen[-1][0] + pace.remaining_s(seen[-1][0])
+    measuring = total - preparation - soaking
     first = 1 + SOAK_ALLOWANCE if soaks else 1.0
     return Forecast(
         preparation_s=preparation,
@@ -85,4 +120,5 @@ def rehearse(plan: Plan, on_progress: Callable[[Progress], None], *, points: int
         total_s=total,
         latest_s=preparation * first + measuring * (1 + ALLOWANCE) + soaking * (1 + SOAK_ALLOWANCE),
         rehearsed=len(seen),
+        assumed=tuple(_assumed(plan)),
     )

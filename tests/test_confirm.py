@@ -14,7 +14,7 @@ from fitter.attitude import mounting_matrix
 from fitter.confirm import confirm, confirm_all, separation
 from procedures.pitch_roll import MountingSettings
 from procedures.separating import variations
-from rig.closed_loop.confirm import judge, open_traced, plan_for, planned, propose
+from rig.closed_loop.confirm import consider, judge, open_traced, plan_for, propose, ways
 from rig.config import parse_procedure, parse_toml
 from rig.controller import resume_run, start_run
 from rig.engine.session import Outcome, Signals
@@ -56,7 +56,7 @@ def sagging(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def opened(sagging: Path):
     """That run traced, the best proposal of what to do next, and the further run that did it."""
     first = open_traced(sagging)
-    proposal = propose(first)[0]
+    proposal = propose(consider(first))[0]
     plan = plan_for(first, proposal.variation, dry=True)
     return first, proposal, run(plan, sagging.parent / "later", world_start_s=first.world_s + first.later_s)
 
@@ -163,7 +163,7 @@ def test_what_is_predicted_of_a_run_is_what_it_does(opened) -> None:
     first, proposal, later = opened
     assert (
         separation(
-            first.beside(planned(first, proposal.variation, proposal.variation.procedure.expand()), first.later_s),
+            ways(first, proposal.variation, proposal.variation.procedure.expand()),
             first.questions,
         )
         == proposal.separations

@@ -25,6 +25,7 @@ from rig.closed_loop.attitude import fit_attitude_table, trace_attitude_table
 from rig.closed_loop.confirm import (
     Confirmed,
     First,
+    consider,
     evidence,
     fit_attitude_confirmed,
     judge,
@@ -232,7 +233,7 @@ def pads(tmp_path_factory: pytest.TempPathFactory) -> Followed:
     folder = tmp_path_factory.mktemp("pads")
     path = make(folder, {"isolation_pad": {"pitch_compliance_deg_per_g": 8e-4}}, pitches=13)
     first = open_traced(path)
-    plan = plan_for(first, propose(first)[0].variation, dry=True)
+    plan = plan_for(first, propose(consider(first))[0].variation, dry=True)
     later = run(plan, folder / "later", world_start_s=first.world_s + first.later_s)
     return Followed(path, later, first, judge(first, later))
 

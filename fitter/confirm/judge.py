@@ -10,21 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitter.arrays import FloatArray
+from fitter.confirm.compare import Comparison, nuisance
 from fitter.confirm.question import Hypothesis, Question
 from fitter.confirm.together import Candidates, Together, left, solve
 from fitter.effects.sizes import amplitude, arcsec, between
 from fitter.linear import orthonormal
-from fitter.quantiles import f_tail, t_limit
-from fitter.trace.aliases import PER_COLUMN
+from fitter.quantiles import PARTED, f_tail, t_limit
 
 ROUNDS = 3
 STANDS_OUT, MOST_OUTLIERS = 6.0, 0.02
-PARTED = 0.9973
-"""Of three standard errors, where the error is known."""
 MISFIT = 1.5
 """Mean square of what is left over the error's, from which a model that certainly leaves more does not fit."""
-GOES_ON = ("time", "temperature", "interruption", "chamber")
-"""Sources of effects that go on from one run to the next."""
 CHANGED = 1e-3
 """Probability below which an explanation does not hold: its size in the later run is not that in the first."""
 
@@ -208,31 +204,14 @@ def confirm(both: Together, question: Question) -> Confirmation:
         kept = np.ones(both.fresh.size, np.bool_)
         kept[standing_out] = False
         both = both.only(kept)
-    anew = nuisance(both, question)
-    rest = np.column_stack([both.columns_of(question.rest), anew])
-    shifts = both.shifts if not anew.shape[1] and not both.realigned else anew[:, :0]
-    columns = [both.columns_of(member.terms) for member in question.members]
-    price = [
-        _rss(np.column_stack([own, rest]), both.outputs) + PER_COLUMN * (own.shape[1] + _searched(member))
-        for member, own in zip(question.members, columns, strict=True)
-    ]
-    best = int(np.argmin(price))
-    misfit = max(_misfit(both, np.column_stack([columns[best], rest]))[0], 1.0)
+    comparison = Comparison(both, question)
+    told = comparison.apart(both.outputs[:, None])
     members = [
-        _member(both, question, member, own, rest, shifts, np.sqrt((cost - price[best]) / misfit))
-        for member, own, cost in zip(question.members, columns, price, strict=True)
+        _member(comparison, j, float(behind), float(shown))
+        for j, (behind, shown) in enumerate(zip(told.behind[:, 0], told.shown[:, 0], strict=True))
     ]
     members.sort(key=lambda member: (not member.holds, member.sigmas, len(member.terms)))
     return Confirmation(question.effect, tuple(members), aside)
-
-
-def nuisance(both: Together, question: Question) -> FloatArray:
-    """(S n, q) the declared model anew in the later run, where no member is of time or temperature.
-
-    What goes on from one night to the next, undeclared, then says nothing about causes that do not.
-    """
-    lasting = all(member.terms[0].effect.source not in GOES_ON for member in question.members)
-    return both.anew if lasting and not both.realigned else np.zeros((both.outputs.size, 0))
 
 
 def _misfit(both: Together, model: FloatArray) -> tuple[float, float]:
@@ -266,27 +245,17 @@ def _standing(both: Together, question: Question, terms: Candidates) -> FloatArr
     return np.asarray(np.max(np.abs(left(model, both.outputs).reshape(len(both.sensors), -1)), axis=0))
 
 
-def _searched(member: Hypothesis) -> bool:
-    return bool(getattr(member.terms[0].effect, "searched", False))
-
-
-def _member(
-    both: Together,
-    question: Question,
-    member: Hypothesis,
-    own: FloatArray,
-    rest: FloatArray,
-    shifts: FloatArray,
-    sigmas: float,
-) -> Member:
-    q, model = own.shape[1], np.column_stack([own, rest])
+def _member(comparison: Comparison, j: int, sigmas: float, shown: float) -> Member:
+    both, question = comparison.both, comparison.question
+    member, own, model = question.members[j], comparison.own[j], comparison.models[j]
+    anew = nuisance(both, question)
+    shifts = both.shifts if not anew.shape[1] and not both.realigned else anew[:, :0]
+    q = own.shape[1]
     together, spread = solve(model, both.outputs)[:q], _errors_of(model)[:q]
     changed = both.columns_in(member.terms, both.fresh)
     wider = np.column_stack([model, changed, shifts])
     more = orthonormal(wider).shape[1] - orthonormal(model).shape[1]
     df, (limit, fits) = both.df, _limits(both, model)
-    gone = np.column_stack([both.columns_in(member.terms, ~both.fresh), rest])
-    shown = np.sqrt(max(_rss(gone, both.outputs) - _rss(model, both.outputs), 0.0))
     gain = _rss(model, both.outputs) - _rss(wider, both.outputs)
     p = f_tail(gain / more, more, df) if more > 0 else 1.0
     alone, error = _alone(both, member, question.rest)
@@ -294,9 +263,9 @@ def _member(
     intervals, wide = _around(alone, error, t), _around(together, spread, t)
     return Member(
         effect=member.effect,
-        sigmas=float(sigmas),
+        sigmas=sigmas,
         p_changed=float(p),
-        shown=float(shown),
+        shown=shown,
         p_shown=float(f_tail(shown**2 / q, q, df)),
         limit=limit,
         fits=fits,

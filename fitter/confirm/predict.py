@@ -1,4 +1,9 @@
-"""What a run would tell before it is made: how far the explanations of an effect would fall apart."""
+"""What a run would tell before it is made: how far the explanations of an effect would fall apart.
+
+Many further runs are drawn as they could come about, given all that the first one read, and the figures that the judge
+would print of each are computed by the judge's own code. So the forecast knows what the judge does: which parameters it
+takes anew from the further run, what columns cost, what replications and whole plots have of their own.
+"""
 
 from __future__ import annotations
 
@@ -9,27 +14,38 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitter.arrays import FloatArray
-from fitter.confirm.judge import PARTED, nuisance
+from fitter.confirm.compare import Apart, Comparison
+from fitter.confirm.draws import Could
 from fitter.confirm.question import Question
-from fitter.confirm.together import Candidates, Together, left, solve
-from fitter.quantiles import t_limit
+from fitter.confirm.together import Together
+from fitter.quantiles import PARTED, t_limit
 
 NOTHING = "nothing"
+DRAWS = 200
+INTERVAL = 0.05, 0.95
+LEAST_OF_A_PAIR = 20
+"""So many draws at least are made of each member, however unlikely the first run makes it."""
+
+Pair = tuple[str, str]
 
 
 @dataclass(frozen=True)
 class Separation:
-    """Of the explanations of one effect.
+    """Of the explanations of one effect. The member `NOTHING`: what was found in the first run is not in the later one.
 
     Attributes:
         effect: the one that was named.
-        sigmas: for each pair of members, standard errors by which the one would fall behind if the other were true,
-            whichever is less. The member `NOTHING` is that what was found in the first run is not in the later one.
+        sigmas: for each pair of members the median of the standard errors by which the one falls behind, the other
+            being true; which of them is true is as likely as the first run makes it.
+        intervals: within which it will be with a probability of 90 %.
+        chances: probability that the later run excludes the one that is not true, or shows the one that is.
 
     """
 
     effect: str
-    sigmas: Mapping[tuple[str, str], float]
+    sigmas: Mapping[Pair, float]
+    intervals: Mapping[Pair, tuple[float, float]]
+    chances: Mapping[Pair, float]
 
     @property
     def least(self) -> float:
@@ -37,46 +53,55 @@ class Separation:
         return min(self.sigmas.values())
 
 
-def separation(both: Together, questions: Sequence[Question]) -> tuple[Separation, ...]:
+def separation(both: Together | Sequence[Together], questions: Sequence[Question]) -> tuple[Separation, ...]:
     """Expected of a planned run, whose outputs do not matter.
 
-    Each member in turn is taken for true, with the size the first run gives it, and every other is fitted to what it
-    would do in both runs: the square root of what remains, in units of the error, is how far behind that other falls;
-    less where the error is known with few degrees of freedom, so that three always part two explanations.
+    Args:
+        both: the first run and the planned one; or several ways, as likely, in which that one may go.
+        questions: what is open.
+
     """
-    first, out, scale = both.only(~both.fresh), [], 3.0 / t_limit(PARTED, both.df)
-    for question in questions:
-        rest = np.column_stack([both.columns_of(question.rest), nuisance(both, question)])
-        columns = [both.columns_of(member.terms) for member in question.members]
-        models = [np.column_stack([own, rest]) for own in columns]
-        true = [own @ _size(first, m.terms, question.rest) for own, m in zip(columns, question.members, strict=True)]
-        gone = [_absent(both, m.terms, _size(first, m.terms, question.rest), rest) for m in question.members]
-        pairs = itertools.combinations(range(len(columns)), 2)
-        out.append(
-            Separation(
-                question.effect,
-                {
-                    (question.members[i].effect, question.members[j].effect): scale
-                    * min(_behind(true[i], models[j]), _behind(true[j], models[i]))
-                    for i, j in pairs
-                }
-                | {(m.effect, NOTHING): scale * sigmas for m, sigmas in zip(question.members, gone, strict=True)},
-            )
-        )
-    return tuple(out)
+    ways = [both] if isinstance(both, Together) else list(both)
+    return tuple(_separation(ways, question) for question in questions)
 
 
-def _size(first: Together, terms: Candidates, rest: Candidates) -> FloatArray:
-    """(q,) coefficients of an explanation by the first run."""
-    model = np.column_stack([first.columns_of(terms), first.columns_of(rest)])
-    return solve(model, first.outputs)[: len(terms)]
+def _separation(ways: Sequence[Together], question: Question) -> Separation:
+    limit, likely = t_limit(PARTED, ways[0].df), Could(ways[0], question).likely
+    counts = np.maximum(np.round(DRAWS / len(ways) * likely).astype(int), LEAST_OF_A_PAIR)
+    told = [_drawn(ways, question, j, int(count)) for j, count in enumerate(counts)]
+    counts *= len(ways)
+    weight = likely / counts
+    names = [member.effect for member in question.members]
+    figures: dict[Pair, tuple[FloatArray, FloatArray, FloatArray]] = {}
+    for i, j in itertools.combinations(range(len(names)), 2):
+        one, other = _fallen(told[i], i, j, limit), _fallen(told[j], j, i, limit)
+        weights = np.repeat([weight[i], weight[j]], [counts[i], counts[j]])
+        values, excluded = (np.concatenate(both) for both in zip(one, other, strict=True))
+        figures[names[i], names[j]] = values, excluded, weights
+    for i, name in enumerate(names):
+        figures[name, NOTHING] = told[i].shown[i], told[i].shown[i] >= limit, np.ones(counts[i])
+    return Separation(
+        question.effect,
+        {pair: _quantile(f[0], f[2], 0.5) for pair, f in figures.items()},
+        {pair: (_quantile(f[0], f[2], INTERVAL[0]), _quantile(f[0], f[2], INTERVAL[1])) for pair, f in figures.items()},
+        {pair: float(np.average(f[1], weights=f[2])) for pair, f in figures.items()},
+    )
 
 
-def _absent(both: Together, terms: Candidates, size: FloatArray, rest: FloatArray) -> float:
-    """Standard errors by which an explanation would be missed in the later run."""
-    return _behind(both.columns_in(terms, both.fresh) @ size, rest)
+def _drawn(ways: Sequence[Together], question: Question, member: int, count: int) -> Apart:
+    """What the judge would print of so many runs of each way, if a member is true."""
+    told = [Comparison(both, question).apart(Could(both, question).outputs(member, count)) for both in ways]
+    return Apart(np.hstack([one.costs for one in told]), np.hstack([one.shown for one in told]))
 
 
-def _behind(true: FloatArray, columns: FloatArray) -> float:
-    """Length of what `columns` leave of something true."""
-    return float(np.linalg.norm(left(columns, true)))
+def _fallen(apart: Apart, true: int, false: int, limit: float) -> tuple[FloatArray, FloatArray]:
+    """(k,) standard errors between a member that is true and one that is not, and whether that one only is excluded."""
+    between = np.sqrt(np.abs(apart.costs[false] - apart.costs[true]))
+    behind = apart.behind
+    return between, (behind[false] > limit) & (behind[true] <= limit)
+
+
+def _quantile(values: FloatArray, weights: FloatArray, level: float) -> float:
+    order = np.argsort(values)
+    reached = (np.cumsum(weights[order]) - 0.5 * weights[order]) / np.sum(weights)
+    return float(np.interp(level, reached, values[order]))

@@ -119,7 +119,7 @@ class Together(ABC):
 
     def stacked(self, columns: FloatArray) -> FloatArray:
         """(S n, q) weighed, the declared model taken out: columns (S, n, q) of all sensors under one another."""
-        return np.concatenate([self._left(i, own) for i, own in enumerate(columns)])
+        return np.concatenate([self.without_declared(i, self.weigh(i, own)) for i, own in enumerate(columns)])
 
     @cached_property
     def outputs(self) -> FloatArray:
@@ -138,7 +138,9 @@ class Together(ABC):
 
     def columns_in(self, terms: Candidates, where: NDArray[np.bool_]) -> FloatArray:
         """(S n, q) the columns of effects as they are in some of the observations, zero in the others."""
-        return self.stacked(self.raw(terms) * where[:, None])
+        raw = self.raw(terms) * where[:, None]
+        rest = self.stacked(raw)
+        return np.where(self._something_left(raw, rest), rest, 0.0)
 
     @property
     def shifts(self) -> FloatArray:
@@ -171,8 +173,9 @@ class Together(ABC):
         whole = np.sqrt(sum(np.sum(self.weigh(i, own) ** 2, axis=0) for i, own in enumerate(raw)))
         return np.asarray(np.linalg.norm(rest, axis=0) > NOTHING_LEFT * whole)
 
-    def _left(self, i: int, columns: FloatArray) -> FloatArray:
-        weighed, basis = self.weigh(i, columns), self._bases[i]
+    def without_declared(self, i: int, weighed: FloatArray) -> FloatArray:
+        """(n, q) weighed columns of sensor `i`, the declared model taken out."""
+        basis = self._bases[i]
         return np.asarray(weighed - basis @ (basis.T @ weighed))
 
     @cached_property

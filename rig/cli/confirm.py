@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.markup import escape
@@ -26,7 +26,7 @@ SHOWN = 5
 """Proposals shown where nobody asked for all."""
 
 if TYPE_CHECKING:
-    from rig.closed_loop.confirm import Confirmed, First, Proposal
+    from rig.closed_loop.confirm import Confirmed, First, Inseparable, Proposal
 
 
 @app.command(rich_help_panel="Data")
@@ -68,7 +68,15 @@ def confirm(
 
     Examples: `rig confirm RUN --dry`, `rig confirm RUN --list`, `rig confirm RUN --by LATER_RUN`
     """
-    from rig.closed_loop.confirm import judge, open_traced, plan_for, procedure_text, propose  # noqa: PLC0415
+    from rig.closed_loop.confirm import (  # noqa: PLC0415
+        consider,
+        inseparable,
+        judge,
+        open_traced,
+        plan_for,
+        procedure_text,
+        propose,
+    )
 
     check_not_input([write, report], [run_file, *filter(None, (bench, world, by))])
     if world is not None and not dry:
@@ -80,17 +88,22 @@ def confirm(
     if not first.questions:
         err.print("nothing to confirm: the trace found nothing that the declared model lacks")
         if as_json:
-            print_json({"first": str(run_file), "proposals": [], "run": None, "effects": []})
+            print_json({**_listed(first, (), ()), "run": None, "effects": []})
         return ExitCode.DONE
     if by is not None:
-        return _show(judge(first, by), (), report, as_json=as_json)
+        return _show(judge(first, by), {"first": str(run_file), "proposals": []}, report, as_json=as_json)
     _check_kind(first, dry=dry or only_list or write is not None, rehearsed=dry)
-    proposals = propose(first)
+    considered = consider(first)
+    proposals, never = propose(considered), inseparable(first, considered)
+    if not as_json:
+        _show_open(first, never)
+    if not proposals:
+        return _nothing_to_run(first, never, only_list=only_list, as_json=as_json)
     if take > len(proposals):
         raise UsageError(f"--take {take}: there are {len(proposals)} runs to choose from; --list shows them")
     chosen = proposals[take - 1]
     if not as_json:
-        _show_proposals(first, proposals, take, every=only_list)
+        _show_proposals(first, proposals, never, take, every=only_list)
     if only_list or write is not None:
         if write is not None:
             lines = f"# {chosen.variation.what}: to confirm what was found in {run_file.name}\n"
@@ -98,7 +111,7 @@ def confirm(
             write_whole(write, lambda file: file.write(lines + procedure_text(chosen.variation.procedure)))
             err.print(f"procedure: {escape(str(write))}", soft_wrap=True)
         if as_json:
-            print_json({"first": str(run_file), "proposals": [p.to_json() for p in proposals]})
+            print_json(_listed(first, proposals, never))
         return ExitCode.DONE
     texts = {"bench": bench, "world": world}
     plan = plan_for(
@@ -131,7 +144,7 @@ def confirm(
             soft_wrap=True,
         )
         return code
-    return _show(judge(first, paths[0]), proposals, report, as_json=as_json)
+    return _show(judge(first, paths[0]), _listed(first, proposals, never), report, as_json=as_json)
 
 
 def _check_options(by: Path | None, write: Path | None, report: Path | None, *, only_list: bool, take: int) -> None:
@@ -169,14 +182,47 @@ def _wait_for_mounting(chosen: Proposal, *, dry: bool, yes: bool) -> None:
     typer.confirm(f"{words}, and confirm that it is", abort=True, err=True)
 
 
-def _show_proposals(first: First, proposals: Sequence[Proposal], take: int, *, every: bool) -> None:
-    from rig.closed_loop.confirm import otherwise  # noqa: PLC0415
+def _listed(first: First, proposals: Sequence[Proposal], never: Sequence[Inseparable]) -> dict[str, Any]:
+    """For `--json`."""
+    return {
+        "first": str(first.path),
+        "proposals": [p.to_json() for p in proposals],
+        "inseparable": [one.to_json() for one in never],
+    }
 
+
+def _nothing_to_run(first: First, never: Sequence[Inseparable], *, only_list: bool, as_json: bool) -> int:
+    if as_json:
+        print_json(_listed(first, (), never))
+    err.print(
+        "no run of this bench is proposed: none would settle what is open. Sizes alone are confirmed by the same "
+        f"procedure again: rig run, then rig confirm {escape(str(first.path))} --by LATER_RUN",
+        soft_wrap=True,
+    )
+    return ExitCode.DONE if only_list else ExitCode.OUTSIDE_ACCEPTANCE
+
+
+def _show_open(first: First, never: Sequence[Inseparable]) -> None:
+    """What is open, and what stays so whatever is run."""
     for question in first.questions:
         alike = [m.effect for m in question.members[1:]]
         text = f"these data cannot tell it from {', '.join(alike)}" if alike else "nothing looks like it"
         out.print(f"[bold]{escape(question.effect)}[/]: {escape(text)}", soft_wrap=True)
-    table = Table("", "run", "points", "bench time", "look-alikes parted", "by", "shown by")
+    for one in never:
+        a, b = one.pair
+        out.print(
+            f"  [yellow]{escape(a)} or {escape(b)}: no run of this bench separates them (at most {one.sigmas:.1f} "
+            f"standard errors expected). A person would have to change something: {escape(one.would)}[/]",
+            soft_wrap=True,
+        )
+
+
+def _show_proposals(
+    first: First, proposals: Sequence[Proposal], never: Sequence[Inseparable], take: int, *, every: bool
+) -> None:
+    from rig.closed_loop.confirm import SURE, otherwise  # noqa: PLC0415
+
+    table = Table("", "run", "points", "bench time", "pairs separated", "nearest pair", "shown by")
     shown = proposals if every else proposals[: max(take, SHOWN)]
     for number, proposal in enumerate(shown, start=1):
         parted, pairs = proposal.parted
@@ -186,33 +232,34 @@ def _show_proposals(first: First, proposals: Sequence[Proposal], take: int, *, e
             proposal.size,
             duration(proposal.hours * 3600.0),
             f"{parted} of {pairs}" if pairs else "-",
-            _sigmas(proposal.nearest),
-            _sigmas(proposal.shown),
+            "-" if proposal.nearest is None else _weakest(*proposal.nearest),
+            _weakest(*proposal.shown),
         )
     out.print(table)
-    out.print("  expected standard errors, of the nearest pair parted, and of the weakest cause against nothing")
+    out.print(
+        f"  pairs separated: with a chance of {SURE:.0%} or more; nearest pair, and weakest cause beside nothing: "
+        "expected standard errors, and the chance that they are enough",
+        soft_wrap=True,
+    )
     if len(proposals) > len(shown):
         out.print(f"  and {len(proposals) - len(shown)} more: --list shows them")
-    for line in otherwise(first, proposals[take - 1]):
+    for line in otherwise(first, proposals[take - 1], never):
         out.print(f"  [yellow]run {take}: {escape(line)}[/]", soft_wrap=True)
 
 
-def _sigmas(value: float | None) -> str:
-    from rig.closed_loop.confirm import ENOUGH  # noqa: PLC0415
+def _weakest(chance: float, sigmas: float) -> str:
+    from rig.closed_loop.confirm import SURE  # noqa: PLC0415
 
-    if value is None:
-        return "-"
-    text = f"{value:.1f}" if value < 100 else f"{value:.0f}"
-    return f"[green]{text}[/]" if value >= ENOUGH else text
+    text = f"{sigmas:.1f} ({chance:.0%})" if sigmas < 100 else f"{sigmas:.0f} ({chance:.0%})"
+    return f"[green]{text}[/]" if chance >= SURE else text
 
 
-def _show(confirmed: Confirmed, proposals: Sequence[Proposal], report: Path | None, *, as_json: bool) -> int:
+def _show(confirmed: Confirmed, listed: Mapping[str, Any], report: Path | None, *, as_json: bool) -> int:
     from rig.closed_loop.confirm import chance, sentences, sizes  # noqa: PLC0415
 
     code = ExitCode.DONE if confirmed.settled else ExitCode.OUTSIDE_ACCEPTANCE
     if as_json:
-        told = {"first": str(confirmed.first.path), "proposals": [p.to_json() for p in proposals]}
-        print_json(told | confirmed.to_json())
+        print_json({**listed, **confirmed.to_json()})
         _write_report(confirmed, report)
         return code
     out.print(f"\n{mark(confirmed.first.simulated)}judged by {escape(str(confirmed.path))}", soft_wrap=True)

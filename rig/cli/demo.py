@@ -59,7 +59,7 @@ def demo(
     package rests on isolation pads that give, and its sensitivity follows the temperature; the declared model knows of
     neither.
 
-    pressure: seven pressure transducers over two temperatures, 20 whole plots of 11 pressures: about 40 hours. Every
+    pressure: seven pressure transducers over two temperatures, 20 whole plots of 11 pressures: about 37 hours. Every
     temperature change draws a new error, the noise grows with pressure, and there is a cubic nobody declared. The kill
     is a power cut in the middle of a whole plot, which is measured again.
 

@@ -93,6 +93,7 @@ def plan(
             "latest": forecast.latest_s,
         },
         "rehearsed_points": forecast.rehearsed,
+        "assumed": forecast.assumed,
         "finish": (now + timedelta(seconds=forecast.total_s)).isoformat(timespec="minutes"),
         "finish_latest": end.isoformat(timespec="minutes"),
         "precision": precise.rows,
@@ -121,6 +122,8 @@ def plan(
         f"  the latest allows {ALLOWANCE:.0%} for repeats and retries"
         + ("" if forecast.soak_s is None else f" and {SOAK_ALLOWANCE:.0%} for soaks")
     )
+    for line in forecast.assumed:
+        out.print(f"  {line}", soft_wrap=True)
     table = Table(*precise.columns, title="Predicted precision", title_justify="left")
     for row in precise.cells:
         table.add_row(*row)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-import statistics
+import itertools
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,6 +13,7 @@ from drivers.clock import Clock
 from procedures import Point
 from rig.engine.measuring import Observation
 from rig.engine.motion import Leg
+from rig.engine.pace import Pace
 from rig.engine.session import Progress, Session
 from rig.engine.settling import Settling
 from rig.engine.states import State
@@ -23,6 +24,8 @@ from rig.run_file.writer import RunWriter
 
 _SHOWN_S, _SHOWN = 1800.0, 120
 """How much of a settling quantity's trace the live state tells: the last half hour, so many samples at most."""
+_PACE = 200
+"""How many of the last points tell how long one takes."""
 
 
 def typical_s(spent_s: Sequence[float]) -> float:
@@ -78,6 +81,7 @@ class Journal:
         session: this start of the controller.
         on_progress: called with news, often.
         whole_plots: how many are planned.
+        pace: of a run of whole plots, how long the rest of it takes.
 
     Attributes:
         state: where the sequencer is.
@@ -96,11 +100,11 @@ class Journal:
         session: Session,
         on_progress: Callable[[Progress], None],
         whole_plots: int,
+        pace: Pace | None = None,
     ) -> None:
         self.fold = fold
         self._whole_plots = whole_plots
-        self._soaks: deque[float] = deque(maxlen=200)
-        self._soak_s: float | None = None
+        self._soaks = pace
         self.state = State.READY
         self.at: PointInHand | None = None
         self.message = ""
@@ -113,8 +117,12 @@ class Journal:
         self._live = LiveState(run.path, clock.stopwatch)
         self._acknowledged = ""
         self._taken_up_s = 0.0
-        self._pace: deque[float] = deque(maxlen=200)
-        self._point_s: float | None = None
+        self._pace: deque[float] = deque(self._seen_before(), maxlen=_PACE)
+        self._first = True
+        self._point_s = typical_s(self._pace) if self._pace else None
+        if pace is not None:
+            for record in run.records():
+                pace.add(record)
 
     def elapsed(self) -> float:
         """Bench seconds since the run was created."""
@@ -172,6 +180,8 @@ class Journal:
     def _add(self, record: Record, *, commit: bool) -> None:
         self._run.append(record, commit=commit)
         self.fold.add(record)
+        if self._soaks is not None:
+            self._soaks.add(record)
         self._session.observer.recorded(record)
 
     def last_read(self) -> tuple[int, dict[str, Sequence[float]]] | None:
@@ -218,13 +228,21 @@ class Journal:
 
     def point_observed(self) -> None:
         """The point in hand is done: what it took tells how long the rest will take."""
-        self._pace.append(self.elapsed() - self._taken_up_s)
-        self._point_s = statistics.median(self._pace) if self._whole_plots else typical_s(self._pace)
+        if self._first:  # the way to it was that of a new start
+            self._first = False
+        else:
+            self._pace.append(self.elapsed() - self._taken_up_s)
+            self._point_s = typical_s(self._pace)
+
+    def _seen_before(self) -> Iterator[float]:
+        """Seconds from each to the next of the points that earlier sessions observed last."""
+        if self._soaks is None:
+            for before, now in itertools.pairwise(self.recent(_PACE)):
+                if before.session == now.session and before.run_index == (now.run_index or 0) - 1:
+                    yield now.elapsed_s - before.elapsed_s
 
     def begin_whole_plot(self, planned: int, body: Mapping[str, Any]) -> None:
         """A soak is over: what follows belongs to a new whole plot. Raises `StorageError`."""
-        self._soaks.append(self.elapsed() - self._taken_up_s)
-        self._soak_s = statistics.median_low(self._soaks)  # of two, one may have been stood still in
         self.write("event", {"planned": planned, **body}, status="whole-plot", whole_plot=self.fold.whole_plots + 1)
 
     def acknowledge(self, request_id: str) -> None:
@@ -244,12 +262,13 @@ class Journal:
 
     def _progress(self) -> Progress:
         fold = self.fold
-        remaining = None if self._point_s is None else fold.remaining * self._point_s
-        soaks = self._whole_plots - (fold.planned or 0)
-        if remaining is not None and soaks:
-            remaining = None if self._soak_s is None else remaining + soaks * self._soak_s
         done = len(fold.accepted) + len(fold.skipped)
-        return Progress(self.state, done, fold.points, self.elapsed(), remaining, self.message, self.detail)
+        return Progress(self.state, done, fold.points, self.elapsed(), self._remaining_s(), self.message, self.detail)
+
+    def _remaining_s(self) -> float | None:
+        if self._soaks is not None:
+            return self._soaks.remaining_s(self.elapsed())
+        return None if self._point_s is None else self.fold.remaining * self._point_s
 
     def _live_content(self) -> dict[str, Any]:
         p = self._progress()

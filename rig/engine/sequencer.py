@@ -24,6 +24,7 @@ from rig.engine.guard import Guard
 from rig.engine.identities import compare_identities
 from rig.engine.interruptions import HoldRequested, Interrupted, Interruptions, StopRequested
 from rig.engine.journal import Journal, PointInHand
+from rig.engine.pace import Pace
 from rig.engine.parking import Parking
 from rig.engine.policies import ABORT, HOLD, RE_HOME, RE_SOAK, SKIP, Policies
 from rig.engine.queue import PointQueue
@@ -75,7 +76,8 @@ class Sequencer:
         self._bench, self._path = bench, run.path
         self._run_list, self._procedure = run_list, procedure
         self._clock, self._session, self._signals = clock, session, signals
-        self._journal = Journal(run, state, clock, session, on_progress, run_list.whole_plots)
+        pace = Pace(run_list, procedure, bench.config) if isinstance(procedure, WholePlotProcedure) else None
+        self._journal = Journal(run, state, clock, session, on_progress, run_list.whole_plots, pace)
         self._axes = axes_of(bench, run_list.easy)
         config = bench.config
         self._guard = Guard(config.limits, config.factors, config.interlocks, clock.now)

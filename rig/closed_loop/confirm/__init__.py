@@ -3,26 +3,37 @@
 from rig.closed_loop.confirm.answers import Confirmed, chance, evidence, judge, sentences, sizes
 from rig.closed_loop.confirm.calibration import confirmed_by, fit_attitude_confirmed, fit_whole_plots_confirmed
 from rig.closed_loop.confirm.first import First, open_traced
-from rig.closed_loop.confirm.plans import plan_for, planned, procedure_text
-from rig.closed_loop.confirm.proposals import ENOUGH, Proposal, otherwise, propose
+from rig.closed_loop.confirm.plans import plan_for, procedure_text, ways
+from rig.closed_loop.confirm.proposals import (
+    SURE,
+    Inseparable,
+    Proposal,
+    consider,
+    inseparable,
+    otherwise,
+    propose,
+)
 
 __all__ = [
-    "ENOUGH",
+    "SURE",
     "Confirmed",
     "First",
+    "Inseparable",
     "Proposal",
     "chance",
     "confirmed_by",
+    "consider",
     "evidence",
     "fit_attitude_confirmed",
     "fit_whole_plots_confirmed",
+    "inseparable",
     "judge",
     "open_traced",
     "otherwise",
     "plan_for",
-    "planned",
     "procedure_text",
     "propose",
     "sentences",
     "sizes",
+    "ways",
 ]

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from fitter import AttitudeData
 from fitter.attitude import mounting_matrix
+from fitter.confirm import CARRIED_ON, Together
 from fitter.whole_plot_data import WholePlotData
 from procedures import PitchRollProcedure, Procedure, RunList
 from procedures.separating import Variation
@@ -26,11 +28,40 @@ TRAVEL_S_PER_DEG = 0.2
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
 
+GOES_ON = 0.0, 0.5, 1.0
+"""How much of the first run's trend in temperature may go on until the further run: nobody knows the next night."""
+
+
 def planned(first: First, variation: Variation, run_list: RunList) -> AttitudeData | WholePlotData:
     """A run as it is expected to go; its outputs are zero and mean nothing."""
     if isinstance(first.traced, AttitudeTraced):
         return _planned_attitude(first.traced.data, variation, run_list)
     return _planned_whole_plots(first.traced.data, run_list)
+
+
+def ways(first: First, variation: Variation, run_list: RunList) -> list[Together]:
+    """The first run and the further one, in the ways that may go: with temperatures that come back, or go on falling.
+
+    One way where no explanation that is open is of time or temperature.
+    """
+    later = planned(first, variation, run_list)
+    both = [first.beside(later, first.later_s)]
+    sources = {member.terms[0].effect.source for question in first.questions for member in question.members}
+    if isinstance(later, AttitudeData) and later.sensor_temperature_degC is not None and sources & {*CARRIED_ON}:
+        trend = _trend(first.traced.data) * first.later_s
+        for share in GOES_ON[1:]:
+            degC = later.sensor_temperature_degC + share * trend
+            both.append(first.beside(replace(later, sensor_temperature_degC=degC), first.later_s))
+    return both
+
+
+def _trend(data: AttitudeData | WholePlotData) -> float:
+    """Of the temperature through a run, degC/s."""
+    assert isinstance(data, AttitudeData)
+    if data.temperatures is None:
+        return 0.0
+    elapsed, degC = data.temperatures
+    return float(np.polyfit(elapsed - elapsed.mean(), degC, 1)[0]) if np.ptp(elapsed) > 0 else 0.0
 
 
 def hours(first: First, variation: Variation, run_list: RunList) -> float:

@@ -2,25 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from drivers.roles import Chamber
-from fitter.confirm import NOTHING, Separation, separation
+from fitter.confirm import NOTHING, Pair, Separation, separation
 from fitter.effects import separate, separate_pressure
 from procedures import PitchRollProcedure, WholePlotProcedure
 from procedures.separating import Variation, variations
 from rig.bench import playing
 from rig.closed_loop.confirm.first import First
-from rig.closed_loop.confirm.plans import hours, planned
+from rig.closed_loop.confirm.plans import hours, ways
 
-ENOUGH = 6.0
-"""Standard errors by which look-alikes should be expected to part: three tell them apart, luck takes up to three."""
-USELESS = 3.0
-"""So many will hardly tell anything apart."""
+SURE = 0.95
+"""Probability of excluding the cause that is not true, or of showing the one that is, from which a run is enough."""
+HARDLY = 0.2
+"""Below this a run tells nothing worth its hours."""
 TURN_H = 0.5
 """What mounting the package anew costs beside bench time."""
+
+
+class Weakest(NamedTuple):
+    """What is least likely to be settled.
+
+    Attributes:
+        chance: probability that it is.
+        sigmas: expected standard errors.
+
+    """
+
+    chance: float
+    sigmas: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,38 +52,51 @@ class Proposal:
     hours: float
 
     @property
-    def least(self) -> float:
-        """Expected separation of the pair that would be nearest, in standard errors."""
-        return min((s.least for s in self.separations), default=float("inf"))
+    def enough(self) -> bool:
+        """Whether it will very likely settle everything."""
+        return all(chance >= SURE for s in self.separations for chance in s.chances.values())
 
     @property
     def parted(self) -> tuple[int, int]:
-        """How many pairs of look-alikes it would part, and how many there are."""
-        alike = [v for s in self.separations for (_, other), v in s.sigmas.items() if other != NOTHING]
-        return sum(v >= ENOUGH for v in alike), len(alike)
+        """How many pairs of explanations it will very likely separate, and how many there are."""
+        alike = [s.chances[pair] for s, pair in self._alike]
+        return sum(chance >= SURE for chance in alike), len(alike)
 
     @property
-    def nearest(self) -> float | None:
-        """Expected separation of the nearest pair of look-alikes that it parts, in standard errors; None without."""
-        every = (v for s in self.separations for (_, other), v in s.sigmas.items() if other != NOTHING)
-        return min((v for v in every if v >= ENOUGH), default=None)
+    def nearest(self) -> Weakest | None:
+        """The pair of explanations that it is least likely to separate; None where no effect has two."""
+        return min((Weakest(s.chances[pair], s.sigmas[pair]) for s, pair in self._alike), default=None)
 
     @property
-    def shown(self) -> float:
-        """Expected separation from nothing of the explanation that would show least."""
-        return min(v for s in self.separations for (_, other), v in s.sigmas.items() if other == NOTHING)
+    def shown(self) -> Weakest:
+        """The explanation that it is least likely to show."""
+        nothing = ((s, pair) for s in self.separations for pair in s.sigmas if pair[1] == NOTHING)
+        return min(Weakest(s.chances[pair], s.sigmas[pair]) for s, pair in nothing)
+
+    @property
+    def tells(self) -> bool:
+        """Whether it may settle anything that is open: a pair of explanations, or an effect that has but one."""
+        return any(
+            chance >= HARDLY
+            for s in self.separations
+            for pair, chance in s.chances.items()
+            if pair[1] != NOTHING or len(s.chances) == 1
+        )
 
     @property
     def open_pairs(self) -> tuple[tuple[str, str], ...]:
-        """Pairs that it would not part by enough."""
-        return tuple(pair for s in self.separations for pair, v in s.sigmas.items() if v < ENOUGH)
+        """Pairs that it may well not separate."""
+        return tuple(pair for s in self.separations for pair, chance in s.chances.items() if chance < SURE)
 
     @property
     def rank(self) -> tuple[float, float]:
-        """The best is the least: how many pairs it parts (half parted in proportion) comes before what it costs."""
-        sigmas = [v for s in self.separations for v in s.sigmas.values()]
-        told = sum(min(max(v - USELESS, 0.0) / (ENOUGH - USELESS), 1.0) for v in sigmas)
+        """The best is the least: how many pairs it will separate comes before what it costs."""
+        told = sum(chance for s in self.separations for chance in s.chances.values())
         return -round(told, 1), self.hours + TURN_H * self.variation.turned
+
+    @property
+    def _alike(self) -> list[tuple[Separation, Pair]]:
+        return [(s, pair) for s in self.separations for pair in s.sigmas if pair[1] != NOTHING]
 
     @property
     def size(self) -> str:
@@ -91,33 +117,92 @@ class Proposal:
             "turn_the_package": self.variation.turned,
             "points": len(run.expand()),
             "hours": self.hours,
-            "sigmas": [{"pair": list(pair), "sigmas": v} for s in self.separations for pair, v in s.sigmas.items()],
-            "enough": self.least >= ENOUGH,
+            "sigmas": [
+                {
+                    "pair": list(pair),
+                    "sigmas": sigmas,
+                    "interval_90": list(s.intervals[pair]),
+                    "chance": s.chances[pair],
+                }
+                for s in self.separations
+                for pair, sigmas in s.sigmas.items()
+            ],
+            "enough": self.enough,
         }
 
 
-def propose(first: First) -> tuple[Proposal, ...]:
+def consider(first: First) -> tuple[Proposal, ...]:
     """Of every kind of run the one that would tell most for least; the best of all first."""
     chamber = bool(playing(first.bench, Chamber))
     best: dict[str, Proposal] = {}
     for variation in variations(first.procedure, first.bench.limits, chamber=chamber):
         known = best.get(variation.what)
-        if known is not None and known.least >= ENOUGH:
+        if known is not None and known.enough:
             continue  # the smallest that is enough
         run_list = variation.procedure.expand()
-        both = first.beside(planned(first, variation, run_list), first.later_s)
+        both = ways(first, variation, run_list)
         proposal = Proposal(variation, separation(both, first.questions), hours(first, variation, run_list))
         if known is None or proposal.rank < known.rank:
             best[variation.what] = proposal
     return tuple(sorted(best.values(), key=lambda proposal: proposal.rank))
 
 
-def otherwise(first: First, proposal: Proposal) -> Iterator[str]:
-    """What else would tell apart the pairs of look-alikes that a proposal leaves, a sentence each."""
+def propose(considered: Sequence[Proposal]) -> tuple[Proposal, ...]:
+    """Those of the runs considered that may settle something."""
+    return tuple(proposal for proposal in considered if proposal.tells)
+
+
+@dataclass(frozen=True)
+class Inseparable:
+    """Two explanations that no run of this bench separates.
+
+    Attributes:
+        pair: their names.
+        sigmas: the most standard errors that any run is expected to bring between them.
+        would: what a person would have to change, in words.
+
+    """
+
+    pair: Pair
+    sigmas: float
+    would: str
+
+    def to_json(self) -> dict[str, Any]:
+        """For `--json`."""
+        return {"pair": list(self.pair), "most_sigmas": self.sigmas, "would": self.would}
+
+
+def inseparable(first: First, considered: Sequence[Proposal]) -> tuple[Inseparable, ...]:
+    """Pairs of explanations that none of the runs considered has a fair chance to separate."""
+    told = [s for proposal in considered for s in proposal.separations]
+    pairs = dict.fromkeys(pair for s in told for pair in s.chances if pair[1] != NOTHING)
+    best = {pair: max(s.chances[pair] for s in told if pair in s.chances) for pair in pairs}
+    most = {pair: max(s.sigmas[pair] for s in told if pair in s.sigmas) for pair in pairs}
+    return tuple(Inseparable(pair, most[pair], _would(first, pair)) for pair in pairs if best[pair] < HARDLY)
+
+
+def otherwise(first: First, proposal: Proposal, never: Sequence[Inseparable] = ()) -> Iterator[str]:
+    """What else would separate the pairs of explanations that a proposal may leave, a sentence each.
+
+    Args:
+        first: the run that was traced.
+        proposal: what would be run.
+        never: pairs of which it has been said that no run of this bench separates them.
+
+    """
+    chances = {pair: chance for s in proposal.separations for pair, chance in s.chances.items()}
+    for pair in proposal.open_pairs:
+        if pair in (one.pair for one in never):
+            continue
+        one, other = pair
+        chance = f"a chance of {chances[pair]:.0%}"
+        if other == NOTHING:
+            yield f"it has {chance} of showing whether {one} is there at all: it is small for so short a run"
+        else:
+            yield f"it has {chance} of telling {one} from {other}; this would: {_would(first, pair)}"
+
+
+def _would(first: First, pair: Pair) -> str:
     members = {m.effect: m.terms[0].effect for q in first.questions for m in q.members}
     how = separate_pressure if isinstance(first.procedure, WholePlotProcedure) else separate
-    for one, other in proposal.open_pairs:
-        if other == NOTHING:
-            yield f"it would hardly show whether {one} is there at all: it is small for so short a run"
-        else:
-            yield f"it would hardly tell {one} from {other}; this would: {how(members[one], members[other])}"
+    return how(members[pair[0]], members[pair[1]])

@@ -1,0 +1,120 @@
+"""How far the explanations of an effect are apart, given outputs: the figures that the judge prints, of one or of many.
+
+The judge gives it the outputs that were read, the forecast those of many runs that could come.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.confirm.question import Hypothesis, Question
+from fitter.confirm.together import Together
+from fitter.linear import orthonormal
+from fitter.trace.aliases import PER_COLUMN
+
+CARRIED_ON = ("time", "temperature", "interruption", "chamber")
+"""Sources of effects that go on from one run to the next."""
+
+
+@dataclass(frozen=True, eq=False)
+class Apart:
+    """Of M members, for each of k sets of outputs.
+
+    Attributes:
+        costs: (M, k) residual sum of squares of both runs, in units of the error's variance, columns and searched
+            constants paid for, over how much the best member misfits the later run.
+        shown: (M, k) standard errors by which the later run shows each.
+
+    """
+
+    costs: FloatArray
+    shown: FloatArray
+
+    @property
+    def behind(self) -> FloatArray:
+        """(M, k) standard errors by which each falls behind the best."""
+        return np.asarray(np.sqrt(np.maximum(self.costs - self.costs.min(0), 0.0)))
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """The members of one question as models of both runs.
+
+    Attributes:
+        both: the runs.
+        question: the question.
+
+    """
+
+    both: Together
+    question: Question
+
+    @cached_property
+    def rest(self) -> FloatArray:
+        """(S n, r) columns that stay beside every member: of the other effects, and what the later run has anew."""
+        return np.column_stack([self.both.columns_of(self.question.rest), nuisance(self.both, self.question)])
+
+    @cached_property
+    def own(self) -> tuple[FloatArray, ...]:
+        """For each member (S n, q) its columns."""
+        return tuple(self.both.columns_of(member.terms) for member in self.question.members)
+
+    @cached_property
+    def models(self) -> tuple[FloatArray, ...]:
+        """For each member (S n, q + r) its columns and the rest."""
+        return tuple(np.column_stack([own, self.rest]) for own in self.own)
+
+    def apart(self, outputs: FloatArray) -> Apart:
+        """Of outputs (S n, k), weighed and with the declared model taken out, as `Together.outputs`."""
+        fresh = np.tile(self.both.fresh, len(self.both.sensors))
+        costs, misfits, shown = [], [], []
+        for member, own, basis, gone, df in zip(
+            self.question.members, self.own, self._bases, self._gone, self._free, strict=True
+        ):
+            rest = outputs - basis @ (basis.T @ outputs)
+            rss, later = np.sum(rest**2, axis=0), np.sum(rest[fresh] ** 2, axis=0)
+            costs.append(rss + PER_COLUMN * (own.shape[1] + searched(member)))
+            misfits.append(later / df if df >= 1.0 else np.ones_like(rss))
+            without = np.sum((outputs - gone @ (gone.T @ outputs)) ** 2, axis=0)
+            shown.append(np.sqrt(np.maximum(without - rss, 0.0)))
+        best = np.argmin(costs, axis=0)
+        misfit = np.maximum(np.take_along_axis(np.array(misfits), best[None], 0)[0], 1.0)
+        return Apart(np.array(costs) / misfit, np.array(shown))
+
+    @cached_property
+    def _bases(self) -> tuple[FloatArray, ...]:
+        return tuple(orthonormal(model) for model in self.models)
+
+    @cached_property
+    def _gone(self) -> tuple[FloatArray, ...]:
+        """Bases of each member being in the first run only."""
+        first = ~self.both.fresh
+        return tuple(
+            orthonormal(np.column_stack([self.both.columns_in(member.terms, first), self.rest]))
+            for member in self.question.members
+        )
+
+    @cached_property
+    def _free(self) -> tuple[float, ...]:
+        """Degrees of freedom that each member leaves the later run."""
+        fresh = np.tile(self.both.fresh, len(self.both.sensors))
+        taken = self.both.leverage(self.both.fresh)
+        return tuple(float(fresh.sum() - np.sum(basis[fresh] ** 2) - taken) for basis in self._bases)
+
+
+def nuisance(both: Together, question: Question) -> FloatArray:
+    """(S n, q) the declared model anew in the later run, where no member is of time or temperature.
+
+    What goes on from one night to the next, undeclared, then says nothing about causes that do not.
+    """
+    lasting = all(member.terms[0].effect.source not in CARRIED_ON for member in question.members)
+    return both.anew if lasting and not both.realigned else np.zeros((both.outputs.size, 0))
+
+
+def searched(member: Hypothesis) -> bool:
+    """Whether a constant in its columns was searched, and is paid for."""
+    return bool(getattr(member.terms[0].effect, "searched", False))

@@ -1,0 +1,200 @@
+"""How long the rest of a run of whole plots will take: known from the plan, corrected by what was seen so far.
+
+A chamber ramps, and what is in it follows with a time constant tau: at the end of a ramp of rate r and length t the
+sensors are r tau (1 - exp(-t / tau)) behind, and settled when that has fallen to the tolerance, and its slope to the
+drift allowed. A change of pressure takes its slew. Both are put right by the middle one of the ratios, or differences,
+that were seen in the run itself. What was seen around a new start, a fault or a hold does not count.
+"""
+
+from __future__ import annotations
+
+import statistics
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import exp, inf, log
+
+import numpy as np
+
+from procedures import RunList, WholePlotProcedure
+from procedures.whole_plot import SoakSettings
+from rig.config import FOLLOWS_S, BenchConfig
+from rig.run_file.chain import Record
+
+AMBIENT_DEGC = 23.0
+"""Where temperatures come from in a run's first soak."""
+SWEEP_S = 3.0
+"""A reading of all channels, before one was seen."""
+KEPT = 200
+_NOT_CLEAN = frozenset({"fault", "hold", "session", "stop", "skip"})
+
+
+@dataclass(frozen=True)
+class Follower:
+    """One chamber and what is in it.
+
+    Attributes:
+        ramp_degC_per_s: how fast its setpoint goes.
+        follows_s: time constant with which the sensors follow.
+
+    """
+
+    ramp_degC_per_s: float
+    follows_s: float
+
+    def settled_s(self, change_degC: float, soak: SoakSettings) -> float:
+        """Seconds from the command to when the sensors are within tolerance and drift no faster than allowed."""
+        ramp = change_degC / self.ramp_degC_per_s
+        tau = self.follows_s
+        behind = self.ramp_degC_per_s * tau * (1.0 - exp(-ramp / tau)) if ramp > 0 else change_degC
+        allowed = min(soak.sensor_tolerance_degC, soak.drift_degC_per_h / 3600.0 * tau)
+        return ramp + tau * log(max(behind / allowed, 1.0))
+
+
+@dataclass(frozen=True)
+class _Left:
+    """Work that is left: points, what their changes take, whole plots to be soaked, whether a soak comes first."""
+
+    travel_s: float
+    points: int
+    plots: tuple[int, ...]
+    soak_next: bool
+
+
+class Pace:
+    """Of one run of whole plots; told of every record, those of earlier sessions first.
+
+    Args:
+        run_list: every point.
+        procedure: soak, settling and measuring.
+        bench: rates of its instruments, and how sensors follow.
+
+    """
+
+    def __init__(self, run_list: RunList, procedure: WholePlotProcedure, bench: BenchConfig) -> None:
+        self._soak = procedure.soak
+        numbers = [p.whole_plot or 0 for p in run_list.points]
+        self._plot = np.array(numbers)
+        self._open = np.ones(len(numbers), np.bool_)
+        self._travel = _travel_s(run_list, bench)
+        self._soaks = _soaks_s(run_list, procedure.soak, _followers(run_list, bench))
+        self._point_s = 2.0 * procedure.settle.dwell_s + SWEEP_S * procedure.measure.readings
+        self._points: deque[float] = deque(maxlen=KEPT)
+        self._ratios: deque[float] = deque(maxlen=KEPT)
+        self._planned: int | None = None
+        self._began: tuple[int, float] | None = None
+        self._last: tuple[int, int | None, float] | None = None
+        self._session_s = 0.0
+        self._left: _Left | None = None
+
+    @property
+    def point_s(self) -> float:
+        """Seconds of a point beside what its change of pressure takes."""
+        return statistics.median(self._points) if self._points else self._point_s
+
+    @property
+    def ratio(self) -> float:
+        """How long soaks take over what the model says."""
+        return statistics.median(self._ratios) if self._ratios else 1.0
+
+    def add(self, record: Record) -> None:
+        """Take one more record, in order."""
+        if record.kind in _NOT_CLEAN:
+            self._last = self._began = None
+        if record.kind == "session":
+            self._session_s = record.elapsed_s
+        elif record.kind == "observation" and record.status == "accepted":
+            self._observed(record)
+        elif record.kind == "skip" and record.status == "final":
+            assert record.run_index is not None
+            self._done(record.run_index)
+        elif record.kind == "event":
+            self._happened(record)
+
+    def _observed(self, record: Record) -> None:
+        index, plot = record.run_index, record.whole_plot
+        assert index is not None
+        if self._last is not None and self._last[:2] == (index - 1, plot):
+            self._points.append(max(record.elapsed_s - self._last[2] - float(self._travel[index]), 0.0))
+        self._last = index, plot, record.elapsed_s
+        self._done(index)
+
+    def _happened(self, record: Record) -> None:
+        match record.status:
+            case "temperatures-left":
+                self._began = int(record.data["planned"]), record.elapsed_s
+            case "whole-plot":
+                self._planned = int(record.data["planned"])
+                if self._began is not None and self._began[0] == self._planned:
+                    self._ratios.append((record.elapsed_s - self._began[1]) / self._soaks[self._planned])
+                self._began, self._left = None, None
+            case "whole-plot-lost":
+                first, count = int(record.data["first"]), int(record.data["count"])
+                self._open[first : first + count] = True
+                self._planned = self._last = self._left = None
+            case _:
+                pass
+
+    def _done(self, index: int) -> None:
+        self._open[index] = False
+        self._left = None
+
+    def remaining_s(self, elapsed_s: float) -> float:
+        """Bench seconds that the rest will take, at some elapsed time."""
+        if self._left is None:
+            self._left = self._what_is_left()
+        left = self._left
+        soaks = [self._soaks[plot] * self.ratio for plot in left.plots]
+        if left.soak_next and (self._began is not None or self._last is None):
+            began = self._session_s if self._began is None else self._began[1]
+            soaks[0] = max(soaks[0] - max(elapsed_s - began, 0.0), 0.0)
+        return left.travel_s + left.points * self.point_s + sum(soaks)
+
+    def _what_is_left(self) -> _Left:
+        plots = dict.fromkeys(self._plot[self._open].tolist())
+        soaks = tuple(plot for plot in plots if plot != self._planned)
+        soak_next = bool(plots) and next(iter(plots)) != self._planned
+        return _Left(float(self._travel[self._open].sum()), int(self._open.sum()), soaks, soak_next)
+
+
+def _travel_s(run_list: RunList, bench: BenchConfig) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    """(n,) seconds that the easy factors' changes take, by their rates; none where a rate is not declared."""
+    slowest = np.zeros(len(run_list))
+    for at, factor in enumerate(run_list.factors):
+        rate = None if factor.hard else _rate(bench, factor.name, "slew_psi_per_s")
+        if rate is not None:
+            values = np.array([p.setpoints[at] for p in run_list.points])
+            slowest = np.maximum(slowest, np.abs(np.diff(values, prepend=values[:1])) / rate)
+    return slowest
+
+
+def _rate(bench: BenchConfig, factor: str, option: str) -> float | None:
+    given = bench.instruments[bench.factors[factor]].options.get(option) if factor in bench.factors else None
+    return float(given) if isinstance(given, int | float) and given > 0 else None
+
+
+def _followers(run_list: RunList, bench: BenchConfig) -> Mapping[str, Follower]:
+    out = {}
+    for factor in run_list.hard:
+        rate = _rate(bench, factor.name, "ramp_degC_per_min")
+        thermometer = bench.temperatures.get(factor.name)
+        follows = FOLLOWS_S if thermometer is None or thermometer.follows_s is None else thermometer.follows_s
+        out[factor.name] = Follower(inf if rate is None else rate / 60.0, follows)
+    return out
+
+
+def _soaks_s(run_list: RunList, soak: SoakSettings, followers: Mapping[str, Follower]) -> dict[int, float]:
+    """Seconds of each whole plot's soak by the model, after the one before it."""
+    out: dict[int, float] = {}
+    at = dict.fromkeys(followers, AMBIENT_DEGC)
+    for point in run_list.points:
+        if point.whole_plot is None or point.whole_plot in out:
+            continue
+        to = {name: value for name, value in run_list.setting(point).items() if name in followers}
+        changes = {name: abs(value - at[name]) for name, value in to.items()}
+        if max(changes.values(), default=0.0) < soak.renew_degC:
+            changes = dict.fromkeys(changes, soak.renew_degC)
+        settled = max((followers[name].settled_s(change, soak) for name, change in changes.items()), default=0.0)
+        out[point.whole_plot] = settled + soak.dwell_s
+        at = to
+    return out
