@@ -110,7 +110,9 @@ def whole_plots(seeds):
         for seed in range(seeds):
             data = simulate_whole_plots(Bench((transducer,)), Run(), 2000 + seed)
             table = Table("run", {"pressure_psia": data.pressure_psia}, True, {})
-            found = WholePlotTraced(table, data, trace_whole_plots(data), {}, Declared.of(table, None)).to_json()["sensors"]["bridge_1_mV"]
+            found = WholePlotTraced(table, data, trace_whole_plots(data), {}, Declared.of(table, None)).to_json()[
+                "sensors"
+            ]["bridge_1_mV"]
             answers.append(held(found["effects"], name, truth))
         every += show(f"whole plots: {name}", answers)
     return every
