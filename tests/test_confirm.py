@@ -210,7 +210,7 @@ def test_a_run_that_cannot_show_an_effect_does_not_confirm_it(tmp_path: Path, op
     first, proposal, later = opened
     plan = plan_for(first, proposal.variation, dry=True, world=toml_text({"seed": 6}))
     without = run(plan, tmp_path, world_start_s=first.world_s + first.later_s)
-    for data in (attitude_data(run_table(later)).take(np.arange(5)), attitude_data(run_table(without))):
+    for data in (attitude_data(run_table(later)).take(np.arange(2)), attitude_data(run_table(without))):
         judged = confirm_all(first.beside(data, first.later_s), first.questions)
         assert judged.answers[0].verdict in ("not shown", "none holds", "undecided")
 

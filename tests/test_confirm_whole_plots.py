@@ -91,11 +91,10 @@ def test_the_command_confirms_on_the_simulated_bench(followed) -> None:
     told = followed[1]
     assert told["effects"]
     errors = told["error"].values()
-    # what was found here is of whole plots, and an offset of each is taken out of both: it may gain nothing
-    assert sum(e["after_psi"] for e in errors) < 1.02 * sum(e["before_psi"] for e in errors)
+    assert sum(e["after_psi"] for e in errors) < sum(e["before_psi"] for e in errors)
 
 
-def test_what_is_not_confirmed_adds_nothing_to_a_calibration(followed) -> None:
+def test_a_calibration_takes_what_was_confirmed_and_says_by_which_run(followed) -> None:
     first, told = followed
     fitted = rig("fit", first, "--confirmed-by", told["run"], "--formula", MODEL, "--json")
     assert fitted.returncode == 0, fitted.stderr
@@ -103,11 +102,23 @@ def test_what_is_not_confirmed_adds_nothing_to_a_calibration(followed) -> None:
     record = result["confirmed_by"]
     assert record["by_run_id"] in told["run"]
     assert [effect["verdict"] for effect in record["effects"]] == [effect["verdict"] for effect in told["effects"]]
-    left = [effect for effect in record["effects"] if effect["verdict"] not in ("confirmed", "replaced")]
-    assert left, "terms of several orders are missing: no one of them holds in both runs"
-    assert all(effect["terms"] == [] and "nothing was added" in effect["used"] for effect in left)
     added = {term for effect in record["effects"] for term in effect["terms"]}
     assert set(result["sensors"]["bridge_1_mV"]["coefficients"]) == {"1", "P", "T_sensor", "T_SSE"} | added
+
+
+def test_what_is_not_confirmed_adds_nothing_to_a_calibration(followed) -> None:
+    """As above, had no member of any class predicted the later run."""
+    opened, confirmed = confirmed_by(followed[0], Path(followed[1]["run"]), MODEL)
+    answers = tuple(
+        replace(answer, members=tuple(replace(member, p_changed=0.0, fits=False) for member in answer.members))
+        for answer in confirmed.answers
+    )
+    assert {answer.verdict for answer in answers} == {"none holds"}
+    judged = replace(confirmed.judged, answers=answers)
+    fitted, record = fit_whole_plots_confirmed(opened, replace(confirmed, judged=judged), MODEL, {})
+    assert all(effect["terms"] == [] and "nothing was added" in effect["used"] for effect in record["effects"])
+    coefficients = fitted.to_json()["sensors"]["bridge_1_mV"]["coefficients"]
+    assert set(coefficients) == {"1", "P", "T_sensor", "T_SSE"}
 
 
 def test_the_terms_of_what_is_confirmed_are_added(followed) -> None:
