@@ -24,6 +24,7 @@ from rig.bench import Bench, check_options, identities, open_bench
 from rig.engine.axes import own_limits
 from rig.engine.gap import Gap, gap_since
 from rig.engine.guard import Guard
+from rig.engine.holes import WatchedClock
 from rig.engine.sequencer import Sequencer
 from rig.engine.session import Nobody, Observer, Outcome, Progress, Session, Signals
 from rig.errors import BenchFault, UsageError
@@ -86,9 +87,9 @@ def opened(plan: Plan, *, start: float = 0.0) -> Iterator[tuple[Bench, Clock, st
         from rig.simulated.dry_run import DryBench  # noqa: PLC0415 - a real run never loads the simulation
 
         dry = DryBench(plan.bench, _mounted(plan), start=start)
-        bench = open_bench(dry.config, check_options(dry.config, "bench"), dry.world, dry.wires)
+        bench = open_bench(dry.config, check_options(dry.config, "bench"), dry.clock, dry.wires)
         try:
-            yield bench, dry.world, _VIRTUAL
+            yield bench, dry.clock, _VIRTUAL
         finally:
             bench.close()
             dry.close()
@@ -96,7 +97,7 @@ def opened(plan: Plan, *, start: float = 0.0) -> Iterator[tuple[Bench, Clock, st
     from drivers.wires import Wires  # noqa: PLC0415
 
     live = plan.bench.live
-    clock: Clock = ScaledClock(live.speed, live.epoch_utc, live.started_utc) if live else RealClock()
+    clock = WatchedClock(ScaledClock(live.speed, live.epoch_utc, live.started_utc) if live else RealClock())
     boot = f"{boot_id()}*{live.speed:g}" if live else boot_id()
     with locked_addresses(plan.bench.instruments):
         bench = open_bench(plan.bench, check_options(plan.bench, "bench"), clock, Wires(clock))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Callable
+from math import inf
 from time import monotonic, perf_counter, sleep, time
 
 EPOCH_UTC = 1_768_500_000.0
@@ -51,6 +52,7 @@ class World:
         self.local_offset_s = 0.0
         self._queue: list[tuple[float, int, Timer]] = []
         self._count = 0
+        self._away_until = -inf
 
     def now(self) -> float:
         """Virtual seconds."""
@@ -99,6 +101,10 @@ class World:
             heapq.heappop(self._queue)
         return self._queue[0][0] if self._queue else None
 
+    def suspend(self, seconds: float) -> None:
+        """Whoever waits gets no turn for so long, as a process that is stopped: the world goes on without it."""
+        self._away_until = max(self._away_until, self._now + seconds)
+
     def run_until(self, end: float | None, predicate: Callable[[], bool] | None = None) -> bool:
         """Run events in order until `predicate` holds or time reaches `end`.
 
@@ -113,6 +119,12 @@ class World:
             Deadlock: `end` is None and the queue runs dry.
 
         """
+        held = self._run_until(end, predicate)
+        while self._now < self._away_until:
+            self._run_until(self._away_until, None)
+        return held
+
+    def _run_until(self, end: float | None, predicate: Callable[[], bool] | None) -> bool:
         if predicate is not None and predicate():
             return True
         queue = self._queue

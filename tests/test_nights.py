@@ -27,6 +27,7 @@ FOUND_BY = {
     "vent-on-resume": ("pressure", 0),
     "stale-reading": ("pressure", 0),
     "whole-plot-goes-on": ("pressure", 4),
+    "sleep-through": ("attitude", 3),
 }
 """A night that finds each planted bug."""
 
@@ -38,6 +39,7 @@ BREAKS = {
     "vent-on-resume": {"left alone"},
     "stale-reading": {"truthful"},
     "whole-plot-goes-on": {"one stay"},
+    "sleep-through": {"unbroken"},
 }
 """What does not hold then, and not just anything: a bug that stops the controller altogether would prove nothing."""
 

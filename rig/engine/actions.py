@@ -282,6 +282,7 @@ class BenchActions:
                 watch(values)
                 outcomes = {name: judge.add(now, values[name]) for name, judge in judges.items()}
                 if "waiting" not in outcomes.values():
+                    self._wait(0.0)  # nothing has settled over a hole in time
                     break
                 self._wait(poll_s)
         finally:

@@ -14,6 +14,7 @@ from rig.bench import Bench
 from rig.engine.actions import BenchActions
 from rig.engine.early_warning import EarlyWarnings
 from rig.engine.faults import FrozenReading, NotSettled, OverloadedError, TemperatureLeft, TooNoisy
+from rig.engine.holes import HoleInTime
 from rig.engine.journal import Journal, PointInHand
 from rig.engine.liveness import Liveness
 from rig.engine.measuring import Observation
@@ -43,6 +44,7 @@ class AtPoint:
         set_up: brings the instruments' settings to what the bench declares, where that is due.
         warnings: watches over the sensors, None where that is not wanted.
         policies: say which doubtful readings are accepted, with a flag.
+        check_time: raises `HoleInTime` if there was one.
 
     Attributes:
         move_timeout_s: how long a move may take.
@@ -62,7 +64,9 @@ class AtPoint:
         set_up: Callable[[], None],
         warnings: EarlyWarnings | None,
         policies: Policies,
+        check_time: Callable[[], None],
     ) -> None:
+        self._check_time = check_time
         self._bench, self._run_list, self._procedure = bench, run_list, procedure
         self._do, self._journal, self._queue = do, journal, queue
         self._soaking = soaking
@@ -203,6 +207,11 @@ class AtPoint:
         }
         if at.rejected:
             body["rejected"] = at.rejected
+        try:
+            self._check_time()
+        except HoleInTime as hole:  # read over a time of which nothing is known
+            self._journal.write("observation", {**body, **hole.as_json()}, status="rejected")
+            raise
         if self._soaking is not None:
             why = self._soaking.lost_now(at.point, chambers, at.observation.temperatures)
             if why:  # one commit: a kill between the two must not let the whole plot go on

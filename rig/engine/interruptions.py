@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from rig.engine.holes import HoleInTime, WatchedClock
 from rig.engine.journal import Journal
 from rig.engine.session import Signals
 from rig.engine.states import State
@@ -30,18 +31,34 @@ class Interruptions:
         requests: what people ask for.
         journal: told that a request has been seen.
         state: where the sequencer is.
+        clock: bench time; notices holes.
 
     Attributes:
         released: whether the last request was to release a hold.
 
     """
 
-    def __init__(self, signals: Signals, requests: Requests, journal: Journal, state: Callable[[], State]) -> None:
+    def __init__(
+        self,
+        signals: Signals,
+        requests: Requests,
+        journal: Journal,
+        state: Callable[[], State],
+        clock: WatchedClock,
+    ) -> None:
         self._signals, self._requests, self._journal, self._state = signals, requests, journal, state
+        self._clock = clock
         self.released = False
 
     def look_up(self) -> None:
-        """Spread the news. Raises `Interrupted`, `HoldRequested` or `StopRequested` where that is asked for."""
+        """Spread the news.
+
+        Raises:
+            Interrupted, HoldRequested, StopRequested: that is asked for.
+            HoleInTime: see `check_time`.
+
+        """
+        self.check_time()
         if self._signals.interrupt:
             raise Interrupted
         request = self._requests.poll()
@@ -53,3 +70,13 @@ class Interruptions:
                 raise HoldRequested
             self.released = request.verb == "release"
         self._journal.tell()
+
+    def check_time(self) -> None:
+        """Write down a hole in time. Raises `HoleInTime` where what is under way must not go on over it."""
+        hole = self._clock.take_hole()
+        if hole is None:
+            return
+        found, state = HoleInTime(hole), self._state()
+        self._journal.write("event", {**found.as_json(), "where": str(state)}, status="hole")
+        if state not in (State.HOLDING, State.PARKING):  # the one checks the bench when it ends, the other ends the run
+            raise found

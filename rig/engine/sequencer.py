@@ -21,6 +21,7 @@ from rig.engine.deciding import Deciding
 from rig.engine.early_warning import EarlyWarnings
 from rig.engine.faults import FAULTS, InterlockHold, TemperatureLeft
 from rig.engine.guard import Guard
+from rig.engine.holes import HoleInTime, watched
 from rig.engine.identities import compare_identities
 from rig.engine.interruptions import HoldRequested, Interrupted, Interruptions, StopRequested
 from rig.engine.journal import Journal, PointInHand
@@ -73,6 +74,7 @@ class Sequencer:
         on_progress: Callable[[Progress], None],
         previous: Previous | None = None,
     ) -> None:
+        clock = watched(clock)
         self._bench, self._path = bench, run.path
         self._run_list, self._procedure = run_list, procedure
         self._clock, self._session, self._signals = clock, session, signals
@@ -84,7 +86,7 @@ class Sequencer:
         self._do = BenchActions(bench, self._axes, self._guard, clock, self._wait)
         self._journal.settling = lambda: self._do.judges
         requests = Requests(run.path, session.number, clock.stopwatch)
-        self._interruptions = Interruptions(signals, requests, self._journal, lambda: self.state)
+        self._interruptions = Interruptions(signals, requests, self._journal, lambda: self.state, clock)
         self._look_up = self._interruptions.look_up
         self._queue = PointQueue(run_list, state)
         self._policies = Policies(procedure, clock.now)
@@ -114,6 +116,7 @@ class Sequencer:
             set_up=self._set_up,
             warnings=self._early_warnings(run, state, previous),
             policies=self._policies,
+            check_time=self._interruptions.check_time,
         )
         self._standing = Standing(procedure, self._journal, self._queue, self._soaking)
         self._way_out = Parking(bench, self._do, self._journal, self._deciding, clock, self._set_up)
@@ -123,6 +126,7 @@ class Sequencer:
         self._ending = ""
         self._needs_set_up = True
         self._remarked: set[tuple[str, str]] = set()
+        self._began_s = 0.0
         self._home_again = self._checked = False
         self._machine = machine()
         self._handlers: dict[str, Callable[[], str]] = {
@@ -166,6 +170,7 @@ class Sequencer:
         """Work until done, stopped, interrupted or faulted; the bench is then safe, unless the answer is `UNSAFE`."""
         try:
             self._journal.open()
+            self._began_s = self._journal.elapsed()
             while self.state not in FINAL:
                 trigger = self._next_trigger()
                 if trigger is None:
@@ -187,6 +192,8 @@ class Sequencer:
                 return self._handled()
             except Interrupted:
                 return self._interrupted()
+            except HoleInTime:
+                return self._check_again()
             except HoldRequested:
                 return self._begin_hold("asked for")
             except InterlockHold as error:
@@ -223,6 +230,7 @@ class Sequencer:
         while (left := end - self._clock.now()) > 1e-9:
             self._clock.sleep(min(left, 5.0))
             self._look_up()
+        self._interruptions.check_time()
         self._do.look_around()
 
     # --- handlers, one a state ------------------------------------------------------------------------------
@@ -242,7 +250,17 @@ class Sequencer:
         if self._queue.peek() is None:
             return "park"
         session = self._session
-        return self._standing.go_on(as_found, restarted, certain=session.gap_certain, known=session.gap_known)
+        worked = (self._journal.fold.worked_s or -1.0) >= self._began_s  # since then one clock has counted
+        certain, known = worked or session.gap_certain, worked or session.gap_known
+        return self._standing.go_on(as_found, restarted, certain=certain, known=known)
+
+    def _check_again(self) -> str:
+        """After a hole in time the bench is as unknown as when a run is resumed, and is checked like then."""
+        self._needs_set_up = True
+        at = self._journal.at
+        if at is not None:
+            at.attempt += 1
+        return "repeat-check"
 
     def _preparing(self) -> str:
         self._put_back()

@@ -61,7 +61,10 @@ class Transition:
 TRANSITIONS = (
     Transition("check", (State.READY,), State.CHECKING, "at every start"),
     Transition(
-        "repeat-check", (State.CHECKING, State.HOLDING), State.CHECKING, "an instrument failed; another attempt"
+        "repeat-check",
+        (State.CHECKING, State.HOLDING, *WORKING),
+        State.CHECKING,
+        "an instrument failed, another attempt; or a hole in time: the controller had no turn for a while",
     ),
     Transition(
         "prepare",

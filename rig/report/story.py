@@ -74,6 +74,12 @@ def _words(record: Record) -> str:
             return "stopped on request"
         case "event" if record.status in ("homed", "interrupted", "parked", "environment-settled"):
             return record.status.replace("-", " ")
+        case "event" if record.status == "hole":
+            where = at or f" while {data['where']}"
+            return (
+                f"the controller had no turn for {data['hole_s']:.0f} s{where} (stopped, or the machine asleep?); "
+                f"the bench is checked as after a crash"
+            )
         case "event" if record.status == "rescued":
             return f"the file was moved, deleted or replaced; the run goes on in {data['to']}"
         case "event" if record.status == "warning":

@@ -52,6 +52,7 @@ _NEEDED: Mapping[tuple[str, str | None], Mapping[str, _Check]] = {
     ("fault", None): {"message": _text},
     ("event", "whole-plot"): {"planned": _count},
     ("event", "rescued"): {"to": _text},
+    ("event", "hole"): {"hole_s": _number},
     ("event", "temperatures-left"): {"planned": _count},
     ("event", "whole-plot-lost"): {"first": _count, "count": _count, "reason": _text},
     ("end", None): {"records": _count, "head": _text},

@@ -12,6 +12,7 @@ from drivers.wires import Wires
 from drivers.wires.addresses import simulated
 from rig.config import BenchConfig
 from rig.contracts import with_contracts
+from rig.engine.holes import WatchedClock
 from rig.errors import ConfigurationError
 from sims.bench import SimBench, world_for
 from sims.physics.truth import WorldError
@@ -92,7 +93,8 @@ class DryBench:
             for name, i in config.instruments.items()
         }
         self.config = config.model_copy(update={"instruments": instruments, "simulated": True})
-        self.wires = Wires(self.world, simulated=self.sim.transports(), tap=tap)
+        self.clock = WatchedClock(self.world)
+        self.wires = Wires(self.clock, simulated=self.sim.transports(), tap=tap)
 
     def close(self) -> None:
         """Take the simulated addresses away."""

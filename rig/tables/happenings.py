@@ -25,7 +25,7 @@ COLUMNS = (
     "pause_s",
     "message",
 )
-_EVENTS = ("recovered", "read-back", "safe", "whole-plot-lost", "interrupted", "homed")
+_EVENTS = ("recovered", "read-back", "safe", "whole-plot-lost", "interrupted", "homed", "hole")
 
 
 def write_happenings(run: Path, path: Path) -> int:

@@ -128,7 +128,7 @@ def _told(record: Record, after_crash: bool) -> tuple[Kind, str, str]:
             return Kind.FAULT, "warning", text
         case "skip":
             return (Kind.WARNING if record.status == "final" else Kind.EVENT), "warning", text
-        case "event" if record.status == "whole-plot-lost":
+        case "event" if record.status in ("whole-plot-lost", "hole"):
             return Kind.WARNING, "warning", text
         case "event" if record.status == "warning":
             text = _message(record.data, encode(record.data)[:300])

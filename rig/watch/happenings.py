@@ -22,7 +22,7 @@ _MATTERS = {
     "session": "session",
     "end": "session",
 }
-_EVENT_MATTERS = {"warning": "warning", "whole-plot-lost": "fault", "interrupted": "session"}
+_EVENT_MATTERS = {"warning": "warning", "whole-plot-lost": "fault", "interrupted": "session", "hole": "fault"}
 _QUIET_GAP_S = 5.0
 
 

@@ -17,6 +17,7 @@ from drivers.wires.serial_line import SerialLine
 from procedures import Factor, Point
 from rig.engine import at_point, sequencer
 from rig.engine.guard import Guard
+from rig.engine.holes import WatchedClock
 from rig.engine.journal import Journal
 from rig.engine.whole_plots import WholePlots
 
@@ -112,6 +113,11 @@ def _whole_plot_goes_on() -> AbstractContextManager[Any]:
     )
 
 
+def _sleep_through() -> AbstractContextManager[Any]:
+    """A controller that had no turn for a while goes on as if nothing had been."""
+    return patch.object(WatchedClock, "take_hole", lambda _: None)
+
+
 BUGS: Mapping[str, Callable[[], AbstractContextManager[Any]]] = {
     "accept-late-reply": _accept_late_reply,
     "skip-re-approach": _skip_re_approach,
@@ -120,4 +126,5 @@ BUGS: Mapping[str, Callable[[], AbstractContextManager[Any]]] = {
     "vent-on-resume": _vent_on_resume,
     "stale-reading": _stale_reading,
     "whole-plot-goes-on": _whole_plot_goes_on,
+    "sleep-through": _sleep_through,
 }

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 
 from rig.errors import RunFileError
 from rig.run_file.reader import RunReader
-from rig.simulated.night import of_commands, of_readings, of_records
+from rig.simulated.night import of_commands, of_readings, of_records, of_time
 from rig.simulated.night.judged import Night, Violation
 from rig.simulated.night.play import Played
 
@@ -19,6 +19,7 @@ INVARIANTS: Mapping[str, Callable[[Night], Iterator[str]]] = {
     "truthful": of_readings.truthful,
     "approached": of_readings.approached,
     "one stay": of_readings.one_stay,
+    "unbroken": of_time.unbroken,
     "within limits": of_commands.within_limits,
     "safe": of_commands.safe,
     "in order": of_records.in_order,

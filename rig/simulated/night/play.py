@@ -19,6 +19,7 @@ from drivers.clock import Clock
 from drivers.wires import Wires
 from rig.bench import Bench, check_options, open_bench
 from rig.controller import Site, resume_run, start_run
+from rig.engine.holes import WatchedClock
 from rig.engine.session import Outcome, Signals
 from rig.errors import RigError
 from rig.plans import Plan, plan_of
@@ -133,11 +134,12 @@ class _Stage:
     def opened(self, plan: Plan, *, start: float) -> Iterator[tuple[Bench, Clock, str]]:
         """See `rig.controller.opened`; the bench is the same in every session, and its time goes on by itself."""
         del start
-        wires = Wires(self.world, simulated=self.bench.sim.transports(), tap=self._tap)
+        clock = WatchedClock(self.world)
+        wires = Wires(clock, simulated=self.bench.sim.transports(), tap=self._tap)
         config = self.bench.config
-        bench = open_bench(config, check_options(config, "bench.toml"), self.world, wires)
+        bench = open_bench(config, check_options(config, "bench.toml"), clock, wires)
         try:
-            yield bench, self.world, f"night-{self._boot}"
+            yield bench, clock, f"night-{self._boot}"
         finally:
             bench.close()
 
@@ -218,6 +220,8 @@ class _Stage:
                 self.world.call_in(mishap.options["for_s"], partial(self._ask, "release"))
             case "stop":
                 self._ask("stop")
+            case "suspend":
+                self.world.suspend(mishap.options["for_s"])
             case "no-memory":
                 raise MemoryError("drawn for this night")
 

@@ -9,7 +9,7 @@ import json
 import random
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -125,6 +125,7 @@ MISHAPS: Mapping[str, str] = {
     "disk-full": "the disk is full, and is cleared later",
     "failed-sync": "the disk fails to make something durable",
     "slow-disk": "the disk is slow for a while",
+    "suspend": "the controller's process is stopped, or its machine asleep, and goes on later",
 }
 
 
@@ -189,6 +190,7 @@ def draw(seed: int, lab: Lab, *, full: bool = False, calm: bool = False) -> Scen
         "procedure.toml": (folder / "procedure.toml").read_text(encoding="utf-8") if full else _procedure(rng, lab),
         "world.toml": world + "".join(map(_table, () if calm else tables)),
     }
+    happening = sorted([*happening, *_suspended(seed, lab, full, lasts)], key=lambda mishap: mishap.at_s)
     fold_pages = _SQLITES_OWN if full else rng.choice((3, 10, 40, _SQLITES_OWN))
     return Scenario(seed, lab, documents, () if calm else tuple(happening), gaps, fold_pages)
 
@@ -210,8 +212,17 @@ def _fewer(bench: str) -> str:
     return re.sub(r'"10[3-7]" = "volts", (?=.*"108")', "", "".join(kept))
 
 
+def _suspended(seed: int, lab: Lab, full: bool, lasts_s: float) -> Iterator[Mishap]:
+    """In every second night one; drawn apart, so that nights known by their seed stay what they were."""
+    rng = random.Random(f"suspend {lab} {full} {seed}")
+    if rng.random() < 0.5:
+        return
+    for_s = rng.choice((5.0, 40.0, 60.0, 400.0, 900.0, 2500.0, 20_000.0))
+    yield Mishap(round(rng.uniform(0.0, 1.2 * lasts_s), 3), "suspend", {"for_s": for_s})
+
+
 def _mishap(rng: random.Random, at_s: float) -> Mishap:
-    kind = rng.choice(tuple(MISHAPS))
+    kind = rng.choice(tuple(kind for kind in MISHAPS if kind != "suspend"))
     options: dict[str, float] = {}
     if kind in ("hold", "slow-disk"):
         options = {"for_s": rng.choice((20.0, 200.0, 1000.0))}

@@ -1,0 +1,118 @@
+"""Holes in time: stretches in which the controller had no turn, although nothing was being waited for.
+
+A process that is stopped (SIGSTOP), swapped out, or on a machine that sleeps, does not notice: its next look at the
+clock is later than it should be, and nothing else differs. Meanwhile a chamber may have drifted or a person changed
+something, so that what was known of the bench is as old as after a crash. The clock that engine and drivers share
+notices the hole; the sequencer then checks the bench as it does when a run is resumed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from drivers.clock import Clock
+
+HOLE_S = 10.0
+"""Two looks at the clock may be so far apart beyond what was waited for: a slow disk, a busy machine."""
+_GRACES = 5.0
+"""Where bench time runs faster than real time, a busy machine's pauses are longer in bench seconds."""
+
+
+@dataclass(frozen=True)
+class Hole:
+    """A stretch of bench time in which the controller had no turn.
+
+    Attributes:
+        began: clock reading at the last sign of life before it.
+        seconds: how long it was, less what was being waited for.
+
+    """
+
+    began: float
+    seconds: float
+
+
+class HoleInTime(Exception):
+    """The controller had no turn for longer than waiting explains; what was known of the bench is out of date."""
+
+    def __init__(self, hole: Hole) -> None:
+        super().__init__(f"the controller had no turn for {hole.seconds:.0f} s (stopped, or the machine asleep?)")
+        self.hole = hole
+
+    def as_json(self) -> dict[str, Any]:
+        """What the run file keeps of it."""
+        return {"hole_s": round(self.hole.seconds, 3)}
+
+
+class WatchedClock:
+    """A clock that notices holes: every use of it is a sign of life; satisfies `drivers.clock.Clock`.
+
+    Args:
+        clock: what it reads.
+
+    """
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self._last = clock.now()
+        self._explained = 0.0
+        self._hole: Hole | None = None
+
+    def take_hole(self) -> Hole | None:
+        """The longest hole since this was last asked, None if there was none."""
+        self.now()
+        hole, self._hole = self._hole, None
+        return hole
+
+    def now(self) -> float:
+        """See `Clock.now`."""
+        now = self._clock.now()
+        if now - self._last > HOLE_S + self._explained:
+            self._note(now)
+        self._last = now
+        return now
+
+    def _note(self, now: float) -> None:
+        seconds = now - self._last - self._explained
+        if seconds > HOLE_S + _GRACES * self._clock.grace() and (self._hole is None or seconds > self._hole.seconds):
+            self._hole = Hole(self._last, seconds)
+
+    def utc(self) -> float:
+        """See `Clock.utc`."""
+        return self._clock.utc()
+
+    def sleep(self, seconds: float) -> None:
+        """See `Clock.sleep`."""
+        self.now()
+        before, self._explained = self._explained, max(seconds, 0.0)
+        self._clock.sleep(seconds)
+        self.now()
+        self._explained = before
+
+    def idle(self, seconds: float) -> None:
+        """See `Clock.idle`."""
+        self.now()
+        before, self._explained = self._explained, max(seconds, 0.0)
+        self._clock.idle(seconds)
+        self.now()
+        self._explained = before
+
+    def timeout(self, seconds: float) -> float:
+        """See `Clock.timeout`: whoever asks is about to wait for so long at most, until the next wait is announced."""
+        self.now()
+        self._explained = max(seconds, 0.0)
+        return self._clock.timeout(seconds)
+
+    def grace(self) -> float:
+        """See `Clock.grace`."""
+        return self._clock.grace()
+
+    def stopwatch(self) -> float:
+        """See `Clock.stopwatch`."""
+        return self._clock.stopwatch()
+
+
+def watched(clock: Clock) -> WatchedClock:
+    """The clock itself if it is watched already."""
+    return clock if isinstance(clock, WatchedClock) else WatchedClock(clock)
