@@ -1,21 +1,22 @@
 """One controller a bench: a lock for every address, whatever it is called.
 
-The locks are files named after the address in a folder all users of the machine share, since the address itself may
-be a host and port, and a lock taken on a device file would not be seen by network users of it. What is locked is the
-wire: two units on one Modbus line are one wire, and a device is one device under all its names.
+A lock is a name in the kernel (an abstract Unix socket), not a file: it is one for all users of the machine wherever
+their temporary folders are, there is no folder that somebody else may have made or linked elsewhere, it goes with its
+process however that ends, and the kernel says who holds it (docs/decisions/0012-locks.md). What is locked is the wire:
+two units on one Modbus line are one wire, and a device is one device under all its names.
 """
 
 from __future__ import annotations
 
 import contextlib
-import fcntl
+import errno
 import hashlib
 import os
 import re
+import socket
 import stat
-import sys
-import tempfile
-from collections.abc import Iterable, Iterator, Mapping
+import struct
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Protocol
 
@@ -37,14 +38,10 @@ class Addressed(Protocol):
 @contextlib.contextmanager
 def locked_addresses(instruments: Mapping[str, Addressed]) -> Iterator[None]:
     """Hold a lock for every address of a bench; raises `BusyError` if another controller has one."""
-    held: list[int] = []
-    try:
+    with contextlib.ExitStack() as held:
         for wire, (name, address) in sorted(_wires(instruments).items()):
-            held.append(_lock(_path(wire), name, address))
+            held.enter_context(_lock(wire, name, address))
         yield
-    finally:
-        for descriptor in held:
-            os.close(descriptor)
 
 
 def holders(instruments: Mapping[str, Addressed]) -> dict[str, str]:
@@ -52,18 +49,8 @@ def holders(instruments: Mapping[str, Addressed]) -> dict[str, str]:
 
     Whoever wants to talk to the instruments takes `locked_addresses` all the same: this is for telling.
     """
-    found = {}
-    for wire, (name, _) in _wires(instruments).items():
-        path = _path(wire)
-        with contextlib.suppress(OSError):
-            descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW)
-            try:
-                fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
-            except OSError:
-                found[name] = _told(descriptor)
-            finally:
-                os.close(descriptor)
-    return found
+    told = {name: _holder(wire) for wire, (name, _) in _wires(instruments).items()}
+    return {name: holder for name, holder in told.items() if holder}
 
 
 def _wires(instruments: Mapping[str, Addressed]) -> dict[str, tuple[str, str]]:
@@ -106,48 +93,50 @@ def _device(path: str) -> str:
     return real
 
 
-def _path(wire: str) -> Path:
-    folder = Path(tempfile.gettempdir()) / "calibration-rig-locks"
-    folder.mkdir(mode=0o1777, exist_ok=True)
-    with contextlib.suppress(PermissionError):  # made by another user, who has already opened it to all
-        folder.chmod(0o1777)
-    return folder / hashlib.sha256(wire.encode()).hexdigest()[:32]
+_NAME = "\0calibration-rig/"
+"""Linux keeps such names in memory, one list for all users of a machine (of a network namespace)."""
+_ASKED = 128
+"""So many may ask who holds a lock before the answer is that it does not say."""
 
 
-def _lock(path: Path, name: str, address: str) -> int:
-    descriptor = _opened(path)
+def _name(wire: str) -> str:
+    return _NAME + hashlib.sha256(wire.encode()).hexdigest()[:32]
+
+
+def _lock(wire: str, name: str, address: str) -> socket.socket:
+    lock = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        who = _told(descriptor)
-        os.close(descriptor)
+        lock.bind(_name(wire))
+        lock.listen(_ASKED)
+    except OSError as error:
+        lock.close()
+        if error.errno != errno.EADDRINUSE:
+            raise BusyError(
+                f"{name}: {address} cannot be locked against a second controller ({error}); nothing was sent. Unix "
+                f"sockets have to be allowed here: look at what confines this process (systemd, container)"
+            ) from error
         raise BusyError(
-            f"{name}: {address} is in use by another controller of this machine ({who}); nothing was sent. Stop that "
-            f"one first: `rig stop RUN`, or end the process"
+            f"{name}: {address} is in use by another controller of this machine ({_holder(wire)}); nothing was sent. "
+            f"Stop that one first: `rig stop RUN`, or end the process"
         ) from None
+    return lock
+
+
+def _holder(wire: str) -> str:
+    """Who holds a wire, as the kernel says; "" if nobody does."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as asking:
+        asking.setblocking(False)
+        try:
+            asking.connect(_name(wire))
+        except BlockingIOError:
+            return "it does not say which process it is"
+        except OSError:
+            return ""
+        told = asking.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, struct.calcsize("3i"))
+    pid, uid, _ = struct.unpack("3i", told)
+    command = ""
     with contextlib.suppress(OSError):
-        os.fchmod(descriptor, 0o666)  # the creating user's umask must not shut others out
-        os.ftruncate(descriptor, 0)
-        os.pwrite(descriptor, f"process {os.getpid()}, {_command(sys.argv)}".encode()[:500], 0)
-    return descriptor
-
-
-def _opened(path: Path) -> int:
-    """Open a lock's file; one that another user has made may be opened and not created, where the folder is shared."""
-    with contextlib.suppress(FileNotFoundError):
-        return os.open(path, os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW)
-    return os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o666)
-
-
-def _command(arguments: Iterable[str]) -> str:
-    first, *others = [*arguments] or ["?"]
-    return " ".join([Path(first).name, *others])
-
-
-def _told(descriptor: int) -> str:
-    """What the holder of a lock has said about itself."""
-    with contextlib.suppress(OSError):
-        text = os.pread(descriptor, 500, 0).decode(errors="replace").strip()
-        if text:
-            return "".join(c if c.isprintable() else "?" for c in text)
-    return "it does not say which process it is"
+        words = Path(f"/proc/{pid}/cmdline").read_bytes()[:500].split(b"\0")
+        command = " ".join(word.decode(errors="replace") for word in words).strip()
+    command = "".join(c if c.isprintable() else "?" for c in command)
+    return f"process {pid} of user {uid}" + (f", {command}" if command else "")

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+import tempfile
+
 import pytest
 
 from rig.config import InstrumentConfig, parse_bench
@@ -79,3 +84,31 @@ def test_two_units_on_one_modbus_wire_are_one_lock_and_no_deadlock():
         locked_addresses({"c": instrument("modbus-tcp://127.0.0.1:5503/9")}),
     ):
         pass
+
+
+def test_locks_are_one_for_a_machine_wherever_temporary_folders_are(tmp_path, monkeypatch):
+    address = {"a": instrument("modbus-tcp://127.0.0.1:5504/1")}
+    holding = "from rig.locks import locked_addresses as l; from rig.config import InstrumentConfig as I\n"
+    holding += f"with l({{'a': I(driver='d', address={address['a'].address!r})}}): print('held', flush=True); input()"
+    elsewhere = {**os.environ, "TMPDIR": str(tmp_path)}
+    other = subprocess.Popen([sys.executable, "-c", holding], stdin=-1, stdout=-1, text=True, env=elsewhere)
+    try:
+        assert other.stdout.readline() == "held\n"
+        monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "another"))
+        with pytest.raises(BusyError, match=rf"process {other.pid} of user {os.getuid()}, .*python"):
+            locked_addresses(address).__enter__()
+    finally:
+        other.communicate("\n", timeout=30)
+    with locked_addresses(address):
+        pass
+
+
+def test_a_link_that_somebody_left_in_the_temporary_folder_opens_nothing_to_everybody(tmp_path, monkeypatch):
+    private = tmp_path / "private"
+    private.mkdir(mode=0o700)
+    (tmp_path / "calibration-rig-locks").symlink_to(private)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    with locked_addresses({"a": instrument("modbus-tcp://127.0.0.1:5505/1")}):
+        pass
+    assert private.stat().st_mode & 0o7777 == 0o700
+    assert list(private.iterdir()) == []
