@@ -147,8 +147,7 @@ TimeoutStopSec={watchdog}
 LimitCORE=0
 
 # Nothing here takes serial ports, CAN or locks away. On purpose not used: PrivateDevices and
-# ProtectClock (both close /dev), 
-# MemoryDenyWriteExecute (numerical libraries).
+# ProtectClock (both close /dev), MemoryDenyWriteExecute (numerical libraries).
 NoNewPrivileges=yes
 LockPersonality=yes
 RestrictRealtime=yes
