@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sqlite3
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import apsw
@@ -13,7 +15,7 @@ import pytest
 
 from procedures import Factor, Point, RunList
 from rig.errors import BusyError, RunFileError, StorageError, UsageError
-from rig.run_file import wal
+from rig.run_file import storage, wal
 from rig.run_file.chain import Record, encode
 from rig.run_file.creation import Genesis, create
 from rig.run_file.live import live_path, read_json, read_live, request_path
@@ -327,6 +329,96 @@ def test_a_file_that_loses_its_name_is_noticed_and_rescued(path, tmp_path, how):
         rescued.verify()
         assert fold(rescued.records()).accepted == {0}
         rescued.append(observation(1))
+
+
+def cut(file: Path) -> None:
+    os.truncate(file, file.stat().st_size // 2)
+
+
+def overwrite(file: Path) -> None:
+    with file.open("r+b") as there:
+        there.seek(4096)
+        there.write(bytes(4096 * 4))
+
+
+DAMAGE = {
+    "the log is cut": lambda path: cut(path.with_name(path.name + "-wal")),
+    "the log is emptied": lambda path: os.truncate(path.with_name(path.name + "-wal"), 0),
+    "the log is removed": lambda path: path.with_name(path.name + "-wal").unlink(),
+    "the file is cut": cut,
+    "the file is emptied": lambda path: os.truncate(path, 0),
+    "the file is overwritten": overwrite,
+    "the folder is a file": lambda path: (path.parent.rename(path.parent.parent / "away"), path.parent.touch()),
+}
+
+
+@pytest.mark.parametrize("how", DAMAGE)
+def test_a_file_that_is_damaged_while_it_is_written_is_noticed_at_the_next_commit(tmp_path, how, monkeypatch):
+    elsewhere = tmp_path / "temporary"
+    elsewhere.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(elsewhere))
+    path = tmp_path / "runs" / "a-run.sqlite"
+    create(path, genesis(), elapsed_s=0.0, utc_s=1e9)
+    run = RunWriter.open(path)
+    try:
+        for i in range(6):
+            run.append(observation(i))
+        DAMAGE[how](path)
+        for _ in range(2):
+            with pytest.raises(StorageError, match=r"while the run was writing, it.*rig resume") as told:
+                run.append(observation(6))
+    finally:
+        run.close()
+    (copy,) = tmp_path.glob("*/a-run-rescued-*.sqlite")
+    assert str(copy) in str(told.value)
+    with RunWriter.open(copy) as rescued:
+        rescued.verify()
+        assert fold(rescued.records()).accepted == set(range(6))
+        rescued.append(observation(6))
+
+
+@pytest.mark.parametrize("records", [1, 40])
+def test_a_file_that_is_damaged_at_the_very_end_is_not_called_complete(path, tmp_path, monkeypatch, records):
+    run = RunWriter.open(path)
+    for i in range(records):
+        run.append(observation(i % 10, "accepted" if i < 10 else "rejected"))
+    monkeypatch.setattr(storage.Storage, "sync_folder", lambda *_: overwrite(path))  # the last that is done
+    with pytest.raises(StorageError, match="it does not hold what was written into it"):
+        run.finish(Record(1, "end", 1.0, 1e9, status="complete"))
+    run.close()
+    monkeypatch.undo()
+    (copy,) = tmp_path.glob("a-run-rescued-*.sqlite")
+    with RunReader.open(copy) as rescued:
+        rescued.verify()
+        assert fold(rescued.records()).ended == "complete"
+
+
+def test_a_file_that_is_only_touched_goes_on(path):
+    with RunWriter.open(path) as run:
+        for i in range(4):
+            os.utime(path)
+            os.utime(path.with_name(path.name + "-wal")) if i else None
+            run.append(observation(i))
+        assert fold(run.records()).accepted == {0, 1, 2, 3}
+
+
+def test_a_second_name_of_a_run_under_way_is_refused(path, tmp_path):
+    killed = tmp_path / "killed"
+    killed.mkdir()
+    with RunWriter.open(path) as run:
+        run.append(observation(0))
+        for left in tmp_path.glob("a-run*"):
+            shutil.copy(left, killed)
+    first, second = killed / "a-run.sqlite", killed / "copy.sqlite"
+    os.link(first, second)
+    for open_it in (RunWriter.open, RunReader.open):
+        with pytest.raises(UsageError, match=r"second name \(hard link\).*a-run\.sqlite"):
+            open_it(second)
+    with RunWriter.open(first) as run:
+        assert fold(run.records()).accepted == {0}
+        run.finish(Record(1, "end", 1.0, 1e9, status="complete"))
+    with RunReader.open(second) as finished:  # its log is folded: one file, whatever its names
+        assert fold(finished.records()).accepted == {0}
 
 
 def test_news_and_requests_that_are_none_hold_nobody_up(path):

@@ -12,6 +12,7 @@ import apsw
 from drivers.clock import RealClock
 from rig.errors import RunFileError, UsageError
 from rig.run_file.beside import Alone, alone, check_journal, has_log
+from rig.run_file.last_word import head_path
 from rig.run_file.schema import APPLICATION_ID, SCHEMA_VERSION, Guarded, guard, strange_tables
 
 _READ_ONLY = apsw.SQLITE_OPEN_READONLY | apsw.SQLITE_OPEN_URI
@@ -39,6 +40,26 @@ def check_header(path: Path) -> None:
         raise UsageError(f"{path} is not a run file (not an SQLite database), or its beginning is damaged{_COPY}")
     if int.from_bytes(start[68:72], "big") != APPLICATION_ID:
         raise UsageError(f"{path} is not a run file (an SQLite database of another program), or damaged{_COPY}")
+    if start[18] == _WAL_MODE:
+        _check_name(path)
+
+
+_WAL_MODE = 2
+"""In a database's header: a log may go with it, under its name."""
+
+
+def _check_name(path: Path) -> None:
+    """Refuse a second name (hard link) of a run under way: its log goes by the other. Raises `UsageError`."""
+    if os.stat(path).st_nlink < 2 or has_log(path) or head_path(path).exists():
+        return
+    own = os.stat(path).st_ino
+    with contextlib.suppress(OSError):
+        others = [other for other in sorted(path.absolute().parent.iterdir()) if other.lstat().st_ino == own]
+    names = ", ".join(str(other) for other in others if other != path.absolute()) or "somewhere else"
+    raise UsageError(
+        f"{path} is a second name (hard link) of a run that is not finished, and what was observed last goes by the "
+        f"first: {names}. Use that one, or remove this name"
+    )
 
 
 def locked(descriptor: int) -> bool:

@@ -1,9 +1,11 @@
-"""A run file that was moved, deleted or replaced while it was written: noticed, and what was in it saved."""
+"""A run file that was moved, deleted, replaced or damaged while it was written: what was in it is saved."""
 
 from __future__ import annotations
 
 import contextlib
 import os
+import tempfile
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import apsw
@@ -30,31 +32,66 @@ def is_still_at(path: Path, descriptor: int) -> bool:
     return os.path.samestat(there, os.fstat(descriptor))
 
 
-def rescue(path: Path, db: apsw.Connection) -> StorageError:
-    """Copy what a run file held that has lost its name, before the last to hold it open lets it go.
+def rescue(
+    path: Path, happened: str, sources: Sequence[apsw.Connection | None], head: tuple[int, bytes]
+) -> StorageError:
+    """Copy what a run file held, before the last to hold it open lets it go.
+
+    Args:
+        path: the run file.
+        happened: to it; the end of a sentence.
+        sources: connections that may still hold it, the file's own first; None for one that is not there.
+        head: number of records and hash of the last one, which a copy must have.
 
     Returns:
         what to raise: what happened, where the copy is, what to do next.
 
     """
-    happened = f"{path} was moved, deleted or replaced while the run was writing to it"
-    copy = path.with_name(f"{path.stem}-rescued-{os.getpid()}.sqlite")
+    what = f"{path}: while the run was writing, {happened}"
+    why = "nothing could be read"
+    for copy in _places(path):
+        for source in (one for one in sources if one is not None):
+            try:
+                _copy(source, copy, head)
+            except (OSError, apsw.Error) as error:
+                why = str(error)
+                continue
+            if source is sources[0]:
+                with contextlib.suppress(apsw.Error):
+                    _hand_over(source, copy)
+            return StorageError(f"{what}. Everything up to the last observation is in {copy}; then: rig resume {copy}")
+    return StorageError(
+        f"{what}, and no copy could be made ({why}): look for the file that was moved, or see what "
+        f"`rig verify {path} --restore NEW.sqlite` finds"
+    )
+
+
+def _places(path: Path) -> Iterator[Path]:
+    """Where a copy may go: beside the file, else where temporary files go, else here."""
+    name = f"{path.stem}-rescued-{os.getpid()}.sqlite"
+    folders = [path.parent, Path(tempfile.gettempdir()), Path.cwd()]
+    yield from (folder / name for folder in dict.fromkeys(folders))
+
+
+def _copy(source: apsw.Connection, copy: Path, head: tuple[int, bytes]) -> None:
+    """Copy a database; raises OSError or `apsw.Error` where that fails or the copy does not end as it should."""
+    copy.parent.mkdir(parents=True, exist_ok=True)
+    os.close(os.open(copy, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o644))
     try:
-        copy.parent.mkdir(parents=True, exist_ok=True)
-        os.close(os.open(copy, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o644))
         to = apsw.Connection(str(copy))
         try:
-            with to.backup("main", db, "main") as backup:
+            with to.backup("main", source, "main") as backup:
                 backup.step()
+            problem = to.execute("PRAGMA integrity_check(1)").fetchone()
+            last = to.execute("SELECT seq, hash FROM record ORDER BY seq DESC LIMIT 1").fetchone()
+            if problem != ("ok",) or last != head:
+                raise OSError("the file was damaged")
         finally:
             to.close()
-    except (OSError, apsw.Error) as error:
+    except (OSError, apsw.Error):
         with contextlib.suppress(OSError):
             copy.unlink(missing_ok=True)
-        return StorageError(f"{happened}, and no copy could be made ({error}): look for the file that was moved")
-    with contextlib.suppress(apsw.Error):
-        _hand_over(db, copy)
-    return StorageError(f"{happened}. Everything up to the last observation is in {copy}; then: rig resume {copy}")
+        raise
 
 
 def _hand_over(db: apsw.Connection, copy: Path) -> None:

@@ -17,14 +17,16 @@ import apsw
 
 from rig.errors import BusyError, RunFileError, StorageError
 from rig.run_file import wal
+from rig.run_file.audit import findings
 from rig.run_file.beside import Alone, check_journal, foreign_log
 from rig.run_file.chain import Record, encode, link
 from rig.run_file.last_word import LastWord, read_last_word
-from rig.run_file.opening import by_itself, check_header, checked, locked, unreadable
+from rig.run_file.opening import by_itself, check_header, checked, locked, opened_to_read, unreadable
 from rig.run_file.reader import RunReader
 from rig.run_file.rescue import is_still_at, rescue
 from rig.run_file.schema import INSERT_RECORD, guard
 from rig.run_file.storage import storage_of
+from rig.run_file.vigil import Mirror, Vigil
 
 
 class RunWriter(RunReader):
@@ -83,10 +85,12 @@ class RunWriter(RunReader):
         self._pending: list[tuple[int, Record, bytes, bytes]] = []
         self._finished = False
         self._lost: StorageError | None = None
+        self._mirror = Mirror(self._db, INSERT_RECORD)
         self.dropped = self._cut_off(self.dropped)
         self._last_word = LastWord(self.path)
         if self._seq > 1:
             self._last_word.say(self._seq, self._hash)
+        self._vigil = Vigil(self.path)
 
     def _cut_off(self, dropped: wal.WalState) -> wal.WalState:
         """What was dropped, in the light of how many records the last session is known to have written."""
@@ -114,7 +118,7 @@ class RunWriter(RunReader):
             self.commit()
 
     def commit(self) -> None:
-        """Make everything appended durable. Raises `StorageError`, also if the file has lost its name."""
+        """Make everything appended durable. Raises `StorageError`, also if file or log were changed by others."""
         if not self._pending:
             return
         self._must_be_there()
@@ -137,19 +141,42 @@ class RunWriter(RunReader):
         self._committed()
 
     def _committed(self) -> None:
+        self._mirror.add([(seq, *record, previous, own) for seq, record, previous, own in self._pending])
         self._seq, _, _, self._hash = self._pending[-1]
         self._pending.clear()
+        self._vigil.note()
         self._last_word.say(self._seq, self._hash)
 
     def _must_be_there(self) -> None:
-        """A file without its name would take a night's records with it when it is closed."""
-        if self._lost is None and not is_still_at(self.path, self._lock):
-            self._lost = rescue(self.path, self._db)
+        """What is in a file that lost its name, or was changed under its writer, is put where it is safe."""
+        if self._lost is None:
+            if not is_still_at(self.path, self._lock):
+                self._lost = self._rescued("it was moved, deleted or replaced")
+            elif (changed := self._vigil.changed()) and not self._holds_all():
+                self._lost = self._rescued(changed)
+            elif changed:
+                self._vigil.note()  # touched, and nothing of it
         if self._lost is not None:
             raise self._lost
 
+    def _rescued(self, happened: str) -> StorageError:
+        return rescue(self.path, happened, [self._db, self._mirror.db], (self._seq, self._hash))
+
+    def _holds_all(self) -> bool:
+        """Whether file and log, read by nobody's memory of them, hold every record that was written."""
+        try:
+            with RunReader(self.path, opened_to_read(self.path, f"{self.path.absolute().as_uri()}?mode=ro")) as fresh:
+                return fresh.head() == (self._seq, self._hash) and next(findings(fresh, thorough=False), None) is None
+        except (apsw.Error, RunFileError, OSError):
+            return False
+
     def finish(self, record: Record) -> None:
-        """Write the end record with count and head hash, and turn the file into an ordinary one."""
+        """Write the end record with count and head hash, turn the file into an ordinary one, and read it back.
+
+        Raises:
+            StorageError: the end could not be made durable, or the file does not hold what was written into it.
+
+        """
         self.commit()
         body = {**record.data, "records": self._seq, "head": self._hash.hex()}
         try:
@@ -168,6 +195,9 @@ class RunWriter(RunReader):
             self._db.pragma("synchronous", "extra")
             self._db.pragma("journal_mode", "delete")
             storage_of(self._vfs).sync_folder(self.path.parent)
+        if not self._holds_all():
+            self._lost = self._rescued("it does not hold what was written into it")
+            raise self._lost
         self._finished = True
 
     def close(self) -> None:
@@ -176,6 +206,7 @@ class RunWriter(RunReader):
             super().close()
         finally:
             self._last_word.close(finished=self._finished)
+            self._mirror.close()
             if self._lock >= 0:
                 os.close(self._lock)  # after SQLite: closing any descriptor drops its own locks on the file
                 self._lock = -1

@@ -1,0 +1,114 @@
+"""Whether anybody else has changed a run file, or its log, since its writer last did.
+
+SQLite takes what it has in memory for what is in the files: a log that is cut, removed or overwritten under it is not
+noticed until somebody else reads. While a run writes, nobody else may: so size, time of change and identity of both
+files are what they were after the last commit, or somebody has been at work.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import NamedTuple
+
+import apsw
+
+
+class _Seen(NamedTuple):
+    device: int
+    inode: int
+    size: int
+    changed_ns: int
+
+
+def _look(path: Path) -> _Seen | None:
+    """What there is; None if nothing is. Raises OSError if it cannot be looked at."""
+    try:
+        found = os.stat(path)
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    return _Seen(found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns)
+
+
+class Vigil:
+    """Watches a run file and its log.
+
+    Args:
+        path: the run file.
+
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._paths = {"it": path, "its log": path.with_name(path.name + "-wal")}
+        self._seen: dict[str, _Seen | None] = {}
+        self.note()
+
+    def note(self) -> None:
+        """What is there now is as its writer left it."""
+        for what, path in self._paths.items():
+            try:
+                self._seen[what] = _look(path)
+            except OSError:
+                self._seen.pop(what, None)  # a folder that cannot be looked at is no evidence of anything
+
+    def changed(self) -> str:
+        """What somebody else has done since, "" if nothing: the end of a sentence."""
+        for what, path in self._paths.items():
+            if what not in self._seen:
+                continue
+            before = self._seen[what]
+            try:
+                now = _look(path)
+            except OSError:
+                continue
+            if now == before:
+                continue
+            if now is None:
+                return f"{what} was removed"
+            if before is not None and now[:2] == before[:2]:
+                return f"{what} was {'cut' if now.size < before.size else 'changed by another program'}"
+            return f"{what} was replaced"
+        return ""
+
+
+MOST_BYTES = 128 << 20
+"""Of a run file that is kept in memory besides. Runs of a night have a tenth of it."""
+_LOOK_EVERY = 256
+
+
+class Mirror:
+    """What a run file holds, in memory too: what is left of it when the file is damaged under its writer.
+
+    Args:
+        db: the file, opened.
+        insert: the statement that adds a record.
+
+    """
+
+    def __init__(self, db: apsw.Connection, insert: str) -> None:
+        self._insert, self._commits = insert, 0
+        self.db: apsw.Connection | None = None
+        if _bytes(db) > MOST_BYTES:
+            return
+        self.db = apsw.Connection(":memory:")
+        with self.db.backup("main", db, "main") as backup:
+            backup.step()
+
+    def add(self, rows: list[tuple[object, ...]]) -> None:
+        """The records that were just committed."""
+        if self.db is None:
+            return
+        self.db.executemany(self._insert, rows)
+        self._commits += 1
+        if self._commits % _LOOK_EVERY == 0 and _bytes(self.db) > MOST_BYTES:
+            self.close()
+
+    def close(self) -> None:
+        """Let it go."""
+        if self.db is not None:
+            self.db.close()
+            self.db = None
+
+
+def _bytes(db: apsw.Connection) -> int:
+    return int(db.pragma("page_count")) * int(db.pragma("page_size"))
