@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import base64
 import contextlib
+import email.header
+import email.policy
 import http.server
 import json
 import socketserver
 import sys
 import threading
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import pytest
@@ -20,6 +23,7 @@ from rig.engine.session import Progress
 from rig.errors import ConfigurationError
 from rig.run_file.reader import RunReader
 from rig.unattended import Happening, Kind, Listeners, RunFacts
+from rig.unattended.happenings import one_line
 from rig.unattended.notify import Failure, Notifier, NotifySettings, NotSent, compose, read_settings, sender
 
 FACTS = RunFacts(Path("/runs/night-1.sqlite"), "night-1", "lab", "night", simulated=True)
@@ -134,6 +138,39 @@ def test_a_mail_says_what_where_when_how_far_and_what_next():
         "rig release /runs/night-1.sqlite",
     ):
         assert words in mail
+
+
+@pytest.mark.parametrize(
+    "bench",
+    [
+        "=?utf-8?q?x=0D=0AReply-To=3A_evil=40example.com=0D=0A=0D=0AA_body?=",
+        "=?utf-8?b?" + base64.b64encode(b"x\r\nBcc: evil@example.com\r\n\r\nA body").decode() + "?=",
+        "x\r\nBcc: evil@example.com",
+        "Prüfstand 7 – Übertemperatur, äöü, \u0394p und noch ein langer Name",
+        "\ud800 half a character",
+    ],
+)
+def test_a_benchs_name_never_becomes_a_header(bench):
+    with serving(MailServer()) as server:
+        sender(mail_channel(server))(compose(HELD, replace(FACTS, bench=bench), NEWS))
+    (raw,) = server.mails
+    head = raw.partition("\n\n")[0]
+    assert head.isascii()
+    names = [line.partition(":")[0] for line in head.splitlines() if not line.startswith((" ", "\t"))]
+    assert set(names) <= {
+        *("Content-Type", "MIME-Version", "Content-Transfer-Encoding", "Subject", "From", "To", "Date"),
+        *("Message-ID", "Auto-Submitted", "X-Priority"),
+    }
+    assert len(names) == len(set(names))
+    read = email.message_from_string(raw, policy=email.policy.default)
+    assert "Reply-To" not in read
+    assert "Bcc" not in read
+    said = "".join(
+        text if isinstance(text, str) else text.decode(of or "ascii")
+        for text, of in email.header.decode_header(email.message_from_string(raw)["Subject"])
+    )
+    plain = one_line(bench).encode("utf-8", "replace").decode()
+    assert said.replace("\n", "") == f"SIMULATED {plain}: held"
 
 
 def test_a_mail_server_without_encryption_gets_nothing_unless_that_was_asked_for():

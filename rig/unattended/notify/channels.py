@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import contextlib
 import importlib
 import importlib.util
@@ -16,7 +17,7 @@ import tempfile
 import urllib.error
 import urllib.request
 from collections.abc import Callable
-from email.message import EmailMessage
+from email.mime.text import MIMEText
 from email.utils import formatdate, make_msgid
 from pathlib import Path
 from typing import Any, NoReturn
@@ -117,10 +118,16 @@ def _5xx(error: smtplib.SMTPResponseException) -> bool:
     return 500 <= error.smtp_code < 600
 
 
-def as_mail(message: Message, channel: Mail) -> EmailMessage:
-    """The message as e-mail, with headers that keep automatic replies away."""
-    mail = EmailMessage()
-    mail["Subject"] = message.headline
+def as_mail(message: Message, channel: Mail) -> MIMEText:
+    """The message as e-mail, with headers that keep automatic replies away.
+
+    Of `email`'s two families this is the one that takes headers as they are given: the other decodes what looks like
+    an encoded word, and a bench's name could become a header, or a body, of its own.
+    """
+    text = message.text.encode("utf-8", "replace").decode("utf-8")
+    readable = text.isascii() and max(map(len, text.splitlines())) < _LINE
+    mail = MIMEText(text, "plain", "us-ascii" if readable else "utf-8")
+    mail["Subject"] = _plain_header(message.headline)
     mail["From"] = channel.sender
     mail["To"] = ", ".join(channel.to)
     mail["Date"] = formatdate()
@@ -128,8 +135,28 @@ def as_mail(message: Message, channel: Mail) -> EmailMessage:
     mail["Auto-Submitted"] = "auto-generated"
     if message.urgent:
         mail["X-Priority"] = "1"
-    mail.set_content(message.text)
     return mail
+
+
+_LINE = 990
+"""Characters in a line of a mail that is sent as it is."""
+_WORD = 42
+"""Bytes of text in an encoded word, which may be 75 characters long."""
+
+
+def _plain_header(text: str) -> str:
+    """A header's text in ASCII: as it is where it is that and no encoded word, else in encoded words (RFC 2047)."""
+    text = " ".join("".join(c if c.isprintable() else " " for c in text).split())
+    if text.isascii() and "=?" not in text:
+        return text
+    words, word = [], b""
+    for character in text:
+        data = character.encode("utf-8", "replace")
+        if len(word) + len(data) > _WORD:
+            words.append(word)
+            word = b""
+        word += data
+    return " ".join(f"=?utf-8?b?{base64.b64encode(part).decode()}?=" for part in (*words, word))
 
 
 # --- webhook ----------------------------------------------------------------------------------------------------------
