@@ -14,7 +14,7 @@ from rig.cli import app
 from rig.cli.run import RunArgument
 from rig.cli.show import err
 from rig.cli.unattended import facts_of
-from rig.config import parse_bench
+from rig.config import parse_bench, read_text
 from rig.errors import ExitCode, RigError, UsageError
 from rig.run_file.elsewhere import goes_on_in
 from rig.run_file.live import controller_alive
@@ -70,7 +70,13 @@ def service(
         watchdog_s=WATCHDOG_S if remove else watchdog or _patience_s(run_file),
         bench=None if bench is None else bench.resolve(),
         also_write=tuple(path.resolve() for path in writes_to or ()),
+        addresses=() if remove else _addresses(run_file, bench),
     )
+    if unit.system and unit.user == "root" and not remove:
+        raise UsageError(
+            "a controller needs no rights of root: name the user it runs as, --run-as USER, who can use the "
+            "instruments' ports (on most machines a member of the group dialout) and write to the run's folder"
+        )
     if remove:
         _remove(unit)
     elif install:
@@ -124,6 +130,19 @@ def _patience_s(run_file: Path) -> float:
     with RunReader.open(run_file) as reader:
         text = reader.documents().get("bench.toml")
     return WATCHDOG_S if text is None else patience_s(parse_bench(text, f"{run_file} (bench.toml)", strict=False))
+
+
+def _addresses(run_file: Path, bench: Path | None) -> tuple[str, ...]:
+    """Of the bench that the service will use; none of a dry run."""
+    with RunReader.open(run_file) as reader:
+        text, dry = reader.documents().get("bench.toml"), bool(reader.genesis().data.get("dry"))
+    if bench is not None:
+        config = parse_bench(read_text(bench, "bench"), str(bench))
+    elif text is None or dry:
+        return ()
+    else:
+        config = parse_bench(text, f"{run_file} (bench.toml)", strict=False)
+    return tuple(instrument.address for instrument in config.instruments.values())
 
 
 def _install(unit: ServiceUnit) -> None:

@@ -69,7 +69,8 @@ def rescue(
 def _places(path: Path) -> Iterator[Path]:
     """Where a copy may go: beside the file, else where temporary files go, else here."""
     name = f"{path.stem}-rescued-{os.getpid()}.sqlite"
-    folders = [path.parent, Path(tempfile.gettempdir()), Path.cwd()]
+    state = os.environ.get("STATE_DIRECTORY", "").partition(":")[0]  # of a service, whose temporary files go with it
+    folders = [path.parent, *([Path(state)] if state else []), Path(tempfile.gettempdir()), Path.cwd()]
     yield from (folder / name for folder in dict.fromkeys(folders))
 
 

@@ -6,10 +6,10 @@ import getpass
 import os
 import re
 import sys
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
+from drivers.wires.addresses import CanAddress, parse_address
 from rig.bench import check_options
 from rig.config import BenchConfig
 from rig.errors import ExitCode
@@ -50,6 +50,7 @@ class ServiceUnit:
         watchdog_s: see `WATCHDOG_S`.
         bench: another bench file for `rig resume`, absolute.
         also_write: folders besides the run's that may be written to.
+        addresses: of the bench's instruments; a system unit reaches their devices and no others.
 
     """
 
@@ -61,6 +62,7 @@ class ServiceUnit:
     watchdog_s: float = WATCHDOG_S
     bench: Path | None = None
     also_write: tuple[Path, ...] = ()
+    addresses: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -84,7 +86,7 @@ class ServiceUnit:
     def text(self) -> str:
         """The unit file."""
         folder = self.run.parent
-        writable = " ".join(_quoted(str(path)) for path in (folder, _LOCKS, *self.also_write))
+        writable = " ".join(_quoted(str(path)) for path in (folder, *self.also_write))
         network = "Wants=network-online.target\nAfter=network-online.target time-sync.target\n" if self.system else ""
         return _UNIT.format(
             description=f"Calibration run {_plain(self.run_id)} ({_plain(self.about)})",
@@ -98,9 +100,17 @@ class ServiceUnit:
             final_words=", ".join(f"{int(code)} {code.name.lower().replace('_', ' ')}" for code in FINAL),
             final=" ".join(str(int(code)) for code in FINAL),
             good=" ".join(str(int(code)) for code in GOOD),
-            hardening=_SYSTEM_HARDENING + f"ReadWritePaths={writable}\n" if self.system else "",
+            hardening=self._confined(writable) if self.system else "",
             target="multi-user" if self.system else "default",
         )
+
+    def _confined(self, writable: str) -> str:
+        """What a unit of the machine takes away; a unit of a user has no right to."""
+        reached = [parse_address(address) for address in self.addresses]
+        families = " AF_CAN" if any(isinstance(one, CanAddress) for one in reached) else ""
+        devices = sorted({_device_class(one.device) for one in reached if one.device is not None})
+        allowed = "".join(f"DeviceAllow={device} rw\n" for device in devices)
+        return _SYSTEM_HARDENING.format(families=families) + f"{allowed}ReadWritePaths={writable}\n"
 
     def next_steps(self) -> list[str]:
         """Commands that set it to work, and those that look at it."""
@@ -146,9 +156,10 @@ KillMode=mixed
 TimeoutStopSec={watchdog}
 LimitCORE=0
 
-# Nothing here takes serial ports, CAN or locks away. On purpose not used: PrivateDevices and
-# ProtectClock (both close /dev), MemoryDenyWriteExecute (numerical libraries).
+# On purpose not used: PrivateDevices and ProtectClock (both close /dev), MemoryDenyWriteExecute (numerical
+# libraries), ProcSubset (the name of this boot is read there).
 NoNewPrivileges=yes
+UMask=0027
 LockPersonality=yes
 RestrictRealtime=yes
 RestrictSUIDSGID=yes
@@ -158,12 +169,37 @@ SystemCallArchitectures=native
 WantedBy={target}.target
 """
 
-_LOCKS = Path(tempfile.gettempdir())
-"""Where every controller of the machine keeps the locks of addresses."""
+
+def _device_class(device: str) -> str:
+    """The kind of device an address means, as systemd lets it be used: a port that comes back may have another number.
+
+    A name that leads nowhere at the moment, or to a device of no known kind, is allowed by itself.
+    """
+    name = os.path.basename(os.path.realpath(device))
+    kind = next((kind for kind in _DEVICE_KINDS if re.fullmatch(rf"{kind}[0-9]+", name)), None)
+    return device if kind is None else f"char-{kind}"
+
+
+_DEVICE_KINDS = ("ttyUSB", "ttyACM", "ttyS", "ttyAMA", "rfcomm")
 
 _SYSTEM_HARDENING = """\
-RestrictAddressFamilies=AF_UNIX AF_INET AF_INET6 AF_CAN AF_NETLINK
+CapabilityBoundingSet=
+AmbientCapabilities=
+SystemCallFilter=@system-service
+SystemCallFilter=~@privileged
+SystemCallErrorNumber=EPERM
+RestrictAddressFamilies=AF_UNIX AF_INET AF_INET6 AF_NETLINK{families}
 RestrictNamespaces=yes
+KeyringMode=private
+PrivateTmp=yes
+PrivateMounts=yes
+RemoveIPC=yes
+ProtectKernelLogs=yes
+ProtectProc=invisible
+DevicePolicy=closed
+# Where a run goes on if its own folder is taken away.
+StateDirectory=calibration-rig
+StateDirectoryMode=0750
 ProtectKernelTunables=yes
 ProtectKernelModules=yes
 ProtectControlGroups=yes
