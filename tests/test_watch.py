@@ -5,6 +5,10 @@ from __future__ import annotations
 import itertools
 import json
 import re
+import socket
+import subprocess
+import sys
+import urllib.request
 from pathlib import Path
 from unittest.mock import patch
 
@@ -434,3 +438,25 @@ def test_a_long_run_is_read_once_and_shown_in_little(tmp_path):
             assert asked == [1]
     assert feed.view()["state"]["done"] == many
     assert len(feed.view()["charts"]["residuals"]["elapsed_s"]) <= KEPT + RECENT
+
+
+def test_half_open_connections_keep_nobody_out(tmp_path):
+    """As an attacker did: as many as the page takes, opened and never asked with; then a person looks."""
+    new_run(tmp_path)
+    command = [sys.executable, "-m", "rig", "watch", str(tmp_path / "small.sqlite"), "--port", "0"]
+    page = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    silent = []
+    try:
+        port = next(int(found[1]) for line in page.stdout if (found := re.search(r"http://[^/]*:(\d+)/", line)))
+        for i in range(250):
+            silent.append(socket.create_connection(("127.0.0.1", port), timeout=10))
+            if i % 2:
+                silent[-1].sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX-Slow: ")
+        for _ in range(3):
+            with urllib.request.urlopen(f"http://127.0.0.1:{port}/run/small", timeout=10) as answer:
+                assert answer.status == 200
+    finally:
+        for one in silent:
+            one.close()
+        page.terminate()
+        page.communicate(timeout=30)

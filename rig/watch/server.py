@@ -18,6 +18,7 @@ from rig.errors import UsageError
 from rig.previous import read_previous
 from rig.watch.access import Access
 from rig.watch.app import make_app
+from rig.watch.connections import BoundedProtocol
 from rig.watch.shelf import Shelf
 
 
@@ -71,6 +72,7 @@ def serve(
             access_log=False,  # a token may stand in the first address
             lifespan="off",
             ws="none",
+            http=BoundedProtocol,
             server_header=False,
             proxy_headers=False,
             limit_concurrency=200,
