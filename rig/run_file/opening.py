@@ -40,18 +40,19 @@ def check_header(path: Path) -> None:
         raise UsageError(f"{path} is not a run file (not an SQLite database), or its beginning is damaged{_COPY}")
     if int.from_bytes(start[68:72], "big") != APPLICATION_ID:
         raise UsageError(f"{path} is not a run file (an SQLite database of another program), or damaged{_COPY}")
-    if start[18] == _WAL_MODE:
-        _check_name(path)
 
 
-_WAL_MODE = 2
+_WAL_MODE = b"\x02"
 """In a database's header: a log may go with it, under its name."""
 
 
-def _check_name(path: Path) -> None:
+def check_name(path: Path) -> None:
     """Refuse a second name (hard link) of a run under way: its log goes by the other. Raises `UsageError`."""
     if os.stat(path).st_nlink < 2 or has_log(path) or head_path(path).exists():
         return
+    with path.open("rb") as file:
+        if file.read(20)[18:19] != _WAL_MODE:
+            return
     own = os.stat(path).st_ino
     with contextlib.suppress(OSError):
         others = [other for other in sorted(path.absolute().parent.iterdir()) if other.lstat().st_ino == own]

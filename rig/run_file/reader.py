@@ -22,6 +22,7 @@ from rig.run_file.chain import GENESIS, Record, StoredRow
 from rig.run_file.opening import (
     by_itself,
     check_header,
+    check_name,
     edited,
     opened_to_read,
     opened_without_log,
@@ -48,6 +49,7 @@ class RunReader:
     def open(cls, path: Path) -> Self:
         """Open for reading. Raises `RunFileError` if this is not a run file, or what lies beside it not its own."""
         check_header(path)
+        check_name(path)
         check_journal(path)
         alone = by_itself(path)
         uri = path.absolute().as_uri()

@@ -21,7 +21,7 @@ from rig.run_file.audit import findings
 from rig.run_file.beside import Alone, check_journal, foreign_log
 from rig.run_file.chain import Record, encode, link
 from rig.run_file.last_word import LastWord, read_last_word
-from rig.run_file.opening import by_itself, check_header, checked, locked, opened_to_read, unreadable
+from rig.run_file.opening import by_itself, check_header, check_name, checked, locked, opened_to_read, unreadable
 from rig.run_file.reader import RunReader
 from rig.run_file.rescue import is_still_at, rescue
 from rig.run_file.schema import INSERT_RECORD, guard
@@ -51,6 +51,7 @@ class RunWriter(RunReader):
         try:
             if not locked(lock):
                 raise BusyError(f"{path} is in use by another controller; `rig status {path}` shows it")
+            check_name(path)
             check_journal(path)
             alone = by_itself(path)
             _renew_log(path, vfs)
