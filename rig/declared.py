@@ -60,6 +60,11 @@ def check_declared(procedure: Procedure, run_list: RunList, where: str) -> None:
                 raise ValueError(f"acceptance.reading_error_pct: {ACCEPTED_BY}: {fit.not_possible[ACCEPTED_BY]}")
     except (ValueError, KeyError) as error:
         why = str(error.args[0] if error.args else error).removesuffix("; fit a smaller model")
+        if run_list.whole_plots < 2:
+            raise ConfigurationError(
+                f"{where}: {why}. Name the pair of temperatures twice or more in temperatures_degC, or set "
+                f"replications = 2: whole plots of the same temperatures tell how far they differ"
+            ) from error
         raise ConfigurationError(
             f"{where}: the design cannot estimate the declared model ({model}): {why}; visit more settings, or declare "
             f'a smaller model: [model] formula = "1 + P + P^2"'

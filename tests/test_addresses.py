@@ -10,7 +10,7 @@ import serial
 from command import rig
 from dry import LAB, write_short
 
-from drivers.errors import WrongAddress
+from drivers.errors import Unreachable, WrongAddress
 from drivers.roles import Reader
 from drivers.wires import SerialOptions, SerialSettings, Wires
 from drivers.wires.addresses import CanAddress, ModbusAddress, SerialAddress, Wire, parse_address
@@ -202,3 +202,51 @@ def test_a_scanners_own_flow_control_is_no_obstacle_over_tcp() -> None:
     assert isinstance(options, SerialOptions)
     assert (options.flow, options.flow_at("socket://192.0.2.7:4001")) == ("xonxoff", "none")
     assert options.flow_at("/dev/rig/dvm") == "xonxoff"
+
+
+@pytest.mark.parametrize(
+    "address",
+    [
+        f"socket://{'a' * 70}:4001",
+        f"socket://{'a.' * 130}b:4001",
+        "socket://256.1.1.1:4001",
+        "socket://[127.0.0.1]:4001",
+        "can:udp_multicast/127.0.0.1",
+        "can:gs_usb/x",
+        "can:vector/x",
+        "can:kvaser/x",
+        "can:ixxat/-1",
+        "/dev/null",
+        "/dev/zero",
+        "/dev/fd/0",
+        "/dev",
+        "COM0",
+        f"/dev/{'x' * 5000}",
+        "modbus-rtu:///dev/x/1?baud=9600&baud=19200",
+    ],
+)
+def test_what_cannot_work_is_refused_before_anything_opens(address):
+    with pytest.raises(WrongAddress):
+        parse_address(address)
+
+
+@pytest.mark.parametrize(
+    "address",
+    [
+        "socket://[fe80::1]:4001",
+        "socket://meter.lab.example:5025",
+        "socket://10.0.0.7:5025",
+        "can:udp_multicast/239.74.163.2",
+        "can:udp_multicast/ff15:7079:7468:6f6e:6465:6d6f:6d63:6173",
+        "can:pcan/PCAN_USBBUS1",
+        "can:kvaser/0",
+        "/dev/ttyUSB0",
+    ],
+)
+def test_what_can_work_is_not_refused(address):
+    parse_address(address)
+
+
+def test_an_adapter_whose_driver_is_not_installed_cannot_be_opened():
+    with pytest.raises(Unreachable, match="kvaser 0"):
+        Wires(World()).can("can:kvaser/0", "daq")

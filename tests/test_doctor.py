@@ -136,11 +136,11 @@ def test_a_port_that_may_not_be_opened_names_the_group_to_join(monkeypatch):
     group = SimpleNamespace(gr_name="dialout", gr_gid=20_020, gr_mem=[])
     monkeypatch.setattr(os, "access", lambda *_: False)
     monkeypatch.setattr(addresses.grp, "getgrgid", lambda _: group)
-    _, finding = next(addresses.check_addresses(bench(dvm="/dev/null").instruments))
+    _, finding = next(addresses.check_addresses(bench(dvm="/dev/tty").instruments))
     assert finding.level == "problem"
     assert "usermod -aG dialout" in finding.next_step
     group.gr_mem.append(addresses._me())
-    _, finding = next(addresses.check_addresses(bench(dvm="/dev/null").instruments))
+    _, finding = next(addresses.check_addresses(bench(dvm="/dev/tty").instruments))
     assert "log out and in again" in finding.next_step
 
 
@@ -206,7 +206,7 @@ def test_a_bench_in_use_is_not_asked_anything(meter):
 
 def test_calibrations_overdue_or_due_during_the_run_are_problems():
     def level(due):
-        config = bench(dvm="/dev/null")
+        config = bench(dvm="/dev/tty")
         dated = config.instruments["dvm"].model_copy(update={"due": due})
         config = config.model_copy(update={"instruments": {"dvm": dated}})
         return next(check_due(config, NOW, NOW + 30 * 3600)).level

@@ -368,10 +368,10 @@ def test_every_way_out_of_a_run_records_how_the_bench_was_made_safe(tmp_path):
         ("rfc2217://host:4001", "socket://host:4001"),
         ("COM4", "com4"),
         ("can:socketcan/can0", "can:SocketCAN/can0"),
-        ("/dev/null", "/dev/./null"),
-        ("/dev/null", "modbus-rtu:///dev/null/1"),
-        ("modbus-rtu:///dev/null/1", "modbus-rtu:///dev/null/2"),
-        ("can:slcan//dev/null", "/dev/null"),
+        ("/dev/tty", "/dev/./tty"),
+        ("/dev/tty", "modbus-rtu:///dev/tty/1"),
+        ("modbus-rtu:///dev/tty/1", "modbus-rtu:///dev/tty/2"),
+        ("can:slcan//dev/tty", "/dev/tty"),
         ("modbus-rtu://socket://host:4001/1", "rfc2217://host:4001"),
     ],
 )
@@ -386,7 +386,7 @@ def test_one_wire_is_one_lock_under_all_its_names(one, other):
         ("socket://a:5025", "socket://b:5025"),
         ("can:socketcan/can0", "can:socketcan/can1"),
         ("can:socketcan/can0", "can:kvaser/can0"),
-        ("/dev/null", "/dev/zero"),
+        ("/dev/tty", "/dev/ptmx"),
         ("COM4", "COM5"),
     ],
 )

@@ -6,6 +6,7 @@ pyserial URL can write files or load modules) gets past it.
 
 from __future__ import annotations
 
+import ipaddress
 import re
 from dataclasses import dataclass, field
 from typing import ClassVar, Literal
@@ -14,8 +15,14 @@ from urllib.parse import parse_qsl
 from drivers.errors import WrongAddress
 
 _HOST = r"[A-Za-z0-9](?:[A-Za-z0-9._-]*[A-Za-z0-9])?\.?|\[[0-9A-Fa-f:.]+\]"
+_LONGEST_LABEL, _LONGEST_HOST = 63, 253
+"""Of a host's name (RFC 1035)."""
 _HOST_PORT = re.compile(rf"(?P<host>{_HOST})(?::(?P<port>[0-9]{{1,5}}))?")
 _DEVICE = re.compile(r"/(?:[\w.:@+,=-]+/)*[\w.:@+,=-]+|COM[0-9]{1,3}", re.IGNORECASE)
+_NO_PORT = re.compile(
+    r"/dev/(null|zero|full|u?random|fd/.*|std(in|out|err)|mem|kmem)|/dev|/proc/.*|COM0", re.IGNORECASE
+)
+_LONGEST_PATH = 255
 _SIMULATED = re.compile(r"sim://[\w.-]+/[\w.-]+")
 _VISA = re.compile(r"(?:visa://)?(?P<bus>GPIB|TCPIP|ASRL|USB|VXI|PXI|PRLGX)(?P<rest>[^:]*::.*)", re.IGNORECASE)
 
@@ -31,12 +38,12 @@ _CAN_EXAMPLES = "can:socketcan/can0, can:slcan//dev/ttyACM0?bitrate=500000 or ca
 _CAN_CHANNELS = {
     "socketcan": r"[A-Za-z0-9][\w.-]{0,14}",
     "virtual": r"[\w.-]+",
-    "udp_multicast": r"[0-9A-Fa-f.:]+",
-    "kvaser": r"[\w.-]+",
-    "pcan": r"[\w.-]+",
-    "ixxat": r"[\w.-]+",
-    "vector": r"[\w.-]+",
-    "gs_usb": r"[\w.-]+",
+    "udp_multicast": r"2(2[4-9]|3[0-9])\.[0-9]{1,3}\.[0-9]{1,3}\.[0-9]{1,3}|[Ff][Ff][0-9A-Fa-f]{2}:[0-9A-Fa-f:]+",
+    "kvaser": r"[0-9]{1,3}",
+    "pcan": r"PCAN_[A-Z]+[0-9]{1,2}",
+    "ixxat": r"[0-9]{1,3}",
+    "vector": r"[0-9]{1,3}",
+    "gs_usb": r"[0-9]{1,3}",
 }
 """python-can's adapters that may be opened, and what names one of them; slcan is on a serial device."""
 
@@ -88,7 +95,7 @@ class SerialAddress:
             return cls("sim", address)
         if _SIMULATED.fullmatch(address.removeprefix("socket://")):
             return cls("sim-socket", address.removeprefix("socket://"))
-        if _DEVICE.fullmatch(address):
+        if _DEVICE.fullmatch(address) and not _NO_PORT.fullmatch(address) and len(address) <= _LONGEST_PATH:
             return cls("device", address)
         scheme, separator, rest = address.partition("://")
         place, question, query = rest.partition("?")
@@ -187,7 +194,10 @@ class ModbusAddress:
         device = place.removeprefix("/") if re.fullmatch(r"/COM[0-9]+", place, re.IGNORECASE) else place
         if not _DEVICE.fullmatch(device):
             raise _no_modbus(address, f"{place} is no serial device")
-        given = dict(parse_qsl(query or "", keep_blank_values=True))
+        pairs = parse_qsl(query or "", keep_blank_values=True)
+        given = dict(pairs)
+        if len(given) < len(pairs):
+            raise _no_modbus(address, "an option stands there twice")
         unknown = given.keys() - {"baud", "frame"}
         if unknown or (query is not None and not given):
             raise _no_modbus(address, f"its options are baud and frame, not {', '.join(sorted(unknown)) or query!r}")
@@ -316,7 +326,27 @@ def _host_port(text: str, default: int | None) -> HostPort | str:
     number = int(port) if port is not None else default
     if number is None or not 1 <= number <= 65535:
         return f"port {port} is not 1 to 65535"
-    return HostPort(found["host"].strip("[]"), number)
+    host = found["host"]
+    why = _host_wrong(host)
+    return why or HostPort(host.strip("[]"), number)
+
+
+def _host_wrong(host: str) -> str:
+    """Why a host cannot be one, "" if it can."""
+    if host.startswith("["):
+        try:
+            ipaddress.IPv6Address(host.strip("[]"))
+        except ValueError:
+            return f"{host} is not an IPv6 address"
+        return ""
+    if len(host) > _LONGEST_HOST or any(len(label) > _LONGEST_LABEL for label in host.split(".")):
+        return "a host's name has at most 253 characters, 63 between dots"
+    if re.fullmatch(r"[0-9.]+", host):
+        try:
+            ipaddress.IPv4Address(host)
+        except ValueError:
+            return f"{host} is not an IPv4 address"
+    return ""
 
 
 def _serial_options(scheme: str, query: str) -> str:

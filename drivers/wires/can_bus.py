@@ -96,7 +96,8 @@ class CanBus:
     def _opened(self, where: str) -> CanTransport:
         try:
             return self._open()
-        except (*BUS_ERRORS, ValueError, NotImplementedError, ImportError) as error:
+        except (*BUS_ERRORS, ValueError, NotImplementedError, ImportError, NameError) as error:
+            # a NameError is what is left of an adapter's driver library that is not installed
             raise Unreachable(
                 f"{where} cannot be opened ({error}); check power, cable, address and permissions"
             ) from error

@@ -53,11 +53,11 @@ def doctor(
     if as_json:
         print_json({"ready": not problems, "findings": [finding.as_json() for finding in findings]})
     else:
-        _show(findings, dry=dry)
+        _show(findings, dry=dry, looked=bench is not None or run_file is not None)
     return max((finding.exit_code for finding in findings), default=int(ExitCode.DONE))
 
 
-def _show(findings: list[Finding], *, dry: bool) -> None:
+def _show(findings: list[Finding], *, dry: bool, looked: bool) -> None:
     table = Table("", "check", "found, and what to do next", box=None, pad_edge=False)
     for finding in findings:
         text = escape(finding.found) + (f"\n[bold]→ {escape(finding.next_step)}[/]" if finding.next_step else "")
@@ -65,5 +65,6 @@ def _show(findings: list[Finding], *, dry: bool) -> None:
     out.print(table)
     counts = Counter(finding.level for finding in findings)
     words = ", ".join(f"{counts[level]} {level}" for level in _STYLES if counts[level])
-    verdict = "not ready for the night" if counts["problem"] else "ready for the night"
+    ready = "ready for the night" if looked else "this machine is ready; no bench was looked at (--bench BENCH)"
+    verdict = "not ready for the night" if counts["problem"] else ready
     err.print(f"{mark(dry)}{verdict}: {words}")

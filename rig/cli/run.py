@@ -235,7 +235,9 @@ def _outside_acceptance(result: Result) -> bool:
         if not verdict.inside:
             err.print(f"[red]{escape(verdict.sensor)} is outside acceptance:[/] {escape(verdict.found)}")
     if verdicts and all(verdict.inside for verdict in verdicts):
-        err.print(f"every sensor is inside acceptance ({verdicts[0].limit})")
+        err.print(f"every sensor is inside acceptance ({verdicts[0].limit}):")
+        for verdict in verdicts:
+            err.print(f"  {escape(verdict.sensor)}: {escape(verdict.found)}", soft_wrap=True)
     return any(not verdict.inside for verdict in verdicts)
 
 
