@@ -101,7 +101,7 @@ def status(
     for words in summary["warnings"]:
         out.print(f"  [bold yellow]warning:[/] {escape(words)}", soft_wrap=True)
     _tell_faults(state)
-    if state.last_fault and not running:
+    if state.last_fault and not running and state.ended is None:
         out.print(f"  [red]last fault:[/] {escape(state.last_fault)}", soft_wrap=True)
     if state.safe.get("unsafe") and not running and state.ended is None:
         out.print(
