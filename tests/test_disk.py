@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import random
 import shutil
@@ -13,6 +14,7 @@ from test_run_file import genesis, observation
 
 from drivers.clock import Clock
 from rig.errors import StorageError
+from rig.run_file import storage
 from rig.run_file.chain import Record
 from rig.run_file.creation import create
 from rig.run_file.reader import RunReader
@@ -244,3 +246,39 @@ def test_on_a_real_disk_the_end_of_a_run_is_durable_in_its_folder(tmp_path, sync
         run.finish(Record(1, "end", 1.0, 1e9, status="complete"))
     assert synced == [("sync", str(tmp_path))]
     assert not path.with_name(path.name + "-wal").exists()
+
+
+def test_on_a_real_disk_every_byte_of_a_log_is_written_over_itself_in_its_place(tmp_path, monkeypatch):
+    log, content = tmp_path / "log", random.Random(4).randbytes(1000)
+    log.write_bytes(content)
+    written = bytearray(len(content))
+
+    def pwrite(_descriptor, data, at):
+        written[at : at + len(data)] = data
+        return len(data)
+
+    monkeypatch.setattr(storage, "_CHUNK", 96)
+    monkeypatch.setattr(os, "pwrite", pwrite)
+    storage.Storage().rewrite(log)
+    assert written == content
+
+
+def test_a_real_disk_that_takes_less_than_it_is_given_is_full(tmp_path, monkeypatch):
+    log = tmp_path / "log"
+    log.write_bytes(b"twelve bytes")
+    monkeypatch.setattr(os, "pwrite", lambda _descriptor, data, _at: len(data) - 1)
+    with pytest.raises(OSError, match="No space left on device") as told:
+        storage.Storage().rewrite(log)
+    assert (told.value.errno, told.value.filename) == (errno.ENOSPC, str(log))
+
+
+def test_a_storage_that_stood_in_for_another_gives_its_place_back():
+    first, second = storage.Storage(), storage.Storage()
+    assert storage.register("test-disk", first) is None
+    assert storage.register("test-disk", second) is first
+    assert storage.storage_of("test-disk") is second
+    storage.unregister("test-disk", first)
+    assert storage.storage_of("test-disk") is first
+    storage.unregister("test-disk", None)
+    assert storage.storage_of("test-disk") is storage.storage_of("")
+    storage.unregister("test-disk", None)  # whose place is empty already
