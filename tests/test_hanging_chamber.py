@@ -128,3 +128,38 @@ def test_why_a_whole_plot_may_not_go_on(idle_s, certain, restarted, why):
 @pytest.mark.parametrize(("target", "left"), [(-90.0, -85.0), (22.9, 27.9), (23.0, 18.0), (60.0, 55.0)])
 def test_a_temperature_that_stands_is_left_towards_ambient(target, left):
     assert renewal(target, 5.0) == pytest.approx(left)
+
+
+def with_thermometers():
+    bench = SimpleNamespace(setting=lambda factor, role: (CHAMBERS[factor], None), temperatures=dict.fromkeys(CHAMBERS))
+    return WholePlots(bench, RUN_LIST, PROCEDURE)
+
+
+@pytest.mark.parametrize(("off", "lost"), [(0.0, False), (0.99, False), (1.01, True), (-1.01, True)])
+def test_a_thermometer_at_the_sensors_that_has_left_its_band_loses_the_whole_plot(off, lost):
+    found, factor = with_thermometers(), RUN_LIST.hard[0].name
+    target = found.targets(POINT)[CHAMBERS[factor]]
+    tolerance = PROCEDURE.soak.sensor_tolerance_degC
+    seen = {factor: SimpleNamespace(mean=target + off * tolerance)}
+    why = found.lost_now(POINT, states(found, 0.0), seen)
+    assert bool(why) is lost
+    assert why == (f"{factor} is {target + off * tolerance:.2f} degC, not {target:g} degC" if lost else "")
+    assert rules([]).lost_now(POINT, states(found, 0.0), seen) == ""  # none is recorded there
+
+
+def test_a_soak_is_judged_by_the_procedure_in_the_units_of_its_clock():
+    found, soak = with_thermometers(), PROCEDURE.soak
+    criteria = found.criteria(POINT)
+    assert criteria.keys() == {*CHAMBERS, *CHAMBERS.values()}
+    for factor, chamber in CHAMBERS.items():
+        assert criteria[chamber].band == soak.tolerance_degC
+        assert criteria[factor].band == soak.sensor_tolerance_degC
+        for name in (factor, chamber):
+            assert criteria[name].target == found.targets(POINT)[chamber]
+            assert criteria[name].drift_per_s == pytest.approx(soak.drift_degC_per_h / 3600.0)
+
+
+@pytest.mark.parametrize(("share", "left"), [(0.49, False), (0.51, True)])
+def test_temperatures_half_of_renew_degc_away_have_been_left(share, left):
+    found = rules([])
+    assert found.left(POINT, states(found, share * PROCEDURE.soak.renew_degC)) is left

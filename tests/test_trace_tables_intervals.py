@@ -62,6 +62,21 @@ def test_understated_standard_errors_by_dense_matrices(chosen, weighted):
     assert far > 2.0
 
 
+def test_units_of_the_columns_do_not_matter():
+    scale = np.array([1e-9, 1e9, 1.0])
+    y = X @ [1.0, 0.2, -0.4] + RNG.normal(size=N)
+    noise = Wandering(WHEN)
+    for at in (0, 5):
+        plain, scaled = (
+            understated(judge(columns=c, noise=noise), (0,), at=at, weighted=False) for c in (X, X * scale)
+        )
+        np.testing.assert_allclose(scaled, plain, rtol=1e-8)
+    held = y + np.where(np.arange(N) == 3, 5.0, 0.0)
+    plain, scaled = (moved(judge(columns=c, y=y, held=held), (0,)) for c in (X, X * scale))
+    np.testing.assert_allclose(scaled[0], plain[0], rtol=1e-8)
+    assert scaled[1] == pytest.approx(plain[1], rel=1e-8)
+
+
 def test_columns_that_rows_do_not_determine_say_nothing():
     twice = np.column_stack([X, 3.0 * X[:, 1]])
     empty = np.column_stack([X, np.zeros(N)])
@@ -104,6 +119,16 @@ def test_a_response_that_fits_exactly_without_them_is_no_division_by_zero():
             [2.0, 1.0, 0.6],
             "standard errors truly are what least squares of independent rows states, times: the intercept 2 times, "
             "x2 0.6 times",
+        ),
+        (
+            [2.0, 1.0, 0.9, 1.2, 1.0],
+            "standard errors truly are what least squares of independent rows states, times: the intercept 2 times, "
+            "x2 0.9 times, x3 1.2 times",
+        ),
+        (
+            [2.0, 1.0, 0.9, 1.2, 3.0],
+            "standard errors truly are what least squares of independent rows states, times: x2 0.9 times, "
+            "x3 1.2 times, x4 3 times",
         ),
         (
             [2.0, 1.51, 0.9, 1.2, 3.0],
