@@ -1,7 +1,7 @@
 # The README's commands. Each makes or reuses .venv first: nothing to install by hand.
 STAMP := .venv/.made-for-these-requirements
 
-.PHONY: demo test test-peers test-page check nights clean
+.PHONY: demo test test-peers test-page check nights mutants clean
 demo: $(STAMP)
 	@.venv/bin/rig demo
 
@@ -25,6 +25,10 @@ nights: $(STAMP)
 	.venv/bin/python -m benchmarks.power_cuts --cuts 1000
 	.venv/bin/python benchmarks/kill_campaign.py --kills 800
 	.venv/bin/python benchmarks/kill_campaign.py --kills 200 --lab pressure
+
+# Lines of the engine, the run file and the statistics changed one by one: do the tests notice? An hour.
+mutants: $(STAMP)
+	@tools/mutants
 
 # Static checks alone, for a quick look while editing.
 check: $(STAMP)

@@ -8,6 +8,7 @@ from dataclasses import replace
 import pytest
 from attitude_hidden import on_x
 from attitude_truth import D1, simulate
+from scipy.stats import t as student
 from whole_plot_truth import Bench, Run, Transducer
 from whole_plot_truth import simulate as simulate_whole_plots
 
@@ -160,6 +161,8 @@ def test_an_effect_that_is_constant_in_replications_is_known_no_better_than_they
     assert low < 1.6e-4 < high
     assert abs(value - 1.6e-4) < 3 * stderr
     assert low + high == pytest.approx(2 * value)
+    free = data.replicates.size - 2  # replications less their mean and the effect: 4.30 for four, 2.78 for six
+    assert (high - low) / (2 * stderr) == pytest.approx(student.ppf(0.975, free))
 
 
 def test_an_effect_of_a_transducer_has_interval_sentence_and_figure():

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import random
+import shutil
 from pathlib import Path
 
 import apsw
@@ -11,6 +14,8 @@ from test_run_file import genesis, observation
 
 from drivers.clock import Clock
 from rig.errors import StorageError
+from rig.run_file import storage
+from rig.run_file.chain import Record
 from rig.run_file.creation import create
 from rig.run_file.reader import RunReader
 from rig.run_file.state import fold
@@ -188,3 +193,92 @@ def test_a_slow_disk_takes_time_on_its_clock(tmp_path):
             run.append(observation(0))
             assert disk.syncs > syncs
             assert world.now() - before >= 2.0 * (disk.syncs - syncs)
+
+
+@pytest.fixture
+def synced(monkeypatch):
+    """What was synced through the real storage, by path, in order; the renames between them."""
+    done: list[tuple[str, str]] = []
+    fsync, replace = os.fsync, os.replace
+
+    def noted(descriptor):
+        done.append(("sync", os.readlink(f"/proc/self/fd/{descriptor}")))
+        fsync(descriptor)
+
+    def noted_rename(source, target):
+        done.append(("rename", str(target)))
+        replace(source, target)
+
+    monkeypatch.setattr(os, "fsync", noted)
+    monkeypatch.setattr(os, "replace", noted_rename)
+    return done
+
+
+def test_on_a_real_disk_a_new_run_file_is_durable_under_its_name(tmp_path, synced):
+    folder = tmp_path / "runs" / "2026"
+    path = folder / "a-run.sqlite"
+    create(path, genesis(), elapsed_s=0.0, utc_s=1e9)
+    # Each new folder's entry in the one above it, then the file's own entry after it has its name.
+    above = [("sync", str(tmp_path)), ("sync", str(tmp_path / "runs"))]
+    assert synced == [*above, ("rename", str(path)), ("sync", str(folder))]
+
+
+def test_on_a_real_disk_a_log_is_renewed_before_anything_is_built_on_it(tmp_path, synced):
+    running, killed = tmp_path / "a-run.sqlite", tmp_path / "killed"
+    killed.mkdir()
+    create(running, genesis(), elapsed_s=0.0, utc_s=1e9)
+    with RunWriter.open(running) as run:
+        run.append(observation(0))
+        for left in tmp_path.glob("a-run.sqlite*"):  # what a kill would leave, log included
+            shutil.copy(left, killed)
+    synced.clear()
+    with RunWriter.open(killed / "a-run.sqlite") as run:
+        assert synced == [("sync", str(killed / "a-run.sqlite-wal"))]
+        assert accepted(run.path) == {0}
+
+
+def test_on_a_real_disk_the_end_of_a_run_is_durable_in_its_folder(tmp_path, synced):
+    path = tmp_path / "a-run.sqlite"
+    create(path, genesis(), elapsed_s=0.0, utc_s=1e9)
+    with RunWriter.open(path) as run:
+        run.append(observation(0))
+        synced.clear()
+        run.finish(Record(1, "end", 1.0, 1e9, status="complete"))
+    assert synced == [("sync", str(tmp_path))]
+    assert not path.with_name(path.name + "-wal").exists()
+
+
+def test_on_a_real_disk_every_byte_of_a_log_is_written_over_itself_in_its_place(tmp_path, monkeypatch):
+    log, content = tmp_path / "log", random.Random(4).randbytes(1000)
+    log.write_bytes(content)
+    written = bytearray(len(content))
+
+    def pwrite(_descriptor, data, at):
+        written[at : at + len(data)] = data
+        return len(data)
+
+    monkeypatch.setattr(storage, "_CHUNK", 96)
+    monkeypatch.setattr(os, "pwrite", pwrite)
+    storage.Storage().rewrite(log)
+    assert written == content
+
+
+def test_a_real_disk_that_takes_less_than_it_is_given_is_full(tmp_path, monkeypatch):
+    log = tmp_path / "log"
+    log.write_bytes(b"twelve bytes")
+    monkeypatch.setattr(os, "pwrite", lambda _descriptor, data, _at: len(data) - 1)
+    with pytest.raises(OSError, match="No space left on device") as told:
+        storage.Storage().rewrite(log)
+    assert (told.value.errno, told.value.filename) == (errno.ENOSPC, str(log))
+
+
+def test_a_storage_that_stood_in_for_another_gives_its_place_back():
+    first, second = storage.Storage(), storage.Storage()
+    assert storage.register("test-disk", first) is None
+    assert storage.register("test-disk", second) is first
+    assert storage.storage_of("test-disk") is second
+    storage.unregister("test-disk", first)
+    assert storage.storage_of("test-disk") is first
+    storage.unregister("test-disk", None)
+    assert storage.storage_of("test-disk") is storage.storage_of("")
+    storage.unregister("test-disk", None)  # whose place is empty already

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import resource
+import time
 from dataclasses import dataclass
 
 import pytest
@@ -62,6 +63,15 @@ def after(*sessions):
         ([(NOON, 100.0), (NOON + 10 * YEAR, 200.0)], NOON + 400.0, 0.0, False),
         ([(NOON, 100.0)], NOON + 2 * YEAR, 0.0, False),
         ([(NOON, 100.0)], NOON + 90 * DAY, 90 * DAY - 100.0, True),
+        ([(NOON, 100.0)], NOON + 100.0 - 120.0, 0.0, True),  # the limits themselves still count
+        ([(NOON, 100.0)], NOON + 100.0 - 120.5, 0.0, False),
+        ([(NOON, 100.0)], NOON + 100.0 + 366 * DAY, 366 * DAY, True),
+        ([(NOON, 100.0)], NOON + 100.5 + 366 * DAY, 0.0, False),
+        ([(NOON, 100.0), (5.0, 200.0)], NOON + 300.0, 0.0, True),
+        ([(NOON, 100.0), (5.0, 200.0)], NOON + 300.5, 0.5, True),
+        ([(NOON, 100.0), (5.0, 200.0)], NOON + 299.5, 0.0, False),
+        ([(NOON, 100.0), (5.0, 200.0)], NOON + 300.0 + 366 * DAY, 366 * DAY, True),
+        ([(NOON, 100.0), (5.0, 200.0)], NOON + 300.5 + 366 * DAY, 0.0, False),
     ],
 )
 def test_the_gap_by_utc_and_what_it_is_worth(sessions, utc_s, gap_s, known):
@@ -76,6 +86,36 @@ def test_a_clock_that_went_on_is_believed_whatever_utc_says():
     gap = gap_since(after((NOON, 20.0)), Times(NOON - 30 * YEAR), "1")
     assert (gap.certain, gap.known, gap.warning) == (True, True, "")
     assert gap.origin == 7.0
+
+
+def test_before_the_first_session_there_is_no_gap():
+    assert gap_since(RunState(), Times(NOON), "1").origin == 50.0
+
+
+def test_a_clock_that_went_on_through_several_sessions_counts_from_the_first():
+    state = after((NOON, 20.0), (NOON + 60.0, 10.0))  # its second session began with 20 s behind it
+    gap = gap_since(state, Times(NOON + 90.0), "2")
+    assert gap.origin == 7.0 - 20.0
+
+
+@pytest.mark.parametrize(
+    ("sessions", "then"),
+    [
+        ([(1.0e9, 0.0), (5.0, 200.0)], "an earlier session's is taken"),
+        ([(5.0, 200.0)], "the gap is not known; set the clock"),
+    ],
+)
+def test_a_wrong_clock_is_told_with_both_times(sessions, then, monkeypatch):
+    monkeypatch.setenv("TZ", "Asia/Tokyo")
+    time.tzset()
+    try:
+        assert gap_since(after(*sessions), Times(1.0e9 + 3600.0), "another boot").warning == (
+            "the machine's clock was wrong or is: it says 2001-09-09 02:46, the last record 1970-01-01 00:03 UTC, "
+            f"with a restart between them; {then}"
+        )
+    finally:
+        monkeypatch.undo()
+        time.tzset()
 
 
 def test_a_clock_that_was_put_back_without_a_restart_knows_no_gap():

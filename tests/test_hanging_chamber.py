@@ -7,11 +7,14 @@ from types import SimpleNamespace
 import pytest
 from ideal_pressure_bench import PROCEDURE
 
-from rig.engine.whole_plots import WholePlots
+from rig.engine.whole_plots import WholePlots, renewal
 
 RUN_LIST = PROCEDURE.expand()
 CHAMBERS = dict(zip((f.name for f in RUN_LIST.hard), ("cold_box", "hot_box"), strict=True))
 POINT = RUN_LIST.points[0]
+GAP_S = PROCEDURE.recovery.continue_gap_s
+LONGER = f"min, longer than continue_gap_s = {GAP_S:g} s"
+RESTARTED = "the controller's machine was restarted, so nobody knows how long the chambers were left alone"
 
 
 def rules(steps):
@@ -62,7 +65,10 @@ def test_the_second_reading_of_a_hang_does_not_pass_for_the_chambers_habit():
     assert found.doubted_s == 103.0
 
 
-@pytest.mark.parametrize(("stood_s", "believed"), [({}, True), ({"stood_s": 40.0}, True), ({"stood_s": 75.0}, False)])
+@pytest.mark.parametrize(
+    ("stood_s", "believed"),
+    [({}, True), ({"stood_s": 40.0}, True), ({"stood_s": 60.0}, False), ({"stood_s": 75.0}, False)],
+)
 def test_one_that_moved_again_soon_is_coarser_than_it_seemed(stood_s, believed):
     found = rules([*FINE, FINE[-1]])
     found.note(1, states(found, 0.010, **stood_s))
@@ -80,3 +86,80 @@ def test_what_was_read_while_it_stood_is_in_doubt_however_the_loss_is_found():
     assert found.doubted_s == 20.0
     assert found.lost_meanwhile(POINT, 1e9, certain=True, restarted=[], as_found=as_found)
     assert found.doubted_s == 0.0
+
+
+def test_a_coarse_chamber_casts_no_doubt_on_what_was_read_while_it_stood():
+    found = rules([*FINE[:5], FINE[4], *FINE[5:]])
+    assert "is at" in found.lost_now(POINT, states(found, 1.5, stood_ago_s=50.0), {})
+    assert found.doubted_s == 0.0
+
+
+def test_a_loss_without_a_chamber_that_stood_doubts_nothing():
+    found = rules(FINE)
+    assert "is at" in found.lost_now(POINT, states(found, 1.5), {})
+    assert found.doubted_s == 0.0
+
+
+@pytest.mark.parametrize(
+    ("idle_s", "certain", "restarted", "why"),
+    [
+        (
+            1.0,
+            False,
+            [],
+            RESTARTED,
+        ),
+        (GAP_S, True, [], ""),
+        (
+            GAP_S + 90.0,
+            True,
+            [],
+            f"left alone for {GAP_S / 60 + 1.5:.0f} {LONGER}",
+        ),
+        (1.0, True, ["cold_box", "hot_box"], "cold_box and hot_box had no power meanwhile"),
+    ],
+)
+def test_why_a_whole_plot_may_not_go_on(idle_s, certain, restarted, why):
+    found = rules([])
+    as_found = {"chambers": states(found, 0.0)}
+    assert found.lost_meanwhile(POINT, idle_s, certain=certain, restarted=restarted, as_found=as_found) == why
+
+
+@pytest.mark.parametrize(("target", "left"), [(-90.0, -85.0), (22.9, 27.9), (23.0, 18.0), (60.0, 55.0)])
+def test_a_temperature_that_stands_is_left_towards_ambient(target, left):
+    assert renewal(target, 5.0) == pytest.approx(left)
+
+
+def with_thermometers():
+    bench = SimpleNamespace(setting=lambda factor, role: (CHAMBERS[factor], None), temperatures=dict.fromkeys(CHAMBERS))
+    return WholePlots(bench, RUN_LIST, PROCEDURE)
+
+
+@pytest.mark.parametrize(("off", "lost"), [(0.0, False), (0.99, False), (1.01, True), (-1.01, True)])
+def test_a_thermometer_at_the_sensors_that_has_left_its_band_loses_the_whole_plot(off, lost):
+    found, factor = with_thermometers(), RUN_LIST.hard[0].name
+    target = found.targets(POINT)[CHAMBERS[factor]]
+    tolerance = PROCEDURE.soak.sensor_tolerance_degC
+    seen = {factor: SimpleNamespace(mean=target + off * tolerance)}
+    why = found.lost_now(POINT, states(found, 0.0), seen)
+    assert bool(why) is lost
+    assert why == (f"{factor} is {target + off * tolerance:.2f} degC, not {target:g} degC" if lost else "")
+    assert rules([]).lost_now(POINT, states(found, 0.0), seen) == ""  # none is recorded there
+
+
+def test_a_soak_is_judged_by_the_procedure_in_the_units_of_its_clock():
+    found, soak = with_thermometers(), PROCEDURE.soak
+    criteria = found.criteria(POINT)
+    assert criteria.keys() == {*CHAMBERS, *CHAMBERS.values()}
+    for factor, chamber in CHAMBERS.items():
+        assert criteria[chamber].band == soak.tolerance_degC
+        assert criteria[factor].band == soak.sensor_tolerance_degC
+        for name in (factor, chamber):
+            assert criteria[name].target == found.targets(POINT)[chamber]
+            assert criteria[name].drift_per_s == pytest.approx(soak.drift_degC_per_h / 3600.0)
+
+
+@pytest.mark.parametrize(("share", "left"), [(0.49, False), (0.51, True)])
+def test_temperatures_half_of_renew_degc_away_have_been_left(share, left):
+    found = rules([])
+    assert found.left(POINT, states(found, share * PROCEDURE.soak.renew_degC)) is left

@@ -416,3 +416,57 @@ def test_triggers_that_the_table_does_not_permit_are_refused(tmp_path, monkeypat
     monkeypatch.setattr("rig.engine.at_point.AtPoint.settling", lambda _self: "finish")
     with pytest.raises(MachineError):
         run_session(path)
+
+
+def test_an_axis_that_leaves_its_band_while_it_is_measured_is_measured_again(tmp_path):
+    path, band = new_run(tmp_path), PROCEDURE.settle.band_deg
+
+    def creep_once(_bench, head, reader):
+        fetch = reader.fetch
+
+        def fetch_and_creep():
+            readings = fetch()
+            if reader.starts == 5:  # by two bands: more than is allowed, less than anybody would see
+                head._from = {**head._to, "pitch": head._to["pitch"] + 2 * band}
+                head._to = dict(head._from)
+            return readings
+
+        reader.fetch = fetch_and_creep
+
+    outcome, *_ = run_session(path, spoil=creep_once)
+    assert outcome is Outcome.COMPLETE
+    (fault,) = records(path, "fault")
+    assert "pitch left its band while it was measured" in json.dumps(fault.data)
+    for record in observations(path):
+        point = PROCEDURE.expand().points[record.run_index]
+        assert record.data["readback"]["pitch_deg"] == pytest.approx(point.setpoints[0], abs=band)
+
+
+@pytest.mark.parametrize(("short", "faults"), [(0.05, 0), (0.15, 1)])
+def test_an_axis_that_came_from_nearer_than_its_overtravel_comes_again(tmp_path, short, faults):
+    path, overtravel = new_run(tmp_path), PROCEDURE.approach.overtravel_deg
+    pitches = (-30.0, 0.0, 30.0)
+
+    def turn_short_once(_bench, head, reader):
+        move, turned = head.move, []
+
+        def move_and_turn_short(targets):
+            move(targets)
+            target = targets.get("pitch", 0.0)
+            if reader.starts >= 3 and target not in pitches and not turned:
+                turned.append(target)
+                point = min(pitches, key=lambda pitch: abs(pitch - target))
+                head._to = {**head._to, "pitch": target + short * (point - target)}
+
+        head.move = move_and_turn_short
+
+    outcome, *_ = run_session(path, spoil=turn_short_once)
+    assert outcome is Outcome.COMPLETE
+    found = [json.dumps(fault.data) for fault in records(path, "fault")]
+    assert len(found) == faults
+    assert all("nearer than its overtravel" in fault for fault in found)
+    ways = [
+        abs(record.data["approach"]["pitch"][1] - PROCEDURE.expand().points[record.run_index].setpoints[0])
+        for record in observations(path)
+    ]
+    assert min(ways) == pytest.approx(overtravel if faults else (1 - short) * overtravel)

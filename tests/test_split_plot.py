@@ -8,6 +8,7 @@ from split_plot_cases import NAMES, broken, chamber, dense_log_likelihood, dense
 
 from fitter.linear import RankError, least_squares
 from fitter.split_plot import SplitPlotDesign, fit_many, fit_split_plot, plan_precision
+from fitter.split_plot.kenward_roger import selection
 from fitter.split_plot.profile import Profile
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -298,3 +299,16 @@ def test_terms_are_called_by_name():
     t = fit.coefficients[1] / fit.kenward_roger().stderr[1]
     assert fit.f_test(["p"]).value == pytest.approx(t**2, rel=1e-9)
     assert fit.f_test(["p"]).p < 1e-9
+
+
+def test_a_coefficient_is_tested_against_a_value_that_is_given():
+    kenward_roger = fit_split_plot(COLUMNS, Y, WHOLE_PLOT, NAMES).kenward_roger()
+    one = np.array([[0.0, 1.0, *[0.0] * (len(NAMES) - 2)]])
+    estimate, stderr = float((one @ kenward_roger.coefficients)[0]), kenward_roger.stderr[1]
+    assert kenward_roger.f_test(one, estimate).value == pytest.approx(0.0, abs=1e-12)
+    assert kenward_roger.f_test(one, estimate - 3.0 * stderr).value == pytest.approx(9.0, rel=1e-9)
+
+
+def test_terms_that_are_missing_are_listed_with_those_there_are():
+    with pytest.raises(ValueError, match=r"^no such term: t3, q; there are a, b$"):
+        selection(["a", "b"], ["t3", "q"])
