@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 Values = NDArray[Any]
 
 _TOKEN = re.compile(r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<name>[^\W\d][\w.]*)|(?P<mark>\S))")
-_DEEPEST, _MOST_TERMS, _HIGHEST = 40, 400, 20
+_WHOLE = re.compile(r"[0-9]{1,2}")
+_DEEPEST, _MOST_TERMS, _HIGHEST, _MOST_OPERATIONS = 40, 400, 20, 200
+_LONGEST = 20_000
 _BINDS = {"+": 1, "-": 1, "*": 2, "/": 2, "neg": 3, "^": 4}
 _HINTS = {"~": "the response is given by itself, not in the formula", "/": "division goes inside I()"}
 _OPERATIONS: Mapping[str, Callable[..., Any]] = {
@@ -189,10 +191,13 @@ class _Parser:
         self._tokens.append(_Token("end", "the end", len(text.rstrip())))
         self._next = 0
         self._depth = 0
+        self._operations = 0
 
     def formula(self) -> tuple[Term, ...]:
         if self._peek.kind == "end":
             raise self._error("the formula is empty")
+        if len(self._text) > _LONGEST:
+            raise FormulaError(f"the formula has more than {_LONGEST:,} characters", self._text[:60], 60)
         terms = self._sum({Term(): None}, top=True)
         if self._peek.kind != "end":
             raise self._unexpected()
@@ -243,7 +248,7 @@ class _Parser:
         base = self._atom()
         while self._take("^"):
             token = self._peek
-            if token.kind != "number" or not token.text.isdigit() or not 1 <= int(token.text) <= _HIGHEST:
+            if token.kind != "number" or not _WHOLE.fullmatch(token.text) or not 1 <= int(token.text) <= _HIGHEST:
                 raise self._error(f"a power is a whole number from 1 to {_HIGHEST}; others go inside I()")
             self._next += 1
             base = self._raised(base, int(token.text), token.at)
@@ -281,7 +286,7 @@ class _Parser:
         raise self._unexpected()
 
     def _factor(self) -> Factor:
-        token = self._peek
+        token, self._operations = self._peek, 0
         function = self._tokens[self._next + 1].text == "("
         if not function or token.text == "log":
             return numeric(self._arithmetic_atom())
@@ -305,12 +310,14 @@ class _Parser:
     def _arithmetic(self) -> Expression:
         left = self._scaled()
         while sign := self._take("+", "-"):
+            self._operation()
             left = Expression(sign, (left, self._scaled()))
         return left
 
     def _scaled(self) -> Expression:
         left = self._signed()
         while sign := self._take("*", "/"):
+            self._operation()
             left = Expression(sign, (left, self._signed()))
         return left
 
@@ -369,6 +376,12 @@ class _Parser:
         self._depth += 1
         if self._depth > _DEEPEST:
             raise self._error(f"parentheses and signs are nested more than {_DEEPEST} deep")
+
+    def _operation(self) -> None:
+        """Count an operation inside one factor: each is a level of the recursion that evaluates it."""
+        self._operations += 1
+        if self._operations > _MOST_OPERATIONS:
+            raise self._error(f"there are more than {_MOST_OPERATIONS} operations in one term; sum what can be summed")
 
     def _surprise(self) -> str:
         token = self._peek

@@ -15,12 +15,14 @@ from procedures.designs import Design, fraction, grid, roll_circle, tumble, unif
 from procedures.faults import PitchRollFaults
 from procedures.orders import Visit, random_order, reversed_pass, walk
 from procedures.run_list import Factor, Point, RunList, Settle
-from procedures.settings import Positive, Strict, WarningSettings
+from procedures.settings import Name, Positive, Strict, WarningSettings
 
 _PASS_KEPT = 10_000
 """A pass over a larger design than this is not kept for the next replication, but made again."""
 
-Side = Annotated[list[float], Field(min_length=1)]
+MOST_POINTS = 1_000_000
+"""Of a run; at half a minute each it takes a year."""
+Side = Annotated[list[float], Field(min_length=1, max_length=10_000)]
 
 
 class FractionSettings(Strict):
@@ -39,9 +41,9 @@ class DesignSettings(Strict):
 
     type: Literal["D", "D0", "D1", "T6", "T4"]
     pitch_max_deg: Positive | None = Field(None, le=180, description="D1: pitch goes from minus to plus this")
-    pitch_count: int | None = Field(None, ge=2, description="D1: number of pitch angles N")
+    pitch_count: int | None = Field(None, ge=2, le=10_000, description="D1: number of pitch angles N")
     pitch_deg: Side | None = Field(None, description="D and D0: the pitch angles")
-    roll_count: int | None = Field(None, ge=1, description="D0 and D1: number of roll angles M")
+    roll_count: int | None = Field(None, ge=1, le=10_000, description="D0 and D1: number of roll angles M")
     roll_repeat_180: bool = Field(True, description="D0 and D1: end at +180 deg, repeating -180 deg")
     roll_deg: Side | None = Field(None, description="D: the roll angles; [0] for a sensor without roll")
     fraction: FractionSettings | None = Field(None, description="decimate the interior of the grid")
@@ -83,6 +85,8 @@ class DesignSettings(Strict):
             assert self.roll_count is not None
             roll = roll_circle(self.roll_count, repeat_180=self.roll_repeat_180 and self.roll_count > 1)
         full = grid(self.type, pitch, roll)
+        if len(full) > MOST_POINTS:
+            raise ValueError(f"the full grid has {len(full):,} points, more than {MOST_POINTS:,}")
         if self.fraction is None:
             return full
         return fraction(full, pitch_every=self.fraction.pitch_every, roll_every=self.fraction.roll_every)
@@ -202,7 +206,7 @@ class PitchRollProcedure(Strict):
     """A whole `procedure.toml` of kind pitch-roll."""
 
     kind: Literal["pitch-roll"]
-    name: str = Field(min_length=1, max_length=80)
+    name: Name
     seed: int = Field(0, ge=0, le=2**63 - 1, description="of every random choice in the order")
     replications: int = Field(6, ge=1, le=1000)
     design: DesignSettings
@@ -219,6 +223,15 @@ class PitchRollProcedure(Strict):
     expect: ExpectSettings = ExpectSettings()
     usage: UsageSettings = UsageSettings()
     acceptance: AcceptanceSettings = AcceptanceSettings()
+
+    @model_validator(mode="after")
+    def _can_be_run(self) -> Self:
+        points = self.replications * len(self.design.build())
+        if points > MOST_POINTS:
+            raise ValueError(
+                f"{self.replications} replications of the design are {points:,} points, more than {MOST_POINTS:,}"
+            )
+        return self
 
     @property
     def max_sd_V(self) -> float | None:  # noqa: N802 - volts

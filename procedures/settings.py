@@ -4,9 +4,33 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo
 
 Positive = Annotated[float, Field(gt=0, le=1e6)]
+
+
+def check_name(name: str) -> None:
+    """Refuse a name that does something where it is written: in a mail's header, a unit file, a spreadsheet's cell.
+
+    Raises:
+        ValueError: it has a character that is not printed, or begins as a spreadsheet's formula does.
+
+    """
+    if not name.isprintable():
+        raise ValueError(f"a name has printable characters only, not {name!r:.100}")
+    if name[:1] in ("=", "+", "-", "@"):
+        raise ValueError(f"a name does not begin with {name[0]}, which spreadsheets take for a formula")
+
+
+def _checked_name(name: str, info: ValidationInfo) -> str:
+    """A run that was begun under such a name can be finished."""
+    if not (info.context or {}).get("stored"):
+        check_name(name)
+    return name
+
+
+Name = Annotated[str, Field(min_length=1, max_length=80), AfterValidator(_checked_name)]
+"""Of a bench, a procedure, an instrument or a sensor."""
 
 
 class Strict(BaseModel):

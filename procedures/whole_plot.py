@@ -17,7 +17,7 @@ from pydantic import Field, model_validator
 from procedures.central_composite import spherical
 from procedures.faults import WholePlotFaults
 from procedures.run_list import Factor, Point, RunList, Settle
-from procedures.settings import Positive, Strict, WarningSettings
+from procedures.settings import Name, Positive, Strict, WarningSettings
 
 PRESSURE, SENSOR, SSE = "pressure_psia", "sensor_temperature_degC", "sse_temperature_degC"
 
@@ -197,7 +197,7 @@ class WholePlotProcedure(Strict):
     """A whole `procedure.toml` of kind whole-plot."""
 
     kind: Literal["whole-plot"]
-    name: str = Field(min_length=1, max_length=80)
+    name: Name
     seed: int = Field(0, ge=0, le=2**63 - 1, description="of every random choice in the order")
     replications: int = Field(1, ge=1, le=1000, description="blocks; each visits every whole plot, in its own order")
     design: WholePlotDesign = WholePlotDesign()

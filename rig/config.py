@@ -6,6 +6,7 @@ A message names the file, the place in it, what is wrong, and what would be righ
 from __future__ import annotations
 
 import json
+import re
 import tomllib
 from collections.abc import Mapping
 from datetime import date
@@ -16,10 +17,12 @@ from typing import Any, Literal, Self, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from procedures import WHOLE_PLOT_FACTORS, PitchRollProcedure, Procedure, WholePlotProcedure
+from procedures.settings import Name
 from rig.columns import UNITS
 from rig.errors import ConfigurationError
 from rig.explained import explain
 from rig.protection import InterlockConfig, SafetyConfig
+from rig.regular import read_regular_text
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -88,11 +91,11 @@ class LiveConfig(_Strict):
 class BenchConfig(_Strict):
     """A whole `bench.toml`."""
 
-    name: str = Field(min_length=1, max_length=80)
+    name: Name
     simulated: bool = False
-    instruments: dict[str, InstrumentConfig] = Field(min_length=1)
-    sensors: dict[str, SensorConfig] = Field(min_length=1)
-    temperatures: dict[str, TemperatureConfig] = Field(default_factory=dict)
+    instruments: dict[Name, InstrumentConfig] = Field(min_length=1)
+    sensors: dict[Name, SensorConfig] = Field(min_length=1)
+    temperatures: dict[Name, TemperatureConfig] = Field(default_factory=dict)
     factors: dict[str, str] = Field(
         default_factory=dict, description="which instrument sets which factor of a whole-plot procedure"
     )
@@ -136,18 +139,48 @@ class BenchConfig(_Strict):
 
 def parse_toml(text: str, where: str) -> dict[str, Any]:
     """TOML text to plain values; raises `ConfigurationError` naming `where`, line and column."""
+    if _DEEP_KEY.search(text):
+        raise ConfigurationError(f"{where} is nested too deeply to be a file of ours")
     try:
-        return tomllib.loads(text)
+        values = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ConfigurationError(f"{where} is not valid TOML: {error}") from error
+    except ValueError:  # Python converts no text of more than 4300 digits to a whole number
+        raise ConfigurationError(f"{where} has a whole number of thousands of digits; TOML's have 64 bits") from None
     except RecursionError:
         raise ConfigurationError(f"{where} is nested too deeply to be a file of ours") from None
+    _check_values(values, where)
+    return values
+
+
+_DEEPEST = 50
+_DEEP_KEY = re.compile(rf"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{_DEEPEST}}}""", re.ASCII)
+"""A dotted key that tomllib would take time for that grows with the square of its length."""
+
+
+def _check_values(values: dict[str, Any], where: str) -> None:
+    """Refuse what is valid text, and more than anything of ours can hold. Raises `ConfigurationError`."""
+    level: list[Any] = [values]
+    for _ in range(_DEEPEST):
+        inner: list[Any] = []
+        for value in level:
+            if isinstance(value, dict | list):
+                inner += value.values() if isinstance(value, dict) else value
+            elif isinstance(value, int) and not -(2**63) <= value < 2**63:
+                raise ConfigurationError(f"{where} has a whole number that needs more than 64 bits, TOML's most")
+        if not inner:
+            return
+        level = inner
+    raise ConfigurationError(f"{where} is nested too deeply to be a file of ours")
+
+
+_MOST_TEXT = 4 << 20
 
 
 def read_text(path: Path, what: str) -> str:
     """A configuration file's text; raises `ConfigurationError` if it cannot be read."""
     try:
-        return path.read_text(encoding="utf-8-sig")
+        return read_regular_text(path, _MOST_TEXT)
     except FileNotFoundError:
         raise ConfigurationError(f"there is no {what} file {path}") from None
     except IsADirectoryError:
@@ -173,9 +206,9 @@ def parse_procedure(text: str, where: str, *, strict: bool = True) -> Procedure:
     """Check the text of a procedure file; `strict` as in `validated`."""
     values = parse_toml(text, where)
     kind = values.get("kind")
-    if kind not in _KINDS:
+    if not isinstance(kind, str) or kind not in _KINDS:
         known = ", ".join(f'"{k}"' for k in _KINDS)
-        raise ConfigurationError(f"{where}: kind = {kind!r} is not a kind of procedure; known: {known}")
+        raise ConfigurationError(f"{where}: kind = {kind!r:.80} is not a kind of procedure; known: {known}")
     return validated(_KINDS[kind], values, where, strict=strict)
 
 

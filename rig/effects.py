@@ -17,6 +17,7 @@ from pathlib import Path
 from fitter.effects import CATALOGUE, PRESSURE_CATALOGUE, Effect, PressureEffect
 from fitter.effects.own import own_effects
 from rig.errors import ConfigurationError
+from rig.regular import read_regular_text
 
 GROUP = "rig.effects"
 VARIABLE = "RIG_EFFECTS"
@@ -64,11 +65,14 @@ def _installed() -> tuple[Effect | PressureEffect, ...]:
     return tuple(found)
 
 
+_MOST_TEXT = 1 << 20
+
+
 def _written() -> tuple[Effect | PressureEffect, ...]:
     path = os.environ.get(VARIABLE)
     if not path:
         return ()
     try:
-        return own_effects(Path(path).read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+        return own_effects(read_regular_text(Path(path), _MOST_TEXT))
+    except (OSError, ValueError, RecursionError) as error:
         raise ConfigurationError(f"{VARIABLE}={path}: {error}") from error

@@ -19,6 +19,7 @@ from fitter.pressure import PressureCalibration
 from rig.errors import UsageError
 from rig.inference.calibration_file import Calibration, calibration_of, read_calibration
 from rig.quantities import PITCH, PRESSURE, ROLL, SENSOR, SSE
+from rig.regular import read_regular_text
 
 _TO_GRAVITY = np.array([1.0, -1.0, -1.0])
 
@@ -107,7 +108,7 @@ def _of_a_bench(calibration: Calibration) -> AttitudeCalibration | Mapping[str, 
 
 def _content(path: Path) -> Any:
     read_calibration(path)  # says what is wrong with it
-    return json.loads(path.read_text(encoding="utf-8"))
+    return json.loads(read_regular_text(path))
 
 
 def _fitted(path: Path) -> dict[str, Any]:

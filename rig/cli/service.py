@@ -72,6 +72,8 @@ def service(
         also_write=tuple(path.resolve() for path in writes_to or ()),
         addresses=() if remove else _addresses(run_file, bench),
     )
+    if not remove:
+        unit.check_paths()
     if unit.system and unit.user == "root" and not remove:
         raise UsageError(
             "a controller needs no rights of root: name the user it runs as, --run-as USER, who can use the "

@@ -21,6 +21,7 @@ from rig.closed_loop.attitude import with_temperature
 from rig.closed_loop.whole_plot import fit_whole_plots
 from rig.errors import UsageError
 from rig.inference import read_calibration
+from rig.regular import read_regular_text
 from rig.report.words import incomplete
 from rig.tables import Table, attitude_data, read_table
 from rig.tables.unused import Unused, sentences, unused_in_fit
@@ -229,7 +230,7 @@ def _from_calibration_file(path: Path, told: datetime | None) -> Given:
     file = read_calibration(path)
     if isinstance(file.calibration, CurveCalibration):
         return _from_curve(path, told, file.calibration, simulated=file.simulated)
-    content = json.loads(path.read_text(encoding="utf-8"))
+    content = json.loads(read_regular_text(path))
     data = content["data"]
     if data["kind"] != "pitch-roll":
         raise UsageError(
@@ -237,18 +238,19 @@ def _from_calibration_file(path: Path, told: datetime | None) -> Given:
         )
     try:
         sensors = calibrated_from(content)
-    except ValueError as error:
+        effects = {s["name"]: tuple(t["effect"] for t in s["terms"]) for s in content["calibration"]["sensors"]}
+        degC, simulated = content["calibration"]["reference_degC"], bool(data["simulated"])
+    except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
         raise UsageError(f"{path}: {error}; give the run file instead") from error
-    effects = {s["name"]: tuple(t["effect"] for t in s["terms"]) for s in content["calibration"]["sensors"]}
     return Given(
         source=str(path),
         kind="pitch-roll",
         when=_when(path, data, told),
         sensors=sensors,
         effects=effects,
-        simulated=bool(data["simulated"]),
+        simulated=simulated,
         provenance=data,
-        degC=content["calibration"]["reference_degC"],
+        degC=degC,
     )
 
 

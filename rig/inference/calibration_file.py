@@ -11,6 +11,7 @@ from typing import Any
 from fitter.inverse import AttitudeCalibration, CurveCalibration
 from fitter.pressure import PressureCalibration
 from rig.errors import UsageError
+from rig.regular import read_regular_text
 from rig.report.words import incomplete
 from rig.tables.unused import Unused
 
@@ -79,7 +80,7 @@ def read_calibration(path: Path) -> CalibrationFile:
     if path.suffix == ".sqlite":
         raise UsageError(f"{path} is a run file; make a calibration of it first: rig fit {path} --out calibration.json")
     try:
-        given = json.loads(path.read_text(encoding="utf-8"))
+        given = json.loads(read_regular_text(path))
         about = given["data"]
         told = () if about["kind"] == "pitch-roll" else given.get("confirmed_by", {"effects": ()})["effects"]
         words = tuple(str(effect["used"]) for effect in told)
@@ -90,7 +91,7 @@ def read_calibration(path: Path) -> CalibrationFile:
         raise UsageError(f"{path} cannot be read: {error.strerror}") from error
     except RecursionError:
         raise UsageError(f"{path} is nested too deeply to be a calibration file") from None
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
         raise UsageError(f"{path} is not a calibration file of `rig fit --out`: {error}") from error
 
 

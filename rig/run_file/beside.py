@@ -19,6 +19,7 @@ from pathlib import Path
 import apsw
 
 from rig.errors import RunFileError
+from rig.regular import check_regular, open_regular
 from rig.run_file.chain import followed
 from rig.run_file.schema import Guarded
 
@@ -127,14 +128,16 @@ def foreign_log(path: Path, records: int, seen: str) -> ForeignFileError:
 
 
 def check_journal(path: Path) -> None:
-    """Refuse a journal that would put anything but the mode back.
+    """Refuse what is no file beside a run, and a journal that would put anything but the mode back.
 
     Raises:
         ForeignFileError: it is not the file's own.
 
     """
+    for suffix in ("wal", "shm", "journal"):
+        _must_be_a_file(path, suffix)
     try:
-        with path.with_name(path.name + "-journal").open("rb") as file:
+        with open_regular(path.with_name(path.name + "-journal")) as file:
             header = file.read(28)
             if len(header) < 28 or header[:8] != _JOURNAL_MAGIC:
                 return  # SQLite takes nothing from it
@@ -150,6 +153,19 @@ def check_journal(path: Path) -> None:
             f"{path}-journal is not the journal of {path}: rolled back, {wrong}. Nothing was changed. "
             f"{_move(path, 'journal')}"
         )
+
+
+def _must_be_a_file(path: Path, suffix: str) -> None:
+    """SQLite would wait for a pipe for ever. Raises `ForeignFileError`."""
+    beside = path.with_name(f"{path.name}-{suffix}")
+    try:
+        check_regular(os.stat(beside).st_mode, beside)
+    except FileNotFoundError:
+        return
+    except OSError as error:
+        raise ForeignFileError(
+            f"{beside} is not a file of {path}: {error.strerror}. Nothing was changed. {_move(path, suffix)}"
+        ) from error
 
 
 def _move(path: Path, suffix: str) -> str:

@@ -12,6 +12,8 @@ import contextlib
 import os
 from pathlib import Path
 
+from rig.regular import open_regular
+
 _SIZE = 8 + 32
 
 
@@ -23,7 +25,7 @@ def head_path(run: Path) -> Path:
 def read_last_word(run: Path) -> tuple[int, bytes] | None:
     """Number of records and hash of the last one; None if nothing is said."""
     try:
-        with head_path(run).open("rb") as file:
+        with open_regular(head_path(run)) as file:
             data = file.read(_SIZE + 1)
     except OSError:
         return None

@@ -174,7 +174,7 @@ def send_request(run: Path, verb: str) -> str | None:
 def controller_alive(run: Path) -> bool:
     """Whether a controller holds the lock of a run file, which ends with its process however that ends."""
     try:
-        descriptor = os.open(run, os.O_RDONLY | os.O_CLOEXEC)
+        descriptor = os.open(run, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
     except OSError:
         return False
     try:

@@ -11,6 +11,7 @@ import apsw
 
 from drivers.clock import RealClock
 from rig.errors import RunFileError, UsageError
+from rig.regular import open_regular
 from rig.run_file.beside import Alone, alone, check_journal, has_log
 from rig.run_file.last_word import head_path
 from rig.run_file.schema import APPLICATION_ID, SCHEMA_VERSION, Guarded, guard, strange_tables
@@ -30,7 +31,7 @@ _WAY_FORWARD = (
 def check_header(path: Path) -> None:
     """Refuse what is no run file before SQLite touches it."""
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             start = file.read(100)
     except FileNotFoundError:
         raise UsageError(f"there is no run file {path}") from None

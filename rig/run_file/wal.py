@@ -16,6 +16,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.regular import open_regular
+
 _HEADER = struct.Struct(">8I")
 _FRAME = struct.Struct(">6I")
 _MAGIC_LITTLE, _MAGIC_BIG = 0x377F0682, 0x377F0683
@@ -89,7 +91,8 @@ def inspect(database: Path) -> WalState:
     """
     log = database.with_name(database.name + "-wal")
     try:
-        data = log.read_bytes()
+        with open_regular(log) as file:
+            data = file.read()
     except FileNotFoundError:
         return _CLEAN
     if not data:

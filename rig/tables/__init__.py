@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from rig.errors import UsageError
+from rig.regular import open_regular
 from rig.tables.csv_tables import read_any_csv, read_csv, read_gappy_csv, write_csv
 from rig.tables.datasets import attitude_data, whole_plot_data
 from rig.tables.observations import run_table
@@ -30,7 +31,7 @@ def read_table(path: Path) -> Table:
     if path.is_dir():
         raise UsageError(f"{path} is a folder; name a CSV file or a run file")
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             start = file.read(16)
     except OSError as error:
         raise UsageError(f"{path} cannot be read: {error.strerror}") from error

@@ -5,17 +5,40 @@ from __future__ import annotations
 import csv
 import io
 import math
+import os
 import warnings
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, BinaryIO
 
 import numpy as np
 
 from fitter.arrays import FloatArray
 from rig.atomic import write_whole
 from rig.errors import UsageError
+from rig.regular import open_regular
 from rig.tables.table import PITCH_ROLL, WHOLE_PLOT, Table
+
+_MOST_COLUMNS = 2000
+_LONGEST_LINE = 1 << 20
+_MOST_NUMBERS, _MOST_CELLS = 2 << 30, 32 << 20
+"""Bytes of a table of numbers only, and of one that is looked at cell by cell, which takes many times its memory."""
+
+
+def _regular(path: Path, most: int) -> BinaryIO:
+    """A table's file, opened. Raises `UsageError`."""
+    try:
+        file = open_regular(path)
+    except OSError as error:
+        raise UsageError(f"{path} cannot be read: {error.strerror}") from error
+    if os.fstat(file.fileno()).st_size > most:
+        file.close()
+        raise UsageError(
+            f"{path} is larger than {most:,} bytes, the most that is read of "
+            f"{'a table' if most == _MOST_NUMBERS else 'a table that is not all finite numbers'}; leave out what is "
+            "not needed"
+        )
+    return file
 
 
 def read_csv(path: Path) -> Table:
@@ -104,9 +127,15 @@ def _all_numbers(path: Path) -> dict[str, FloatArray] | None:
     NumPy reads a million rows in a fifth of the time and a tenth of the memory, but does not say what is wrong.
     """
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file, warnings.catch_warnings():
+        with (
+            _regular(path, _MOST_NUMBERS) as raw,
+            io.TextIOWrapper(raw, encoding="utf-8-sig", newline="") as file,
+            warnings.catch_warnings(),
+        ):
             warnings.simplefilter("error")  # no rows
-            names = [name.strip() for name in file.readline().split(",")]
+            names = [name.strip() for name in file.readline(_LONGEST_LINE).split(",")]
+            if len(names) > _MOST_COLUMNS:
+                return None
             values = np.loadtxt(file, np.float64, delimiter=",", comments=None, ndmin=2)
     except (ValueError, UserWarning):
         return None
@@ -119,11 +148,18 @@ def _all_numbers(path: Path) -> dict[str, FloatArray] | None:
 def _cells_of(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
     """Column names, and (row number, cells) of every row."""
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        with _regular(path, _MOST_CELLS) as file:
+            text = file.read().decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise UsageError(f"{path} is neither a run file nor UTF-8 text (byte {error.start})") from error
+    if "\0" in text:
+        raise UsageError(f"{path} is not a CSV table: there is a NUL in it")
     try:
-        rows = list(csv.reader(io.StringIO(text), strict=True))
+        lines = csv.reader(io.StringIO(text), strict=True)
+        first = next(lines, [])
+        if len(first) > _MOST_COLUMNS:
+            raise UsageError(f"{path} has {len(first):,} columns; a table has {_MOST_COLUMNS:,} at most")
+        rows = [first, *lines]
     except csv.Error as error:
         raise UsageError(f"{path} is not a CSV table: {error}") from error
     if not rows or not any(cell.strip() for cell in rows[0]):
@@ -146,16 +182,23 @@ def _cells_of(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
 
 def _is_number(cell: str) -> bool:
     try:
-        float(cell)
+        _float(cell)
     except ValueError:
         return False
     return True
 
 
+def _float(cell: str) -> float:
+    """A number as other programs write it; Python's own underscores, as in 1_5, would be read as no one meant them."""
+    if "_" in cell or not cell.isascii():
+        raise ValueError("no number")
+    return float(cell)
+
+
 def _number(path: Path, row: int, column: str, cell: str) -> float:
     what = f"{path}, row {row}, column {column}"
     try:
-        value = float(cell)
+        value = _float(cell)
     except ValueError:
         if not cell.strip():
             raise UsageError(f"{what}: the value is missing; fill it in or remove the row") from None

@@ -12,7 +12,7 @@ from pathlib import Path
 from drivers.wires.addresses import CanAddress, parse_address
 from rig.bench import check_options
 from rig.config import BenchConfig
-from rig.errors import ExitCode
+from rig.errors import ExitCode, UsageError
 
 WATCHDOG_S = 900.0
 """Without news for so long the controller hangs. The longest that it is silent for a good reason is while a pressure
@@ -82,6 +82,15 @@ class ServiceUnit:
         """What it starts. -P keeps a file called rig.py in the run's folder from being taken for this program."""
         bench = () if self.bench is None else ("--bench", str(self.bench))
         return (sys.executable, "-P", "-m", "rig", "resume", str(self.run), "--unless-stopped", *bench)
+
+    def check_paths(self) -> None:
+        """Raise `UsageError` for a path that cannot be written in a unit: systemd would refuse all of it."""
+        for path in (self.run, self.bench, *self.also_write):
+            if path is not None and re.search(r"[\x00-\x1f\x7f]", str(path)):
+                raise UsageError(
+                    f"{str(path)!r} has a control character in it, such as a newline, which systemd takes in no path: "
+                    "rename it, or move the run to another folder"
+                )
 
     def text(self) -> str:
         """The unit file."""

@@ -1,0 +1,70 @@
+"""Opening files that a person names, and files that lie beside them: regular ones only, of a bounded size.
+
+To open a pipe may wait for ever, a device may give bytes without end, and neither is a file that anybody meant.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from pathlib import Path
+from typing import BinaryIO
+
+MOST_BYTES = 64 << 20
+"""Of a text that is read whole."""
+
+_KINDS = {
+    stat.S_IFIFO: "a named pipe",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+    stat.S_IFSOCK: "a socket",
+    stat.S_IFDIR: "a folder",
+}
+
+
+def open_regular(path: Path) -> BinaryIO:
+    """A regular file opened to read, without waiting for anybody.
+
+    Raises:
+        OSError: there is none, or it is something else; `strerror` says what.
+
+    """
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
+    except ValueError:
+        raise OSError(errno.EINVAL, "a path has no NUL in it", str(path)) from None
+    try:
+        check_regular(os.fstat(descriptor).st_mode, path)
+    except BaseException:
+        os.close(descriptor)
+        raise
+    return os.fdopen(descriptor, "rb")
+
+
+def check_regular(mode: int, path: Path) -> None:
+    """Raise `OSError` where a file's mode is not a regular file's."""
+    if stat.S_ISDIR(mode):
+        raise IsADirectoryError(errno.EISDIR, "it is a folder", str(path))
+    if not stat.S_ISREG(mode):
+        kind = _KINDS.get(stat.S_IFMT(mode), "no file")
+        raise OSError(errno.EINVAL, f"it is {kind}, not a regular file", str(path))
+
+
+def read_regular(path: Path, most: int = MOST_BYTES) -> bytes:
+    """The whole of a regular file.
+
+    Raises:
+        OSError: as `open_regular`, or it has more than `most` bytes.
+
+    """
+    with open_regular(path) as file:
+        content = file.read(most + 1)
+    if len(content) > most:
+        raise OSError(errno.EFBIG, f"it is larger than {most:,} bytes, the most that is read", str(path))
+    return content
+
+
+def read_regular_text(path: Path, most: int = MOST_BYTES) -> str:
+    """The same as text, UTF-8 with or without its mark. Raises UnicodeDecodeError too."""
+    return read_regular(path, most).decode("utf-8-sig")

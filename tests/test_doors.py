@@ -1,0 +1,159 @@
+"""Hostile files at every door: a sentence and a documented exit code, never a traceback, a wait or a full memory."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+from command import rig
+from crashes import PROCEDURES
+from damages import small_finished
+
+from fitter.formula import Formula, FormulaError
+from rig.config import parse_bench, parse_procedure, parse_toml, read_text
+from rig.errors import ConfigurationError, RigError, RunFileError, UsageError
+from rig.examples import example
+from rig.inference import read_calibration
+from rig.run_file.last_word import read_last_word
+from rig.run_file.live import controller_alive
+from rig.run_file.reader import RunReader
+from rig.tables import read_any_csv, read_gappy_csv, read_table
+from rig.unattended.service import ServiceUnit
+from rig.watch.shelf import Shelf
+
+BENCH = (example("attitude-lab") / "bench.toml").read_text()
+PROCEDURE = PROCEDURES["attitude"]
+
+pytestmark = pytest.mark.timeout(6)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory) -> Path:
+    return small_finished("attitude", tmp_path_factory.mktemp("whole"))
+
+
+@pytest.mark.parametrize("kind", ["[]", "{}", "3", "[[]]", "1979-05-27"])
+def test_a_kind_that_is_no_text(kind):
+    with pytest.raises(ConfigurationError, match="is not a kind of procedure"):
+        parse_procedure(f"kind = {kind}", "procedure.toml")
+
+
+@pytest.mark.parametrize("number", ["1" * 5000, "-" + "1" * 5000, "0x" + "f" * 5000, str(2**63)])
+def test_integers_that_toml_does_not_have(number):
+    with pytest.raises(ConfigurationError, match="whole number"):
+        parse_bench(f"a = [{{b = {number}}}]", "bench.toml")
+
+
+@pytest.mark.parametrize(
+    "text", ["a" + ".a" * 20_000 + " = 1", "[a" + ".a" * 20_000 + "]", 'x = {"a"' + ' . "a"' * 20_000 + " = 1}"]
+)
+def test_keys_nested_20000_deep(text):
+    with pytest.raises(ConfigurationError, match="nested too deeply"):
+        parse_bench(text, "bench.toml")
+
+
+def test_words_that_only_look_like_deep_keys_are_read():
+    assert parse_toml(f'a = "{"b." * 40}"\nc = {[0.5] * 200}', "x.toml")["c"] == [0.5] * 200
+
+
+@pytest.mark.parametrize("count", ["1000000000", "10000"])
+def test_counts_are_bounded(count):
+    roll = 10_000 if count == "10000" else 4
+    design = f'[design]\ntype = "D1"\npitch_max_deg = 60\npitch_count = {count}\nroll_count = {roll}\n'
+    text = PROCEDURE.partition("[design]")[0] + design
+    with pytest.raises(ConfigurationError, match="pitch_count|points, more than"):
+        parse_procedure(text, "procedure.toml")
+
+
+@pytest.mark.parametrize("name", ["=1+1", "+x", "-x", "@x", "a\\nb", "a\\u001bb", "a\\u202eb"])
+def test_names_are_limited_at_the_door(name):
+    plain = "".join(c for c in BENCH.splitlines(keepends=True) if c.startswith("name"))
+    with pytest.raises(ConfigurationError, match="a name"):
+        parse_bench(BENCH.replace(plain, f'name = "{name}"\n'), "bench.toml")
+    with pytest.raises(ConfigurationError, match="a name"):
+        parse_bench(BENCH.replace("[sensors.x]", f'[sensors."{name}"]'), "bench.toml")
+    named = "\n".join(f'name = "{name}"' if x.startswith("name") else x for x in PROCEDURE.splitlines())
+    with pytest.raises(ConfigurationError, match="a name"):
+        parse_procedure(named, "procedure.toml")
+    assert parse_procedure(named, "a run file", strict=False).name  # what was begun is finished
+
+
+def test_a_formula_of_2000_operations():
+    for text in ("I(" + "x+" * 2000 + "x)", "log(" + "x*" * 2000 + "x)", "x^\u00b2", "x^" + "1" * 5000):
+        with pytest.raises(FormulaError):
+            Formula.parse(text)
+    assert str(Formula.parse("I(" + "x + " * 150 + "x)"))
+
+
+@pytest.mark.parametrize("cell", ["1_5", "\uff11\uff15"])
+def test_numbers_that_only_python_reads(tmp_path, cell):
+    path = tmp_path / "t.csv"
+    path.write_text(f"pitch_deg,x_V\n{cell},2\n1,2\n", encoding="utf-8")
+    with pytest.raises(UsageError, match="is not a number"):
+        read_table(path)
+    with pytest.raises(UsageError, match="is not a number"):
+        read_gappy_csv(path, ["pitch_deg"])
+    assert "pitch_deg" in read_any_csv(path, ("x_V",)).text
+
+
+def test_100000_columns(tmp_path):
+    path = tmp_path / "t.csv"
+    for cell in ("1", ""):
+        path.write_text(",".join(f"c{i}" for i in range(100_000)) + "\n" + ",".join([cell] * 100_000) + "\n")
+        with pytest.raises(UsageError, match="100,000 columns"):
+            read_table(path)
+
+
+def pipe(path: Path) -> Path:
+    os.mkfifo(path)
+    return path
+
+
+@pytest.mark.parametrize("what", ["pipe", "/dev/zero"])
+def test_pipes_and_devices_as_any_input(tmp_path, what):
+    path = pipe(tmp_path / "pipe") if what == "pipe" else Path(what)
+    reads = (read_table, lambda p: read_any_csv(p, ()), read_calibration, RunReader.open, lambda p: read_text(p, "x"))
+    for read in reads:
+        with pytest.raises(RigError, match="not a regular file"):
+            read(path)
+    assert not controller_alive(path)
+
+
+def test_a_pipe_for_the_last_word(tmp_path):
+    pipe(tmp_path / "run.head")
+    assert read_last_word(tmp_path / "run.sqlite") is None
+
+
+@pytest.mark.parametrize("suffix", ["-wal", "-shm", "-journal"])
+def test_pipes_beside_a_run(whole, tmp_path, suffix):
+    path = tmp_path / "run.sqlite"
+    shutil.copy(whole, path)
+    beside = pipe(path.with_name(path.name + suffix))
+    with pytest.raises(RunFileError, match=f"{beside.name} is not a file of .*a named pipe"):
+        RunReader.open(path)
+
+
+def test_a_pipe_in_a_folder_of_runs_keeps_nobody_waiting(whole, tmp_path):
+    shutil.copy(whole, tmp_path / "good.sqlite")
+    pipe(tmp_path / "pipe.sqlite")
+    entries = Shelf(tmp_path, None, lambda: 0.0, lambda: 0.0).entries()
+    assert {entry.name for entry in entries} == {"good", "pipe"}
+
+
+def test_a_path_with_a_newline_makes_no_unit():
+    unit = ServiceUnit(Path("/runs/a\nExecStartPre=x/r.sqlite"), "r", "x", system=False, user="u")
+    with pytest.raises(UsageError, match="control character"):
+        unit.check_paths()
+
+
+def test_a_dict_for_a_name_in_a_charted_calibration(whole, tmp_path):
+    path = tmp_path / "c.json"
+    rig("fit", whole, "--out", path)
+    content = json.loads(path.read_text())
+    content["calibration"]["sensors"][0]["name"] = {"a": 1}
+    path.write_text(json.dumps(content))
+    done = rig("chart", path, f"{path}@2026-01-01")
+    assert (done.returncode, "unforeseen" in done.stderr) == (2, False), done.stderr
