@@ -64,7 +64,7 @@ def test_counts_are_bounded(count):
     roll = 10_000 if count == "10000" else 4
     design = f'[design]\ntype = "D1"\npitch_max_deg = 60\npitch_count = {count}\nroll_count = {roll}\n'
     text = PROCEDURE.partition("[design]")[0] + design
-    with pytest.raises(ConfigurationError, match="pitch_count|points, more than"):
+    with pytest.raises(ConfigurationError, match=r"pitch_count|points, more than"):
         parse_procedure(text, "procedure.toml")
 
 
