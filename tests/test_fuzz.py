@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 from crashes import PROCEDURES
 from damages import small_finished
+from doors import DOORS, Found, Material, attack
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from test_verify import tamper
@@ -240,3 +241,22 @@ def test_a_file_that_verifies_and_makes_no_sense_together_is_one_message(whole, 
     tamper(path, "UPDATE record SET kind = 'end' WHERE seq = 2")
     with RunReader.open(path) as reader, pytest.raises(RunFileError):
         reader.verify()
+
+
+@pytest.fixture(scope="module")
+def material(tmp_path_factory) -> Material:
+    return Material.make(tmp_path_factory.mktemp("material"))
+
+
+FOUND = {"run": (1, 12, 75, 118, 191, 261), "formula": (43,)}
+"""Seeds that once ended in a traceback."""
+SHARE = {"toml": 10, "csv": 3, "formula": 30, "calibration": 4, "run": 2, "beside": 3}
+
+
+@pytest.mark.parametrize("door", sorted(DOORS))
+def test_every_door_answers(material, door):
+    found = Found()
+    for seed in (*FOUND.get(door, ()), *range(1000, 1000 + SHARE[door] * (50 if LONG else 1))):
+        attack(door, seed, material, found)
+    assert found.inputs >= SHARE[door]
+    assert not found.wrong, found.examples

@@ -75,7 +75,10 @@ def own_effects(text: str) -> tuple[Effect | PressureEffect, ...]:
         ValueError: it is no TOML, a field is missing or unknown, or a column is no formula; the message says which.
 
     """
-    tables = tomllib.loads(text)
+    try:
+        tables = tomllib.loads(text)
+    except RecursionError:
+        raise ValueError("it is nested too deeply to be a file of effects") from None
     if set(tables) != {"effect"} or not isinstance(tables["effect"], list):
         raise ValueError("a file of effects has [[effect]] tables and nothing else")
     return tuple(_effect(table) for table in tables["effect"])

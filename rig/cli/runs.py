@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from rig.cli.show import err, out, print_json
 from rig.durations import duration
 from rig.errors import ExitCode, RigError, UsageError
 from rig.run_file.live import controller_alive, read_live
+from rig.run_file.opening import sensible
 from rig.run_file.state import RunState
 from rig.run_file.verification import CUT_SHORT, glance
 
@@ -61,8 +63,14 @@ def _row(path: Path) -> tuple[dict[str, Any], int]:
         if wrong is not None and wrong.where not in CUT_SHORT:
             message = f"{path} was edited or damaged: {wrong}; rig verify {path} lists everything that is wrong"
             return {"run_file": str(path), "state": "not whole", "message": message}, int(ExitCode.FAULT)
+        with sensible(path):
+            return _known(path, state, about)
     except RigError as error:
         return {"run_file": str(path), "state": "unreadable", "message": str(error)}, int(ExitCode.FAULT)
+
+
+def _known(path: Path, state: RunState, about: Mapping[str, Any]) -> tuple[dict[str, Any], int]:
+    """A run's line, and what `--check` would end with."""
     said = read_live(path)
     running, live = said is not None, said or {}
     row = {

@@ -17,6 +17,7 @@ from rig.durations import duration
 from rig.errors import ExitCode
 from rig.run_file.elsewhere import goes_on_in
 from rig.run_file.live import read_live, silent_s
+from rig.run_file.opening import sensible
 from rig.run_file.state import RunState
 from rig.run_file.verification import CUT_SHORT, glance
 
@@ -40,6 +41,12 @@ def status(
     """
     if run_file.is_dir():
         return list_runs(run_file, as_json=as_json, check=check)
+    with sensible(run_file):
+        return _status(run_file, check=check, as_json=as_json)
+
+
+def _status(run_file: Path, *, check: bool, as_json: bool) -> ExitCode:
+    """Of one run file."""
     reader, state, wrong, looked = glance(run_file, VERIFIED)
     with reader:
         genesis = reader.genesis()

@@ -54,6 +54,8 @@ class Record(_Columns):
     @cached_property
     def data(self) -> dict[str, Any]:
         """The body, decoded. Raises ValueError if it is not a JSON object."""
+        if not isinstance(self.body, str):
+            raise ValueError("no text")
         try:
             decoded = json.loads(self.body)
         except RecursionError:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import apsw
@@ -157,6 +158,27 @@ def edited(path: Path, what: str) -> RunFileError:
     return RunFileError(
         f"{path} was edited or damaged: {what}. `rig verify {path}` lists everything that is wrong. {_WAY_FORWARD}"
     )
+
+
+NO_SENSE = (apsw.Error, ValueError, TypeError, LookupError, ArithmeticError, AttributeError, RecursionError)
+"""What comes of contents that are not those of a run file, though every hash in it is right."""
+
+
+def makes_no_sense(path: Path, error: BaseException) -> RunFileError:
+    """It is a run file by its tables and hashes, and something in it is not what this program writes."""
+    return RunFileError(
+        f"{path} holds what makes no sense in a run file ({type(error).__name__}: {str(error)[:200]}). It was edited, "
+        f"or another version of rig wrote it. {_WAY_FORWARD}"
+    )
+
+
+@contextlib.contextmanager
+def sensible(path: Path) -> Iterator[None]:
+    """Around the use of what a run file holds. Raises `RunFileError` where that makes no sense."""
+    try:
+        yield
+    except NO_SENSE as error:
+        raise makes_no_sense(path, error) from error
 
 
 def unreadable(path: Path, error: Exception) -> RunFileError:

@@ -20,10 +20,12 @@ from rig.run_file.audit import findings
 from rig.run_file.beside import Alone, ForeignFileError, check_journal, check_log, foreign_log, has_log
 from rig.run_file.chain import GENESIS, Record, StoredRow
 from rig.run_file.opening import (
+    NO_SENSE,
     by_itself,
     check_header,
     check_name,
     edited,
+    makes_no_sense,
     opened_to_read,
     opened_without_log,
     rolled_back,
@@ -39,6 +41,9 @@ _COLUMNS = "session, kind, elapsed_s, utc_s, run_index, whole_plot, attempt, sta
 
 class RunReader:
     """A run file opened read-only: short transactions, never in the writer's way."""
+
+    only_reads = True
+    """What goes wrong while it is open comes of what it holds, not of a bench."""
 
     def __init__(self, path: Path, connection: apsw.Connection) -> None:
         self.path = path
@@ -96,8 +101,11 @@ class RunReader:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        """Close. Contents that make no sense, whoever of us notices, are an error of the file: `RunFileError`."""
         self.close()
+        if self.only_reads and isinstance(error, NO_SENSE):
+            raise makes_no_sense(self.path, error) from error
 
     def documents(self) -> dict[str, str]:
         """The files the run was made from, by name."""

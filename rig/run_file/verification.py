@@ -146,7 +146,7 @@ def _expanded(documents: Mapping[str, str]) -> RunList | None:
 def _simulated(run: RunReader) -> bool | None:
     try:
         return bool(run.genesis().data["simulated"])
-    except (RunFileError, ValueError, LookupError):
+    except (RunFileError, ValueError, LookupError, TypeError):
         return None
 
 

@@ -32,6 +32,8 @@ from rig.run_file.vigil import Mirror, Vigil
 class RunWriter(RunReader):
     """The one connection that writes. Holds an exclusive lock on the run file while it lives."""
 
+    only_reads = False
+
     dropped: wal.WalState
     _lock: int
     _vfs: str
