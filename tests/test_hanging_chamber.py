@@ -8,6 +8,7 @@ import pytest
 from ideal_pressure_bench import PROCEDURE
 
 from rig.engine.whole_plots import WholePlots, renewal
+from rig.errors import BenchFault
 
 RUN_LIST = PROCEDURE.expand()
 CHAMBERS = dict(zip((f.name for f in RUN_LIST.hard), ("cold_box", "hot_box"), strict=True))
@@ -163,3 +164,13 @@ def test_a_soak_is_judged_by_the_procedure_in_the_units_of_its_clock():
 def test_temperatures_half_of_renew_degc_away_have_been_left(share, left):
     found = rules([])
     assert found.left(POINT, states(found, share * PROCEDURE.soak.renew_degC)) is left
+
+
+def test_a_thermometer_that_is_open_three_times_in_a_row_ends_a_soak_and_not_before():
+    found, open_, good = with_thermometers(), 9.9e37, 20.0
+    values = dict.fromkeys(CHAMBERS, good)
+    broken = values | {RUN_LIST.hard[0].name: open_}
+    for polls in (broken, broken, values, broken, broken):
+        found.check_thermometers(polls)
+    with pytest.raises(BenchFault, match="3 times in a row"):
+        found.check_thermometers(broken)
