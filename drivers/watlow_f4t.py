@@ -116,6 +116,8 @@ class WatlowF4T(MappedDevice):
         self._options = options
         line = wires.modbus(address, name, options.timeout_s)
         super().__init__(line, map_of(options.register_map), options.loop, cascade=options.cascade)
+        part = self._entry("part_number")
+        self._line.known = (part.address, int(part.type.removeprefix("text:")))
         self._unit_register = f"modbus_units_{'rtu' if self._line.rtu else 'tcp'}"
         self._tells_unit = self._unit_register in self._map.registers
         self._found_unit = ""

@@ -11,6 +11,7 @@ import logging
 import struct
 from collections.abc import Callable, Sequence
 from functools import partial
+from itertools import count
 from typing import NoReturn
 
 from pymodbus import FramerType
@@ -21,13 +22,16 @@ from pymodbus.pdu import ExceptionResponse, ModbusPDU
 from drivers.clock import Clock
 from drivers.errors import BadReply, InstrumentError, NoReply, Unreachable
 from drivers.wires.addresses import ModbusAddress
-from drivers.wires.modbus_transport import Transport, open_transport
+from drivers.wires.modbus_rtu import OutOfStep, ends_with_answer, fits, questions
+from drivers.wires.modbus_transport import Transport, open_transport, silence_s
 from drivers.wires.serial_line import Tap
 
 logging.getLogger("pymodbus").addHandler(logging.NullHandler())  # it prints what we raise
 
 _QUIET_S = 0.3
+_SERVER_SILENCE_S = 0.02  # a serial server sends on what it has after at most some milliseconds
 _TALKS_ON_S = 10.0
+_LEAST_WAIT_S = 1e-4
 _BUSY, _BUSY_WAIT_S, _BUSY_TRIES = 6, 0.2, 10
 _EXCEPTIONS = {
     1: "it does not have this function",
@@ -80,11 +84,18 @@ class ModbusWire:
     def __init__(self, address: ModbusAddress, clock: Clock, opener: Callable[[], Transport] | None = None) -> None:
         self.clock = clock
         self._open = opener or partial(open_transport, address, clock)
-        self._framer = FramerType.RTU if address.rtu and not address.simulated else FramerType.SOCKET
+        self._rtu = address.rtu and not address.simulated
+        self._framer = FramerType.RTU if self._rtu else FramerType.SOCKET
+        self._silence_s = _SERVER_SILENCE_S if address.host else silence_s(address.baud)
         self._out_of_step = False
+        self._owing: set[int] = set()  # units that may yet answer what they were asked before
+        self._numbers = count(1)
+        self._trusted = False
+        self._heard_at = clock.now()
+        self._sent = b""
         self._log: Callable[[str, bytes], None] = _unlogged
         self._heard = b""
-        self._seconds = 1.0
+        self._seconds = self._asked_s = 1.0
         self._client: _Client | None = None
         self._last_number = 0
         self._transport: Transport | None = self._connected(address.place)
@@ -93,52 +104,69 @@ class ModbusWire:
         self,
         request: Callable[[ModbusTcpClient], ModbusPDU],
         *,
+        unit: int,
         where: str,
         seconds: float,
         log: Callable[[str, bytes], None],
+        known: tuple[int, int] = (0, 0),
     ) -> ModbusPDU:
         """Send one request and wait for its reply, which may be an exception response.
 
         Args:
             request: makes the request with a client.
+            unit: the device it goes to.
             where: the device, for messages.
             seconds: bench seconds to wait.
             log: sees ("tx" or "rx", bytes).
+            known: first address and number of words in a row that the device is known to have.
 
         Raises:
             NoReply: nothing came in time.
-            BadReply: what came is no reply to this.
+            BadReply: what came is no reply to this, or not only.
+            OutOfStep: more came after an earlier reply; nothing was sent.
             Unreachable: the wire is gone.
 
         """
         self._log, self._heard = log, b""
-        self._seconds = self.clock.timeout(seconds)
+        self._seconds, self._asked_s = self.clock.timeout(seconds), seconds
         try:
             if self._transport is None:
                 self._transport = self._connected(where)
+            if self._rtu:
+                self._refuse_unasked(unit, where)
             if self._out_of_step:
                 self._drain(where)
+            if unit in self._owing:
+                self._synchronise(unit, known, where)
             if self._client is None:
                 self._client = _Client(self._framer, self._seconds, self._send, self._hear)
                 self._client.transaction.next_tid = self._last_number
-            return request(self._client)
+            self._heard = b""
+            reply = request(self._client)
+            if self._rtu and not fits(self._heard, self._sent):
+                raise ModbusException("more or less than the one reply")
+            self._trusted = True
+            return reply
         except ModbusException as error:
-            if self._client is not None:
-                self._last_number = (
-                    self._client.transaction.next_tid
-                )  # else a late reply would have the next one's number
-            self._client = None  # it counts failures and acts on them
-            self._out_of_step = True
+            self.doubt(unit)
             if self._heard:
                 raise BadReply(
-                    f"{where} sent {self._heard[:40]!r}, which is no reply to the request; "
-                    f"check baud rate, parity, unit, and whether it speaks TCP or RTU"
+                    f"{where} sent {self._heard[:40]!r}, which is no reply to the request, or not only; "
+                    f"check baud rate, parity, unit, echo, and whether it speaks TCP or RTU"
                 ) from error
-            raise NoReply(
-                f"{where} did not answer within {seconds:g} s; is it switched on, connected, and set to this unit?"
-            ) from error
+            raise self._silent(where) from error
         except OSError as error:
-            self._lost(where, error)
+            self._lost(where, unit, error)
+
+    def doubt(self, unit: int) -> None:
+        """Bring the line, and this unit, back in step before the next request."""
+        if self._client is not None:
+            self._last_number = self._client.transaction.next_tid  # else a late reply would have the next one's number
+        self._client = None  # it counts failures and acts on them
+        self._out_of_step = True
+        self._trusted = False
+        if self._rtu:
+            self._owing.add(unit)
 
     def close(self) -> None:
         """Release the wire; idempotent. It opens again if it is used again."""
@@ -150,6 +178,7 @@ class ModbusWire:
     def _send(self, data: bytes) -> None:
         assert self._transport is not None
         self._log("tx", data)
+        self._sent = data
         self._transport.send(data)
 
     def _hear(self) -> bytes:
@@ -158,7 +187,43 @@ class ModbusWire:
         if heard:
             self._log("rx", heard)
             self._heard += heard
+            self._heard_at = self.clock.now()
         return heard
+
+    def _refuse_unasked(self, unit: int, where: str) -> None:
+        """Wait for the silence between two frames; what comes in it puts the reply before it in doubt."""
+        assert self._transport is not None
+        self.clock.sleep(self._heard_at + self._silence_s - self.clock.now())
+        heard = self._transport.recv(_LEAST_WAIT_S)
+        if not heard:
+            return
+        self._log("rx", heard)
+        trusted = self._trusted
+        self.doubt(unit)
+        if trusted:
+            raise OutOfStep(
+                f"{where}: {heard[:40]!r} came after a reply, unasked; that reply may have been a late one to an "
+                f"earlier request; nothing was sent; is there a second master, an echo or noise on the line?"
+            )
+
+    def _synchronise(self, unit: int, known: tuple[int, int], where: str) -> None:
+        """Ask what only one answer fits; everything before that answer was late, and is forgotten."""
+        for question in questions(unit, next(self._numbers), known):
+            self._heard = b""
+            end = self.clock.now() + _TALKS_ON_S
+            self._send(question)
+            while self._hear() and self.clock.now() < end:
+                if ends_with_answer(self._heard, question):
+                    self._owing.discard(unit)
+                    self._drain(where)
+                    return
+        self.doubt(unit)
+        raise self._silent(where)
+
+    def _silent(self, where: str) -> NoReply:
+        return NoReply(
+            f"{where} did not answer within {self._asked_s:g} s; is it switched on, connected, and set to this unit?"
+        )
 
     def _drain(self, where: str) -> None:
         """Listen until the line is silent, so that a late reply cannot answer the next request."""
@@ -178,11 +243,9 @@ class ModbusWire:
                 f"{where} cannot be opened ({error}); check power, cable, address and permissions"
             ) from error
 
-    def _lost(self, where: str, error: OSError) -> NoReturn:
+    def _lost(self, where: str, unit: int, error: OSError) -> NoReturn:
         self.close()
-        if self._client is not None:
-            self._last_number = self._client.transaction.next_tid
-        self._client = None
+        self.doubt(unit)  # a serial server may have kept what the device answered
         raise Unreachable(f"{where} was lost ({error}); check cable and power") from error
 
 
@@ -205,6 +268,8 @@ class ModbusLine:
         exchanges: requests sent so far, repeated ones included.
         retries: requests that had to be sent again.
         rtu: the device hears it at its serial port, also behind a serial server; at its own network port otherwise.
+        known: first address and number of words in a row that the device has, more than 3; (0, 0) if nobody says so.
+            After a missing answer on a serial line some of them are read, where the device ignores the loopback.
 
     """
 
@@ -224,6 +289,7 @@ class ModbusLine:
         self._timeout_s = timeout_s
         self._label = label or address
         self.where = f"{label} at {address}" if label else address
+        self.known = (0, 0)
         self.exchanges = 0
         self.retries = 0
 
@@ -271,6 +337,7 @@ class ModbusLine:
         reply = self._ask(request, f"writing {len(values)} word(s) at {address}", repeat=False)
         echo = reply.registers == values if len(values) == 1 else reply.count == len(values)
         if reply.address != address or not echo:
+            self._wire.doubt(self._unit)
             raise BadReply(f"{self.where} confirms something else than writing {values} at register {address}: {reply}")
 
     def close(self) -> None:
@@ -280,6 +347,7 @@ class ModbusLine:
     def _words(self, request: Callable[[ModbusTcpClient], ModbusPDU], address: int, count: int) -> list[int]:
         words = self._ask(request, f"reading {count} word(s) at {address}", repeat=True).registers
         if len(words) != count:
+            self._wire.doubt(self._unit)
             raise BadReply(f"{self.where} answered {len(words)} words to a question for {count} at {address}")
         return list(words)
 
@@ -299,15 +367,17 @@ class ModbusLine:
     def _once_or_twice(self, request: Callable[[ModbusTcpClient], ModbusPDU], *, repeat: bool) -> ModbusPDU:
         try:
             return self._once(request)
-        except (NoReply, BadReply):
-            if not repeat:
+        except (NoReply, BadReply) as error:
+            if not repeat or isinstance(error, OutOfStep):
                 raise
         self.retries += 1
         return self._once(request)
 
     def _once(self, request: Callable[[ModbusTcpClient], ModbusPDU]) -> ModbusPDU:
         self.exchanges += 1
-        return self._wire.ask(request, where=self.where, seconds=self._timeout_s, log=self._log)
+        return self._wire.ask(
+            request, unit=self._unit, where=self.where, seconds=self._timeout_s, log=self._log, known=self.known
+        )
 
     def _log(self, direction: str, data: bytes) -> None:
         if self._tap:

@@ -29,6 +29,11 @@ class Transport(Protocol):
         ...
 
 
+def silence_s(baud: int) -> float:
+    """Seconds of silence between two frames of a serial line. Source: MODBUS over Serial Line 1.02, 2.5.1.1."""
+    return 0.00175 if baud > 19200 else 3.5 * 11 / baud  # fixed above 19200 baud
+
+
 class TcpTransport:
     """A TCP connection. Raises `OSError` if it cannot be made."""
 
@@ -43,6 +48,8 @@ class TcpTransport:
     def recv(self, seconds: float) -> bytes:
         """See `Transport.recv`."""
         self._socket.settimeout(seconds)
+        if hasattr(socket, "TCP_QUICKACK"):  # else the sender may keep the rest until our next request acknowledges
+            self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK, 1)
         try:
             heard = self._socket.recv(4096)
         except TimeoutError:
@@ -74,8 +81,7 @@ class RtuTransport:
             write_timeout=_CONNECT_S,
             exclusive=True,
         )
-        # MODBUS over Serial Line 1.02, 2.5.1.1: fixed above 19200 baud
-        self._silence = 0.00175 if address.baud > 19200 else 3.5 * 11 / address.baud
+        self._silence = silence_s(address.baud)
         self._heard_at = clock.now() - self._silence
 
     def send(self, data: bytes) -> None:

@@ -1,0 +1,72 @@
+"""Modbus RTU: whether bytes are the one answer to a request, and requests that no late answer fits.
+
+A frame of a serial line has no transaction number: a late answer to one request may look like an answer to the next.
+Sources: MODBUS Application Protocol 1.1b3, 6.8.1 (return query data); MODBUS over Serial Line 1.02, 2.5.1.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+
+from pymodbus.framer.rtu import FramerRTU
+
+from drivers.errors import BadReply
+
+_READS, _WRITE_ONE, _LOOPBACK, _WRITE = (3, 4), 6, 8, 16
+_EXCEPTION_SIZE, _ECHO_SIZE = 5, 8
+_LEAST = 3  # words of a read that is made to be told from others: numbers and codes have one or two
+
+
+class OutOfStep(BadReply):
+    """Bytes came that nobody asked for. Asking again does not mend what was believed before."""
+
+
+def framed(unit: int, pdu: bytes) -> bytes:
+    """A request or an answer with its unit and check sum."""
+    return _summed(bytes((unit,)) + pdu)
+
+
+def _summed(body: bytes) -> bytes:
+    return body + FramerRTU.compute_CRC(body).to_bytes(2, "big")
+
+
+def fits(heard: bytes, sent: bytes) -> bool:
+    """Whether these bytes are one whole answer to that request, with nothing before it and nothing after it."""
+    if len(heard) < _EXCEPTION_SIZE or heard != _summed(heard[:-2]) or heard[0] != sent[0]:
+        return False
+    function = sent[1]
+    if heard[1] == function | 0x80:
+        return len(heard) == _EXCEPTION_SIZE
+    if function in _READS:
+        size = 2 * int.from_bytes(sent[4:6], "big")
+        return heard[1:3] == bytes((function, size)) and len(heard) == 5 + size
+    if function == _WRITE:
+        return heard[:6] == sent[:6] and len(heard) == _ECHO_SIZE
+    return heard == sent
+
+
+def ends_with_answer(heard: bytes, sent: bytes) -> bool:
+    """Whether the last of these bytes are the answer to a request of `questions`, whatever came before."""
+    if sent[1] == _LOOPBACK:  # no other request has this function, so that its refusal is an answer, too
+        return fits(heard[-_ECHO_SIZE:], sent) or fits(heard[-_EXCEPTION_SIZE:], sent)
+    answer = heard[-5 - 2 * sent[5] :]
+    return fits(answer, sent) and answer[1] == sent[1]
+
+
+def questions(unit: int, number: int, known: tuple[int, int]) -> Iterator[bytes]:
+    """Requests that no answer to another one fits.
+
+    The loopback sends back a number that changes. A device that does not know it should say so; for one that says
+    nothing there is a read of more words than any other, and of another count than the last time.
+
+    Args:
+        unit: the device.
+        number: of this attempt; another one each time.
+        known: first address and number of words that the device is known to have in a row; (0, 0) if none.
+
+    """
+    yield framed(unit, struct.pack(">BHH", _LOOPBACK, 0, number % 0xFFFF + 1))
+    address, most = known
+    if most > _LEAST:
+        yield framed(unit, struct.pack(">BHH", 3, address, _LEAST + number % (most - _LEAST)))
