@@ -49,10 +49,15 @@ class Register:
         get: its value now.
         put: sets it, None if it is read only; raises `Refused`.
 
+    Attributes:
+        size: its words.
+        number: it is a number or a code, and no text.
+
     """
 
     def __init__(self, kind: str, low_first: bool, get: Callable[[], Value], put: Callable[[Any], None] | None) -> None:
         self._kind = kind
+        self.number = kind in _STRUCT
         self._low_first = low_first
         self._get = get
         self._put = put
@@ -94,7 +99,7 @@ class Bank:
             self._at[address + offset] = (register, offset)
 
     def read(self, address: int, count: int) -> list[int]:
-        """See `sims.wires.modbus_slave.Registers`; every word must belong to a register.
+        """See `sims.wires.modbus_slave.Registers`; every word must belong to a register, and numbers are read whole.
 
         A parameter of 16 bits has two addresses: public clients read across the second, which is 0 here [?].
         """
@@ -107,6 +112,8 @@ class Bank:
                 single = False
                 continue
             register, offset = self._find(at)
+            if register.number and (offset or count - len(words) < register.size):
+                raise Refused(ILLEGAL_ADDRESS)
             single = register.size == 1
             words += register.words()[offset:]
         return words[:count]
