@@ -22,7 +22,8 @@ from drivers.wires.modbus import float_of_words
 
 _MARGIN_K = 20.0  # how far from its limits and from ambient a chamber may be found
 _ILLEGAL_ADDRESS = 2
-_ALARMING = ("high", "low", "error")
+_NO_ALARM = ("startup", "none", "blocked")
+_POSSIBLE_DEGC = (-273.15, 2000.0)  # absolute zero, and more than any thermocouple of a chamber bears
 
 
 def _register(power: str) -> str:
@@ -155,10 +156,12 @@ class WatlowF4T(MappedDevice):
                 f"{self._line.where}: the bench allows {self._options.low_degC:g} to {self._options.high_degC:g} degC, "
                 f"the controller's own setpoint range is {low:g} to {high:g} degC; narrow one or widen the other"
             )
+        found = self._witness("process_value")
+        if math.isfinite(found):
+            self._check_possible(_celsius(found, fahrenheit))
         if self._power:
             self._powered()
-        if self._options.cascade and "air_control" in self._map.cascade and self._code("air_control") != "off":
-            raise NotReady(f"{self._line.where}: its Air Control is on, so that it is no cascade; switch it off there")
+        self._require_cascade()
         if self._options.cascade and "ramp_action" not in self._map.cascade:
             return
         ramp = self._options.ramp_degC_per_min
@@ -178,35 +181,54 @@ class WatlowF4T(MappedDevice):
 
         Raises:
             LimitError: outside the bench's range, or no number.
+            NotReady: a cascade's air control is on.
             BadReply: the setpoint, the mode or the power reads back as something else, or the unit is in doubt.
 
         """
         low, high = self.limits()
         if not low <= degC <= high:
             raise LimitError(f"{self._line.where}: {degC:g} degC is outside {low:g} to {high:g} degC")
-        self._set_setpoint(degC, self._fahrenheit())
+        fahrenheit = self._fahrenheit()
+        self._require_cascade()
+        self._set_setpoint(degC, fahrenheit)
         if self._code("mode") != "auto":
             self._set_code("mode", "auto")
         if self._power and not self._powered():
             self._switch_on()
 
     def read(self) -> ChamberState:
-        """See `Chamber.read`. The setpoint is the commanded one, also while a ramp is on its way to it."""
-        fahrenheit = self._fahrenheit()
+        """See `Chamber.read`. The setpoint is the commanded one, also while a ramp is on its way to it.
+
+        Raises:
+            BadReply: the temperature is none that can be, or the unit is in doubt.
+
+        """
+        fahrenheit, air = self._fahrenheit(), self._air_control()
         return ChamberState(
             setpoint_degC=self._temperature("setpoint", fahrenheit),
-            temperature_degC=self._temperature("process_value", fahrenheit),
+            temperature_degC=self._process_value(fahrenheit),
             power_pct=self._number("power"),
-            running=self._code("active_mode") == "auto" and self._powered(),
-            alarms=(*self._alarms(fahrenheit), *self._limits_tripped()),
+            running=self._code("active_mode") == "auto" and self._powered() and not air,
+            alarms=(*([air] if air else []), *self._alarms(fahrenheit), *self._limits_tripped()),
         )
 
     def stop(self) -> None:
-        """See `Chamber.stop`. Where control is off it stays off."""
+        """See `Chamber.stop`. Where control is off it stays off; a power set by hand becomes control.
+
+        Raises:
+            BadReply: the temperature is far outside the bench's range, as a broken sensor's is; the setpoint stays.
+
+        """
         low, high = self.limits()
         fahrenheit = self._fahrenheit()
-        here = min(max(self._temperature("process_value", fahrenheit), low), high)
-        self._set_setpoint(here, fahrenheit)
+        here = self._process_value(fahrenheit)
+        if not self._plausible(here):
+            raise BadReply(
+                f"{self._line.where}: process_value reads {here:g} degC, far outside {low:g} to {high:g} degC; its "
+                f"setpoint stays as it is; look at the chamber and at its sensor"
+            )
+        self._set_setpoint(min(max(here, low), high), fahrenheit)
+        self._end_manual()
 
     def make_safe(self) -> None:
         """See `Instrument.make_safe`: to the safe setpoint, under control; what is off stays off.
@@ -214,22 +236,38 @@ class WatlowF4T(MappedDevice):
         A chamber that somebody, or its own protection, has switched off heats nothing, and is not started by a fault
         elsewhere. The unit is the controller's own of this moment, also if it has just been changed.
         """
-        self._set_setpoint(self._options.safe_degC, self._fahrenheit(may_change=True))
-        if self._code("mode") not in ("auto", "off"):
-            self._set_code("mode", "auto")
+        self._set_setpoint(self._options.safe_degC, self._fahrenheit(may_change=True), or_back=False)
+        self._end_manual()
 
     def close(self) -> None:
         """See `Instrument.close`."""
         self._line.close()
 
+    def _end_manual(self) -> None:
+        """Have the loop control: a power that somebody has set by hand goes on, whatever the temperature becomes."""
+        if self._code("mode") not in ("auto", "off"):
+            self._set_code("mode", "auto")
+
+    def _air_control(self) -> str:
+        """What is wrong if a cascade controls the air's temperature and not the part's; "" if nothing is."""
+        if not self._options.cascade or "air_control" not in self._map.cascade or self._code("air_control") == "off":
+            return ""
+        return "its Air Control is on, so that it is no cascade; switch it off there"
+
+    def _require_cascade(self) -> None:
+        if air := self._air_control():
+            raise NotReady(f"{self._line.where}: {air}")
+
     def _alarms(self, fahrenheit: bool) -> tuple[str, ...]:
         states = {n: self._code("alarm_state", n) for n in range(1, self._options.alarms + 1)}
-        return tuple(self._alarm(n, state, fahrenheit) for n, state in states.items() if state in _ALARMING)
+        return tuple(self._alarm(n, state, fahrenheit) for n, state in states.items() if state not in _NO_ALARM)
 
     def _alarm(self, number: int, state: str, fahrenheit: bool) -> str:
         """An alarm in words, with the limit that was passed as far as the register map knows it."""
         if state == "error":
             return f"alarm {number}: its sensor cannot be read"
+        if state.startswith("code "):
+            return f"alarm {number}: unknown alarm state {state.removeprefix('code ')}"
         if "alarm_type" not in self._map.registers:
             return f"alarm {number}: {state}"
         kind = self._code("alarm_type", number)
@@ -364,9 +402,47 @@ class WatlowF4T(MappedDevice):
     def _temperature(self, name: str, fahrenheit: bool) -> float:
         return _celsius(self._number(name), fahrenheit)
 
-    def _set_setpoint(self, degC: float, fahrenheit: bool) -> None:
-        self._set_number("setpoint", degC * 1.8 + 32.0 if fahrenheit else degC)
+    def _process_value(self, fahrenheit: bool) -> float:
+        degC = self._temperature("process_value", fahrenheit)
+        self._check_possible(degC)
+        return degC
+
+    def _check_possible(self, degC: float) -> None:
+        low, high = _POSSIBLE_DEGC
+        if not low <= degC <= high:
+            raise BadReply(
+                f"{self._line.where}: process_value reads {degC:g} degC, which no chamber can be at; its setpoint "
+                f"stays as it is; look at the controller's sensor"
+            )
+
+    def _set_setpoint(self, degC: float, fahrenheit: bool, *, or_back: bool = True) -> None:
+        """Set and read back. The unit is asked once more, since anybody may have changed it since it was asked.
+
+        Args:
+            degC: the setpoint.
+            fahrenheit: the unit as it was asked before.
+            or_back: if the unit has changed, put the earlier setpoint back and raise `BadReply`; otherwise set this one
+                in the unit of now.
+
+        """
+        before = _celsius(self._witness("setpoint"), fahrenheit) if or_back else degC
+        self._set_number("setpoint", _shown(degC, fahrenheit))
+        own = self._own_unit()
+        if own in ("", "F" if fahrenheit else "C"):
+            return
+        if math.isfinite(before):
+            self._set_number("setpoint", _shown(before, own == "F"))
+        self._found_unit = self._found_unit if or_back else own
+        if or_back:
+            raise BadReply(
+                f"{self._line.where}: the unit of its Modbus temperatures became {own} while the setpoint was set; "
+                f"the earlier setpoint, {before:.4g} degC, is back; set the unit back, or resume the run"
+            )
 
 
 def _celsius(value: float, fahrenheit: bool) -> float:
     return (value - 32.0) / 1.8 if fahrenheit else value
+
+
+def _shown(degC: float, fahrenheit: bool) -> float:
+    return degC * 1.8 + 32.0 if fahrenheit else degC

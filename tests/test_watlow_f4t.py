@@ -72,10 +72,14 @@ def test_setting_a_temperature_is_the_manuals_registers_low_word_first() -> None
     assert pdus(bench.bytes_of(lambda: bench.driver.set_temperature(23.5))) == [
         "tx 031a4a0001",  # 6730: unit of Modbus TCP
         "rx 0302000f",
+        "tx 030ade0002",  # 2782: the earlier set point, to go back to
+        "rx 0304000041b8",
         "tx 100ade000204000041bc",  # 2782: set point
         "rx 100ade0002",
         "tx 030ade0002",
         "rx 0304000041bc",
+        "tx 031a4a0001",  # the unit once more
+        "rx 0302000f",
         "tx 030aaa0001",  # 2730: control mode, 10 auto
         "rx 0302000a",
     ]
@@ -247,14 +251,14 @@ def test_a_cascade_is_set_and_read_at_its_own_registers() -> None:
     bench = oven(modbus_units="C", cascade=True, alarms=1)
     bench.driver.prepare()
     sent = [line for line in pdus(bench.bytes_of(lambda: bench.driver.set_temperature(30.0))) if line.startswith("tx")]
-    assert sent[1] == "tx 100fca000204000041f0", "4042: the part's set point"
-    assert [int(line[-8:-4], 16) for line in (sent[0], *sent[2:])] == [6730, 4042, 4010]
+    assert sent.pop(3) == "tx 100fca000204000041f0", "4042: the part's set point"
+    assert [int(line[-8:-4], 16) for line in sent] == [6730, 4200, 4042, 4042, 6730, 4010]
     sent = [line for line in bench.bytes_of(bench.driver.read) if line.startswith("tx")]
-    assert [int(line[-8:-4], 16) for line in sent] == [6730, 4042, 4180, 4178, 4012, 1356]
+    assert [int(line[-8:-4], 16) for line in sent] == [6730, 4200, 4042, 4180, 4178, 4012, 1356]
     second = oven(modbus_units="C", cascade=True, alarms=0, loop=2)
     second.driver.prepare()
     sent = [line for line in second.bytes_of(second.driver.read) if line.startswith("tx")]
-    assert [int(line[-8:-4], 16) for line in sent] == [6730, 4242, 4380, 4378, 4212]
+    assert [int(line[-8:-4], 16) for line in sent] == [6730, 4400, 4242, 4380, 4378, 4212]
 
 
 def test_in_a_cascade_the_temperature_is_the_parts_which_follows_the_air() -> None:
@@ -361,3 +365,12 @@ def test_options_are_strict(options: dict[str, object], message: str) -> None:
 
 def test_the_document_lists_every_option() -> None:
     assert_documented(WatlowF4T.Options)
+
+
+@pytest.mark.parametrize(("address", "count"), [(2782, 1), (2783, 1), (2783, 2), (2821, 1), (2782, 3), (5, 1)])
+def test_the_twin_refuses_halves_of_numbers(address: int, count: int) -> None:
+    bank = oven().twin.registers
+    with pytest.raises(Refused) as caught:
+        bank.read(address, count)
+    assert caught.value.code == 2
+    assert len(bank.read(18, 5)) == 5, "a part of a text is none"
