@@ -48,10 +48,11 @@ Positive = Annotated[float, Field(gt=0)]
 
 @dataclass(frozen=True)
 class _Scale:
-    """One unit of the controller, psi, and the absolute pressure that it calls 0."""
+    """One unit of the controller, psi, the absolute pressure that it calls 0, and the control range's name."""
 
     unit_psi: float
     zero_psia: float
+    range: str
 
     def psia(self, told: float) -> float:
         return told * self.unit_psi + self.zero_psia
@@ -127,6 +128,7 @@ class DruckPACE:
         self._vent_started = False
         self._left_behind: tuple[str, ...] = ()
         self._no_air: tuple[str, ...] = ()
+        self._range: str | None = None  # the control range's name when it was prepared
 
     def limits(self) -> tuple[float, float]:
         """See `PressureController.limits`."""
@@ -190,13 +192,13 @@ class DruckPACE:
         Raises:
             LimitError: outside the limits, or no number.
             InstrumentError: the controller refuses it.
-            BadReply: unit, slew or setpoint read back as something else; control is not switched on.
+            BadReply: unit, control range, slew or setpoint are not as wanted; control is not switched on.
 
         """
         low, high = self.limits()
         if not low <= psia <= high:
             raise LimitError(f"{self._line.where}: {psia:g} psia is outside {low:g} to {high:g}")
-        self._control(psia, self._options.slew_psi_per_s)
+        self._control(psia, self._options.slew_psi_per_s, checked=True)
 
     def read(self) -> PressureState:
         """See `PressureController.read`.
@@ -205,10 +207,13 @@ class DruckPACE:
         Pressures are understood in whatever unit the controller is set to.
 
         Raises:
-            BadReply: the controller is set to an unknown unit, or an answer makes no sense.
+            BadReply: the controller is set to an unknown unit or to another control range than when it was prepared,
+                or an answer makes no sense.
 
         """
-        scale = self._scale()
+        return self._state(self._checked_scale())
+
+    def _state(self, scale: _Scale) -> PressureState:
         setpoint = scale.psia(self._pace.number(f"{self._source}?"))
         reading, flag = self._in_limits()
         pressure = scale.psia(reading)
@@ -229,13 +234,13 @@ class DruckPACE:
 
     def stop(self) -> None:
         """See `PressureController.stop`. A vent under way is given up too; a line that is only measured stays so."""
-        state = self.read()
+        state = self._state(self._scale())
         if state.controlling or state.venting:
             self._control(max(state.pressure_psia, 0.0), self._options.slew_psi_per_s)
 
     def vent(self) -> None:
         """See `PressureController.vent`: to the atmosphere at `vent_psi_per_s` under control, then the valve opens."""
-        state = self.read()
+        state = self._state(self._scale())
         if state.venting:
             return
         atmosphere = self._atmosphere()
@@ -254,7 +259,8 @@ class DruckPACE:
         """See `Instrument.make_safe`: the line goes to the atmosphere at the vent's slew, then control is off.
 
         Takes no longer than one and a half times the way at that slew, and two minutes. If a source is lost and the
-        slew does not arrive, the valve to the atmosphere is opened nevertheless.
+        slew does not arrive, the valve to the atmosphere is opened nevertheless. A control range changed by hand is
+        understood by its name.
 
         Raises:
             NotReady: pressure is left in the line.
@@ -263,12 +269,12 @@ class DruckPACE:
         self._pace.forget_errors()
         self._pace.send(f"{self._unit} PSI")  # whatever it is set to, this can be understood
         self.vent()
-        state = self.read()
+        state = self._state(self._scale())
         away = abs(state.pressure_psia - self._atmosphere())
         end = self._clock.now() + 1.5 * away / self._options.vent_psi_per_s + 2.0 * _VENT_S
         while state.venting and self._clock.now() < end:
             self._clock.sleep(_POLL_S)
-            state = self.read()
+            state = self._state(self._scale())
         self._pace.send(f"{self._output} 0")
         for words in self._trapped(state.pressure_psia):
             raise NotReady(f"{self._line.where}: {words}")
@@ -279,18 +285,20 @@ class DruckPACE:
 
     # Control
 
-    def _control(self, psia: float, slew_psi_per_s: float) -> None:
+    def _control(self, psia: float, slew_psi_per_s: float, *, checked: bool = False) -> None:
         """Unit and slew, then the setpoint, and control only when all of them are as wanted.
 
         Nothing is taken for granted of what `prepare` set: a power cut since would have the fastest slew in force.
+        Only what makes the line safe may use a control range that is not the one prepared (`checked` false).
         """
         self._end_vent()
         self._set_unit()
+        scale = self._checked_scale() if checked else self._scale()
         for command in (f"{self._source}:SLEW:MODE LIN", f"{self._source}:SLEW:OVER 0"):
             self._pace.send(command)
         self._pace.send(f"{self._source}:SLEW {slew_psi_per_s:.7g}")
         self._pace.check(f"{self._source}:SLEW?", slew_psi_per_s, _READBACK * slew_psi_per_s)
-        setpoint = psia - self._scale().zero_psia
+        setpoint = psia - scale.zero_psia
         self._pace.send(f"{self._source} {setpoint:.7f}")
         self._pace.check(f"{self._source}?", setpoint, _PRESSURE_READBACK_PSI)
         self._in_limits_from = self._clock.now() + self._options.in_limits_s
@@ -350,13 +358,16 @@ class DruckPACE:
     def _check_range(self) -> None:
         """Refuse a control range, a barometer or a pressure that contradict the bench or the unit."""
         where, options = self._line.where, self._options
-        name = self._pace.ask(f"{self._source}:RANG?").strip('"')
+        name = self._selected_range()
         reference, full_scale = reference_of(name, PASCALS), full_scale_psi(name, PASCALS)
         if reference not in ("", options.reference):
             raise BadReply(
                 f"{where}: the control range is {name!r}, but the bench says reference = {options.reference!r}; "
                 f"give `control_range`, or correct `reference`"
             )
+        if options.control_range is not None and name.upper() != options.control_range.upper():
+            raise BadReply(f"{where}: the control range {options.control_range!r} was selected and it says {name!r}")
+        self._range = name
         air = self._pace.number(f"{self._sense}:BAR?")
         if air and not _ATMOSPHERE_PSI[0] <= air <= _ATMOSPHERE_PSI[1]:
             raise BadReply(
@@ -380,16 +391,37 @@ class DruckPACE:
 
     # Questions
 
-    def _scale(self) -> _Scale:
-        """What the controller's numbers mean at this moment: somebody may have changed the unit at its front panel."""
+    def _selected_range(self) -> str:
+        """Name of the control range, which says how far it goes and what pressures are counted from."""
+        return self._pace.ask(f"{self._source}:RANG?").strip('"')
+
+    def _unit_psi(self) -> float:
+        """The unit of this moment: somebody may have changed it at the front panel."""
         name = self._pace.ask(f"{self._unit}?")
         if name.upper() not in PASCALS:
             raise BadReply(f"{self._line.where} is set to the unknown unit {name!r}; set it to PSI")
-        unit = PASCALS[name.upper()] / PASCALS["PSI"]
-        return _Scale(unit, self._barometer(unit) if self._options.reference == "gauge" else 0.0)
+        return PASCALS[name.upper()] / PASCALS["PSI"]
+
+    def _scale(self) -> _Scale:
+        """What the controller's numbers mean at this moment, by its unit and by its control range's name."""
+        unit, name = self._unit_psi(), self._selected_range()
+        gauge = (reference_of(name, PASCALS) or self._options.reference) == "gauge"
+        return _Scale(unit, self._barometer(unit) if gauge else 0.0, name)
+
+    def _checked_scale(self) -> _Scale:
+        """The same, and refused if the control range is not the one prepared: its limits have been checked there."""
+        scale = self._scale()
+        told, wanted = reference_of(scale.range, PASCALS), self._options.reference
+        if told != wanted or self._range not in (None, scale.range):
+            before = "the bench says" if self._range is None else f"it was {self._range!r} when it was prepared,"
+            raise BadReply(
+                f"{self._line.where}: the control range is {scale.range!r} ({told or 'reference unknown'}); "
+                f"{before} reference = {wanted!r}; select the former range again at the front panel"
+            )
+        return scale
 
     def _atmosphere(self) -> float:
-        return self._barometer(self._scale().unit_psi)
+        return self._barometer(self._unit_psi())
 
     def _barometer(self, unit_psi: float) -> float:
         """Pressure of the atmosphere, psi; by the bench file where there is no barometer, which reads 0.

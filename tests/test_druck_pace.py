@@ -376,6 +376,7 @@ def test_set_pressure_checks_the_slew_before_the_setpoint_and_the_setpoint_befor
     sent = [line for line in rig.sent() if not line.startswith((":SOUR:PRES:LEV", ":UNIT:PRES?"))]
     assert sent == [
         ":UNIT:PRES PSI",
+        ":SOUR:PRES:RANG?",
         ":SOUR:PRES:SLEW:MODE LIN",
         ":SOUR:PRES:SLEW:OVER 0",
         ":SOUR:PRES:SLEW 0.1",
@@ -460,6 +461,44 @@ def test_without_a_barometer_the_bench_says_what_the_atmosphere_is():
 def test_a_range_that_counts_from_something_else_is_refused():
     with pytest.raises(BadReply, match=r"control range is '15.00psig', but the bench says reference = 'absolute'"):
         Rig(hardware={"reference": "gauge"}).pace.prepare()
+
+
+def test_a_control_range_changed_at_the_panel_is_neither_read_nor_set(monkeypatch):
+    rig = Rig(replace(TRUTH, start_psia=AIR)).ready()
+    rig.pace.read()
+    rig.twin._gauge = True  # 15.00psig: the line at the atmosphere reads 0
+    rig.wire.log.clear()
+    with pytest.raises(BadReply, match=r"control range is '15.00psig' \(gauge\); it was '15.00psia' when it was prep"):
+        rig.pace.read()
+    with pytest.raises(BadReply, match="15.00psig"):
+        rig.pace.set_pressure(3.0)
+    assert not [line for line in rig.sent() if line.startswith((":SOUR:PRES 3", ":OUTP:STAT 1"))]
+    rig.twin._gauge = False
+    monkeypatch.setattr(rig.twin, "ask_range", lambda: '"35.00bara"')
+    with pytest.raises(BadReply, match=r"35.00bara"):
+        rig.pace.read()
+
+
+def test_a_control_range_changed_under_pressure_does_not_keep_it_from_being_made_safe():
+    rig = Rig(vent_psi_per_s=0.5).ready()
+    rig.settle(5.0)
+    rig.twin._gauge = True
+    rig.pace.make_safe()
+    assert rig.line.pressure_psia(rig.world.now()) == pytest.approx(AIR, abs=0.02)
+    assert not rig.line.controlling
+    rig = Rig().ready()
+    rig.settle(5.0)
+    rig.twin._gauge = True
+    rig.pace.stop()
+    rig.world.sleep(60.0)
+    assert rig.line.pressure_psia(rig.world.now()) == pytest.approx(5.0, abs=0.01)
+
+
+def test_a_control_range_that_was_not_taken_is_refused(monkeypatch):
+    rig = Rig(control_range="2.00bara")
+    monkeypatch.setattr(rig.twin, "set_range", lambda name: None)
+    with pytest.raises(BadReply, match="control range '2.00bara' was selected and it says '15.00psia'"):
+        rig.pace.prepare()
 
 
 def test_resuming_does_not_disturb_a_pressure_under_control():
