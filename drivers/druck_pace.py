@@ -90,7 +90,7 @@ class DruckPACE:
             "absolute", description="what its pressures are counted from; gauge adds the barometer's"
         )
         ambient_psia: Annotated[float, Field(gt=0)] = Field(
-            14.7, description="pressure of the atmosphere, where it has no barometer"
+            14.7, description="pressure of the atmosphere, where it has no barometer; gauge then needs it said"
         )
         control_range: str | None = Field(None, description="control range by its name; the one selected if not given")
         module: Literal[1, 2] = Field(1, description="control module; 2 only in a PACE6000")
@@ -128,6 +128,7 @@ class DruckPACE:
         self._vent_started = False
         self._left_behind: tuple[str, ...] = ()
         self._no_air: tuple[str, ...] = ()
+        self._has_barometer = False  # it has told an atmosphere
         self._range: str | None = None  # the control range's name when it was prepared
 
     def limits(self) -> tuple[float, float]:
@@ -294,6 +295,8 @@ class DruckPACE:
         self._end_vent()
         self._set_unit()
         scale = self._checked_scale() if checked else self._scale()
+        if checked:
+            self._refuse_unknown_zero()
         for command in (f"{self._source}:SLEW:MODE LIN", f"{self._source}:SLEW:OVER 0"):
             self._pace.send(command)
         self._pace.send(f"{self._source}:SLEW {slew_psi_per_s:.7g}")
@@ -374,6 +377,11 @@ class DruckPACE:
                 f"{where}: its barometer reads {air:g} and it says it is set to PSI: that is no atmosphere; "
                 f"look at the unit of module {options.module} on its display"
             )
+        if not air and options.reference == "gauge" and not self._air_is_given():
+            raise BadReply(
+                f"{where}: its barometer reads 0, and gauge pressures are counted from the atmosphere; "
+                f"give `ambient_psia`, the pressure of the atmosphere where it stands"
+            )
         if full_scale is None:
             return
         pressure = self._pace.number(f"{self._sense}?")
@@ -420,22 +428,34 @@ class DruckPACE:
             )
         return scale
 
+    def _refuse_unknown_zero(self) -> None:
+        """Refuse a setpoint that would be counted from an atmosphere that nobody has measured."""
+        if self._options.reference == "gauge" and self._no_air:
+            raise BadReply(f"{self._line.where}: no gauge pressure is set while {self._no_air[0]}")
+
     def _atmosphere(self) -> float:
         return self._barometer(self._unit_psi())
 
     def _barometer(self, unit_psi: float) -> float:
         """Pressure of the atmosphere, psi; by the bench file where there is no barometer, which reads 0.
 
-        One that reads no atmosphere is not believed, and `read` says so.
+        One that reads no atmosphere is not believed, and `read` says so; 0 too, if it has told an atmosphere before or
+        gauge pressures are counted from it and the bench does not say `ambient_psia`.
         """
         told = self._pace.number(f"{self._sense}:BAR?") * unit_psi
-        plausible = _ATMOSPHERE_PSI[0] <= told <= _ATMOSPHERE_PSI[1]
+        if _ATMOSPHERE_PSI[0] <= told <= _ATMOSPHERE_PSI[1]:
+            self._has_barometer, self._no_air = True, ()
+            return told
+        needed = self._options.reference == "gauge" and not self._air_is_given()
         self._no_air = (
             (f"the barometer reads {told:.4g} psi, which is no atmosphere; ambient_psia is used instead",)
-            if told and not plausible
+            if told or self._has_barometer or needed
             else ()
         )
-        return told if plausible else self._options.ambient_psia
+        return self._options.ambient_psia
+
+    def _air_is_given(self) -> bool:
+        return "ambient_psia" in self._options.model_fields_set
 
     def _in_limits(self) -> tuple[float, bool]:
         question = f"{self._sense}:INL?"

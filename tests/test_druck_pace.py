@@ -298,6 +298,38 @@ def test_a_barometer_that_fails_in_the_night_is_said_and_not_believed(monkeypatc
     assert state.pressure_psia == pytest.approx(AIR, abs=0.02)
 
 
+@pytest.mark.parametrize("options", [{"reference": "gauge"}, {}])
+def test_a_barometer_that_falls_to_0_in_the_night_is_a_fault(monkeypatch, options):
+    rig = Rig(**options).ready()
+    rig.pace._atmosphere()
+    monkeypatch.setattr(rig.twin, "ask_barometer", lambda: "0.0000000")
+    rig.pace._atmosphere()
+    assert rig.pace.read().faults == (
+        "the barometer reads 0 psi, which is no atmosphere; ambient_psia is used instead",
+    )
+    monkeypatch.undo()
+    rig.pace._atmosphere()
+    assert rig.pace.read().faults == ()
+
+
+def test_no_gauge_setpoint_is_sent_while_the_barometer_is_wrong(monkeypatch):
+    rig = Rig(reference="gauge").ready()
+    monkeypatch.setattr(rig.twin, "ask_barometer", lambda: "0.0000000")
+    with pytest.raises(BadReply, match="no gauge pressure is set while the barometer reads 0 psi"):
+        rig.pace.set_pressure(5.0)
+    assert not [line for line in rig.sent() if line.startswith((":SOUR:PRES -", ":SOUR:PRES 5", ":OUTP:STAT 1"))]
+
+
+def test_gauge_pressures_without_barometer_need_the_atmosphere_given(monkeypatch):
+    rig = Rig(hardware={"barometer": False}, reference="gauge")
+    with pytest.raises(BadReply, match=r"barometer reads 0, and gauge pressures .* give `ambient_psia`"):
+        rig.pace.prepare()
+    assert rig.pace.read().faults, "nor does it go unsaid by a session that resumes"
+    given = Rig(hardware={"barometer": False}, reference="gauge", ambient_psia=14.5).ready()
+    assert given.pace.read().faults == ()
+    given.pace.set_pressure(5.0)
+
+
 def test_an_answer_about_another_module_or_source_is_none_of_ours():
     assert _same_header(":SOUR:PRES:COMP1", ":SOUR:PRES:COMP1")
     assert not _same_header(":SOUR:PRES:COMP1", ":SOUR:PRES:COMP2")
@@ -470,7 +502,7 @@ def test_a_control_range_changed_at_the_panel_is_neither_read_nor_set(monkeypatc
     rig.wire.log.clear()
     with pytest.raises(BadReply, match=r"control range is '15.00psig' \(gauge\); it was '15.00psia' when it was prep"):
         rig.pace.read()
-    with pytest.raises(BadReply, match="15.00psig"):
+    with pytest.raises(BadReply, match=r"15.00psig"):
         rig.pace.set_pressure(3.0)
     assert not [line for line in rig.sent() if line.startswith((":SOUR:PRES 3", ":OUTP:STAT 1"))]
     rig.twin._gauge = False
@@ -497,7 +529,7 @@ def test_a_control_range_changed_under_pressure_does_not_keep_it_from_being_made
 def test_a_control_range_that_was_not_taken_is_refused(monkeypatch):
     rig = Rig(control_range="2.00bara")
     monkeypatch.setattr(rig.twin, "set_range", lambda name: None)
-    with pytest.raises(BadReply, match="control range '2.00bara' was selected and it says '15.00psia'"):
+    with pytest.raises(BadReply, match=r"control range '2.00bara' was selected and it says '15.00psia'"):
         rig.pace.prepare()
 
 
