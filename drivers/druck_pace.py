@@ -193,7 +193,8 @@ class DruckPACE:
         Raises:
             LimitError: outside the limits, or no number.
             InstrumentError: the controller refuses it.
-            BadReply: unit, control range, slew or setpoint are not as wanted; control is not switched on.
+            BadReply: unit, control range, slew or setpoint are not as wanted; control is not switched on, or is
+                switched off once the setpoint was sent.
 
         """
         low, high = self.limits()
@@ -303,13 +304,25 @@ class DruckPACE:
         self._pace.check(f"{self._source}:SLEW?", slew_psi_per_s, _READBACK * slew_psi_per_s)
         setpoint = psia - scale.zero_psia
         self._pace.send(f"{self._source} {setpoint:.7f}")
-        self._pace.check(f"{self._source}?", setpoint, _PRESSURE_READBACK_PSI)
+        try:
+            self._pace.check(f"{self._source}?", setpoint, _PRESSURE_READBACK_PSI)
+            self._check_unit()  # changed by hand meanwhile, slew and setpoint are numbers in another one
+            if (name := self._selected_range()) != scale.range:
+                raise BadReply(
+                    f"{self._line.where}: the control range was {scale.range!r} and is {name!r} after the setpoint"
+                )
+        except BadReply:  # a pressure under control is already on its way to whatever it is
+            self._pace.send(f"{self._output} 0")
+            raise
         self._in_limits_from = self._clock.now() + self._options.in_limits_s
         self._pace.send(f"{self._output} 1")
 
     def _set_unit(self) -> None:
         """Set the unit of this module and read it back: slew and setpoints are numbers in it."""
         self._pace.send(f"{self._unit} PSI")
+        self._check_unit()
+
+    def _check_unit(self) -> None:
         if (answer := self._pace.ask(f"{self._unit}?")).upper() != "PSI":
             raise BadReply(
                 f"{self._line.where}: module {self._options.module} was set to PSI and says {answer!r}; "

@@ -415,6 +415,7 @@ def test_set_pressure_checks_the_slew_before_the_setpoint_and_the_setpoint_befor
         ":SOUR:PRES:SLEW?",
         ":SOUR:PRES 2.5000000",
         ":SOUR:PRES?",
+        ":SOUR:PRES:RANG?",
         ":OUTP:STAT 1",
     ]
 
@@ -531,6 +532,32 @@ def test_a_control_range_that_was_not_taken_is_refused(monkeypatch):
     monkeypatch.setattr(rig.twin, "set_range", lambda name: None)
     with pytest.raises(BadReply, match=r"control range '2.00bara' was selected and it says '15.00psia'"):
         rig.pace.prepare()
+
+
+@pytest.mark.parametrize("held", [False, True])
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda twin: twin.set_unit("BAR"), "was set to PSI and says 'BAR'"),
+        (lambda twin: setattr(twin, "_gauge", True), "range was '15.00psia' and is '15.00psig' after the setpoint"),
+    ],
+)
+def test_a_unit_or_range_changed_just_before_the_setpoint_leaves_control_off(monkeypatch, change, message, held):
+    rig = Rig(replace(TRUTH, start_psia=0.5)).ready()
+    if held:
+        rig.settle(0.5)
+    take = rig.twin.set_setpoint
+
+    def changed_first(value):
+        change(rig.twin)
+        take(value)
+
+    monkeypatch.setattr(rig.twin, "set_setpoint", changed_first)
+    with pytest.raises(BadReply, match=message):
+        rig.pace.set_pressure(1.0)  # 14.5 psi, in bar
+    assert not rig.line.controlling
+    rig.world.sleep(60.0)
+    assert rig.line.pressure_psia(rig.world.now()) == pytest.approx(0.5, abs=0.2)
 
 
 def test_resuming_does_not_disturb_a_pressure_under_control():
