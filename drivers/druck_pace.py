@@ -6,6 +6,7 @@ Commands from the SCPI manual K0472, issue 1 and revision A; how they are sent i
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Literal, Self
 
@@ -168,14 +169,7 @@ class DruckPACE:
             "INL": options.in_limits_pct_fs,
             "INL:TIME": options.in_limits_s,
         }
-        self._pace.send(f"{source}:SLEW:MODE LIN")
-        for setting, value in settings.items():
-            self._pace.send(f"{source}:{setting} {value:.7g}")
-        for question, word in ((f"{source}:SLEW:MODE?", "LIN"),):
-            if (answer := self._pace.ask(question)).upper() != word:
-                raise BadReply(f"{self._line.where}: {question} should answer {word} and answers {answer!r}")
-        for setting, value in settings.items():
-            self._pace.check(f"{source}:{setting}?", float(value), _READBACK * value)
+        self._set(settings)
         self._check_range()
         self._pace.send(f"*ESE {PREPARED}")
         self._pace.check("*ESE?", PREPARED, 0.0)
@@ -287,6 +281,17 @@ class DruckPACE:
 
     # Control
 
+    def _set(self, settings: Mapping[str, float]) -> None:
+        """Send the linear slew mode and settings of the source, and read all of them back."""
+        source = self._source
+        self._pace.send(f"{source}:SLEW:MODE LIN")
+        for setting, value in settings.items():
+            self._pace.send(f"{source}:{setting} {value:.7g}")
+        if (answer := self._pace.ask(f"{source}:SLEW:MODE?")).upper() != "LIN":
+            raise BadReply(f"{self._line.where}: {source}:SLEW:MODE? should answer LIN and answers {answer!r}")
+        for setting, value in settings.items():
+            self._pace.check(f"{source}:{setting}?", float(value), _READBACK * value)
+
     def _control(self, psia: float, slew_psi_per_s: float, *, checked: bool = False) -> None:
         """Unit and slew, then the setpoint, and control only when all of them are as wanted.
 
@@ -298,10 +303,7 @@ class DruckPACE:
         scale = self._checked_scale() if checked else self._scale()
         if checked:
             self._refuse_unknown_zero()
-        for command in (f"{self._source}:SLEW:MODE LIN", f"{self._source}:SLEW:OVER 0"):
-            self._pace.send(command)
-        self._pace.send(f"{self._source}:SLEW {slew_psi_per_s:.7g}")
-        self._pace.check(f"{self._source}:SLEW?", slew_psi_per_s, _READBACK * slew_psi_per_s)
+        self._set({"SLEW": slew_psi_per_s, "SLEW:OVER": 0})
         setpoint = psia - scale.zero_psia
         self._pace.send(f"{self._source} {setpoint:.7f}")
         try:

@@ -410,14 +410,32 @@ def test_set_pressure_checks_the_slew_before_the_setpoint_and_the_setpoint_befor
         ":UNIT:PRES PSI",
         ":SOUR:PRES:RANG?",
         ":SOUR:PRES:SLEW:MODE LIN",
-        ":SOUR:PRES:SLEW:OVER 0",
         ":SOUR:PRES:SLEW 0.1",
+        ":SOUR:PRES:SLEW:OVER 0",
+        ":SOUR:PRES:SLEW:MODE?",
         ":SOUR:PRES:SLEW?",
+        ":SOUR:PRES:SLEW:OVER?",
         ":SOUR:PRES 2.5000000",
         ":SOUR:PRES?",
         ":SOUR:PRES:RANG?",
         ":OUTP:STAT 1",
     ]
+
+
+@pytest.mark.parametrize(
+    ("method", "message"),
+    [
+        ("set_slew_mode", r"SLEW:MODE\? should answer LIN and answers 'MAX'"),
+        ("set_overshoot", r"SLEW:OVER\? should answer 0"),
+    ],
+)
+def test_a_slew_mode_or_overshoot_that_is_not_taken_stops_before_a_setpoint(monkeypatch, method, message):
+    rig = Rig().ready()
+    rig.twin.power_cycle()  # fastest slew, overshoot allowed
+    monkeypatch.setattr(rig.twin, method, lambda value: None)
+    with pytest.raises(BadReply, match=message):
+        rig.pace.set_pressure(5.0)
+    assert not [line for line in rig.sent() if line.startswith((":SOUR:PRES 5", ":OUTP"))]
 
 
 def test_it_slews_at_its_rate_and_settles_in_limits():
