@@ -40,6 +40,7 @@ _SATURATED_PCT = 95.0
 _AT_AMBIENT_PSI = 0.3  # where the valve to the atmosphere may open without a blow
 _VENTED_PSI = 0.5  # more than this from the atmosphere after a vent is pressure left behind
 _ATMOSPHERE_PSI = (6.5, 16.5)  # from the highest towns to the deepest pits
+_BELOW_VACUUM_PSI = -0.5  # a sensor's zero is nowhere as far off
 _BEYOND = 1.1  # a range ends a little above its name
 _VENT_S = 60.0  # for the vent itself, beyond the slew
 _POLL_S = 1.0
@@ -204,10 +205,12 @@ class DruckPACE:
 
         Raises:
             BadReply: the controller is set to an unknown unit or to another control range than when it was prepared,
-                or an answer makes no sense.
+                an answer makes no sense, or the pressure is less than a vacuum's.
 
         """
-        return self._state(self._checked_scale())
+        state = self._state(self._checked_scale())
+        self._refuse_below_vacuum(state.pressure_psia)
+        return state
 
     def _state(self, scale: _Scale) -> PressureState:
         setpoint = scale.psia(self._pace.number(f"{self._source}?"))
@@ -378,10 +381,11 @@ class DruckPACE:
         where, options = self._line.where, self._options
         name = self._selected_range()
         reference, full_scale = reference_of(name, PASCALS), full_scale_psi(name, PASCALS)
-        if reference not in ("", options.reference):
+        if reference != options.reference:
+            unknown = "" if reference else ", whose name does not end in a (absolute) or g (gauge)"
             raise BadReply(
-                f"{where}: the control range is {name!r}, but the bench says reference = {options.reference!r}; "
-                f"give `control_range`, or correct `reference`"
+                f"{where}: the control range is {name!r}{unknown}, but the bench says "
+                f"reference = {options.reference!r}; give `control_range`, or correct `reference`"
             )
         if options.control_range is not None and name.upper() != options.control_range.upper():
             raise BadReply(f"{where}: the control range {options.control_range!r} was selected and it says {name!r}")
@@ -397,9 +401,11 @@ class DruckPACE:
                 f"{where}: its barometer reads 0, and gauge pressures are counted from the atmosphere; "
                 f"give `ambient_psia`, the pressure of the atmosphere where it stands"
             )
+        pressure = self._pace.number(f"{self._sense}?")
+        if options.reference == "absolute":
+            self._refuse_below_vacuum(pressure)
         if full_scale is None:
             return
-        pressure = self._pace.number(f"{self._sense}?")
         if not -_BEYOND * max(full_scale, _ATMOSPHERE_PSI[1]) <= pressure <= _BEYOND * full_scale + _ATMOSPHERE_PSI[1]:
             raise BadReply(
                 f"{where}: it reads {pressure:g} and says it is set to PSI, but its control range {name!r} ends at "
@@ -430,6 +436,13 @@ class DruckPACE:
         unit, name = self._unit_psi(), self._selected_range()
         gauge = (reference_of(name, PASCALS) or self._options.reference) == "gauge"
         return _Scale(unit, self._barometer(unit) if gauge else 0.0, name)
+
+    def _refuse_below_vacuum(self, psia: float) -> None:
+        if psia < _BELOW_VACUUM_PSI:
+            raise BadReply(
+                f"{self._line.where}: it reads {psia:.4g} psia, less than a vacuum; look at its sensor, its zero, and "
+                f"what the control range counts from"
+            )
 
     def _checked_scale(self) -> _Scale:
         """The same, and refused if the control range is not the one prepared: its limits have been checked there."""

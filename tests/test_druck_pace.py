@@ -260,6 +260,10 @@ def test_a_unit_that_is_not_taken_stops_before_a_setpoint_is_sent(monkeypatch):
         ({"ask_pressure": "1013.2500000"}, {}, r"it reads 1013.25 and .* range '15.00psia' ends at 15 psi"),
         ({"ask_range": '"0.70bara"'}, {}, r"high_psia = 15, but the control range '0.70bara' ends at 10.15 psia"),
         ({"ask_range": '"1600HPAG"'}, {}, r"control range is '1600HPAG', but the bench says reference = 'absolute'"),
+        ({"ask_range": '""'}, {}, r"control range is '', whose name does not end in a \(absolute\) or g \(gauge\)"),
+        ({"ask_range": '"BAROMETER"'}, {}, r"control range is 'BAROMETER', whose name does not end in a"),
+        ({"ask_range": '"760mmHg"'}, {"reference": "gauge"}, r"control range is '760mmHg', whose name does not end"),
+        ({"ask_pressure": "-3.0000000"}, {}, r"it reads -3 psia, less than a vacuum"),
         ({}, {"high_psia": 150.0}, r"high_psia = 150, but the control range '15.00psia' ends at 15 psia"),
     ],
 )
@@ -296,6 +300,15 @@ def test_a_barometer_that_fails_in_the_night_is_said_and_not_believed(monkeypatc
     state = rig.pace.read()
     assert state.faults == ("the barometer reads 2.5 psi, which is no atmosphere; ambient_psia is used instead",)
     assert state.pressure_psia == pytest.approx(AIR, abs=0.02)
+
+
+def test_a_pressure_below_a_vacuum_is_refused_at_every_reading(monkeypatch):
+    rig = Rig().ready()
+    monkeypatch.setattr(rig.twin, "ask_in_limits", lambda: "-0.4000000, 1")
+    assert rig.pace.read().pressure_psia == -0.4
+    monkeypatch.setattr(rig.twin, "ask_in_limits", lambda: "-0.6000000, 1")
+    with pytest.raises(BadReply, match=r"it reads -0\.6 psia, less than a vacuum"):
+        rig.pace.read()
 
 
 @pytest.mark.parametrize("options", [{"reference": "gauge"}, {}])
