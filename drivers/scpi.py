@@ -149,6 +149,11 @@ class ScpiMeter(ABC):
             self._line.write(self._dialect.remote)
         answer = self._line.query("*IDN?")
         parts = [part.strip() for part in answer.split(",")]
+        if "*IDN?" in answer.upper():
+            raise WrongInstrument(
+                f"{self._line.where} repeats what it is sent in front of its answer, {answer!r}: switch the echo off, "
+                f"at the instrument, the adapter or the serial server"
+            )
         if len(parts) != 4 or parts[1] != self._model:
             raise WrongInstrument(f"{self._line.where} should be a {self._model}; it answers {answer!r} to *IDN?")
         return Identity(*parts)
