@@ -171,7 +171,7 @@ class DruckPACE:
             "INL:TIME": options.in_limits_s,
         }
         self._set(settings)
-        self._check_range()
+        self._range = self._check_range()
         self._pace.send(f"*ESE {PREPARED}")
         self._pace.check("*ESE?", PREPARED, 0.0)
 
@@ -376,8 +376,8 @@ class DruckPACE:
             f"open the line by hand before disconnecting anything",
         )
 
-    def _check_range(self) -> None:
-        """Refuse a control range, a barometer or a pressure that contradict the bench or the unit."""
+    def _check_range(self) -> str:
+        """The control range's name; one, a barometer or a pressure that contradict bench or unit are refused."""
         where, options = self._line.where, self._options
         name = self._selected_range()
         reference, full_scale = reference_of(name, PASCALS), full_scale_psi(name, PASCALS)
@@ -389,7 +389,6 @@ class DruckPACE:
             )
         if options.control_range is not None and name.upper() != options.control_range.upper():
             raise BadReply(f"{where}: the control range {options.control_range!r} was selected and it says {name!r}")
-        self._range = name
         air = self._pace.number(f"{self._sense}:BAR?")
         if air and not _ATMOSPHERE_PSI[0] <= air <= _ATMOSPHERE_PSI[1]:
             raise BadReply(
@@ -405,7 +404,7 @@ class DruckPACE:
         if options.reference == "absolute":
             self._refuse_below_vacuum(pressure)
         if full_scale is None:
-            return
+            return name
         if not -_BEYOND * max(full_scale, _ATMOSPHERE_PSI[1]) <= pressure <= _BEYOND * full_scale + _ATMOSPHERE_PSI[1]:
             raise BadReply(
                 f"{where}: it reads {pressure:g} and says it is set to PSI, but its control range {name!r} ends at "
@@ -417,6 +416,7 @@ class DruckPACE:
                 f"{where}: the bench says high_psia = {options.high_psia:g}, but the control range {name!r} ends at "
                 f"{highest:.4g} psia; give `control_range`, or correct `high_psia`"
             )
+        return name
 
     # Questions
 

@@ -541,6 +541,11 @@ def test_a_control_range_changed_at_the_panel_is_neither_read_nor_set(monkeypatc
     monkeypatch.setattr(rig.twin, "ask_range", lambda: '"35.00bara"')
     with pytest.raises(BadReply, match=r"35.00bara"):
         rig.pace.read()
+    monkeypatch.setattr(rig.twin, "ask_range", lambda: '"0.70bara"')
+    with pytest.raises(BadReply, match="high_psia = 15, but the control range"):
+        rig.pace.prepare()
+    with pytest.raises(BadReply, match=r"0.70bara"):  # what prepare refuses has not become the one prepared
+        rig.pace.read()
 
 
 def test_a_control_range_changed_under_pressure_does_not_keep_it_from_being_made_safe():
