@@ -6,6 +6,7 @@ Commands from the SCPI manual K0472, issue 1 and revision A; how they are sent i
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Literal, Self
 
@@ -39,6 +40,7 @@ _SATURATED_PCT = 95.0
 _AT_AMBIENT_PSI = 0.3  # where the valve to the atmosphere may open without a blow
 _VENTED_PSI = 0.5  # more than this from the atmosphere after a vent is pressure left behind
 _ATMOSPHERE_PSI = (6.5, 16.5)  # from the highest towns to the deepest pits
+_BELOW_VACUUM_PSI = -0.5  # a sensor's zero is nowhere as far off
 _BEYOND = 1.1  # a range ends a little above its name
 _VENT_S = 60.0  # for the vent itself, beyond the slew
 _POLL_S = 1.0
@@ -48,10 +50,11 @@ Positive = Annotated[float, Field(gt=0)]
 
 @dataclass(frozen=True)
 class _Scale:
-    """One unit of the controller, psi, and the absolute pressure that it calls 0."""
+    """One unit of the controller, psi, the absolute pressure that it calls 0, and the control range's name."""
 
     unit_psi: float
     zero_psia: float
+    range: str
 
     def psia(self, told: float) -> float:
         return told * self.unit_psi + self.zero_psia
@@ -89,7 +92,7 @@ class DruckPACE:
             "absolute", description="what its pressures are counted from; gauge adds the barometer's"
         )
         ambient_psia: Annotated[float, Field(gt=0)] = Field(
-            14.7, description="pressure of the atmosphere, where it has no barometer"
+            14.7, description="pressure of the atmosphere, where it has no barometer; gauge then needs it said"
         )
         control_range: str | None = Field(None, description="control range by its name; the one selected if not given")
         module: Literal[1, 2] = Field(1, description="control module; 2 only in a PACE6000")
@@ -127,6 +130,8 @@ class DruckPACE:
         self._vent_started = False
         self._left_behind: tuple[str, ...] = ()
         self._no_air: tuple[str, ...] = ()
+        self._has_barometer = False  # it has told an atmosphere
+        self._range: str | None = None  # the control range's name when it was prepared
 
     def limits(self) -> tuple[float, float]:
         """See `PressureController.limits`."""
@@ -165,15 +170,8 @@ class DruckPACE:
             "INL": options.in_limits_pct_fs,
             "INL:TIME": options.in_limits_s,
         }
-        self._pace.send(f"{source}:SLEW:MODE LIN")
-        for setting, value in settings.items():
-            self._pace.send(f"{source}:{setting} {value:.7g}")
-        for question, word in ((f"{source}:SLEW:MODE?", "LIN"),):
-            if (answer := self._pace.ask(question)).upper() != word:
-                raise BadReply(f"{self._line.where}: {question} should answer {word} and answers {answer!r}")
-        for setting, value in settings.items():
-            self._pace.check(f"{source}:{setting}?", float(value), _READBACK * value)
-        self._check_range()
+        self._set(settings)
+        self._range = self._check_range()
         self._pace.send(f"*ESE {PREPARED}")
         self._pace.check("*ESE?", PREPARED, 0.0)
 
@@ -190,13 +188,14 @@ class DruckPACE:
         Raises:
             LimitError: outside the limits, or no number.
             InstrumentError: the controller refuses it.
-            BadReply: unit, slew or setpoint read back as something else; control is not switched on.
+            BadReply: unit, control range, slew or setpoint are not as wanted; control is not switched on, or is
+                switched off once the setpoint was sent.
 
         """
         low, high = self.limits()
         if not low <= psia <= high:
             raise LimitError(f"{self._line.where}: {psia:g} psia is outside {low:g} to {high:g}")
-        self._control(psia, self._options.slew_psi_per_s)
+        self._control(psia, self._options.slew_psi_per_s, checked=True)
 
     def read(self) -> PressureState:
         """See `PressureController.read`.
@@ -205,10 +204,15 @@ class DruckPACE:
         Pressures are understood in whatever unit the controller is set to.
 
         Raises:
-            BadReply: the controller is set to an unknown unit, or an answer makes no sense.
+            BadReply: the controller is set to an unknown unit or to another control range than when it was prepared,
+                an answer makes no sense, or the pressure is less than a vacuum's.
 
         """
-        scale = self._scale()
+        state = self._state(self._checked_scale())
+        self._refuse_below_vacuum(state.pressure_psia)
+        return state
+
+    def _state(self, scale: _Scale) -> PressureState:
         setpoint = scale.psia(self._pace.number(f"{self._source}?"))
         reading, flag = self._in_limits()
         pressure = scale.psia(reading)
@@ -229,13 +233,13 @@ class DruckPACE:
 
     def stop(self) -> None:
         """See `PressureController.stop`. A vent under way is given up too; a line that is only measured stays so."""
-        state = self.read()
+        state = self._state(self._scale())
         if state.controlling or state.venting:
             self._control(max(state.pressure_psia, 0.0), self._options.slew_psi_per_s)
 
     def vent(self) -> None:
         """See `PressureController.vent`: to the atmosphere at `vent_psi_per_s` under control, then the valve opens."""
-        state = self.read()
+        state = self._state(self._scale())
         if state.venting:
             return
         atmosphere = self._atmosphere()
@@ -254,7 +258,8 @@ class DruckPACE:
         """See `Instrument.make_safe`: the line goes to the atmosphere at the vent's slew, then control is off.
 
         Takes no longer than one and a half times the way at that slew, and two minutes. If a source is lost and the
-        slew does not arrive, the valve to the atmosphere is opened nevertheless.
+        slew does not arrive, the valve to the atmosphere is opened nevertheless. A control range changed by hand is
+        understood by its name.
 
         Raises:
             NotReady: pressure is left in the line.
@@ -263,12 +268,12 @@ class DruckPACE:
         self._pace.forget_errors()
         self._pace.send(f"{self._unit} PSI")  # whatever it is set to, this can be understood
         self.vent()
-        state = self.read()
+        state = self._state(self._scale())
         away = abs(state.pressure_psia - self._atmosphere())
         end = self._clock.now() + 1.5 * away / self._options.vent_psi_per_s + 2.0 * _VENT_S
         while state.venting and self._clock.now() < end:
             self._clock.sleep(_POLL_S)
-            state = self.read()
+            state = self._state(self._scale())
         self._pace.send(f"{self._output} 0")
         for words in self._trapped(state.pressure_psia):
             raise NotReady(f"{self._line.where}: {words}")
@@ -279,26 +284,50 @@ class DruckPACE:
 
     # Control
 
-    def _control(self, psia: float, slew_psi_per_s: float) -> None:
+    def _set(self, settings: Mapping[str, float]) -> None:
+        """Send the linear slew mode and settings of the source, and read all of them back."""
+        source = self._source
+        self._pace.send(f"{source}:SLEW:MODE LIN")
+        for setting, value in settings.items():
+            self._pace.send(f"{source}:{setting} {value:.7g}")
+        if (answer := self._pace.ask(f"{source}:SLEW:MODE?")).upper() != "LIN":
+            raise BadReply(f"{self._line.where}: {source}:SLEW:MODE? should answer LIN and answers {answer!r}")
+        for setting, value in settings.items():
+            self._pace.check(f"{source}:{setting}?", float(value), _READBACK * value)
+
+    def _control(self, psia: float, slew_psi_per_s: float, *, checked: bool = False) -> None:
         """Unit and slew, then the setpoint, and control only when all of them are as wanted.
 
         Nothing is taken for granted of what `prepare` set: a power cut since would have the fastest slew in force.
+        Only what makes the line safe may use a control range that is not the one prepared (`checked` false).
         """
         self._end_vent()
         self._set_unit()
-        for command in (f"{self._source}:SLEW:MODE LIN", f"{self._source}:SLEW:OVER 0"):
-            self._pace.send(command)
-        self._pace.send(f"{self._source}:SLEW {slew_psi_per_s:.7g}")
-        self._pace.check(f"{self._source}:SLEW?", slew_psi_per_s, _READBACK * slew_psi_per_s)
-        setpoint = psia - self._scale().zero_psia
+        scale = self._checked_scale() if checked else self._scale()
+        if checked:
+            self._refuse_unknown_zero()
+        self._set({"SLEW": slew_psi_per_s, "SLEW:OVER": 0})
+        setpoint = psia - scale.zero_psia
         self._pace.send(f"{self._source} {setpoint:.7f}")
-        self._pace.check(f"{self._source}?", setpoint, _PRESSURE_READBACK_PSI)
+        try:
+            self._pace.check(f"{self._source}?", setpoint, _PRESSURE_READBACK_PSI)
+            self._check_unit()  # changed by hand meanwhile, slew and setpoint are numbers in another one
+            if (name := self._selected_range()) != scale.range:
+                raise BadReply(
+                    f"{self._line.where}: the control range was {scale.range!r} and is {name!r} after the setpoint"
+                )
+        except BadReply:  # a pressure under control is already on its way to whatever it is
+            self._pace.send(f"{self._output} 0")
+            raise
         self._in_limits_from = self._clock.now() + self._options.in_limits_s
         self._pace.send(f"{self._output} 1")
 
     def _set_unit(self) -> None:
         """Set the unit of this module and read it back: slew and setpoints are numbers in it."""
         self._pace.send(f"{self._unit} PSI")
+        self._check_unit()
+
+    def _check_unit(self) -> None:
         if (answer := self._pace.ask(f"{self._unit}?")).upper() != "PSI":
             raise BadReply(
                 f"{self._line.where}: module {self._options.module} was set to PSI and says {answer!r}; "
@@ -347,25 +376,35 @@ class DruckPACE:
             f"open the line by hand before disconnecting anything",
         )
 
-    def _check_range(self) -> None:
-        """Refuse a control range, a barometer or a pressure that contradict the bench or the unit."""
+    def _check_range(self) -> str:
+        """The control range's name; one, a barometer or a pressure that contradict bench or unit are refused."""
         where, options = self._line.where, self._options
-        name = self._pace.ask(f"{self._source}:RANG?").strip('"')
+        name = self._selected_range()
         reference, full_scale = reference_of(name, PASCALS), full_scale_psi(name, PASCALS)
-        if reference not in ("", options.reference):
+        if reference != options.reference:
+            unknown = "" if reference else ", whose name does not end in a (absolute) or g (gauge)"
             raise BadReply(
-                f"{where}: the control range is {name!r}, but the bench says reference = {options.reference!r}; "
-                f"give `control_range`, or correct `reference`"
+                f"{where}: the control range is {name!r}{unknown}, but the bench says "
+                f"reference = {options.reference!r}; give `control_range`, or correct `reference`"
             )
+        if options.control_range is not None and name.upper() != options.control_range.upper():
+            raise BadReply(f"{where}: the control range {options.control_range!r} was selected and it says {name!r}")
         air = self._pace.number(f"{self._sense}:BAR?")
         if air and not _ATMOSPHERE_PSI[0] <= air <= _ATMOSPHERE_PSI[1]:
             raise BadReply(
                 f"{where}: its barometer reads {air:g} and it says it is set to PSI: that is no atmosphere; "
                 f"look at the unit of module {options.module} on its display"
             )
-        if full_scale is None:
-            return
+        if not air and options.reference == "gauge" and not self._air_is_given():
+            raise BadReply(
+                f"{where}: its barometer reads 0, and gauge pressures are counted from the atmosphere; "
+                f"give `ambient_psia`, the pressure of the atmosphere where it stands"
+            )
         pressure = self._pace.number(f"{self._sense}?")
+        if options.reference == "absolute":
+            self._refuse_below_vacuum(pressure)
+        if full_scale is None:
+            return name
         if not -_BEYOND * max(full_scale, _ATMOSPHERE_PSI[1]) <= pressure <= _BEYOND * full_scale + _ATMOSPHERE_PSI[1]:
             raise BadReply(
                 f"{where}: it reads {pressure:g} and says it is set to PSI, but its control range {name!r} ends at "
@@ -377,33 +416,74 @@ class DruckPACE:
                 f"{where}: the bench says high_psia = {options.high_psia:g}, but the control range {name!r} ends at "
                 f"{highest:.4g} psia; give `control_range`, or correct `high_psia`"
             )
+        return name
 
     # Questions
 
-    def _scale(self) -> _Scale:
-        """What the controller's numbers mean at this moment: somebody may have changed the unit at its front panel."""
+    def _selected_range(self) -> str:
+        """Name of the control range, which says how far it goes and what pressures are counted from."""
+        return self._pace.ask(f"{self._source}:RANG?").strip('"')
+
+    def _unit_psi(self) -> float:
+        """The unit of this moment: somebody may have changed it at the front panel."""
         name = self._pace.ask(f"{self._unit}?")
         if name.upper() not in PASCALS:
             raise BadReply(f"{self._line.where} is set to the unknown unit {name!r}; set it to PSI")
-        unit = PASCALS[name.upper()] / PASCALS["PSI"]
-        return _Scale(unit, self._barometer(unit) if self._options.reference == "gauge" else 0.0)
+        return PASCALS[name.upper()] / PASCALS["PSI"]
+
+    def _scale(self) -> _Scale:
+        """What the controller's numbers mean at this moment, by its unit and by its control range's name."""
+        unit, name = self._unit_psi(), self._selected_range()
+        gauge = (reference_of(name, PASCALS) or self._options.reference) == "gauge"
+        return _Scale(unit, self._barometer(unit) if gauge else 0.0, name)
+
+    def _refuse_below_vacuum(self, psia: float) -> None:
+        if psia < _BELOW_VACUUM_PSI:
+            raise BadReply(
+                f"{self._line.where}: it reads {psia:.4g} psia, less than a vacuum; look at its sensor, its zero, and "
+                f"what the control range counts from"
+            )
+
+    def _checked_scale(self) -> _Scale:
+        """The same, and refused if the control range is not the one prepared: its limits have been checked there."""
+        scale = self._scale()
+        told, wanted = reference_of(scale.range, PASCALS), self._options.reference
+        if told != wanted or self._range not in (None, scale.range):
+            before = "the bench says" if self._range is None else f"it was {self._range!r} when it was prepared,"
+            raise BadReply(
+                f"{self._line.where}: the control range is {scale.range!r} ({told or 'reference unknown'}); "
+                f"{before} reference = {wanted!r}; select the former range again at the front panel"
+            )
+        return scale
+
+    def _refuse_unknown_zero(self) -> None:
+        """Refuse a setpoint that would be counted from an atmosphere that nobody has measured."""
+        if self._options.reference == "gauge" and self._no_air:
+            raise BadReply(f"{self._line.where}: no gauge pressure is set while {self._no_air[0]}")
 
     def _atmosphere(self) -> float:
-        return self._barometer(self._scale().unit_psi)
+        return self._barometer(self._unit_psi())
 
     def _barometer(self, unit_psi: float) -> float:
         """Pressure of the atmosphere, psi; by the bench file where there is no barometer, which reads 0.
 
-        One that reads no atmosphere is not believed, and `read` says so.
+        One that reads no atmosphere is not believed, and `read` says so; 0 too, if it has told an atmosphere before or
+        gauge pressures are counted from it and the bench does not say `ambient_psia`.
         """
         told = self._pace.number(f"{self._sense}:BAR?") * unit_psi
-        plausible = _ATMOSPHERE_PSI[0] <= told <= _ATMOSPHERE_PSI[1]
+        if _ATMOSPHERE_PSI[0] <= told <= _ATMOSPHERE_PSI[1]:
+            self._has_barometer, self._no_air = True, ()
+            return told
+        needed = self._options.reference == "gauge" and not self._air_is_given()
         self._no_air = (
             (f"the barometer reads {told:.4g} psi, which is no atmosphere; ambient_psia is used instead",)
-            if told and not plausible
+            if told or self._has_barometer or needed
             else ()
         )
-        return told if plausible else self._options.ambient_psia
+        return self._options.ambient_psia
+
+    def _air_is_given(self) -> bool:
+        return "ambient_psia" in self._options.model_fields_set
 
     def _in_limits(self) -> tuple[float, bool]:
         question = f"{self._sense}:INL?"

@@ -32,7 +32,7 @@ def reference_of(name: str, pascals: Mapping[str, float]) -> str:
 
 def _parts(name: str, pascals: Mapping[str, float]) -> tuple[str, str, str] | None:
     """Number, unit, letter; the last letter may be the unit's own, as in mmHg and Pa."""
-    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([A-Z0-9]+?)\s*", name.upper())
+    match = re.fullmatch(r"\s*([0-9]+(?:\.[0-9]+)?)\s*([A-Z0-9]+?)\s*", name.upper())
     if match is None:
         return None
     number, rest = match.groups()

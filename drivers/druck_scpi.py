@@ -6,10 +6,10 @@ every command. Source: SCPI manual K0472, sections 2 and 3.
 
 from __future__ import annotations
 
-import math
 from functools import lru_cache
 
 from drivers.errors import BadReply, DriverError, InstrumentError
+from drivers.numbers import decimal
 from drivers.scpi import raise_errors
 from drivers.wires import SerialLine
 
@@ -43,12 +43,9 @@ class PaceScpi:
     def as_number(self, question: str, answer: str) -> float:
         """What was answered as a number. Raises `BadReply`."""
         try:
-            value = float(answer)
+            return decimal(answer)
         except ValueError:
-            value = math.nan
-        if not math.isfinite(value):
-            raise self.line.bad_reply(question, answer, "a number")
-        return value
+            raise self.line.bad_reply(question, answer, "a number") from None
 
     def check(self, question: str, wanted: float, allowed: float) -> None:
         """Read a setting back. Raises `BadReply` if it is farther off than allowed."""

@@ -13,6 +13,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from drivers.clock import Clock
 from drivers.errors import BadReply
+from drivers.numbers import decimal
 from drivers.scpi import FREQUENCIES, SYNC, Interface, ScpiMeter, hp_dialect, one_of, settling_s
 from drivers.wires import SerialOptions, SerialSettings, Wires
 from drivers.wires.serial_options import FLOW, Flow
@@ -166,7 +167,7 @@ class Keysight34970A(ScpiMeter):
     def _asked_frequency(self) -> float:
         answer = self._line.query("SYST:LFR?")
         try:
-            frequency = float(answer)
+            frequency = decimal(answer)
         except ValueError:
             frequency = 0.0
         if frequency not in FREQUENCIES:

@@ -19,6 +19,7 @@ from pydantic import Field, model_validator
 
 from drivers.clock import Clock
 from drivers.errors import BadReply, InstrumentError, LimitError, NotReady, WrongInstrument
+from drivers.numbers import decimal
 from drivers.roles import AxisState, Identity
 from drivers.wires import SerialOptions, SerialSettings, Wires
 from drivers.wires.serial_options import LINE_END, LineEnd
@@ -268,7 +269,7 @@ class NewportESP301:
             answer = self._line.query("TB?", repeat=False)
             code, _, rest = answer.partition(",")
             _, _, text = rest.partition(",")
-            if not code.strip().isdecimal():
+            if not (code.isascii() and code.strip().isdecimal()):
                 raise self._line.bad_reply("TB?", answer, "code, time, text")
             if int(code) == 0:
                 break
@@ -277,7 +278,7 @@ class NewportESP301:
 
     def _number(self, question: str, answer: str) -> float:
         try:
-            return float(answer)
+            return decimal(answer)
         except ValueError:
             raise self._line.bad_reply(question, answer, "a number") from None
 

@@ -16,6 +16,7 @@ from pydantic import AfterValidator
 
 from drivers.clock import Clock
 from drivers.errors import BadReply, InstrumentError, LimitError, NoReply, NotReady, WrongInstrument
+from drivers.numbers import decimal, whole
 from drivers.roles import Identity
 from drivers.wires import SerialLine
 
@@ -27,7 +28,7 @@ _LATE_S = 2.0
 _CHARACTERS_PER_READING = 16
 _READBACK = 1e-6
 _MARKS = 32  # measurements are numbered 1 to 31 and from 1 again, by bits of the mask that say nothing on their own
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(E[+-]?\d{1,3})?")
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(E[+-]?\d{1,3})?", re.ASCII)
 
 PREPARED = 52
 """An event enable mask (query, execution and command errors) that says: prepared, and not switched off since.
@@ -96,7 +97,7 @@ def hp_dialect(interface: Interface, *, clear_with_dtr: bool = False) -> Dialect
         remote="SYST:REM" if serial else "",
         clear="\x03",
         clear_with_dtr=serial and clear_with_dtr,
-        reading=re.compile(r"[+-]\d\.\d{8}E[+-]\d\d"),
+        reading=re.compile(r"[+-]\d\.\d{8}E[+-]\d\d", re.ASCII),
     )
 
 
@@ -148,6 +149,11 @@ class ScpiMeter(ABC):
             self._line.write(self._dialect.remote)
         answer = self._line.query("*IDN?")
         parts = [part.strip() for part in answer.split(",")]
+        if "*IDN?" in answer.upper():
+            raise WrongInstrument(
+                f"{self._line.where} repeats what it is sent in front of its answer, {answer!r}: switch the echo off, "
+                f"at the instrument, the adapter or the serial server"
+            )
         if len(parts) != 4 or parts[1] != self._model:
             raise WrongInstrument(f"{self._line.where} should be a {self._model}; it answers {answer!r} to *IDN?")
         return Identity(*parts)
@@ -156,7 +162,7 @@ class ScpiMeter(ABC):
         """See `Restartable.restarted`."""
         answer = self._line.query("*ESE?")
         try:
-            return int(answer) != PREPARED
+            return whole(answer) != PREPARED
         except ValueError:
             raise self._line.bad_reply("*ESE?", answer, "a number") from None
 
@@ -206,13 +212,16 @@ class ScpiMeter(ABC):
             self._clear()
             self._raise_errors()
         words = readings.split(",")
-        if not (mark.strip("+").isdecimal() and all(map(self._dialect.reading.fullmatch, words))):
+        if not (mark.isascii() and mark.strip("+").isdecimal() and all(map(self._dialect.reading.fullmatch, words))):
             raise self._line.bad_reply(question, answer, "readings and the measurement's mark")
         if int(mark) != self._mark:
             raise self._line.bad_reply(question, answer, f"mark {self._mark}: these are another measurement's readings")
         if len(words) != count * len(names):
             raise self._line.bad_reply(question, answer, f"{count * len(names)} numbers")
-        values = [float(word) for word in words]
+        try:
+            values = [decimal(word) for word in words]
+        except ValueError:
+            raise self._line.bad_reply(question, answer, "finite numbers") from None
         return {name: values[i :: len(names)] for i, name in enumerate(names)}
 
     def make_safe(self) -> None:
@@ -273,7 +282,7 @@ def raise_errors(line: SerialLine, ask: Callable[[], str], most: int) -> None:
         answer = ask()
         code, _, text = answer.partition(",")
         try:
-            number = int(code)
+            number = whole(code)
         except ValueError:
             raise line.bad_reply("SYST:ERR?", answer, 'code,"text"') from None
         if number == 0:
@@ -288,6 +297,6 @@ def _agrees(answer: str, wanted: float | str) -> bool:
     if isinstance(wanted, str):
         return answer == wanted
     try:
-        return math.isclose(float(answer), wanted, rel_tol=_READBACK)
+        return math.isclose(decimal(answer), wanted, rel_tol=_READBACK)
     except ValueError:
         return False

@@ -260,6 +260,10 @@ def test_a_unit_that_is_not_taken_stops_before_a_setpoint_is_sent(monkeypatch):
         ({"ask_pressure": "1013.2500000"}, {}, r"it reads 1013.25 and .* range '15.00psia' ends at 15 psi"),
         ({"ask_range": '"0.70bara"'}, {}, r"high_psia = 15, but the control range '0.70bara' ends at 10.15 psia"),
         ({"ask_range": '"1600HPAG"'}, {}, r"control range is '1600HPAG', but the bench says reference = 'absolute'"),
+        ({"ask_range": '""'}, {}, r"control range is '', whose name does not end in a \(absolute\) or g \(gauge\)"),
+        ({"ask_range": '"BAROMETER"'}, {}, r"control range is 'BAROMETER', whose name does not end in a"),
+        ({"ask_range": '"760mmHg"'}, {"reference": "gauge"}, r"control range is '760mmHg', whose name does not end"),
+        ({"ask_pressure": "-3.0000000"}, {}, r"it reads -3 psia, less than a vacuum"),
         ({}, {"high_psia": 150.0}, r"high_psia = 150, but the control range '15.00psia' ends at 15 psia"),
     ],
 )
@@ -296,6 +300,47 @@ def test_a_barometer_that_fails_in_the_night_is_said_and_not_believed(monkeypatc
     state = rig.pace.read()
     assert state.faults == ("the barometer reads 2.5 psi, which is no atmosphere; ambient_psia is used instead",)
     assert state.pressure_psia == pytest.approx(AIR, abs=0.02)
+
+
+def test_a_pressure_below_a_vacuum_is_refused_at_every_reading(monkeypatch):
+    rig = Rig().ready()
+    monkeypatch.setattr(rig.twin, "ask_in_limits", lambda: "-0.4000000, 1")
+    assert rig.pace.read().pressure_psia == -0.4
+    monkeypatch.setattr(rig.twin, "ask_in_limits", lambda: "-0.6000000, 1")
+    with pytest.raises(BadReply, match=r"it reads -0\.6 psia, less than a vacuum"):
+        rig.pace.read()
+
+
+@pytest.mark.parametrize("options", [{"reference": "gauge"}, {}])
+def test_a_barometer_that_falls_to_0_in_the_night_is_a_fault(monkeypatch, options):
+    rig = Rig(**options).ready()
+    rig.pace._atmosphere()
+    monkeypatch.setattr(rig.twin, "ask_barometer", lambda: "0.0000000")
+    rig.pace._atmosphere()
+    assert rig.pace.read().faults == (
+        "the barometer reads 0 psi, which is no atmosphere; ambient_psia is used instead",
+    )
+    monkeypatch.undo()
+    rig.pace._atmosphere()
+    assert rig.pace.read().faults == ()
+
+
+def test_no_gauge_setpoint_is_sent_while_the_barometer_is_wrong(monkeypatch):
+    rig = Rig(reference="gauge").ready()
+    monkeypatch.setattr(rig.twin, "ask_barometer", lambda: "0.0000000")
+    with pytest.raises(BadReply, match="no gauge pressure is set while the barometer reads 0 psi"):
+        rig.pace.set_pressure(5.0)
+    assert not [line for line in rig.sent() if line.startswith((":SOUR:PRES -", ":SOUR:PRES 5", ":OUTP:STAT 1"))]
+
+
+def test_gauge_pressures_without_barometer_need_the_atmosphere_given(monkeypatch):
+    rig = Rig(hardware={"barometer": False}, reference="gauge")
+    with pytest.raises(BadReply, match=r"barometer reads 0, and gauge pressures .* give `ambient_psia`"):
+        rig.pace.prepare()
+    assert rig.pace.read().faults, "nor does it go unsaid by a session that resumes"
+    given = Rig(hardware={"barometer": False}, reference="gauge", ambient_psia=14.5).ready()
+    assert given.pace.read().faults == ()
+    given.pace.set_pressure(5.0)
 
 
 def test_an_answer_about_another_module_or_source_is_none_of_ours():
@@ -376,14 +421,34 @@ def test_set_pressure_checks_the_slew_before_the_setpoint_and_the_setpoint_befor
     sent = [line for line in rig.sent() if not line.startswith((":SOUR:PRES:LEV", ":UNIT:PRES?"))]
     assert sent == [
         ":UNIT:PRES PSI",
+        ":SOUR:PRES:RANG?",
         ":SOUR:PRES:SLEW:MODE LIN",
-        ":SOUR:PRES:SLEW:OVER 0",
         ":SOUR:PRES:SLEW 0.1",
+        ":SOUR:PRES:SLEW:OVER 0",
+        ":SOUR:PRES:SLEW:MODE?",
         ":SOUR:PRES:SLEW?",
+        ":SOUR:PRES:SLEW:OVER?",
         ":SOUR:PRES 2.5000000",
         ":SOUR:PRES?",
+        ":SOUR:PRES:RANG?",
         ":OUTP:STAT 1",
     ]
+
+
+@pytest.mark.parametrize(
+    ("method", "message"),
+    [
+        ("set_slew_mode", r"SLEW:MODE\? should answer LIN and answers 'MAX'"),
+        ("set_overshoot", r"SLEW:OVER\? should answer 0"),
+    ],
+)
+def test_a_slew_mode_or_overshoot_that_is_not_taken_stops_before_a_setpoint(monkeypatch, method, message):
+    rig = Rig().ready()
+    rig.twin.power_cycle()  # fastest slew, overshoot allowed
+    monkeypatch.setattr(rig.twin, method, lambda value: None)
+    with pytest.raises(BadReply, match=message):
+        rig.pace.set_pressure(5.0)
+    assert not [line for line in rig.sent() if line.startswith((":SOUR:PRES 5", ":OUTP"))]
 
 
 def test_it_slews_at_its_rate_and_settles_in_limits():
@@ -460,6 +525,75 @@ def test_without_a_barometer_the_bench_says_what_the_atmosphere_is():
 def test_a_range_that_counts_from_something_else_is_refused():
     with pytest.raises(BadReply, match=r"control range is '15.00psig', but the bench says reference = 'absolute'"):
         Rig(hardware={"reference": "gauge"}).pace.prepare()
+
+
+def test_a_control_range_changed_at_the_panel_is_neither_read_nor_set(monkeypatch):
+    rig = Rig(replace(TRUTH, start_psia=AIR)).ready()
+    rig.pace.read()
+    rig.twin._gauge = True  # 15.00psig: the line at the atmosphere reads 0
+    rig.wire.log.clear()
+    with pytest.raises(BadReply, match=r"control range is '15.00psig' \(gauge\); it was '15.00psia' when it was prep"):
+        rig.pace.read()
+    with pytest.raises(BadReply, match=r"15.00psig"):
+        rig.pace.set_pressure(3.0)
+    assert not [line for line in rig.sent() if line.startswith((":SOUR:PRES 3", ":OUTP:STAT 1"))]
+    rig.twin._gauge = False
+    monkeypatch.setattr(rig.twin, "ask_range", lambda: '"35.00bara"')
+    with pytest.raises(BadReply, match=r"35.00bara"):
+        rig.pace.read()
+    monkeypatch.setattr(rig.twin, "ask_range", lambda: '"0.70bara"')
+    with pytest.raises(BadReply, match="high_psia = 15, but the control range"):
+        rig.pace.prepare()
+    with pytest.raises(BadReply, match=r"0.70bara"):  # what prepare refuses has not become the one prepared
+        rig.pace.read()
+
+
+def test_a_control_range_changed_under_pressure_does_not_keep_it_from_being_made_safe():
+    rig = Rig(vent_psi_per_s=0.5).ready()
+    rig.settle(5.0)
+    rig.twin._gauge = True
+    rig.pace.make_safe()
+    assert rig.line.pressure_psia(rig.world.now()) == pytest.approx(AIR, abs=0.02)
+    assert not rig.line.controlling
+    rig = Rig().ready()
+    rig.settle(5.0)
+    rig.twin._gauge = True
+    rig.pace.stop()
+    rig.world.sleep(60.0)
+    assert rig.line.pressure_psia(rig.world.now()) == pytest.approx(5.0, abs=0.01)
+
+
+def test_a_control_range_that_was_not_taken_is_refused(monkeypatch):
+    rig = Rig(control_range="2.00bara")
+    monkeypatch.setattr(rig.twin, "set_range", lambda name: None)
+    with pytest.raises(BadReply, match=r"control range '2.00bara' was selected and it says '15.00psia'"):
+        rig.pace.prepare()
+
+
+@pytest.mark.parametrize("held", [False, True])
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda twin: twin.set_unit("BAR"), "was set to PSI and says 'BAR'"),
+        (lambda twin: setattr(twin, "_gauge", True), "range was '15.00psia' and is '15.00psig' after the setpoint"),
+    ],
+)
+def test_a_unit_or_range_changed_just_before_the_setpoint_leaves_control_off(monkeypatch, change, message, held):
+    rig = Rig(replace(TRUTH, start_psia=0.5)).ready()
+    if held:
+        rig.settle(0.5)
+    take = rig.twin.set_setpoint
+
+    def changed_first(value):
+        change(rig.twin)
+        take(value)
+
+    monkeypatch.setattr(rig.twin, "set_setpoint", changed_first)
+    with pytest.raises(BadReply, match=message):
+        rig.pace.set_pressure(1.0)  # 14.5 psi, in bar
+    assert not rig.line.controlling
+    rig.world.sleep(60.0)
+    assert rig.line.pressure_psia(rig.world.now()) == pytest.approx(0.5, abs=0.2)
 
 
 def test_resuming_does_not_disturb_a_pressure_under_control():

@@ -113,6 +113,14 @@ def test_another_meter_is_refused():
         rig.dvm.identify()
 
 
+@pytest.mark.parametrize("echo", ["*IDN?", "SYST:REM*IDN?", "SYST:REM\r*idn? "])
+def test_an_echo_in_front_of_the_identity_is_no_makers_name(echo):
+    rig = Rig()
+    rig.twin.identity = f"{echo}HEWLETT-PACKARD,34401A,0,10-5-2"
+    with pytest.raises(WrongInstrument, match=r"repeats what it is sent in front of its answer.*switch the echo off"):
+        rig.dvm.identify()
+
+
 def test_prepare_configures_command_by_command_checks_errors_and_reads_back():
     rig = Rig(nplc=1)
     rig.dvm.prepare()
