@@ -13,7 +13,7 @@ from fitter import LinearFit, least_squares
 from fitter.arrays import FloatArray, IntArray
 from fitter.formula import Formula
 from fitter.gross import GrossErrors, of_table
-from fitter.inverse import CurveCalibration
+from fitter.inverse import CurveCalibration, Factored
 from fitter.split_plot import SplitPlotFit, fit_split_plot
 from rig.closed_loop.gross import FitSummary, LeaveOut, Searched, Where, kept_with, search
 from rig.errors import UsageError
@@ -218,7 +218,15 @@ def _calibration(
         if name in table.columns
     }
     return CurveCalibration(
-        response, formula, fit.coefficients, covariance, np.asarray(variances), derivatives, spread, ranges
+        response,
+        formula,
+        fit.coefficients,
+        covariance,
+        np.asarray(variances),
+        derivatives,
+        spread,
+        ranges,
+        Factored.of(fit),
     )
 
 
