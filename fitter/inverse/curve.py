@@ -317,8 +317,8 @@ def _few_digits(calibration: CurveCalibration, low: float, high: float) -> str:
     name, middle = calibration.variable, 0.5 * (low + high)
     without = " and the file has no covariance_factor" if calibration.factor is None else ""
     return (
-        f"{name} runs from {low:.9g} to {high:.9g}, and in the terms {calibration.formula}{without} rounding leaves too "
-        f"few digits of its interval; subtract about {middle:.7g} from {name} and fit again"
+        f"{name} runs from {low:.9g} to {high:.9g}, and in the terms {calibration.formula}{without} rounding leaves "
+        f"too few digits of its interval; subtract about {middle:.7g} from {name} and fit again"
         f"{', or fit again as it is' if calibration.factor is None else ''}"
     )
 

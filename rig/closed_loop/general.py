@@ -15,6 +15,7 @@ from fitter.formula import Formula
 from fitter.gross import GrossErrors, of_table
 from fitter.inverse import CurveCalibration, Factored
 from fitter.split_plot import SplitPlotFit, fit_split_plot
+from rig.closed_loop.file_rows import rows_of_file
 from rig.closed_loop.gross import FitSummary, LeaveOut, Searched, Where, kept_with, search
 from rig.errors import UsageError
 from rig.tables import Table, read_any_csv
@@ -54,7 +55,8 @@ def fit_general(
     y = table.columns[response]
     asked = LeaveOut.of(leave_out, str(path), len(y))
     try:
-        names, exact = model.exact_columns({**table.columns, **table.text})
+        with rows_of_file(table):
+            names, exact = model.exact_columns({**table.columns, **table.text})
         if not names:
             raise ValueError(f"the formula {formula!r} has no terms: there is nothing to fit")
         plots = _identities(table, extra) if whole_plot else None
