@@ -248,3 +248,15 @@ def test_text_in_a_reading_is_an_error_with_its_place(case):
     done = case.infer(text([mV(1.0), "broken"]))
     assert done.returncode == 2
     assert "flight.csv, row 3, column bridge_1_mV: 'broken' is not a number" in done.stderr
+
+
+def test_a_blank_pressure_of_a_zero_is_refused_not_taken_for_a_column_that_is_not_there(case):
+    """Somebody meant to say at which pressure the zero was read: 0 psia is no answer to that."""
+    for rows, blank in (([f",{mV(0.5)}"], 2), ([f",{mV(0.5)}", f"0.5,{mV(0.5)}"], 2)):
+        done = case.infer(FLIGHT, text(rows, "pressure_psia,bridge_1_mV"), "--zero-rows", "one-sitting")
+        assert done.returncode == 2
+        assert f"row {blank}, column pressure_psia: the value is missing; fill it in" in " ".join(done.stderr.split())
+        assert not (case.folder / "out.csv").exists()
+    done = case.infer(FLIGHT, text([f"0.5,,{mV(0.5)}"], "pressure_psia,pressure_sd_psia,bridge_1_mV"))
+    assert done.returncode == 2
+    assert "row 2, column pressure_sd_psia: the value is missing" in " ".join(done.stderr.split())
