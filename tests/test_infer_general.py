@@ -278,3 +278,27 @@ def test_too_few_digits_are_refused_with_what_to_do(tmp_path):
     kept = fit_general(_offset_table(tmp_path, 1000000, ()), "y", "1 + x + x^2")["calibration"]
     with pytest.raises(ValueError, match="leaves too few digits of its interval; subtract about 1000000 from x"):
         infer_curve(CurveCalibration.from_dict(kept), np.array([2.6]))
+
+
+@pytest.mark.parametrize("plots", [(), ("plot",)], ids=["rows", "whole plots"])
+def test_scatter_that_grows_is_said_where_intervals_assume_one(tmp_path, plots):
+    """In fit, calibration and answer; said of even scatter once in a hundred fits, as the level says."""
+
+    def fit(seed, grows):
+        rng = np.random.default_rng(seed)
+        x, plot = rng.uniform(0.5, 10, 120), np.arange(120) % 10
+        y = 2 + 3 * x + rng.normal(0, 0.05, 120) * (1 + grows * x) + rng.normal(0, 0.1, 10)[plot] * len(plots)
+        rows = [f"{p},{a!r},{b!r}" for p, a, b in zip(plot, x.tolist(), y.tolist(), strict=True)]
+        (tmp_path / "t.csv").write_text("\n".join(["plot,x,y", *rows]) + "\n")
+        return fit_general(tmp_path / "t.csv", "y", "1 + x", plots)
+
+    result = fit(4, 1.0)
+    (note,) = [each for each in result["notes"] if "scatter" in each]
+    assert "intervals are too wide where x is low and too narrow where it is high" in note
+    assert note in result["calibration"]["notes"]
+    (tmp_path / "c.json").write_text(json.dumps(result))
+    (tmp_path / "new.csv").write_text("y\n29\n")
+    done = rig("infer", "c.json", "new.csv", "--out", "out.csv", "--json", cwd=tmp_path)
+    assert note in json.loads(done.stdout)["notes"]
+    said = sum(any("scatter" in each for each in fit(seed, 0.0)["notes"]) for seed in range(100, 140))
+    assert said <= 2

@@ -50,6 +50,7 @@ class CurveCalibration:
         ranges: lowest and highest value calibrated of every variable of the formula.
         factor: the covariance and its derivatives once more, factored so that rounding costs less; None in files that
             were written without it.
+        notes: what the fit said of its intervals.
 
     """
 
@@ -62,6 +63,7 @@ class CurveCalibration:
     spread: FloatArray
     ranges: Mapping[str, tuple[float, float]]
     factor: Factored | None = None
+    notes: tuple[str, ...] = ()
 
     @property
     def variable(self) -> str:
@@ -89,6 +91,7 @@ class CurveCalibration:
             "derivatives": self.derivatives.tolist(),
             "spread": self.spread.tolist(),
             "ranges": {name: list(pair) for name, pair in self.ranges.items()},
+            "notes": list(self.notes),
             **({} if self.factor is None else {"covariance_factor": self.factor.to_dict()}),
         }
 
@@ -102,6 +105,7 @@ class CurveCalibration:
             formula = Formula.parse(given["formula"])
             ranges = {str(name): (float(low), float(high)) for name, (low, high) in given["ranges"].items()}
             response = str(given["response"])
+            notes = tuple(str(note) for note in given.get("notes", ()))
             factor = Factored.from_dict(given["covariance_factor"]) if "covariance_factor" in given else None
         except (KeyError, TypeError) as problem:
             raise ValueError(f"a calibration of a general table lacks or garbles {problem}") from problem
@@ -112,7 +116,7 @@ class CurveCalibration:
                 raise ValueError(f"a calibration of a general table garbles {name}")
         if factor is not None and c and not factor.fits(k, c):
             raise ValueError("a calibration of a general table garbles covariance_factor")
-        return CurveCalibration(response, formula, **numbers, ranges=ranges, factor=factor)
+        return CurveCalibration(response, formula, **numbers, ranges=ranges, factor=factor, notes=notes)
 
 
 _NUMBERS = ("coefficients", "covariance", "variances", "derivatives", "spread")
