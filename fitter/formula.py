@@ -27,13 +27,30 @@ from fitter.arrays import FloatArray
 from fitter.double_double import DoubleDouble
 from fitter.formula_text import Category, FormulaError, Numeric, Term, parse_terms
 
-__all__ = ["Formula", "FormulaError", "Term"]
+__all__ = ["Formula", "FormulaError", "RowError", "Term"]
 
 Table = Mapping[str, NDArray[Any]]
 Levels = Mapping[str, Sequence[Any]]
 
 _STEP = 1e-30
 """Imaginary step of a derivative, in the unit of the variable; the derivative's relative error is its square."""
+
+
+class RowError(ValueError):
+    """A value of one row that the formula cannot take.
+
+    Attributes:
+        index: of the row among those given, from 0. The message has the row of a file whose header is row 1.
+
+    """
+
+    def __init__(self, before: str, index: int, after: str, row: int | None = None) -> None:
+        super().__init__(f"{before} row {index + 2 if row is None else row}{after}")
+        self.index, self._words = index, (before, after)
+
+    def at(self, row: int) -> RowError:
+        """The same of a row with this number."""
+        return RowError(self._words[0], self.index, self._words[1], row)
 
 
 @dataclass(frozen=True)
@@ -228,7 +245,7 @@ def _numbers(factor: Numeric, table: Table) -> FloatArray:
     bad = np.flatnonzero(~np.isfinite(value))
     if bad.size:
         where = ", ".join(f"{name} = {column[bad[0]]:g}" for name, column in given.items())
-        raise ValueError(f"{factor.text} is not a finite number in row {bad[0]}, where {where}")
+        raise RowError(f"{factor.text} is not a finite number in", int(bad[0]), f", where {where}")
     return value
 
 
@@ -238,5 +255,6 @@ def _members(category: Category, table: Table, levels: Sequence[Any]) -> FloatAr
     member = column[:, None] == np.asarray(levels)[None, :]
     strange = np.flatnonzero(~member.any(axis=1))
     if strange.size:
-        raise ValueError(f"{category.text} is {column[strange[0]]} in row {strange[0]}, a level the model has not")
+        first = int(strange[0])
+        raise RowError(f"{category.text} is {column[first]} in", first, ", a level the model has not")
     return np.asarray(member, np.float64)

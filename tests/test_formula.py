@@ -113,7 +113,7 @@ def test_levels_of_one_table_serve_another():
     levels = formula.levels(TABLE)
     few = {"b": np.array([3, 3])}
     np.testing.assert_array_equal(formula.columns(few, levels)[1], [[1, 0, 1], [1, 0, 1]])
-    with pytest.raises(ValueError, match=r"C\(b\) is 4 in row 1, a level the model has not"):
+    with pytest.raises(ValueError, match=r"C\(b\) is 4 in row 3, a level the model has not"):
         formula.columns({"b": np.array([3, 4])}, levels)
 
 
@@ -155,8 +155,8 @@ def test_a_bad_formula_is_pointed_at(text, problem, at):
         ("Q", KeyError, "no variable Q, only P, T"),
         ("C(Q)", KeyError, "no variable Q"),
         ("c", ValueError, r"c is text; as a category it is C\(c\)"),
-        ("log(T)", ValueError, r"log\(T\) is not a finite number in row 0, where T = -"),
-        ("I(1 / (b - 2))", ValueError, "in row 1, where b = 2"),
+        ("log(T)", ValueError, r"log\(T\) is not a finite number in row 2, where T = -"),
+        ("I(1 / (b - 2))", ValueError, "in row 3, where b = 2"),
     ],
 )
 def test_what_cannot_be_worked_out(text, error, problem):

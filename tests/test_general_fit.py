@@ -74,3 +74,12 @@ def test_what_cannot_be_fitted_is_said_in_a_line(oats, options, message):
     assert done.returncode == 2
     assert message in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_a_row_in_a_message_is_the_row_of_the_file(tmp_path):
+    """The header is row 1; rows that were put in order of time keep their numbers."""
+    (tmp_path / "t.csv").write_text("x,y,elapsed_s\n1,1,9\n0,2,8\n2,3,7\n3,4,6\n4,5.1,5\n5,6.2,4\n")
+    for command in ("fit", "trace"):
+        done = rig(command, "t.csv", "--response", "y", "--formula", "1 + log(x)", cwd=tmp_path)
+        assert done.returncode == 2
+        assert "log(x) is not a finite number in row 3, where x = 0" in done.stderr

@@ -239,3 +239,66 @@ def test_attitude_without_an_error_is_refused(tmp_path, command):
     assert done.returncode == 2
     assert "nothing to estimate" in " ".join(done.stderr.split())
     assert "nan" not in done.stdout + done.stderr
+
+
+def _offset_table(folder, offset, plots):
+    """The same readings at an abscissa that is `offset` further on; whole plots of four rows if `plots`."""
+    rng, u = np.random.default_rng(3), np.arange(24) / 32.0  # exact in doubles at every offset
+    y = 2 + 3 * u + 0.5 * u * u + rng.normal(0, 0.01, 24)
+    plot = np.arange(24) % 6
+    y = y + (rng.normal(0, 0.03, 6)[plot] if plots else 0.0)
+    lines = [f"{p},{x!r},{w!r}" for p, x, w in zip(plot, (u + offset).tolist(), y.tolist(), strict=True)]
+    (folder / "t.csv").write_text("\n".join(["plot,x,y", *lines]) + "\n")
+    return folder / "t.csv"
+
+
+@pytest.mark.parametrize("plots", [(), ("plot",)], ids=["rows", "whole plots"])
+def test_an_answer_does_not_depend_on_where_the_abscissa_starts(tmp_path, plots):
+    """Years, hPa and kelvin lie far from zero for their width: the answer less the offset is that of offset 0."""
+    found = {}
+    for offset in (0, 100, 150, 2026, 5000):
+        kept = fit_general(_offset_table(tmp_path, offset, plots), "y", "1 + x + x^2", plots)["calibration"]
+        answer = infer_curve(CurveCalibration.from_dict(json.loads(json.dumps(kept))), np.array([2.6, 3.5]))
+        assert list(answer.flag) == ["", ""]
+        found[offset] = [answer.value - offset, answer.sd, answer.lo95 - offset, answer.hi95 - offset]
+    for offset, numbers in found.items():
+        np.testing.assert_allclose(numbers, found[0], rtol=1e-3, err_msg=f"offset {offset}")
+
+
+def test_too_few_digits_are_refused_with_what_to_do(tmp_path):
+    """A file of before without a factor, and an abscissa too far off for any: never an answer of rounding errors."""
+    kept = fit_general(_offset_table(tmp_path, 0, ()), "y", "1 + x + x^2")["calibration"]
+    old = {name: value for name, value in kept.items() if name != "covariance_factor"}
+    new, before = (infer_curve(CurveCalibration.from_dict(each), np.array([2.6])) for each in (kept, old))
+    assert before.hi95[0] == pytest.approx(new.hi95[0], rel=1e-9)
+    kept = fit_general(_offset_table(tmp_path, 2026, ()), "y", "1 + x + x^2")["calibration"]
+    del kept["covariance_factor"]
+    with pytest.raises(ValueError, match=r"no covariance_factor rounding leaves too few digits.* subtract about 2026"):
+        infer_curve(CurveCalibration.from_dict(kept), np.array([2.6]))
+    kept = fit_general(_offset_table(tmp_path, 1000000, ()), "y", "1 + x + x^2")["calibration"]
+    with pytest.raises(ValueError, match="leaves too few digits of its interval; subtract about 1000000 from x"):
+        infer_curve(CurveCalibration.from_dict(kept), np.array([2.6]))
+
+
+@pytest.mark.parametrize("plots", [(), ("plot",)], ids=["rows", "whole plots"])
+def test_scatter_that_grows_is_said_where_intervals_assume_one(tmp_path, plots):
+    """In fit, calibration and answer; said of even scatter once in a hundred fits, as the level says."""
+
+    def fit(seed, grows):
+        rng = np.random.default_rng(seed)
+        x, plot = rng.uniform(0.5, 10, 120), np.arange(120) % 10
+        y = 2 + 3 * x + rng.normal(0, 0.05, 120) * (1 + grows * x) + rng.normal(0, 0.1, 10)[plot] * len(plots)
+        rows = [f"{p},{a!r},{b!r}" for p, a, b in zip(plot, x.tolist(), y.tolist(), strict=True)]
+        (tmp_path / "t.csv").write_text("\n".join(["plot,x,y", *rows]) + "\n")
+        return fit_general(tmp_path / "t.csv", "y", "1 + x", plots)
+
+    result = fit(4, 1.0)
+    (note,) = [each for each in result["notes"] if "scatter" in each]
+    assert "intervals are too wide where x is low and too narrow where it is high" in note
+    assert note in result["calibration"]["notes"]
+    (tmp_path / "c.json").write_text(json.dumps(result))
+    (tmp_path / "new.csv").write_text("y\n29\n")
+    done = rig("infer", "c.json", "new.csv", "--out", "out.csv", "--json", cwd=tmp_path)
+    assert note in json.loads(done.stdout)["notes"]
+    said = sum(any("scatter" in each for each in fit(seed, 0.0)["notes"]) for seed in range(100, 140))
+    assert said <= 2

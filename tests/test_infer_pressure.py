@@ -248,3 +248,49 @@ def test_text_in_a_reading_is_an_error_with_its_place(case):
     done = case.infer(text([mV(1.0), "broken"]))
     assert done.returncode == 2
     assert "flight.csv, row 3, column bridge_1_mV: 'broken' is not a number" in done.stderr
+
+
+def test_a_blank_pressure_of_a_zero_is_refused_not_taken_for_a_column_that_is_not_there(case):
+    """Somebody meant to say at which pressure the zero was read: 0 psia is no answer to that."""
+    for rows, blank in (([f",{mV(0.5)}"], 2), ([f",{mV(0.5)}", f"0.5,{mV(0.5)}"], 2)):
+        done = case.infer(FLIGHT, text(rows, "pressure_psia,bridge_1_mV"), "--zero-rows", "one-sitting")
+        assert done.returncode == 2
+        assert f"row {blank}, column pressure_psia: the value is missing; fill it in" in " ".join(done.stderr.split())
+        assert not (case.folder / "out.csv").exists()
+    done = case.infer(FLIGHT, text([f"0.5,,{mV(0.5)}"], "pressure_psia,pressure_sd_psia,bridge_1_mV"))
+    assert done.returncode == 2
+    assert "row 2, column pressure_sd_psia: the value is missing" in " ".join(done.stderr.split())
+
+
+@pytest.mark.parametrize("cubic_mV", [0.0, 0.004])
+def test_lack_of_fit_within_whole_plots_is_said_in_fit_calibration_and_answer(case, cubic_mV):
+    """Pressures that repeat within whole plots tell: F of R's anova() between the model and a mean for each setting."""
+    rng = np.random.default_rng(11)
+    pressures = np.tile([0.2, 1.0, 2.0, 3.0, 4.0, 5.0], 2)
+    pairs = [(s, e) for s in (-110.0, -90.0, -70.0) for e in (-20.0, 20.0)]
+    plot = np.repeat(np.arange(6), 12)
+    p, sensor, sse = np.tile(pressures, 6), *np.repeat(np.array(pairs), 12, axis=0).T
+    y = 0.3 + 2 * p + 0.01 * sensor + 0.002 * sse + cubic_mV * (p - 1) * (p - 3) * (p - 5)
+    y = y + rng.normal(0, 0.01, 6)[plot] + rng.normal(0, 0.005, 72)
+    names = ["whole_plot", "order", "elapsed_s", "pressure_psia"]
+    names += ["sensor_temperature_degC", "sse_temperature_degC", "bridge_1_mV"]
+    table = dict(zip(names, (plot + 1, np.arange(72), 240.0 * np.arange(72), p, sensor, sse, y), strict=True))
+    write_csv(table, case.folder / "table.csv")
+    formula = ("--formula", "1 + P + T_sensor + T_SSE")
+    done = rig("fit", "table.csv", *formula, "--out", "c.json", cwd=case.folder)
+    assert done.returncode == 0, done.stderr
+    kept = json.loads((case.folder / "c.json").read_text())["sensors"]["bridge_1_mV"]
+    found = kept["lack_of_fit"]
+
+    def rss(columns):
+        return np.sum((y - columns @ np.linalg.lstsq(columns, y, rcond=None)[0]) ** 2)
+
+    cells = np.eye(36)[plot * 6 + np.tile(np.arange(6), 12)]
+    model, pure = rss(np.column_stack([np.eye(6)[plot], p])), rss(cells)
+    assert (found["df_above"], found["df_below"]) == (72 - 7 - 36, 36)
+    assert kept["errors"]["growth_per_psia"] == 0.0
+    assert found["F"] == pytest.approx((model - pure) / 29 / (pure / 36), rel=1e-6)
+    case.calibration = "c.json"
+    said = case.infer(FLIGHT)
+    for words in (done.stdout, said.stderr, " ".join(kept["notes"]), " ".join(kept["calibration"]["notes"])):
+        assert ("lack of fit is significant" in " ".join(words.split())) == found["significant"] == (cubic_mV > 0)

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from pressure_truth import GROWING, HOMOSCEDASTIC, coverage, simulate
 from scipy import optimize, stats
 
+from fitter.formula import Formula
 from fitter.pressure import PressureCalibration, Zero, fit_pressure, infer_pressure
 from fitter.pressure.in_flight import NO_ROOT
 
@@ -99,6 +100,30 @@ def test_what_cannot_be_inferred_says_why():
     assert found.flag[6].startswith("SSE temperature is outside")
     for values in (found.pressure_psia, found.sd_psia, found.lo95_psia, found.hi95_psia):
         np.testing.assert_array_equal(np.isnan(values), found.flag != "")
+
+
+def test_temperatures_outside_the_calibrated_are_flagged_though_the_formula_has_none():
+    """A calibration at one pair of temperatures says nothing of readings at another: their intervals would be short."""
+    table = DATA.table
+    formula = Formula.parse("1 + P + P^2")
+    at = {"P": (0.0, 5.0), "T_sensor": (-90.0, -89.8), "T_SSE": (20.0, 20.0)}
+    k = len(formula.columns({name: values[:1] for name, values in table.items()})[0])
+    alone = replace(
+        CALIBRATION,
+        formula=formula,
+        coefficients=np.array([0.1, 2.0, 0.01]),
+        covariance=1e-8 * np.eye(k),
+        derivatives=CALIBRATION.derivatives[:, :k, :k],
+        ranges=at,
+    )
+    sensor, sse = np.array([-90.5, -89.0, -88.7, -90.0, np.nan]), np.array([20.9, 20.0, 20.0, 22.0, 20.0])
+    found = infer_pressure(alone, np.full(5, 2.0), sensor, sse)
+    assert list(found.flag[:2]) == ["", ""]
+    assert found.flag[2] == "sensor temperature is outside the calibrated -90 to -89.8 degC"
+    assert found.flag[3] == "SSE temperature is outside the calibrated 20 to 20 degC"
+    assert found.flag[4].startswith("sensor temperature is outside")
+    with pytest.raises(ValueError, match="the zero was read where the SSE temperature is outside"):
+        infer_pressure(alone, np.full(1, 2.0), -90.0, 20.0, Zero(0.1, -90.0, 40.0))
 
 
 def test_no_pressure_gives_more_than_the_model_can():

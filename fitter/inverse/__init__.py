@@ -11,6 +11,7 @@ from fitter.inverse.answer import InferredAttitude
 from fitter.inverse.calibrate import calibrate_package
 from fitter.inverse.calibration import AttitudeCalibration
 from fitter.inverse.curve import CurveCalibration, InferredCurve, infer_curve
+from fitter.inverse.factored import Factored
 from fitter.inverse.infer import infer_attitude
 from fitter.inverse.sensor_model import SensorModel, Term
 from fitter.inverse.singular import singularity
@@ -19,6 +20,7 @@ from fitter.inverse.three_axis import ThreeAxis
 __all__ = [
     "AttitudeCalibration",
     "CurveCalibration",
+    "Factored",
     "InferredAttitude",
     "InferredCurve",
     "SensorModel",

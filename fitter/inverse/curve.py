@@ -21,6 +21,7 @@ from scipy import special
 
 from fitter.arrays import FloatArray
 from fitter.formula import Formula
+from fitter.inverse.factored import EPS, LEAST_DIGITS, Factored
 
 BEYOND = 0.02
 """How far outside the calibrated range a value may be, as a part of its width: settings are not exact."""
@@ -29,6 +30,7 @@ REACH = 1.0
 """How far outside the calibrated range the end of an interval is looked for, as a part of its width."""
 
 BAD_READING = "not a finite number"
+_EXACT = 1e-6  # of the curve's range: what counts as its error where the rows scatter less
 _GRID, _SLOPES, _STEPS, _CHUNK, _FLAT = 128, 513, 100, 8192, 1e-9
 
 
@@ -46,6 +48,9 @@ class CurveCalibration:
         derivatives: (c, k, k) of the covariance by the variances.
         spread: (c, c) covariance of the variances.
         ranges: lowest and highest value calibrated of every variable of the formula.
+        factor: the covariance and its derivatives once more, factored so that rounding costs less; None in files that
+            were written without it.
+        notes: what the fit said of its intervals.
 
     """
 
@@ -57,6 +62,8 @@ class CurveCalibration:
     derivatives: FloatArray
     spread: FloatArray
     ranges: Mapping[str, tuple[float, float]]
+    factor: Factored | None = None
+    notes: tuple[str, ...] = ()
 
     @property
     def variable(self) -> str:
@@ -84,6 +91,8 @@ class CurveCalibration:
             "derivatives": self.derivatives.tolist(),
             "spread": self.spread.tolist(),
             "ranges": {name: list(pair) for name, pair in self.ranges.items()},
+            "notes": list(self.notes),
+            **({} if self.factor is None else {"covariance_factor": self.factor.to_dict()}),
         }
 
     @staticmethod
@@ -96,6 +105,8 @@ class CurveCalibration:
             formula = Formula.parse(given["formula"])
             ranges = {str(name): (float(low), float(high)) for name, (low, high) in given["ranges"].items()}
             response = str(given["response"])
+            notes = tuple(str(note) for note in given.get("notes", ()))
+            factor = Factored.from_dict(given["covariance_factor"]) if "covariance_factor" in given else None
         except (KeyError, TypeError) as problem:
             raise ValueError(f"a calibration of a general table lacks or garbles {problem}") from problem
         k, c = len(numbers["coefficients"]), len(numbers["variances"])
@@ -103,7 +114,9 @@ class CurveCalibration:
         for name, values in numbers.items():
             if (c and values.shape != wanted[name]) or not np.isfinite(values).all():
                 raise ValueError(f"a calibration of a general table garbles {name}")
-        return CurveCalibration(response, formula, **numbers, ranges=ranges)
+        if factor is not None and c and not factor.fits(k, c):
+            raise ValueError("a calibration of a general table garbles covariance_factor")
+        return CurveCalibration(response, formula, **numbers, ranges=ranges, factor=factor, notes=notes)
 
 
 _NUMBERS = ("coefficients", "covariance", "variances", "derivatives", "spread")
@@ -148,6 +161,7 @@ class _Band:
     """The curve made to rise: `sign` times it, with the half-width of its prediction interval."""
 
     calibration: CurveCalibration
+    factor: Factored
     sign: float
     inner: tuple[float, float]
     grid: FloatArray
@@ -158,6 +172,8 @@ class _Band:
         low, high = calibration.ranges[name]
         if not high > low:
             raise ValueError(f"{name} had one value only when it was calibrated, {low:g}: there is no curve to invert")
+        if few := _few_digits(calibration, low, high):
+            raise ValueError(few)
         sign = _direction(calibration, low, high)
         if sign == 0.0:
             raise ValueError(
@@ -167,7 +183,7 @@ class _Band:
         room = BEYOND * (high - low)
         first = low - room if _direction(calibration, low - room, low) == sign else low
         last = high + room if _direction(calibration, high, high + room) == sign else high
-        return _Band(calibration, sign, (first, last), _grid(calibration, low, high))
+        return _Band(calibration, _factored(calibration), sign, (first, last), _grid(calibration, low, high))
 
     def infer(self, response: FloatArray) -> InferredCurve:
         name, n = self.calibration.variable, len(response)
@@ -214,8 +230,8 @@ class _Band:
     def _variance(self, h: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(n,) variance of a new reading less the curve at (n, k) rows of the model, and its degrees of freedom."""
         c = self.calibration
-        variance = np.einsum("nk,kl,nl->n", h, c.covariance, h) + c.variances.sum()
-        gradient = np.einsum("nk,ckl,nl->nc", h, c.derivatives, h, optimize=True) + 1.0
+        variance = self.factor.variance(h) + c.variances.sum()
+        gradient = self.factor.gradient(h) + 1.0
         plain, uncertain = gradient @ c.variances, np.einsum("nc,cd,nd->n", gradient, c.spread, gradient)
         if not plain.all():  # the curve goes through every row: no width, whatever its degrees of freedom
             return variance, np.ones(len(h))
@@ -283,6 +299,32 @@ def _direction(calibration: CurveCalibration, low: float, high: float) -> float:
         if (sign * slope >= -_FLAT * steepest).all():
             return sign
     return 0.0
+
+
+def _factored(calibration: CurveCalibration) -> Factored:
+    return calibration.factor or Factored.plain(calibration.covariance, calibration.derivatives)
+
+
+def _few_digits(calibration: CurveCalibration, low: float, high: float) -> str:
+    """Why rounding leaves too little of the interval or of the curve; "" where it does not."""
+    try:
+        h = _columns(calibration, np.linspace(low, high, _SLOPES))
+    except ValueError:
+        return ""  # said elsewhere
+    factor = _factored(calibration)
+    variance = factor.variance(h) + calibration.variances.sum()
+    curve = h @ calibration.coefficients
+    off = EPS * (np.abs(h) @ np.abs(calibration.coefficients))
+    least = np.maximum(np.sqrt(np.maximum(variance, 0.0)), _EXACT * np.ptp(curve))
+    if (factor.rounding(h) <= LEAST_DIGITS * variance).all() and (off <= LEAST_DIGITS * least).all():
+        return ""
+    name, middle = calibration.variable, 0.5 * (low + high)
+    without = " and the file has no covariance_factor" if calibration.factor is None else ""
+    return (
+        f"{name} runs from {low:.9g} to {high:.9g}, and in the terms {calibration.formula}{without} rounding leaves "
+        f"too few digits of its interval; subtract about {middle:.7g} from {name} and fit again"
+        f"{', or fit again as it is' if calibration.factor is None else ''}"
+    )
 
 
 def _grid(calibration: CurveCalibration, low: float, high: float) -> FloatArray:

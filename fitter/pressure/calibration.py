@@ -11,9 +11,11 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.formula import Formula
+from fitter.pressure import lack_of_fit
 from fitter.pressure.errors import Errors, Layout, estimate_errors
 from fitter.pressure.methods import METHODS, MethodFit, Problem, coefficient_table, fit_method
 from fitter.pressure.models import HIERARCHICAL, check_determined, named_formula, reduced
+from fitter.replication import FTest
 from fitter.split_plot import SplitPlotFit, fit_split_plot
 from fitter.whole_plot_data import WholePlotData
 
@@ -36,6 +38,7 @@ class PressureCalibration:
         derivatives: (p, k, k) of the covariance by the parameters of `errors`.
         errors: of one reading.
         ranges: lowest and highest value calibrated of P, T_sensor and T_SSE.
+        notes: what the fit said of its intervals.
 
     """
 
@@ -47,6 +50,7 @@ class PressureCalibration:
     derivatives: FloatArray
     errors: Errors
     ranges: Mapping[str, tuple[float, float]]
+    notes: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON; `from_dict` reads it back exactly."""
@@ -60,6 +64,7 @@ class PressureCalibration:
             "derivatives": self.derivatives.tolist(),
             "errors": self.errors.to_dict(),
             "ranges": {name: list(pair) for name, pair in self.ranges.items()},
+            "notes": list(self.notes),
         }
 
     @staticmethod
@@ -82,6 +87,7 @@ class PressureCalibration:
                 derivatives=np.array(given["derivatives"], np.float64),
                 errors=Errors.from_dict(given["errors"]),
                 ranges={name: (float(low), float(high)) for name, (low, high) in given["ranges"].items()},
+                notes=tuple(str(note) for note in given.get("notes", ())),
             )
         except (KeyError, TypeError) as problem:
             raise ValueError(f"a calibration of pressure lacks or garbles {problem}") from problem
@@ -148,6 +154,16 @@ class PressureFit:
         """Why the others cannot be."""
         return {name: reason for name, reason in self._outcomes.items() if isinstance(reason, str)}
 
+    @cached_property
+    def lack_of_fit(self) -> FTest:
+        """Of the model within whole plots; NaN where no pressure repeats there."""
+        return lack_of_fit.lack_of_fit(self.problem)
+
+    @property
+    def _misfit(self) -> tuple[str, ...]:
+        said = lack_of_fit.in_words(self.lack_of_fit)
+        return (said,) if said else ()
+
     def calibration(self, method: str = "GLS") -> PressureCalibration:
         """What using the transducer needs, by one of the methods.
 
@@ -179,6 +195,7 @@ class PressureFit:
             derivatives=fit.derivatives,
             errors=self.errors,
             ranges={name: (float(table[name].min()), float(table[name].max())) for name in sorted(IN_FLIGHT)},
+            notes=self._misfit,
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -198,7 +215,8 @@ class PressureFit:
             "sigma_wholeplot": reml.sigma_wholeplot,
             "sigma_replicate": reml.sigma_replicate,
             "reml_loglik": reml.reml_loglik,
-            "notes": list(reml.notes),
+            "notes": [*reml.notes, *self._misfit],
+            "lack_of_fit": lack_of_fit.to_dict(self.lack_of_fit),
             "errors": errors.to_dict(),
             "methods": {name: fit.to_dict() for name, fit in self.methods.items()},
             "not_possible": self.not_possible,

@@ -25,6 +25,9 @@ BEYOND = 0.02
 """How far outside the calibrated range a value may be, as a part of its width: readbacks are not exact, and the lowest
 pressure calibrated is not quite vacuum."""
 
+ONE_TEMPERATURE_DEGC = 1.0
+"""A calibration whose temperature varied by less was made at one temperature: it holds this far around it."""
+
 STOOD_DEGC = 2.0
 """Temperatures within this of the zero's count as those it was read at: their error is still the one it took out."""
 
@@ -190,13 +193,16 @@ def _root(calibration: PressureCalibration, target: FloatArray, sensor: FloatArr
 
 
 def _temperature_flags(calibration: PressureCalibration, sensor: FloatArray, sse: FloatArray) -> NDArray[Any]:
-    """(n,) what is wrong with the temperatures, empty where nothing is."""
+    """(n,) what is wrong with the temperatures, empty where nothing is.
+
+    A temperature that is not in the formula counts too: how the output depends on it was not calibrated.
+    """
     flag = np.full(len(sensor), "", dtype=object)
     for name, label, values in (("T_SSE", "SSE", sse), ("T_sensor", "sensor", sensor)):
-        if name not in calibration.formula.names:
-            continue
         low, high = calibration.ranges[name]
         room = BEYOND * (high - low)
+        if name not in calibration.formula.names and high - low < ONE_TEMPERATURE_DEGC:
+            room = ONE_TEMPERATURE_DEGC
         outside = ~((values >= low - room) & (values <= high + room))
         flag[outside] = f"{label} temperature is outside the calibrated {low:g} to {high:g} degC"
     return flag

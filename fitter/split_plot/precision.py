@@ -6,10 +6,11 @@ are H V_i H', so that C, its derivatives and everything below are sums without c
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from fitter.arrays import FloatArray
 from fitter.split_plot.structure import Structure
@@ -73,6 +74,14 @@ class Moments:
         of_others = [s * (shape[:r] @ (spectrum.loading * d).T) for shape in self.structure.shapes]
         cross = np.stack([of_subplot, *of_others]) / np.sqrt(self._spread)[:, None]
         return np.asarray(2.0 * np.einsum("ij,iak,jal->kl", self.inverse_information, cross, cross))
+
+    def in_basis(self) -> Moments:
+        """The same of the coefficients of the orthonormal basis; with the columns' root T the above is T (.) T'."""
+        spectrum = self.structure.spectrum
+        root = spectrum.fixed.root
+        fixed = replace(spectrum.fixed, root=np.eye(len(root)))
+        seen = replace(spectrum, fixed=fixed, loading=solve_triangular(root, spectrum.loading))
+        return Moments(replace(self.structure, spectrum=seen))
 
     @property
     def inverse_information(self) -> FloatArray:

@@ -13,8 +13,10 @@ from fitter import LinearFit, least_squares
 from fitter.arrays import FloatArray, IntArray
 from fitter.formula import Formula
 from fitter.gross import GrossErrors, of_table
-from fitter.inverse import CurveCalibration
+from fitter.inverse import CurveCalibration, Factored
+from fitter.scatter import uneven_scatter
 from fitter.split_plot import SplitPlotFit, fit_split_plot
+from rig.closed_loop.file_rows import rows_of_file
 from rig.closed_loop.gross import FitSummary, LeaveOut, Searched, Where, kept_with, search
 from rig.errors import UsageError
 from rig.tables import Table, read_any_csv
@@ -54,7 +56,8 @@ def fit_general(
     y = table.columns[response]
     asked = LeaveOut.of(leave_out, str(path), len(y))
     try:
-        names, exact = model.exact_columns({**table.columns, **table.text})
+        with rows_of_file(table):
+            names, exact = model.exact_columns({**table.columns, **table.text})
         if not names:
             raise ValueError(f"the formula {formula!r} has no terms: there is nothing to fit")
         plots = _identities(table, extra) if whole_plot else None
@@ -64,6 +67,7 @@ def fit_general(
         fit = every.take(searched.used).fitted()
         others = searched.with_the_others(lambda rows: every.take(rows).fitted())
         found = _of_rows(fit) if isinstance(fit, LinearFit) else _of_whole_plots(fit)
+        uneven = _uneven(fit, every.take(searched.used), model, table, searched.used)
     except (ValueError, KeyError) as error:
         raise UsageError(f"{path}: {error.args[0] if error.args else error}") from error
     simulated = bool(np.any(table.columns.get("simulated", 0.0)))
@@ -79,9 +83,11 @@ def fit_general(
         "response": response,
         "formula": str(model),
         **found,
+        "notes": [*found["notes"], *uneven],
         "unused": unused_columns(table, used).to_json(),
         "gross_errors": searched.of_sensor(response, "", _order_of(table), _both(searched, fit, others)),
-        "calibration": _calibration(fit, response, model, table, searched.used).to_dict() | kept_with(searched, len(y)),
+        "calibration": _calibration(fit, response, model, table, searched.used, uneven).to_dict()
+        | kept_with(searched, len(y)),
     }
 
 
@@ -185,6 +191,24 @@ def no_error(rows: int, coefficients: int) -> str:
     )
 
 
+def _uneven(
+    fit: LinearFit | SplitPlotFit, given: _Rows, model: Formula, table: Table, rows: IntArray
+) -> tuple[str, ...]:
+    """What is to be said where the rows do not scatter alike; nothing where they do."""
+    if isinstance(fit, LinearFit):
+        left, own = given.y - fit.predict(given.columns), 1.0 - fit.variance_function(given.columns)
+    else:
+        spectrum, k = fit.structure.spectrum, len(fit.names)
+        taken = 1.0 - 1.0 / (1.0 + fit.structure.ratio * spectrum.xi)
+        own = 1.0 - np.sum(spectrum.basis[:, :k] ** 2, axis=1) - spectrum.left**2 @ taken
+        left = fit.conditional_residuals
+    seen = own > 1e-6  # a row that the fit goes through has nothing to show
+    along = {name: table.columns[name][rows][seen] for name in model.names if name in table.columns}
+    along["the fitted value"] = (given.columns @ fit.coefficients)[seen]
+    said = uneven_scatter(left[seen] / np.sqrt(own[seen]), along)
+    return (said,) if said else ()
+
+
 def _coefficients(
     names: Sequence[str], estimates: Sequence[float], stderr: Sequence[float | None], df: Sequence[float | None]
 ) -> dict[str, Any]:
@@ -199,7 +223,7 @@ def _finite(value: float) -> float | None:
 
 
 def _calibration(
-    fit: LinearFit | SplitPlotFit, response: str, formula: Formula, table: Table, rows: IntArray
+    fit: LinearFit | SplitPlotFit, response: str, formula: Formula, table: Table, rows: IntArray, notes: Sequence[str]
 ) -> CurveCalibration:
     """What `rig infer` and `rig chart` need of a fit to these rows of a table."""
     if isinstance(fit, SplitPlotFit):
@@ -218,7 +242,16 @@ def _calibration(
         if name in table.columns
     }
     return CurveCalibration(
-        response, formula, fit.coefficients, covariance, np.asarray(variances), derivatives, spread, ranges
+        response,
+        formula,
+        fit.coefficients,
+        covariance,
+        np.asarray(variances),
+        derivatives,
+        spread,
+        ranges,
+        Factored.of(fit),
+        tuple(notes),
     )
 
 

@@ -14,6 +14,7 @@ from fitter.effects.tables_scene import Grouping, TableScene
 from fitter.formula import Formula
 from fitter.formula_text import Expression
 from fitter.trace.tables import TableData
+from rig.closed_loop.file_rows import rows_of_file
 from rig.closed_loop.order import Parts, alike, codes, time_of
 from rig.errors import UsageError
 from rig.tables import Table, read_any_csv
@@ -103,10 +104,11 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
     if time is not None:
         time = replace(time, values=time.values[order])
         free = [name for name in free if name != time.name and not alike(columns[name], time, notes, name)]
-    y = response.columns(columns)[1][:, 0]
+    with rows_of_file(table, order):
+        y = response.columns(columns)[1][:, 0]
+        names, exact = formula.exact_columns(columns)
     if roles.wrap is not None:
         y = (y + 0.5 * roles.wrap) % roles.wrap - 0.5 * roles.wrap
-    names, exact = formula.exact_columns(columns)
     if not names:
         raise ValueError(f"the formula {roles.formula!r} has no terms: there is nothing to compare with")
     if len(y) <= len(names):

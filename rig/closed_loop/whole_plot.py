@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from fitter.arrays import IntArray
-from fitter.gross import of_whole_plots
+from fitter.gross import GrossErrors, of_whole_plots
 from fitter.misfit import COVERED_BY_WHOLE_PLOTS
 from fitter.pressure import PressureFit, fit_transducers, variance_inflation
 from fitter.pressure.models import FULL, named_formula
@@ -17,6 +17,7 @@ from fitter.trace import TransducerTrace, WholePlotTrace, trace_whole_plots
 from fitter.trace.whole_plots.result import FoundPressureEffect
 from fitter.whole_plot_data import WholePlotData
 from rig.closed_loop.certificate import Change, Errors, certificate, size_95, with_words
+from rig.closed_loop.file_rows import rows_of_file
 from rig.closed_loop.gross import FitSummary, LeaveOut, Searched, kept_with, search
 from rig.effects import pressure_catalogue
 from rig.errors import UsageError
@@ -174,13 +175,18 @@ def fit_whole_plots(
     asked = LeaveOut.of(leave_out, table.source, len(data))
 
     def fitted(rows: IntArray) -> Mapping[str, PressureFit]:
-        return fit_transducers(
-            data.take(rows), declared.model, extra=tuple(add), power=power, exclude_zero=exclude_zero
-        )
+        with rows_of_file(table, rows):
+            return fit_transducers(
+                data.take(rows), declared.model, extra=tuple(add), power=power, exclude_zero=exclude_zero
+            )
+
+    def gross(rows: IntArray) -> Mapping[str, GrossErrors]:
+        with rows_of_file(table, rows):
+            return of_whole_plots(data.take(rows), formula)
 
     try:
         formula = named_formula(declared.model, tuple(add))
-        searched = search(len(data), asked, lambda rows: of_whole_plots(data.take(rows), formula))
+        searched = search(len(data), asked, gross)
         fits = fitted(searched.used)
         others = searched.with_the_others(fitted)
         return WholePlotFitted(table, data.take(searched.used), fits, method, dead, searched, declared, others)
@@ -340,7 +346,8 @@ def trace_whole_plot_table(table: Table, model: str | None = None) -> WholePlotT
     data, dead = _alive(table)
     declared = Declared.of(table, model)
     try:
-        found = trace_whole_plots(data, declared.model, pressure_catalogue())
+        with rows_of_file(table):
+            found = trace_whole_plots(data, declared.model, pressure_catalogue())
         return WholePlotTraced(table, data, found, dead, declared)
     except (ValueError, KeyError) as error:
         raise UsageError(f"{table.source}: {error.args[0] if error.args else error}") from error

@@ -51,7 +51,7 @@ def infer_general(calibration: CurveCalibration, data: Path) -> Inference:
     return Inference(
         {**columns, **added},
         tuple(added),
-        (),
+        calibration.notes,
         int(np.sum(flag != "")),
         quantities=(name,),
         unused=Unused(

@@ -66,7 +66,7 @@ def infer_pressures(
         columns |= {f"{name}{end}": values for end, values in found.values.items()} | {flag: found.flag}
         flags |= found.flag != ""
         quantities.append(name)
-        notes += found.notes
+        notes += [*(f"{output}: {note}" for note in calibrations[output].notes), *found.notes]
         for source, lacking in found.incomplete.items():
             gaps[source] = [*gaps.get(source, []), *(each for each in lacking if each not in gaps.get(source, []))]
         zeros |= {output: found.zeros} if found.zeros else {}

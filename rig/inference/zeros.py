@@ -220,11 +220,11 @@ def _pressure_sd(table: Table, rows: NDArray[np.bool_]) -> Any:
 
 
 def _complete(table: Table, rows: NDArray[np.bool_], name: str) -> Any:
-    """A column, if it is there and says something of the rows. Raises `UsageError` if it does of some of them only."""
+    """A column, if it is there. Raises `UsageError` if one of the rows has no value in it."""
     if name in table.text and any(table.text[name][rows]):
         raise UsageError(f"{table.source}, column {name}: not all of its values are numbers")
-    values = table.columns.get(name)
-    if values is None or not np.isfinite(values[rows]).any():
+    values = np.full(len(table), np.nan) if name in table.text else table.columns.get(name)  # text: blank cells only
+    if values is None:
         return None
     missing = np.flatnonzero(rows & ~np.isfinite(values))
     if missing.size:
