@@ -231,12 +231,20 @@ def _model_error(
         return None
     reach = reach_of_misfit(columns, point, table.sigma_bias)
     if isinstance(parameters, NoRollParameters):
-        moved = no_roll_parameters(linear.coefficients, reach).stderr
-        names: tuple[str, ...] = ("b_V", "S_V", "phi_deg")
-    else:
-        moved = attitude_parameters(parameters.axis, linear.coefficients, reach).stderr
-        names = ("b_V", "S_V", "Omega_deg", "A_deg")
-    return {name: float(value) for name, value in zip(names, moved, strict=True) if np.isfinite(value)}
+        return moved_by(no_roll_parameters(linear.coefficients, reach))
+    names = ("b_V", "S_V", "Omega_deg", "A_deg")
+    moved = moved_by(attitude_parameters(parameters.axis, linear.coefficients, reach))
+    return {name: value for name, value in moved.items() if name in names}
+
+
+def moved_by(reach: AttitudeParameters | NoRollParameters) -> dict[str, float]:
+    """How far a model error can move each parameter, from parameters whose covariance is its reach."""
+    names = ("b_V", "S_V", "phi_deg") if isinstance(reach, NoRollParameters) else ("b_V", "S_V", "Omega_deg", "A_deg")
+    moved = dict(zip(names, reach.stderr.tolist(), strict=True))
+    if isinstance(reach, AttitudeParameters):
+        axis = np.sqrt(np.diag(reach.m_covariance)).tolist()
+        moved |= dict(zip(("mx_V", "my_V", "mz_V"), axis, strict=True))
+    return {name: value for name, value in moved.items() if np.isfinite(value)}
 
 
 def drifting(table: Replication) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
+from fitter.linear import LinearFit
 from fitter.replication import Replication
 
 
@@ -45,3 +46,11 @@ def reach_of_misfit(columns: FloatArray, point: IntArray, sigma_bias: float) -> 
     first = np.unique(point, return_index=True)[1]
     rows = columns[first]
     return np.asarray((2.0 * sigma_bias) ** 2 * len(rows) * np.linalg.inv(rows.T @ rows))
+
+
+def reach_beside(fit: LinearFit, sigma_bias: float) -> FloatArray:
+    """The same of a fit whose coefficients stand beside effects: these can take up model error as well.
+
+    With n readings a model error of that rms is sigma_bias n^1/2 long, whatever point each reading is at.
+    """
+    return np.asarray((2.0 * sigma_bias) ** 2 * fit.n * fit.root @ fit.root.T)

@@ -8,19 +8,31 @@ not spoil the coefficients, and left behind: a note says so.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from fitter.arrays import FloatArray
-from fitter.attitude import COLUMNS, attitude_columns, fit_columns, nominal_axis, sensitive_axis, sigma_deg
-from fitter.calibration import drifting
+from fitter.attitude import (
+    AXES,
+    COLUMNS,
+    attitude_columns,
+    attitude_parameters,
+    fit_columns,
+    no_roll_parameters,
+    nominal_axis,
+    sensitive_axis,
+    sigma_deg,
+)
+from fitter.calibration import drifting, moved_by
 from fitter.data import AttitudeData
 from fitter.effects import CATALOGUE
 from fitter.inverse.calibration import AttitudeCalibration, Drift, with_roll
+from fitter.inverse.misfit import Misfit
 from fitter.inverse.sensor_model import SensorModel, Term
-from fitter.linear import LinearFit, least_squares
-from fitter.misfit import lacks_fit
-from fitter.replication import analyse, replication_spread
+from fitter.linear import LinearFit, RankError, least_squares
+from fitter.misfit import lacks_fit, reach_beside
+from fitter.replication import Replication, analyse, replication_spread
 from fitter.temperature import Temperature
 
 OFFSET, SENSITIVITY = "offset-temperature", "sensitivity-temperature"
@@ -60,8 +72,9 @@ def calibrate_package(
     Args:
         data: the run.
         sensors: names of the outputs to use, in the order they will be given; None for all.
-        effects: by name and sensor, (n,) volts each adds to the observations, as `FoundEffect.contribution_V`. Its
-            size is fitted again beside the model, so that its uncertainty is in the covariance.
+        effects: by name and sensor, (n,) volts each adds to the observations, or (n, q) those of its terms, as
+            `FoundEffect.columns_V`. Its size is fitted again beside the model, so that its uncertainty is in the
+            covariance; so is that of each term by itself, if they are given.
         temperature: fit offset and sensitivity as linear in the sensor temperature (section 9, row 28(b) of Table 2).
         left_behind: effects that are fitted and not applied in use, besides those of the head and the night.
 
@@ -82,23 +95,23 @@ def calibrate_package(
     models, maps, fits, solvers, residuals = [], [], [], [], []
     tables, spreads = [], []
     left: set[str] = set()
+    misfits: dict[str, Misfit] = {}
     for name in chosen:
         y = data.outputs[name]
         plain = fit_columns(base, y)
-        shapes = {e: np.asarray(by[name], np.float64) for e, by in (effects or {}).items() if name in by}
+        shapes = {e: _columns(by[name]) for e, by in (effects or {}).items() if name in by}
         if temperature:
             own = Temperature.of(data, base, y, plain).columns(base, data)
-            shapes |= {OFFSET: own[:, 0], SENSITIVITY: own[:, 1]}
+            shapes |= {OFFSET: own[:, :1], SENSITIVITY: own[:, 1:]}
         shapes = {e: v for e, v in shapes.items() if np.any(v)}
-        wrong = [e for e, v in shapes.items() if v.shape != (len(data),)]
+        wrong = [e for e, v in shapes.items() if len(v) != len(data)]
         if wrong:
             raise ValueError(f"{wrong[0]} of {name}: expected {len(data)} observations, found {shapes[wrong[0]].shape}")
-        columns = np.column_stack([base, *shapes.values()])
-        # the plain fit has seen that no column of the model is empty; those of effects are volts and may be small
-        fit = least_squares(columns, y, (*plain.names, *shapes))
+        fit, columns, owners = _beside(base, plain.names, y, shapes)
         behind = (_LEFT_BEHIND | set(left_behind)) & set(shapes)
         left |= behind
-        terms, to_model = _model_of(shapes, behind, g, warmth, base.shape[1])
+        own_columns = list(zip(owners, columns[:, base.shape[1] :].T, strict=True))
+        terms, to_model = _model_of(own_columns, behind, g, warmth, base.shape[1])
         letter = _axis_letter(name, data, fit, base.shape[1])
         models.append(SensorModel(name, letter, to_model @ fit.coefficients, fit.sigma, fit.df, terms))
         maps.append(to_model)
@@ -108,17 +121,14 @@ def calibrate_package(
         alone, extra = fit.first(base.shape[1]), columns[:, base.shape[1] :]
         corrected = residuals[-1] + alone.predict(base)
         tables.append(analyse(alone, base, corrected, data.point, data.replicate_index, extra, extra.shape[1]))
+        misfits[name] = _misfit(alone, tables[-1], letter if data.has_roll else None)
         spreads.append(replication_spread(base, corrected, data.replicate_index, alone))
     notes = [f"fitted beside the model and not applied in use: {', '.join(sorted(left))}"] if left else []
-    lacking = [
-        f"{name} ({sigma_deg(table.sigma_bias, float(np.linalg.norm(model.sensitive_axis))):.2g} deg rms)"
-        for name, table, model in zip(chosen, tables, models, strict=True)
-        if lacks_fit(table)
-    ]
+    lacking = [one.sentence(name) for name, one in misfits.items() if one.model_error is not None]
     if lacking:
         notes.append(
-            f"lack of fit is left in {', '.join(lacking)}: model error, which repeats in every replication, is not in "
-            "standard deviations and intervals"
+            f"{'; '.join(lacking)}; model error, which repeats in every replication, is not in standard deviations, nor in "
+            "the intervals of angles"
         )
     covariance, drift = _joint(fits, maps, solvers, np.array(residuals)), None
     if any(drifting(table) for table in tables):
@@ -142,7 +152,58 @@ def calibrate_package(
         degC_range=None if degC is None else (float(degC.min()), float(degC.max())),
         reference_degC=reference,
         notes=tuple(notes),
+        misfits=misfits,
     )
+
+
+def _columns(volts: FloatArray) -> FloatArray:
+    """(n, q) columns of an effect, from those or from their sum (n,)."""
+    given = np.asarray(volts, np.float64)
+    return given[:, None] if given.ndim == 1 else given[:, np.any(given != 0, axis=0)]
+
+
+def _beside(
+    base: FloatArray, names: Sequence[str], y: FloatArray, shapes: Mapping[str, FloatArray]
+) -> tuple[LinearFit, FloatArray, list[str]]:
+    """The model with its effects: the fit, its columns, and the effect that each of those beyond the model belongs to.
+
+    Estimates take the terms of an effect in the proportion that the trace found, over all sensors together. Errors do
+    not take that proportion as known: every term has a column of its own, wherever the points determine it.
+
+    Raises:
+        RankError: the points do not determine the model with the effects as they are.
+
+    """
+    # the plain fit has seen that no column of the model is empty; those of effects are volts and may be small
+    one_each = np.column_stack([base, *(columns.sum(axis=1) for columns in shapes.values())])
+    fit = least_squares(one_each, y, (*names, *shapes))
+    owners = [effect for effect, columns in shapes.items() for _ in range(columns.shape[1])]
+    if len(owners) == len(shapes):
+        return fit, one_each, owners
+    every = np.column_stack([base, *shapes.values()])
+    try:
+        free = least_squares(every, y, (*names, *(f"{effect} {k}" for k, effect in enumerate(owners))))
+    except RankError:
+        return fit, one_each, list(shapes)
+    size = dict(zip(shapes, fit.coefficients[base.shape[1] :], strict=True))
+    coefficients = np.array([*fit.coefficients[: base.shape[1]], *(size[effect] for effect in owners)])
+    return replace(free, coefficients=coefficients, rss=fit.rss), every, owners
+
+
+def _misfit(alone: LinearFit, table: Replication, axis: str | None) -> Misfit:
+    """Lack of fit that is left in one sensor, and how far it can move its parameters."""
+    error = None
+    if lacks_fit(table):
+        reach = reach_beside(alone, table.sigma_bias)
+        p = (
+            no_roll_parameters(alone.coefficients, reach)
+            if axis is None
+            else attitude_parameters(AXES[axis], alone.coefficients, reach)
+        )
+        error = moved_by(p)
+    S_V = float(np.linalg.norm(alone.coefficients[1:]))
+    degrees = sigma_deg(table.sigma_bias, S_V) if S_V > 0 else float("nan")
+    return Misfit(table.bias.value, table.bias.limit_95, degrees, error, drifting(table))
 
 
 def _as_it_drifts(covariance: FloatArray, spreads: Sequence[FloatArray], models: Sequence[SensorModel]) -> FloatArray:
@@ -179,12 +240,21 @@ def _joint(
 
 
 def _model_of(
-    shapes: Mapping[str, FloatArray], behind: Collection[str], g: FloatArray, warmth: FloatArray, k: int
+    shapes: Sequence[tuple[str, FloatArray]], behind: Collection[str], g: FloatArray, warmth: FloatArray, k: int
 ) -> tuple[tuple[Term, ...], FloatArray]:
-    """Terms of all effects, and the (4 + q, k + p) matrix from fitted coefficients to the model's."""
+    """Terms of all effects, and the (4 + q, k + p) matrix from fitted coefficients to the model's.
+
+    Args:
+        shapes: (n,) column of each coefficient beyond the model, with the effect that it belongs to.
+        behind: effects that are not applied in use.
+        g: (3, n) gravity in the package.
+        warmth: (n,) temperature above the reference.
+        k: coefficients of the model.
+
+    """
     terms: list[Term] = []
     columns = []
-    for effect, shape in shapes.items():
+    for effect, shape in shapes:
         weights = {} if effect in behind else _as_terms(effect, shape, g, warmth)
         for term in weights:
             if term not in terms:

@@ -19,6 +19,7 @@ from fitter.attitude import (
     no_roll_parameters,
 )
 from fitter.calibration import AttitudeFit
+from fitter.inverse.misfit import Misfit
 from fitter.inverse.sensor_model import SensorModel, Term
 
 Range = tuple[float, float]
@@ -76,6 +77,7 @@ class AttitudeCalibration:
         drift: what a use sees where the parameters drift between replications; None where they do not.
         alternatives: the same calibration with another member of a class of causes that the data cannot separate in
             the place of the one that was named: (named, member, calibration). Intervals in use cover all of them.
+        misfits: by sensor, the lack of fit that is left with the effects; none of a calibration from elsewhere.
 
     """
 
@@ -89,6 +91,7 @@ class AttitudeCalibration:
     notes: tuple[str, ...] = field(default=())
     drift: Drift | None = None
     alternatives: tuple[tuple[str, str, AttitudeCalibration], ...] = ()
+    misfits: Mapping[str, Misfit] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not self.sensors:
@@ -184,7 +187,10 @@ class AttitudeCalibration:
         )
         sensors = tuple(self.sensors[i] for i in picked)
         others = tuple((named, member, other.only(names)) for named, member, other in self.alternatives)
-        return replace(self, sensors=sensors, covariance=self.covariance[block], drift=drift, alternatives=others)
+        misfits = {name: one for name, one in self.misfits.items() if name in names}
+        return replace(
+            self, sensors=sensors, covariance=self.covariance[block], drift=drift, alternatives=others, misfits=misfits
+        )
 
     @classmethod
     def from_fits(cls, fits: Sequence[AttitudeFit]) -> AttitudeCalibration:
@@ -230,6 +236,9 @@ class AttitudeCalibration:
             "degC_range": None if self.degC_range is None else list(self.degC_range),
             "reference_degC": self.reference_degC,
             "notes": list(self.notes),
+            "lack_of_fit": {
+                name: one.to_dict() | {"sentence": one.sentence(name)} for name, one in self.misfits.items()
+            },
             "alternatives": [
                 {"named": named, "member": member, "calibration": other.to_dict()}
                 for named, member, other in self.alternatives
@@ -273,6 +282,7 @@ class AttitudeCalibration:
                 degC_range=None if degC is None else _pair(degC),
                 reference_degC=None if reference is None else float(reference),
                 notes=tuple(str(note) for note in given["notes"]),
+                misfits={str(name): Misfit.from_dict(one) for name, one in given.get("lack_of_fit", {}).items()},
                 drift=None
                 if drift is None
                 else Drift(

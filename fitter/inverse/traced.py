@@ -15,6 +15,7 @@ from fitter.inverse.calibration import AttitudeCalibration
 from fitter.linear import RankError
 
 Volts = Mapping[str, Mapping[str, FloatArray]]
+"""(n,) V that effects add, or (n, q) that their terms add, by effect and sensor."""
 
 
 def calibrate_traced(
@@ -80,8 +81,12 @@ def covering_parameters(calibration: AttitudeCalibration, name: str) -> dict[str
 
     See `fitter.inverse.alternatives.cover_rows` for the keys.
     """
-    table: dict[str, Any] = parameter_table(*calibration.parameters(name))
-    others: list[tuple[str, str, Any]] = [
-        (named, member, parameter_table(*other.parameters(name))) for named, member, other in calibration.alternatives
-    ]
-    return cover_rows(table, others)
+    others = [(named, member, _table(other, name)) for named, member, other in calibration.alternatives]
+    return cover_rows(_table(calibration, name), others)
+
+
+def _table(calibration: AttitudeCalibration, name: str) -> dict[str, Any]:
+    """Parameters of a sensor; intervals with the model error, where lack of fit is left."""
+    table = parameter_table(*calibration.parameters(name))
+    misfit = calibration.misfits.get(name)
+    return dict(table) if misfit is None else misfit.widened(table)

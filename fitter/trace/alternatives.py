@@ -15,7 +15,7 @@ from fitter.trace.problem import Problem, raw_columns
 from fitter.trace.score import errors
 
 Volts = Mapping[str, Mapping[str, FloatArray]]
-"""(n,) V that effects add to the observations, by effect and sensor."""
+"""(n, q) V that the terms of effects add to the observations, by effect and sensor."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,11 +68,11 @@ def _coefficients(problem: Problem, chosen: tuple[int, ...], after: Estimate) ->
 
 
 def volts(problem: Problem, chosen: tuple[int, ...], gamma: FloatArray, data: AttitudeData) -> Volts:
-    """What candidates of these coefficients (q,) add to each sensor's output, by effect."""
+    """(n, p) what the terms of each effect, of these coefficients (q,), add to each sensor's output."""
     raw = raw_columns(problem.scene.on(data), [problem.candidates[j] for j in chosen])
     out: dict[str, dict[str, FloatArray]] = {}
     for name in dict.fromkeys(problem.candidates[j].effect.name for j in chosen):
         own = [k for k, j in enumerate(chosen) if problem.candidates[j].effect.name == name]
-        added = {s: raw[i][:, own] @ gamma[own] for i, s in enumerate(problem.sensors)}
+        added = {s: raw[i][:, own] * gamma[own] for i, s in enumerate(problem.sensors)}
         out[name] = {s: v for s, v in added.items() if np.any(v)}
     return out

@@ -163,7 +163,7 @@ def _found(
         separation=separation(explanations, name),
         separate_by=f"{_experiments(effect, alike)}; it reaches {peak:.2g} V "
         f"({np.degrees(peak / problem.fits[sensor].parameters.S_V):.2g} deg) here",
-        contribution_V=raw_columns(problem.scene.on(whole), shape)[i] @ after.gamma[mine],
+        columns_V=raw_columns(problem.scene.on(whole), shape)[i] * after.gamma[mine],
         against=effect.against,
     )
 

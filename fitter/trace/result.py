@@ -130,11 +130,16 @@ class FoundEffect(Found):
     """An effect as it shows in one attitude sensor.
 
     Attributes:
-        contribution_V: (n,) what it adds to the output of each observation.
+        columns_V: (n, q) what each of its terms adds to the output of each observation.
 
     """
 
-    contribution_V: FloatArray
+    columns_V: FloatArray
+
+    @property
+    def contribution_V(self) -> FloatArray:  # noqa: N802 - the unit is part of the name
+        """(n,) what it adds to the output of each observation."""
+        return np.asarray(self.columns_V.sum(axis=1))
 
     def to_json(self) -> dict[str, JsonValue]:
         """As `rig trace --json` prints it."""

@@ -25,9 +25,27 @@ def show_attitude_fit(result: Mapping[str, Any]) -> None:
             _show_parameters_of(f"{name}, kept with {', '.join(kept['effects']) or 'no effect'}", kept["parameters"])
             out.print(f"  {kept['at_degC_sentence']}", soft_wrap=True)
             _say(kept["depends_on"])
+            lacks = kept["lack_of_fit"]
+            widened = "; the intervals above hold that too" if lacks["model_error"] else ""
+            style = "yellow" if widened or lacks["T_bias"] is None else "none"
+            out.print(f"  [{style}]{escape(lacks['sentence'] + widened)}[/]", soft_wrap=True)
             out.print()
-    if any(significant(sensor, test) for sensor in result["sensors"].values() for test in TESTS):
+    lacking = [name for name in result["sensors"] if _lacks(result, name)]
+    if any(name not in result["kept"] for name in lacking):
         out.print("some tests are significant: the model lacks something; see rig trace", soft_wrap=True)
+    elif lacking:
+        out.print(
+            f"{', '.join(lacking)}: something is still lacking with the effects that are kept; see rig trace",
+            soft_wrap=True,
+        )
+
+
+def _lacks(result: Mapping[str, Any], name: str) -> bool:
+    """Whether a test of a sensor is significant that the effects kept beside the model do not settle."""
+    kept, sensor = result["kept"].get(name), result["sensors"][name]
+    if kept is None:
+        return any(significant(sensor, test) for test in TESTS)
+    return kept["lack_of_fit"]["model_error"] is not None or kept["lack_of_fit"]["drifts"]
 
 
 def _say(sentences: Iterable[str]) -> None:

@@ -115,12 +115,13 @@ def _kept(
     calibration: AttitudeCalibration, name: str, effects: Mapping[str, Mapping[str, FloatArray]], fit: AttitudeFit
 ) -> dict[str, Any]:
     """A sensor as the calibration has it, where that is not what the declared model alone gives."""
-    parameters = covering_parameters(calibration, name)
+    parameters, misfit = covering_parameters(calibration, name), calibration.misfits[name]
     return {
         "effects": [effect for effect, by in effects.items() if name in by],
         "parameters": at_temperature(parameters, fit.at_degC),
         "at_degC_sentence": fit.at_words,
         "depends_on": [row["sentence"] for row in parameters.values() if "sentence" in row],
+        "lack_of_fit": misfit.to_dict() | {"sentence": misfit.sentence(name)},
     }
 
 
@@ -158,7 +159,7 @@ def _effects(found: Trace, allowed: Mapping[str, Sequence[str]]) -> tuple[Volts,
     named: dict[str, dict[str, FloatArray]] = {}
     for sensor in found.sensors.values():
         for one in sensor.effects:
-            named.setdefault(one.effect, {})[sensor.sensor] = one.contribution_V
+            named.setdefault(one.effect, {})[sensor.sensor] = one.columns_V
     shown = {sensor for by in named.values() for sensor in by}
     full = {
         (other.named, other.member): {
@@ -227,11 +228,17 @@ class AttitudeTraced:
         """Sentences about the parameters of a sensor whose value depends on which of several causes holds."""
         if not any(e.aliases for e in self.trace.sensors[sensor].effects):
             return ()
-        table = covering_parameters(self._calibration, sensor)
+        table = covering_parameters(self.calibration, sensor)
         return tuple(row["sentence"] for row in table.values() if "sentence" in row)
 
     @cached_property
-    def _calibration(self) -> AttitudeCalibration:
+    def calibration(self) -> AttitudeCalibration:
+        """What `rig fit --traced` keeps of the same table.
+
+        Raises:
+            fitter.linear.RankError: the points do not determine the model with the effects found.
+
+        """
         return calibrate_traced(self.data, *_effects(self.trace, {}), temperature=self.temperature)
 
 

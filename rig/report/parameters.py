@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from fitter import RankError, fit_attitude, least_squares
+from fitter import RankError, fit_attitude
 from fitter.attitude import AttitudeParameters, NoRollParameters, attitude_parameters, no_roll_parameters
-from fitter.calibration import AttitudeFit, drifting, errors_of, parameter_table, temperature_table
+from fitter.calibration import AttitudeFit, parameter_table, temperature_table
 from fitter.temperature import Temperature
-from fitter.trace.problem import raw_columns
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -47,26 +45,20 @@ class Parameter(NamedTuple):
 def parameters(traced: AttitudeTraced, sensor: str) -> list[Parameter]:
     """Every parameter of one sensor, of the declared model alone and beside the effects found.
 
-    The fit beside the effects takes their coefficients as known. Its standard errors here do not: the effects'
-    columns stand in the design with the model's, which is exact for an effect of this sensor alone and somewhat
-    too wide for one that several sensors determine together. Where one sensor alone cannot tell an effect from the
-    model there is a dash.
+    Those beside the effects are those of the calibration that `rig fit --traced` keeps. Where the points do not determine
+    the model with the effects there are dashes in the place of standard errors.
     """
     data, found = traced.data, traced.trace.sensors[sensor]
     before = fit_attitude(data, sensor, temperature=traced.temperature)
-    h = before.columns(data.pitch_deg, data.roll_deg)
-    own = raw_columns(traced.trace.scene.on(data), traced.trace.chosen)[list(traced.trace.sensors).index(sensor)]
-    warm, k = before.beside(data), h.shape[1]
-    root = _root_beside(np.column_stack([h, warm]), own[:, np.any(own != 0, axis=0)], before.linear.names)
-    covariance = found.after.sigma_E**2 * root @ root.T
     alone = _rows(before.parameters, before.parameters_df, before.temperature, before.linear.df)
-    after = None if found.temperature is None else replace(found.temperature, covariance=covariance[k:, k:])
-    own_errors, df = covariance[:k, :k], found.fit.df
-    if drifting(found.after):
-        output = found.residual_after_V + found.fit.predict(h)
-        own_errors, df = errors_of(found.fit, h, output, data.replicate_index, found.after)
-    beside = _rows(_converted(before, found.fit.coefficients, own_errors), df, after, found.fit.df)
-    beside = beside if found.effects else alone  # what other sensors' effects do to this one is too little to name
+    beside = alone  # what other sensors' effects do to this one is too little to name
+    if found.effects:
+        warm = temperature_table(found.temperature, before.parameters.S_V, found.fit.df)
+        try:
+            beside = {**parameter_table(*traced.calibration.parameters(sensor)), **warm}
+        except RankError:
+            unknown = np.full((len(found.fit.coefficients),) * 2, np.nan)
+            beside = {**parameter_table(_converted(before, found.fit.coefficients, unknown), found.fit.df), **warm}
     return [Parameter(LABELS[name], _text(alone[name]), _text(beside[name])) for name in shown(alone)]
 
 
@@ -74,17 +66,6 @@ def shown(table: Mapping[str, Mapping[str, Any]]) -> list[str]:
     """Which parameters to show: the sensitive axis only where Omega and A are no estimates with errors around them."""
     known = "Omega_deg" not in table or table["Omega_deg"]["interval95"] is not None
     return [name for name in table if not (known and name.startswith("m"))]
-
-
-def _root_beside(model: FloatArray, effects: FloatArray, names: tuple[str, ...]) -> FloatArray:
-    """(k, k + q) root of the model's block of (X'X)^-1 with the effects' columns in X; NaN where they are alike."""
-    k = model.shape[1]
-    more = [f"column {i}" for i in range(k + effects.shape[1] - len(names))]
-    try:
-        joint = least_squares(np.column_stack([model, effects]), np.zeros(len(model)), (*names, *more))
-    except RankError:
-        return np.full((k, k), np.nan)
-    return joint.root[:k]
 
 
 def _converted(

@@ -1,0 +1,79 @@
+"""Lack of fit that a calibration still has with its effects, sensor by sensor."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """Of one sensor.
+
+    Attributes:
+        T_bias: lack of fit against the scatter of readings at one point; NaN where it cannot be tested.
+        F_bias_95: its 95 % limit.
+        sigma_bias_deg: standard deviation of the lack of fit.
+        model_error: by parameter, how far a model error as large as the lack of fit can move it (`fitter.misfit`);
+            None where lack of fit is not significant or cannot be tested.
+        drifts: whether the parameters still vary between replications by more than chance.
+
+    """
+
+    T_bias: float
+    F_bias_95: float
+    sigma_bias_deg: float
+    model_error: Mapping[str, float] | None = None
+    drifts: bool = False
+
+    def sentence(self, sensor: str) -> str:
+        """What a reader of the parameters has to know."""
+        if not isfinite(self.T_bias):
+            return f"whether lack of fit is left in {sensor} cannot be tested with these data"
+        test = f"T_bias {self.T_bias:.3g}, 95 % limit {self.F_bias_95:.3g}"
+        if self.model_error is None:
+            return f"no significant lack of fit is left in {sensor} ({test})"
+        moves = ", ".join(
+            f"{name.partition('_')[0]} by up to {value:.2g} {'V/g' if name == 'S_V' else name.partition('_')[2]}"
+            for name, value in self.model_error.items()
+            if name not in ("mx_V", "my_V", "mz_V")
+        )
+        return f"lack of fit is left in {sensor} ({self.sigma_bias_deg:.2g} deg rms; {test}): parameters can be off: {moves}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON; numbers that do not exist are None."""
+        numbers = {name: getattr(self, name) for name in ("T_bias", "F_bias_95", "sigma_bias_deg")}
+        return {
+            **{name: value if isfinite(value) else None for name, value in numbers.items()},
+            "model_error": None if self.model_error is None else dict(self.model_error),
+            "drifts": self.drifts,
+        }
+
+    @classmethod
+    def from_dict(cls, given: Mapping[str, Any]) -> Misfit:
+        """Read back what `to_dict` gave."""
+        numbers = (given[name] for name in ("T_bias", "F_bias_95", "sigma_bias_deg"))
+        error = given["model_error"]
+        return cls(
+            *(float("nan") if value is None else float(value) for value in numbers),
+            None if error is None else {str(name): float(value) for name, value in error.items()},
+            bool(given["drifts"]),
+        )
+
+    def widened(self, table: Mapping[str, Any]) -> dict[str, Any]:
+        """A parameter table whose intervals hold the model error too.
+
+        Of a row that is widened `interval95_of_scatter` is what it was, and `model_error` by how much each end moved.
+        """
+        out = {name: dict(row) for name, row in table.items()}
+        for name, error in (self.model_error or {}).items():
+            pair = out[name]["interval95"] if name in out else None
+            if pair is not None and None not in pair:
+                out[name] |= {
+                    "interval95": [pair[0] - error, pair[1] + error],
+                    "interval95_of_scatter": list(pair),
+                    "model_error": error,
+                }
+        return out

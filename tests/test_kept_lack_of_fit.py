@@ -1,0 +1,84 @@
+"""What `rig fit --traced` keeps says whether lack of fit is left, and its intervals hold it."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from attitude_truth import Bench, Plan, Sensor, simulate
+from command import rig
+from test_signs import table_of
+
+from fitter.inverse import AttitudeCalibration
+from rig.closed_loop.attitude import fit_attitude_table, trace_attitude_table
+from rig.report.parameters import parameters
+from rig.tables import Table
+
+BENCH = Bench(sensors=(Sensor("x"),))
+SMALL = Plan(np.linspace(-30.0, 30.0, 13), np.linspace(-180.0, 180.0, 7), replications=4)
+
+
+def table(limit_V: float | None = None, cubic: float = 0.0) -> Table:
+    """A run of one sensor of 1 V/g and no offset whose output stops at a limit; without one it has a cubic term."""
+    bench = replace(BENCH, sensors=(replace(BENCH.sensors[0], cubic=cubic),))
+    data, _ = simulate(bench, SMALL, 5)
+    if limit_V is not None:
+        data = replace(data, outputs={"x_V": np.minimum(data.outputs["x_V"], limit_V)})
+    return table_of(data)
+
+
+@pytest.fixture(scope="module")
+def clipped() -> Table:
+    data, _ = simulate(BENCH, SMALL, 5)
+    return table(float(np.quantile(data.outputs["x_V"], 0.85)))
+
+
+@pytest.fixture(scope="module")
+def result(clipped: Table) -> dict:
+    return fit_attitude_table(clipped, traced=True)
+
+
+def test_what_is_kept_says_that_lack_of_fit_is_left(result: dict, tmp_path: Path) -> None:
+    kept = result["kept"]["x_V"]
+    left = kept["lack_of_fit"]
+    assert left["T_bias"] > left["F_bias_95"]
+    assert left["sentence"].startswith("lack of fit is left in x_V (")
+    assert f"S by up to {left['model_error']['S_V']:.2g} V/g" in left["sentence"]
+    read = AttitudeCalibration.from_dict(json.loads(json.dumps(result["calibration"])))
+    assert read.misfits["x_V"].sentence("x_V") == left["sentence"]
+    assert any(left["sentence"] in note for note in read.notes)  # what `rig infer` says
+
+
+def test_intervals_hold_the_model_error_that_is_left(result: dict) -> None:
+    row = result["kept"]["x_V"]["parameters"]["S_V"]
+    true = fit_attitude_table(table())["sensors"]["x_V"]["parameters"]["S_V"]["estimate"]
+    low, high = row["interval95"]
+    assert low < true < high
+    inner = row["interval95_of_scatter"]
+    assert inner[0] - low == pytest.approx(row["model_error"]) == pytest.approx(high - inner[1])
+
+
+def test_trace_and_fit_print_the_same_standard_errors(clipped: Table, result: dict) -> None:
+    """Every term of an effect has a coefficient of its own, and the parameters pay for it."""
+    after = {p.name: p.after for p in parameters(trace_attitude_table(clipped), "x_V")}
+    kept = result["kept"]["x_V"]["parameters"]["S_V"]
+    assert float(after["S / (V/g)"][0]) == pytest.approx(kept["estimate"], abs=kept["stderr"])
+    assert float(after["S / (V/g)"][1]) == pytest.approx(kept["stderr"], rel=0.05)
+
+
+def test_the_terminal_says_it_where_something_is_lacking_and_only_there(clipped: Table, tmp_path: Path) -> None:
+    for name, one in (("clipped", clipped), ("cubic", table(cubic=2e-4))):
+        columns = list(one.columns)
+        rows = np.column_stack([one.columns[c] for c in columns])
+        text = "\n".join([",".join(columns), *(",".join(repr(float(v)) for v in row) for row in rows)])
+        (tmp_path / f"{name}.csv").write_text(text + "\n")
+    said = rig("fit", tmp_path / "clipped.csv", "--traced", "--out", tmp_path / "clipped.json").stdout
+    assert "lack of fit is left in x_V" in said
+    assert "x_V: something is still lacking with the effects that are kept; see rig trace" in said
+    said = rig("fit", tmp_path / "cubic.csv", "--traced", "--out", tmp_path / "cubic.json").stdout
+    assert "kept with sensor-third-order" in said
+    assert "no significant lack of fit is left in x_V" in said
+    assert "see rig trace" not in said.partition("kept with")[2]
