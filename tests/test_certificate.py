@@ -115,14 +115,43 @@ def test_a_certificate_says_once_what_all_effects_share():
 
 
 def test_a_certificate_says_what_speaks_against_it():
-    assert "to 0.00031 deg, which does not bear it out." in paragraph(EFFECT, left_out=HARMS)
+    grew = "to 0.00031 deg, this grew: the data left out do not confirm what was found"
+    assert f"{grew}." in paragraph(EFFECT, left_out=HARMS)
     assert "to 0.00029 deg, which bears it out, but weakly: it falls by less than 20 %." in paragraph(
         EFFECT, left_out=LITTLE
     )
-    assert "to 0.00031 deg, which cannot tell. " in paragraph(EFFECT, left_out=HARMS, hides="which cannot tell")
+    assert f"{grew} (which cannot tell). " in paragraph(EFFECT, left_out=HARMS, hides="which cannot tell")
+    assert "to 0.0002 deg, which cannot tell. " in paragraph(EFFECT, hides="which cannot tell")
+    same = Change("the error left out", 3e-4, 3e-4, "deg")
+    assert "to 0.0003 deg, this did not fall: the data left out do not" in paragraph(EFFECT, left_out=same)
     said = paragraph(EFFECT, unnamed=[{"share": 0.4, "where": "between points", "added": False}], left_out=None)
     assert ". Unexplained: 40 % of the error beyond scatter, between points. Readings" in said
     assert "Nothing else" not in said
+
+
+@pytest.mark.parametrize(
+    ("p", "said"),
+    [
+        (0.03, "T_bias is 1.16, above its 95 % limit of 1.14: chance alone does that in 5 % of sensors; "),
+        (1e-4, "T_bias is 1.16, above its 95 % limit of 1.14, by more than chance (p 0.0001): lack of fit is left "),
+    ],
+)
+def test_a_test_beyond_its_limit_is_reconciled_with_nothing_else_standing_out(p: float, said: str) -> None:
+    after = {"T_bias": 1.16, "F_bias_95": 1.14, "p_bias": p, "T_b": 0.5, "T_S": 0.5, "F_bS_95": 2.0}
+    for effects in ([worded()], []):
+        found = {"declared": "1 + x", "effects": effects, "unnamed": [], "after": after}
+        assert said in certificate("x_V", found, Errors([HELPS], HELPS))
+        within = {**found, "after": {**after, "T_bias": 1.0}}
+        assert "T_bias" not in certificate("x_V", within, Errors([HELPS], HELPS))
+
+
+def test_a_left_out_error_of_whole_plots_that_grows_is_noted() -> None:
+    data = simulate_whole_plots(Bench((Transducer(hysteresis=5e-3),)), Run(), 1)
+    found = trace_whole_plots(data).sensors["bridge_1_mV"]
+    worse = replace(found, after=replace(found.after, cv_rms=1.35 * found.before.cv_rms))
+    assert any("the data left out do not confirm them" in note for note in worse.notes)
+    better = replace(found, after=replace(found.after, cv_rms=0.7 * found.before.cv_rms))
+    assert not any("the data left out" in note for note in better.notes)
 
 
 def test_a_certificate_says_that_nothing_was_found():
@@ -177,7 +206,9 @@ def test_an_effect_of_a_transducer_has_interval_sentence_and_figure():
     assert low < 5e-3 < high
     assert effect["size_95"] == f"{low * 1e3:.2f}e-3 to {high * 1e3:.2f}e-3 mV to each side"
     assert effect["sentence"].removeprefix("bridge_1_mV: the declared model ")[:30] in found["certificate"]
-    assert "the whole plots' own errors included, which effects within them do not change." in found["certificate"]
+    assert "the whole plots' own errors included, which effects within them do not change" in found["certificate"]
+    before, after = (found[side]["cv_rms"] for side in ("before", "after"))
+    assert ("this grew: the data left out do not confirm" in found["certificate"]) == (after > before)
     assert "bear it out" not in found["certificate"]
     (figure,) = effect_figures(traced, "bridge_1_mV").values()
     assert base64.b64decode(figure).startswith(b"\x89PNG")

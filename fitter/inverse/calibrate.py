@@ -127,8 +127,8 @@ def calibrate_package(
     lacking = [one.sentence(name) for name, one in misfits.items() if one.model_error is not None]
     if lacking:
         notes.append(
-            f"{'; '.join(lacking)}; model error, which repeats in every replication, is not in standard deviations, nor in "
-            "the intervals of angles"
+            f"{'; '.join(lacking)}; model error, which repeats in every replication, is not in standard deviations, "
+            "nor in the intervals of angles"
         )
     covariance, drift = _joint(fits, maps, solvers, np.array(residuals)), None
     if any(drifting(table) for table in tables):

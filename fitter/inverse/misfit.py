@@ -40,7 +40,8 @@ class Misfit:
             for name, value in self.model_error.items()
             if name not in ("mx_V", "my_V", "mz_V")
         )
-        return f"lack of fit is left in {sensor} ({self.sigma_bias_deg:.2g} deg rms; {test}): parameters can be off: {moves}"
+        left = f"{self.sigma_bias_deg:.2g} deg rms; {test}"
+        return f"lack of fit is left in {sensor} ({left}): parameters can be off: {moves}"
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON; numbers that do not exist are None."""
@@ -54,13 +55,13 @@ class Misfit:
     @classmethod
     def from_dict(cls, given: Mapping[str, Any]) -> Misfit:
         """Read back what `to_dict` gave."""
-        numbers = (given[name] for name in ("T_bias", "F_bias_95", "sigma_bias_deg"))
+        known = {
+            name: float("nan") if given[name] is None else float(given[name])
+            for name in ("T_bias", "F_bias_95", "sigma_bias_deg")
+        }
         error = given["model_error"]
-        return cls(
-            *(float("nan") if value is None else float(value) for value in numbers),
-            None if error is None else {str(name): float(value) for name, value in error.items()},
-            bool(given["drifts"]),
-        )
+        moved = None if error is None else {str(name): float(value) for name, value in error.items()}
+        return cls(**known, model_error=moved, drifts=bool(given["drifts"]))
 
     def widened(self, table: Mapping[str, Any]) -> dict[str, Any]:
         """A parameter table whose intervals hold the model error too.

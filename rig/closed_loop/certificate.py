@@ -13,11 +13,13 @@ from typing import Any
 
 from fitter.effects.sizes import Size, amplitude, between
 from fitter.trace.result import CONFIRMED
-from rig.report.words import capitalised, chance, part, unnamed
+from rig.report.words import SMALLEST, TESTS, capitalised, chance, part, significant, unnamed
 
 Interval = tuple[float, float] | None
 _NAMED = 3
 """Aliases that a sentence names."""
+_BY_CHANCE = 0.01
+"""Probability from which a single test beyond its 95 % limit is not told as something that is there."""
 
 
 @dataclass(frozen=True)
@@ -138,12 +140,35 @@ def certificate(sensor: str, found: Mapping[str, Any], errors: Errors) -> str:
     texts += [capitalised(_of_noise(effect)) for effect in noise]
     count = len(added) + sum(left.get("added", False) for left in found["unnamed"])
     texts += _change(errors, count)
-    texts += rest or (["Nothing else stands out from the noise"] if found["effects"] else [])
+    texts += rest or [*(["Nothing else stands out from the noise"] if found["effects"] else []), *_still(found)]
     if errors.floor:
         texts += [f"Readings that repeat one setting scatter by {errors.floor}"]
     if count:
         texts += ["Found and sized on the same data; not confirmed by a measurement of its own"]
     return ". ".join(texts) + "."
+
+
+def _still(found: Mapping[str, Any]) -> list[str]:
+    """Why a test of lack of fit or drift is beyond its limit where the search found nothing more; a sentence each."""
+    after = found.get("after", {})
+    texts = []
+    for test, p in (("T_bias", "p_bias"), ("T_b", "p_b"), ("T_S", "p_S")):
+        if not significant(after, test):
+            continue
+        value = f"{test} is {after[test]:.3g}, above its 95 % limit of {after[TESTS[test]]:.3g}"
+        if after[p] >= _BY_CHANCE:
+            texts.append(
+                f"{value}: chance alone does that in 5 % of sensors; the limit of the search is 5 % for all that it "
+                f"looks for together, and nothing passed it"
+            )
+        else:
+            what = "lack of fit" if test == "T_bias" else "drift between replications"
+            texts.append(f"{value}, by more than chance (p {_p(after[p])}): {what} is left that no effect explains")
+    return texts
+
+
+def _p(p: float) -> str:
+    return f"below {SMALLEST:.0e}" if p < SMALLEST else f"{p:.2g}"
 
 
 def _lacking(effect: Mapping[str, Any]) -> str:
@@ -174,15 +199,23 @@ def _change(errors: Errors, added: int) -> list[str]:
     changes = " and ".join([first.from_to(" goes"), *(change.from_to() for change in others)])
     texts = [f"With all that was found, {changes}"]
     if left_out is not None:
-        told = errors.hides or _borne_out(left_out, "it" if added == 1 else "them")
+        told = _grew(left_out) or errors.hides or _borne_out(left_out, "it" if added == 1 else "them")
         texts.append(f"{capitalised(left_out.from_to(' goes'))}, {told}")
+        if _grew(left_out) and errors.hides:
+            texts[-1] += f" ({errors.hides})"
     return texts
 
 
+def _grew(left_out: Change) -> str:
+    """That the left-out error did not fall, as the end of a sentence; "" where it fell."""
+    if left_out.after < left_out.before:
+        return ""
+    how = "grew" if left_out.after > left_out.before else "did not fall"
+    return f"this {how}: the data left out do not confirm what was found"
+
+
 def _borne_out(left_out: Change, it: str) -> str:
-    """What the left-out error says of what was found."""
-    if left_out.after >= left_out.before:
-        return f"which does not bear {it} out"
+    """What a left-out error that fell says of what was found."""
     if left_out.after > CONFIRMED * left_out.before:
         return f"which bears {it} out, but weakly: it falls by less than {1 - CONFIRMED:.0%}".replace("%", " %")
     return f"which bears {it} out"

@@ -45,8 +45,8 @@ class Parameter(NamedTuple):
 def parameters(traced: AttitudeTraced, sensor: str) -> list[Parameter]:
     """Every parameter of one sensor, of the declared model alone and beside the effects found.
 
-    Those beside the effects are those of the calibration that `rig fit --traced` keeps. Where the points do not determine
-    the model with the effects there are dashes in the place of standard errors.
+    Those beside the effects are those of the calibration that `rig fit --traced` keeps. Where the points do not
+    determine the model with the effects there are dashes in the place of standard errors.
     """
     data, found = traced.data, traced.trace.sensors[sensor]
     before = fit_attitude(data, sensor, temperature=traced.temperature)

@@ -180,6 +180,11 @@ class TransducerTrace:
                     "not confirmed by left-out whole plots: with the effects found the error on those left out is "
                     f"{after / before:.0%} of what it is without them"
                 )
+            elif means and after >= before:
+                notes.append(
+                    "the error on left-out whole plots does not fall with the effects found "
+                    f"({before:.3g} to {after:.3g} mV): the data left out do not confirm them"
+                )
             notes.append("cv_rms: each whole plot in turn left out of selection and fit, its error predicted as zero")
         return tuple(notes)
 
