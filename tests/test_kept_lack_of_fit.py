@@ -18,27 +18,26 @@ from rig.report.parameters import parameters
 from rig.tables import Table
 
 BENCH = Bench(sensors=(Sensor("x"),))
+KNEE = -0.002
 SMALL = Plan(np.linspace(-30.0, 30.0, 13), np.linspace(-180.0, 180.0, 7), replications=4)
 
 
-def table(limit_V: float | None = None, cubic: float = 0.0) -> Table:
-    """A run of one sensor of 1 V/g and no offset whose output stops at a limit; without one it has a cubic term."""
+def table(knee: float = 0.0, cubic: float = 0.0) -> Table:
+    """A run of one sensor whose sensitivity changes by this part above the output's upper third, or with a cube."""
     bench = replace(BENCH, sensors=(replace(BENCH.sensors[0], cubic=cubic),))
     data, _ = simulate(bench, SMALL, 5)
-    if limit_V is not None:
-        data = replace(data, outputs={"x_V": np.minimum(data.outputs["x_V"], limit_V)})
-    return table_of(data)
+    v = data.outputs["x_V"]
+    return table_of(replace(data, outputs={"x_V": v + knee * np.maximum(v - np.quantile(v, 0.66), 0.0)}))
 
 
 @pytest.fixture(scope="module")
-def clipped() -> Table:
-    data, _ = simulate(BENCH, SMALL, 5)
-    return table(float(np.quantile(data.outputs["x_V"], 0.85)))
+def kinked() -> Table:
+    return table(knee=KNEE)
 
 
 @pytest.fixture(scope="module")
-def result(clipped: Table) -> dict:
-    return fit_attitude_table(clipped, traced=True)
+def result(kinked: Table) -> dict:
+    return fit_attitude_table(kinked, traced=True)
 
 
 def test_what_is_kept_says_that_lack_of_fit_is_left(result: dict, tmp_path: Path) -> None:
@@ -61,21 +60,21 @@ def test_intervals_hold_the_model_error_that_is_left(result: dict) -> None:
     assert inner[0] - low == pytest.approx(row["model_error"]) == pytest.approx(high - inner[1])
 
 
-def test_trace_and_fit_print_the_same_standard_errors(clipped: Table, result: dict) -> None:
+def test_trace_and_fit_print_the_same_standard_errors(kinked: Table, result: dict) -> None:
     """Every term of an effect has a coefficient of its own, and the parameters pay for it."""
-    after = {p.name: p.after for p in parameters(trace_attitude_table(clipped), "x_V")}
+    after = {p.name: p.after for p in parameters(trace_attitude_table(kinked), "x_V")}
     kept = result["kept"]["x_V"]["parameters"]["S_V"]
     assert float(after["S / (V/g)"][0]) == pytest.approx(kept["estimate"], abs=kept["stderr"])
     assert float(after["S / (V/g)"][1]) == pytest.approx(kept["stderr"], rel=0.05)
 
 
-def test_the_terminal_says_it_where_something_is_lacking_and_only_there(clipped: Table, tmp_path: Path) -> None:
-    for name, one in (("clipped", clipped), ("cubic", table(cubic=2e-4))):
+def test_the_terminal_says_it_where_something_is_lacking_and_only_there(kinked: Table, tmp_path: Path) -> None:
+    for name, one in (("kinked", kinked), ("cubic", table(cubic=2e-4))):
         columns = list(one.columns)
         rows = np.column_stack([one.columns[c] for c in columns])
         text = "\n".join([",".join(columns), *(",".join(repr(float(v)) for v in row) for row in rows)])
         (tmp_path / f"{name}.csv").write_text(text + "\n")
-    said = rig("fit", tmp_path / "clipped.csv", "--traced", "--out", tmp_path / "clipped.json").stdout
+    said = rig("fit", tmp_path / "kinked.csv", "--traced", "--out", tmp_path / "kinked.json").stdout
     assert "lack of fit is left in x_V" in said
     assert "x_V: something is still lacking with the effects that are kept; see rig trace" in said
     said = rig("fit", tmp_path / "cubic.csv", "--traced", "--out", tmp_path / "cubic.json").stdout

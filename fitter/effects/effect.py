@@ -226,6 +226,26 @@ class Signed:
 
 
 @dataclass(frozen=True)
+class Largest:
+    """The most that a coefficient of an effect can plausibly be; what needs more has another cause.
+
+    Attributes:
+        value: in the unit of the terms; of the sensitivity where `relative`.
+        text: the same for people: "1 deg".
+        relative: whether it is a part of the sensor's sensitivity.
+
+    """
+
+    value: float
+    text: str
+    relative: bool = False
+
+    def of(self, sensitivity: float) -> float:
+        """In the unit of the terms, for a sensor."""
+        return self.value * abs(sensitivity) if self.relative else self.value
+
+
+@dataclass(frozen=True)
 class Entry:
     """What every catalogue says of an effect, whatever kind of run it is looked for in.
 
@@ -246,6 +266,7 @@ class Entry:
         known_aliases: effects that look alike on common designs.
         own: whether a laboratory added it: of what it looks like only its own entry knows.
         signed: the sign that its coefficients have physically; None where either is possible.
+        largest: size beyond which it is no explanation; None where none is known.
 
     """
 
@@ -262,6 +283,7 @@ class Entry:
     known_aliases: Mapping[str, Alias]
     own: bool = field(default=False, kw_only=True)
     signed: Signed | None = field(default=None, kw_only=True)
+    largest: Largest | None = field(default=None, kw_only=True)
 
     def sign(self, term: str) -> int:
         """Sign of a term's coefficient, +1 or -1; 0 where either is possible."""

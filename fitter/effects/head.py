@@ -12,7 +12,7 @@ import numpy as np
 from fitter.arrays import FloatArray, IntArray
 from fitter.data import AttitudeData
 from fitter.data import settings as settings_of
-from fitter.effects.effect import Alias, Effect, Scene, Signed, Term, fixed
+from fitter.effects.effect import Alias, Effect, Largest, Scene, Signed, Term, fixed
 from fitter.effects.sizes import amplitude, arcsec
 
 _BOTH_SIDES = "visit some points twice in one replication, once from each side"
@@ -26,6 +26,9 @@ REVERSED = (
 _REMOUNTED = "remount the package turned by a known roll angle: an error of the head stays with the head"
 _LEVEL = "put a spirit level on the base of the head, and read its zero against an autocollimator"
 _DEGREE = np.radians(1.0)
+
+_ONE_DEGREE = Largest(1.0, "1 deg")
+"""Heads and gears that are worth a calibration are hundreds of times better: docs/trace.md."""
 
 Error = Callable[[Scene], FloatArray]
 
@@ -91,6 +94,7 @@ BACKLASH_PITCH = Effect(
     against="pitch_deg",
     terms=fixed(pitch_error("(-side/2)", lambda scene: _late(scene.data.pitch_side))),
     signed=_PLAY,
+    largest=_ONE_DEGREE,
     separate_by=_BOTH_SIDES,
     usual_size="arc seconds, 1e-3 deg",
     known_aliases={
@@ -114,6 +118,7 @@ BACKLASH_ROLL = Effect(
     against="roll_deg",
     terms=fixed(roll_error("(-side/2)", lambda scene: _late(scene.data.roll_side))),
     signed=_PLAY,
+    largest=_ONE_DEGREE,
     separate_by=_BOTH_SIDES,
     usual_size="arc seconds, 1e-3 deg",
     known_aliases={"roll-head-once-per-turn": Alias("where every replication walks the same path", _BOTH_SIDES)},
@@ -131,6 +136,7 @@ HEAD_ONCE = Effect(
     size=amplitude,
     against="pitch_deg",
     terms=fixed(*_waves(pitch_error, "pitch", 1)),
+    largest=_ONE_DEGREE,
     separate_by="compare commands that share an attitude, (a, R) and (180 - a, R + 180), or two sensors on the head",
     usual_size="seconds of arc, 5e-4 deg",
     known_aliases={
@@ -156,6 +162,7 @@ HEAD_TWICE = Effect(
     size=amplitude,
     against="pitch_deg",
     terms=fixed(*_waves(pitch_error, "pitch", 2)),
+    largest=_ONE_DEGREE,
     separate_by=_OTHER_INDEX,
     usual_size="seconds of arc, 5e-4 deg",
     known_aliases={"sensor-third-order": Alias("the sine phase, for an x sensor by itself", _OTHER_INDEX)},
@@ -171,6 +178,7 @@ ROLL_HEAD_ONCE = Effect(
     size=amplitude,
     against="roll_deg",
     terms=fixed(*_waves(roll_error, "roll", 1)),
+    largest=_ONE_DEGREE,
     separate_by=_REMOUNTED,
     usual_size="seconds of arc, 5e-4 deg",
     known_aliases={"cross-axis": Alias("for a y or z sensor near zero pitch", _REMOUNTED)},
@@ -187,6 +195,7 @@ ROLL_HEAD_TWICE = Effect(
     size=amplitude,
     against="roll_deg",
     terms=fixed(*_waves(roll_error, "roll", 2)),
+    largest=_ONE_DEGREE,
     separate_by=_REMOUNTED,
     usual_size="seconds of arc, 5e-4 deg",
     known_aliases={"sensor-third-order": Alias("for a y or z sensor near zero pitch", _REMOUNTED)},
@@ -212,6 +221,7 @@ GEAR_PITCH = Effect(
     size=amplitude,
     against="pitch_deg",
     terms=_gear_terms(pitch_error, "pitch"),
+    largest=_ONE_DEGREE,
     separate_by="visit pitches between those of the design: the period of the teeth shows",
     usual_size="seconds of arc, 3e-4 deg",
     known_aliases={},
@@ -228,6 +238,7 @@ GEAR_ROLL = Effect(
     size=amplitude,
     against="roll_deg",
     terms=_gear_terms(roll_error, "roll"),
+    largest=_ONE_DEGREE,
     separate_by="visit rolls between those of the design: the period of the teeth shows",
     usual_size="seconds of arc, 3e-4 deg",
     known_aliases={},
@@ -245,6 +256,7 @@ INDEX_ERROR = Effect(
     size=arcsec,
     against="pitch_deg",
     terms=fixed(pitch_error("1", lambda scene: np.ones(len(scene.data)))),
+    largest=_ONE_DEGREE,
     separate_by=_LEVEL,
     usual_size="1e-3 deg",
     known_aliases={},
@@ -271,6 +283,7 @@ HEAD_TILT = Effect(
     size=arcsec,
     against="roll_deg",
     terms=fixed(_sideways("m_y*cos(roll) - m_z*sin(roll)", lambda scene: np.ones(len(scene.data)))),
+    largest=_ONE_DEGREE,
     separate_by="put a spirit level along the pitch axis",
     usual_size="1e-3 deg",
     known_aliases={},
@@ -287,6 +300,7 @@ AXES_NOT_SQUARE = Effect(
     size=arcsec,
     against="pitch_deg",
     terms=fixed(_sideways("(m_z*sin(roll) - m_y*cos(roll))*sin(pitch)", lambda scene: -np.sin(scene.pitch))),
+    largest=_ONE_DEGREE,
     separate_by="sight the roll axis with an autocollimator while the pitch axis turns",
     usual_size="1e-3 deg",
     known_aliases={},
@@ -305,6 +319,7 @@ ROLL_WOBBLE = Effect(
     terms=fixed(
         *(term for k in (1, 2) for term in _waves(pitch_error, "roll", k)),
     ),
+    largest=_ONE_DEGREE,
     separate_by=_REMOUNTED,
     usual_size="seconds of arc, 3e-4 deg",
     known_aliases={},

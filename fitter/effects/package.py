@@ -10,7 +10,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.data import AttitudeData
-from fitter.effects.effect import Alias, Effect, Scene, Signed, Term, fixed
+from fitter.effects.effect import Alias, Effect, Largest, Scene, Signed, Term, fixed
 from fitter.effects.head import REVERSED
 from fitter.effects.moments import Moment, starts
 from fitter.effects.sizes import arcsec, each
@@ -70,6 +70,7 @@ ISOLATION_PADS = Effect(
         {"about y by weight along x": +1, "about x by weight along y": -1},
         "a package that hangs below its pads or is mounted otherwise than declared, or a mass below the roll axis",
     ),
+    largest=Largest(1.0, "1 deg/g"),
     separate_by="lock the pads and repeat a few points: the sag goes",
     usual_size="4e-4 deg",
     known_aliases={

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fitter.arrays import FloatArray
-from fitter.effects.effect import Alias, Effect, Scene, Term, fixed
+from fitter.effects.effect import Alias, Effect, Largest, Scene, Term, fixed
 from fitter.effects.package import product_formula
 from fitter.effects.sizes import micro, relative
 from fitter.effects.thermal import OTHER_TEMPERATURE
@@ -15,6 +15,7 @@ _END_FOR_END = (
     "mount the package end for end: a sensor's own square keeps its sign in the output, an error of the head changes "
     "it with the slope"
 )
+_TENTH = Largest(0.1, "10 % of the sensitivity at 1 g", relative=True)
 
 OFFSET_DRIFT = Effect(
     name="offset-drift",
@@ -78,6 +79,7 @@ SECOND_ORDER = Effect(
     size=relative("ug/g^2"),
     against="pitch_deg",
     terms=fixed(Term("gravity^2", lambda scene, sensor: scene.along(sensor) ** 2)),
+    largest=_TENTH,
     separate_by=_END_FOR_END,
     usual_size="2e-5 of the range",
     known_aliases={"head-once-per-turn": Alias("its cosine phase, for an x sensor by itself", _END_FOR_END)},
@@ -93,6 +95,7 @@ THIRD_ORDER = Effect(
     size=relative("ug/g^3"),
     against="pitch_deg",
     terms=fixed(Term("gravity^3", lambda scene, sensor: scene.along(sensor) ** 3)),
+    largest=_TENTH,
     separate_by="go beyond +-60 deg of pitch, or compare two sensors of different axes on the same head",
     usual_size="2e-5 of the range",
     known_aliases={
@@ -132,6 +135,7 @@ CROSS_AXIS = Effect(
     size=relative("ug/g^2"),
     against="roll_deg",
     terms=fixed(_cross(0, 1), _cross(0, 2), _cross(1, 2), _cross(1, 1)),
+    largest=_TENTH,
     separate_by="read a second sensor of the package: a package that turns moves all of them, a cross-axis term one",
     usual_size="2e-5 of the range",
     known_aliases={

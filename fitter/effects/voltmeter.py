@@ -6,7 +6,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.data import AttitudeData
-from fitter.effects.effect import Alias, Effect, Scene, Term, fixed
+from fitter.effects.effect import Alias, Effect, Largest, Scene, Term, fixed
 from fitter.effects.sizes import each, micro
 
 _CALIBRATOR = "read a voltage standard in place of a sensor, at several voltages"
@@ -60,6 +60,7 @@ VOLTMETER_RANGE = Effect(
     size=each(""),
     against="pitch_deg",
     terms=_range_terms,
+    largest=Largest(0.01, "0.01 V or 1 %"),
     separate_by="fix the voltmeter's range and repeat a few points of small output",
     usual_size="1e-5 of the range",
     known_aliases={},

@@ -15,12 +15,13 @@ from fitter.effects.unnamed import NAMELESS
 from fitter.trace.aliases import Products, Rival, rivals
 from fitter.trace.estimate import coefficients, concerns, estimate
 from fitter.trace.family import ALPHA, Family
+from fitter.trace.limits import limits
 from fitter.trace.problem import Candidate, Problem
 from fitter.trace.refine import refined
 from fitter.trace.replications import Between, Slow, between_replications, slow_of
 from fitter.trace.robust import second_thoughts
 from fitter.trace.score import Scores, beside, errors, score
-from fitter.trace.signs import Impossible
+from fitter.trace.signs import SURE, Impossible, Refused
 
 BETWEEN = 5 / 7, 1 / 7
 """Of ALPHA, for tests between replications without and with a constant that is searched: 2.5 % and 0.5 % of runs,
@@ -35,12 +36,14 @@ class AttitudeJudge:
         problem: the run.
         family: what chance does in it.
         shut: effects that may not be added: first of all terms without a cause. These never stand in for a cause.
+        oversized: what was refused because it would need an impossible size.
 
     """
 
     problem: Problem
     family: Family
     shut: frozenset[str] = NAMELESS
+    oversized: tuple[Refused, ...] = ()
 
     @property
     def candidates(self) -> tuple[Candidate, ...]:
@@ -112,14 +115,43 @@ class AttitudeJudge:
         products = Products(left.columns.sum(axis=0), left.outputs.sum(axis=0), self.signs).without(length2)
         sensors = {problem.sensors[i] for j in group for i in np.flatnonzero(concerns(problem, j) > 0.01)}
         barred = (self.shut | NAMELESS) - {effect}
-        named = [unit for unit in problem.units if problem.candidates[unit[0]].effect.name not in barred]
-        return rivals(problem.candidates, products, group, rest, sensors, named, self.searched)
+        named = [unit for unit in problem.units if self._may(unit, frozenset(barred))]
+        found = rivals(problem.candidates, products, group, rest, sensors, named, self.searched)
+        able = [r for r in found if r.effect == effect or self._reachable(products, r)]
+        best = min(r.sigmas for r in able if not r.refused)
+        return tuple(replace(r, sigmas=float(np.sqrt(max(r.sigmas**2 - best**2, 0.0)))) for r in able)
+
+    def _reachable(self, products: Products, rival: Rival) -> bool:
+        """Whether an explanation needs no coefficient that is impossibly large."""
+        picked = list(rival.terms)
+        gram, dot = products.columns[np.ix_(picked, picked)], products.outputs[picked]
+        length = np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
+        spread = np.linalg.pinv(gram / np.outer(length, length), rcond=1e-10)
+        value, stderr = spread @ (dot / length) / length, np.sqrt(np.maximum(np.diag(spread), 0.0)) / length
+        return bool(np.all(np.abs(value) - SURE * stderr <= limits(self.problem)[picked]))
 
     @cached_property
     def _open(self) -> NDArray[np.bool_]:
         """(U,) units that may be added."""
-        names = [self.candidates[unit[0]].effect.name for unit in self.problem.units]
-        return np.array([name not in self.shut for name in names], np.bool_)
+        return np.array([self._may(unit, self.shut) for unit in self.problem.units], np.bool_)
+
+    def _may(self, unit: tuple[int, ...], shut: frozenset[str]) -> bool:
+        first = self.candidates[unit[0]]
+        return first.effect.name not in shut and (first.effect.name, first.sensor) not in self.closed
+
+    @property
+    def closed(self) -> frozenset[tuple[str, str | None]]:
+        """Effects refused for their size, with the sensor; None where one coefficient is for all sensors."""
+        scopes = {c.effect.name: c.sensor is None for c in self.candidates}
+        return frozenset(
+            (one.effect, sensor)
+            for one in self.oversized
+            for sensor in ([None] if scopes.get(one.effect) else one.sensors)
+        )
+
+    def too_large(self, found: Refused) -> AttitudeJudge:
+        """A judge that may not add this either."""
+        return replace(self, oversized=(*self.oversized, found))
 
     def without(self, names: frozenset[str]) -> AttitudeJudge:
         """A judge that may not add effects of these names either."""

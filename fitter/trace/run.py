@@ -20,6 +20,7 @@ from fitter.trace.judge import AttitudeJudge
 from fitter.trace.keep import groups_of, kept
 from fitter.trace.not_kept import NotKept
 from fitter.trace.outliers import outliers
+from fitter.trace.plausible import plausible
 from fitter.trace.pose import pose
 from fitter.trace.problem import Problem
 from fitter.trace.refusals import refusals
@@ -59,8 +60,8 @@ class Search:
         A walk is looked for beside the effects and not before them: an effect of temperature not yet in the model
         looks like one, and would be judged against itself. Terms without a cause come last.
         """
-        judge, chosen = borne_out(
-            *(search_with_restarts if restarts else search_and_name)(AttitudeJudge(problem, family))
+        judge, chosen = plausible(
+            *borne_out(*(search_with_restarts if restarts else search_and_name)(AttitudeJudge(problem, family)))
         )
         by = expected(problem)
         for _ in range(ROUNDS if by is not None else 0):
@@ -69,7 +70,7 @@ class Search:
             if np.all((walking.wander > 0) == (judge.problem.wander > 0)):
                 break
             judge = replace(judge, problem=walking)
-            judge, chosen = borne_out(*search_and_name(judge, prune(judge, chosen)))
+            judge, chosen = plausible(*borne_out(*search_and_name(judge, prune(judge, chosen))))
         return search_and_name(judge.with_unnamed(), chosen) if self.unnamed else (judge, chosen)
 
 
@@ -106,6 +107,7 @@ def trace(
     if validate:
         cv = left_out(problem.scene.data, search, family, anything=bool(found))
     wrong = refusals(judge, found, classes, {name: fit.parameters.S_V for name, fit in problem.fits.items()})
+    wrong = (*judge.oversized, *wrong)
     sensors = {
         sensor: replace(
             sensor_trace(judge, data, aside, not_kept, before, after, classes, i, None if cv is None else cv[:, i]),

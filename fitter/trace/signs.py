@@ -43,6 +43,7 @@ class Refused:
         stderr: standard error of that.
         size: value and standard error in the terms of who works on the bench.
         otherwise: what a negative value would take; "" if nothing is known that does it.
+        largest: what it can reach at most, where it is refused for its size and not for its sign; "" else.
 
     """
 
@@ -54,10 +55,16 @@ class Refused:
     stderr: float
     size: str
     otherwise: str
+    largest: str = ""
 
     @property
     def sentence(self) -> str:
         """For a report."""
+        if self.largest:
+            return (
+                f"{self.effect} in {', '.join(self.sensors)} would need a size of {self.size}, and no cause of that "
+                f"name reaches more than {self.largest}: refused"
+            )
         other = f". A negative value would take {self.otherwise}" if self.otherwise else ""
         return f"{self.effect} would need negative {self.quantity} ({self.size}): refused{other}"
 
@@ -69,6 +76,7 @@ class Refused:
             "quantity": self.quantity,
             "value": self.value,
             "stderr": self.stderr,
+            "largest": self.largest or None,
             "sentence": self.sentence,
         }
 
