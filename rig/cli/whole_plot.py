@@ -117,6 +117,9 @@ def show_whole_plot_findings(traced: WholePlotTraced) -> None:
                 out.print(
                     f"  {name}: {effect['effect']} cannot be told from {', '.join(effect['aliases'])} by these data"
                 )
+        for note in sensor["notes"]:
+            if "left out do not confirm" in note or note.startswith("not confirmed"):
+                out.print(f"  [yellow]{name}: {escape(note)}[/]", soft_wrap=True)
 
 
 def show_whole_plot_trace(traced: WholePlotTraced) -> None:
