@@ -264,7 +264,7 @@ def test_a_blank_pressure_of_a_zero_is_refused_not_taken_for_a_column_that_is_no
 
 @pytest.mark.parametrize("cubic_mV", [0.0, 0.004])
 def test_lack_of_fit_within_whole_plots_is_said_in_fit_calibration_and_answer(case, cubic_mV):
-    """Pressures that repeat within whole plots tell: F of the model against a mean for each setting, by two plain fits."""
+    """Pressures that repeat within whole plots tell: F of the model against a mean for each setting."""
     rng = np.random.default_rng(11)
     pressures = np.tile([0.2, 1.0, 2.0, 3.0, 4.0, 5.0], 2)
     pairs = [(s, e) for s in (-110.0, -90.0, -70.0) for e in (-20.0, 20.0)]

@@ -209,7 +209,7 @@ def test_a_second_replication_that_has_just_begun_is_no_obstacle():
         fit_pressure(few, "bridge_mV", "1 + P + P^2", nested=True)
     fit = fit_pressure(few, "bridge_mV", "1 + P + P^2")
     assert fit.errors.replicate_variance is None
-    assert "replications" in fit.to_dict()["notes"][-1]
+    assert any("replications" in note for note in fit.to_dict()["notes"])
 
 
 @pytest.mark.parametrize(
