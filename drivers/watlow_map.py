@@ -12,8 +12,7 @@ from typing import Literal
 from pydantic import BaseModel, Field
 
 from drivers.errors import BadReply
-from drivers.wires import ModbusLine
-from drivers.wires.modbus import float_of_words, words_of_float
+from drivers.wires.modbus import ModbusLine, float_of_words, words_of_float
 
 _READBACK = 1e-5  # relative; a setpoint passes through single precision
 _WORDS = {"uint16": 1, "int32": 2, "float32": 2}

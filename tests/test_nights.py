@@ -17,7 +17,7 @@ from rig.simulated.night.play import play
 from rig.simulated.night.scenario import LABS, draw
 from rig.tables import run_table
 
-NIGHTS = {"attitude": range(60), "pressure": range(20)}
+NIGHTS = {"attitude": range(45), "pressure": range(15)}
 """Those of `FOUND_BY` are among them: each is played once without a bug."""
 FOUND_BY = {
     "accept-late-reply": ("attitude", 3),

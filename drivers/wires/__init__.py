@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from drivers.clock import Clock
 from drivers.errors import Unreachable
-from drivers.wires.can import CanLine, CanWires
-from drivers.wires.modbus import ModbusLine, ModbusWires
 from drivers.wires.serial_line import SerialLine, SerialSettings, Tap
 from drivers.wires.serial_options import SerialOptions
 
-__all__ = ["CanLine", "ModbusLine", "SerialLine", "SerialOptions", "SerialSettings", "Tap", "Wires"]
+if TYPE_CHECKING:
+    from drivers.wires.can import CanLine, CanWires
+    from drivers.wires.modbus import ModbusLine, ModbusWires
+
+__all__ = ["SerialLine", "SerialOptions", "SerialSettings", "Tap", "Wires"]
 
 
 class Wires:
@@ -33,12 +35,12 @@ class Wires:
         simulated: Mapping[str, Callable[[str], Any]] | None = None,
         tap: Tap | None = None,
     ) -> None:
-        factories = simulated or {}
+        self._simulated = simulated or {}
         self._clock = clock
         self._tap = tap
         self._serial: dict[str, SerialLine] = {}
-        self._modbus = ModbusWires(clock, factories.get("modbus"), tap)
-        self._can = CanWires(clock, factories.get("can"), tap)
+        self._modbus: ModbusWires | None = None  # these two are imported where a bench has them: a tenth of a second
+        self._can: CanWires | None = None
 
     def serial(self, address: str, settings: SerialSettings, name: str = "") -> SerialLine:
         """The serial line at `address`.
@@ -75,6 +77,10 @@ class Wires:
             Unreachable: the connection or line cannot be opened, or is already open with other settings.
 
         """
+        if self._modbus is None:
+            from drivers.wires.modbus import ModbusWires  # noqa: PLC0415
+
+            self._modbus = ModbusWires(self._clock, self._simulated.get("modbus"), self._tap)
         return self._modbus.line(address, name, timeout_s)
 
     def can(self, address: str, name: str = "") -> CanLine:
@@ -88,12 +94,15 @@ class Wires:
             Unreachable: the bus cannot be opened.
 
         """
+        if self._can is None:
+            from drivers.wires.can import CanWires  # noqa: PLC0415
+
+            self._can = CanWires(self._clock, self._simulated.get("can"), self._tap)
         return self._can.line(address, name)
 
     def close(self) -> None:
         """Release every wire; idempotent."""
-        self._modbus.close()
-        self._can.close()
-        for line in self._serial.values():
-            line.close()
+        for wires in (self._modbus, self._can, *self._serial.values()):
+            if wires is not None:
+                wires.close()
         self._serial.clear()

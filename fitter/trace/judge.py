@@ -139,7 +139,7 @@ class AttitudeJudge:
         first = self.candidates[unit[0]]
         return first.effect.name not in shut and (first.effect.name, first.sensor) not in self.closed
 
-    @property
+    @cached_property
     def closed(self) -> frozenset[tuple[str, str | None]]:
         """Effects refused for their size, with the sensor; None where one coefficient is for all sensors."""
         scopes = {c.effect.name: c.sensor is None for c in self.candidates}

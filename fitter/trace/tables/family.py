@@ -10,7 +10,7 @@ Multiple Testing, 1993). Run at `fitter.trace.family.ALPHA`, so that 5 % hold ov
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -34,6 +34,7 @@ BEHIND = 12.0
 """Of twice the log-likelihood: a covariance that is further behind in all of `TRIED` draws is left out."""
 TAIL = 40
 """Draws beyond which the tail of what an effect scores is continued as an exponential."""
+KEPT_BYTES = 50_000_000
 _TINY = np.finfo(np.float32).tiny
 _LEAST = 1e-290
 _MOST = 80.0
@@ -97,6 +98,30 @@ class TableFamily:
         return min((1.0 + rank) / (1.0 + self.smallest_p.size), 1.0)
 
 
+@dataclass(frozen=True, eq=False)
+class Bases:
+    """Orthonormal bases of a problem's columns under each covariance, made once while they fit into `KEPT_BYTES`.
+
+    Attributes:
+        problem: the table.
+
+    """
+
+    problem: Problem
+    _kept: dict[int, tuple[FloatArray, Blocks]] = field(default_factory=dict)
+
+    def of(self, at: int) -> tuple[FloatArray, Blocks]:
+        """(n, k) of the declared columns under covariance `at`; each candidate's beside them, in single precision."""
+        if at in self._kept:
+            return self._kept[at]
+        view = View.of(self.problem, at)
+        found = view.blocks(())
+        own = view.basis, Blocks(found.units.astype(np.float32), found.start)
+        if (len(self._kept) + 1) * own[1].units.nbytes <= KEPT_BYTES:
+            self._kept[at] = own
+        return own
+
+
 def evidence(ratio: FloatArray, rank: int, df: int) -> FloatArray:
     """Score of an F of `rank` and `df` degrees of freedom: -log p; below zero where it is behind what it is held to."""
     p = special.fdtrc(rank, df, np.maximum(ratio, 0.0))
@@ -112,6 +137,7 @@ def family_of(
     without: BoolArray,
     beside: BoolArray,
     scatter: bool = True,
+    bases: Bases | None = None,
 ) -> TableFamily:
     """Simulate what candidates score beside the declared columns in tables with nothing but noise of covariance `at`.
 
@@ -123,11 +149,12 @@ def family_of(
         without: (G,) covariances that are fitted without a candidate.
         beside: (G,) those that are fitted beside one.
         scatter: whether scores are over what single rows contribute.
+        bases: of the same problem, where more than one family of it is simulated.
 
     """
-    view = View.of(problem, at)
-    found = view.blocks(())
-    n, df = problem.n, problem.n - view.basis.shape[1]
+    bases = bases or Bases(problem)
+    basis, found = bases.of(at)
+    n, df = problem.n, problem.n - basis.shape[1]
     judged = np.flatnonzero((found.rank > 0) & (df - found.rank >= SPARED))
     if not len(judged):
         return TableFamily({}, np.ones(1))
@@ -135,10 +162,9 @@ def family_of(
     near = [_near(problem, at, possible, rng) for possible in (without, beside)]
     draws = int(np.clip(WORK / max(found.units.size * len(near[1]), 1), FEWEST, MOST))
     errors = rng.standard_normal((n, draws))
-    ratio = _ratios(problem, near[0], near[1], problem.noise.colour(at, errors), found.rank, df)
+    ratio = _ratios(bases, near[0], near[1], problem.noise.colour(at, errors), found.rank, df)
     if scatter and n >= FEWEST_FOR_SCATTER:
-        single = Blocks(found.units.astype(np.float32), found.start)
-        ratio /= _scatter(single, _off(view.basis, errors).astype(np.float32), df)
+        ratio /= _scatter(found, _off(basis, errors).astype(np.float32), df)
     tails = {}
     smallest = np.ones(draws)
     for name in dict.fromkeys(problem.candidates[j].effect.name for j in judged):
@@ -171,25 +197,23 @@ def _deviance(problem: Problem, g: int, drawn: FloatArray) -> FloatArray:
     return np.asarray(problem.n * np.log(np.sum(left**2, axis=0)) + problem.noise.log_det[g])
 
 
-def _ratios(
-    problem: Problem, without: IntArray, beside: IntArray, drawn: FloatArray, rank: IntArray, df: int
-) -> Single:
+def _ratios(bases: Bases, without: IntArray, beside: IntArray, drawn: FloatArray, rank: IntArray, df: int) -> Single:
     """(J, m) F that the likelihood ratio of every candidate amounts to, as `likelihood.ratio` has it."""
+    problem = bases.problem
     n, log_det = problem.n, problem.noise.log_det
     zero = log_det[beside[0]]
     alone = np.full(drawn.shape[1], np.inf)
     joined = np.full((len(rank), drawn.shape[1]), np.inf, np.float32)
     for g in np.union1d(without, beside).tolist():
-        view = View.of(problem, g)
-        left = _off(view.basis, problem.noise.whiten(np.array([g]), drawn)[0])
+        basis, found = bases.of(g)
+        left = _off(basis, problem.noise.whiten(np.array([g]), drawn)[0])
         total = np.sum(left**2, axis=0)
         deviance = n * np.log(total) + log_det[g] - zero
         if g in without:
             alone = np.minimum(alone, deviance)
         if g not in beside:
             continue
-        found = view.blocks(())
-        gains = Blocks(found.units.astype(np.float32), found.start).gains((left / np.sqrt(total)).astype(np.float32))
+        gains = found.gains((left / np.sqrt(total)).astype(np.float32))
         np.log1p(-np.minimum(gains, np.float32(1.0 - 1e-6)), out=gains)
         gains *= n
         gains += deviance.astype(np.float32)

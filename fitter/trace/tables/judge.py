@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.trace.aliases import PER_COLUMN, Rival
 from fitter.trace.family import ALPHA
-from fitter.trace.tables.family import TableFamily, evidence, family_of
+from fitter.trace.tables.family import Bases, TableFamily, evidence, family_of
 from fitter.trace.tables.likelihood import Beside, Grid, ratio
 from fitter.trace.tables.problem import Candidate, Problem
 from fitter.trace.tables.rivalry import Rivalry, Trial, possible_of
@@ -151,6 +152,10 @@ class TableJudge:
             self._besides[key] = self._grids[key].beside()
         return self._besides[key]
 
+    @cached_property
+    def _bases(self) -> Bases:
+        return Bases(self.problem)
+
     def view(self, at: int) -> View:
         """The problem whitened by covariance `at`."""
         if at not in self._views:
@@ -192,6 +197,7 @@ class TableJudge:
                 without=without,
                 beside=beside,
                 scatter=rival != "slow",
+                bases=self._bases,
             )
         return self.families[at, rival]
 
