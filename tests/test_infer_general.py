@@ -2,6 +2,7 @@
 
 import csv
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from scipy import optimize, stats
 
 from fitter import least_squares
 from fitter.formula import Formula
+from fitter.history import curve_charted
 from fitter.inverse import CurveCalibration, infer_curve
 from fitter.split_plot import fit_split_plot
 from rig.closed_loop.general import fit_general
@@ -263,6 +265,25 @@ def test_an_answer_does_not_depend_on_where_the_abscissa_starts(tmp_path, plots)
         found[offset] = [answer.value - offset, answer.sd, answer.lo95 - offset, answer.hi95 - offset]
     for offset, numbers in found.items():
         np.testing.assert_allclose(numbers, found[0], rtol=1e-3, err_msg=f"offset {offset}")
+
+
+@pytest.mark.parametrize("plots", [(), ("plot",)], ids=["rows", "whole plots"])
+def test_a_chart_does_not_depend_on_where_the_abscissa_starts(tmp_path, plots):
+    """The errors of the charted values and of a reading are those of offset 0; where digits are too few, refused."""
+
+    def charted(offset, **change):
+        kept = fit_general(_offset_table(tmp_path, offset, plots), "y", "1 + x + x^2", plots)["calibration"]
+        return curve_charted([replace(CurveCalibration.from_dict(kept), **change)] * 3, np.arange(3.0))
+
+    first, far = charted(0), charted(2026)
+    for one, other in zip(first.series, far.series, strict=True):
+        np.testing.assert_allclose(other.values, one.values, rtol=1e-6)
+        np.testing.assert_allclose(other.variance, one.variance, rtol=1e-3)
+        assert other.df == pytest.approx(one.df, rel=1e-3)
+    assert far.interval == pytest.approx(first.interval, rel=1e-3)
+    np.testing.assert_allclose(far.rows, first.rows, atol=1e-5)
+    with pytest.raises(ValueError, match="too few digits"):
+        charted(2026, factor=None)
 
 
 def test_too_few_digits_are_refused_with_what_to_do(tmp_path):

@@ -286,6 +286,23 @@ def test_bad_input(message, arguments, replicate):
         fit_split_plot(columns, y, whole_plot, names, replicate=replicate)
 
 
+@pytest.mark.parametrize("offset", [100.0, 2026.0])
+def test_intervals_do_not_depend_on_where_a_setting_starts(offset):
+    """A square of years: the variance of the curve, its degrees of freedom and interval are those from zero."""
+    rng, x, plot = np.random.default_rng(5), np.arange(24) / 32.0, np.arange(24) % 6
+    y = 2.0 + 3.0 * x + rng.normal(0, 0.01, 24) + rng.normal(0, 0.03, 6)[plot]
+    near, far = (
+        [powers, fit_split_plot(powers, y, plot, ["1", "x", "x2"])] for powers in (_powers(x), _powers(x + offset))
+    )
+    for seen in ("variance", "df_of", "interval"):
+        wanted, found = (getattr(fit, seen)(powers) for powers, fit in (near, far))
+        np.testing.assert_allclose(found, wanted, rtol=1e-3, err_msg=seen)
+
+
+def _powers(x):
+    return np.column_stack([np.ones(len(x)), x, x * x])
+
+
 def test_columns_that_cannot_be_told_apart_are_named():
     columns = np.column_stack([COLUMNS, COLUMNS[:, 2] + 3.0])
     with pytest.raises(RankError, match=r"cannot tell apart: \(Intercept\), t1, t1 again"):

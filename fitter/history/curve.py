@@ -13,7 +13,7 @@ import numpy as np
 from fitter.arrays import FloatArray
 from fitter.history.charted import Charted
 from fitter.history.series import Series
-from fitter.inverse import CurveCalibration
+from fitter.inverse import CurveCalibration, too_few_digits
 from fitter.quantiles import t_limit
 
 _PLACES = 33
@@ -46,13 +46,17 @@ def curve_charted(fits: Sequence[CurveCalibration], years: FloatArray) -> CurveC
         years: (m,) since the first.
 
     Raises:
-        ValueError: a formula is not of one variable, an error is unknown, or the ranges have nothing in common.
+        ValueError: a formula is not of one variable, an error is unknown, rounding leaves too few digits of one, or the
+            ranges have nothing in common.
 
     """
     variable, formula = fits[0].variable, fits[0].formula
     low, high = max(f.ranges[variable][0] for f in fits), min(f.ranges[variable][1] for f in fits)
     if not low < high:
         raise ValueError(f"the calibrations have no range of {variable} in common")
+    for fit in fits:
+        if few := too_few_digits(fit, low, high):
+            raise ValueError(few)
     places = np.linspace(low, high, 2 * len(fits[0].coefficients) + 1)[1::2]
     directions = formula.columns({variable: places})[1]
     across = formula.columns({variable: np.linspace(low, high, _PLACES)})[1]
@@ -62,7 +66,8 @@ def curve_charted(fits: Sequence[CurveCalibration], years: FloatArray) -> CurveC
         return _within(fits, weights @ directions)
 
     last = fits[-1]
-    widest = float(np.einsum("hk,kl,hl->h", across, last.covariance, across).max() + last.variances.sum())
+    root = last.factored.root  # powers of an abscissa far from zero are nearly alike; their combinations by it are not
+    widest = float(last.factored.variance(across).max() + last.variances.sum())
     _, df = _within([last], across[-1])
     names = tuple(f"{last.response} at {variable} = {place:.6g}" for place in places)
     return CurveCharted(
@@ -76,7 +81,7 @@ def curve_charted(fits: Sequence[CurveCalibration], years: FloatArray) -> CurveC
         variance_of=variance_of,
         low=low,
         high=high,
-        rows=across @ np.linalg.inv(directions),
+        rows=np.asarray(np.linalg.solve((directions @ root).T, (across @ root).T).T),
         interval=t_limit(0.95, df) * float(np.sqrt(widest)),
     )
 
@@ -87,7 +92,8 @@ def _within(fits: Sequence[CurveCalibration], direction: FloatArray) -> tuple[Fl
     Independent rows: one variance of a row, each calibration its own design. Whole plots: the calibrations are taken
     to be of one design, and the variance of the combination is pooled.
     """
-    gradients = [np.einsum("k,ckl,l->c", direction, fit.derivatives, direction) for fit in fits]
+    row = direction[None, :]
+    gradients = [fit.factored.gradient(row)[0] for fit in fits]
     own = np.array([g @ fit.variances for g, fit in zip(gradients, fits, strict=True)])
     uncertain = np.array([g @ fit.spread @ g for g, fit in zip(gradients, fits, strict=True)])
     if not (uncertain > 0.0).all():
@@ -96,5 +102,5 @@ def _within(fits: Sequence[CurveCalibration], direction: FloatArray) -> tuple[Fl
     if all(len(fit.variances) == 1 for fit in fits):
         pooled = df @ np.array([fit.variances[0] for fit in fits]) / df.sum()
         return pooled * np.array([g[0] for g in gradients]), float(df.sum())
-    adjusted = np.array([direction @ fit.covariance @ direction for fit in fits])
+    adjusted = np.array([fit.factored.variance(row)[0] for fit in fits])
     return np.full(len(fits), float(df @ adjusted / df.sum())), float(df.sum())

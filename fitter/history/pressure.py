@@ -16,7 +16,7 @@ from fitter.arrays import FloatArray
 from fitter.history.charted import Charted
 from fitter.history.series import Series
 from fitter.pressure import PressureFit
-from fitter.split_plot.kenward_roger import KenwardRoger
+from fitter.split_plot import SplitPlotFit
 
 NAMES = ("intercept_mV", "gain_mV_per_psi")
 
@@ -62,10 +62,10 @@ def pressure_charted(fits: Sequence[PressureFit], years: FloatArray) -> Pressure
     rows = fits[0].formula.columns(at)[1]
     directions = np.array([rows[0], (rows[1] - rows[0]) / highest])
     values = np.array([directions @ f.reml.coefficients for f in fits])
-    rogers = [f.reml.kenward_roger() for f in fits]
+    remls = [f.reml for f in fits]
 
     def variance_of(weights: FloatArray) -> tuple[FloatArray, float]:
-        variance, df = _within(rogers, weights @ directions)
+        variance, df = _within(remls, weights @ directions)
         return np.full(len(fits), variance), df
 
     series = tuple(Series(years, values[:, i], *variance_of(unit)) for i, unit in enumerate(np.eye(len(NAMES))))
@@ -86,8 +86,8 @@ def pressure_charted(fits: Sequence[PressureFit], years: FloatArray) -> Pressure
     )
 
 
-def _within(rogers: Sequence[KenwardRoger], direction: FloatArray) -> tuple[float, float]:
+def _within(fits: Sequence[SplitPlotFit], direction: FloatArray) -> tuple[float, float]:
     """Variance within of `direction` @ coefficients and its degrees of freedom, pooled; all of one design."""
-    own = np.array([direction @ r.covariance @ direction for r in rogers])
-    df = np.array([float(r.df(direction)[0]) for r in rogers])
+    own = np.concatenate([fit.variance(direction) for fit in fits])
+    df = np.concatenate([fit.df_of(direction) for fit in fits])
     return float(df @ own / df.sum()), float(df.sum())

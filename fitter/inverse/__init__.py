@@ -10,7 +10,7 @@ Every package of sections 5 and 6 of NASA/TP-1999-209835: one axis with or witho
 from fitter.inverse.answer import InferredAttitude
 from fitter.inverse.calibrate import calibrate_package
 from fitter.inverse.calibration import AttitudeCalibration
-from fitter.inverse.curve import CurveCalibration, InferredCurve, infer_curve
+from fitter.inverse.curve import CurveCalibration, InferredCurve, infer_curve, too_few_digits
 from fitter.inverse.factored import Factored
 from fitter.inverse.infer import infer_attitude
 from fitter.inverse.sensor_model import SensorModel, Term
@@ -30,4 +30,5 @@ __all__ = [
     "infer_attitude",
     "infer_curve",
     "singularity",
+    "too_few_digits",
 ]

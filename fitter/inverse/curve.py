@@ -79,6 +79,11 @@ class CurveCalibration:
             )
         return self.formula.names[0]
 
+    @property
+    def factored(self) -> Factored:
+        """The covariance and its derivatives: factored where the file has them so, else as they are."""
+        return self.factor or Factored.plain(self.covariance, self.derivatives)
+
     def to_dict(self) -> dict[str, Any]:
         """For JSON; `from_dict` reads it back exactly."""
         return {
@@ -172,7 +177,7 @@ class _Band:
         low, high = calibration.ranges[name]
         if not high > low:
             raise ValueError(f"{name} had one value only when it was calibrated, {low:g}: there is no curve to invert")
-        if few := _few_digits(calibration, low, high):
+        if few := too_few_digits(calibration, low, high):
             raise ValueError(few)
         sign = _direction(calibration, low, high)
         if sign == 0.0:
@@ -183,7 +188,7 @@ class _Band:
         room = BEYOND * (high - low)
         first = low - room if _direction(calibration, low - room, low) == sign else low
         last = high + room if _direction(calibration, high, high + room) == sign else high
-        return _Band(calibration, _factored(calibration), sign, (first, last), _grid(calibration, low, high))
+        return _Band(calibration, calibration.factored, sign, (first, last), _grid(calibration, low, high))
 
     def infer(self, response: FloatArray) -> InferredCurve:
         name, n = self.calibration.variable, len(response)
@@ -301,17 +306,13 @@ def _direction(calibration: CurveCalibration, low: float, high: float) -> float:
     return 0.0
 
 
-def _factored(calibration: CurveCalibration) -> Factored:
-    return calibration.factor or Factored.plain(calibration.covariance, calibration.derivatives)
-
-
-def _few_digits(calibration: CurveCalibration, low: float, high: float) -> str:
-    """Why rounding leaves too little of the interval or of the curve; "" where it does not."""
+def too_few_digits(calibration: CurveCalibration, low: float, high: float) -> str:
+    """Why rounding leaves too few digits of the interval or of the curve from `low` to `high`; "" where it does not."""
     try:
         h = _columns(calibration, np.linspace(low, high, _SLOPES))
     except ValueError:
         return ""  # said elsewhere
-    factor = _factored(calibration)
+    factor = calibration.factored
     variance = factor.variance(h) + calibration.variances.sum()
     curve = h @ calibration.coefficients
     off = EPS * (np.abs(h) @ np.abs(calibration.coefficients))

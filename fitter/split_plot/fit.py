@@ -154,7 +154,8 @@ class SplitPlotFit:
 
         """
         columns, extra = np.atleast_2d(columns), self._extra(new_whole_plot, new_readings)
-        fixed = np.einsum("mk,kl,ml->m", columns, self.kenward_roger().covariance, columns)
+        seen = columns @ self.structure.spectrum.fixed.root
+        fixed = np.einsum("mk,kl,ml->m", seen, self._in_basis.covariance, seen)
         return np.asarray(fixed + extra @ self.structure.variances)
 
     def interval(
@@ -165,10 +166,24 @@ class SplitPlotFit:
         Its t limit has the degrees of freedom of that variance as a whole, by Satterthwaite's formula.
         """
         extra = self._extra(new_whole_plot, new_readings)
-        df = self.moments.df(np.atleast_2d(columns), self.moments.inverse_information, extra)
+        df = self._degrees(columns, extra)
         limit = np.array([t_limit(level, each) for each in df])
         variance = self.variance(columns, new_whole_plot=new_whole_plot, new_readings=new_readings)
         return np.asarray(limit * np.sqrt(variance))
+
+    def df_of(self, columns: FloatArray) -> FloatArray:
+        """(m,) degrees of freedom of `variance` of the fixed part alone, at (m, k) `columns`."""
+        return self._degrees(columns, self._extra(new_whole_plot=False, new_readings=0.0))
+
+    @cached_property
+    def _in_basis(self) -> KenwardRoger:
+        """That of the orthonormal basis: powers of settings far from zero lose the digits of their variances."""
+        root = self.structure.spectrum.fixed.root
+        return KenwardRoger(self.names, np.asarray(np.linalg.solve(root, self.coefficients)), self.moments.in_basis())
+
+    def _degrees(self, columns: FloatArray, extra: FloatArray) -> FloatArray:
+        moments, seen = self._in_basis.moments, np.atleast_2d(columns) @ self.structure.spectrum.fixed.root
+        return moments.df(seen, moments.inverse_information, extra)
 
     def _extra(self, new_whole_plot: bool, new_readings: float) -> FloatArray:
         above = len(self.structure.variances) - 1
