@@ -182,7 +182,7 @@ def fit_attitude(
         linear, own = own.fitted(columns, data, output, linear.names)
         beside = own.columns(columns, data)
         output = output - own.volts(columns, data)
-    table = analyse(linear, columns, output, data.point, data.replicate_index, beside, beside.shape[1])
+    table = analyse(linear, columns, output, data.point, data.replicate_index, beside, beside.shape[1], data.order)
     covariance, df = errors_of(linear, columns, output, data.replicate_index, table)
     if own is not None and df != linear.df:  # replications show no error of the temperature coefficients
         covariance = covariance + carried @ own.covariance @ carried.T
@@ -278,6 +278,7 @@ def table_2(r: Replication, S_V: float) -> dict[str, JsonValue]:
         "T_bias": _known(r.bias.value),
         "F_bias_95": _known(r.bias.limit_95),
         "p_bias": _known(r.bias.p),
+        "T_bias_blind": None if r.blind is None else r.blind.sentence,
         "df_bias": [r.bias.df_above, r.bias.df_below],
         "T_b": _known(r.drift_b.value),
         "T_S": _known(r.drift_S.value),

@@ -26,8 +26,8 @@ COVERED_BY_WHOLE_PLOTS = (
 
 
 def lacks_fit(table: Replication) -> bool:
-    """Whether lack of fit is significant (T_bias, 5 %)."""
-    return bool(table.bias.value > table.bias.limit_95)
+    """Whether lack of fit is significant (5 %): T_bias, or the test without the drift that T_bias is blind from."""
+    return bool(table.bias.value > table.bias.limit_95) or (table.blind is not None and table.blind.lacks_fit)
 
 
 def reach_of_misfit(columns: FloatArray, point: IntArray, sigma_bias: float) -> FloatArray:

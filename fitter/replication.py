@@ -18,32 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
-from fitter.linear import LinearFit, RankError, least_squares, orthonormal
-from fitter.quantiles import f_limit, f_tail
-
-NAN = float("nan")
-
-
-@dataclass(frozen=True)
-class FTest:
-    """A ratio of mean squares, its 95 % limit and the probability of exceeding it by chance.
-
-    NaN throughout where the data leave no degrees of freedom for the test.
-    """
-
-    value: float
-    df_above: int
-    df_below: int
-
-    @property
-    def limit_95(self) -> float:
-        """Value stayed below with 95 % probability when there is nothing to find."""
-        return f_limit(0.95, self.df_above, self.df_below)
-
-    @property
-    def p(self) -> float:
-        """Probability of a larger value when there is nothing to find."""
-        return f_tail(self.value, self.df_above, self.df_below) if np.isfinite(self.value) else NAN
+from fitter.blind import Blind, blind
+from fitter.linear import LinearFit, RankError, least_squares
+from fitter.sums_of_squares import NAN, FTest, centred, off, own_parameters, ratio, within_points
 
 
 @dataclass(frozen=True)
@@ -64,6 +41,7 @@ class Replication:
         drift: joint test of all parameters against sigma_pr.
         n_replications: replications that could be fitted alone.
         n_points: points of the design seen at least once.
+        blind: why `bias` can miss a lack of fit; None where it is significant itself or nothing speaks against it.
 
     """
 
@@ -80,6 +58,7 @@ class Replication:
     drift: FTest
     n_replications: int
     n_points: int
+    blind: Blind | None = None
 
 
 def analyse(
@@ -90,6 +69,7 @@ def analyse(
     replicate: IntArray,
     extra: FloatArray | None = None,
     by_hand: int = 0,
+    order: IntArray | None = None,
 ) -> Replication:
     """Table 2 for one output.
 
@@ -101,12 +81,13 @@ def analyse(
         replicate: (n,) replication, from 0.
         extra: (n, q) columns of effects whose coefficients were fitted together with the model, if any.
         by_hand: how many coefficients that fit beyond `columns`; they cost degrees of freedom.
+        order: (n,) in which the rows were measured; None where it is that of the rows.
 
     """
     n, k = columns.shape
     extra = np.empty((n, 0)) if extra is None else extra
-    within_point = _within_points(extra, point)
-    pe = float(np.sum(_residual(centred(output[:, None], point), within_point) ** 2))
+    within_point = within_points(extra, point)
+    pe = float(np.sum(off(centred(output[:, None], point), within_point) ** 2))
     n_points = int(point.max()) + 1
     df_pe = n - n_points - within_point.shape[1]
     df_lof = n - k - by_hand - df_pe
@@ -118,12 +99,18 @@ def analyse(
     offset, sensitivity = np.eye(k)[0], np.array([0.0, *fit.coefficients[1:]])
     sigma_b, drift_b = _drift(alone, offset, ss_w, df_w)
     sigma_S, drift_S = _drift(alone, sensitivity, ss_w, df_w)
-    sigma_pr, drift = _joint_drift(columns, output, point, replicate, extra)
+    sigma_pr, drift, both = _joint_drift(columns, output, point, replicate, extra)
+    bias = ratio(lof, df_lof, pe, df_pe)
+    hidden = None
+    if df_pe > 0 and bias.value <= bias.limit_95:
+        time = np.argsort(np.arange(n) if order is None else order)
+        volts = output[time], extra[time], columns[time], both[time]
+        hidden = blind(*volts, point[time], replicate[time], drift, pe / df_pe)
     return Replication(
         sigma_E=sigma_E,
         sigma_bias=sigma_E * float(np.sqrt(1.0 - min(split, 1.0))) if df_pe > 0 else NAN,
         sigma_prec=sigma_E * float(np.sqrt(min(split, 1.0))) if df_pe > 0 else NAN,
-        bias=_ratio(lof, df_lof, pe, df_pe),
+        bias=bias,
         sigma_b=sigma_b,
         sigma_S=sigma_S,
         sigma_w=float(np.sqrt(ss_w / df_w)) if df_w > 0 else NAN,
@@ -133,6 +120,7 @@ def analyse(
         drift=drift,
         n_replications=len(alone),
         n_points=n_points,
+        blind=hidden,
     )
 
 
@@ -173,39 +161,6 @@ def replication_spread(columns: FloatArray, output: FloatArray, replicate: IntAr
     return np.asarray(deviations @ np.linalg.cholesky(fit.root @ fit.root.T).T)
 
 
-def centred(columns: FloatArray, group: IntArray) -> FloatArray:
-    """(n, q) `columns` less their mean over each group; `group` (n,) numbers from 0."""
-    size = np.bincount(group)
-    out = np.empty_like(columns)
-    for j in range(columns.shape[1]):
-        mean = np.bincount(group, columns[:, j]) / np.maximum(size, 1)
-        out[:, j] = columns[:, j] - mean[group]
-    return out
-
-
-def own_parameters(columns: FloatArray, replicate: IntArray) -> FloatArray:
-    """(n, n_rep L) the declared model's columns once for each replication, zero outside it."""
-    n, k = columns.shape
-    n_rep = int(replicate.max()) + 1
-    out = np.zeros((n, n_rep, k))
-    out[np.arange(n), replicate] = columns
-    return out.reshape(n, n_rep * k)
-
-
-def _within_points(columns: FloatArray, point: IntArray) -> FloatArray:
-    return orthonormal(centred(columns, point), np.linalg.norm(columns, axis=0))
-
-
-def _residual(columns: FloatArray, basis: FloatArray) -> FloatArray:
-    return np.asarray(columns - basis @ (basis.T @ columns))
-
-
-def _ratio(above: float, df_above: int, below: float, df_below: int) -> FTest:
-    if df_above <= 0 or df_below <= 0 or below <= 0:
-        return FTest(NAN, max(df_above, 0), max(df_below, 0))
-    return FTest(above / df_above / (below / df_below), df_above, df_below)
-
-
 def _each_alone(
     columns: FloatArray, output: FloatArray, replicate: IntArray, names: tuple[str, ...]
 ) -> list[LinearFit]:
@@ -232,16 +187,17 @@ def _drift(alone: list[LinearFit], direction: FloatArray, ss_w: float, df_w: int
     values = np.array([f.coefficients @ direction for f in alone])
     weights = np.array([1.0 / np.sum((direction @ f.root) ** 2) for f in alone])
     ss_b = float(np.sum(weights * (values - np.average(values, weights=weights)) ** 2))
-    return float(np.sqrt(ss_b / df_b)), _ratio(ss_b, df_b, ss_w, df_w)
+    return float(np.sqrt(ss_b / df_b)), ratio(ss_b, df_b, ss_w, df_w)
 
 
 def _joint_drift(
     columns: FloatArray, output: FloatArray, point: IntArray, replicate: IntArray, extra: FloatArray
-) -> tuple[float, FTest]:
+) -> tuple[float, FTest, FloatArray]:
+    """Scatter beyond the replications' own parameters, its test, and what these and `extra` span within points."""
     y = centred(output[:, None], point)
-    before = _within_points(extra, point)
-    both = _within_points(np.column_stack([extra, own_parameters(columns, replicate)]), point)
-    ss_0, ss_1 = float(np.sum(_residual(y, before) ** 2)), float(np.sum(_residual(y, both) ** 2))
+    before = within_points(extra, point)
+    both = within_points(np.column_stack([extra, own_parameters(columns, replicate)]), point)
+    ss_0, ss_1 = float(np.sum(off(y, before) ** 2)), float(np.sum(off(y, both) ** 2))
     df_drift = both.shape[1] - before.shape[1]
     df_pr = len(y) - int(point.max()) - 1 - both.shape[1]
-    return float(np.sqrt(ss_1 / df_pr)) if df_pr > 0 else NAN, _ratio(ss_0 - ss_1, df_drift, ss_1, df_pr)
+    return float(np.sqrt(ss_1 / df_pr)) if df_pr > 0 else NAN, ratio(ss_0 - ss_1, df_drift, ss_1, df_pr), both

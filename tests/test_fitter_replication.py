@@ -5,7 +5,9 @@ import pytest
 from attitude_truth import D1, Bench, Sensor, simulate
 
 from fitter import attitude_columns, fit_attitude, least_squares
-from fitter.replication import FTest, analyse
+from fitter.misfit import lacks_fit
+from fitter.replication import analyse
+from fitter.sums_of_squares import FTest
 
 X_ONLY = Bench(sensors=(Sensor("x"),))
 
@@ -119,6 +121,52 @@ def test_a_temperature_coefficient_hides_from_T_bias():
     r = analyse_run(warm, D1(90, 19), 3)
     assert r.drift_S.value > 20
     assert r.bias.value < 1.6
+
+
+def _line(seed, *, cubic=0.0, drift=0.0, walk=0.0, drop=()):
+    """25 points of a line in 4 replications, scatter 1: Table 2 of it."""
+    rng, x = np.random.default_rng(seed), np.linspace(-1, 1, 25)
+    point, replicate = np.tile(np.arange(25), 4), np.repeat(np.arange(4), 25)
+    y = cubic * (x**3)[point] + rng.normal(size=100) + drift * (np.arange(4.0) - 1.5)[replicate]
+    y += walk * np.cumsum(rng.normal(size=100))
+    kept = np.delete(np.arange(100), drop)
+    columns = np.column_stack([np.ones(100), x[point]])
+    return table(columns[kept], y[kept], point[kept], replicate[kept])[1], columns[kept], y[kept], replicate[kept]
+
+
+def test_a_lack_of_fit_behind_drift_is_said():
+    """Drift in the denominator of T_bias hides a cubic that is plain against what is left without the drift."""
+    plain = _line(1, cubic=6.0)[0]
+    assert lacks_fit(plain)
+    assert plain.blind is None
+    r, columns, y, replicate = _line(1, cubic=6.0, drift=30.0, drop=[3, 40])
+    assert r.bias.value < r.bias.limit_95
+    assert r.blind is not None
+    assert lacks_fit(r)
+    assert "drift between replications makes its denominator" in r.blind.sentence
+    assert "lack of fit is SIGNIFICANT" in r.blind.sentence
+    # the same by full least squares on indicators: points and each replication's own line, against the lines alone
+    own = np.hstack([columns * (replicate == i)[:, None] for i in range(4)])
+    points = (columns[:, 1:] == np.unique(columns[:, 1])).astype(float)
+    lines, both = (np.linalg.lstsq(x, y, rcond=1e-10) for x in (own, np.hstack([own, points])))
+    rss = [np.sum((y - x @ f[0]) ** 2) for x, f in ((own, lines), (np.hstack([own, points]), both))]
+    assert (r.blind.bias.df_above, r.blind.bias.df_below) == (both[2] - lines[2], 98 - both[2])
+    mean_squares = (rss[0] - rss[1]) / (both[2] - lines[2]), rss[1] / (98 - both[2])
+    assert r.blind.bias.value == pytest.approx(mean_squares[0] / mean_squares[1])
+
+
+def test_wander_within_replications_is_said_to_hide_a_lack_of_fit():
+    wandering = _line(2, cubic=6.0, walk=3.0)[0]
+    assert wandering.blind is not None
+    assert "cannot see a lack of fit smaller than the wander within replications" in wandering.blind.sentence
+
+
+def test_nothing_is_said_of_plain_scatter():
+    """Seeds 0 to 199: wander is claimed where there is none in 1 of 1000, lack of fit beside drift in 5 of 100."""
+    assert sum(bool(b and b.wander) for b in (_line(seed)[0].blind for seed in range(200))) <= 2
+    drifting = [_line(seed, drift=30.0)[0].blind for seed in range(200)]
+    assert 2 <= sum(b.lacks_fit for b in drifting) <= 20
+    assert np.mean([b.bias.p for b in drifting]) == pytest.approx(0.5, abs=0.07)
 
 
 def test_missing_points_are_counted_exactly():

@@ -120,7 +120,9 @@ def calibrate_package(
         residuals.append(y - fit.predict(columns))
         alone, extra = fit.first(base.shape[1]), columns[:, base.shape[1] :]
         corrected = residuals[-1] + alone.predict(base)
-        tables.append(analyse(alone, base, corrected, data.point, data.replicate_index, extra, extra.shape[1]))
+        tables.append(
+            analyse(alone, base, corrected, data.point, data.replicate_index, extra, extra.shape[1], data.order)
+        )
         misfits[name] = _misfit(alone, tables[-1], letter if data.has_roll else None)
         spreads.append(replication_spread(base, corrected, data.replicate_index, alone))
     notes = [f"fitted beside the model and not applied in use: {', '.join(sorted(left))}"] if left else []
@@ -201,9 +203,10 @@ def _misfit(alone: LinearFit, table: Replication, axis: str | None) -> Misfit:
             else attitude_parameters(AXES[axis], alone.coefficients, reach)
         )
         error = moved_by(p)
+    blind = "" if table.blind is None else table.blind.sentence
     S_V = float(np.linalg.norm(alone.coefficients[1:]))
     degrees = sigma_deg(table.sigma_bias, S_V) if S_V > 0 else float("nan")
-    return Misfit(table.bias.value, table.bias.limit_95, degrees, error, drifting(table))
+    return Misfit(table.bias.value, table.bias.limit_95, degrees, error, drifting(table), blind)
 
 
 def _as_it_drifts(covariance: FloatArray, spreads: Sequence[FloatArray], models: Sequence[SensorModel]) -> FloatArray:

@@ -19,6 +19,7 @@ class Misfit:
         model_error: by parameter, how far a model error as large as the lack of fit can move it (`fitter.misfit`);
             None where lack of fit is not significant or cannot be tested.
         drifts: whether the parameters still vary between replications by more than chance.
+        blind: why T_bias can miss a lack of fit; "" where nothing speaks for that.
 
     """
 
@@ -27,6 +28,7 @@ class Misfit:
     sigma_bias_deg: float
     model_error: Mapping[str, float] | None = None
     drifts: bool = False
+    blind: str = ""
 
     def sentence(self, sensor: str) -> str:
         """What a reader of the parameters has to know."""
@@ -34,14 +36,16 @@ class Misfit:
             return f"whether lack of fit is left in {sensor} cannot be tested with these data"
         test = f"T_bias {self.T_bias:.3g}, 95 % limit {self.F_bias_95:.3g}"
         if self.model_error is None:
-            return f"no significant lack of fit is left in {sensor} ({test})"
+            found = f"no significant lack of fit is left in {sensor} ({test})"
+            return f"{found}; {self.blind}" if self.blind else found
         moves = ", ".join(
             f"{name.partition('_')[0]} by up to {value:.2g} {'V/g' if name == 'S_V' else name.partition('_')[2]}"
             for name, value in self.model_error.items()
             if name not in ("mx_V", "my_V", "mz_V")
         )
         left = f"{self.sigma_bias_deg:.2g} deg rms; {test}"
-        return f"lack of fit is left in {sensor} ({left}): parameters can be off: {moves}"
+        found = f"lack of fit is left in {sensor} ({left}): parameters can be off: {moves}"
+        return f"{found}; {self.blind}" if self.blind else found
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON; numbers that do not exist are None."""
@@ -50,6 +54,7 @@ class Misfit:
             **{name: value if isfinite(value) else None for name, value in numbers.items()},
             "model_error": None if self.model_error is None else dict(self.model_error),
             "drifts": self.drifts,
+            "blind": self.blind,
         }
 
     @classmethod
@@ -61,7 +66,7 @@ class Misfit:
         }
         error = given["model_error"]
         moved = None if error is None else {str(name): float(value) for name, value in error.items()}
-        return cls(**known, model_error=moved, drifts=bool(given["drifts"]))
+        return cls(**known, model_error=moved, drifts=bool(given["drifts"]), blind=str(given.get("blind", "")))
 
     def widened(self, table: Mapping[str, Any]) -> dict[str, Any]:
         """A parameter table whose intervals hold the model error too.

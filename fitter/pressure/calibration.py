@@ -15,8 +15,8 @@ from fitter.pressure import lack_of_fit
 from fitter.pressure.errors import Errors, Layout, estimate_errors
 from fitter.pressure.methods import METHODS, MethodFit, Problem, coefficient_table, fit_method
 from fitter.pressure.models import HIERARCHICAL, check_determined, named_formula, reduced
-from fitter.replication import FTest
 from fitter.split_plot import SplitPlotFit, fit_split_plot
+from fitter.sums_of_squares import FTest
 from fitter.whole_plot_data import WholePlotData
 
 NOT_NESTED = "too little was measured to give replications an error of their own: it is part of the whole plots'"

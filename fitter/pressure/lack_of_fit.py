@@ -8,7 +8,7 @@ import numpy as np
 
 from fitter.linear import orthonormal
 from fitter.pressure.methods import Problem
-from fitter.replication import NAN, FTest
+from fitter.sums_of_squares import NAN, FTest
 
 
 def lack_of_fit(problem: Problem) -> FTest:

@@ -126,7 +126,9 @@ def _estimate_at(problem: Problem, chosen: tuple[int, ...], level: Level) -> Est
             corrected[i] -= temperature.volts(h, data)
         own = [k for k, j in enumerate(picked) if concerns(problem, j)[i] > 0.01]
         extra = np.column_stack([declared.beside(data), effects[i][:, own]])
-        tables.append(analyse(fit, h, corrected[i], data.point, data.replicate_index, extra, extra.shape[1]))
+        tables.append(
+            analyse(fit, h, corrected[i], data.point, data.replicate_index, extra, extra.shape[1], data.order)
+        )
         fits.append(_joint(fit, h, effects[i][:, own], covariance[np.ix_(own, own)]))
         temperatures.append(temperature)
     apart = tuple(j for j, error in zip(chosen, np.diag(covariance), strict=True) if error > 0)

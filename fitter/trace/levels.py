@@ -20,7 +20,7 @@ from fitter.arrays import FloatArray, IntArray
 from fitter.attitude import attitude_columns
 from fitter.data import AttitudeData
 from fitter.linear import orthonormal
-from fitter.replication import centred, own_parameters
+from fitter.sums_of_squares import centred, own_parameters
 from fitter.trace.walks import Walks, walks_of
 
 Level = Literal["declared", "replications", "points"]

@@ -7,7 +7,7 @@ import numpy as np
 from fitter.arrays import FloatArray
 from fitter.effects.unnamed import HARMONICS, where
 from fitter.linear import orthonormal
-from fitter.replication import FTest, centred
+from fitter.sums_of_squares import FTest, centred
 from fitter.trace.problem import Problem
 from fitter.trace.result import Unnamed
 

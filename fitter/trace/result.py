@@ -14,7 +14,8 @@ from fitter.calibration import JsonValue, coefficient_table, table_2, temperatur
 from fitter.data import AttitudeData
 from fitter.effects import Scene
 from fitter.linear import LinearFit
-from fitter.replication import FTest, Replication
+from fitter.replication import Replication
+from fitter.sums_of_squares import FTest
 from fitter.temperature import Temperature
 from fitter.trace.aliases import Rival
 from fitter.trace.alternatives import Alternative
@@ -256,6 +257,8 @@ class SensorTrace:
     def notes(self) -> tuple[str, ...]:
         """Sentences that stand beside the numbers before and after."""
         notes = [*(one.sentence for one in self.refused), *self.keeping]
+        if self.after.blind is not None:
+            notes.append(self.after.blind.sentence)
         if not self.temperature_recorded:
             notes.append("no sensor temperature was recorded: temperature effects could not be tested")
         if self.effects and self.after.drift_b.value > self.before.drift_b.value:

@@ -78,6 +78,8 @@ def _show_sensor(name: str, sensor: Mapping[str, Any]) -> None:
             continue
         verdict = "[yellow]significant[/]" if significant(sensor, test) else "not significant"
         out.print(f"  {test:<8} {value:9.3g}  (95 % limit {bound:.3g})  {what}: {verdict}")
+    if sensor["T_bias_blind"] is not None:
+        out.print(f"  [yellow]{escape(sensor['T_bias_blind'])}[/]", soft_wrap=True)
     out.print()
 
 

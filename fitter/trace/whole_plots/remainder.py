@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
-from fitter.replication import FTest
+from fitter.sums_of_squares import FTest
 from fitter.trace.result import Unnamed
 from fitter.trace.whole_plots.problem import Problem
 from fitter.trace.whole_plots.score import beside

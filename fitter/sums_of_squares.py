@@ -1,0 +1,71 @@
+"""Sums of squares of replicated points, and the F tests between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitter.arrays import FloatArray, IntArray
+from fitter.linear import orthonormal
+from fitter.quantiles import f_limit, f_tail
+
+NAN = float("nan")
+
+
+@dataclass(frozen=True)
+class FTest:
+    """A ratio of mean squares, its 95 % limit and the probability of exceeding it by chance.
+
+    NaN throughout where the data leave no degrees of freedom for the test.
+    """
+
+    value: float
+    df_above: int
+    df_below: int
+
+    @property
+    def limit_95(self) -> float:
+        """Value stayed below with 95 % probability when there is nothing to find."""
+        return f_limit(0.95, self.df_above, self.df_below)
+
+    @property
+    def p(self) -> float:
+        """Probability of a larger value when there is nothing to find."""
+        return f_tail(self.value, self.df_above, self.df_below) if np.isfinite(self.value) else NAN
+
+
+def centred(columns: FloatArray, group: IntArray) -> FloatArray:
+    """(n, q) `columns` less their mean over each group; `group` (n,) numbers from 0."""
+    size = np.bincount(group)
+    out = np.empty_like(columns)
+    for j in range(columns.shape[1]):
+        mean = np.bincount(group, columns[:, j]) / np.maximum(size, 1)
+        out[:, j] = columns[:, j] - mean[group]
+    return out
+
+
+def own_parameters(columns: FloatArray, replicate: IntArray) -> FloatArray:
+    """(n, n_rep L) the declared model's columns once for each replication, zero outside it."""
+    n, k = columns.shape
+    n_rep = int(replicate.max()) + 1
+    out = np.zeros((n, n_rep, k))
+    out[np.arange(n), replicate] = columns
+    return out.reshape(n, n_rep * k)
+
+
+def within_points(columns: FloatArray, point: IntArray) -> FloatArray:
+    """(n, rank) orthonormal basis of what of (n, q) `columns` varies within points."""
+    return orthonormal(centred(columns, point), np.linalg.norm(columns, axis=0))
+
+
+def off(columns: FloatArray, basis: FloatArray) -> FloatArray:
+    """What of `columns` lies outside an orthonormal basis."""
+    return np.asarray(columns - basis @ (basis.T @ columns))
+
+
+def ratio(above: float, df_above: int, below: float, df_below: int) -> FTest:
+    """The test of one sum of squares against another."""
+    if df_above <= 0 or df_below <= 0 or below <= 0:
+        return FTest(NAN, max(df_above, 0), max(df_below, 0))
+    return FTest(above / df_above / (below / df_below), df_above, df_below)
