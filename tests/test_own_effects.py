@@ -8,6 +8,7 @@ from attitude_truth import D1, Bench, simulate
 from whole_plot_truth import simulate as simulate_pressure
 
 from fitter.effects import CATALOGUE, PRESSURE_CATALOGUE
+from fitter.effects.effect import Largest
 from fitter.effects.own import own_effects
 from fitter.trace import trace, trace_whole_plots
 from rig.effects import attitude_catalogue, pressure_catalogue
@@ -106,3 +107,8 @@ def test_a_column_that_is_no_number_is_refused_by_its_text(formula):
     data, _ = simulate(Bench(), D1(180, 5, 5, replications=2), seed=1)
     with pytest.raises(ValueError, match="effect's column"):
         trace(data, (effect,), validate=False)
+
+
+def test_a_bound_that_whole_plots_do_not_ask_is_refused():
+    with pytest.raises(ValueError, match="is at_most, not largest"):
+        replace(PRESSURE_CATALOGUE[0], largest=Largest(1.0, "1 psi"))

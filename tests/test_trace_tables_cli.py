@@ -62,6 +62,7 @@ def test_json_report_and_keys(rig, table, tmp_path):
     assert result["data"] == {"file": "cells.csv", "points": 120, "kind": "general"}
     found = result["sensors"]["y"]
     assert {"declared", "verdict", "before", "effects", "after", "unnamed", "notes", "fitted", "sentence"} <= set(found)
+    assert any("no sign and no largest size is asked" in note for note in found["notes"])
     assert found["verdict"] == "explained"
     assert set(found["before"]) == set(found["after"]) >= SIDE_KEYS
     effect = found["effects"][0]

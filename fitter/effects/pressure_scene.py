@@ -209,6 +209,11 @@ class PressureEffect(Entry):
     of_noise: bool = False
     on_suspicion: bool = False
 
+    def __post_init__(self) -> None:
+        """Refuse a bound that the search of whole-plot runs does not ask. Raises ValueError."""
+        if self.largest is not None:
+            raise ValueError(f"effect {self.name}: the bound of a PressureEffect is at_most, not largest")
+
 
 def settling(tau_h: float) -> tuple[str, Callable[[PressureScene], FloatArray]]:
     """Name and column of what an element with this time constant still lacks of the pressure."""

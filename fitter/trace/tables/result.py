@@ -14,6 +14,11 @@ from fitter.trace.tables.estimate import Estimate
 from fitter.trace.tables.smooth import Smooth
 from fitter.trace.whole_plots.result import OF_ATTITUDE
 
+UNBOUNDED = (
+    "no sign and no largest size is asked of an effect in tables of any kind: whether the named cause can be as large, "
+    "and have that sign, is for the reader to judge"
+)
+
 
 @dataclass(frozen=True, eq=False)
 class FoundTableEffect(Found):
@@ -123,6 +128,7 @@ class TableTrace:
         notes = list(self.remarks)
         if self.added:
             notes.append("standard errors of the effects are conditional on their having been selected on these data")
+            notes.append(UNBOUNDED)
         before, after = self.before.cv_rms, self.after.cv_rms
         if self.left_out and before is not None and after is not None:
             if self.added and after > CONFIRMED * before:
