@@ -114,6 +114,7 @@ def test_what_a_finished_run_answers(finished, tmp_path):
     status = json.loads(rig("status", finished, "--json", cwd=tmp_path).stdout)
     assert status["state"] == "complete"
     assert status["accepted"] == status["points"] == 30
+    assert status["acceptance"] is None
     assert rig("verify", finished, cwd=tmp_path).returncode == 0
     resumed = rig("resume", finished, cwd=tmp_path)
     assert resumed.returncode == 0
@@ -253,7 +254,12 @@ def test_outside_acceptance_ends_with_3_and_a_complete_run(tmp_path):
     done = rig("run", "short.toml", "--bench", LAB / "bench.toml", "--dry", cwd=tmp_path)
     assert done.returncode == 3
     assert "outside acceptance" in done.stderr
-    assert json.loads(rig("status", done.stdout.strip(), "--json", cwd=tmp_path).stdout)["state"] == "complete"
+    status = json.loads(rig("status", done.stdout.strip(), "--json", cwd=tmp_path).stdout)
+    assert status["state"] == "complete"
+    assert status["acceptance"]["inside"] is False
+    assert set(status["acceptance"]["sensors"]) == {"x_V", "y_V", "z_V"}
+    (finished,) = [line for line in done.stderr.splitlines() if line.startswith("x_V is outside acceptance")]
+    assert f"  {finished}" in rig("status", done.stdout.strip(), cwd=tmp_path).stdout.splitlines()
 
 
 def test_on_a_terminal_the_run_files_path_still_goes_to_stdout(tmp_path):

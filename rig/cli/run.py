@@ -15,6 +15,7 @@ import typer
 from rich.markup import escape
 
 from rig.cli import app
+from rig.cli.accepted import Acceptance
 from rig.cli.show import err, mark, run_progress
 from rig.cli.unattended import (
     Listening,
@@ -222,23 +223,11 @@ def warnings_in(run_file: Path) -> list[str]:
 
 def _outside_acceptance(result: Result) -> bool:
     """Hold a complete run against the procedure's acceptance limits; says what it found."""
-    from rig.acceptance import judge  # noqa: PLC0415
-
     if result.procedure is None:
         return False
-    try:
-        verdicts = judge(result.procedure, result.path)
-    except RigError as error:
-        err.print(f"[red]acceptance cannot be judged:[/] {escape(str(error))}")
-        return True
-    for verdict in verdicts:
-        if not verdict.inside:
-            err.print(f"[red]{escape(verdict.sensor)} is outside acceptance:[/] {escape(verdict.found)}")
-    if verdicts and all(verdict.inside for verdict in verdicts):
-        err.print(f"every sensor is inside acceptance ({verdicts[0].limit}):")
-        for verdict in verdicts:
-            err.print(f"  {escape(verdict.sensor)}: {escape(verdict.found)}", soft_wrap=True)
-    return any(not verdict.inside for verdict in verdicts)
+    acceptance = Acceptance.of(result.procedure, result.path)
+    acceptance.show(err)
+    return acceptance.outside
 
 
 def signals() -> Signals:

@@ -10,6 +10,7 @@ import typer
 from rich.markup import escape
 
 from rig.cli import app
+from rig.cli.accepted import Acceptance
 from rig.cli.run import JsonOption, warnings_in
 from rig.cli.runs import check_code, list_runs
 from rig.cli.show import mark, out, print_json
@@ -33,6 +34,8 @@ def status(
     ] = False,
 ) -> int:
     """Show what a run has come to, running or not; of a folder, its runs, the newest first.
+
+    A complete run is fitted and held against its procedure's acceptance limits, as at its end.
 
     With --check it ends with 0 if the run is complete, 6 if it is running, 4 if it was stopped, 1 if it ended by a
     fault, 75 if it was interrupted or never begun. A file that was edited or damaged ends with 1 in any case.
@@ -82,6 +85,9 @@ def _status(run_file: Path, *, check: bool, as_json: bool) -> ExitCode:
         "goes_on_in": str(other) if other else None,
     }
     broken = wrong is not None and wrong.where not in CUT_SHORT
+    judged = state.ended == "complete" and state.accepted and not broken
+    acceptance = Acceptance.of_run(run_file) if judged else Acceptance()
+    summary["acceptance"] = acceptance.to_json()
     code = ExitCode.FAULT if broken else check_code(state, run_file) if check else ExitCode.DONE
     if as_json:
         print_json(summary)
@@ -91,6 +97,7 @@ def _status(run_file: Path, *, check: bool, as_json: bool) -> ExitCode:
     out.print(f"{mark(state.simulated)}[bold]{what}[/] on {where}: {summary['state']}")
     out.print(f"  {summary['accepted']} of {summary['points']} points in {duration(summary['elapsed_s'])}{left}")
     out.print(f"  {summary['sessions']} session(s), last record {summary['last_record_utc']}")
+    acceptance.show(out, indent="  ")
     name = escape(str(run_file))
     if wrong and not broken:
         out.print(

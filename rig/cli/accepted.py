@@ -1,0 +1,81 @@
+"""A complete run beside the acceptance limits of its procedure, for the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+from rich.markup import escape
+
+from procedures import Procedure
+from rig.errors import RigError
+from rig.plans import stored_plan
+from rig.run_file.reader import RunReader
+
+if TYPE_CHECKING:
+    from rig.acceptance import Verdict
+
+
+@dataclass(frozen=True)
+class Acceptance:
+    """How every sensor stands.
+
+    Attributes:
+        verdicts: one a sensor; none without a limit.
+        problem: why it cannot be judged; "" where it can.
+
+    """
+
+    verdicts: Sequence[Verdict] = ()
+    problem: str = ""
+
+    @classmethod
+    def of(cls, procedure: Procedure, run_file: Path) -> Acceptance:
+        """Of a complete run by the limits of a procedure. Nothing that fits is loaded where there are none."""
+        limits = procedure.acceptance.model_dump(exclude={"at_psia"})
+        if all(limit is None for limit in limits.values()):
+            return cls()
+        from rig.acceptance import judge  # noqa: PLC0415
+
+        try:
+            return cls(judge(procedure, run_file))
+        except RigError as error:
+            return cls(problem=str(error))
+
+    @classmethod
+    def of_run(cls, run_file: Path) -> Acceptance:
+        """Of a complete run by the limits that are in its file."""
+        try:
+            with RunReader.open(run_file) as reader:
+                procedure = stored_plan(reader, run_file, None).procedure
+        except RigError as error:
+            return cls(problem=str(error))
+        return cls.of(procedure, run_file)
+
+    @property
+    def outside(self) -> bool:
+        """Whether a sensor is outside its limit, or that cannot be told."""
+        return bool(self.problem) or any(not verdict.inside for verdict in self.verdicts)
+
+    def show(self, console: Console, indent: str = "") -> None:
+        """Say it; nothing without a limit."""
+        if self.problem:
+            console.print(f"{indent}[red]acceptance cannot be judged:[/] {escape(self.problem)}", soft_wrap=True)
+        for one in self.verdicts:
+            if not one.inside:
+                said = f"[red]{escape(one.sensor)} is outside acceptance:[/] {escape(one.found)}"
+                console.print(f"{indent}{said}", soft_wrap=True)
+        if self.verdicts and not self.outside:
+            console.print(f"{indent}every sensor is inside acceptance ({self.verdicts[0].limit}):")
+            for one in self.verdicts:
+                console.print(f"{indent}  {escape(one.sensor)}: {escape(one.found)}", soft_wrap=True)
+
+    def to_json(self) -> dict[str, Any] | None:
+        """None without a limit; `inside` is None where it cannot be judged."""
+        if not self.verdicts and not self.problem:
+            return None
+        sensors = {one.sensor: {"inside": one.inside, "found": one.found, "limit": one.limit} for one in self.verdicts}
+        return {"inside": None if self.problem else not self.outside, "problem": self.problem, "sensors": sensors}
