@@ -110,6 +110,11 @@ def _begun_with(run: RunReader, path: Path) -> RunList:
     return stored
 
 
+def has_plan(run: RunReader) -> bool:
+    """Whether a run file holds the files it was begun with; those of tests and of other programs need not."""
+    return {"bench.toml", "procedure.toml"} <= run.documents().keys()
+
+
 def stored_plan(run: RunReader, path: Path, bench: Path | None) -> Plan:
     """The plan that a run file was begun with.
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
+from command import rig
 from few_sensors import with_sensors
 
 from rig.config import parse_toml
@@ -49,6 +51,15 @@ class Told:
         return (elapsed + left - self.end) / self.end
 
 
+def left_in(run_file: Path) -> float:
+    """What `rig status` says of an interrupted run, hours."""
+    status = rig("status", run_file, "--json", cwd=run_file.parent)
+    assert status.returncode == 0, status.stderr
+    left = json.loads(status.stdout)["remaining_s"] / 3600.0
+    assert " left once it is resumed" in rig("status", run_file, cwd=run_file.parent).stdout
+    return float(left)
+
+
 def made(plan: Plan, folder: Path) -> Told:
     told = Told()
     result = start_run(plan, folder, signals=Signals(), announce=lambda _: None, on_progress=told)
@@ -81,9 +92,11 @@ def test_time_left_after_an_interruption_in_a_whole_plot(pressure: Plan, tmp_pat
     paths: list[Path] = []
     with pytest.raises(Killed):
         start_run(pressure, tmp_path, signals=Signals(), announce=paths.append, on_progress=Told(kill_at=17))
+    interrupted = left_in(paths[0])
     told = Told()
     result = resume_run(paths[0], signals=Signals(), on_progress=told, dry_gap_s=12 * 3600.0)
     assert result.outcome is Outcome.COMPLETE
+    assert interrupted == pytest.approx(told.end - told.news[15][0], rel=0.1), "one whole plot of 15 comes on top"
     assert 15 in told.news, "the sixth whole plot was begun again"
     stages = (15, 16, 18, 30, 57)
     assert {done: told.off(done) for done in stages} == pytest.approx(dict.fromkeys(stages, 0.0), abs=WITHIN)
@@ -104,7 +117,9 @@ def test_time_left_of_attitude_sensors_resumed_too(tmp_path: Path) -> None:
     paths: list[Path] = []
     with pytest.raises(Killed):
         start_run(plan, tmp_path, signals=Signals(), announce=paths.append, on_progress=Told(kill_at=60))
+    interrupted = left_in(paths[0])
     again = Told()
     assert resume_run(paths[0], signals=Signals(), on_progress=again, dry_gap_s=7200.0).outcome is Outcome.COMPLETE
+    assert interrupted == pytest.approx(again.end - again.news[61][0], rel=WITHIN)
     stages = (61, 70, 100, 170)
     assert {done: again.off(done) for done in stages} == pytest.approx(dict.fromkeys(stages, 0.0), abs=WITHIN)

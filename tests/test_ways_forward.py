@@ -13,8 +13,8 @@ from dry import LAB
 from ideal_bench import new_run, run_session
 from small_run import write_small
 
-from rig.engine.journal import typical_s
 from rig.engine.session import Outcome, Signals
+from rig.engine.time_left import typical_s
 from rig.plans import load_plan
 from rig.run_file.creation import Genesis, create
 from rig.run_file.last_word import head_path

@@ -12,7 +12,7 @@ from rich.markup import escape
 
 from procedures import Procedure
 from rig.errors import RigError
-from rig.plans import stored_plan
+from rig.plans import has_plan, stored_plan
 from rig.run_file.reader import RunReader
 
 if TYPE_CHECKING:
@@ -50,6 +50,8 @@ class Acceptance:
         """Of a complete run by the limits that are in its file."""
         try:
             with RunReader.open(run_file) as reader:
+                if not has_plan(reader):
+                    return cls()
                 procedure = stored_plan(reader, run_file, None).procedure
         except RigError as error:
             return cls(problem=str(error))

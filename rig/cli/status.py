@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Any
@@ -15,10 +16,14 @@ from rig.cli.run import JsonOption, warnings_in
 from rig.cli.runs import check_code, list_runs
 from rig.cli.show import mark, out, print_json
 from rig.durations import duration
-from rig.errors import ExitCode
+from rig.engine.time_left import left_when_resumed_s
+from rig.errors import ExitCode, RigError
+from rig.plans import has_plan, stored_plan
+from rig.run_file.audit import Finding
 from rig.run_file.elsewhere import goes_on_in
 from rig.run_file.live import read_live, silent_s
 from rig.run_file.opening import sensible
+from rig.run_file.reader import RunReader
 from rig.run_file.state import RunState
 from rig.run_file.verification import CUT_SHORT, glance
 
@@ -55,8 +60,10 @@ def _status(run_file: Path, *, check: bool, as_json: bool) -> ExitCode:
         genesis = reader.genesis()
         count, head = reader.head()
         other = goes_on_in(reader, state)
-    said = read_live(run_file)
-    running, live = said is not None, said or {}
+        said = read_live(run_file)
+        running, live = said is not None, said or {}
+        broken = wrong is not None and wrong.where not in CUT_SHORT
+        remaining_s = live.get("remaining_s") if running or broken else _left_when_resumed_s(reader, state, run_file)
     summary: dict[str, Any] = {
         "run_id": state.run_id,
         "simulated": state.simulated,
@@ -69,7 +76,7 @@ def _status(run_file: Path, *, check: bool, as_json: bool) -> ExitCode:
         "skipped": {str(k): v for k, v in state.skipped.items()},
         "sessions": state.sessions,
         "elapsed_s": live.get("elapsed_s", state.elapsed_s),
-        "remaining_s": live.get("remaining_s"),
+        "remaining_s": remaining_s,
         "last_record_utc": datetime.fromtimestamp(state.utc_s, UTC).isoformat(timespec="seconds"),
         "last_fault": state.last_fault,
         "decisions": state.decisions,
@@ -84,7 +91,6 @@ def _status(run_file: Path, *, check: bool, as_json: bool) -> ExitCode:
         "finding": str(wrong) if wrong else "",
         "goes_on_in": str(other) if other else None,
     }
-    broken = wrong is not None and wrong.where not in CUT_SHORT
     judged = state.ended == "complete" and state.accepted and not broken
     acceptance = Acceptance.of_run(run_file) if judged else Acceptance()
     summary["acceptance"] = acceptance.to_json()
@@ -92,22 +98,16 @@ def _status(run_file: Path, *, check: bool, as_json: bool) -> ExitCode:
     if as_json:
         print_json(summary)
         return code
-    left = "" if summary["remaining_s"] is None else f", {duration(summary['remaining_s'])} left"
+    left = "" if remaining_s is None else f", {duration(remaining_s)} left"
+    if remaining_s is not None and not running:
+        left = f", about {duration(remaining_s)} left once it is resumed"
     what, where = escape(summary["procedure"]), escape(summary["bench"])
     out.print(f"{mark(state.simulated)}[bold]{what}[/] on {where}: {summary['state']}")
     out.print(f"  {summary['accepted']} of {summary['points']} points in {duration(summary['elapsed_s'])}{left}")
     out.print(f"  {summary['sessions']} session(s), last record {summary['last_record_utc']}")
     acceptance.show(out, indent="  ")
     name = escape(str(run_file))
-    if wrong and not broken:
-        out.print(
-            f"  [bold yellow]cut short:[/] {escape(str(wrong))}; rig resume measures again what is gone", soft_wrap=True
-        )
-    elif wrong:
-        what = f"edited or damaged: {escape(str(wrong))}. Do not trust what is said here; rig verify {name} lists all"
-        out.print(f"  [bold red]NOT WHOLE:[/] {what}", soft_wrap=True)
-    elif not looked:
-        out.print(f"  not verified, {count} records take a while: rig verify {name}", soft_wrap=True)
+    _tell_whole(summary, wrong, name)
     for index, why in summary["skipped"].items():
         out.print(f"  [yellow]point {index} skipped:[/] {escape(why)}")
     for number, why in summary["whole_plots_lost"].items():
@@ -134,6 +134,30 @@ def _status(run_file: Path, *, check: bool, as_json: bool) -> ExitCode:
     if not running and state.ended is None and not broken:
         out.print(f"  carry on with: rig resume {name if other is None else escape(str(other))}", soft_wrap=True)
     return code
+
+
+def _tell_whole(summary: Mapping[str, Any], wrong: Finding | None, name: str) -> None:
+    """Whether the file is whole."""
+    if wrong is not None and wrong.where in CUT_SHORT:
+        out.print(
+            f"  [bold yellow]cut short:[/] {escape(str(wrong))}; rig resume measures again what is gone", soft_wrap=True
+        )
+    elif wrong:
+        what = f"edited or damaged: {escape(str(wrong))}. Do not trust what is said here; rig verify {name} lists all"
+        out.print(f"  [bold red]NOT WHOLE:[/] {what}", soft_wrap=True)
+    elif summary["whole"] is None:
+        out.print(f"  not verified, {summary['records']} records take a while: rig verify {name}", soft_wrap=True)
+
+
+def _left_when_resumed_s(reader: RunReader, state: RunState, run_file: Path) -> float | None:
+    """How long the rest of an interrupted run will take; None where that cannot be told."""
+    if state.ended is not None or not has_plan(reader):
+        return None
+    try:
+        plan = stored_plan(reader, run_file, None)
+        return left_when_resumed_s(reader, state, plan.run_list, plan.procedure, plan.bench)
+    except RigError:
+        return None  # what is wrong with the file stands elsewhere
 
 
 def _silence(run_file: Path) -> float:

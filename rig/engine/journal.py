@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import itertools
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -17,6 +16,7 @@ from rig.engine.pace import Pace
 from rig.engine.session import Progress, Session
 from rig.engine.settling import Settling
 from rig.engine.states import State
+from rig.engine.time_left import LAST_POINTS, spent_s, typical_s
 from rig.run_file.chain import Record, encode
 from rig.run_file.live import LiveState
 from rig.run_file.state import RunState
@@ -24,20 +24,6 @@ from rig.run_file.writer import RunWriter
 
 _SHOWN_S, _SHOWN = 1800.0, 120
 """How much of a settling quantity's trace the live state tells: the last half hour, so many samples at most."""
-_PACE = 200
-"""How many of the last points tell how long one takes."""
-
-
-def typical_s(spent_s: Sequence[float]) -> float:
-    """What a point takes on average, seconds; the longest 2 % (of three or more, one) count as the next longest.
-
-    A process that was stopped for hours, or a machine that slept, makes one point as long; ways that are long by
-    design come again and again, and count in full.
-    """
-    ordered = sorted(spent_s)
-    longest = max(1, len(ordered) // 50) if len(ordered) > 2 else 0
-    kept = ordered[: len(ordered) - longest]
-    return (sum(kept) + longest * kept[-1]) / len(ordered)
 
 
 @dataclass
@@ -117,7 +103,9 @@ class Journal:
         self._live = LiveState(run.path, clock.stopwatch)
         self._acknowledged = ""
         self._taken_up_s = 0.0
-        self._pace: deque[float] = deque(self._seen_before(), maxlen=_PACE)
+        self._pace: deque[float] = deque(maxlen=LAST_POINTS)
+        if pace is None:
+            self._pace.extend(spent_s(self.recent(LAST_POINTS)))
         self._first = True
         self._point_s = typical_s(self._pace) if self._pace else None
         if pace is not None:
@@ -233,13 +221,6 @@ class Journal:
         else:
             self._pace.append(self.elapsed() - self._taken_up_s)
             self._point_s = typical_s(self._pace)
-
-    def _seen_before(self) -> Iterator[float]:
-        """Seconds from each to the next of the points that earlier sessions observed last."""
-        if self._soaks is None:
-            for before, now in itertools.pairwise(self.recent(_PACE)):
-                if before.session == now.session and before.run_index == (now.run_index or 0) - 1:
-                    yield now.elapsed_s - before.elapsed_s
 
     def begin_whole_plot(self, planned: int, body: Mapping[str, Any]) -> None:
         """A soak is over: what follows belongs to a new whole plot. Raises `StorageError`."""

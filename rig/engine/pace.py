@@ -139,6 +139,11 @@ class Pace:
         self._open[index] = False
         self._left = None
 
+    def interrupted(self, elapsed_s: float) -> None:
+        """Nothing runs now: a soak that was under way begins anew with the next session."""
+        self._last = self._began = None
+        self._session_s = elapsed_s
+
     def remaining_s(self, elapsed_s: float) -> float:
         """Bench seconds that the rest will take, at some elapsed time."""
         if self._left is None:
