@@ -17,7 +17,7 @@ from rig.cli import app
 from rig.cli import chart as _registers  # noqa: F401
 from rig.closed_loop import fit_table
 from rig.closed_loop.chart import chart_calibrations
-from rig.closed_loop.chart_inputs import read_all
+from rig.closed_loop.chart_together import read_all
 from rig.errors import UsageError
 from rig.report.chart import chart_report
 from rig.tables import run_table, write_csv
@@ -175,6 +175,22 @@ def test_what_does_not_belong_together_is_refused(runs, tables, tmp_path):
     flat = make_run(tmp_path, 9, text=PROCEDURE.replace("roll_deg = [-120, 0, 120]", "roll_deg = [0]"))
     with pytest.raises(UsageError, match=r"attitude-x in .* and attitude-no-roll in"):
         chart_calibrations(read_all([runs[0], flat]), TODAY)
+
+
+def test_what_cannot_be_compared_is_left_out_and_named(runs, tables, tmp_path, capsys):
+    """Of several calibrations, those that fit the most others are charted; the rest is named with its reason."""
+    flat = make_run(tmp_path, 9, text=PROCEDURE.replace("roll_deg = [-120, 0, 120]", "roll_deg = [0]"))
+    few = make_run(tmp_path, 8, text=PROCEDURE.replace("[-90, -45, 0, 45, 90]", "[0]"))
+    asked = ["chart", *runs[:2], flat, few, tables[2], "--sensor", "x_V", "--json", "--today", "2026-01-01"]
+    assert app(asked, standalone_mode=False) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert [one["file"] for one in found["data"]["calibrations"]] == runs[:2]
+    reasons = {one["file"]: one["reason"] for one in found["left_out"]}
+    assert set(reasons) == {flat, few, tables[2].partition("@")[0]}
+    assert "attitude-no-roll in" in reasons[flat]
+    assert "do not determine" in reasons[few]
+    assert "is simulated and" in reasons[tables[2].partition("@")[0]]
+    assert all(f"{file} is left out: {reason}" in found["notes"] for file, reason in reasons.items())
 
 
 def test_notes_say_what_is_doubtful(runs, tmp_path):

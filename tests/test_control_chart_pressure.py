@@ -16,7 +16,7 @@ from fitter.history import pressure_charted
 from fitter.pressure import fit_pressure
 from rig.closed_loop import fit_table
 from rig.closed_loop.chart import chart_calibrations
-from rig.closed_loop.chart_inputs import read_all
+from rig.closed_loop.chart_together import read_all
 from rig.errors import UsageError
 from rig.tables import read_table, write_csv
 

@@ -66,13 +66,15 @@ def chart(
     Example: `rig chart runs/2026*.sqlite --tolerance 5e-4 --usage 30 --report chart.html`
     """
     from rig.closed_loop.chart import chart_calibrations  # noqa: PLC0415
-    from rig.closed_loop.chart_inputs import path_of, read_all  # noqa: PLC0415
+    from rig.closed_loop.chart_inputs import path_of  # noqa: PLC0415
+    from rig.closed_loop.chart_together import read_together  # noqa: PLC0415
 
     check_not_input([report], [path_of(source) for source in calibrations])
     if report is not None:
         check_writable(report)
+    given, left_out = read_together(calibrations, formula, sensor or ())
     charted = chart_calibrations(
-        read_all(calibrations, formula), _today(today), sensors=sensor or (), tolerance=tolerance, usage_deg=usage
+        given, _today(today), sensors=sensor or (), tolerance=tolerance, usage_deg=usage, left_out=left_out
     )
     if report is not None:
         from rig.report.chart import write_chart_report  # noqa: PLC0415

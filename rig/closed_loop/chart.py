@@ -12,8 +12,9 @@ import numpy as np
 from fitter.history import Between, Calibrated, Chart, Charted, chart
 from fitter.inverse import CurveCalibration
 from fitter.pressure import PressureFit
-from rig.closed_loop.chart_inputs import Given, check_alike, notes
+from rig.closed_loop.chart_inputs import Given, notes
 from rig.closed_loop.chart_json import quantity_json
+from rig.closed_loop.chart_together import LeftOut
 from rig.closed_loop.chart_views import of_attitude, of_curve, of_pressure
 from rig.closed_loop.chart_words import due_sentence, quantity_sentences
 from rig.errors import UsageError
@@ -150,12 +151,14 @@ class ControlCharts:
         given: the calibrations, in order of time.
         sensors: by output column.
         notes: what a reader should know.
+        left_out: files that are not charted.
 
     """
 
     given: Sequence[Given]
     sensors: Mapping[str, SensorChart]
     notes: Sequence[str]
+    left_out: Sequence[LeftOut] = ()
 
     @property
     def simulated(self) -> bool:
@@ -173,6 +176,7 @@ class ControlCharts:
                     for one in self.given
                 ],
             },
+            "left_out": [{"file": one.source, "reason": one.reason} for one in self.left_out],
             "notes": list(self.notes),
             "sensors": {name: sensor.to_json() for name, sensor in self.sensors.items()},
         }
@@ -185,6 +189,7 @@ def chart_calibrations(
     sensors: Sequence[str] = (),
     tolerance: float | None = None,
     usage_deg: float | None = None,
+    left_out: Sequence[LeftOut] = (),
 ) -> ControlCharts:
     """Chart every sensor that is in all calibrations.
 
@@ -194,9 +199,10 @@ def chart_calibrations(
         sensors: names of the outputs to chart; none for all.
         tolerance: of the output, deg or psi; None for the 95 % interval of one reading.
         usage_deg: attitude: pitch within +- this; None for the range calibrated last.
+        left_out: files that are not charted, to be named.
 
     Raises:
-        UsageError: a sensor is not in all calibrations, or was calibrated by different models.
+        UsageError: a sensor is not in all calibrations.
 
     """
     common = [name for name in given[0].sensors if all(name in one.sensors for one in given)]
@@ -210,14 +216,13 @@ def chart_calibrations(
         )
     if usage_deg is not None and given[0].kind != "pitch-roll":
         raise UsageError("--usage is a range of pitch; others are charted over the range calibrated")
-    remarks = notes(given)
+    remarks = [f"{one.source} is left out: {one.reason}" for one in left_out] + notes(given)
     if not sensors:
         left = sorted({name for one in given for name in one.sensors} - set(common))
         remarks += [f"{name} is not in all of these calibrations and is left out" for name in left]
     years = np.array([(one.when - given[0].when) / timedelta(days=DAYS) for one in given])
     found = {}
     for name in dict.fromkeys(sensors or common):
-        check_alike(name, given)
         every = [one.sensors[name] for one in given]
         attitude = [one for one in every if isinstance(one, Calibrated)]
         pressure = [one for one in every if isinstance(one, PressureFit)]
@@ -243,4 +248,4 @@ def chart_calibrations(
             told=tolerance is not None,
             today=today,
         )
-    return ControlCharts(given, found, remarks)
+    return ControlCharts(given, found, remarks, left_out)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from itertools import pairwise
 from pathlib import Path
@@ -28,8 +28,6 @@ from rig.tables.unused import Unused, sentences, unused_in_fit
 
 _EARLIEST, _LATEST = 1900, 2200
 """Years between which a calibration may be dated; others are slips of the finger."""
-_TURNED_DEG = 45.0
-"""Between the sensitive axes of one sensor: no misalignment is as large, a remounted or exchanged sensor is."""
 _ALIKE_DEGC = 0.5
 """Between the mean temperatures of calibrations: at 50 ppm a degC, 25 ppm."""
 
@@ -73,56 +71,6 @@ class Given:
     def date(self) -> str:
         """Of the calibration, as 2026-01-15."""
         return f"{self.when:%Y-%m-%d}"
-
-
-def read_all(sources: Sequence[str], formula: str | None = None) -> list[Given]:
-    """Every calibration, in order of time.
-
-    Args:
-        sources: files; those that do not say when they were measured as FILE@2026-01-15 or FILE@2026-01-15T18:00.
-        formula: whole plots: the model, a name or a formula; the full second order if None.
-
-    Raises:
-        UsageError: a file cannot be used, there are fewer than two, one is there twice, or calibrations of two kinds,
-            or real and simulated ones, are mixed.
-
-    """
-    if len(sources) < 2:
-        raise UsageError(
-            "a chart needs at least two calibrations (three for a trend and a due date, four for a step); name more "
-            "run files, calibration files or tables"
-        )
-    given = sorted((read(source, formula) for source in sources), key=lambda one: one.when)
-    _check_once(given)
-    for one in given[1:]:
-        if one.kind != given[0].kind:
-            raise UsageError(
-                f"{given[0].source} is a {given[0].kind} calibration and {one.source} a {one.kind} one: they do not "
-                f"belong on one chart"
-            )
-    simulated = [one for one in given if one.simulated]
-    if simulated and len(simulated) < len(given):
-        real = next(one for one in given if not one.simulated)
-        raise UsageError(
-            f"{simulated[0].source} is simulated and {real.source} is not: they do not belong on one chart; leave one "
-            f"kind out"
-        )
-    return _at_one_temperature(given)
-
-
-def _at_one_temperature(given: list[Given]) -> list[Given]:
-    """Where every calibration's declared model has temperature, all at the mean of what they were taken at."""
-    degC = [one.degC for one in given if one.degC is not None and one.corrected]
-    if len(degC) < len(given):
-        return given
-    common = float(np.mean(degC))
-    return [
-        replace(
-            one,
-            sensors={name: s.at(common) if isinstance(s, Calibrated) else s for name, s in one.sensors.items()},
-        )
-        for one in given
-    ]
 
 
 def read(source: str, formula: str | None = None) -> Given:
@@ -307,68 +255,3 @@ def _when(path: Path, provenance: Mapping[str, Any], told: datetime | None) -> d
     if first is None or last is None:
         raise UsageError(f"{path} does not say when it was measured: {began!r} is no date")
     return first + (last - first) / 2
-
-
-def _check_another(name: str, before: Given, after: Given) -> None:
-    """A calibration is another one of the same sensor: not the same data again, nor a sensor that was turned."""
-    old, new = before.sensors[name], after.sensors[name]
-    if isinstance(old, CurveCalibration) and isinstance(new, CurveCalibration):
-        if np.array_equal(old.coefficients, new.coefficients):
-            raise UsageError(f"{before.source} and {after.source} are of the same data: leave one of them out")
-        return
-    if not (isinstance(old, Calibrated) and isinstance(new, Calibrated)):
-        return
-    if old.coefficients.shape != new.coefficients.shape:
-        return
-    if np.array_equal(old.coefficients, new.coefficients):
-        raise UsageError(
-            f"{before.source} and {after.source} are of the same data: {name} has the same coefficients to the last "
-            f"digit; leave one of them out"
-        )
-    a, b = old.coefficients[1:], new.coefficients[1:]
-    turned = np.degrees(np.arccos(np.clip(a @ b / (np.linalg.norm(a) * np.linalg.norm(b)), -1.0, 1.0)))
-    if turned > _TURNED_DEG:
-        raise UsageError(
-            f"{name}: its sensitive axis was turned by {turned:.0f} deg between {before.source} and {after.source}: it "
-            f"was mounted otherwise, or is another sensor; chart them apart"
-        )
-
-
-def _check_once(given: Sequence[Given]) -> None:
-    runs: dict[str, str] = {}
-    for one in given:
-        run = one.provenance.get("run_id")
-        if run is not None and run in runs:
-            raise UsageError(f"{runs[run]} and {one.source} are the same run, {run}: leave one of them out")
-        if run is not None:
-            runs[run] = one.source
-    for before, after in pairwise(given):
-        for name in before.sensors.keys() & after.sensors.keys():
-            _check_another(name, before, after)
-        if after.when == before.when:
-            raise UsageError(
-                f"{before.source} and {after.source} are of the same time, {after.when:%Y-%m-%d %H:%M}: one sensor is "
-                f"not calibrated twice at once (dry runs begin at the `epoch` of their world file)"
-            )
-
-
-def check_alike(name: str, given: Sequence[Given]) -> None:
-    """Refuse calibrations of one sensor by different models. Raises `UsageError`."""
-    first = given[0]
-    for one in given[1:]:
-        models = [_model(each.sensors[name]) for each in (first, one)]
-        if models[0] != models[1]:
-            raise UsageError(
-                f"{name} is {models[0]} in {first.source} and {models[1]} in {one.source}: only calibrations of one "
-                f"model can be charted together"
-            )
-        effects = [", ".join(dict.fromkeys(each.effects[name])) or "none" for each in (first, one)]
-        if effects[0] != effects[1]:
-            raise UsageError(
-                f"{name} was fitted with effects beside the model in one calibration and not in the other "
-                f"({first.source}: {effects[0]}; {one.source}: {effects[1]}): fit all of them alike"
-            )
-
-
-def _model(sensor: Sensor) -> str:
-    return sensor.model if isinstance(sensor, Calibrated) else str(sensor.formula)
