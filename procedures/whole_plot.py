@@ -12,7 +12,7 @@ import random
 from collections.abc import Iterator
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from procedures.central_composite import spherical
 from procedures.faults import WholePlotFaults
@@ -28,6 +28,9 @@ FULL = "full"
 MOST_POINTS = 100_000
 """A longer run list is a mistake: at a minute a point it would take ten weeks."""
 
+LEAST_HALF_RANGE_DEGC = 1e-3
+"""A smaller one is a mistake: no chamber sets and no thermometer reads it."""
+
 _ORDERS_TRIED = 10_000
 
 Pressure = Annotated[float, Field(ge=0, le=1e4)]
@@ -40,6 +43,16 @@ class RangeSettings(Strict):
 
     centre_degC: Temperature
     half_range_degC: Positive = Field(description="from the centre to either extreme")
+
+    @field_validator("half_range_degC", mode="before")
+    @classmethod
+    def _leaves_something_to_vary(cls, value: object) -> object:
+        if isinstance(value, int | float) and 0 <= value < LEAST_HALF_RANGE_DEGC:
+            raise ValueError(
+                "both extremes would be the centre, and nothing of this temperature could be estimated; give half of "
+                "the range to be calibrated"
+            )
+        return value
 
     def at(self, coded: float) -> float:
         """Temperature of a coded level between -1 and 1, degrees Celsius."""

@@ -10,6 +10,7 @@ import pytest
 from pydantic import ValidationError
 
 from procedures import WholePlotProcedure
+from procedures.whole_plot import WholePlotDesign
 from rig.precision import precision
 
 
@@ -112,6 +113,16 @@ def test_designs_that_cannot_be_are_refused(design, message):
 def test_settings_that_would_end_a_night_are_refused(settings, message):
     with pytest.raises(ValidationError, match=message):
         procedure(**settings)
+
+
+@pytest.mark.parametrize("half_range", [0, 0.0, 1e-9])
+def test_a_temperature_without_a_range_is_named(half_range):
+    """The message is about the half range, and about nothing else that could be changed instead."""
+    with pytest.raises(ValidationError) as refused:
+        WholePlotDesign(sse_temperature={"centre_degC": 0, "half_range_degC": half_range})
+    (error,) = refused.value.errors()
+    assert error["loc"] == ("sse_temperature", "half_range_degC")
+    assert "both extremes would be the centre" in error["msg"]
 
 
 def test_precision_of_the_papers_design():
