@@ -13,10 +13,10 @@ from whole_plot_truth import Bench, Run, Transducer
 from whole_plot_truth import simulate as simulate_whole_plots
 
 from fitter.effects import CATALOGUE, PRESSURE_CATALOGUE
-from fitter.effects.sizes import amplitude, each, relative
+from fitter.effects.sizes import amplitude, each, relative, size_95
 from fitter.trace import trace, trace_whole_plots
 from rig.closed_loop import AttitudeTraced, WholePlotTraced
-from rig.closed_loop.certificate import Change, Errors, certificate, size_95, with_words
+from rig.closed_loop.certificate import Change, Errors, certificate, with_words
 from rig.closed_loop.whole_plot import Declared
 from rig.report.whole_plot_effects import effect_figures
 from rig.report.words import chance, part, percent

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -170,6 +171,9 @@ def test_what_is_predicted_of_a_run_is_what_it_does(opened) -> None:
     )
     (answer,) = judge(first, later).answers
     behind = {m.effect: m.sigmas for m in answer.members}["head-once-per-turn"]
+    sizes = [size for m in answer.members for size in m.sizes.values()]
+    assert sizes
+    assert all(re.fullmatch(r"\S.* \(.+ to .+\)", size) for size in sizes), sizes
     expected = proposal.separations[0].sigmas["isolation-pad-deflection", "head-once-per-turn"]
     assert abs(behind - expected) < 3.5
 

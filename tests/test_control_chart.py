@@ -71,7 +71,9 @@ def test_the_drift_is_found_and_named(charted):
     trend = found["quantities"]["S_V"]["trend"]
     rate, half = (1e6 * trend[key] / 5.02 for key in ("per_year", "half_width_95"))
     assert abs(rate - PPM_PER_YEAR) < half < 6
-    assert re.match(r"x_V: sensitivity falls by [\d.]+ \+- [\d.]+ ppm/year \(p ", found["sentences"][0])
+    assert re.match(
+        r"x_V: sensitivity falls by [\d.]+ \+- [\d.]+ ppm/year \(\+- one standard error, p ", found["sentences"][0]
+    )
     assert all(q["trend"]["p_adjusted"] > 0.01 for name, q in found["quantities"].items() if name != "S_V")
     assert [row["date"] for row in found["calibrations"]][:2] == ["2024-01-15", "2024-07-15"]
 

@@ -13,7 +13,7 @@ from fitter.arrays import FloatArray
 from fitter.confirm.compare import Comparison, nuisance
 from fitter.confirm.question import Hypothesis, Question
 from fitter.confirm.together import Candidates, Together, left, solve
-from fitter.effects.sizes import amplitude, arcsec, between
+from fitter.effects.sizes import amplitude, arcsec, size_95
 from fitter.linear import orthonormal
 from fitter.quantiles import PARTED, f_tail, t_limit
 
@@ -301,7 +301,7 @@ def _limits(both: Together, model: FloatArray) -> tuple[float, bool]:
 def _sizes(
     both: Together, member: Hypothesis, alone: FloatArray, intervals: tuple[tuple[float, float], ...]
 ) -> dict[str, str]:
-    """What a member amounts to in each sensor it concerns, by the later run alone."""
+    """What a member amounts to in each sensor, by the later run alone; its 95 % interval in brackets."""
     out = {}
     for sensor, slope in zip(both.sensors, both.slope.tolist(), strict=True):
         mine = [k for k, term in enumerate(member.terms) if term.sensor in (None, sensor)]
@@ -310,11 +310,10 @@ def _sizes(
         effect = member.terms[0].effect
         size = arcsec if len(mine) == 1 and effect.size is amplitude else effect.size  # one phase has a sign
         names = [member.terms[k].term.name for k in mine]
-        text = size(dict(zip(names, alone[mine].tolist(), strict=True)), slope)
-        if len(mine) == 1:
-            low, high = (size({names[0]: value}, slope) for value in intervals[mine[0]])
-            text += f" ({between(low, high)})"
-        out[sensor] = text
+        values = dict(zip(names, alone[mine].tolist(), strict=True))
+        halves = {name: 0.5 * (intervals[k][1] - intervals[k][0]) for name, k in zip(names, mine, strict=True)}
+        known = np.isfinite([*halves.values()]).all()
+        out[sensor] = size(values, slope) + (f" ({size_95(size, values, halves, slope)})" if known else "")
     return out
 
 

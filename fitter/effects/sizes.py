@@ -43,6 +43,30 @@ def between(low: str, high: str) -> str:
     return f"{low.removesuffix(unit).strip() if same else low} to {high.strip()}"
 
 
+def size_95(size: Size, values: Mapping[str, float], halves: Mapping[str, float], sensitivity: float) -> str:
+    """95 % interval of an effect's size, in the words of the catalogue: "1.49e-3 to 1.51e-3 deg/g".
+
+    Args:
+        size: the catalogue's words for it.
+        values: coefficients by name of the term, in the terms' own units.
+        halves: half-widths of their 95 % intervals.
+        sensitivity: of the sensor, as `size` takes it.
+
+    Of an effect with several sizes an interval each, in the order of `size`.
+
+    """
+    if size is amplitude and len(values) > 1:  # of sine and cosine together, whose errors hardly correlate
+        total = hypot(*values.values())
+        part = hypot(*(value * halves[name] for name, value in values.items())) / total**2
+        scaled = ({name: value * max(scale, 0.0) for name, value in values.items()} for scale in (1 - part, 1 + part))
+        return between(*(size(end, sensitivity) for end in scaled))
+    texts = []
+    for name, value in values.items():
+        ends = value - halves[name], value + halves[name]
+        texts.append(between(*(size({name: end}, sensitivity) for end in ends)))
+    return ", ".join(texts)
+
+
 def _list(values: Mapping[str, float], text: Callable[[float], str]) -> str:
     """Texts of all terms, each with its term's name where there are several."""
     if len(values) == 1:

@@ -120,8 +120,10 @@ def _show_sensor(name: str, usage: str, found: Mapping[str, Any]) -> None:
         values = [value if alike else f"{value} +- {error}" for value, error in each]
         table.add_row(row["date"], *values, f"[yellow]{outside}[/]" if outside else "")
     if alike:
-        table.add_row("+-", *(error for _, error in cells[0]), style="dim")
+        table.add_row("std. error", *(error for _, error in cells[0]), style="dim")
     out.print(table)
+    if not alike:
+        out.print("  values +- one standard error")
     for sentence in found["sentences"]:
         out.print(f"  {escape(sentence)}", soft_wrap=True)
     if found["due"]["status"] == "too few":

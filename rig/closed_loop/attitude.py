@@ -13,13 +13,14 @@ import numpy as np
 from fitter import AttitudeData, fit_all, fit_attitude
 from fitter.arrays import FloatArray
 from fitter.calibration import AttitudeFit, at_temperature
+from fitter.effects.sizes import size_95
 from fitter.gross import of_attitude
 from fitter.inverse import AttitudeCalibration
 from fitter.inverse.traced import Volts, calibrate_traced, covering_parameters
 from fitter.quantiles import t_limit
 from fitter.trace import SensorTrace, Trace, trace
 from fitter.trace.result import FoundEffect
-from rig.closed_loop.certificate import Change, Errors, certificate, size_95, with_words
+from rig.closed_loop.certificate import Change, Errors, certificate, with_words
 from rig.closed_loop.gross import FitSummary, LeaveOut, Searched, kept_with, search
 from rig.effects import attitude_catalogue
 from rig.errors import UsageError

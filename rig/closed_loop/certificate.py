@@ -8,10 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from math import hypot, isfinite
+from math import isfinite
 from typing import Any
 
-from fitter.effects.sizes import Size, amplitude, between
 from fitter.trace.result import CONFIRMED
 from rig.report.words import SMALLEST, TESTS, capitalised, chance, part, significant, unnamed
 
@@ -71,30 +70,6 @@ def intervals(coefficients: Iterable[float], halves: Iterable[float | None]) -> 
     """95 % interval of each coefficient, None where its half-width is not known."""
     pairs = zip(coefficients, halves, strict=True)
     return [None if half is None or not isfinite(half) else (value - half, value + half) for value, half in pairs]
-
-
-def size_95(size: Size, values: Mapping[str, float], halves: Mapping[str, float], sensitivity: float) -> str:
-    """95 % interval of an effect's size, in the words of the catalogue: "1.49e-3 to 1.51e-3 deg/g".
-
-    Args:
-        size: the catalogue's words for it.
-        values: coefficients by name of the term, in the terms' own units.
-        halves: half-widths of their 95 % intervals.
-        sensitivity: of the sensor, as `size` takes it.
-
-    Of an effect with several sizes an interval each, in the order of `size`.
-
-    """
-    if size is amplitude and len(values) > 1:  # of sine and cosine together, whose errors hardly correlate
-        total = hypot(*values.values())
-        part = hypot(*(value * halves[name] for name, value in values.items())) / total**2
-        scaled = ({name: value * max(scale, 0.0) for name, value in values.items()} for scale in (1 - part, 1 + part))
-        return between(*(size(end, sensitivity) for end in scaled))
-    texts = []
-    for name, value in values.items():
-        ends = value - halves[name], value + halves[name]
-        texts.append(between(*(size({name: end}, sensitivity) for end in ends)))
-    return ", ".join(texts)
 
 
 def with_words(sensor: str, effect: dict[str, Any], halves: Iterable[float | None], size: str) -> dict[str, Any]:

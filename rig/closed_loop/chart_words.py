@@ -84,16 +84,16 @@ def _change(q: QuantityChart, dates: Sequence[str], sensitivity: float) -> str:
         size = with_error(scale * q.step.size, scale * q.step.stderr, sign=True)
         p = _chance(q.adjusted["step"])
         advice = "if its cause is known and over, chart the calibrations after it alone"
-        return f"{label(q.name)} stepped by {size} {unit} {between} ({p}); {advice}"
+        return f"{label(q.name)} stepped by {size} {unit} {between} (+- one standard error, {p}); {advice}"
     if q.trend is not None and q.significant("trend"):
         rate = f"{with_error(scale * abs(q.trend.per_year), scale * q.trend.stderr)} {unit}/year"
         falls = q.trend.per_year < 0
         p = _chance(q.adjusted["trend"])
         if q.steady:
-            return f"{label(q.name)} {'falls' if falls else 'rises'} by {rate} ({p})"
+            return f"{label(q.name)} {'falls' if falls else 'rises'} by {rate} (+- one standard error, {p})"
         return (
-            f"{label(q.name)} has {'fallen' if falls else 'risen'} by {rate} so far ({p}); a parameter that wanders "
-            f"can do that as well ({_chance(q.trend.p_walk)}), so it may not go on"
+            f"{label(q.name)} has {'fallen' if falls else 'risen'} by {rate} so far (+- one standard error, {p}); "
+            f"a parameter that wanders can do that as well ({_chance(q.trend.p_walk)}), so it may not go on"
         )
     if q.significant("homogeneity"):
         if len(q.series) == 2:
@@ -110,6 +110,6 @@ def _change(q: QuantityChart, dates: Sequence[str], sensitivity: float) -> str:
 
 
 def with_error(value: float, error: float, *, sign: bool = False) -> str:
-    """12.3 +- 1.4: the error to two digits, the value to the same decimal place."""
+    """12.3 +- 1.4, one standard error: it to two digits, the value to the same decimal place."""
     places = max(0, 1 - int(f"{error:.1e}".partition("e")[2])) if error > 0 else 6
     return f"{value:{'+' if sign else ''}.{places}f} +- {error:.{places}f}"

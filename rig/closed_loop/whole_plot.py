@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from fitter.arrays import IntArray
+from fitter.effects.sizes import size_95
 from fitter.gross import GrossErrors, of_whole_plots
 from fitter.misfit import COVERED_BY_WHOLE_PLOTS
 from fitter.pressure import PressureFit, fit_transducers, variance_inflation
@@ -16,7 +17,7 @@ from fitter.pressure.models import FULL, named_formula
 from fitter.trace import TransducerTrace, WholePlotTrace, trace_whole_plots
 from fitter.trace.whole_plots.result import FoundPressureEffect
 from fitter.whole_plot_data import WholePlotData
-from rig.closed_loop.certificate import Change, Errors, certificate, size_95, with_words
+from rig.closed_loop.certificate import Change, Errors, certificate, with_words
 from rig.closed_loop.file_rows import rows_of_file
 from rig.closed_loop.gross import FitSummary, LeaveOut, Searched, kept_with, search
 from rig.effects import pressure_catalogue
