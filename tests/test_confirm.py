@@ -10,12 +10,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command import rig
+from dry import SHORT
 
 from fitter.attitude import mounting_matrix
-from fitter.confirm import confirm, confirm_all, separation
+from fitter.confirm import NOTHING, Separation, confirm, confirm_all, separation
 from procedures.pitch_roll import MountingSettings
-from procedures.separating import variations
-from rig.closed_loop.confirm import consider, judge, open_traced, plan_for, propose, ways
+from procedures.separating import Variation, variations
+from rig.closed_loop.confirm import (
+    Inseparable,
+    Proposal,
+    consider,
+    judge,
+    open_traced,
+    otherwise,
+    plan_for,
+    propose,
+    ways,
+)
 from rig.config import parse_procedure, parse_toml
 from rig.controller import resume_run, start_run
 from rig.engine.session import Outcome, Signals
@@ -246,3 +257,21 @@ def test_a_turn_is_about_the_packages_own_axis_however_it_stands() -> None:
         now = next(m for what, m in turned.items() if what.endswith(words))
         expected = mounting_matrix(*map(float, turn)) @ before
         np.testing.assert_allclose(mounting_matrix(now.x_deg, now.y_deg, now.z_deg), expected, atol=1e-7)
+
+
+def _proposal(what: str, chance: float, hours: float) -> Proposal:
+    """A run that shows both causes surely, and separates them by this chance."""
+    pairs = {("pads", "head"): chance, ("pads", NOTHING): 1.0, ("head", NOTHING): 1.0}
+    separation = Separation("pads", dict.fromkeys(pairs, 1.0), dict.fromkeys(pairs, (0.5, 2.0)), pairs)
+    return Proposal(Variation(what, parse_procedure(SHORT, "short.toml")), (separation,), hours)
+
+
+def test_a_run_that_is_unlikely_to_decide_does_not_come_first_and_is_said_to_be(opened) -> None:
+    long, brief, good = _proposal("long", 0.08, 12.0), _proposal("brief", 0.02, 1.0), _proposal("good", 0.6, 30.0)
+    assert [p.variation.what for p in sorted((long, brief, good), key=lambda p: p.place)] == ["good", "brief", "long"]
+    assert (long.likely, good.likely) == (False, True)
+    never = [Inseparable(("pads", "head"), 1.0, "")]
+    (said,) = otherwise(opened[0], long, never)
+    assert said.startswith("it is UNLIKELY to settle everything: a chance of 8% for what it settles least, and 12 h")
+    assert not list(otherwise(opened[0], good, never))
+    assert long.to_json()["likely"] is False

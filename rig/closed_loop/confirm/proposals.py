@@ -14,9 +14,12 @@ from procedures.separating import Variation, variations
 from rig.bench import playing
 from rig.closed_loop.confirm.first import First
 from rig.closed_loop.confirm.plans import hours, ways
+from rig.durations import duration
 
 SURE = 0.95
 """Probability of excluding the cause that is not true, or of showing the one that is, from which a run is enough."""
+LIKELY = 0.5
+"""Below this a run is unlikely to settle a thing, and does not come first for it, however many hours it takes."""
 HARDLY = 0.2
 """Below this a run tells nothing worth its hours."""
 TURN_H = 0.5
@@ -89,10 +92,32 @@ class Proposal:
         return tuple(pair for s in self.separations for pair, chance in s.chances.items() if chance < SURE)
 
     @property
+    def likely(self) -> bool:
+        """Whether it is as likely as not to settle everything."""
+        return self.least.chance >= LIKELY
+
+    @property
+    def least(self) -> Weakest:
+        """What it is least likely to settle."""
+        return self.shown if self.nearest is None else min(self.shown, self.nearest)
+
+    @property
     def rank(self) -> tuple[float, float]:
-        """The best is the least: how many pairs it will separate comes before what it costs."""
+        """The best of its kind is the least: how many pairs it will separate comes before what it costs."""
         told = sum(chance for s in self.separations for chance in s.chances.values())
-        return -round(told, 1), self.hours + TURN_H * self.variation.turned
+        return -round(told, 1), self.cost_h
+
+    @property
+    def place(self) -> tuple[float, float, float]:
+        """The best of all kinds is the least: chances that a run is unlikely to be right by are worth no hours."""
+        chances = [chance for s in self.separations for chance in s.chances.values()]
+        fair = sum(chance for chance in chances if chance >= LIKELY)
+        return -round(fair, 1), self.cost_h, -sum(chances)
+
+    @property
+    def cost_h(self) -> float:
+        """Hours of bench time, and of a person's."""
+        return self.hours + TURN_H * self.variation.turned
 
     @property
     def _alike(self) -> list[tuple[Separation, Pair]]:
@@ -128,6 +153,7 @@ class Proposal:
                 for pair, sigmas in s.sigmas.items()
             ],
             "enough": self.enough,
+            "likely": self.likely,
         }
 
 
@@ -144,7 +170,7 @@ def consider(first: First) -> tuple[Proposal, ...]:
         proposal = Proposal(variation, separation(both, first.questions), hours(first, variation, run_list))
         if known is None or proposal.rank < known.rank:
             best[variation.what] = proposal
-    return tuple(sorted(best.values(), key=lambda proposal: proposal.rank))
+    return tuple(sorted(best.values(), key=lambda proposal: proposal.place))
 
 
 def propose(considered: Sequence[Proposal]) -> tuple[Proposal, ...]:
@@ -190,6 +216,12 @@ def otherwise(first: First, proposal: Proposal, never: Sequence[Inseparable] = (
         never: pairs of which it has been said that no run of this bench separates them.
 
     """
+    if not proposal.likely:
+        least = proposal.least
+        yield (
+            f"it is UNLIKELY to settle everything: a chance of {least.chance:.0%} for what it settles least, and "
+            f"{duration(3600.0 * proposal.hours)} of bench time"
+        )
     chances = {pair: chance for s in proposal.separations for pair, chance in s.chances.items()}
     for pair in proposal.open_pairs:
         if pair in (one.pair for one in never):
