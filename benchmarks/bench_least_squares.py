@@ -110,7 +110,7 @@ def lmfit_model(data: AttitudeData, y):
 
 
 def lmfit_minimize(columns, y):
-    """The same with sines and cosines reckoned beforehand."""
+    """The same with sines and cosines computed beforehand."""
     import lmfit
 
     _, sin_a, across_y, across_z = columns.T.copy()

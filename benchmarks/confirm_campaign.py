@@ -96,7 +96,7 @@ def pairs(seeds=20, only=""):
                 if held != {(name,)}:
                     print(f"    seed {seed}: {classes} -> {held}")
             print(
-                f"{label}, truly {name}: right alone on {right} of {seeds} seeds (with look-alikes before on {both}); "
+                f"{label}, truly {name}: right alone on {right} of {seeds} seeds (with others before on {both}); "
                 f"{kinds}, {sum(hours) / max(len(hours), 1):.1f} h; {time.perf_counter() - begun:.0f} s",
                 flush=True,
             )

@@ -53,7 +53,7 @@ CLEAN = {
     "errors remembered by 0.5": (Bench(remembered=0.5), Run()),
     "by 0.8, pressures ascending": (Bench(remembered=0.8), Run(pressures="ascending")),
     "temperatures 5 % unsettled": (Bench(), Run(unsettled=0.05)),
-    "sensitivity drawn anew, 0.1 %": (Bench(sensitivity_sd=1e-3), Run()),
+    "sensitivity drawn again, 0.1 %": (Bench(sensitivity_sd=1e-3), Run()),
 }
 CLEAN_7 = (
     "random orders",

@@ -248,7 +248,7 @@ class CanDaq:
         raise self._silent([answer])
 
     def _listen_for_all(self) -> None:
-        """Wait until every message has been heard anew; raises `NoReply` naming those that were not."""
+        """Wait until every message has been heard again; raises `NoReply` naming those that were not."""
         self._begin_anew()
         due = self._clock.now() + 2.0 * self._options.period_s
         self._until(lambda: self._measuring.keys() <= self._latest.keys(), due)

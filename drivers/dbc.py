@@ -78,7 +78,7 @@ class Series:
         return self.count - min(len(readings) for readings in self.readings.values())
 
     def forget_counters(self) -> None:
-        """The unit begins to count anew."""
+        """The unit begins to count again."""
         self._counters.clear()
         self._wrong.clear()
 

@@ -21,7 +21,7 @@ from fitter.quantiles import t_limit
 from fitter.refine import refine
 
 FEWEST = 32
-"""Rows that rounding errors are reckoned from at least: columns come with some of their own."""
+"""Rows that rounding errors are computed from at least: columns come with some of their own."""
 
 CONDITION = 100.0
 """Condition number from which a solution is refined; below it a model that fits has eleven digits as it is."""

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from scipy import special
 
-PARTED = 0.9973
-"""Of three standard errors, where the error is known: what two explanations are told apart by."""
+DISTINGUISHED = 0.9973
+"""Of three standard errors, where the error is known: by so much two explanations have to differ."""
 
 
 def t_limit(level: float, df: float) -> float:

@@ -92,7 +92,7 @@ class Temperature:
 
         """
         if data.sensor_temperature_degC is None:
-            raise ValueError("no sensor temperature was recorded: its effect cannot be reckoned")
+            raise ValueError("no sensor temperature was recorded: its effect cannot be computed")
         warmth = data.sensor_temperature_degC - self.reference_degC
         return np.column_stack([warmth, warmth * (h[:, 1:] @ self.direction)])
 

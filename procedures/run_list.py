@@ -29,7 +29,7 @@ class Factor:
         hard: hard to change: it stays while a whole plot lasts, and changing it again is a new draw of the
             whole-plot error.
         stays: an axis that is at a point's setpoint already is not moved; where the error belongs to the setting,
-            as with a pressure, it is set anew.
+            as with a pressure, it is set again.
 
     """
 

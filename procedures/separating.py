@@ -1,4 +1,4 @@
-"""Further runs that may tell look-alikes apart: a procedure varied in one respect, from cheap to dear.
+"""Further runs that may distinguish confounded effects: a procedure varied in one respect, from cheap to expensive.
 
 Which of them does is for the fitter to say (`fitter.confirm.separation`); here is what a bench and a person can do.
 """
@@ -39,7 +39,7 @@ class Variation:
     Attributes:
         what: what is done otherwise than in the first run, in words; variations with the same words differ in size.
         procedure: the run.
-        turned: whether a person has to mount the package anew first.
+        turned: whether a person has to mount the package again first.
         warmer_degC: how much warmer the sensors will be.
         by_weather: whether nothing on the bench can make them so.
 

@@ -112,7 +112,7 @@ class SoakSettings(Strict):
     renew_degC: Positive = Field(
         5.0,
         le=100,
-        description="temperatures that already stand are left by this much first, and set anew",
+        description="temperatures that already stand are left by this much first, and set again",
     )
     poll_s: Positive = Field(30.0, le=600, description="time between readbacks")
     timeout_s: Positive = Field(8 * 3600.0, description="then the soak has failed")
@@ -132,7 +132,7 @@ class PressureApproach(Strict):
     """How a pressure is brought to the side it is to arrive from."""
 
     overtravel_psia: Positive = Field(
-        0.05, le=1e4, description="a pressure that follows itself is left by this much and set anew"
+        0.05, le=1e4, description="a pressure that follows itself is left by this much and set again"
     )
 
 
@@ -183,7 +183,9 @@ class WholePlotModel(Strict):
 class WholePlotExpect(Strict):
     """What is expected of the transducers; used by `rig plan` and never by a fit."""
 
-    sigma_wholeplot_mV: Positive = Field(0.0125, description="sd of the error that every temperature change draws anew")
+    sigma_wholeplot_mV: Positive = Field(
+        0.0125, description="sd of the error that every temperature change draws again"
+    )
     sigma_subplot_mV: Positive = Field(0.004, description="sd of one observation inside a whole plot")
     sensitivity_mV_per_psi: Positive = Field(2.0)
     model: str | None = Field(
@@ -323,7 +325,7 @@ def _apart(
 def _sides(pressures: list[float], last: float | None) -> list[int]:
     """Side of approach of each pressure of a whole plot: from the one before; the first may come from anywhere.
 
-    A pressure that follows itself is left towards higher pressure and set anew, so that its two readings are two
+    A pressure that follows itself is left towards higher pressure and set again, so that its two readings are two
     settings and the line never has to go below its lowest level. So is a first one that is the whole plot's before:
     the line stands there while the temperatures change, and two whole plots would share the error of one setting.
 

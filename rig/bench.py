@@ -61,7 +61,7 @@ def check_options(config: BenchConfig, where: str, *, strict: bool = True) -> di
         except ConfigurationError as error:
             raise ConfigurationError(f"{where}: instruments.{name}: {error}") from None
         options = with_contracts(instrument.driver, instrument.options)
-        if strict:  # else the wires say it when they are opened: what was measured can be read all the same
+        if strict:  # else the wires say it when they are opened: what was measured can still be read
             _check_address(instrument.address, cls, f"{where}: instruments.{name}", simulated=config.simulated)
         checked[name] = validated(cls.Options, options, f"{where}: instruments.{name}", strict=strict)
         if strict:

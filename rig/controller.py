@@ -234,7 +234,9 @@ def _moved(plan: Plan, path: Path) -> str:
     if plan.dry:
         return ""
     if plan.bench.live is not None:
-        return f"\nThe run began on a bench of `rig sim`; if that was started anew: rig resume {path} --bench LIVE.toml"
+        return (
+            f"\nThe run began on a bench of `rig sim`; if that was started again: rig resume {path} --bench LIVE.toml"
+        )
     return f"\nIf it has another address now, correct it in the bench file; then: rig resume {path} --bench BENCH"
 
 

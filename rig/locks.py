@@ -47,7 +47,7 @@ def locked_addresses(instruments: Mapping[str, Addressed]) -> Iterator[None]:
 def holders(instruments: Mapping[str, Addressed]) -> dict[str, str]:
     """Who has a bench's addresses at this moment, by instrument name; {} if nobody. Takes no lock and asks nothing.
 
-    Whoever wants to talk to the instruments takes `locked_addresses` all the same: this is for telling.
+    Whoever wants to talk to the instruments still takes `locked_addresses`: this is for telling.
     """
     told = {name: _holder(wire) for wire, (name, _) in _wires(instruments).items()}
     return {name: holder for name, holder in told.items() if holder}

@@ -1,7 +1,7 @@
 """Histories of one sensor with a known kind of drift, read out as whole calibrations on the bench of attitude_truth.
 
 A sensor's state is offset, sensitivity, and the two parts of its coning angle. Each moves on its own, in units of what
-one calibration can tell: `none` stays, `linear` drifts steadily, `walk` wanders, `scatter` is drawn anew at every
+one calibration can tell: `none` stays, `linear` drifts steadily, `walk` wanders, `scatter` is drawn again at every
 calibration and at every use, `step` jumps once at an unknown date. `together` is a walk of all of them by one cause.
 """
 

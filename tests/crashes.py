@@ -64,7 +64,7 @@ PROCEDURES = {"attitude": ATTITUDE, "pressure": PRESSURE}
 Lost = Literal["all", "none", "some"]
 
 CHECKPOINT_PAGES = 60
-"""So that a short run folds its log into the file and begins it anew several times, as a long one does."""
+"""So that a short run folds its log into the file and begins it again several times, as a long one does."""
 
 
 @cache

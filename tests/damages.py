@@ -53,12 +53,12 @@ class Interrupted:
 
     @classmethod
     def make(cls, lab: str, folder: Path, at: int = 152) -> Interrupted:
-        """Kill a run at a write, a few commits after its log was begun anew."""
+        """Kill a run at a write, a few commits after its log was begun again."""
         for nth in range(at, at + 200, 6):
             made = cls._killed(lab, folder / str(nth), nth)
             if 3 <= len(made.commits) <= 9 and len(made.files[made.log]) > made.end:
                 return made
-        raise AssertionError("no crash point with a few commits in a log begun anew")
+        raise AssertionError("no crash point with a few commits in a log begun again")
 
     @classmethod
     def _killed(cls, lab: str, folder: Path, nth: int) -> Interrupted:

@@ -195,7 +195,7 @@ def _calibration(rng: random.Random, material: Material) -> Iterator[Callable[[]
 
 
 def rechain(path: Path) -> None:
-    """Make hashes of documents, run list and records anew, as an attacker does who has read the code."""
+    """Make hashes of documents, run list and records again, as an attacker does who has read the code."""
     db = sqlite3.connect(path)
     db.execute("PRAGMA synchronous = OFF")
     triggers = db.execute("SELECT name, sql FROM sqlite_master WHERE type = 'trigger'").fetchall()

@@ -48,7 +48,7 @@ def whole_plots(how, rng):
     index = np.repeat(np.arange(plots), readings)
     sensor, sse = grid[rng.permutation(np.arange(plots) % 9)][index].T
     psia = np.concatenate([rng.permutation(np.linspace(0.1, 15.0, readings)) for _ in range(plots)])
-    if how == "correlated":  # each whole plot begins anew: what lasts longer is the whole plot's own error
+    if how == "correlated":  # each whole plot begins again: what lasts longer is the whole plot's own error
         e = np.concatenate([errors(how, readings, rng, psia[:readings]) for _ in range(plots)])
     else:
         e = errors(how, index.size, rng, psia / 15.0)

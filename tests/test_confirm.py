@@ -1,4 +1,4 @@
-"""rig confirm: look-alikes that one run cannot tell apart, parted by a further one; the world knows the truth."""
+"""rig confirm: effects confounded in one run, separated by a further one; the world knows the truth."""
 
 from __future__ import annotations
 
@@ -145,7 +145,7 @@ def test_what_cannot_be_confirmed_is_refused(tmp_path: Path, sagging: Path) -> N
 
 
 def test_a_further_dry_run_is_made_in_the_same_worlds_next_night(tmp_path: Path) -> None:
-    """Interrupted and resumed too: the world goes on where it was, and a drift is not begun anew."""
+    """Interrupted and resumed too: the world goes on where it was, and a drift is not begun again."""
     first = open_traced(make(tmp_path, {"offset_drift": {"uV_per_h": 100.0}}))
     every = variations(first.procedure, first.bench.limits, chamber=True)
     plan = plan_for(first, next(v for v in every if v.what == "the same again"), dry=True)

@@ -136,7 +136,7 @@ def test_a_pair_that_stays_open_whatever_is_run_is_named(tmp_path: Path) -> None
     (open_pair,) = told["inseparable"]
     assert set(open_pair["pair"]) == {"sensor-second-order", "isolation-pad-deflection"}
     assert "lock the pads" in open_pair["would"]
-    assert told["proposals"], "the head is told from both"
+    assert told["proposals"], "the head is distinguished from both"
     assert "the same again" not in {proposal["what"] for proposal in told["proposals"]}
     for proposal in told["proposals"]:
         for one in proposal["sigmas"]:

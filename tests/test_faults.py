@@ -116,7 +116,7 @@ def test_a_late_confirmation_is_not_that_of_another_write():
 
 
 def test_a_late_register_is_not_another_one_after_two_failures():
-    """Transaction numbers go on after an error; were they to begin anew, two late replies would have the same."""
+    """Transaction numbers go on after an error; were they to begin again, two late replies would have the same."""
     rig = up("chamber")
     rig.driver.set_temperature(35.0)
     line, process_value, setpoint = rig.driver._line, 2820, 2782

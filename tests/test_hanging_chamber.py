@@ -15,7 +15,7 @@ CHAMBERS = dict(zip((f.name for f in RUN_LIST.hard), ("cold_box", "hot_box"), st
 POINT = RUN_LIST.points[0]
 GAP_S = PROCEDURE.recovery.continue_gap_s
 LONGER = f"min, longer than continue_gap_s = {GAP_S:g} s"
-RESTARTED = "the controller's machine was restarted, so nobody knows how long the chambers were left alone"
+RESTARTED = "the controller's machine was restarted, so it is not known how long the chambers were left alone"
 
 
 def rules(steps):

@@ -77,7 +77,7 @@ def test_air_walls_and_body_obey_their_differential_equations() -> None:
     made.command(HOUR, -60.0, ramp_degC_per_min=2.0)
     begin = state[0]
     arrival = HOUR + (begin + 60.0) / 2.0 * 60.0
-    state[3] = 0.0  # the integral starts anew
+    state[3] = 0.0  # the integral starts again
     state = integrated(truth, state, HOUR, arrival, lambda t: begin - 2.0 / 60.0 * (t - HOUR))
     assert temperatures(made, arrival) == pytest.approx(state[:3], abs=1e-6)
     state = integrated(truth, state, arrival, arrival + 900.0, lambda t: -60.0)

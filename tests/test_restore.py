@@ -173,7 +173,7 @@ def as_log(content):
 
 
 def gone_on_otherwise(folder, content, since, until):
-    """The run as it might have gone on otherwise: its records anew from `since` on, a little later, up to `until`."""
+    """The run as it might have gone on otherwise: its records again from `since` on, a little later, up to `until`."""
     path = folder / "otherwise"
     path.write_bytes(content)
     with RunReader.open(path) as run:

@@ -29,8 +29,8 @@ def traced(columns, text=None, **told):
     return GeneralTraced(table, roles, trace_general(data), taken, parts_played(data)), data
 
 
-def reckoned(label, columns):
-    """A printed term as anybody would reckon it who has the table."""
+def computed(label, columns):
+    """A printed term as anybody who has the table would compute it."""
     clock = next((columns[name] for name in ("t_s", "days") if name in columns), None)
 
     def lag(v, tau):
@@ -67,7 +67,7 @@ def awkward():
     }, {"unit": rng.choice(["a", "b", "c"], n)}
 
 
-def test_every_label_reckoned_literally_gives_its_column():
+def test_every_label_computed_literally_gives_its_column():
     columns, text = awkward()
     told = {"group": ("unit",), "time": "t_s", "direction": "side"}
     table = Table("t.csv", columns, True, {}, text=text)
@@ -78,7 +78,7 @@ def test_every_label_reckoned_literally_gives_its_column():
             for term in effect.terms(data.scene)[::7]:
                 for label, column in zip(term.labels, term.columns.T, strict=True):
                     close = 1e-3 if "lag(" in label else 1e-6
-                    off = np.abs(reckoned(label, {**columns, **text}) - column).max()
+                    off = np.abs(computed(label, {**columns, **text}) - column).max()
                     assert off <= close * np.abs(column).max(), (effect.name, label)
                     seen += 1
         assert seen > 50
@@ -92,7 +92,7 @@ def test_the_printed_model_gives_the_fit(name):
     fitted = result.to_json()["sensors"]["y"]["fitted"]["coefficients"]
     words = {k: v.astype(int).astype(str) if k in result.roles.group else v for k, v in columns.items()}
     total = sum(
-        value["estimate"] * (reckoned(term.partition(": ")[2] or term, words) if term != "1" else 1.0)
+        value["estimate"] * (computed(term.partition(": ")[2] or term, words) if term != "1" else 1.0)
         for term, value in fitted.items()
     )
     assert len(fitted) > 2

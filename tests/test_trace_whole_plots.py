@@ -163,7 +163,7 @@ def test_third_order_temperature_is_a_class_of_two():
         (Bench(sensitivity_sd=1e-3), Run()),
         (Bench(long_tails=True), Run(interrupted=True)),
     ],
-    ids=["clean", "growing sd", "shared error", "broken", "no whole-plot error", "sensitivity anew", "long tails"],
+    ids=["clean", "growing sd", "shared error", "broken", "no whole-plot error", "sensitivity again", "long tails"],
 )
 def test_nothing_is_reported_where_nothing_is(bench, run):
     """Three runs each, fixed seeds; the rates over 100: python -m benchmarks.whole_plot_campaign clean."""

@@ -138,7 +138,7 @@ def test_a_cut_tail_and_a_rewritten_chain_show_against_the_head(run_file):
     assert rig("verify", run_file).returncode == 0  # nothing in the file itself tells
     done = rig("verify", run_file, "--head", head.hex())
     assert done.returncode == 1
-    assert "records were cut off at the end, or the chain was written anew" in done.stdout
+    assert "records were cut off at the end, or the chain was written again" in done.stdout
     with RunReader.open(run_file) as reader:
         earlier = next(own for seq, _, _, own in reader.chained() if seq == 25)
     done = rig("verify", run_file, "--head", earlier.hex())

@@ -72,7 +72,7 @@ class Bench:
     reference_per_h: float = 0.0
     reference_zero_per_h: float = 0.0  # psi
     transpiration_psia: float = 0.0  # scale of the line's bore; zero for a line as wide as can be
-    sensitivity_sd: float = 0.0  # drawn anew in every whole plot, of one
+    sensitivity_sd: float = 0.0  # drawn again in every whole plot, of one
     shared_sd: float = 0.0  # psi, error of the pressure in each reading that all transducers see
     long_tails: bool = False
     reference_cubic: float = 0.0  # psi per psi^3, of the gauge that all transducers are compared with

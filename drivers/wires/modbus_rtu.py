@@ -15,7 +15,7 @@ from drivers.errors import BadReply
 
 _READS, _WRITE_ONE, _LOOPBACK, _WRITE = (3, 4), 6, 8, 16
 _EXCEPTION_SIZE, _ECHO_SIZE = 5, 8
-_LEAST = 3  # words of a read that is made to be told from others: numbers and codes have one or two
+_LEAST = 3  # words of a read that is made to be distinguished from others: numbers and codes have one or two
 
 
 class OutOfStep(BadReply):

@@ -1,4 +1,4 @@
-"""Two pitch-roll runs as one problem: the declared model anew for every mounting, replications that drift."""
+"""Two pitch-roll runs as one problem: the declared model again for every mounting, replications that drift."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ class AttitudeTogether(Together):
 
     @cached_property
     def realigned(self) -> bool:
-        """Whether the package was mounted anew, or the first run had no roll and the later has."""
+        """Whether the package was mounted again, or the first run had no roll and the later has."""
         turned = mountings(self.data)
         if not np.allclose(turned[self.fresh], turned[~self.fresh][0], atol=1e-9):
             return True
@@ -117,7 +117,7 @@ class AttitudeTogether(Together):
 
     @property
     def loose(self) -> FloatArray:
-        """(n, 0) or, where the package sits anew, (n, 4) its offset and axes."""
+        """(n, 0) or, where the package sits again, (n, 4) its offset and axes."""
         return self._h if self.realigned else np.empty((len(self.data), 0))
 
     @property
@@ -141,7 +141,7 @@ class AttitudeTogether(Together):
 
     @cached_property
     def declared(self) -> tuple[FloatArray, ...]:
-        """For each sensor (n, d) the declared model: anew for every mounting, since a package sits as it sits."""
+        """For each sensor (n, d) the declared model: again for every mounting, since a package sits as it sits."""
         h, turned = self._h, np.round(mountings(self.data).reshape(len(self.data), 9), 9)
         which = np.ravel(np.unique(turned, axis=0, return_inverse=True)[1])
         columns = np.column_stack([np.where((which == k)[:, None], h, 0.0) for k in range(int(which.max()) + 1)])

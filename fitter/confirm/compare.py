@@ -55,7 +55,7 @@ class Comparison:
 
     @cached_property
     def rest(self) -> FloatArray:
-        """(S n, r) columns that stay beside every member: of the other effects, and what the later run has anew."""
+        """(S n, r) columns that stay beside every member: of the other effects, and what the later run has again."""
         return np.column_stack([self.both.columns_of(self.question.rest), nuisance(self.both, self.question)])
 
     @cached_property
@@ -107,12 +107,12 @@ class Comparison:
 
 
 def nuisance(both: Together, question: Question) -> FloatArray:
-    """(S n, q) the declared model anew in the later run, where no member is of time or temperature.
+    """(S n, q) the declared model again in the later run, where no member is of time or temperature.
 
     What goes on from one night to the next, undeclared, then says nothing about causes that do not.
     """
     lasting = all(member.terms[0].effect.source not in CARRIED_ON for member in question.members)
-    return both.anew if lasting and not both.realigned else np.zeros((both.outputs.size, 0))
+    return both.again if lasting and not both.realigned else np.zeros((both.outputs.size, 0))
 
 
 def searched(member: Hypothesis) -> bool:

@@ -15,7 +15,7 @@ from fitter.confirm.question import Hypothesis, Question
 from fitter.confirm.together import Candidates, Together, left, solve
 from fitter.effects.sizes import amplitude, arcsec, size_95
 from fitter.linear import orthonormal
-from fitter.quantiles import PARTED, f_tail, t_limit
+from fitter.quantiles import DISTINGUISHED, f_tail, t_limit
 
 ROUNDS = 3
 STANDS_OUT, MOST_OUTLIERS = 6.0, 0.02
@@ -151,7 +151,7 @@ class Confirmed:
         adds: (m,) what each answer's effect adds to the readings of the later run, by its name and sensor.
         kept: (m,) which readings of the later run these are, outliers left out.
         realigned: whether the later run was predicted with offset and sensitive axes of its own, because the package
-            was mounted anew or the first run does not determine them; else the first run's stand.
+            was mounted again or the first run does not determine them; else the first run's stand.
 
     """
 
@@ -248,8 +248,8 @@ def _standing(both: Together, question: Question, terms: Candidates) -> FloatArr
 def _member(comparison: Comparison, j: int, sigmas: float, shown: float) -> Member:
     both, question = comparison.both, comparison.question
     member, own, model = question.members[j], comparison.own[j], comparison.models[j]
-    anew = nuisance(both, question)
-    shifts = both.shifts if not anew.shape[1] and not both.realigned else anew[:, :0]
+    again = nuisance(both, question)
+    shifts = both.shifts if not again.shape[1] and not both.realigned else again[:, :0]
     q = own.shape[1]
     together, spread = solve(model, both.outputs)[:q], _errors_of(model)[:q]
     changed = both.columns_in(member.terms, both.fresh)
@@ -295,7 +295,7 @@ def _errors_of(model: FloatArray) -> FloatArray:
 def _limits(both: Together, model: FloatArray) -> tuple[float, bool]:
     """Standard errors that part two explanations, and whether a model fits the later run."""
     misfit, df = _misfit(both, model)
-    return t_limit(PARTED, both.df), misfit < MISFIT or f_tail(misfit, df, both.df) > CHANGED
+    return t_limit(DISTINGUISHED, both.df), misfit < MISFIT or f_tail(misfit, df, both.df) > CHANGED
 
 
 def _sizes(

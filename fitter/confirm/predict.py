@@ -2,7 +2,7 @@
 
 Many further runs are drawn as they could come about, given all that the first one read, and the figures that the judge
 would print of each are computed by the judge's own code. So the forecast knows what the judge does: which parameters it
-takes anew from the further run, what columns cost, what replications and whole plots have of their own.
+takes again from the further run, what columns cost, what replications and whole plots have of their own.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from fitter.confirm.compare import Apart, Comparison
 from fitter.confirm.draws import Could
 from fitter.confirm.question import Question
 from fitter.confirm.together import Together
-from fitter.quantiles import PARTED, t_limit
+from fitter.quantiles import DISTINGUISHED, t_limit
 
 NOTHING = "nothing"
 DRAWS = 200
@@ -66,7 +66,7 @@ def separation(both: Together | Sequence[Together], questions: Sequence[Question
 
 
 def _separation(ways: Sequence[Together], question: Question) -> Separation:
-    limit, likely = t_limit(PARTED, ways[0].df), Could(ways[0], question).likely
+    limit, likely = t_limit(DISTINGUISHED, ways[0].df), Could(ways[0], question).likely
     counts = np.maximum(np.round(DRAWS / len(ways) * likely).astype(int), LEAST_OF_A_PAIR)
     told = [_drawn(ways, question, j, int(count)) for j, count in enumerate(counts)]
     counts *= len(ways)

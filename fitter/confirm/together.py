@@ -149,7 +149,7 @@ class Together(ABC):
         return self.stacked(fresh)
 
     @property
-    def anew(self) -> FloatArray:
+    def again(self) -> FloatArray:
         """(S n, q) the declared model of each sensor in the later run alone."""
         widths = [own.shape[1] for own in self.declared]
         raw = np.zeros((len(self.sensors), self.fresh.size, sum(widths)))

@@ -68,7 +68,7 @@ class WholePlotTogether(Together):
         return np.eye(self.data.whole_plots.size)[self.data.whole_plot_index]
 
     @property
-    def anew(self) -> FloatArray:
+    def again(self) -> FloatArray:
         """(S n, 0): a transducer that stays where it is keeps its response; whole plots draw their errors anyway."""
         return np.zeros((len(self.sensors) * len(self.data), 0))
 
@@ -102,7 +102,7 @@ class WholePlotTogether(Together):
 
     @cached_property
     def own(self) -> tuple[tuple[Own, ...], ...]:
-        """For each transducer the error that every whole plot draws anew."""
+        """For each transducer the error that every whole plot draws again."""
         index = self.data.whole_plot_index
         plots = [np.flatnonzero(index == k) for k in range(self.data.whole_plots.size)]
         out = []

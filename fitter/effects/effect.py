@@ -37,7 +37,7 @@ Scope = Literal["package", "line", "voltmeter", "sensor"]
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Observations, and what their columns are reckoned from.
+    """Observations, and what their columns are computed from.
 
     Attributes:
         data: the observations.
@@ -131,7 +131,7 @@ class Scene:
 
     @cached_property
     def lagged(self) -> dict[float, FloatArray]:
-        """Lagged temperatures that were reckoned, by time constant."""
+        """Lagged temperatures that were computed, by time constant."""
         return {}
 
     @cached_property
@@ -146,7 +146,7 @@ class Scene:
 
         """
         if self.data.sensor_temperature_degC is None or self.temperature_degC is None:
-            raise ValueError("an effect of temperature cannot be reckoned: no sensor temperature was recorded")
+            raise ValueError("an effect of temperature cannot be computed: no sensor temperature was recorded")
         return self.data.sensor_temperature_degC - self.temperature_degC
 
     def hours(self) -> FloatArray:
@@ -191,7 +191,7 @@ class Term:
 
 @dataclass(frozen=True)
 class Alias:
-    """Another effect that looks alike.
+    """Another effect that is confounded with it.
 
     Attributes:
         when: on which designs, in which sensors.
@@ -263,7 +263,7 @@ class Entry:
         against: the field of the data its residual is best looked at against.
         separate_by: the measurement that would confirm it, or tell it from what is not among the known aliases.
         usual_size: what instruments of this kind show.
-        known_aliases: effects that look alike on common designs.
+        known_aliases: effects that are confounded with it on common designs.
         own: whether a laboratory added it: of what it looks like only its own entry knows.
         signed: the sign that its coefficients have physically; None where either is possible.
         largest: size beyond which it is no explanation; None where none is known.

@@ -20,7 +20,7 @@ _OTHER_INDEX = (
     "start the scale from another index, turned a quarter turn against the sensor: an error of the head moves"
 )
 REVERSED = (
-    "mount the package reversed, turned half a turn about its own x axis: what a sag adds to the x output in sin 2a "
+    "mount the package reversed, turned half a turn about its own x axis: what the pads add to the x output in sin 2a "
     "changes sign, what the head adds does not"
 )
 _REMOUNTED = "remount the package turned by a known roll angle: an error of the head stays with the head"
@@ -146,7 +146,7 @@ HEAD_ONCE = Effect(
             "changes it with the slope",
         ),
         "isolation-pad-deflection": Alias(
-            "the sine phase without roll; the cosine phase is two equal sags",
+            "the sine phase without roll; the cosine phase is two equal deflections of the pads",
             f"{REVERSED}; lock the pads",
         ),
     },

@@ -51,7 +51,7 @@ NAMES: Mapping[str, Callable[[Scene, str], FloatArray]] = {
     "previous_pitch": lambda scene, _sensor: np.radians(scene.data.previous_pitch_deg),
     "previous_roll": lambda scene, _sensor: np.radians(scene.data.previous_roll_deg),
 }
-"""What a column may be reckoned from: angles in rad, degC and hours from the middle of the run, g, V."""
+"""What a column may be computed from: angles in rad, degC and hours from the middle of the run, g, V."""
 PRESSURE_NAMES: Mapping[str, Callable[[PressureScene], FloatArray]] = {
     "P": lambda scene: scene.p,
     "T_sensor": lambda scene: scene.sensor,

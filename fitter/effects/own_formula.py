@@ -85,7 +85,7 @@ class OwnFormula:
             with np.errstate(all="ignore"):
                 values = np.broadcast_to(_value(self.tree, value_of), (n,))
         except (ArithmeticError, RecursionError) as error:
-            raise ValueError(f"an effect's column {self.text!r} cannot be reckoned: {error}") from error
+            raise ValueError(f"an effect's column {self.text!r} cannot be computed: {error}") from error
         if np.iscomplexobj(values) or not np.all(np.isfinite(values)):
             raise ValueError(f"an effect's column {self.text!r} is not a finite number at every observation")
         return values.astype(np.float64)

@@ -71,15 +71,15 @@ ISOLATION_PADS = Effect(
         "a package that hangs below its pads or is mounted otherwise than declared, or a mass below the roll axis",
     ),
     largest=Largest(1.0, "1 deg/g"),
-    separate_by="lock the pads and repeat a few points: the sag goes",
+    separate_by="lock the pads and repeat a few points: the deflection disappears",
     usual_size="4e-4 deg",
     known_aliases={
         "cross-axis": Alias(
-            "always, if each sensor has the products of gravity's components that a sag would give it",
-            "lock the pads and repeat a few points: a sag goes, a sensor's own product stays",
+            "always, if each sensor has the products of gravity's components that the pads would give it",
+            "lock the pads and repeat a few points: a deflection of the pads disappears, a sensor's own product stays",
         ),
         "head-once-per-turn": Alias(
-            "without roll, exactly (sin 2a); with roll its cosine phase is two equal sags",
+            "without roll, exactly (sin 2a); with roll its cosine phase is two equal deflections of the pads",
             REVERSED,
         ),
         "sensor-third-order": Alias("without roll, within +-30 deg of pitch", "go beyond +-60 deg of pitch"),

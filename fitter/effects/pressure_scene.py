@@ -1,4 +1,4 @@
-"""What the columns of a whole-plot run's effects are reckoned from, and the physics that several of them share."""
+"""What the columns of a whole-plot run's effects are computed from, and the physics that several of them share."""
 
 from __future__ import annotations
 

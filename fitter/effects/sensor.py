@@ -140,7 +140,8 @@ CROSS_AXIS = Effect(
     usual_size="2e-5 of the range",
     known_aliases={
         "isolation-pad-deflection": Alias(
-            "for a sensor by itself", "lock the pads and repeat a few points: a sag goes, a sensor's own product stays"
+            "for a sensor by itself",
+            "lock the pads and repeat a few points: a deflection of the pads disappears, a sensor's own product stays",
         )
     },
     needs=("roll",),

@@ -1,6 +1,6 @@
 """The measurement that would tell two effects apart: what the catalogue knows of the pair, else what parts their kinds.
 
-Every pair has an answer that is true of that pair, because on unusual designs effects look alike that no entry lists.
+Every pair has an answer that is true of that pair: on unusual designs effects are confounded that no entry lists.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _AXES = (
     "hold one axis of the head and move the other alone: an error of a scale or a backlash is of the axis that moves"
 )
 _HEAD = "remount the package turned by a known angle: an error of the head stays with the head, others turn along"
-_PADS = "lock the pads and repeat a few points: a sag goes, what is the sensor's own stays"
+_PADS = "lock the pads and repeat a few points: a deflection of the pads disappears, what is the sensor's own stays"
 _POWERS = "compare points with +1 g and -1 g along the sensor: a square is the same at both, a cube changes sign"
 _PRODUCT = (
     "hold gravity along the sensor and change it across: a product of the components changes, a power of the one "

@@ -1,7 +1,7 @@
 """Columns of the effects that are looked for in tables: powers, kinks, waves, directions.
 
 Each function gives the terms of one kind of effect; a constant that is searched gives a term for each of its values.
-Constants are rounded to what their label shows, so that a label reckoned literally gives the column.
+Constants are rounded to what their label shows, so that a label computed literally gives the column.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ CYCLES_MOST, OVERSAMPLED, PER_CYCLE = 120, 2, 2.5
 the variable in each."""
 HARMONICS = 12
 MOVES_WITH = 0.9
-"""Correlation with the velocity told from which a setting's rate is one."""
+"""Correlation with the velocity distinguished from which a setting's rate is one."""
 FEWEST_FOR_KNOT, FEWEST_FOR_WAVE = 10, 24
 _ONE_WORD = re.compile(r"[\w.]+(\([^()]*\))?")
 

@@ -1,4 +1,4 @@
-"""What the columns of effects in a table are reckoned from: settings, covariates, groups, time, direction."""
+"""What the columns of effects in a table are computed from: settings, covariates, groups, time, direction."""
 
 from __future__ import annotations
 

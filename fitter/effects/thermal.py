@@ -90,7 +90,7 @@ def lagged(data: AttitudeData, tau_h: float) -> FloatArray:
 
     """
     if data.temperatures is None:
-        raise ValueError("an effect of temperature cannot be reckoned: no sensor temperature was recorded")
+        raise ValueError("an effect of temperature cannot be computed: no sensor temperature was recorded")
     at, degC = data.temperatures
     dt, tau = np.diff(at), tau_h * 3600.0
     decay, slope = np.exp(-dt / tau), np.diff(degC) / np.maximum(dt, 1e-9)

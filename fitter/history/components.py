@@ -3,7 +3,7 @@
 The values of a parameter are y = X b + u + e: e is the error within a calibration, with known variances W (diagonal),
 u is what else changes from one calibration to the next, psi K. K says how:
 
-    scatter   K = 1: every calibration draws anew (mounting, temperature of the night)
+    scatter   K = 1: every calibration draws again (mounting, temperature of the night)
     walk      K_ij = min(t_i, t_j): the parameter wanders, with independent steps that add up
 
 psi is estimated by the method of Paule and Mandel (J. Res. NBS 87, 377, 1982): the generalised residual sum of squares

@@ -16,7 +16,7 @@ from fitter.arrays import FloatArray
 
 STEPS = 40
 DECISIVE = 25.0
-"""Weighted squares by which one of two pitches must fit better to be told from the other: five standard deviations."""
+"""Weighted squares by which one of two pitches must fit better to win: five standard deviations."""
 _SAME = 1e-6
 _POLISHING = 4
 _STILL = 1e-12

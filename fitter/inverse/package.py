@@ -1,6 +1,6 @@
 """Gravity on the sphere, and how errors of outputs become errors of angles; arrays are (3, n) and (S, n) throughout.
 
-Uncertainty is reckoned along two directions that are square to each other at every attitude: up the meridian (pitch)
+Uncertainty is computed along two directions that are square to each other at every attitude: up the meridian (pitch)
 and along the parallel (roll times the cosine of pitch). Roll alone has a pole at +-90 deg of pitch, these have none.
 """
 

@@ -100,7 +100,7 @@ class Problem:
 
     @property
     def without_pressure(self) -> BoolArray:
-        """(n,) readings at P = 0: what was set, where recorded, else a readback that cannot be told from it."""
+        """(n,) readings at P = 0: what was set, where recorded, else a readback that does not differ from it."""
         read, told = self.data.pressure_psia, self.data.pressure_set_psia
         at_zero = read <= NO_PRESSURE * float(read.max())
         return np.asarray(at_zero if told is None else at_zero | (told <= 0), np.bool_)

@@ -23,7 +23,7 @@ MATTERS = 0.3
 effect a hundred times the error no two sensors agree to the last digit."""
 
 
-def borne_out(judge: AttitudeJudge, chosen: tuple[int, ...]) -> tuple[AttitudeJudge, tuple[int, ...]]:
+def supported(judge: AttitudeJudge, chosen: tuple[int, ...]) -> tuple[AttitudeJudge, tuple[int, ...]]:
     """Search on without effects that sensors do not agree on, until there are none in the model."""
     while True:
         disagreed = frozenset(

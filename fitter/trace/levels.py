@@ -1,7 +1,7 @@
 """The levels of a replicated run: how much is taken out of an output before an effect is looked for.
 
 declared       the declared model
-replications   the declared model anew in every replication, so that whatever a replication has of its own is gone
+replications   the declared model again in every replication, so that whatever a replication has of its own is gone
 points         that, and the mean of every point, so that only what varies point by replication is left
 
 What varies between points is judged at `replications`, what varies with time, temperature or direction at `points`:

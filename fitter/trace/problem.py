@@ -1,7 +1,7 @@
 """A run made ready for the search: every candidate's column for every sensor, and their products at every level.
 
 Products are all that least squares needs, whatever is in the model: a search over hundreds of columns then never
-touches the observations again, except for the few candidates that come near to standing out. Their columns are reckoned
+touches the observations again, except for the few candidates that come near to standing out. Their columns are computed
 again when they are wanted, which is quicker than it sounds and takes a third of the memory of keeping all of them.
 """
 
@@ -21,7 +21,7 @@ from fitter.trace.levels import LEVELS, Level, Levels
 from fitter.trace.not_kept import NotKept
 
 AT_ONCE = 64
-"""Columns that are reckoned at a time where only their products are wanted."""
+"""Columns that are computed at a time where only their products are wanted."""
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """Searches from other starts: what came in first may have stood in for several effects that were not yet in the model.
 
 A search that adds the best one at a time can end in a crowd of effects that share what two or three explain better.
-It is only begun anew where a crowd was found; what the starts end in is compared as alias classes are, by what is left
+It is only begun again where a crowd was found; what the starts end in is compared as alias classes are, by what is left
 and the price of the columns.
 """
 
@@ -16,7 +16,7 @@ from fitter.trace.score import beside, errors, score
 from fitter.trace.search import names_of, prune, search_and_name
 
 CROWD = 3
-"""Effects from which on a search is begun anew."""
+"""Effects from which on a search is begun again."""
 MOST_STARTS = 5
 """Other starts at most, those that explain most by themselves."""
 

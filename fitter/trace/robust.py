@@ -65,7 +65,7 @@ def second_thoughts(problem: Problem, chosen: tuple[int, ...], u: int, scores: S
 def walked(problem: Problem, columns: FloatArray) -> FloatArray:
     """(q, q) what the walk in the offsets adds to the covariance of columns' (S, n, q) products with the outputs.
 
-    The columns are free of every replication's offset, so the walk may start anew in each.
+    The columns are free of every replication's offset, so the walk may start again in each.
     """
     ahead = np.cumsum(columns[:, problem.levels.executed], axis=1)
     return np.asarray(np.einsum("s,snj,snk->jk", problem.wander, ahead, ahead))

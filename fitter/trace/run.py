@@ -11,7 +11,7 @@ from fitter.arrays import FloatArray, IntArray
 from fitter.data import AttitudeData
 from fitter.effects import CATALOGUE, Effect
 from fitter.effects.unnamed import UNNAMED
-from fitter.trace.agreement import borne_out
+from fitter.trace.agreement import supported
 from fitter.trace.alternatives import alternatives
 from fitter.trace.estimate import concerns, estimate
 from fitter.trace.family import Family, family_of
@@ -61,7 +61,7 @@ class Search:
         looks like one, and would be judged against itself. Terms without a cause come last.
         """
         judge, chosen = plausible(
-            *borne_out(*(search_with_restarts if restarts else search_and_name)(AttitudeJudge(problem, family)))
+            *supported(*(search_with_restarts if restarts else search_and_name)(AttitudeJudge(problem, family)))
         )
         by = expected(problem)
         for _ in range(ROUNDS if by is not None else 0):
@@ -70,7 +70,7 @@ class Search:
             if np.all((walking.wander > 0) == (judge.problem.wander > 0)):
                 break
             judge = replace(judge, problem=walking)
-            judge, chosen = plausible(*borne_out(*search_and_name(judge, prune(judge, chosen))))
+            judge, chosen = plausible(*supported(*search_and_name(judge, prune(judge, chosen))))
         return search_and_name(judge.with_unnamed(), chosen) if self.unnamed else (judge, chosen)
 
 

@@ -1,4 +1,4 @@
-"""`rig confirm`: the run that tells look-alikes apart, proposed, made and judged."""
+"""`rig confirm`: the run that distinguishes confounded effects, proposed, made and judged."""
 
 from __future__ import annotations
 
@@ -60,11 +60,11 @@ def confirm(
     ] = None,
     as_json: JsonOption = False,
 ) -> int:
-    """Confirm what a trace found by a further run: which of the causes that look alike holds, on data nobody has seen.
+    """Confirm by a further run what a trace found: which of the confounded causes holds, on data that are new.
 
     Proposes runs on the same bench (at other rolls, with the package turned, at another temperature, in another order)
-    with the standard errors by which each would part every pair of look-alikes; makes the one that parts most, cheaply;
-    judges the causes on both runs, and the old and the new model on the further one alone.
+    with the standard errors by which each would separate every pair of confounded causes; makes the one that separates
+    most at least cost; judges the causes on both runs, and the old and the new model on the further one alone.
 
     Examples: `rig confirm RUN --dry`, `rig confirm RUN --list`, `rig confirm RUN --by LATER_RUN`
     """
@@ -225,13 +225,13 @@ def _show_proposals(
     table = Table("", "run", "points", "bench time", "pairs separated", "nearest pair", "shown by")
     shown = proposals if every else proposals[: max(take, SHOWN)]
     for number, proposal in enumerate(shown, start=1):
-        parted, pairs = proposal.parted
+        separated, pairs = proposal.separated
         table.add_row(
             f"[green]{number}[/]" if number == take else str(number),
             proposal.variation.what,
             proposal.size,
             duration(proposal.hours * 3600.0),
-            f"{parted} of {pairs}" if pairs else "-",
+            f"{separated} of {pairs}" if pairs else "-",
             "-" if proposal.nearest is None else _weakest(*proposal.nearest),
             _weakest(*proposal.shown),
         )

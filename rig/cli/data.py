@@ -414,7 +414,7 @@ def export(
 
     table = run_table(run_file, everything=everything, salvage=salvage)
     if salvage:
-        err.print("[bold yellow]NOT VERIFIED:[/] nobody vouches for these values; see `rig verify`")
+        err.print("[bold yellow]NOT VERIFIED:[/] the chain of records does not prove these values; see `rig verify`")
     write_csv(table.columns, out_file)
     if everything:
         seen = int(table.columns["accepted"].sum())

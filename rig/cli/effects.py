@@ -16,7 +16,7 @@ _SHOWN = 6
 
 
 def show_effect(effect: Mapping[str, Any]) -> None:
-    """Name, size and coefficients with intervals, what looks alike, and what would tell."""
+    """Name, size and coefficients with intervals, what it is confounded with, and what would distinguish them."""
     stratum = "" if effect["stratum"] == "noise" else f" ({effect['stratum']})"
     paragraph(f"[green]{escape(effect['effect'])}[/]{stratum}: {share(effect)}, p {chance(effect)}", 2)
     interval = "" if not effect["size_95"] else f" (95 %: {escape(effect['size_95'])}, conditional on the selection)"

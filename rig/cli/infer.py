@@ -47,7 +47,7 @@ def infer(
         typer.Option(
             "--zero-rows",
             help="what several rows read in vacuum are: of one sitting, which shares the whole-plot error of the "
-            "readings; or independent, the temperatures set anew before each; a column whole_plot says it too",
+            "readings; or independent, the temperatures set again before each; a column whole_plot says it too",
             show_default=False,
         ),
     ] = None,
@@ -77,7 +77,7 @@ def infer(
     with the reason in `flag`.
 
     Pressure: the transducer's output and both temperatures. Reading the zero in vacuum first (in flight, before entry)
-    takes out the error that a change of temperature draws anew; its own error is in the interval. Intervals hold as
+    takes out the error that a change of temperature draws again; its own error is in the interval. Intervals hold as
     long as the temperatures have stood since the zero was read: rows at other temperatures are flagged. Values outside
     the calibrated range are flagged, not extrapolated. The zero is compared with the calibration: one that is hard to
     believe is flagged in every row. Several zero rows are of one sitting or independent: --zero-rows says which.

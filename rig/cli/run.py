@@ -150,7 +150,7 @@ def resume(
 ) -> int:
     """Carry on with an interrupted run.
 
-    A dry run's bench begins anew, as after a power cut, so an open whole plot is measured again; `rig sim` keeps a
+    A dry run's bench begins again, as after a power cut, so an open whole plot is measured again; `rig sim` keeps a
     simulated bench alive between sessions.
 
     Example: `rig resume runs/20260115T180000-night-1a2b.sqlite`

@@ -114,7 +114,7 @@ def _way_forward(path: Path, found: Verification) -> str:
         f"A copy from before the damage can be fitted and resumed; "
         f"`rig verify {path} --restore NEW.sqlite` saves the beginning that is proven, to be fitted and resumed too; "
         f"`rig export {path} --salvage --out DATA.csv` saves the observations that can still be read, "
-        f"for which nobody vouches"
+        f"which are not verified"
     )
 
 

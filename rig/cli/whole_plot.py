@@ -115,7 +115,7 @@ def show_whole_plot_findings(traced: WholePlotTraced) -> None:
         for effect in sensor["effects"]:
             if effect["aliases"]:
                 out.print(
-                    f"  {name}: {effect['effect']} cannot be told from {', '.join(effect['aliases'])} by these data"
+                    f"  {name}: {effect['effect']} is confounded with {', '.join(effect['aliases'])} in these data"
                 )
         for note in sensor["notes"]:
             if "left out do not confirm" in note or note.startswith("not confirmed"):

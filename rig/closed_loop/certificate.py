@@ -147,7 +147,7 @@ def _p(p: float) -> str:
 
 
 def _lacking(effect: Mapping[str, Any]) -> str:
-    """An effect, what looks alike, its size, its share and the chance of its like."""
+    """An effect, what it is confounded with, its size, its share and the chance of its like."""
     others, cause = effect["aliases"], effect["cause"].partition(": ")[0].partition("; ")[0]
     more = f" and {len(others) - _NAMED} more" if len(others) > _NAMED else ""
     alike = f", or what these data cannot tell from it: {', '.join(others[:_NAMED])}{more}" if others else ""
@@ -174,7 +174,7 @@ def _change(errors: Errors, added: int) -> list[str]:
     changes = " and ".join([first.from_to(" goes"), *(change.from_to() for change in others)])
     texts = [f"With all that was found, {changes}"]
     if left_out is not None:
-        told = _grew(left_out) or errors.hides or _borne_out(left_out, "it" if added == 1 else "them")
+        told = _grew(left_out) or errors.hides or _supported(left_out, "it" if added == 1 else "them")
         texts.append(f"{capitalised(left_out.from_to(' goes'))}, {told}")
         if _grew(left_out) and errors.hides:
             texts[-1] += f" ({errors.hides})"
@@ -189,7 +189,7 @@ def _grew(left_out: Change) -> str:
     return f"this {how}: the data left out do not confirm what was found"
 
 
-def _borne_out(left_out: Change, it: str) -> str:
+def _supported(left_out: Change, it: str) -> str:
     """What a left-out error that fell says of what was found."""
     if left_out.after > CONFIRMED * left_out.before:
         return f"which bears {it} out, but weakly: it falls by less than {1 - CONFIRMED:.0%}".replace("%", " %")

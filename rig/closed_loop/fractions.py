@@ -208,7 +208,7 @@ def _candidates(measured: MeasuredGrid) -> list[Part]:
 
 
 def _steps(lines: int, fewest: int) -> Iterator[int]:
-    """Every how-manieth line may be kept so that both ends are, and enough of them."""
+    """One line in how many may be kept so that both ends are, and enough of them."""
     for every in range(1, max(lines, 2)):
         if (lines - 1) % every == 0 and (lines - 1) // every + 1 >= min(fewest, lines):
             yield every

@@ -58,7 +58,7 @@ def time_of(table: Table, parts: Parts, notes: list[str]) -> tuple[Timeline | No
             v = table.columns[name]
             if pattern.search(name) and len(np.unique(v)) > 0.5 * len(v) and np.mean(np.diff(v) >= 0) > 0.95:
                 counts = pattern is _COUNTERS
-                more = f"; --time {name} vouches for it: {_MORE}" if counts else ""
+                more = f"; --time {name} declares it: {_MORE}" if counts else ""
                 what = "the order of taking" if counts else "the time"
                 notes.append(f"{name} was taken for {what}; --ignore {name} leaves it out{more}")
                 return Timeline(name, v, seconds_per_unit(name), presumed=pattern is _COUNTERS), False
@@ -66,7 +66,7 @@ def time_of(table: Table, parts: Parts, notes: list[str]) -> tuple[Timeline | No
     if by is not None and parts.direction not in parts.settings:
         along = by in {*parts.settings, *parts.free} and _rises(table.columns[by])
         notes.append(
-            f"rows are sorted by {by} and no column of time was given, so nobody knows in what order they were taken: "
+            f"rows are sorted by {by} and no column of time was given, so their order in time is not known: "
             f"drift, steps, carry-over and lags were not looked for{_MAYBE if along else ''}; --time names the column"
         )
         return None, along

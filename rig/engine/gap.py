@@ -9,7 +9,7 @@ from drivers.clock import Clock
 from rig.run_file.state import RunState
 
 LONGEST_S = 366 * 86400.0
-"""A longer gap by UTC is a clock that was or is wrong; a bench left alone for longer begins anew anyway."""
+"""A longer gap by UTC is a clock that was or is wrong; a bench left alone for longer begins again anyway."""
 _STEP_S = 120.0
 """A clock may be set back by so much without the gap being any less known than it is by UTC."""
 _ROUNDING_S = 0.001

@@ -140,7 +140,7 @@ class Pace:
         self._left = None
 
     def interrupted(self, elapsed_s: float) -> None:
-        """Nothing runs now: a soak that was under way begins anew with the next session."""
+        """Nothing runs now: a soak that was under way begins again with the next session."""
         self._last = self._began = None
         self._session_s = elapsed_s
 

@@ -20,8 +20,8 @@ from rig.errors import StorageError
 class SetUp(Protocol):
     """Brings the instruments' settings to what the bench declares, where that is due."""
 
-    def __call__(self, *, anew: bool = False) -> None:
-        """Set up if it is due, or `anew` in any case."""
+    def __call__(self, *, again: bool = False) -> None:
+        """Set up if it is due, or `again` in any case."""
         ...
 
 
@@ -46,16 +46,16 @@ class Parking:
 
     def park(self, poll_s: float, timeout_s: float) -> str:
         """Drive the axes to where they rest; what kept them from it, "" if nothing. The safe state follows anyway."""
-        anew = False
+        again = False
         while True:
             try:
-                self._set_up(anew=anew)
+                self._set_up(again=again)
                 self._do.park(poll_s, timeout_s)
             except InterlockHold as error:
                 return f"not parked: {error}"
             except FAULTS as error:
                 decision, what = self._deciding.decide(error, State.PARKING)
-                anew = isinstance(what, DriverError)
+                again = isinstance(what, DriverError)
                 if decision.action == LEAVE:
                     return f"not parked: {what}"
                 continue

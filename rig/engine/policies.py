@@ -1,7 +1,7 @@
 """Policies at work: how often what has failed where, and what the procedure wants done about it.
 
 Counted for each class of fault and each place (a point, or a state that has none), so that a fault at one point does
-not use up the patience with another. A place that is done with is counted anew when it comes again; so is an
+not use up the patience with another. A place that is done with is counted again when it comes again; so is an
 instrument that has worked well for as long as the longest pause, a few times: a soak of hours may lose many replies.
 """
 

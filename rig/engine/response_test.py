@@ -118,7 +118,7 @@ class ResponseTest:
         return f"is frozen: every reading at the last {_FROZEN} points was {self._say(last[0].mean)}"
 
     def _learn(self) -> str:
-        """Fit anew now and then while there is more to learn from; says it if the output never followed anything."""
+        """Fit again now and then while there is more to learn from; says it if the output never followed anything."""
         n = len(self._rows)
         if n < self._next_fit:
             return ""

@@ -201,7 +201,7 @@ def make_safe(bench: Bench, clock: Clock) -> SafeState:
     pause = _POLL_S
     while any(task.problem for task in tasks):
         left = end - clock.now()
-        with contextlib.suppress(Exception):  # out of memory, say: what is left to do is done all the same
+        with contextlib.suppress(Exception):  # out of memory, say: what is left to do is still done
             clock.sleep(min(pause, max(left, 0.0)))
         pause = min(1.5 * pause, _LONGEST_POLL_S)
         for task in tasks:

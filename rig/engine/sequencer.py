@@ -290,8 +290,8 @@ class Sequencer:
             self._queue.put_back(self._journal.at.point)
             self._journal.take_up(None)
 
-    def _set_up(self, *, anew: bool = False) -> None:
-        if self._needs_set_up or anew:
+    def _set_up(self, *, again: bool = False) -> None:
+        if self._needs_set_up or again:
             self._do.set_up()
             self._needs_set_up = False
             for instrument, said in self._do.remarks():

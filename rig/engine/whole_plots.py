@@ -37,7 +37,7 @@ for a minute, hangs. One that is coarse was the same before."""
 
 
 def renewal(target_degC: float, away_degC: float) -> float:
-    """Setpoint at which a temperature that stands is left before it is set anew: towards ambient, degrees Celsius."""
+    """Setpoint at which a temperature that stands is left before it is set again: towards ambient, degrees Celsius."""
     return target_degC + (away_degC if target_degC < AMBIENT_DEGC else -away_degC)
 
 
@@ -178,7 +178,7 @@ class WholePlots:
         """
         self.doubted_s = 0.0
         if not certain:
-            return "the controller's machine was restarted, so nobody knows how long the chambers were left alone"
+            return "the controller's machine was restarted, so it is not known how long the chambers were left alone"
         if idle_s > self._continue_gap_s:
             return f"left alone for {idle_s / 60:.0f} min, longer than continue_gap_s = {self._continue_gap_s:g} s"
         if restarted:

@@ -168,7 +168,7 @@ def _sittings(table: Table, rows: NDArray[np.bool_], meaning: ZeroRows | None) -
         raise UsageError(
             f"{table.source}: {len(index)} rows were read in vacuum. Say what they are: --zero-rows {ONE_SITTING} (one "
             f"after another at the temperatures of the readings to infer, whose whole-plot error they share) or "
-            f"--zero-rows {INDEPENDENT} (temperatures set anew before each, and before the readings to infer); or give "
+            f"--zero-rows {INDEPENDENT} (temperatures set again before each and before the readings to infer); or give "
             f"a column {WHOLE_PLOT}, one number for each setting of the temperatures"
         )
     else:

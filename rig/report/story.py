@@ -27,7 +27,7 @@ def words(record: Record) -> str:
     return _words(record)
 
 
-_UNKNOWN_GAP = "a gap that nobody knows: the machine restarted, and its clock was wrong or is"
+_UNKNOWN_GAP = "a gap of unknown length: the machine restarted, and its clock was wrong or is"
 
 
 def _clock(seconds: float) -> str:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 _ROWS = (
     ("sigma_subplot", "within whole plots / mV", "standard deviation of one reading at constant temperature"),
-    ("sigma_wholeplot", "between whole plots / mV", "of the error that every temperature change draws anew"),
+    ("sigma_wholeplot", "between whole plots / mV", "of the error that every temperature change draws again"),
     ("cv_rms", "left-out error / mV", "rms error at whole plots the fit has not seen, their own error included"),
 )
 

@@ -97,7 +97,7 @@ def findings(
     Args:
         run: the file.
         thorough: look at every index entry, and search for what was changed in a record.
-        expand: makes the run list anew from the stored documents, to say which point of it was changed.
+        expand: makes the run list again from the stored documents, to say which point of it was changed.
         each: called with every record that follows the one before it and has its hash.
 
     """

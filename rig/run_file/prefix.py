@@ -210,7 +210,7 @@ def _texts(pages: Pages, place: int, name: str, digest: str) -> Iterator[str]:
 def _run_list(
     path: Path, declared: Mapping[str, Any], documents: Mapping[str, str], pages: Pages, expand: Expand
 ) -> RunList:
-    """The run list, made anew from the procedure or read; it must have the digest that the first record names."""
+    """The run list, made again from the procedure or read; it must have the digest that the first record names."""
     ways: tuple[Callable[[], RunList | None], ...] = (
         lambda: expand(documents),
         lambda: _stored_run_list(pages, int(declared["seed"]), latest=False),
@@ -222,7 +222,7 @@ def _run_list(
             if run_list is not None and run_list.sha256() == declared["run_list"]:
                 statements([factor.name for factor in run_list.factors])  # raises where one has no name for a column
                 return run_list
-    raise RunFileError(f"{path}: its run list can neither be made anew nor read: nothing can be restored")
+    raise RunFileError(f"{path}: its run list can neither be made again nor read: nothing can be restored")
 
 
 def _stored_run_list(pages: Pages, seed: int, *, latest: bool) -> RunList:

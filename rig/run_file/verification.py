@@ -174,5 +174,5 @@ def _held_against(run: RunReader, expected: str | None) -> tuple[list[Finding], 
             count, _ = run.head()
             more = count - seq
             return [], [f"the head given is that of record {seq}; {more} record(s) follow it"] if more else []
-    what = f"no record has the hash {expected}: records were cut off at the end, or the chain was written anew"
+    what = f"no record has the hash {expected}: records were cut off at the end, or the chain was written again"
     return [Finding("head", what)], []

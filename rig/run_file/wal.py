@@ -22,7 +22,7 @@ _HEADER = struct.Struct(">8I")
 _FRAME = struct.Struct(">6I")
 _MAGIC_LITTLE, _MAGIC_BIG = 0x377F0682, 0x377F0683
 _GENERATIONS = 1 << 24
-"""A log is begun anew every few hundred points; more generations than this no run has."""
+"""A log is begun again every few hundred points; more generations than this no run has."""
 
 
 @dataclass(frozen=True)

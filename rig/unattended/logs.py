@@ -2,7 +2,7 @@
 
 The run file is the record; a log is for eyes and for tools that collect lines. It never decides whether a night
 lives: lines are written by a thread of its own, and a full disk, a missing folder or a network drive that hangs
-costs lines and nothing else. Every line opens the file anew, so that whatever rotates it may do so at any time.
+costs lines and nothing else. Every line opens the file again, so that whatever rotates it may do so at any time.
 """
 
 from __future__ import annotations

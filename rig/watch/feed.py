@@ -24,7 +24,7 @@ from rig.watch.words import expected_end, number, settling_now, state_now
 _LEAST_S = 0.5
 """However many pages are open, a run file is looked at no more often."""
 _CHARTS_S = 4.0
-"""Charts are made anew no more often."""
+"""Charts are made again no more often."""
 _TICK_S = 2.0
 """A file's time of change is coarse on some file systems: two writes within it may show as one."""
 _BAD = (ValueError, LookupError, TypeError, AssertionError, AttributeError)

@@ -64,8 +64,8 @@ class TransducerTruth:
         sse_offset_nV_per_degC2: the same, its curvature.
         sse_gain_ppm_per_degC: gain with the electronics' temperature.
         cross_offset_nV_per_degC2: offset with the product of both temperatures.
-        wholeplot_mV: standard deviation of the error that every change of a temperature draws anew.
-        subplot_mV: standard deviation of the error that every setting of the pressure draws anew, at zero pressure.
+        wholeplot_mV: standard deviation of the error that every change of a temperature draws again.
+        subplot_mV: standard deviation of the error that every setting of the pressure draws again, at zero pressure.
         subplot_mV_per_psi: how that grows with pressure.
         noise_mV: standard deviation of a mean over 1 s; over t seconds it is this divided by sqrt(t).
 

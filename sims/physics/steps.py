@@ -1,4 +1,4 @@
-"""A quantity that is set anew from time to time: since when, which way it went, what still lags behind it."""
+"""A quantity that is set again from time to time: since when, which way it went, what still lags behind it."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """What the best of all candidates scores when there is nothing to find.
 
 The family is every effect with every value of a constant that is searched. Tables of normal errors are drawn with the
-noise that was fitted without any effect, and scored as the table itself is, the noise fitted anew beside every
+noise that was fitted without any effect, and scored as the table itself is, the noise fitted again beside every
 candidate: a parametric bootstrap of the likelihood ratio (Davison and Hinkley, Bootstrap Methods, 1997, ch. 4). What
 the best term of each effect scores is calibrated on these draws by itself, so that neither many values of a constant
 nor effects that noise imitates hide the others; then the smallest of all p is (Westfall and Young, Resampling-Based

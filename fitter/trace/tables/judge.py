@@ -25,7 +25,7 @@ SHORTLIST = 8
 CLOSE = 3.0 * ALPHA
 """Up to this p the slowest plausible noise is asked too."""
 DOUBTFUL = 5.0
-"""Weight of p of a drift over an order that nobody vouches for; others count as one (weighted family-wise error:
+"""Weight of p of a drift over an order that is not declared; others count as one (weighted family-wise error:
 Genovese, Roeder and Wasserman, Biometrika 93 (2006) 509)."""
 PAIRED = 3
 """Effects in time beside which another is tried where none stands out by itself. Each of two has to stand out beside

@@ -17,12 +17,12 @@ from scipy.linalg.lapack import dtbtrs
 from fitter.arrays import FloatArray, IntArray
 
 SHARES = (1.0, 0.7, 0.4, 0.15)
-"""Of the variance of one row, what wanders; the rest is drawn anew for every row."""
+"""Of the variance of one row, what wanders; the rest is drawn again for every row."""
 CORRELATIONS = (0.2, 0.4, 0.6, 0.75, 0.83, 0.89, 0.93, 0.96, 0.98, 0.99)
 """Of what wanders, between neighbouring rows. Where long tables tell more, what is between two of these is drawn with
 too little or too much of slow noise: between 0.87 and 0.94 a third too little."""
 WALKS = (0.001, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 30.0)
-"""Variance of a random walk's step over that of what is drawn anew for every row."""
+"""Variance of a random walk's step over that of what is drawn again for every row."""
 LEAST_WHITE = 0.01
 SLOW, MEMORIES = 0.9, 6.0
 """Correlation between neighbours of what wanders, above which it is a drift of no known shape rather than noise; it is

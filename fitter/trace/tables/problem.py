@@ -39,7 +39,7 @@ class Problem:
         noise: that rows may share.
         sd: (n,) standard deviation of each row's own error over the usual one.
         ordered: whether rows stand in an order, that of taking or that of a setting.
-        presumed: whether nobody vouches for that order.
+        presumed: whether that order is not declared.
         left_out: candidates that cannot be computed with.
 
     """

@@ -30,7 +30,7 @@ def pure_error(y: FloatArray, points: IntArray | None, effects: FloatArray) -> f
     Args:
         y: (n,) response.
         points: (n,) setting of each row; None where nothing is set.
-        effects: (n, d) columns of effects in which rows of one setting may differ all the same; they are fitted first.
+        effects: (n, d) columns of effects in which rows of one setting may still differ; they are fitted first.
 
     """
     if points is None:

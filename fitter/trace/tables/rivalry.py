@@ -53,7 +53,7 @@ def possible_of(problem: Problem, rival: Rivalry) -> tuple[BoolArray, BoolArray]
     """(G,) covariances that are fitted without a candidate, and those that are fitted beside it.
 
     A slow wander that is a drift itself is as much an answer as any effect in time: of the two the more probable one
-    holds. Only where nobody vouches for the order of the rows does an effect have to be shown against it.
+    holds. Only where the order of the rows is not declared does an effect have to be shown against it.
     """
     noise = problem.noise
     every = np.ones(len(noise.slow), np.bool_)

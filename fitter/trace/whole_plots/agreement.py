@@ -1,7 +1,7 @@
 """One coefficient of the line, or one of each transducer?
 
 An error of the pressure is one number in psi for all transducers. Where each of them could show the same column by
-itself, the line is asked to be borne out by them: they agree, or the line and what some of them add to it explain the
+itself, the line has to be supported by them: they agree, or the line and what some of them add to it explain the
 data better, at the price of the columns, than each by itself. The search cannot see to that: a column that all
 transducers share removes more than any one's own, is taken first, and what they disagree about is then put right one
 after the other.
@@ -52,14 +52,14 @@ def named(judge: WholePlotJudge, chosen: tuple[int, ...] = ()) -> tuple[int, ...
     """The candidates that belong in the model, from those `chosen` on, by the names they are to have."""
     for _ in range(ROUNDS):
         chosen = search_and_name(judge, chosen, judge.lead)[1]
-        agreed = borne_out(judge, chosen)
+        agreed = supported(judge, chosen)
         if frozenset(agreed) == frozenset(chosen):
             break
         chosen = agreed
     return chosen
 
 
-def borne_out(judge: WholePlotJudge, chosen: tuple[int, ...]) -> tuple[int, ...]:
+def supported(judge: WholePlotJudge, chosen: tuple[int, ...]) -> tuple[int, ...]:
     """The transducers' own candidates in the place of those of the line that they do not bear out.
 
     Where all of them agree, the line has fewer columns and stays unless the data can tell; with corrections to a few of

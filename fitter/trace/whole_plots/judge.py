@@ -21,7 +21,7 @@ from fitter.trace.whole_plots.strata import Level
 
 TRIED = 3
 """Candidates at most that are tried as one of two that hide each other: what one leaves in whole plots, now up and now
-down, is what the other's standard error is then reckoned from."""
+down, is what the other's standard error is then computed from."""
 
 
 @dataclass(frozen=True, eq=False)

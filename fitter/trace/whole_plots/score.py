@@ -4,7 +4,7 @@ A candidate's score is its coefficient over the largest of its standard errors:
 
 - from its stratum's residual beside it, which in a balanced design is the exact t test of that stratum;
 - within whole plots also from the scatter of each reading's own contribution, which holds for unequal variances, and
-  from that of whole plots' contributions, which holds where the sensitivity too is drawn anew in each; and
+  from that of whole plots' contributions, which holds where the sensitivity too is drawn again in each; and
   from the scatter of whole plots' slopes with pressure, where that is more than readings explain, with as many degrees
   of freedom as there are whole plots to know it by;
 - for what happens in the line also from the scatter of what all transducers together contribute, reading by reading or
@@ -33,7 +33,7 @@ RESOLVED = 1e-12
 
 
 CHANCE = 0.05
-"""Probability of so much scatter of whole plots' slopes, below which sensitivities are taken to be drawn anew."""
+"""Probability of so much scatter of whole plots' slopes, below which sensitivities are taken to be drawn again."""
 SLOPES = 3
 """Terms of slopes that a declared model has: P, and P times both temperatures."""
 TINY = np.finfo(float).tiny
@@ -162,7 +162,7 @@ def _errors(
 
 
 def _of_slopes(problem: Problem, columns: FloatArray, left: FloatArray) -> tuple[FloatArray, float]:
-    """What sensitivities that are drawn anew in every whole plot add to the variance of columns' products, and its df.
+    """What sensitivities that are drawn again in every whole plot add to the variance of columns' products, and its df.
 
     Slopes of whole plots' residuals with pressure, beside what the candidate does to them, are held against the
     readings' scatter; nothing is added where chance would do it.

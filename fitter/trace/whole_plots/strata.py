@@ -5,7 +5,7 @@ whole-plot   one number a whole plot: its mean, less what the subplot stratum sa
              declared model's terms that differ between whole plots only, or mostly
 
 In a balanced design these are the strata of its analysis of variance. In any other the first is free of whole-plot
-errors all the same, at the price of the little that whole plots' means say about it. A whole plot counts in the second
+errors nevertheless, at the price of the little that whole plots' means say about it. A whole plot counts in the second
 as precisely as it was measured; with one reading left it is still one number.
 """
 
@@ -27,7 +27,7 @@ LEVELS: tuple[Level, ...] = ("whole-plot", "subplot")
 
 VARIES = 0.005
 """A column is one of whole plots if no larger share than this of what varies in it does so within them: temperatures
-are read anew with every observation, and their scatter there says nothing about their effect."""
+are read again with every observation, and their scatter there says nothing about their effect."""
 MOSTLY = 0.1
 """Of the squares of what varies between whole plots, as much within them makes a declared term one of subplots."""
 INDEPENDENT = 1e-6

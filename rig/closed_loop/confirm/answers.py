@@ -148,7 +148,7 @@ def _sentence(answer: Confirmation) -> str:
     if answer.verdict == "replaced":
         return f"What was named {answer.effect} is {answer.members[0].effect}: a further run tells them apart."
     if answer.verdict == "not shown":
-        return f"The further run does not show {answer.effect}: it cannot be told from nothing there."
+        return f"The further run does not show {answer.effect}: it cannot be distinguished from nothing there."
     if answer.verdict == "undecided":
         return f"A further run leaves {_listed(answer.holding)} undecided."
     return (

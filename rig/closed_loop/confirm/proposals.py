@@ -23,7 +23,7 @@ LIKELY = 0.5
 HARDLY = 0.2
 """Below this a run tells nothing worth its hours."""
 TURN_H = 0.5
-"""What mounting the package anew costs beside bench time."""
+"""What mounting the package again costs beside bench time."""
 
 
 class Weakest(NamedTuple):
@@ -60,7 +60,7 @@ class Proposal:
         return all(chance >= SURE for s in self.separations for chance in s.chances.values())
 
     @property
-    def parted(self) -> tuple[int, int]:
+    def separated(self) -> tuple[int, int]:
         """How many pairs of explanations it will very likely separate, and how many there are."""
         alike = [s.chances[pair] for s, pair in self._alike]
         return sum(chance >= SURE for chance in alike), len(alike)

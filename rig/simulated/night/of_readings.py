@@ -34,7 +34,7 @@ def _read(night: Night, record: Record, point: Point, of: _Input, values: list[f
     """What is wrong with the first reading of a column with which anything is.
 
     A thermometer that hangs is excepted: what it repeats must have been true when it was first said, wherever that was.
-    One that has never been seen to change cannot be told from a coarse one.
+    One that has never been seen to change cannot be distinguished from a coarse one.
     """
     made = night.of_input(of.wire)
     left = iter(night.meanwhile(record, of.wire))

@@ -153,7 +153,7 @@ function showFacts() {
   });
 }
 
-// Charts stay where they are and are drawn anew; a figure is made once for each name.
+// Charts stay where they are and are drawn again; a figure is made once for each name.
 const drawn = new Map();
 
 function figures(holder, wanted) {
