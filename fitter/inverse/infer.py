@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -34,7 +34,6 @@ from fitter.inverse.given import each, near_of, noise_of
 from fitter.inverse.known_roll import DECISIVE, KnownRoll, polish, wrap
 from fitter.inverse.package import (
     NORMAL_95,
-    Noise,
     Propagation,
     angles,
     directions,
@@ -42,30 +41,13 @@ from fitter.inverse.package import (
     t_limits,
     tangent,
 )
+from fitter.inverse.question import Question, absurd_squares, beyond, f_absurd, worse_at_most
 from fitter.inverse.singular import FEWEST_SD, normal
 from fitter.inverse.three_axis import ThreeAxis
-from fitter.quantiles import f_limit
 
 CHUNK = 8192
 
-_LEVEL_ABSURD = 1.0 - 1e-6
 _TERMS_ITERATIONS, _TERMS_TOLERANCE = 12, 1e-12
-
-
-@dataclass(frozen=True, eq=False)
-class _Question:
-    """Readings of one chunk: (S, n) outputs less offsets, (n,) or None the rest; angles in rad."""
-
-    calibration: AttitudeCalibration
-    noise: Noise
-    weights: FloatArray
-    y: FloatArray
-    warmth: FloatArray
-    near_pitch: FloatArray
-    near_roll: FloatArray
-    roll: FloatArray | None
-    roll_variance: FloatArray
-    weighed: bool
 
 
 def infer_attitude(
@@ -173,7 +155,7 @@ def _as_named(
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         for i in range(0, n, CHUNK):
             p = slice(i, i + CHUNK)
-            question = _Question(
+            question = Question(
                 calibration,
                 noise,
                 weights,
@@ -198,33 +180,33 @@ def _as_named(
     return out
 
 
-def _three_axes(q: _Question, three: ThreeAxis, out: InferredAttitude) -> None:
+def _three_axes(q: Question, three: ThreeAxis, out: InferredAttitude) -> None:
     matrix = q.calibration.matrix
     extra = np.zeros_like(q.y)
     for _ in range(_TERMS_ITERATIONS):
         y = q.y - extra
         g = three.gravity(y.T, steps=3)
-        again = _beyond(q, g)
+        again = beyond(q, g)
         if again is None or _settled(again, extra):
             break
         extra = again
     left = y - matrix @ g
     squares = np.einsum("sn,sn,s->n", left, left, q.weights)
     _tangent_errors(q, g, out)
-    wrong = ~((squares <= _absurd(q)) & (np.einsum("in,in->n", g, g) > 0.5))  # no g at all fits no output at all
+    wrong = ~((squares <= absurd_squares(q)) & (np.einsum("in,in->n", g, g) > 0.5))  # no g at all fits no output at all
     if wrong.any():
         reason(out.flag, wrong, NOT_1_G)
         length = np.linalg.norm(three.to_principal @ y, axis=0)
         nowhere(out, wrong & ~(np.abs(length - 1.0) <= FAR_FROM_1_G))
 
 
-def _two_axes(q: _Question, out: InferredAttitude) -> None:
+def _two_axes(q: Question, out: InferredAttitude) -> None:
     matrix = q.calibration.matrix
     near = gravity(q.near_pitch, q.near_roll)
     extra = np.zeros_like(q.y)
     for _ in range(_TERMS_ITERATIONS):
         g, t, length = two_axis.solve(matrix, q.y - extra, near)
-        again = _beyond(q, g)
+        again = beyond(q, g)
         if again is None or _settled(again, extra):
             break
         extra = again
@@ -235,7 +217,7 @@ def _two_axes(q: _Question, out: InferredAttitude) -> None:
         _open_fold(q, g, t, length, np.flatnonzero(folded), out)
 
 
-def _tangent_errors(q: _Question, g: FloatArray, out: InferredAttitude) -> FloatArray:
+def _tangent_errors(q: Question, g: FloatArray, out: InferredAttitude) -> FloatArray:
     """Angles and their errors of (3, n) gravity in `out`; gives (n,) sd over both directions, rad."""
     up, along, c = directions(g)
     by_up, by_along = tangent(q.calibration.matrix, q.weights, up, along)
@@ -262,7 +244,7 @@ def _tangent_errors(q: _Question, g: FloatArray, out: InferredAttitude) -> Float
 
 
 def _open_fold(
-    q: _Question,
+    q: Question,
     g: FloatArray,
     t: FloatArray,
     length: FloatArray,
@@ -299,13 +281,13 @@ def _open_fold(
         np.where(no_roll, HALF_TURN, np.degrees(roll_high + turn)),
     )
     out.flag[rows] = BOTH_OPEN
-    absurd = np.sqrt(_f_absurd(1, q)) * np.sqrt(radial.variance)
+    absurd = np.sqrt(f_absurd(1, q)) * np.sqrt(radial.variance)
     none = np.zeros(len(out.flag), bool)
     none[rows] = ~(length - 1.0 <= absurd)
     nowhere(out, none)
 
 
-def _known_roll(q: _Question, out: InferredAttitude) -> None:
+def _known_roll(q: Question, out: InferredAttitude) -> None:
     assert q.roll is not None
     roll, matrix = q.roll, q.calibration.matrix
     problem = KnownRoll.of(matrix, roll, q.roll_variance, q.noise.variance)
@@ -315,7 +297,7 @@ def _known_roll(q: _Question, out: InferredAttitude) -> None:
         pitch, out.assumed[:] = problem.solve(y, q.near_pitch)
         pitch, corrected, problem, y = polish(matrix, problem, y, roll, pitch)
         g = gravity(pitch, roll)
-        again = _beyond(q, g)
+        again = beyond(q, g)
         if again is None or _settled(again, extra):
             break
         extra = again
@@ -333,10 +315,10 @@ def _known_roll(q: _Question, out: InferredAttitude) -> None:
     curvature = np.sqrt(np.einsum("sn,sn->n", bend, problem.whiten(bend, pitch)) / information)
     flat = ~(FEWEST_SD * sd * curvature < 1.0)
     least = problem.cost(y, pitch)
-    absurd = _absurd(q)
+    absurd = absurd_squares(q)
     if flat.any():
         rows = np.flatnonzero(flat)
-        lower, higher = _reach(problem.take(rows), y[:, rows], pitch[rows], limit[rows], _worse(q))
+        lower, higher = _reach(problem.take(rows), y[:, rows], pitch[rows], limit[rows], worse_at_most(q))
         leave_open(out, "pitch", flat, np.degrees(pitch[rows] - lower), np.degrees(pitch[rows] + higher))
         reason(out.flag, flat, PITCH_OPEN)
     if len(q.y) == 2 and np.any(q.roll_variance > 0):
@@ -347,7 +329,7 @@ def _known_roll(q: _Question, out: InferredAttitude) -> None:
         reason(out.flag, least > absurd, NOT_1_G)
 
 
-def _mirrored(q: _Question, pitch: FloatArray, roll: FloatArray, half: FloatArray, out: InferredAttitude) -> None:
+def _mirrored(q: Question, pitch: FloatArray, roll: FloatArray, half: FloatArray, out: InferredAttitude) -> None:
     """Two outputs fit a second attitude exactly; measured roll may be too uncertain to exclude it."""
     assert q.roll is not None
     across = np.cross(*q.calibration.matrix)
@@ -374,7 +356,7 @@ def _reach(
     return problem.reach(y, pitch, np.maximum(limit**2 * worse - room, 0.0))
 
 
-def _bad_readings(q: _Question, out: InferredAttitude) -> None:
+def _bad_readings(q: Question, out: InferredAttitude) -> None:
     good = np.isfinite(q.y).all(axis=0)
     if q.calibration.needs_temperature:
         good = good & np.isfinite(q.warmth)
@@ -383,34 +365,6 @@ def _bad_readings(q: _Question, out: InferredAttitude) -> None:
     nowhere(out, np.asarray(~good), BAD_READING)
 
 
-def _beyond(q: _Question, g: FloatArray) -> FloatArray | None:
-    """(S, n) what effects and temperature add to the outputs; None where the calibration has none."""
-    if all(not s.terms for s in q.calibration.sensors):
-        return None
-    return np.stack([s.beyond(g, q.warmth) for s in q.calibration.sensors])
-
-
 def _settled(again: FloatArray, before: FloatArray) -> bool:
     moved = np.abs(again - before)
     return bool(np.all(~(moved > _TERMS_TOLERANCE)))
-
-
-def _worse(q: _Question) -> float:
-    """By how much, at most, calibration adds to the variance of an output (eq. 73): at least one."""
-    worst, at = 1.0, 0
-    for sensor, noise in zip(q.calibration.sensors, q.noise.variance, strict=True):
-        k = sensor.coefficients.size
-        own = q.calibration.use_covariance[at : at + k, at : at + k]
-        worst = max(worst, 1.0 + 2.0 * float(np.linalg.eigvalsh(own)[-1]) / float(noise))
-        at += k
-    return worst
-
-
-def _f_absurd(above: int, q: _Question) -> float:
-    return f_limit(_LEVEL_ABSURD, above, float(q.calibration.sigma_df.min()))
-
-
-def _absurd(q: _Question) -> float:
-    """Weighted squares left over that only a package that is not at rest, or has changed, will give."""
-    above = max(len(q.y) - (2 if q.roll is None else 1), 1)
-    return above * _f_absurd(above, q) * _worse(q)

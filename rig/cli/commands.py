@@ -5,6 +5,7 @@ import rig.cli.confirm
 import rig.cli.data
 import rig.cli.demo
 import rig.cli.doctor
+import rig.cli.export
 import rig.cli.infer
 import rig.cli.night
 import rig.cli.plan

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass, field
-from math import e, exp, expm1, inf, log, pi, sin, sqrt
+from math import e, exp, inf, log, pi, sin, sqrt
 
 from sims.noise import event_at, normal, uniform
 from sims.physics.fields import Number, accepts, quantity
+from sims.physics.pressure_stretch import Stretch
 from sims.physics.told import Told
 
 ATMOSPHERE_PSIA = 14.695949
@@ -74,45 +75,6 @@ class LineTruth:
     reference_offset_psi: float = quantity(0.0, -10.0, 10.0)
     reference_drift_psi_per_day: float = quantity(0.0, -10.0, 10.0)
     reference_noise_psi: float = quantity(2e-6, 0.0, 10.0)
-
-
-@dataclass(frozen=True, slots=True)
-class _Stretch:
-    """constant + slope * (t - start), followed with a lag, from the pressure `begin` on; maybe past it and back.
-
-    `bump` is an overshoot's height; `saturated` says that a valve is fully open in vain.
-    """
-
-    start: float
-    constant: float
-    slope: float
-    tau: float
-    begin: float
-    bump: float = 0.0
-    saturated: bool = False
-
-    @property
-    def _fading(self) -> float:
-        return self.begin - self.constant + self.slope * self.tau
-
-    def at(self, t: float) -> float:
-        dt = t - self.start
-        u = dt / self.tau
-        gone = exp(-u)
-        return self.constant + self.slope * (dt - self.tau) + (self._fading + self.bump * e * u) * gone
-
-    def rate(self, t: float) -> float:
-        u = (t - self.start) / self.tau
-        return self.slope + (self.bump * e * (1.0 - u) - self._fading) * exp(-u) / self.tau
-
-    def integral(self, t0: float, t1: float) -> float:
-        """Of the pressure over time, psi s; differences of exponentials are taken without cancellation."""
-        d0, length, tau = t0 - self.start, t1 - t0, self.tau
-        u0, u1 = d0 / tau, (t1 - self.start) / tau
-        straight = self.constant + self.slope * (d0 + length / 2.0 - tau)
-        gone = -tau * exp(-u0) * expm1(-length / tau)
-        bump = self.bump * e * (gone + tau * (u0 * exp(-u0) - u1 * exp(-u1))) if self.bump else 0.0
-        return straight * length + self._fading * gone + bump
 
 
 class PressureLine:
@@ -194,9 +156,9 @@ class PressureLine:
         rate = min(rate_psi_per_s, truth.valve_psi_per_s)
         ends = now + abs(away) / rate
         tau = truth.control_time_constant_s
-        self._stretches.append(_Stretch(now, here, rate if away > 0 else -rate, tau, here))
+        self._stretches.append(Stretch(now, here, rate if away > 0 else -rate, tau, here))
         left = self._stretches[-1].at(ends) - truth.ambient_psia
-        self._stretches.append(_Stretch(ends, truth.ambient_psia, 0.0, tau, truth.ambient_psia + left))
+        self._stretches.append(Stretch(ends, truth.ambient_psia, 0.0, tau, truth.ambient_psia + left))
         self._vent_over = ends + tau * log(max(1.0, abs(left) / _AT_AMBIENT_PSI))
         if self.told is not None:
             self.told("control", "off")
@@ -329,7 +291,7 @@ class PressureLine:
         if away and (up if away > 0 else down):
             arrival = at + abs(away) / slew
             slope = (slew if away > 0 else -slew) + self._goal_slope
-            self._stretches.append(_Stretch(at, here, slope, truth.control_time_constant_s, here))
+            self._stretches.append(Stretch(at, here, slope, truth.control_time_constant_s, here))
         elif away:
             self._stretches.append(self._leaking(at, here, saturated=True))
             ratio = (goal - surroundings) / (here - surroundings) if here != surroundings else inf
@@ -339,7 +301,7 @@ class PressureLine:
         begin, tau = self._smooth(arrival), truth.control_time_constant_s
         settled = self._line_for(reachable, arrival)
         self._stretches.append(
-            _Stretch(
+            Stretch(
                 arrival,
                 settled + self._goal_slope * tau,  # it keeps up with the reference's drift
                 self._goal_slope,
@@ -355,9 +317,9 @@ class PressureLine:
             alone = arrival + tau * log(max(1.0, (begin - settled) / tau / -leak))
             self._stretches.append(self._leaking(alone, self._smooth(alone), saturated=True))
 
-    def _leaking(self, at: float, here: float, *, saturated: bool = False) -> _Stretch:
+    def _leaking(self, at: float, here: float, *, saturated: bool = False) -> Stretch:
         truth = self.truth
-        return _Stretch(at, truth.surroundings_psia, 0.0, truth.leak_time_constant_s, here, saturated=saturated)
+        return Stretch(at, truth.surroundings_psia, 0.0, truth.leak_time_constant_s, here, saturated=saturated)
 
     def _available(self, source: str, t: float, here: float) -> bool:
         """Whether a source moves gas at `t`; one that has fallen still does as long as it is above the line."""
@@ -385,7 +347,7 @@ class PressureLine:
         """How the line pressure moves while the reading stays."""
         return -self._drift / self._gain / (self._column + self._flow)
 
-    def _stretch(self, t: float) -> _Stretch:
+    def _stretch(self, t: float) -> Stretch:
         for stretch in reversed(self._stretches):
             if stretch.start <= t:
                 return stretch
@@ -411,11 +373,11 @@ class PressureLine:
     def _error(self, t: float) -> float:
         return self._read(self._smooth(t), t) - self.setpoint_psia
 
-    def _farthest(self, stretch: _Stretch, end: float) -> list[float]:
+    def _farthest(self, stretch: Stretch, end: float) -> list[float]:
         """Where within a stretch the reading may be farthest from the setpoint, latest first."""
         if not stretch.bump:
             return [stretch.start]
-        top = stretch.start + stretch.tau * (1.0 - stretch._fading / (stretch.bump * e))
+        top = stretch.start + stretch.tau * (1.0 - stretch.fading / (stretch.bump * e))
         return [top, stretch.start] if stretch.start < top < end else [stretch.start]
 
     def _entered(self, outside: float, inside: float, band_psi: float) -> float:

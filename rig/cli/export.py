@@ -1,0 +1,50 @@
+"""`rig export`: the observations of a run as a table."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+
+from rig.cli import app
+from rig.cli.show import err, headline
+from rig.errors import ExitCode
+
+
+@app.command(rich_help_panel="Data")
+def export(
+    run_file: Annotated[Path, typer.Argument(help="the run file", show_default=False)],
+    out_file: Annotated[Path, typer.Option("--out", "-o", help="the CSV file to write", show_default=False)],
+    everything: Annotated[
+        bool,
+        typer.Option("--all", help="rejected observations too, with their status; faults and decisions beside it"),
+    ] = False,
+    salvage: Annotated[
+        bool, typer.Option("--salvage", help="take what can still be read of a damaged or edited file, unverified")
+    ] = False,
+) -> int:
+    """Write a run's observations as CSV, units in the column names.
+
+    Example: `rig export runs/20260115T180000-night-1a2b.sqlite --out night.csv`
+    """
+    from rig.tables import run_table, write_csv  # noqa: PLC0415
+    from rig.tables.happenings import write_happenings  # noqa: PLC0415
+
+    table = run_table(run_file, everything=everything, salvage=salvage)
+    if salvage:
+        err.print("[bold yellow]NOT VERIFIED:[/] the chain of records does not prove these values; see `rig verify`")
+    write_csv(table.columns, out_file)
+    if everything:
+        seen = int(table.columns["accepted"].sum())
+        table = replace(table, provenance={**table.provenance, "points_observed": seen})
+    headline(str(out_file), table, err)
+    if rejected := table.provenance.get("observations_rejected"):
+        err.print(f"[yellow]{rejected} observations that were rejected are not in it; --all writes them too[/]")
+    if everything and not salvage:
+        beside = out_file.with_name(f"{out_file.stem}.faults.csv")
+        count = write_happenings(run_file, beside)
+        err.print(f"{escape(str(beside))}: {count} faults, decisions and what came of them", soft_wrap=True)
+    return ExitCode.DONE
