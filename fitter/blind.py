@@ -19,6 +19,8 @@ from fitter.sums_of_squares import NAN, FTest, centred, off, own_parameters, rat
 
 _DRIFTS = 0.05
 _WANDERS = 1e-3
+_INFLATED = 1.1
+"""Less than this hides nothing that scatter does not hide as well."""
 
 
 @dataclass(frozen=True)
@@ -91,17 +93,17 @@ def blind(
     rest = float(left @ left)
     if drift.df_below <= 0 or rest <= 0.0:
         return None
-    drifts = bool(drift.p < _DRIFTS)
+    inflation = pure_error * drift.df_below / rest
+    drifts = bool(drift.p < _DRIFTS) and inflation >= _INFLATED
     wander, p = _wander(left, within, point, replicate, drift.df_below)
     if not drifts and p >= _WANDERS:
         return None
-    inflation, bias = 1.0, FTest(NAN, 0, drift.df_below)
+    bias = FTest(NAN, 0, drift.df_below)
     if drifts:
         every = orthonormal(np.column_stack([extra, own_parameters(columns, replicate)]))
         beyond = float(np.sum(off(output, every) ** 2))
         bias = ratio(beyond - rest, len(output) - every.shape[1] - drift.df_below, rest, drift.df_below)
-        inflation = pure_error * drift.df_below / rest
-    return Blind(inflation, bias, wander if p < _WANDERS else 0.0, p)
+    return Blind(inflation if drifts else 1.0, bias, wander if p < _WANDERS else 0.0, p)
 
 
 def _wander(left: FloatArray, within: FloatArray, point: IntArray, replicate: IntArray, df: int) -> tuple[float, float]:

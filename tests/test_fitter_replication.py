@@ -164,6 +164,8 @@ def test_wander_within_replications_is_said_to_hide_a_lack_of_fit():
 def test_nothing_is_said_of_plain_scatter():
     """Seeds 0 to 199: wander is claimed where there is none in 1 of 1000, lack of fit beside drift in 5 of 100."""
     assert sum(bool(b and b.wander) for b in (_line(seed)[0].blind for seed in range(200))) <= 2
+    slight = [_line(seed, drift=0.3)[0] for seed in range(40)]
+    assert any(r.drift.p < 0.05 and r.blind is None for r in slight), "a drift that inflates nothing hides nothing"
     drifting = [_line(seed, drift=30.0)[0].blind for seed in range(200)]
     assert 2 <= sum(b.lacks_fit for b in drifting) <= 20
     assert np.mean([b.bias.p for b in drifting]) == pytest.approx(0.5, abs=0.07)
