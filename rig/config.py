@@ -212,14 +212,16 @@ def parse_procedure(text: str, where: str, *, strict: bool = True) -> Procedure:
     return validated(_KINDS[kind], values, where, strict=strict)
 
 
-def validated(model: type[Model], values: Mapping[str, Any], where: str, *, strict: bool = True) -> Model:
+def validated(
+    model: type[Model], values: Mapping[str, Any], where: str, *, strict: bool = True, shown: bool = True
+) -> Model:
     """An instance of `model`; raises `ConfigurationError` listing everything that is wrong.
 
     Strictly, as JSON has it: a list is a tuple and a text a path, but "yes" is no truth, "3" no number, 3.0 no count.
     What a run file holds is read otherwise: versions that took these began runs that are to be finished. Models see
-    that in their validation context, as `stored`.
+    that in their validation context, as `stored`. Values that may be secrets are not `shown`.
     """
     try:
         return model.model_validate_json(json.dumps(values, default=str), strict=strict, context={"stored": not strict})
     except ValidationError as error:
-        raise ConfigurationError(explain(error, where, model)) from error
+        raise ConfigurationError(explain(error, where, model, shown=shown)) from (error if shown else None)

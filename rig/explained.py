@@ -17,9 +17,27 @@ _PLAIN = {
 }
 
 
-def explain(error: ValidationError, where: str, model: type[BaseModel]) -> str:
-    """One line for everything that is wrong, each naming file and place."""
-    return "\n".join(f"{where}: {_line(item, model)}" for item in error.errors())
+def explain(error: ValidationError, where: str, model: type[BaseModel], *, shown: bool = True) -> str:
+    """One line for everything that is wrong, each naming file and place.
+
+    Values that may be secrets are not `shown`, but for numbers and short plain words.
+    """
+    return "\n".join(f"{where}: {_line(item if shown else _veiled(item), model)}" for item in error.errors())
+
+
+_SHORT_WORD = re.compile(r"[a-z-]{1,20}")
+
+
+def _veiled(item: Mapping[str, Any]) -> Mapping[str, Any]:
+    """A finding of pydantic's without the value that it is about, unless that can be no secret."""
+
+    def harmless(value: Any) -> bool:
+        return isinstance(value, bool | int | float) or bool(_SHORT_WORD.fullmatch(str(value)))
+
+    context = item.get("ctx", {})
+    if "tag" in context and not harmless(context["tag"]):
+        context = {**context, "tag": "..."}
+    return {**item, "ctx": context, "input": item.get("input") if harmless(item.get("input")) else {}}
 
 
 def _line(item: Mapping[str, Any], model: type[BaseModel]) -> str:

@@ -1,6 +1,7 @@
 """Telling people: on hold, fault, warning, stop, finish, and after a crash. Never in the way of a run."""
 
-from rig.unattended.notify.channels import NotSent, Send, sender, senders
+from rig.unattended.notify.channels import Send, sender, senders
+from rig.unattended.notify.delivery import NotSent
 from rig.unattended.notify.message import Message, compose
 from rig.unattended.notify.notifier import Failure, Notifier
 from rig.unattended.notify.settings import (

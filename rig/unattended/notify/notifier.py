@@ -13,7 +13,8 @@ from dataclasses import dataclass, field, replace
 from drivers.clock import Clock, RealClock
 from rig.engine.session import Progress
 from rig.unattended.happenings import Happening, Kind, RunFacts
-from rig.unattended.notify.channels import NotSent, Send
+from rig.unattended.notify.channels import Send
+from rig.unattended.notify.delivery import NotSent, reason
 from rig.unattended.notify.message import Message, compose
 from rig.unattended.notify.settings import NotifySettings, _Channel
 from rig.unattended.worker import Worker
@@ -157,7 +158,7 @@ class Notifier:
                 if error.permanent:
                     break
             except Exception as error:  # a library's surprise must not end the channel
-                why = f"{type(error).__name__}: {error}"
+                why = reason(error)  # its own words may repeat an address
             else:
                 self._told(label, message.headline)
                 return

@@ -8,7 +8,7 @@ come from the environment or from a file that holds nothing else.
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+import re
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 from urllib.parse import urlsplit
@@ -35,7 +35,7 @@ class _Channel(BaseModel):
     on: tuple[About, ...] = Field(EVERYTHING, description="what is told")
     benches: tuple[str, ...] = Field((), description="only of runs on these benches; all if empty")
     simulated: bool = Field(True, description="of simulated benches too, marked SIMULATED")
-    timeout_s: float = Field(20.0, gt=0, le=300, description="for every step of a delivery")
+    timeout_s: float = Field(20.0, gt=0, le=300, description="for an attempt at a delivery, all of it")
 
     @property
     def label(self) -> str:
@@ -69,9 +69,11 @@ class Mail(_Channel):
             raise ValueError("user needs password_env or password_file, and the other way round")
         if self.user and self.security == "none":
             raise ValueError('security = "none" would send the password in clear: use "starttls" or "ssl"')
-        for address in (*self.to, self.sender):
+        for place, address in (("sender", self.sender), *((f"to.{n}", one) for n, one in enumerate(self.to))):
             if "@" not in address or any(c.isspace() or c in "<>," for c in address):
-                raise ValueError(f"{address!r} is no plain e-mail address (name@host)")
+                raise ValueError(f"{place} is no plain e-mail address (name@host)")
+        if not re.fullmatch(r"[\w.:-]{1,253}", self.host) or ".." in self.host:
+            raise ValueError("host is the name or number of a machine, and nothing else")
         return self
 
 
@@ -79,7 +81,7 @@ class Webhook(_Channel):
     """`kind = "webhook"`: an HTTP POST of JSON."""
 
     kind: Literal["webhook"]
-    url: str = Field("", description="where to; one that is a secret itself goes into url_env or url_file")
+    url: str = Field("", repr=False, description="where to; one that is a secret itself goes into url_env or url_file")
     url_env: str = Field("", description="environment variable that holds the address")
     url_file: Path | None = Field(None, description="file that holds the address and nothing else")
     shape: Literal["json", "ntfy", "slack", "teams"] = Field("json", description="what the receiver expects")
@@ -143,7 +145,7 @@ class NotifySettings(BaseModel):
 
 def read_settings(path: Path) -> NotifySettings:
     """Read and check a file. Raises `ConfigurationError`."""
-    settings = validated(NotifySettings, parse_toml(read_text(path, "notify"), str(path)), str(path))
+    settings = validated(NotifySettings, parse_toml(read_text(path, "notify"), str(path)), str(path), shown=False)
     labels = [channel.label for channel in settings.channel]
     for label in labels:
         if labels.count(label) > 1:
@@ -151,19 +153,32 @@ def read_settings(path: Path) -> NotifySettings:
     return settings
 
 
-def secret(env: str, file: Path | None, environment: Mapping[str, str] | None = None) -> str:
-    """A secret from the environment or a file; "" where neither is named. Raises `ConfigurationError`."""
+def secret(channel: Mail | Webhook | Apprise, what: Literal["password", "url", "token"]) -> str:
+    """A secret from the environment or a file; "" where neither is named. Raises `ConfigurationError`.
+
+    Who confuses `url` and `url_env` has written the secret itself where its place belongs. So a place is repeated only
+    where it has the form of one.
+    """
+    env: str = getattr(channel, f"{what}_env", "")
+    file: Path | None = getattr(channel, f"{what}_file", None)
     if env:
-        value = (os.environ if environment is None else environment).get(env, "").strip()
+        value = os.environ.get(env, "").strip() if "\0" not in env else ""
         if not value:
-            raise ConfigurationError(f"the environment variable {env} is not set: set it, or name a file")
+            name = f"variable {env}" if _PLAIN_VARIABLE.fullmatch(env) else f"variable that {what}_env names"
+            raise ConfigurationError(f"the environment {name} is not set: set it, or name a file with {what}_file")
         return value
     if file is None:
         return ""
-    value = read_text(file.expanduser(), "secret").strip()
+    file = file.expanduser()
+    if "\0" in str(file) or not file.exists():
+        raise ConfigurationError(f"there is no file where {what}_file says: write it there, or correct {what}_file")
+    value = read_text(file, "secret").strip()
     if not value:
         raise ConfigurationError(f"{file} is empty: it should hold the secret")
     return value
+
+
+_PLAIN_VARIABLE = re.compile(r"[A-Z]+(_[A-Z0-9]+)+")
 
 
 def secret_files(settings: NotifySettings) -> list[Path]:
@@ -182,6 +197,17 @@ def web_address(text: str) -> str:
 
 
 def _check_url(text: str, what: str) -> None:
-    parts = urlsplit(text)
-    if parts.scheme not in ("http", "https") or not parts.hostname or any(c.isspace() for c in text):
+    """Raise ValueError, in words that repeat nothing of the address, unless it is one that can be asked."""
+    if not (text.isascii() and text.isprintable()) or " " in text:
+        raise ValueError(f"{what} has a space or a character that is not plain ASCII: write it as %20 and so on")
+    try:
+        parts = urlsplit(text)
+        host, port = parts.hostname, parts.port
+    except ValueError:  # its words repeat the address
+        raise ValueError(f"{what} has no host and port that can be understood (https://host:port/...)") from None
+    if parts.scheme not in ("http", "https") or not host or port == 0:
         raise ValueError(f"{what} must begin with http:// or https:// and name a host")
+    if "@" in parts.netloc:
+        raise ValueError(f"{what} has a name or password before its host: use token_env or token_file")
+    if not all(0 < len(label) < 64 for label in host.removesuffix(".").split(".")) or len(host) > 253:
+        raise ValueError(f"{what} names a host that cannot be one")

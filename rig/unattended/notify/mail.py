@@ -1,0 +1,163 @@
+"""E-mail by SMTP, headers of our own encoding."""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+import smtplib
+import socket
+import ssl
+from collections.abc import Callable
+from email.mime.text import MIMEText
+from email.utils import formatdate, make_msgid
+from typing import IO
+
+from rig.errors import ConfigurationError
+from rig.unattended.notify.delivery import Line, NotSent, deliver, veiled
+from rig.unattended.notify.message import Message
+from rig.unattended.notify.settings import Mail, secret
+
+_PORTS = {"starttls": 587, "ssl": 465, "none": 25}
+_MOST_ANSWERED = 100_000
+"""Characters of answers that a mail server is listened to for; a real one needs 2,000."""
+
+
+def mail_sender(channel: Mail) -> Callable[[Message], None]:
+    """What sends a message as e-mail, or raises `NotSent`. Raises `ConfigurationError` for a secret that cannot be."""
+    password = secret(channel, "password")
+    if not password.isascii():
+        raise ConfigurationError("the password has characters that are not ASCII, which SMTP does not take: change it")
+    port = channel.port or _PORTS[channel.security]
+    veil = _spellings(channel.user, password)
+
+    def post(message: Message, line: Line) -> None:
+        server = _Server(line, channel.host, port, encrypted=channel.security == "ssl")
+        try:
+            if channel.security == "starttls":
+                server.starttls(context=ssl.create_default_context())
+            if channel.user:
+                server.login(channel.user, password)
+            refused = server.send_message(as_mail(message, channel), channel.sender, list(channel.to))
+            if refused:
+                raise NotSent(f"{channel.host} takes no mail for {len(refused)} of the addresses", permanent=True)
+            line.take()
+            with contextlib.suppress(OSError, smtplib.SMTPException, _TooMuch):
+                server.quit()
+        finally:
+            server.close()
+
+    def send(message: Message) -> None:
+        def told(line: Line) -> None:
+            try:
+                post(message, line)
+            except smtplib.SMTPResponseException as error:
+                if error.smtp_code < 100:
+                    raise NotSent(f"{channel.host} port {port} does not speak SMTP") from None
+                answer = error.smtp_error
+                words = answer.decode("utf-8", "replace") if isinstance(answer, bytes) else str(answer)
+                said = f"{channel.host} answers {error.smtp_code} {veiled(words, veil)}"
+                raise NotSent(said, permanent=_5xx(error)) from None
+            except smtplib.SMTPRecipientsRefused:
+                raise NotSent(f"{channel.host} takes no mail for these addresses", permanent=True) from None
+            except _TooMuch:
+                raise NotSent(f"{channel.host} port {port}: its answers have no end") from None
+
+        deliver(channel.timeout_s, told, f"{channel.host} port {port}")
+
+    return send
+
+
+def _spellings(user: str, password: str) -> list[str]:
+    """A password as it stands, and as it goes to the server."""
+    plain = [password, f"\0{user}\0{password}"] if password else []
+    return [*plain, *(base64.b64encode(text.encode()).decode() for text in plain)]
+
+
+class _TooMuch(Exception):
+    """A server's answers have no end."""
+
+
+class _Bounded:
+    """As much of a file as smtplib asks of one, with an end."""
+
+    def __init__(self, file: IO[bytes], most: int) -> None:
+        self._file, self._left = file, most
+
+    def readline(self, size: int = -1) -> bytes:
+        """One line, or what of it fits into `size` bytes. Raises `_TooMuch`."""
+        text = self._file.readline(size)
+        self._left -= len(text)
+        if self._left < 0:
+            raise _TooMuch
+        return text
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
+class _Server(smtplib.SMTP):
+    """A mail server on a line of ours."""
+
+    def __init__(self, line: Line, host: str, port: int, *, encrypted: bool) -> None:
+        self._line, self._encrypted = line, encrypted
+        try:
+            super().__init__(host, port, timeout=line.left())
+        except BaseException:
+            self.close()
+            raise
+
+    def _get_socket(self, host: str, port: int, timeout: float) -> socket.socket:
+        sock = self._line.connect(host, port)
+        return ssl.create_default_context().wrap_socket(sock, server_hostname=host) if self._encrypted else sock
+
+    def getreply(self) -> tuple[int, bytes]:
+        """See `smtplib`."""
+        if self.file is None and self.sock is not None:
+            self.file = _Bounded(self.sock.makefile("rb"), _MOST_ANSWERED)
+        return super().getreply()
+
+
+def _5xx(error: smtplib.SMTPResponseException) -> bool:
+    return 500 <= error.smtp_code < 600
+
+
+def as_mail(message: Message, channel: Mail) -> MIMEText:
+    """The message as e-mail, with headers that keep automatic replies away.
+
+    Of `email`'s two families this is the one that takes headers as they are given: the other decodes what looks like
+    an encoded word, and a bench's name could become a header, or a body, of its own.
+    """
+    text = message.text.encode("utf-8", "replace").decode("utf-8")
+    readable = text.isascii() and max(map(len, text.splitlines())) < _LINE
+    mail = MIMEText(text, "plain", "us-ascii" if readable else "utf-8")
+    mail["Subject"] = _plain_header(message.headline)
+    mail["From"] = channel.sender
+    mail["To"] = ", ".join(channel.to)
+    mail["Date"] = formatdate()
+    mail["Message-ID"] = make_msgid(domain=channel.sender.rpartition("@")[2])
+    mail["Auto-Submitted"] = "auto-generated"
+    if message.urgent:
+        mail["X-Priority"] = "1"
+    return mail
+
+
+_LINE = 990
+"""Characters in a line of a mail that is sent as it is."""
+_WORD = 42
+"""Bytes of text in an encoded word, which may be 75 characters long."""
+
+
+def _plain_header(text: str) -> str:
+    """A header's text in ASCII: as it is where it is that and no encoded word, else in encoded words (RFC 2047)."""
+    text = " ".join("".join(c if c.isprintable() else " " for c in text).split())
+    if text.isascii() and "=?" not in text:
+        return text
+    words, word = [], b""
+    for character in text:
+        data = character.encode("utf-8", "replace")
+        if len(word) + len(data) > _WORD:
+            words.append(word)
+            word = b""
+        word += data
+    return " ".join(f"=?utf-8?b?{base64.b64encode(part).decode()}?=" for part in (*words, word))
