@@ -1,7 +1,8 @@
 """Watlow F4T temperature controller: a chamber's or an enclosure's control loop over Modbus.
 
 Which registers there are and what their codes mean is data: the register map of `contracts/`, which the controller
-program hands over as text. This module knows only what to do with them.
+program hands over as text. This module knows only what to do with them; temperatures and their unit are
+`drivers.watlow_units`'s.
 """
 
 from __future__ import annotations
@@ -16,21 +17,18 @@ from pydantic import BaseModel, Field, ValidationError, ValidationInfo, field_va
 from drivers.clock import Clock
 from drivers.errors import BadReply, InstrumentError, LimitError, NotReady, WrongInstrument
 from drivers.roles import ChamberState, Identity
-from drivers.watlow_map import MappedDevice, map_of
+from drivers.watlow_map import map_of
+from drivers.watlow_units import ILLEGAL_ADDRESS, MappedTemperatures, celsius
 from drivers.wires import Wires
-from drivers.wires.modbus import float_of_words
 
-_MARGIN_K = 20.0  # how far from its limits and from ambient a chamber may be found
-_ILLEGAL_ADDRESS = 2
 _NO_ALARM = ("startup", "none", "blocked")
-_POSSIBLE_DEGC = (-273.15, 2000.0)  # absolute zero, and more than any thermocouple of a chamber bears
 
 
 def _register(power: str) -> str:
     return power.replace("-", "_")
 
 
-class WatlowF4T(MappedDevice):
+class WatlowF4T(MappedTemperatures):
     """One control loop of the controller, or one cascade of two; satisfies `drivers.roles.Chamber`.
 
     Nothing it is known to tell shows that its power has been off: settings and setpoint survive that.
@@ -116,13 +114,16 @@ class WatlowF4T(MappedDevice):
         self.name = name
         self._options = options
         line = wires.modbus(address, name, options.timeout_s)
-        super().__init__(line, map_of(options.register_map), options.loop, cascade=options.cascade)
+        super().__init__(
+            line,
+            map_of(options.register_map),
+            options.loop,
+            cascade=options.cascade,
+            limits_degC=(options.low_degC, options.high_degC),
+            units=options.units,
+        )
         part = self._entry("part_number")
         self._line.known = (part.address, int(part.type.removeprefix("text:")))
-        self._unit_register = f"modbus_units_{'rtu' if self._line.rtu else 'tcp'}"
-        self._tells_unit = self._unit_register in self._map.registers
-        self._found_unit = ""
-        self._unit_witnessed = False
         self._power = "" if options.power == "none" else _register(options.power)
 
     def identify(self) -> Identity:
@@ -130,7 +131,7 @@ class WatlowF4T(MappedDevice):
         try:
             part = self._text("part_number")
         except InstrumentError as error:
-            if error.code != _ILLEGAL_ADDRESS:
+            if error.code != ILLEGAL_ADDRESS:
                 raise
             part = ""
         if not part.startswith(self._map.model):
@@ -158,7 +159,7 @@ class WatlowF4T(MappedDevice):
             )
         found = self._witness("process_value")
         if math.isfinite(found):
-            self._check_possible(_celsius(found, fahrenheit))
+            self._check_possible(celsius(found, fahrenheit))
         if self._power:
             self._powered()
         self._require_cascade()
@@ -308,141 +309,3 @@ class WatlowF4T(MappedDevice):
                 f"{self._line.where}: {self._options.power} was pressed and reads off; a key that does not stay on "
                 f"does not show whether the chamber runs: declare the event output that does, or power = none"
             )
-
-    def _fahrenheit(self, *, may_change: bool = False) -> bool:
-        """Whether temperatures on this wire are in degrees Fahrenheit; anybody may change that on the panel.
-
-        The panel's own unit is another setting and tells nothing. What does is the Modbus setting of the port that
-        this wire ends in, or the bench file for a controller without it; what else is known has to agree.
-        """
-        own, declared = self._own_unit(), self._options.units
-        if not own and declared == "modbus":
-            raise BadReply(
-                f"{self._line.where}: it does not tell the unit of its Modbus temperatures (no register "
-                f"{self._unit_register}); write units = C or F in the bench file, as its menu Settings, Network, "
-                f"Modbus has it: what its display shows is another setting"
-            )
-        if own and declared not in ("modbus", own):
-            raise BadReply(
-                f"{self._line.where}: the bench file says units = {declared}, the controller's own Modbus setting "
-                f"({self._unit_register}) is {own}; correct one of them"
-            )
-        unit = own or declared
-        changed = self._found_unit not in ("", unit)
-        if changed and not may_change:
-            raise BadReply(
-                f"{self._line.where}: the unit of its Modbus temperatures was {self._found_unit} and is {unit} now; "
-                f"set it back, or resume the run: programs that have not noticed set wrong temperatures"
-            )
-        if changed or not self._unit_witnessed:
-            self._check_witnesses(unit == "F")
-        self._found_unit = unit
-        return unit == "F"
-
-    def _own_unit(self) -> str:
-        """C or F as the controller's setting for this wire has it, "" if it has none."""
-        if not self._tells_unit:
-            return ""
-        try:
-            unit = self._code(self._unit_register)
-        except InstrumentError as error:
-            if error.code != _ILLEGAL_ADDRESS:
-                raise
-            return ""
-        if unit not in ("C", "F"):  # a setpoint in the wrong one is tens of degrees off
-            raise BadReply(f"{self._line.where}: its {self._unit_register} read {unit}, neither C nor F")
-        return unit
-
-    def _check_witnesses(self, fahrenheit: bool) -> None:
-        """Refuse a unit in which the chamber's range or temperature makes no sense while the other one does."""
-        this, other = ("F", "C") if fahrenheit else ("C", "F")
-        low, high = self._witness("setpoint_minimum"), self._witness("setpoint_maximum")
-        ours, theirs = ((_celsius(low, f), _celsius(high, f)) for f in (fahrenheit, not fahrenheit))
-        if not self._holds_ours(*ours) and self._holds_ours(*theirs):
-            raise self._doubtful(
-                f"its setpoint range is {ours[0]:.4g} to {ours[1]:.4g} degC if its unit is {this}, which does not "
-                f"hold the bench's range, and {theirs[0]:.4g} to {theirs[1]:.4g} degC if it is {other}"
-            )
-        value = self._witness("process_value")
-        here, there = _celsius(value, fahrenheit), _celsius(value, not fahrenheit)
-        if not self._plausible(here) and self._plausible(there):
-            raise self._doubtful(
-                f"it reads {value:.4g}, which is {here:.4g} degC if its unit is {this}, no temperature of this "
-                f"chamber, and {there:.4g} degC if it is {other}"
-            )
-        self._unit_witnessed = self._plausible(here)
-
-    def _witness(self, name: str) -> float:
-        """A number as it is on the wire; not a number if the controller has none, or its sensor is broken."""
-        try:
-            return float_of_words(self._words(name), low_first=self._low_first)
-        except InstrumentError as error:
-            if error.code != _ILLEGAL_ADDRESS:
-                raise
-            return math.nan
-
-    def _doubtful(self, what: str) -> BadReply:
-        return BadReply(
-            f"{self._line.where}: {what}; compare with its display, then correct its Modbus unit (menu Settings, "
-            f"Network, Modbus) or the bench file's units or limits; nothing was set"
-        )
-
-    def _plausible(self, degC: float) -> bool:
-        """Whether the chamber may be found at this temperature: about its range, or about ambient."""
-        low, high = self.limits()
-        return low - _MARGIN_K <= degC <= high + _MARGIN_K
-
-    def _range(self, fahrenheit: bool) -> tuple[float, float]:
-        low, high = (self._temperature(name, fahrenheit) for name in ("setpoint_minimum", "setpoint_maximum"))
-        return low, high
-
-    def _holds_ours(self, low: float, high: float) -> bool:
-        return low - 1e-3 <= self._options.low_degC and self._options.high_degC <= high + 1e-3
-
-    def _temperature(self, name: str, fahrenheit: bool) -> float:
-        return _celsius(self._number(name), fahrenheit)
-
-    def _process_value(self, fahrenheit: bool) -> float:
-        degC = self._temperature("process_value", fahrenheit)
-        self._check_possible(degC)
-        return degC
-
-    def _check_possible(self, degC: float) -> None:
-        low, high = _POSSIBLE_DEGC
-        if not low <= degC <= high:
-            raise BadReply(
-                f"{self._line.where}: process_value reads {degC:g} degC, which no chamber can be at; its setpoint "
-                f"stays as it is; look at the controller's sensor"
-            )
-
-    def _set_setpoint(self, degC: float, fahrenheit: bool, *, or_back: bool = True) -> None:
-        """Set and read back. The unit is asked once more, since anybody may have changed it since it was asked.
-
-        Args:
-            degC: the setpoint.
-            fahrenheit: the unit as it was asked before.
-            or_back: if the unit has changed, put the earlier setpoint back and raise `BadReply`; otherwise set this one
-                in the unit of now.
-
-        """
-        before = _celsius(self._witness("setpoint"), fahrenheit) if or_back else degC
-        self._set_number("setpoint", _shown(degC, fahrenheit))
-        own = self._own_unit()
-        if own in ("", "F" if fahrenheit else "C"):
-            return
-        if math.isfinite(before):
-            self._set_number("setpoint", _shown(before, own == "F"))
-        self._found_unit = self._found_unit if or_back else own
-        if or_back:
-            raise BadReply(
-                f"{self._line.where}: the unit of its Modbus temperatures became {own} while the setpoint was set; "
-                f"the earlier setpoint, {before:.4g} degC, is back; set the unit back, or resume the run"
-            )
-
-
-def _celsius(value: float, fahrenheit: bool) -> float:
-    return (value - 32.0) / 1.8 if fahrenheit else value
-
-
-def _shown(degC: float, fahrenheit: bool) -> float:
-    return degC * 1.8 + 32.0 if fahrenheit else degC

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 from serial_bench import plug_in, wires
 
-from drivers.druck_pace import PASCALS, DruckPACE
+from drivers.druck_measures import PASCALS
+from drivers.druck_pace import DruckPACE
 from drivers.druck_ranges import full_scale_psi, reference_of
 from drivers.druck_scpi import _same_header
 from drivers.errors import BadReply, InstrumentError, LimitError, NoReply, NotReady, WrongInstrument
@@ -314,14 +315,14 @@ def test_a_pressure_below_a_vacuum_is_refused_at_every_reading(monkeypatch):
 @pytest.mark.parametrize("options", [{"reference": "gauge"}, {}])
 def test_a_barometer_that_falls_to_0_in_the_night_is_a_fault(monkeypatch, options):
     rig = Rig(**options).ready()
-    rig.pace._atmosphere()
+    rig.pace._measures.atmosphere()
     monkeypatch.setattr(rig.twin, "ask_barometer", lambda: "0.0000000")
-    rig.pace._atmosphere()
+    rig.pace._measures.atmosphere()
     assert rig.pace.read().faults == (
         "the barometer reads 0 psi, which is no atmosphere; ambient_psia is used instead",
     )
     monkeypatch.undo()
-    rig.pace._atmosphere()
+    rig.pace._measures.atmosphere()
     assert rig.pace.read().faults == ()
 
 

@@ -1,37 +1,26 @@
-"""Modbus: one master on a TCP connection or a serial line, shared by the devices on it.
+"""Modbus: the devices on a TCP connection or a serial line, which share one master (`drivers.wires.modbus_wire`).
 
-The protocol is pymodbus's; the wire under it and the policy above it are ours. Its silent resends are off: a read
-may be repeated once, a write never, unless the device itself said that it did nothing (exception 6, busy).
+Nothing is sent again in silence: a read may be repeated once, a write never, unless the device itself said that it did
+nothing (exception 6, busy).
 """
 
 from __future__ import annotations
 
-import contextlib
-import logging
 import struct
 from collections.abc import Callable, Sequence
 from functools import partial
-from itertools import count
-from typing import NoReturn
 
-from pymodbus import FramerType
 from pymodbus.client import ModbusTcpClient
-from pymodbus.exceptions import ModbusException
 from pymodbus.pdu import ExceptionResponse, ModbusPDU
 
 from drivers.clock import Clock
 from drivers.errors import BadReply, InstrumentError, NoReply, Unreachable
 from drivers.wires.addresses import ModbusAddress
-from drivers.wires.modbus_rtu import OutOfStep, ends_with_answer, fits, questions
-from drivers.wires.modbus_transport import Transport, open_transport, silence_s
+from drivers.wires.modbus_rtu import OutOfStep
+from drivers.wires.modbus_transport import Transport
+from drivers.wires.modbus_wire import ModbusWire
 from drivers.wires.serial_line import Tap
 
-logging.getLogger("pymodbus").addHandler(logging.NullHandler())  # it prints what we raise
-
-_QUIET_S = 0.3
-_SERVER_SILENCE_S = 0.02  # a serial server sends on what it has after at most some milliseconds
-_TALKS_ON_S = 10.0
-_LEAST_WAIT_S = 1e-4
 _BUSY, _BUSY_WAIT_S, _BUSY_TRIES = 6, 0.2, 10
 _EXCEPTIONS = {
     1: "it does not have this function",
@@ -44,213 +33,6 @@ _EXCEPTIONS = {
     10: "the gateway is misconfigured or overloaded",
     11: "the gateway got no answer from the device",
 }
-
-
-class _Client(ModbusTcpClient):
-    """pymodbus's synchronous client with our wire under it."""
-
-    def __init__(self, framer: FramerType, seconds: float, send: Callable[[bytes], None], hear: Callable[[], bytes]):
-        super().__init__("", framer=framer, timeout=seconds, retries=0)
-        self._send = send
-        self._hear = hear
-
-    def connect(self) -> bool:
-        return True
-
-    def close(self) -> None:
-        """Nothing to close: the wire is not ours."""
-
-    def send(self, request: bytes, addr: tuple[str, int] | None = None) -> int:
-        self._send(request)
-        return len(request)
-
-    def recv(self, size: int | None) -> bytes:
-        return self._hear()
-
-
-class ModbusWire:
-    """One connection or line, shared by the devices on it.
-
-    Args:
-        address: any of its devices' addresses.
-        clock: bench time.
-        opener: makes the transport of a simulated device; may raise `OSError`.
-
-    Raises:
-        Unreachable: it cannot be opened.
-
-    """
-
-    def __init__(self, address: ModbusAddress, clock: Clock, opener: Callable[[], Transport] | None = None) -> None:
-        self.clock = clock
-        self._open = opener or partial(open_transport, address, clock)
-        self._rtu = address.rtu and not address.simulated
-        self._framer = FramerType.RTU if self._rtu else FramerType.SOCKET
-        self._silence_s = _SERVER_SILENCE_S if address.host else silence_s(address.baud)
-        self._out_of_step = False
-        self._owing: set[int] = set()  # units that may yet answer what they were asked before
-        self._numbers = count(1)
-        self._trusted = False
-        self._heard_at = clock.now()
-        self._sent = b""
-        self._log: Callable[[str, bytes], None] = _unlogged
-        self._heard = b""
-        self._seconds = self._asked_s = 1.0
-        self._client: _Client | None = None
-        self._last_number = 0
-        self._transport: Transport | None = self._connected(address.place)
-
-    def ask(
-        self,
-        request: Callable[[ModbusTcpClient], ModbusPDU],
-        *,
-        unit: int,
-        where: str,
-        seconds: float,
-        log: Callable[[str, bytes], None],
-        known: tuple[int, int] = (0, 0),
-    ) -> ModbusPDU:
-        """Send one request and wait for its reply, which may be an exception response.
-
-        Args:
-            request: makes the request with a client.
-            unit: the device it goes to.
-            where: the device, for messages.
-            seconds: bench seconds to wait.
-            log: sees ("tx" or "rx", bytes).
-            known: first address and number of words in a row that the device is known to have.
-
-        Raises:
-            NoReply: nothing came in time.
-            BadReply: what came is no reply to this, or not only.
-            OutOfStep: more came after an earlier reply; nothing was sent.
-            Unreachable: the wire is gone.
-
-        """
-        self._log, self._heard = log, b""
-        self._seconds, self._asked_s = self.clock.timeout(seconds), seconds
-        try:
-            if self._transport is None:
-                self._transport = self._connected(where)
-            if self._rtu:
-                self._refuse_unasked(unit, where)
-            if self._out_of_step:
-                self._drain(where)
-            if unit in self._owing:
-                self._synchronise(unit, known, where)
-            if self._client is None:
-                self._client = _Client(self._framer, self._seconds, self._send, self._hear)
-                self._client.transaction.next_tid = self._last_number
-            self._heard = b""
-            reply = request(self._client)
-            if self._rtu and not fits(self._heard, self._sent):
-                raise ModbusException("more or less than the one reply")
-            self._trusted = True
-            return reply
-        except ModbusException as error:
-            self.doubt(unit)
-            if self._heard:
-                raise BadReply(
-                    f"{where} sent {self._heard[:40]!r}, which is no reply to the request, or not only; "
-                    f"check baud rate, parity, unit, echo, and whether it speaks TCP or RTU"
-                ) from error
-            raise self._silent(where) from error
-        except OSError as error:
-            self._lost(where, unit, error)
-
-    def doubt(self, unit: int) -> None:
-        """Bring the line, and this unit, back in step before the next request."""
-        if self._client is not None:
-            self._last_number = self._client.transaction.next_tid  # else a late reply would have the next one's number
-        self._client = None  # it counts failures and acts on them
-        self._out_of_step = True
-        self._trusted = False
-        if self._rtu:
-            self._owing.add(unit)
-
-    def close(self) -> None:
-        """Release the wire; idempotent. It opens again if it is used again."""
-        transport, self._transport = self._transport, None
-        if transport is not None:
-            with contextlib.suppress(OSError):  # whoever closes does not care that it was gone already
-                transport.close()
-
-    def _send(self, data: bytes) -> None:
-        assert self._transport is not None
-        self._log("tx", data)
-        self._sent = data
-        self._transport.send(data)
-
-    def _hear(self) -> bytes:
-        assert self._transport is not None
-        heard = self._transport.recv(self._seconds)
-        if heard:
-            self._log("rx", heard)
-            self._heard += heard
-            self._heard_at = self.clock.now()
-        return heard
-
-    def _refuse_unasked(self, unit: int, where: str) -> None:
-        """Wait for the silence between two frames; what comes in it puts the reply before it in doubt."""
-        assert self._transport is not None
-        self.clock.sleep(self._heard_at + self._silence_s - self.clock.now())
-        heard = self._transport.recv(_LEAST_WAIT_S)
-        if not heard:
-            return
-        self._log("rx", heard)
-        trusted = self._trusted
-        self.doubt(unit)
-        if trusted:
-            raise OutOfStep(
-                f"{where}: {heard[:40]!r} came after a reply, unasked; that reply may have been a late one to an "
-                f"earlier request; nothing was sent; is there a second master, an echo or noise on the line?"
-            )
-
-    def _synchronise(self, unit: int, known: tuple[int, int], where: str) -> None:
-        """Ask what only one answer fits; everything before that answer was late, and is forgotten."""
-        for question in questions(unit, next(self._numbers), known):
-            self._heard = b""
-            end = self.clock.now() + _TALKS_ON_S
-            self._send(question)
-            while self._hear() and self.clock.now() < end:
-                if ends_with_answer(self._heard, question):
-                    self._owing.discard(unit)
-                    self._drain(where)
-                    return
-        self.doubt(unit)
-        raise self._silent(where)
-
-    def _silent(self, where: str) -> NoReply:
-        return NoReply(
-            f"{where} did not answer within {self._asked_s:g} s; is it switched on, connected, and set to this unit?"
-        )
-
-    def _drain(self, where: str) -> None:
-        """Listen until the line is silent, so that a late reply cannot answer the next request."""
-        assert self._transport is not None
-        end = self.clock.now() + _TALKS_ON_S
-        while heard := self._transport.recv(self.clock.timeout(_QUIET_S)):
-            self._log("rx", heard)
-            if self.clock.now() > end:
-                raise BadReply(f"{where}: the line never falls silent; is there a second master on it?")
-        self._out_of_step = False
-
-    def _connected(self, where: str) -> Transport:
-        try:
-            return self._open()
-        except (OSError, ValueError) as error:
-            raise Unreachable(
-                f"{where} cannot be opened ({error}); check power, cable, address and permissions"
-            ) from error
-
-    def _lost(self, where: str, unit: int, error: OSError) -> NoReturn:
-        self.close()
-        self.doubt(unit)  # a serial server may have kept what the device answered
-        raise Unreachable(f"{where} was lost ({error}); check cable and power") from error
-
-
-def _unlogged(direction: str, data: bytes) -> None:
-    """Nobody listens."""
 
 
 class ModbusLine:

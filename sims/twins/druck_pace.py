@@ -8,15 +8,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from functools import lru_cache
 from math import inf
 from typing import ClassVar, Protocol
 
 from sims.inputs import Inputs
 from sims.physics.pressure_line import PressureLine
+from sims.twins.druck_commands import COMMANDS, echo
 from sims.twins.druck_status import PaceStatus
 from sims.twins.scpi import ScpiTwin
-from sims.twins.scpi_syntax import Command, ScpiError, boolean, compiled, number
+from sims.twins.scpi_syntax import Command, ScpiError, boolean, number
 from sims.world import World
 
 PASCALS = {
@@ -41,52 +41,8 @@ _FASTEST_PSI_PER_S = 5.0
 _LINE_ENDS = {"lf": (b"\n", b"\r\n"), "cr": (b"\r", b"\r"), "crlf": (b"\r\n", b"\r\n")}
 """What ends commands, and answers: set to LF it is taken to answer with CR LF [?]."""
 
-_COMMON = (
-    Command("*IDN", query="ask_identity", local=True),
-    Command("*CLS", set="clear_status", local=True),
-    Command("*ESE", set="set_event_enable", query="ask_event_enable", local=True),
-    Command("*ESR", query="ask_events", local=True),
-    Command("*SRE", set="set_service_enable", query="ask_service_enable", local=True),
-    Command("*STB", query="ask_status_byte", local=True),
-)
-_PACE = (
-    ("INSTrument:SN", "", "ask_serial"),
-    ("OUTPut[:STATe]", "set_output", "ask_output"),
-    ("OUTPut:ISOLation[:STATe]", "set_isolation", "ask_isolation"),
-    ("OUTPut:MODE", "set_mode", "ask_mode"),
-    ("SENSe[:PRESsure]", "", "ask_pressure"),
-    ("SENSe[:PRESsure]:INLimits", "", "ask_in_limits"),
-    ("SENSe[:PRESsure]:BARometer", "", "ask_barometer"),
-    ("SENSe[:PRESsure]:RANGe", "set_range", "ask_range"),
-    ("SENSe[:PRESsure]:SLEW", "", "ask_measured_slew"),
-    ("SOURce[:PRESsure][:LEVel][:IMMediate][:AMPLitude]", "set_setpoint", "ask_setpoint"),
-    ("SOURce[:PRESsure][:LEVel][:IMMediate][:AMPLitude]:VENT", "set_vent", "ask_vent"),
-    ("SOURce[:PRESsure]:COMPensate1", "", "ask_supply"),
-    ("SOURce[:PRESsure]:COMPensate2", "", "ask_vacuum"),
-    ("SOURce[:PRESsure]:EFFort", "", "ask_effort"),
-    ("SOURce[:PRESsure]:INLimits", "set_band", "ask_band"),
-    ("SOURce[:PRESsure]:INLimits:TIME", "set_band_time", "ask_band_time"),
-    ("SOURce[:PRESsure]:RANGe", "set_range", "ask_range"),
-    ("SOURce[:PRESsure]:SLEW", "set_slew", "ask_slew"),
-    ("SOURce[:PRESsure]:SLEW:MODE", "set_slew_mode", "ask_slew_mode"),
-    ("SOURce[:PRESsure]:SLEW:OVERshoot", "set_overshoot", "ask_overshoot"),
-    ("STATus:OPERation[:EVENt]", "", "ask_operation_events"),
-    ("STATus:OPERation:ENABle", "set_operation_enable", "ask_operation_enable"),
-    ("STATus:OPERation:PRESsure:ENABle", "set_pressure_enable", "ask_pressure_enable"),
-    ("STATus:OPERation:PRESsure[:EVENt]", "", "ask_pressure_events"),
-    ("STATus:OPERation:PRESsure:CONDition", "", "ask_pressure_condition"),
-    ("SYSTem:ERRor", "", "ask_error"),
-    ("SYSTem:VERSion", "", "ask_version"),
-    ("UNIT[:PRESsure]", "set_unit", "ask_unit"),
-)
 _MODULE = re.compile(r"(SOURCE|SOUR|SENSE|SENS|OUTPUT|OUTP|UNIT)(\d)(?=:|$)")
 _VENT_COMPLETE, _IN_LIMITS = 1, 4
-
-
-@lru_cache(maxsize=256)
-def _echo(header: str) -> str:
-    short = "".join(c for c in header if not (c.islower() or c in "[]"))
-    return short if short.startswith("*") else f":{short}"
 
 
 class Plant(Protocol):
@@ -113,10 +69,7 @@ class DruckPACETwin(PaceStatus):
 
     """
 
-    commands: ClassVar[Mapping[str, Command]] = {
-        **compiled(_COMMON),
-        **compiled([Command(header, set=s, query=q, local=True) for header, s, q in _PACE]),
-    }
+    commands: ClassVar[Mapping[str, Command]] = COMMANDS
     errors: ClassVar[Mapping[int, str]] = {
         **ScpiTwin.errors,
         -102: "Syntax error",
@@ -184,7 +137,7 @@ class DruckPACETwin(PaceStatus):
 
     def reply(self, row: Command, answer: str) -> str:
         """The header in short form, every optional node spelt out, and the value."""
-        return f"{_echo(row.header)} {answer}"
+        return f"{echo(row.header)} {answer}"
 
     # Units
 

@@ -1,0 +1,194 @@
+"""What a Druck PACE's numbers mean: unit, control range, what pressures are counted from, and the atmosphere.
+
+All of it is asked of the controller at every use: anybody may change it at the front panel.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from drivers.druck_options import PaceOptions
+from drivers.druck_ranges import full_scale_psi, reference_of
+from drivers.druck_scpi import PaceScpi
+from drivers.errors import BadReply
+
+PASCALS = {
+    "PSI": 6894.757293168,
+    "BAR": 1e5,
+    "MBAR": 100.0,
+    "HPA": 100.0,
+    "KPA": 1e3,
+    "MPA": 1e6,
+    "PA": 1.0,
+    "TORR": 101325.0 / 760.0,
+    "MMHG": 133.322387415,
+}
+"""Units that a reading may come in, in pascals, should somebody have changed them at the front panel."""
+
+_ATMOSPHERE_PSI = (6.5, 16.5)  # from the highest towns to the deepest pits
+_BELOW_VACUUM_PSI = -0.5  # a sensor's zero is nowhere as far off
+_BEYOND = 1.1  # a range ends a little above its name
+
+
+@dataclass(frozen=True)
+class Scale:
+    """One unit of the controller, psi, the absolute pressure that it calls 0, and the control range's name."""
+
+    unit_psi: float
+    zero_psia: float
+    range: str
+
+    def psia(self, told: float) -> float:
+        """A number of the controller's as an absolute pressure."""
+        return told * self.unit_psi + self.zero_psia
+
+
+class Measures:
+    """Units and ranges of one control module. What contradicts the bench or itself is refused with `BadReply`.
+
+    Args:
+        pace: how it is asked.
+        where: the instrument, for messages.
+        options: of the bench file.
+
+    Attributes:
+        unit: header of its unit.
+        source: header of what it controls.
+        sense: header of what it measures.
+        no_air: what is wrong with its barometer, one sentence or none.
+
+    """
+
+    def __init__(self, pace: PaceScpi, where: str, options: PaceOptions) -> None:
+        self._pace, self._where, self._options = pace, where, options
+        suffix = "" if options.module == 1 else "2"
+        self.unit, self.source, self.sense = f":UNIT{suffix}:PRES", f":SOUR{suffix}:PRES", f":SENS{suffix}:PRES"
+        self.no_air: tuple[str, ...] = ()
+        self._has_barometer = False  # it has told an atmosphere
+        self._range: str | None = None  # the control range's name when it was prepared
+
+    def set_unit(self) -> None:
+        """Set the unit of this module and read it back: slew and setpoints are numbers in it."""
+        self._pace.send(f"{self.unit} PSI")
+        self.check_unit()
+
+    def check_unit(self) -> None:
+        """Refuse another unit of this module than psi."""
+        if (answer := self._pace.ask(f"{self.unit}?")).upper() != "PSI":
+            raise BadReply(
+                f"{self._where}: module {self._options.module} was set to PSI and says {answer!r}; "
+                f"{self.unit}? asks for it"
+            )
+
+    def accept_range(self) -> None:
+        """Refuse a control range that contradicts the bench or the unit, and any other than this from now on."""
+        self._range = self._checked_range()
+
+    def selected_range(self) -> str:
+        """Name of the control range, which says how far it goes and what pressures are counted from."""
+        return self._pace.ask(f"{self.source}:RANG?").strip('"')
+
+    def _unit_psi(self) -> float:
+        """The unit of this moment: somebody may have changed it at the front panel."""
+        name = self._pace.ask(f"{self.unit}?")
+        if name.upper() not in PASCALS:
+            raise BadReply(f"{self._where} is set to the unknown unit {name!r}; set it to PSI")
+        return PASCALS[name.upper()] / PASCALS["PSI"]
+
+    def scale(self) -> Scale:
+        """What the controller's numbers mean at this moment, by its unit and by its control range's name."""
+        unit, name = self._unit_psi(), self.selected_range()
+        gauge = (reference_of(name, PASCALS) or self._options.reference) == "gauge"
+        return Scale(unit, self._barometer(unit) if gauge else 0.0, name)
+
+    def refuse_below_vacuum(self, psia: float) -> None:
+        """Refuse a pressure that is less than none."""
+        if psia < _BELOW_VACUUM_PSI:
+            raise BadReply(
+                f"{self._where}: it reads {psia:.4g} psia, less than a vacuum; look at its sensor, its zero, and "
+                f"what the control range counts from"
+            )
+
+    def checked_scale(self) -> Scale:
+        """The same, and refused if the control range is not the one prepared: its limits have been checked there."""
+        scale = self.scale()
+        told, wanted = reference_of(scale.range, PASCALS), self._options.reference
+        if told != wanted or self._range not in (None, scale.range):
+            before = "the bench says" if self._range is None else f"it was {self._range!r} when it was prepared,"
+            raise BadReply(
+                f"{self._where}: the control range is {scale.range!r} ({told or 'reference unknown'}); "
+                f"{before} reference = {wanted!r}; select the former range again at the front panel"
+            )
+        return scale
+
+    def refuse_unknown_zero(self) -> None:
+        """Refuse a setpoint that would be counted from an atmosphere that nobody has measured."""
+        if self._options.reference == "gauge" and self.no_air:
+            raise BadReply(f"{self._where}: no gauge pressure is set while {self.no_air[0]}")
+
+    def atmosphere(self) -> float:
+        """Pressure of the atmosphere at this moment, psi."""
+        return self._barometer(self._unit_psi())
+
+    def _barometer(self, unit_psi: float) -> float:
+        """Pressure of the atmosphere, psi; by the bench file where there is no barometer, which reads 0.
+
+        One that reads no atmosphere is not believed, and `read` says so; 0 too, if it has told an atmosphere before or
+        gauge pressures are counted from it and the bench does not say `ambient_psia`.
+        """
+        told = self._pace.number(f"{self.sense}:BAR?") * unit_psi
+        if _ATMOSPHERE_PSI[0] <= told <= _ATMOSPHERE_PSI[1]:
+            self._has_barometer, self.no_air = True, ()
+            return told
+        needed = self._options.reference == "gauge" and not self._air_is_given()
+        self.no_air = (
+            (f"the barometer reads {told:.4g} psi, which is no atmosphere; ambient_psia is used instead",)
+            if told or self._has_barometer or needed
+            else ()
+        )
+        return self._options.ambient_psia
+
+    def _air_is_given(self) -> bool:
+        return "ambient_psia" in self._options.model_fields_set
+
+    def _checked_range(self) -> str:
+        """The control range's name; one, a barometer or a pressure that contradict bench or unit are refused."""
+        where, options = self._where, self._options
+        name = self.selected_range()
+        reference, full_scale = reference_of(name, PASCALS), full_scale_psi(name, PASCALS)
+        if reference != options.reference:
+            unknown = "" if reference else ", whose name does not end in a (absolute) or g (gauge)"
+            raise BadReply(
+                f"{where}: the control range is {name!r}{unknown}, but the bench says "
+                f"reference = {options.reference!r}; give `control_range`, or correct `reference`"
+            )
+        if options.control_range is not None and name.upper() != options.control_range.upper():
+            raise BadReply(f"{where}: the control range {options.control_range!r} was selected and it says {name!r}")
+        air = self._pace.number(f"{self.sense}:BAR?")
+        if air and not _ATMOSPHERE_PSI[0] <= air <= _ATMOSPHERE_PSI[1]:
+            raise BadReply(
+                f"{where}: its barometer reads {air:g} and it says it is set to PSI: that is no atmosphere; "
+                f"look at the unit of module {options.module} on its display"
+            )
+        if not air and options.reference == "gauge" and not self._air_is_given():
+            raise BadReply(
+                f"{where}: its barometer reads 0, and gauge pressures are counted from the atmosphere; "
+                f"give `ambient_psia`, the pressure of the atmosphere where it stands"
+            )
+        pressure = self._pace.number(f"{self.sense}?")
+        if options.reference == "absolute":
+            self.refuse_below_vacuum(pressure)
+        if full_scale is None:
+            return name
+        if not -_BEYOND * max(full_scale, _ATMOSPHERE_PSI[1]) <= pressure <= _BEYOND * full_scale + _ATMOSPHERE_PSI[1]:
+            raise BadReply(
+                f"{where}: it reads {pressure:g} and says it is set to PSI, but its control range {name!r} ends at "
+                f"{full_scale:g} psi; look at the unit of module {options.module} on its display"
+            )
+        highest = full_scale + (self._barometer(1.0) if options.reference == "gauge" else 0.0)
+        if options.high_psia > _BEYOND * highest:
+            raise BadReply(
+                f"{where}: the bench says high_psia = {options.high_psia:g}, but the control range {name!r} ends at "
+                f"{highest:.4g} psia; give `control_range`, or correct `high_psia`"
+            )
+        return name

@@ -1,0 +1,55 @@
+"""The commands that a simulated Druck PACE knows, by the SCPI manual K0472, and which methods carry them out."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+from sims.twins.scpi_syntax import Command, compiled
+
+_COMMON = (
+    Command("*IDN", query="ask_identity", local=True),
+    Command("*CLS", set="clear_status", local=True),
+    Command("*ESE", set="set_event_enable", query="ask_event_enable", local=True),
+    Command("*ESR", query="ask_events", local=True),
+    Command("*SRE", set="set_service_enable", query="ask_service_enable", local=True),
+    Command("*STB", query="ask_status_byte", local=True),
+)
+_PACE = (
+    ("INSTrument:SN", "", "ask_serial"),
+    ("OUTPut[:STATe]", "set_output", "ask_output"),
+    ("OUTPut:ISOLation[:STATe]", "set_isolation", "ask_isolation"),
+    ("OUTPut:MODE", "set_mode", "ask_mode"),
+    ("SENSe[:PRESsure]", "", "ask_pressure"),
+    ("SENSe[:PRESsure]:INLimits", "", "ask_in_limits"),
+    ("SENSe[:PRESsure]:BARometer", "", "ask_barometer"),
+    ("SENSe[:PRESsure]:RANGe", "set_range", "ask_range"),
+    ("SENSe[:PRESsure]:SLEW", "", "ask_measured_slew"),
+    ("SOURce[:PRESsure][:LEVel][:IMMediate][:AMPLitude]", "set_setpoint", "ask_setpoint"),
+    ("SOURce[:PRESsure][:LEVel][:IMMediate][:AMPLitude]:VENT", "set_vent", "ask_vent"),
+    ("SOURce[:PRESsure]:COMPensate1", "", "ask_supply"),
+    ("SOURce[:PRESsure]:COMPensate2", "", "ask_vacuum"),
+    ("SOURce[:PRESsure]:EFFort", "", "ask_effort"),
+    ("SOURce[:PRESsure]:INLimits", "set_band", "ask_band"),
+    ("SOURce[:PRESsure]:INLimits:TIME", "set_band_time", "ask_band_time"),
+    ("SOURce[:PRESsure]:RANGe", "set_range", "ask_range"),
+    ("SOURce[:PRESsure]:SLEW", "set_slew", "ask_slew"),
+    ("SOURce[:PRESsure]:SLEW:MODE", "set_slew_mode", "ask_slew_mode"),
+    ("SOURce[:PRESsure]:SLEW:OVERshoot", "set_overshoot", "ask_overshoot"),
+    ("STATus:OPERation[:EVENt]", "", "ask_operation_events"),
+    ("STATus:OPERation:ENABle", "set_operation_enable", "ask_operation_enable"),
+    ("STATus:OPERation:PRESsure:ENABle", "set_pressure_enable", "ask_pressure_enable"),
+    ("STATus:OPERation:PRESsure[:EVENt]", "", "ask_pressure_events"),
+    ("STATus:OPERation:PRESsure:CONDition", "", "ask_pressure_condition"),
+    ("SYSTem:ERRor", "", "ask_error"),
+    ("SYSTem:VERSion", "", "ask_version"),
+    ("UNIT[:PRESsure]", "set_unit", "ask_unit"),
+)
+COMMANDS = {**compiled(_COMMON), **compiled([Command(header, set=s, query=q, local=True) for header, s, q in _PACE])}
+"""By header."""
+
+
+@lru_cache(maxsize=256)
+def echo(header: str) -> str:
+    """A header in short form, every optional node spelt out, as answers begin."""
+    short = "".join(c for c in header if not (c.islower() or c in "[]"))
+    return short if short.startswith("*") else f":{short}"
