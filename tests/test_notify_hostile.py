@@ -20,7 +20,16 @@ from command import rig
 from drivers.clock import RealClock
 from rig.errors import ConfigurationError
 from rig.unattended import Happening, Kind, RunFacts
-from rig.unattended.notify import Notifier, NotifySettings, NotSent, compose, read_settings, sender, senders
+from rig.unattended.notify import (
+    Notifier,
+    NotifySettings,
+    NotSent,
+    compose,
+    read_settings,
+    secret_files,
+    sender,
+    senders,
+)
 
 FACTS = RunFacts(Path("/runs/night-1.sqlite"), "night-1", "lab", "night", simulated=True)
 MESSAGE = compose(Happening(Kind.HOLD, "warning", "held at point 17", 0.0), FACTS, None)
@@ -309,6 +318,8 @@ WRONG_PLACES = [
     {"url_file": f"x\0{SECRET}"},
     {"url": "http://h/", "token_env": SECRET},
     {"url": "http://h/", "token_file": SECRET},
+    {"url": "http://h/", "token_file": SECRET * 500},  # longer than a file's name may be
+    {"url": "http://h/", "token_file": f"~{SECRET}"},
     {"url": "http://h/", "shape": "ntfy"},
 ]
 
@@ -326,8 +337,10 @@ def test_a_wrong_file_is_refused_without_its_secrets(tmp_path, text):
 
 @pytest.mark.parametrize("values", WRONG_PLACES)
 def test_a_secret_where_its_place_belongs_is_not_repeated(values):
+    settings = NotifySettings.model_validate({"channel": [{"kind": "webhook", **values}]})
+    assert secret_files(settings) == []
     with pytest.raises(ConfigurationError) as caught:
-        sender(channel({"kind": "webhook", **values}))
+        sender(settings.channel[0])
     assert_plain(str(caught.value))
 
 

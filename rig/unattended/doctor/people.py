@@ -36,7 +36,7 @@ def check_people(explicit: Path | None, facts: RunFacts, now_s: float, *, send: 
     for text in wrong:
         yield problem("notifications", text, "correct it; a resumed run would go on and tell nobody there")
     for file in secret_files(settings):
-        if file.exists() and file.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO):
+        if file.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO):
             yield warning("notifications: secrets", f"{file} may be read by others", f"chmod 600 {file}")
     if not settings.channel:
         yield warning("notifications", f"{path} has no [[channel]]", "add one (docs/unattended.md)")

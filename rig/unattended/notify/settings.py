@@ -169,9 +169,9 @@ def secret(channel: Mail | Webhook | Apprise, what: Literal["password", "url", "
         return value
     if file is None:
         return ""
-    file = file.expanduser()
-    if "\0" in str(file) or not file.exists():
-        raise ConfigurationError(f"there is no file where {what}_file says: write it there, or correct {what}_file")
+    file = _at_home(file)
+    if not os.path.exists(file):  # False too for what can be no file's name
+        raise ConfigurationError(f"no file can be seen where {what}_file says: write one, or correct {what}_file")
     value = read_text(file, "secret").strip()
     if not value:
         raise ConfigurationError(f"{file} is empty: it should hold the secret")
@@ -182,9 +182,14 @@ _PLAIN_VARIABLE = re.compile(r"[A-Z]+(_[A-Z0-9]+)+")
 
 
 def secret_files(settings: NotifySettings) -> list[Path]:
-    """Files that hold secrets."""
+    """Files that hold secrets, those that are there."""
     named = ("password_file", "url_file", "token_file")
-    return [f.expanduser() for c in settings.channel for n in named if (f := getattr(c, n, None)) is not None]
+    found = [_at_home(f) for c in settings.channel for n in named if (f := getattr(c, n, None)) is not None]
+    return [file for file in found if os.path.exists(file)]
+
+
+def _at_home(file: Path) -> Path:
+    return Path(os.path.expanduser(file))
 
 
 def web_address(text: str) -> str:
