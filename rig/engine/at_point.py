@@ -145,14 +145,14 @@ class AtPoint:
             raise OverloadedError(f"{', '.join(overloaded)} out of range at point {at.point.index}")
         self._check_alive(observation)
         self._check_references(observation)
-        name, sd = observation.noisiest()
+        name, sd_V = observation.noisiest(self._bench.scales)
         most = self._procedure.max_sd_V
-        if most is not None and sd > most * self._bench.scales[name]:
+        if most is not None and sd_V > most:
             if at.repeats < settings.repeats:
                 at.repeats += 1
                 at.rejected.append({"noisy": name, **observation.as_json()})
                 return "repeat"
-            noise = f"{name} scatters by {sd / self._bench.scales[name]:.2g} V at point {at.point.index}"
+            noise = f"{name} scatters by {sd_V:.2g} V at point {at.point.index}"
             self._flag("noisy", "noisy", TooNoisy(f"{noise}, more than {most:g} V"))
         return "record"
 

@@ -80,10 +80,16 @@ class Observation:
             if (then := before.get(name)) and set(c.readings) == {then[-1]} and (moved or len(set(then)) > 1)
         ]
 
-    def noisiest(self) -> tuple[str, float]:
-        """The output with the largest standard deviation, and that."""
-        name = max(self.outputs, key=lambda n: self.outputs[n].sd)
-        return name, self.outputs[name].sd
+    def noisiest(self, scales: Mapping[str, float]) -> tuple[str, float]:
+        """The output with the largest standard deviation in volts, and that.
+
+        Args:
+            scales: output column to its unit per volt; outputs may be in different units.
+
+        """
+        sd_V = {name: c.sd / scales[name] for name, c in self.outputs.items()}
+        name = max(sd_V, key=sd_V.__getitem__)
+        return name, sd_V[name]
 
     def as_json(self) -> dict[str, Any]:
         """For the run file; overloads are written as null, which no mean can be made of."""
