@@ -270,6 +270,26 @@ def test_a_real_disk_that_takes_less_than_it_is_given_is_full(tmp_path, monkeypa
     with pytest.raises(OSError, match="No space left on device") as told:
         storage.Storage().rewrite(log)
     assert (told.value.errno, told.value.filename) == (errno.ENOSPC, str(log))
+    assert told.value.strerror == os.strerror(errno.ENOSPC)
+
+
+def test_on_a_real_disk_a_folder_that_another_program_makes_meanwhile_is_no_error(tmp_path, synced, monkeypatch):
+    folder, exists = tmp_path / "runs", Path.exists
+
+    def made_after_the_look(path):
+        found = exists(path)
+        folder.mkdir(exist_ok=True)
+        return found
+
+    monkeypatch.setattr(Path, "exists", made_after_the_look)
+    storage.Storage().make_folder(folder)
+    assert synced == [("sync", str(tmp_path))]
+
+
+def test_on_a_real_disk_what_is_synced_as_a_folder_is_one(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(NotADirectoryError):
+        storage.Storage().sync_folder(tmp_path / "file")
 
 
 def test_a_storage_that_stood_in_for_another_gives_its_place_back():
