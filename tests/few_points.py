@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import ideal_pressure_bench as pressure
 from ideal_bench import PROCEDURE, new_run, run_session
 
@@ -10,6 +12,7 @@ from rig.engine.session import Outcome
 from rig.run_file.reader import RunReader
 
 MOST_MV = 0.02
+MOST_NEWS = 2000
 POINTS = 4
 FIRST_LEGS = [{"pitch": -32.0, "roll": -2.0}, {"pitch": -30.0, "roll": 0.0}]
 LEGS = [*FIRST_LEGS, {"roll": 90.0}, {"roll": 92.0}, {"pitch": 30.0, "roll": 90.0}, {"roll": 0.0}]
@@ -69,10 +72,22 @@ def run(folder, procedure=None, **options):
     return path, head
 
 
+def session_of_whole_plots(path, procedure, bench, on_progress=lambda _: None):
+    """One session, its outcome and message; an error if it goes on for ever."""
+    count = itertools.count()
+
+    def on_bounded_progress(news):
+        assert next(count) < MOST_NEWS, "there is no end to it"
+        on_progress(news)
+
+    outcome, _, message = pressure.run_session(path, bench, procedure=procedure, on_progress=on_bounded_progress)
+    return outcome, message
+
+
 def run_whole_plots(folder, procedure, bench, **options):
     """A complete run, its meter's last digit never the same twice."""
     fetch, path = bench.dvm.fetch, pressure.new_run(folder, procedure)
     bench.dvm.fetch = lambda: {n: [r + 1e-12 * bench.dvm.starts for r in rs] for n, rs in fetch().items()}
-    outcome, _, message = pressure.run_session(path, bench, procedure=procedure, **options)
+    outcome, message = session_of_whole_plots(path, procedure, bench, **options)
     assert outcome is Outcome.COMPLETE, message
     return path

@@ -18,6 +18,7 @@ from few_points import (
     records,
     run,
     run_whole_plots,
+    session_of_whole_plots,
     whole_plot,
 )
 from ideal_bench import CONFIG, new_run, run_session
@@ -47,7 +48,7 @@ def run_scattering(folder, sd_mV, **faults):
     procedure, bench = whole_plot(faults=faults), pressure.PressureBench()
     asked = scattering(bench, sd_mV)
     path = pressure.new_run(folder, procedure)
-    outcome, _, message = pressure.run_session(path, bench, procedure=procedure)
+    outcome, message = session_of_whole_plots(path, procedure, bench)
     return path, outcome, message, asked
 
 
