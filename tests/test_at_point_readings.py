@@ -23,7 +23,6 @@ from few_points import (
 )
 from ideal_bench import CONFIG, new_run, run_session
 
-from rig.engine.measuring import Channel, Observation
 from rig.engine.session import Outcome
 
 
@@ -78,12 +77,6 @@ def test_a_policy_counts_what_failed_at_the_point_in_hand(tmp_path):
     assert [(r.run_index, r.status) for r in records(path, "fault")] == [(0, "retry"), (1, "retry")]
     assert flags(path) == {1.0: ["noisy"], 2.5: ["noisy"]}
     assert len(asked) == 4
-
-
-def test_the_noisiest_of_outputs_in_different_units_is_told_by_their_volts():
-    scales = {"x_V": 1.0, "bridge_mV": 1e3}
-    found = Observation({"x_V": Channel((1.0, 1.002)), "bridge_mV": Channel((1.0, 1.2))}, {})
-    assert found.noisiest(scales) == ("x_V", pytest.approx(0.002 / 2**0.5))
 
 
 def noisy_at(*starts):
@@ -194,18 +187,32 @@ def test_a_sensor_that_stands_still_at_a_setting_that_is_not_left_is_believed_by
     assert records(path, "fault") == []
 
 
-@pytest.fixture
-def _two_sensors(monkeypatch):
-    """The bench reads the same sensor twice."""
+def reading_twice(monkeypatch, unit):
+    """The bench reads the same sensor twice, the second time in this unit."""
     fetch = ideal_bench.IdealReader.fetch
-    sensors = CONFIG.sensors | {"y": CONFIG.sensors["x"].model_copy(update={"channel": "3"})}
+    sensors = CONFIG.sensors | {"y": CONFIG.sensors["x"].model_copy(update={"channel": "3", "unit": unit})}
     monkeypatch.setattr(ideal_bench, "CONFIG", CONFIG.model_copy(update={"sensors": sensors}))
     monkeypatch.setattr(ideal_bench.IdealReader, "channels", lambda _self: ("1", "2", "3"))
     monkeypatch.setattr(ideal_bench.IdealReader, "fetch", lambda self: (found := fetch(self)) | {"3": found["1"]})
 
 
-@pytest.mark.usefixtures("_two_sensors")
-def test_several_outputs_at_once_are_all_named(tmp_path):
+def test_the_noisiest_of_outputs_in_different_units_is_told_by_their_volts(tmp_path, monkeypatch):
+    reading_twice(monkeypatch, "mV")
+
+    def spoil(_bench, _head, reader):
+        reader.noise_V, fetch = 2e-3, reader.fetch
+        reader.fetch = lambda: (found := fetch()) | {"3": [0.01 * volts for volts in found["1"]]}  # 23 uV: 0.023 mV
+
+    path, _ = run(tmp_path, attitude(measure={"readings": 4, "max_sd_V": 1e-3, "repeats": 1}), spoil=spoil)
+    for seen in accepted(path):
+        outputs = seen.data["outputs"]
+        assert outputs["x_V"]["sd"] < outputs["y_mV"]["sd"]
+        assert (seen.data["flags"], [again["noisy"] for again in seen.data["rejected"]]) == (["noisy"], ["x_V"])
+
+
+def test_several_outputs_at_once_are_all_named(tmp_path, monkeypatch):
+    reading_twice(monkeypatch, "V")
+
     def spoil(bench, head, reader):
         overloaded_at(2)(bench, head, reader)
         fetch, seen = reader.fetch, []
