@@ -76,6 +76,21 @@ def test_one_that_moved_again_soon_is_coarser_than_it_seemed(stood_s, believed):
     assert (found.lost_now(POINT, states(found, 0.010, unchanged_s=600.0), {}) == "") is believed
 
 
+def test_one_that_moved_again_after_it_hung_is_no_coarser_than_it_was():
+    found = rules([*FINE, FINE[-1]])
+    found.note(1, states(found, 0.010, stood_s=75.0))
+    found.note(1, states(found, 0.011))
+    assert "hangs" in found.lost_now(POINT, states(found, 0.011, unchanged_s=61.0), {})
+
+
+def test_nothing_is_in_doubt_where_nothing_is_lost():
+    """A pressure may have its whole plot measured again by a policy, while its chambers are where they should be."""
+    found = rules(FINE)
+    assert found.doubted_s == 0.0
+    assert found.lost_now(POINT, states(found, 0.0125, unchanged_s=59.0), {}) == ""
+    assert found.doubted_s == 0.0
+
+
 def test_what_was_read_while_it_stood_is_in_doubt_however_the_loss_is_found():
     found = rules(FINE)
     assert "is at" in found.lost_now(POINT, states(found, 1.5, stood_ago_s=50.0), {})
