@@ -5,17 +5,20 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from command import rig
 from dry_pressure import LAB, dry
 from few_sensors import with_sensors
+from ideal_pressure_bench import PROCEDURE
 from whole_plot_truth import Bench, Run, Transducer, simulate
 
 from fitter.confirm import NOTHING, WholePlotTogether, confirm, confirm_all, questions_of, separation
 from fitter.trace import trace_whole_plots
 from rig.closed_loop.confirm import confirmed_by, fit_whole_plots_confirmed
+from rig.closed_loop.confirm.proposals import otherwise
 
 CUBIC = 6e-3
 MODEL = "1 + P + T_sensor + T_SSE"
@@ -141,3 +144,11 @@ def test_the_terms_of_what_is_confirmed_are_added(followed) -> None:
     assert set(record["effects"][at]["terms"]) == terms
     assert f"the calibration has {effect} alone" in record["effects"][at]["used"]
     assert terms <= set(fitted.to_json()["sensors"]["bridge_1_mV"]["coefficients"])
+
+
+@pytest.mark.parametrize(("other", "said"), [("thermal-lag", True), (NOTHING, False)])
+def test_what_is_promised_of_two_explanations_is_said_to_be_too_much(other, said) -> None:
+    separations = [SimpleNamespace(chances={("hysteresis", other): 0.99})]
+    proposal = SimpleNamespace(likely=True, separations=separations, open_pairs=())
+    told = list(otherwise(SimpleNamespace(procedure=PROCEDURE), proposal))
+    assert any("two thirds" in line for line in told) is said
