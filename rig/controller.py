@@ -38,6 +38,7 @@ from rig.run_file.reader import RunReader
 from rig.run_file.state import RunState, fold
 from rig.run_file.writer import RunWriter
 from rig.versions import versions
+from rig.who import Operator, operator
 
 WORLD_START = "world_start_s"
 """In the first record of a dry run: how old its world was when the run began, if it was not new."""
@@ -56,6 +57,7 @@ class Result:
         message: why, "" if there is nothing to explain.
         state: what the run has come to.
         procedure: what was run, None where the run was complete already.
+        head: hash of the run file's last record, hexadecimal.
 
     """
 
@@ -64,6 +66,7 @@ class Result:
     message: str
     state: RunState
     procedure: Procedure | None
+    head: str = ""
 
 
 def _mounted(plan: Plan) -> Mapping[str, Any]:
@@ -132,14 +135,16 @@ def start_run(
     observer: Observer | None = None,
     create_only: bool = False,
     site: Site = Site(),
+    by: Operator | None = None,
 ) -> Result:
     """Create a run in `folder` and carry it out.
 
     Every instrument is asked who it is before the run file is made, so that a bench that is not there leaves
     nothing behind. `announce` gets the run file's path as soon as it exists. A dry run's world may be older than the
     run: `world_start_s` is its time, in seconds, when the run begins. `observer` is told of every record. With
-    `create_only` nothing is carried out: a later resume does that.
+    `create_only` nothing is carried out: a later resume does that. `by` is who runs it, else the login name.
     """
+    by = by or operator()
     check_room(folder, len(plan.run_list))
     with site.opened(plan, start=world_start_s) as (bench, clock, boot):
         guard = Guard(plan.bench.limits, plan.bench.factors)
@@ -154,6 +159,7 @@ def start_run(
         run_id = _new_id(plan.procedure.name)
         path = folder / f"{run_id}.sqlite"
         about = {"dry": plan.dry, "software": versions(), "procedure": plan.procedure.name, "bench": plan.bench.name}
+        about |= by.as_json()
         if world_start_s:
             about[WORLD_START] = world_start_s
         genesis = Genesis(run_id, plan.documents, plan.run_list, plan.dry or plan.bench.simulated, about)
@@ -161,10 +167,11 @@ def start_run(
         announce(path)
         if create_only:
             with RunReader.open(path) as reader:
-                return Result(path, Outcome.INTERRUPTED, "created, nothing was moved", fold(reader.records()), None)
+                state, head = fold(reader.records()), reader.head()[1].hex()
+                return Result(path, Outcome.INTERRUPTED, "created, nothing was moved", state, None, head)
         with RunWriter.open(path, vfs=site.vfs) as run:
             state = fold(run.records())
-            return _session(run, state, plan, bench, clock, boot, frozenset(), signals, on_progress, observer)
+            return _session(run, state, plan, bench, clock, boot, frozenset(), signals, on_progress, observer, by)
 
 
 def resume_run(
@@ -178,6 +185,7 @@ def resume_run(
     warn: Callable[[str], None] = lambda _: None,
     observer: Observer | None = None,
     site: Site = Site(),
+    by: Operator | None = None,
 ) -> Result:
     """Carry on with a run wherever it stopped.
 
@@ -191,14 +199,17 @@ def resume_run(
         warn: called with a sentence for everything that was once durable and is not there any more.
         observer: is told of every record.
         site: where the controller runs.
+        by: who runs this session, else the login name.
 
     """
+    by = by or operator()
     with RunReader.open(path) as reader:  # a finished run is not opened for writing, and not changed
         head, state = reader.head(), RunState()
         reader.verify(state.add)
         if state.ended is not None:
             plan = stored_plan(reader, path, None)
-            return Result(path, Outcome.COMPLETE, f"{path} is complete: nothing to resume", state, plan.procedure)
+            said = f"{path} is complete: nothing to resume"
+            return Result(path, Outcome.COMPLETE, said, state, plan.procedure, head[1].hex())
         other = goes_on_in(reader, state)
         if other is not None:
             raise UsageError(f"{path} was moved or replaced while it was written; the run goes on: rig resume {other}")
@@ -220,7 +231,9 @@ def resume_run(
         hint, before = "" if bench else _moved(plan, path), len(state.accepted)
         try:
             with site.opened(plan, start=_world_start(run) + state.elapsed_s + dry_gap_s) as (found, clock, boot):
-                result = _session(run, state, plan, found, clock, boot, accept, signals, on_progress, observer, warn)
+                result = _session(
+                    run, state, plan, found, clock, boot, accept, signals, on_progress, observer, by, warn
+                )
         except BenchFault as error:
             raise BenchFault(f"{error}{hint}") from error
         served_anew = plan.bench.live is not None and len(state.accepted) == before
@@ -271,6 +284,7 @@ def _session(
     signals: Signals,
     on_progress: Callable[[Progress], None],
     observer: Observer | None,
+    by: Operator,
     warn: Callable[[str], None] = lambda _: None,
 ) -> Result:
     previous = None
@@ -288,7 +302,14 @@ def _session(
         gap_certain=gap.certain,
         gap_known=gap.known,
         accept=accept,
-        about={"pid": os.getpid(), "host": platform.node(), "boot": boot, "software": versions()},
+        about={
+            **by.as_json(),
+            "simulated": plan.dry or plan.bench.simulated,
+            "pid": os.getpid(),
+            "host": platform.node(),
+            "boot": boot,
+            "software": versions(),
+        },
         observer=observer or Nobody(),
     )
     sequencer = Sequencer(
@@ -304,7 +325,7 @@ def _session(
         previous=previous,
     )
     outcome = sequencer.run()
-    return Result(run.path, outcome, sequencer.message, state, plan.procedure)
+    return Result(run.path, outcome, sequencer.message, state, plan.procedure, run.written[1].hex())
 
 
 def _new_id(name: str) -> str:

@@ -38,6 +38,7 @@ from rig.plans import load_plan
 from rig.run_file.reader import RunReader
 from rig.run_file.state import RunState, is_simulated, read_state
 from rig.unattended import Listeners, RunFacts, ServiceManager
+from rig.who import VARIABLE, operator
 
 RunArgument = Annotated[Path, typer.Argument(help="the run file, DIR/ID.sqlite", show_default=False)]
 BenchOption = Annotated[Path, typer.Option("--bench", "-b", help="the bench file", show_default=False)]
@@ -49,6 +50,14 @@ KillOption = Annotated[
         "--kill-at-point",
         min=1,
         help="for trying out recovery: kill this process with SIGKILL when so many points are done",
+        show_default=False,
+    ),
+]
+OperatorOption = Annotated[
+    str | None,
+    typer.Option(
+        "--operator",
+        help=f"who runs this session, for the run file; else {VARIABLE}, else the login name",
         show_default=False,
     ),
 ]
@@ -79,6 +88,7 @@ def run(
             "--create-only", help="ask every instrument who it is, make the run file, and leave the rest to a service"
         ),
     ] = False,
+    operator_name: OperatorOption = None,
     log: LogOption = None,
     log_format: LogFormatOption = "text",
     notify: NotifyOption = None,
@@ -91,6 +101,7 @@ def run(
 
     Example: `rig run procedure.toml --bench bench.toml --dry --world world.toml`
     """
+    by = operator(operator_name)
     plan = load_plan(procedure, bench, dry=dry, world=world)
 
     simulated = dry or plan.bench.simulated
@@ -114,6 +125,7 @@ def run(
                 on_progress=_killing(heard(listeners, show), kill_at_point),
                 observer=listeners,
                 create_only=create_only,
+                by=by,
             )
         if create_only:
             err.print(
@@ -121,7 +133,7 @@ def run(
             )
             return ExitCode.DONE
         code = conclude(result)
-        listeners.ended(result.outcome, result.message, note=outside(code))
+        listeners.ended(result.outcome, result.message, note=outside(code), head=result.head)
     return code
 
 
@@ -142,6 +154,7 @@ def resume(
         bool,
         typer.Option("--unless-stopped", help="leave a run alone that `rig stop` has stopped: what a service does"),
     ] = False,
+    operator_name: OperatorOption = None,
     log: LogOption = None,
     log_format: LogFormatOption = "text",
     notify: NotifyOption = None,
@@ -155,6 +168,7 @@ def resume(
 
     Example: `rig resume runs/20260115T180000-night-1a2b.sqlite`
     """
+    by = operator(operator_name)
     with RunReader.open(run_file) as reader:
         simulated, dry = is_simulated(reader), bool(reader.genesis().data.get("dry"))
         state = read_state(reader) if unless_stopped else RunState()
@@ -175,9 +189,10 @@ def resume(
                 dry_gap_s=gap,
                 warn=lambda text: _warn_and_log(text, listeners),
                 observer=listeners,
+                by=by,
             )
         code = conclude(result)
-        listeners.ended(result.outcome, result.message, note=outside(code))
+        listeners.ended(result.outcome, result.message, note=outside(code), head=result.head)
     return code
 
 
@@ -207,6 +222,12 @@ def conclude(result: Result) -> int:
             )
         words = f"{result.outcome.value}: {len(state.accepted)} of {state.points} points observed"
         err.print(f"{mark(state.simulated)}{words} in {duration(state.elapsed_s)}")
+        if result.head:
+            err.print(
+                f"head {result.head}; note it where the file is not: `rig verify --head` tells by it",
+                soft_wrap=True,
+                highlight=False,
+            )
         if result.outcome in (Outcome.INTERRUPTED, Outcome.STOPPED):
             err.print(f"carry on with: rig resume {escape(str(result.path))}", soft_wrap=True, highlight=False)
         if result.outcome is Outcome.COMPLETE and (not state.accepted or _outside_acceptance(result)):

@@ -75,6 +75,7 @@ def _status(run_file: Path, *, check: bool, as_json: bool) -> ExitCode:
         "accepted": len(state.accepted),
         "skipped": {str(k): v for k, v in state.skipped.items()},
         "sessions": state.sessions,
+        "operators": state.operators,
         "elapsed_s": live.get("elapsed_s", state.elapsed_s),
         "remaining_s": remaining_s,
         "last_record_utc": datetime.fromtimestamp(state.utc_s, UTC).isoformat(timespec="seconds"),
@@ -104,7 +105,9 @@ def _status(run_file: Path, *, check: bool, as_json: bool) -> ExitCode:
     what, where = escape(summary["procedure"]), escape(summary["bench"])
     out.print(f"{mark(state.simulated)}[bold]{what}[/] on {where}: {summary['state']}")
     out.print(f"  {summary['accepted']} of {summary['points']} points in {duration(summary['elapsed_s'])}{left}")
-    out.print(f"  {summary['sessions']} session(s), last record {summary['last_record_utc']}")
+    by = f" by {escape(', '.join(state.operators))}" if state.operators else ""
+    out.print(f"  {summary['sessions']} session(s){by}, last record {summary['last_record_utc']}", soft_wrap=True)
+    out.print(f"  head {summary['head']} of {count} records", soft_wrap=True, highlight=False)
     acceptance.show(out, indent="  ")
     name = escape(str(run_file))
     _tell_whole(summary, wrong, name)

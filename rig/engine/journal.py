@@ -24,6 +24,8 @@ from rig.run_file.writer import RunWriter
 
 _SHOWN_S, _SHOWN = 1800.0, 120
 """How much of a settling quantity's trace the live state tells: the last half hour, so many samples at most."""
+_CLOCK_SET_S = 60.0
+"""A step of UTC against bench time by more than this is written down."""
 
 
 @dataclass
@@ -123,6 +125,7 @@ class Journal:
             "session",
             {
                 **session.about,
+                "utc_step_s": round(self._step_s(self.elapsed(), self._clock.utc()), 3),
                 "clock_s": self._clock.now(),
                 "elapsed_s": self.elapsed(),
                 "gap_s": session.gap_s,
@@ -165,7 +168,27 @@ class Journal:
         for noted, about in self._session.observer.to_note():
             self._add(self._record("event", about, noted, None), commit=False)
 
+    def _step_s(self, elapsed_s: float, utc_s: float) -> float:
+        """By how much UTC has stepped against bench time since the last record."""
+        return (utc_s - elapsed_s) - (self.fold.utc_s - self.fold.elapsed_s)
+
+    def _mark_clock(self, record: Record) -> None:
+        """Write down before a record that the machine's clock was set: dates before and after do not go together.
+
+        A session's own record says it itself.
+        """
+        step_s = self._step_s(record.elapsed_s, record.utc_s)
+        if record.kind == "session" or abs(step_s) <= _CLOCK_SET_S + self._clock.grace():
+            return
+        words = f"the machine's clock was set {'forward' if step_s > 0 else 'back'} by {abs(step_s):.0f} s"
+        body = encode({"step_s": round(step_s, 3), "message": words})
+        self._add(
+            record._replace(kind="event", attempt=None, run_index=None, status="clock-set", body=body), commit=False
+        )
+
     def _add(self, record: Record, *, commit: bool) -> None:
+        if record.status != "clock-set":
+            self._mark_clock(record)
         self._run.append(record, commit=commit)
         self.fold.add(record)
         if self._soaks is not None:
@@ -187,6 +210,7 @@ class Journal:
         """Write the end record and close the run file for good. Raises `StorageError`."""
         self._note()
         record = self._record("end", body, "complete", None)
+        self._mark_clock(record)
         self._run.finish(record)
         self.fold.add(record)
         self._session.observer.recorded(record)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from rig.run_file.chain import Record
 from rig.run_file.reader import RunReader
+from rig.who import told
 
 
 class Line(NamedTuple):
@@ -42,7 +43,8 @@ def _words(record: Record) -> str:
         case "run":
             return f"run created, {data['points']} points, run list {data['run_list'][:16]}..."
         case "session":
-            words = f"session {record.session} began"
+            by = told(data)
+            words = f"session {record.session} began{f', operator {by}' if by else ''}"
             if record.session > 1:
                 certain = "" if data["gap_certain"] else " (by UTC, across a restart of the machine)"
                 known = data.get("gap_known", True)
@@ -82,6 +84,8 @@ def _words(record: Record) -> str:
             )
         case "event" if record.status == "rescued":
             return f"the file was moved, deleted or replaced; the run goes on in {data['to']}"
+        case "event" if record.status == "clock-set":
+            return str(data["message"])
         case "event" if record.status == "warning":
             return f"warning: {data['message']}"
         case "event" if record.status == "remark":

@@ -34,7 +34,7 @@ class Finding:
     """One thing that is wrong.
 
     Attributes:
-        where: "file", "schema", "record", "document", "run list", "log" or "head".
+        where: "file", "schema", "record", "document", "run list", "log", "head" or "sense".
         what: a sentence.
         record: sequence number, if it is about a record.
         kind: that record's kind.
@@ -53,9 +53,11 @@ class Finding:
     name: str | None = None
 
     def __str__(self) -> str:
+        at = "" if self.point is None else f" of point {self.point}"
         if self.where == "record":
-            at = "" if self.point is None else f" of point {self.point}"
             return f"record {self.record} ({self.kind}{at}) {self.what}"
+        if self.where == "sense":
+            return f"record {self.record} ({self.kind}{at}) makes no sense: {self.what}"
         return f"{self.where}: {self.what}" if self.name is None else f"{self.name} {self.what}"
 
 

@@ -12,6 +12,7 @@ from rig.errors import RunFileError
 from rig.run_file.chain import Record
 from rig.run_file.indexes import IndexCounts, IndexSet
 from rig.run_file.reader import RunReader
+from rig.who import told
 
 _FAULTS_KEPT = 20
 
@@ -43,6 +44,7 @@ class RunState:
         utc_s: of the last record.
         latest_zero_s: UTC at which elapsed time was zero, by the session whose clock was ahead of all others'.
         identities: who the instruments were, by name, as last accepted.
+        operators: who ran the sessions, each once, as far as they say.
         session: body of the last session record: boot id, clock reading and the elapsed time that went with it.
         last_index: the point last observed.
         whole_plot: identity of the whole plot that is open, or was last; None before the first and after one was lost.
@@ -72,6 +74,7 @@ class RunState:
     utc_s: float = 0.0
     latest_zero_s: float = -inf
     identities: dict[str, dict[str, Any]] = field(default_factory=dict)
+    operators: list[str] = field(default_factory=list)
     session: dict[str, Any] = field(default_factory=dict)
     last_index: int | None = None
     whole_plot: int | None = None
@@ -112,6 +115,8 @@ class RunState:
                 self.sessions = record.session
                 self.latest_zero_s = max(self.latest_zero_s, record.utc_s - record.elapsed_s)
                 self.session = record.data
+                if (by := told(record.data)) and by not in self.operators:
+                    self.operators.append(by)
                 self.last_fault = None
                 self.rested = "interrupted"
                 self.rescued = ""

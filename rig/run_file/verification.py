@@ -17,6 +17,7 @@ from rig.run_file.last_word import read_last_word
 from rig.run_file.live import controller_alive
 from rig.run_file.prefix import Restored, restore
 from rig.run_file.reader import RunReader
+from rig.run_file.sense import Judged, judged
 from rig.run_file.state import RunState, read_state
 
 MOST = 1000
@@ -77,8 +78,10 @@ def verify_file(path: Path, expected_head: str | None = None) -> Verification:
                     break
             if found:
                 run.must_be_its_log()
-            found += _cut_off(run, path, log)
+            sense = Judged((), ()) if found else judged(run, MOST)  # of what was changed otherwise no sense is asked
+            found += [*sense.findings, *_cut_off(run, path, log)]
             heads, notes = _held_against(run, expected_head)
+            notes += sense.doubts
             notes += _elsewhere(run, state) if all(f.where in CUT_SHORT for f in found) else []
             count, head = run.head()
             simulated = _simulated(run)

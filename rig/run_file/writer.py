@@ -106,6 +106,11 @@ class RunWriter(RunReader):
         damage = f"its last {missing} record(s) are not there" if missing > 0 else f"record {last[0]} is another one"
         return replace(dropped, damage=dropped.damage or damage, lost_commits=max(1, missing))
 
+    @property
+    def written(self) -> tuple[int, bytes]:
+        """Number of records that are durable, and the last one's hash."""
+        return self._seq, self._hash
+
     def append(self, record: Record, *, commit: bool = True) -> None:
         """Add a record; without `commit` it becomes durable together with the next one that has it.
 

@@ -25,7 +25,7 @@ COLUMNS = (
     "pause_s",
     "message",
 )
-_EVENTS = ("recovered", "read-back", "safe", "whole-plot-lost", "interrupted", "homed", "hole")
+_EVENTS = ("recovered", "read-back", "safe", "whole-plot-lost", "interrupted", "homed", "hole", "clock-set")
 
 
 def write_happenings(run: Path, path: Path) -> int:

@@ -18,6 +18,7 @@ from rig.run_file.chain import Record
 from rig.run_file.reader import RunReader
 from rig.run_file.state import read_state
 from rig.tables.table import MOUNTING, Table
+from rig.who import told
 
 _NOT_OURS = (ValueError, LookupError, TypeError, AttributeError)
 """What comes of a record whose contents are not what a controller writes."""
@@ -83,6 +84,7 @@ def _run_table(path: Path, everything: bool, salvage: bool) -> Table:
             genesis.utc_s if salvage else max((r.utc_s for r in reader.records("observation")), default=genesis.utc_s)
         )
         began = genesis.utc_s
+        operators = [] if salvage else _operators(reader)
         _, head = reader.head()
         ended = not salvage and any(True for _ in reader.records("end"))
         skipped = [] if salvage else _skipped(reader, run_list)
@@ -97,6 +99,7 @@ def _run_table(path: Path, everything: bool, salvage: bool) -> Table:
         "bench": genesis.data.get("bench", ""),
         "procedure": genesis.data.get("procedure", ""),
         "software": genesis.data.get("software", {}),
+        **({"operator": ", ".join(operators)} if operators else {}),
         "began_utc": _utc(began),
         "last_observation_utc": _utc(last),
         "instruments": instruments,
@@ -115,6 +118,11 @@ def _run_table(path: Path, everything: bool, salvage: bool) -> Table:
     sensors = bench.get("sensors", {})
     axes_of = {f"{name}_{s.get('unit', 'V')}": s["axis"] for name, s in sensors.items() if "axis" in s}
     return Table(str(path), columns, bool(genesis.data["simulated"]), provenance, axes_of, declared)
+
+
+def _operators(reader: RunReader) -> list[str]:
+    """Who ran the sessions, each once, as far as they say."""
+    return list(dict.fromkeys(by for record in reader.records("session") if (by := told(record.data))))
 
 
 def _instruments(reader: RunReader) -> dict[str, str]:

@@ -100,19 +100,20 @@ class Listeners:
         except Exception as error:
             self._in_trouble(error)
 
-    def ended(self, outcome: Outcome, message: str, *, note: str = "") -> None:
+    def ended(self, outcome: Outcome, message: str, *, note: str = "", head: str = "") -> None:
         """The session is over and the bench as safe as it will be.
 
         Args:
             outcome: how it ended.
             message: why, "" if there is nothing to explain.
             note: what else there is to say: "outside acceptance".
+            head: hash of the run file's last record, "" if there is none.
 
         """
         kind, level = _ENDINGS[outcome]
         news = self._last
         done = "" if news is None else f", {news.done} of {news.total} points in {duration(news.elapsed_s)}"
-        text = "; ".join(part for part in (f"{outcome.value}{done}", note, message) if part)
+        text = "; ".join(part for part in (f"{outcome.value}{done}", note, head and f"head {head}", message) if part)
         if self._utc_minus_elapsed is None:  # nothing was done in this session: the run was complete already
             self._manager.ended(text)
             return
@@ -120,7 +121,8 @@ class Listeners:
         utc_s = self._utc_s(elapsed_s)
         self._manager.ended(text)
         unsafe = outcome is Outcome.UNSAFE
-        happening = Happening(kind, level, one_line(text), utc_s, elapsed_s, {"outcome": outcome.name.lower()}, unsafe)
+        data = {"outcome": outcome.name.lower(), **({"head": head} if head else {})}
+        happening = Happening(kind, level, one_line(text), utc_s, elapsed_s, data, unsafe)
         self._spread(happening)
 
     def failed(self, error: BaseException) -> None:

@@ -1,0 +1,101 @@
+"""What a run file says the run is: the plan that its records are held against."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Protocol
+
+from procedures import PitchRollProcedure, Procedure, RunList, WholePlotProcedure
+from rig.config import BenchConfig, parse_bench, parse_procedure
+from rig.errors import ConfigurationError
+from rig.run_file.chain import Record
+from rig.run_file.reader import RunReader
+from rig.run_file.state import RunState
+
+NOTED = frozenset({"not-notified", "clock-set"})
+"""Events that are written between two records which otherwise follow one another."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A run, as its own file has it.
+
+    Attributes:
+        genesis: the first record.
+        run_list: every point.
+        documents: file texts by name.
+        procedure: None where this version of rig does not read it.
+        bench: likewise.
+
+    """
+
+    genesis: Record
+    run_list: RunList
+    documents: Mapping[str, str]
+    procedure: Procedure | None
+    bench: BenchConfig | None
+
+    @classmethod
+    def of(cls, run: RunReader) -> Case:
+        """The case of an open run file."""
+        documents = run.documents()
+        return cls(run.genesis(), run.run_list(), documents, _procedure(documents), _bench(documents))
+
+    @cached_property
+    def whole_plots(self) -> WholePlotProcedure | None:
+        """The procedure, if it has whole plots."""
+        return self.procedure if isinstance(self.procedure, WholePlotProcedure) else None
+
+    @cached_property
+    def pitch_roll(self) -> PitchRollProcedure | None:
+        """The procedure, if it is one of pitch and roll."""
+        return self.procedure if isinstance(self.procedure, PitchRollProcedure) else None
+
+    @property
+    def about(self) -> Mapping[str, Any]:
+        """Body of the first record."""
+        return self.genesis.data
+
+    @property
+    def speed(self) -> float:
+        """Bench seconds in a real second."""
+        live = self.bench.live if self.bench is not None else None
+        return 1.0 if live is None else live.speed
+
+    def unread(self) -> Iterator[str]:
+        """What cannot be checked, a sentence each."""
+        if self.procedure is None:
+            yield "this version of rig does not read its procedure: nothing was held against what that asks for"
+        if self.bench is None:
+            yield "this version of rig does not read its bench file: nothing was held against what that declares"
+
+
+def _procedure(documents: Mapping[str, str]) -> Procedure | None:
+    try:
+        return parse_procedure(documents["procedure.toml"], "procedure.toml", strict=False)
+    except (ConfigurationError, KeyError):
+        return None
+
+
+def _bench(documents: Mapping[str, str]) -> BenchConfig | None:
+    try:
+        return parse_bench(documents["bench.toml"], "bench.toml", strict=False)
+    except (ConfigurationError, KeyError):
+        return None
+
+
+class Rule(Protocol):
+    """One kind of sense; looks at every record in order."""
+
+    def look(self, record: Record, data: Mapping[str, Any], fold: RunState) -> Iterator[str]:
+        """What makes no sense about a record: ends of sentences that begin with the record's name.
+
+        Args:
+            record: the record.
+            data: its body.
+            fold: what the run had come to before it.
+
+        """
+        ...

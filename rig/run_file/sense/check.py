@@ -1,0 +1,75 @@
+"""All rules over all records, and what they find as findings."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from rig.run_file.audit import Finding
+from rig.run_file.chain import Record
+from rig.run_file.reader import RunReader
+from rig.run_file.sense.accounts import Accounts
+from rig.run_file.sense.case import Case, Rule
+from rig.run_file.sense.facts import Facts
+from rig.run_file.sense.marks import Marks
+from rig.run_file.sense.places import Places
+from rig.run_file.sense.readings import Readings
+from rig.run_file.sense.times import Times
+from rig.run_file.state import RunState
+
+_NOT_OURS = (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, AssertionError)
+_DOUBTS = 10
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What was found.
+
+    Attributes:
+        findings: what no controller can have written.
+        doubts: what an honest run can have too, and what could not be checked; sentences.
+
+    """
+
+    findings: tuple[Finding, ...]
+    doubts: tuple[str, ...]
+
+
+def judged(run: RunReader, most: int) -> Judged:
+    """Hold the records of a file whose hashes are right against one another, and against its own documents.
+
+    Args:
+        run: the file, opened; it is read once more.
+        most: so many findings are told at most.
+
+    """
+    case = Case.of(run)
+    times = Times(case)
+    rules: tuple[Rule, ...] = (Facts(case), times, Accounts(case), Marks(case), Readings(case), Places(case))
+    found = tuple(itertools.islice(_findings(run, rules), most))
+    told = times.doubts[:_DOUBTS]
+    if len(times.doubts) > _DOUBTS:
+        told.append(f"and {len(times.doubts) - _DOUBTS} more such dates")
+    return Judged(found, (*case.unread(), *told))
+
+
+def _findings(run: RunReader, rules: tuple[Rule, ...]) -> Iterator[Finding]:
+    fold = RunState()
+    for seq, record, _, _ in run.chained():
+        for rule in rules:
+            try:
+                for what in rule.look(record, record.data, fold):
+                    yield _finding(seq, record, what)
+            except _NOT_OURS as error:
+                words = f"its body is not what a controller writes ({type(error).__name__}: {str(error)[:100]})"
+                yield _finding(seq, record, words)
+        try:
+            fold.add(record)
+        except _NOT_OURS as error:
+            yield _finding(seq, record, f"it does not go with the records before it ({str(error)[:100]})")
+            return
+
+
+def _finding(seq: int, record: Record, what: str) -> Finding:
+    return Finding("sense", what, seq, record.kind, record.run_index)

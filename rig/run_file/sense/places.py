@@ -1,0 +1,143 @@
+"""Whether an accepted observation was made where its point is: readbacks, references, settling, approach, chambers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from procedures import Factor, Point
+from procedures.pitch_roll import EnvironmentSettings
+from procedures.whole_plot import SoakSettings
+from rig.run_file.chain import Record
+from rig.run_file.sense.case import Case
+from rig.run_file.state import RunState
+
+_NEAREST = 0.5
+"""Of its overtravel an axis must have come at least; the controller asks for more."""
+_SETPOINT_STANDS = 0.1
+"""Degrees Celsius; a chamber keeps tenths or hundredths. The controller asks for more."""
+_ROUNDED_S = 0.002
+"""Seconds of a settling are written to the millisecond."""
+_ROUNDING = 1e-9
+
+
+class Places:
+    """Looks at accepted observations and at the soaks of whole plots.
+
+    Args:
+        case: the run.
+
+    """
+
+    def __init__(self, case: Case) -> None:
+        self._case = case
+        self._settle = None if case.procedure is None else case.procedure.settle.judged()
+        self._chambers = {} if case.bench is None else dict(case.bench.factors)
+
+    def look(self, record: Record, data: Mapping[str, Any], _fold: RunState) -> Iterator[str]:
+        """See `Rule.look`."""
+        if record.kind == "observation" and record.status == "accepted":
+            assert record.run_index is not None
+            point = self._case.run_list.points[record.run_index]
+            for factor, target, side in zip(self._case.run_list.factors, point.setpoints, point.sides, strict=True):
+                if not factor.hard:
+                    yield from self._axis(factor, target, side, data)
+            if self._case.whole_plots is not None:
+                yield from self._whole_plot(point, data, self._case.whole_plots.soak)
+            elif self._case.pitch_roll is not None:
+                yield from self._environment(data, self._case.pitch_roll.environment)
+        elif record.kind == "event" and record.status == "whole-plot":
+            yield from self._soak(data)
+
+    def _axis(self, factor: Factor, target: float, side: int, data: Mapping[str, Any]) -> Iterator[str]:
+        if self._settle is None:
+            return
+        band, name, unit = self._settle.band + _ROUNDING, factor.name, factor.name.rpartition("_")[2]
+        within = f"not within {self._settle.band:g} of its setpoint {target:g} {unit}"
+        back = data["readback"].get(name)
+        if back is None:
+            yield f"it has no readback of {name}"
+        elif not abs(back - target) <= band:
+            yield f"readback of {name} is {back:g}, {within}"
+        reference = data.get("references", {}).get(name)
+        if not factor.stays and (reference is None or not abs(reference["mean"] - target) <= band):
+            yield f"{name} read {'nothing' if reference is None else format(reference['mean'], 'g')}, {within}"
+        settled = data["settling"].get(factor.axis)
+        if settled is None or settled["outcome"] != "settled":
+            yield f"{factor.axis} had not settled"
+            return
+        if settled["seconds"] < self._settle.dwell_s - _ROUNDED_S:
+            yield f"{factor.axis} settled within {settled['seconds']:g} s, less than its dwell"
+        if not abs(settled["samples"][-1][1] - target) <= band:
+            yield f"{factor.axis} settled at {settled['samples'][-1][1]:g}, {within}"
+        came, start = data["approach"].get(factor.axis, (0, target))
+        if side and came != side:
+            yield f"{factor.axis} did not come from the side that its point asks for"
+        elif side and side * (target - start) < _NEAREST * factor.overtravel:
+            yield f"{factor.axis} came from {start:g}, not from beyond its overtravel of {factor.overtravel:g} {unit}"
+
+    def _whole_plot(self, point: Point, data: Mapping[str, Any], soak: SoakSettings) -> Iterator[str]:
+        for factor, target in self._hard(point):
+            chamber = self._chambers.get(factor)
+            state = data["environment"].get(chamber)
+            if state is None:
+                yield f"it does not say at what temperature {chamber} was"
+                continue
+            yield from _stood(str(chamber), state, target, soak.tolerance_degC)
+            seen = data["temperatures"].get(factor)
+            if seen is not None and not abs(seen["mean"] - target) <= soak.sensor_tolerance_degC + _ROUNDING:
+                yield f"{factor} is {seen['mean']:.2f}, not within {soak.sensor_tolerance_degC:g} of {target:g}"
+
+    def _environment(self, data: Mapping[str, Any], wanted: EnvironmentSettings | None) -> Iterator[str]:
+        marked = "temperature" in data["flags"]
+        out = (
+            []
+            if wanted is None
+            else [
+                f"{name} was at {state['temperature_degC']:.2f} degC, not within {wanted.tolerance_degC:g} of "
+                f"{wanted.setpoint_degC:g}"
+                for name, state in data["environment"].items()
+                if not abs(state["temperature_degC"] - wanted.setpoint_degC) <= wanted.tolerance_degC + _ROUNDING
+            ]
+        )
+        if out and not marked:
+            yield f"{out[0]}, and it is not marked"
+        elif marked and not out:
+            yield "it is marked for its temperature, and that is as asked for"
+
+    def _hard(self, point: Point) -> Iterator[tuple[str, float]]:
+        for factor, target in zip(self._case.run_list.factors, point.setpoints, strict=True):
+            if factor.hard:
+                yield factor.name, target
+
+    def _soak(self, data: Mapping[str, Any]) -> Iterator[str]:
+        """A whole plot begins where the run list has it."""
+        if self._case.whole_plots is None:
+            return
+        soak = self._case.whole_plots.soak
+        try:
+            first, _ = self._case.run_list.points.span(data["planned"])
+        except KeyError:
+            yield f"it begins whole plot {data['planned']}, which is not planned"
+            return
+        for factor, target in self._hard(self._case.run_list.points[first]):
+            chamber = self._chambers.get(factor, "")
+            set_to = data["setpoints_degC"].get(chamber)
+            if set_to is None or abs(set_to - target) > _ROUNDING:
+                yield f"{chamber} was set to {set_to}, the plan has {target:g} degC for whole plot {data['planned']}"
+            for name, tolerance in ((chamber, soak.tolerance_degC), (factor, soak.sensor_tolerance_degC)):
+                settled = data["settling"].get(name)
+                if settled is None:
+                    continue
+                last = settled["samples"][-1][1]
+                if settled["outcome"] != "settled" or not abs(last - target) <= tolerance + _ROUNDING:
+                    yield f"{name} had not settled at {target:g} degC: {settled['outcome']}, {last:g}"
+
+
+def _stood(chamber: str, state: Mapping[str, Any], target: float, tolerance: float) -> Iterator[str]:
+    if not state["running"]:
+        yield f"{chamber} was not controlling"
+    if abs(state["setpoint_degC"] - target) > _SETPOINT_STANDS:
+        yield f"{chamber} was set to {state['setpoint_degC']:g} degC, the plan has {target:g}"
+    if not abs(state["temperature_degC"] - target) <= tolerance + _ROUNDING:
+        yield f"{chamber} was at {state['temperature_degC']:.2f} degC, not within {tolerance:g} of {target:g}"

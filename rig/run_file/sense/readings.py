@@ -1,0 +1,86 @@
+"""Whether what an observation says of its readings is what they give: mean, sd, number, columns, the mark for noise."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from rig.run_file.chain import Record
+from rig.run_file.sense.case import Case
+from rig.run_file.state import RunState
+
+_GROUPS = ("outputs", "temperatures", "references")
+_MEAN, _SD = 1e-12, 1e-9
+"""Of the largest reading: so far sums in another order may differ."""
+_PER_VOLT = {"V": 1.0, "mV": 1e3}
+
+
+class Readings:
+    """Looks at every observation that has readings.
+
+    Args:
+        case: the run.
+
+    """
+
+    def __init__(self, case: Case) -> None:
+        procedure, bench = case.procedure, case.bench
+        self._sweeps = None if procedure is None else procedure.measure.readings
+        self._most_V = None if procedure is None else procedure.max_sd_V
+        self._columns: dict[str, set[str]] = {}
+        self._scales: dict[str, float] = {}
+        if bench is not None:
+            self._scales = {f"{name}_{s.unit}": _PER_VOLT[s.unit] for name, s in bench.sensors.items()}
+            self._columns = {"outputs": set(self._scales), "temperatures": set(bench.temperatures)}
+
+    def look(self, record: Record, data: Mapping[str, Any], _fold: RunState) -> Iterator[str]:
+        """See `Rule.look`."""
+        if record.kind != "observation" or "overload" in data:
+            return
+        yield from self._evidence(data, "")
+        for number, one in enumerate(data.get("rejected", ()), 1):
+            yield from self._evidence(one, f" of the readings rejected for noise ({number})")
+        if record.status == "accepted":
+            yield from self._noise(data)
+
+    def _evidence(self, data: Mapping[str, Any], where: str) -> Iterator[str]:
+        for group in _GROUPS:
+            channels: Mapping[str, Mapping[str, Any]] = data.get(group, {})
+            if group in self._columns and channels.keys() != self._columns[group]:
+                odd = sorted(channels.keys() ^ self._columns[group])
+                yield f"its {group}{where} are not those of the bench file: {', '.join(odd)}"
+            for name, channel in channels.items():
+                for wrong in self._channel(channel, counted=group != "references"):
+                    yield f"{wrong.replace('NAME', name, 1)}{where}"
+
+    def _channel(self, channel: Mapping[str, Any], *, counted: bool) -> Iterator[str]:
+        readings: Sequence[float] = channel["readings"]
+        n = len(readings)
+        if counted and self._sweeps is not None and n != self._sweeps:
+            yield f"NAME has {n} readings, the procedure asks for {self._sweeps}"
+        if not n:
+            yield "NAME has no readings"
+            return
+        largest = max(map(abs, readings))
+        mean = math.fsum(readings) / n
+        if not abs(channel["mean"] - mean) <= _MEAN * largest:
+            yield f"mean of NAME is {channel['mean']!r}, that of its {n} readings is {mean!r}"
+            return
+        sd = math.sqrt(math.fsum((r - mean) ** 2 for r in readings) / (n - 1)) if n > 1 else 0.0
+        if not abs(channel["sd"] - sd) <= _SD * largest:
+            yield f"sd of NAME is {channel['sd']!r}, that of its {n} readings is {sd!r}"
+
+    def _noise(self, data: Mapping[str, Any]) -> Iterator[str]:
+        """An observation is marked as noisy where its noisiest output is, and nowhere else."""
+        marked = "noisy" in data["flags"]
+        if self._most_V is None:
+            if marked:
+                yield "it is marked as noisy, and the procedure sets no limit to noise"
+            return
+        name = max(data["outputs"], key=lambda n: data["outputs"][n]["sd"])
+        sd, most = data["outputs"][name]["sd"], self._most_V * self._scales.get(name, 1.0)
+        if sd > most and not marked:
+            yield f"sd of {name} is {sd:g}, more than the procedure allows ({most:g}), and it is not marked as noisy"
+        elif marked and not sd > most:
+            yield f"it is marked as noisy, and its noisiest output, {name}, is not: sd {sd:g}, {most:g} allowed"

@@ -1,0 +1,128 @@
+"""Whether times follow one another: records, sessions, the readings inside their session, and dates against them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from datetime import UTC, datetime
+from typing import Any
+
+from rig.run_file.chain import Record
+from rig.run_file.sense.case import Case
+from rig.run_file.state import RunState
+
+_ROUNDING_S = 0.002
+"""So far a session's first record may seem to lie before the last one's of the session before."""
+_NAMED_S = 3600.0
+"""Of a real bench the run's name has the date of its first record, to the second."""
+_STEP_S = 120.0
+"""A step of UTC above this is marked by those that mark steps, which they do from less on."""
+_NAME = re.compile(r"(\d{8}T\d{6})-")
+
+
+class Times:
+    """Looks at the times of every record.
+
+    Args:
+        case: the run.
+
+    Attributes:
+        doubts: what an honest run can have, too, and is worth a look.
+
+    """
+
+    def __init__(self, case: Case) -> None:
+        self.doubts: list[str] = []
+        self._case = case
+        self._step_s = _STEP_S + 2.0 * case.speed
+        self._last: Record = case.genesis
+        self._began_s = 0.0
+        self._observed_s = self._hole_s = 0.0
+        self._marks_steps = False
+        self._origin: float | None = None
+
+    def look(self, record: Record, data: Mapping[str, Any], fold: RunState) -> Iterator[str]:
+        """See `Rule.look`."""
+        before, self._last = self._last, record
+        behind_s = before.elapsed_s - record.elapsed_s
+        if behind_s > (_ROUNDING_S if record.kind == "session" else 0.0):
+            yield f"its time, {record.elapsed_s:.3f} s, is before that of the record before it, {before.elapsed_s:.3f}"
+        match record.kind:
+            case "run":
+                yield from self._named(record, data)
+                return
+            case "session":
+                yield from self._session(record, data, before, fold)
+            case "observation":
+                yield from self._measured(record, data)
+            case "event" if record.status == "hole":
+                self._hole_s = record.elapsed_s
+        yield from self._date(record, data, before)
+
+    def _named(self, record: Record, data: Mapping[str, Any]) -> Iterator[str]:
+        if record.elapsed_s != 0.0:
+            yield f"a run begins at 0 s, not at {record.elapsed_s:g}"
+        found = _NAME.match(data["run_id"])
+        if found is None or data["simulated"]:
+            return
+        named = datetime.strptime(found[1], "%Y%m%dT%H%M%S").replace(tzinfo=UTC).timestamp()
+        if abs(named - record.utc_s) > _NAMED_S:
+            yield f"its date is {_date(record.utc_s)}, the run's name says {_date(named)}"
+
+    def _session(self, record: Record, data: Mapping[str, Any], before: Record, fold: RunState) -> Iterator[str]:
+        self._began_s = record.elapsed_s
+        self._marks_steps = "utc_step_s" in data
+        if data["elapsed_s"] > record.elapsed_s + _ROUNDING_S:
+            yield f"it began at {data['elapsed_s']:.3f} s, after it was written down at {record.elapsed_s:.3f}"
+        gap_s = data.get("gap_s", 0.0)
+        if record.session > 1 and gap_s > record.elapsed_s - before.elapsed_s + _ROUNDING_S:
+            yield f"it began after a gap of {gap_s:.0f} s, and {record.elapsed_s - before.elapsed_s:.0f} s had passed"
+        origin = data["clock_s"] - data["elapsed_s"]
+        same_clock = data.get("gap_certain", True) and data.get("gap_known", True)
+        if self._origin is not None and same_clock and data.get("boot") == fold.session.get("boot"):
+            off_s = origin - self._origin
+            if abs(off_s) > self._step_s:
+                yield f"its clock, which went on since the session before, has other times by {off_s:.0f} s"
+        self._origin = origin
+
+    def _measured(self, record: Record, data: Mapping[str, Any]) -> Iterator[str]:
+        if "measured_s" in data:
+            began, ended = data["measured_s"]
+            if not began <= ended:
+                yield f"its readings began at {began:.3f} s and ended at {ended:.3f}"
+            if ended > record.elapsed_s:
+                yield f"its readings ended at {ended:.3f} s, after it was written down at {record.elapsed_s:.3f}"
+            if began < self._began_s:
+                yield f"its readings began at {began:.3f} s, before its session, at {self._began_s:.3f}"
+            elif began < self._observed_s:
+                yield f"its readings began at {began:.3f} s, before the last observation, at {self._observed_s:.3f}"
+            elif began < self._hole_s and record.status == "accepted":
+                yield f"its readings began at {began:.3f} s, before a hole in time that ended at {self._hole_s:.3f}"
+        self._observed_s = record.elapsed_s
+
+    def _date(self, record: Record, data: Mapping[str, Any], before: Record) -> Iterator[str]:
+        """Dates go on as elapsed time does, but for steps of the machine's clock, which a controller marks."""
+        step_s = (record.utc_s - record.elapsed_s) - (before.utc_s - before.elapsed_s)
+        if record.kind == "session":
+            marked_s = data.get("utc_step_s", 0.0)
+        else:
+            marked_s = data["step_s"] if record.kind == "event" and record.status == "clock-set" else 0.0
+        if abs(step_s - marked_s) <= self._step_s:
+            return
+        what = f"its date, {_date(record.utc_s)}, is off by {step_s - marked_s:.0f} s from that of the record before it"
+        if self._marks_steps:
+            yield f"{what}, and nothing says that the clock was set"
+        elif record.session > 1 or record.kind != "session":  # a run may be created long before it is begun
+            self.doubts.append(f"{_name(record)}: {what}: the machine's clock was set, or a date was changed")
+
+
+def _name(record: Record) -> str:
+    at = "" if record.run_index is None else f" of point {record.run_index}"
+    return f"{record.kind}{at} in session {record.session}"
+
+
+def _date(utc_s: float) -> str:
+    try:
+        return f"{datetime.fromtimestamp(utc_s, UTC):%Y-%m-%d %H:%M:%S}"
+    except (OverflowError, ValueError, OSError):
+        return f"{utc_s:.0f} s after 1970"
