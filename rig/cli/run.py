@@ -224,7 +224,7 @@ def conclude(result: Result) -> int:
         err.print(f"{mark(state.simulated)}{words} in {duration(state.elapsed_s)}")
         if result.head:
             err.print(
-                f"head {result.head}; note it where the file is not: `rig verify --head` tells by it",
+                f"head {result.head}: keep it elsewhere; `rig verify RUN --head` tells by it whether the file changed",
                 soft_wrap=True,
                 highlight=False,
             )

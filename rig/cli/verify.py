@@ -27,7 +27,8 @@ def verify(
     head: Annotated[
         str | None,
         typer.Option(
-            help="the head hash printed in a report: a cut or rewritten end shows only against it; "
+            help="a head hash noted elsewhere (end of a run, its log or message, a report): exit 1 if the file has "
+            "changed since, records cut off or hashes made anew included; "
             "with --restore: only a chain that has it is restored"
         ),
     ] = None,
@@ -40,7 +41,10 @@ def verify(
     ] = None,
     as_json: JsonOption = False,
 ) -> int:
-    """Check that a run file is whole and unchanged; say what was changed, and where.
+    """Check that a run file is whole and its contents make sense; say what was changed, and where.
+
+    A file whose hashes were all made anew, consistently, shows only against a head hash noted elsewhere: give --head.
+    Exit code 0: whole, and the head given is one of its records'; 1: broken, senseless, or another head.
 
     Examples: `rig verify runs/20260115T180000-night-1a2b.sqlite --head 3f7a9c0d51e2b846`,
     `rig verify DAMAGED.sqlite --restore NEW.sqlite`
@@ -109,6 +113,12 @@ def _not_restored(damaged: Path, one: Other) -> str:
 
 def _way_forward(path: Path, found: Verification) -> str:
     more = f" ({len(found.findings)} findings in all)" if len(found.findings) > 1 else ""
+    if all(finding.where == "sense" for finding in found.findings):
+        return (
+            f"every hash of {path} is right, and no controller writes what it holds: {found.findings[0]}{more}. "
+            f"Somebody has changed it and made the hashes anew, or rig has a fault: do not use its results. Keep it as "
+            f"it is, and compare it with a copy from before, or with a head that was noted elsewhere (`--head`)"
+        )
     return (
         f"{path} was edited or damaged: {found.findings[0]}{more}. Keep it as it is. "
         f"A copy from before the damage can be fitted and resumed; "

@@ -15,6 +15,7 @@ from typing import Any, Protocol
 import apsw
 
 from procedures import RunList
+from rig import __version__
 from rig.errors import RunFileError
 from rig.run_file.chain import GENESIS, Record, StoredRow, followed, link
 from rig.run_file.contents import senseless
@@ -259,6 +260,9 @@ def _run_list(run: Contents, declared: Mapping[str, Any], planned: RunList | Non
         points = _points(run)
         if points != declared["points"]:
             yield Finding("run list", f"it has {points} points, the run was created with {declared['points']}")
+        elif planned is not None and _made_by_us(declared) and planned.sha256() != stored:
+            yield Finding("run list", "the run list is not the one that the stored procedure makes")
+            yield from _points_changed(run, planned)
         return
     told = False
     if planned is not None and planned.sha256() == declared["run_list"]:
@@ -267,6 +271,12 @@ def _run_list(run: Contents, declared: Mapping[str, Any], planned: RunList | Non
             yield finding
     if not told:
         yield Finding("run list", "the run list is not the one the run began with")
+
+
+def _made_by_us(declared: Mapping[str, Any]) -> bool:
+    """Whether a run was created by this version, which makes the same run list of a procedure again."""
+    software = declared.get("software")
+    return isinstance(software, Mapping) and software.get("calibration-rig") == __version__
 
 
 def _factors(run: Contents) -> Iterator[Finding]:

@@ -23,6 +23,9 @@ from rig.run_file.state import RunState, read_state
 MOST = 1000
 """So many findings are told at most."""
 
+_SURE = 16
+"""Digits of a head hash below which another file with the same ones can be found by trying."""
+
 CUT_SHORT = ("head", "log")
 """Findings about records that are not there any more: what is there holds, and a resume goes on from it."""
 
@@ -175,7 +178,18 @@ def _held_against(run: RunReader, expected: str | None) -> tuple[list[Finding], 
     for seq, _, _, own in run.chained():
         if own.hex().startswith(expected):
             count, _ = run.head()
-            more = count - seq
-            return [], [f"the head given is that of record {seq}; {more} record(s) follow it"] if more else []
+            more, notes = count - seq, []
+            if more:
+                notes.append(
+                    f"the head given is that of record {seq}; {more} record(s) follow it, of which it says nothing"
+                )
+            else:
+                notes.append("the head given is that of the last record: it is unchanged since that was noted")
+            if len(expected) < _SURE:
+                notes.append(
+                    f"{len(expected)} of 64 digits were compared: by trying, another file with the same ones can be "
+                    f"made; give {_SURE} or more"
+                )
+            return [], notes
     what = f"no record has the hash {expected}: records were cut off at the end, or the chain was written again"
     return [Finding("head", what)], []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -13,6 +14,9 @@ from rig.run_file.state import RunState
 _GROUPS = ("outputs", "temperatures", "references")
 _MEAN, _SD = 1e-12, 1e-9
 """Of the largest reading: so far sums in another order may differ."""
+_SURE_BITS = 30.0
+"""Readings that repeat those of another observation by chance once in two to this power are not taken for chance."""
+_REMEMBERED = 200_000
 _PER_VOLT = {"V": 1.0, "mV": 1e3}
 
 
@@ -28,6 +32,7 @@ class Readings:
         procedure, bench = case.procedure, case.bench
         self._sweeps = None if procedure is None else procedure.measure.readings
         self._most_V = None if procedure is None else procedure.max_sd_V
+        self._again = _Again()
         self._columns: dict[str, set[str]] = {}
         self._scales: dict[str, float] = {}
         if bench is not None:
@@ -43,6 +48,7 @@ class Readings:
             yield from self._evidence(one, f" of the readings rejected for noise ({number})")
         if record.status == "accepted":
             yield from self._noise(data)
+            yield from self._again.look(record, data["outputs"])
 
     def _evidence(self, data: Mapping[str, Any], where: str) -> Iterator[str]:
         for group in _GROUPS:
@@ -84,3 +90,35 @@ class Readings:
             yield f"sd of {name} is {sd:g}, more than the procedure allows ({most:g}), and it is not marked as noisy"
         elif marked and not sd > most:
             yield f"it is marked as noisy, and its noisiest output, {name}, is not: sd {sd:g}, {most:g} allowed"
+
+
+class _Again:
+    """Knows readings again that were copied from one observation to another, where chance does not explain it."""
+
+    def __init__(self) -> None:
+        self._resolution: dict[str, float] = {}
+        self._seen: dict[int, int | None] = {}
+
+    def look(self, record: Record, outputs: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
+        """What repeats the readings of another observation; see `Rule.look`."""
+        for name, channel in outputs.items():
+            self._learn(name, channel["readings"])
+        key = hash(tuple((name, *channel["readings"]) for name, channel in outputs.items()))
+        if key in self._seen:
+            pairs = math.log2(len(self._seen)) * 2.0
+            if sum(self._bits(name, channel) for name, channel in outputs.items()) > _SURE_BITS + pairs:
+                yield f"its outputs are those of the observation of point {self._seen[key]}, to the last digit"
+        elif len(self._seen) < _REMEMBERED:
+            self._seen[key] = record.run_index
+
+    def _learn(self, name: str, readings: Sequence[float]) -> None:
+        """The smallest step between two readings of a column is about one digit of its instrument."""
+        for one, other in itertools.pairwise(readings):
+            step = abs(one - other)
+            if step > _MEAN * max(abs(one), abs(other)):
+                self._resolution[name] = min(step, self._resolution.get(name, step))
+
+    def _bits(self, name: str, channel: Mapping[str, Any]) -> float:
+        """How many bits of chance the readings of a column have: what each scatters by, in digits."""
+        digits = channel["sd"] / self._resolution.get(name, math.inf)
+        return len(channel["readings"]) * math.log2(max(1.0, digits))
