@@ -26,6 +26,7 @@ _SHOWN_S, _SHOWN = 1800.0, 120
 """How much of a settling quantity's trace the live state tells: the last half hour, so many samples at most."""
 _CLOCK_SET_S = 60.0
 """A step of UTC against bench time by more than this is written down."""
+_ONE_MOMENT_S, _READ_AGAIN = 1.0, 3
 
 
 @dataclass
@@ -125,7 +126,7 @@ class Journal:
             "session",
             {
                 **session.about,
-                "utc_step_s": round(self._step_s(self.elapsed(), self._clock.utc()), 3),
+                "utc_step_s": round(self._step_s(*self._moment()), 3),
                 "clock_s": self._clock.now(),
                 "elapsed_s": self.elapsed(),
                 "gap_s": session.gap_s,
@@ -217,17 +218,26 @@ class Journal:
 
     def _record(self, kind: str, body: Mapping[str, Any], status: str | None, whole_plot: int | None) -> Record:
         at = self.at
+        elapsed_s, utc_s = self._moment()
         return Record(
             self._session.number,
             kind,
-            self.elapsed(),
-            self._clock.utc(),
+            elapsed_s,
+            utc_s,
             at.point.index if at else None,
             self.fold.whole_plot if whole_plot is None else whole_plot,
             at.attempt if at else None,
             status,
             encode(body),
         )
+
+    def _moment(self) -> tuple[float, float]:
+        """Bench time and UTC of one moment: read again if this process had no turn between the two."""
+        for _ in range(_READ_AGAIN):
+            elapsed_s, utc_s = self.elapsed(), self._clock.utc()
+            if self.elapsed() - elapsed_s < _ONE_MOMENT_S:
+                break
+        return elapsed_s, utc_s
 
     def take_up(self, point: Point | None) -> None:
         """Have a point in hand from now on, or none."""

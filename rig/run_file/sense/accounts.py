@@ -65,7 +65,7 @@ class Accounts:
         assert record.run_index is not None
         if not self._found:
             yield "nothing says how the bench was found in its session"
-        if not fold.prepared:
+        if not fold.prepared and fold.whole_plot is None:  # a soak that is over is enough, were it only just
             yield "nothing says that the bench was prepared"
         if self._closed or self._held:
             yield f"it was made after {self._closed or self._held}"

@@ -27,7 +27,7 @@ class Facts:
 
     def __init__(self, case: Case) -> None:
         self._case = case
-        self._stated = False
+        self._stated_by: object = None
 
     def look(self, record: Record, data: Mapping[str, Any], _fold: RunState) -> Iterator[str]:
         """See `Rule.look`."""
@@ -71,11 +71,11 @@ class Facts:
     def _session(self, data: Mapping[str, Any]) -> Iterator[str]:
         simulated = bool(self._case.about["simulated"])
         if "simulated" in data:
-            self._stated = True
+            self._stated_by = data["software"]
             if data["simulated"] is not simulated:
                 said, other = (_word(data["simulated"]), _word(simulated))
                 yield f"it says that its bench is {said}, the first record that it is {other}"
-        elif self._stated:
+        elif self._stated_by is not None and data["software"] == self._stated_by:
             yield "it does not say whether its bench is simulated, as the session before does"
         if data.get("boot") == _VIRTUAL and not simulated:
             yield "its time is virtual, as in dry runs, and the run does not say SIMULATED"

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 
 from rig.errors import RunFileError
 from rig.run_file.reader import RunReader
+from rig.run_file.sense import judged
 from rig.simulated.night import of_commands, of_readings, of_records, of_time
 from rig.simulated.night.judged import Night, Violation
 from rig.simulated.night.play import Played
@@ -36,6 +37,9 @@ def judge(played: Played) -> list[Violation]:
     try:
         with RunReader.open(played.path) as reader:
             reader.verify()
+            senseless = judged(reader, 1).findings
+            if senseless:
+                return [Violation("verifies", str(senseless[0]))]
             night = Night(played, reader.run_list(), list(reader.records()))
     except RunFileError as error:
         return [Violation("verifies", str(error))]
