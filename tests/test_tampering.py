@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+import os
+import pwd
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,8 +15,13 @@ import dry_pressure
 import pytest
 from command import rig
 from forger import Opened, forge
+from small_run import write_small
 
+from rig.errors import UsageError
+from rig.run_file.reader import RunReader
 from rig.run_file.verification import verify_file
+from rig.tables import run_table
+from rig.who import Operator, operator
 
 _FAULTS = """
 [[faults]]
@@ -161,6 +168,31 @@ def _instrument(run: Opened) -> None:
     run.without(lambda r: r["kind"] == "identity" and r["status"] == "scanner")
 
 
+def _reference(run: Opened) -> None:
+    for record in run.all("observation"):
+        _scaled(record["body"]["references"]["pressure_psia"], 1.01)
+
+
+def _chamber(run: Opened) -> None:
+    run.observation(5)["body"]["environment"]["sse_chamber"]["temperature_degC"] += 5.0
+
+
+def _soak(run: Opened) -> None:
+    next(run.all("event", "whole-plot"))["body"]["setpoints_degC"]["sse_chamber"] += 5.0
+
+
+def _another_plot(run: Opened) -> None:
+    run.observation(20)["whole_plot"] = 1
+
+
+def _gap(run: Opened) -> None:
+    """The time for which the bench was left alone, shorter: everything since then earlier."""
+    at = run.records.index(list(run.all("session"))[1])
+    for record in run.records[at:]:
+        record["elapsed_s"] -= 60.0
+        record["utc_s"] -= 60.0
+
+
 ATTITUDE: dict[str, tuple[Callable[[Opened], None], str]] = {
     "SIMULATED removed": (_real, "record 1 (run) makes no sense: it does not say SIMULATED, and it is a dry run"),
     "SIMULATED and dry": (_real_not_dry, "it does not say SIMULATED, and it holds a world.toml, as only dry runs do"),
@@ -185,6 +217,11 @@ ATTITUDE: dict[str, tuple[Callable[[Opened], None], str]] = {
     "an instrument": (_instrument, "nothing says who scanner is"),
 }
 PRESSURE: dict[str, tuple[Callable[[Opened], None], str]] = {
+    "a reference": (_reference, "makes no sense: pressure_psia read"),
+    "a chamber": (_chamber, "(observation of point 5) makes no sense: sse_chamber was at"),
+    "a soak": (_soak, "makes no sense: sse_chamber was set to"),
+    "another whole plot": (_another_plot, "(observation of point 20) makes no sense: it is of whole plot 1, where"),
+    "a gap": (_gap, "(session) makes no sense: it began"),
     "the loss of a whole plot": (_no_loss, "point 5 had an accepted observation already"),
     "SIMULATED unsaid": (_simulated_unsaid, "(session) makes no sense: it does not say whether its bench is simulated"),
 }
@@ -224,3 +261,37 @@ def test_a_forgery_that_is_consistent_shows_against_a_head_and_nowhere_else(atti
     told = json.loads(rig("verify", attitude, "--head", noted, "--json").stdout)
     assert told["whole"]
     assert "is that of the last record" in told["notes"][0]
+
+
+def test_a_step_of_the_clock_is_written_down_once(attitude):
+    with RunReader.open(attitude) as run:
+        steps = [r.data for r in run.records("event") if r.status == "clock-set"]
+    assert [step["step_s"] for step in steps] == [7200.0]
+    assert steps[0]["message"] == "the machine's clock was set forward by 7200 s"
+
+
+def test_who_ran_it_and_the_head_are_told(tmp_path):
+    log, lab = tmp_path / "log", dry.LAB
+    given = ("--bench", lab / "bench.toml", "--dry", "--world", lab / "world.toml", "--out", tmp_path, "--log", log)
+    done = rig("run", write_small(tmp_path), *given, "--operator", "Ann O'Day")
+    path = Path(done.stdout.strip())
+    head = verify_file(path).head
+    assert f"head {head}: keep it elsewhere" in done.stderr
+    assert log.read_text().splitlines()[-1].endswith(f"; head {head}")
+    assert "session 1 began, operator Ann O'Day" in log.read_text()
+    told = rig("status", path).stdout
+    assert "1 session(s) by Ann O'Day" in told
+    assert f"head {head}" in told
+    assert run_table(path).provenance["operator"] == "Ann O'Day"
+    assert run_table(path).provenance["head"] == head  # which reports print
+    assert rig("run", write_small(tmp_path), *given, "--operator", "A\nB").returncode == 2
+
+
+def test_the_operator_is_who_was_given_else_the_environments_else_the_account(monkeypatch):
+    monkeypatch.delenv("RIG_OPERATOR", raising=False)
+    assert operator() == Operator(pwd.getpwuid(os.getuid()).pw_name, "login")
+    monkeypatch.setenv("RIG_OPERATOR", "night shift")
+    assert operator() == Operator("night shift", "RIG_OPERATOR")
+    assert operator(" Ann ") == Operator("Ann", "--operator")
+    with pytest.raises(UsageError, match="1 to 100 printable"):
+        operator("x" * 101)
