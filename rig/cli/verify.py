@@ -68,8 +68,9 @@ def verify(
 def _restore(damaged: Path, new: Path, head: str | None, as_json: bool) -> int:
     found = restored(damaged, new, head or "")
     whole = verify_file(new, head)
-    if not whole.whole:
-        raise RunFileError(f"{new} was written and is not whole: {whole.findings[0]}. Do not use it")
+    broken = [finding for finding in whole.findings if finding.where != "sense"]  # sense it had before, or had not
+    if broken:
+        raise RunFileError(f"{new} was written and is not whole: {broken[0]}. Do not use it")
     with RunReader.open(new) as reader:
         state = read_state(reader)
         other = goes_on_in(reader, state, damaged) or (Path(state.rescued) if state.rescued else None)
@@ -83,7 +84,12 @@ def _restore(damaged: Path, new: Path, head: str | None, as_json: bool) -> int:
         f"{found.known} known; {len(state.accepted)} of {state.points} points",
         soft_wrap=True,
     )
-    for note in (*whole.notes, *(_not_restored(damaged, one) for one in found.others), _next(new, state, other)):
+    for note in (
+        *map(str, whole.findings),
+        *whole.notes,
+        *(_not_restored(damaged, one) for one in found.others),
+        _next(new, state, other),
+    ):
         if note:
             out.print(f"  {escape(note)}", soft_wrap=True)
     return ExitCode.DONE

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -112,11 +111,10 @@ class _Again:
             self._seen[key] = record.run_index
 
     def _learn(self, name: str, readings: Sequence[float]) -> None:
-        """The smallest step between two readings of a column is about one digit of its instrument."""
-        for one, other in itertools.pairwise(readings):
-            step = abs(one - other)
-            if step > _MEAN * max(abs(one), abs(other)):
-                self._resolution[name] = min(step, self._resolution.get(name, step))
+        """The smallest step between two readings of a column is a digit of its instrument, or a few."""
+        step = abs(readings[0] - readings[-1])
+        if _MEAN * abs(readings[0]) < step < self._resolution.get(name, math.inf):
+            self._resolution[name] = step
 
     def _bits(self, name: str, channel: Mapping[str, Any]) -> float:
         """How many bits of chance the readings of a column have: what each scatters by, in digits."""

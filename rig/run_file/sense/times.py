@@ -38,7 +38,7 @@ class Times:
         self._last: Record = case.genesis
         self._began_s = 0.0
         self._observed_s = self._hole_s = 0.0
-        self._marks_steps = False
+        self._marks_steps = self._measures = False
         self._origin: float | None = None
 
     def look(self, record: Record, data: Mapping[str, Any], fold: RunState) -> Iterator[str]:
@@ -87,18 +87,23 @@ class Times:
 
     def _measured(self, record: Record, data: Mapping[str, Any]) -> Iterator[str]:
         if "measured_s" in data:
-            began, ended = data["measured_s"]
-            if not began <= ended:
-                yield f"its readings began at {began:.3f} s and ended at {ended:.3f}"
-            if ended > record.elapsed_s:
-                yield f"its readings ended at {ended:.3f} s, after it was written down at {record.elapsed_s:.3f}"
-            if began < self._began_s:
-                yield f"its readings began at {began:.3f} s, before its session, at {self._began_s:.3f}"
-            elif began < self._observed_s:
-                yield f"its readings began at {began:.3f} s, before the last observation, at {self._observed_s:.3f}"
-            elif began < self._hole_s and record.status == "accepted":
-                yield f"its readings began at {began:.3f} s, before a hole in time that ended at {self._hole_s:.3f}"
+            self._measures = True
+            yield from self._read(record, *data["measured_s"])
+        elif self._measures and "overload" not in data:
+            yield "it does not say when it was read, as those before it do"
         self._observed_s = record.elapsed_s
+
+    def _read(self, record: Record, began: float, ended: float) -> Iterator[str]:
+        if not began <= ended:
+            yield f"its readings began at {began:.3f} s and ended at {ended:.3f}"
+        if ended > record.elapsed_s:
+            yield f"its readings ended at {ended:.3f} s, after it was written down at {record.elapsed_s:.3f}"
+        if began < self._began_s:
+            yield f"its readings began at {began:.3f} s, before its session, at {self._began_s:.3f}"
+        elif began < self._observed_s:
+            yield f"its readings began at {began:.3f} s, before the last observation, at {self._observed_s:.3f}"
+        elif began < self._hole_s and record.status == "accepted":
+            yield f"its readings began at {began:.3f} s, before a hole in time that ended at {self._hole_s:.3f}"
 
     def _date(self, record: Record, data: Mapping[str, Any], before: Record) -> Iterator[str]:
         """Dates go on as elapsed time does, but for steps of the machine's clock, which a controller marks."""

@@ -37,10 +37,8 @@ def judge(played: Played) -> list[Violation]:
     try:
         with RunReader.open(played.path) as reader:
             reader.verify()
-            senseless = judged(reader, 1).findings
-            if senseless:
-                return [Violation("verifies", str(senseless[0]))]
+            senseless = [Violation("verifies", str(finding)) for finding in judged(reader, 1).findings]
             night = Night(played, reader.run_list(), list(reader.records()))
     except RunFileError as error:
         return [Violation("verifies", str(error))]
-    return [Violation(name, what) for name, check in INVARIANTS.items() for what in check(night)]
+    return senseless + [Violation(name, what) for name, check in INVARIANTS.items() for what in check(night)]
