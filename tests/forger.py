@@ -1,4 +1,4 @@
-"""A forger of run files: changes whatever it is told to and makes every hash anew, without any code of the project.
+"""A forger of run files: changes whatever it is told to and makes every hash again, without any code of the project.
 
 What it takes: the format as docs/verify.md has it, and twenty lines.
 """

@@ -28,7 +28,7 @@ def verify(
         str | None,
         typer.Option(
             help="a head hash noted elsewhere (end of a run, its log or message, a report): exit 1 if the file has "
-            "changed since, records cut off or hashes made anew included; "
+            "changed since, records cut off or hashes made again included; "
             "with --restore: only a chain that has it is restored"
         ),
     ] = None,
@@ -43,7 +43,7 @@ def verify(
 ) -> int:
     """Check that a run file is whole and its contents make sense; say what was changed, and where.
 
-    A file whose hashes were all made anew, consistently, shows only against a head hash noted elsewhere: give --head.
+    A file whose hashes were all made again, consistently, shows only against a head hash noted elsewhere: give --head.
     Exit code 0: whole, and the head given is one of its records'; 1: broken, senseless, or another head.
 
     Examples: `rig verify runs/20260115T180000-night-1a2b.sqlite --head 3f7a9c0d51e2b846`,
@@ -122,8 +122,8 @@ def _way_forward(path: Path, found: Verification) -> str:
     if all(finding.where == "sense" for finding in found.findings):
         return (
             f"every hash of {path} is right, and no controller writes what it holds: {found.findings[0]}{more}. "
-            f"Somebody has changed it and made the hashes anew, or rig has a fault: do not use its results. Keep it as "
-            f"it is, and compare it with a copy from before, or with a head that was noted elsewhere (`--head`)"
+            f"Somebody has changed it and made the hashes again, or rig has a fault: do not use its results. Keep it "
+            f"as it is, and compare it with a copy from before, or with a head that was noted elsewhere (`--head`)"
         )
     return (
         f"{path} was edited or damaged: {found.findings[0]}{more}. Keep it as it is. "
