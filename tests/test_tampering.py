@@ -164,6 +164,14 @@ def _fewer(run: Opened) -> None:
     run.without(lambda r: r["kind"] == "observation" and r["run_index"] == 5)
 
 
+def _unsafe(run: Opened) -> None:
+    run.without(lambda r: r["status"] == "safe")
+
+
+def _environment(run: Opened) -> None:
+    next(run.all("event", "environment-settled"))["body"]["enclosure"]["outcome"] = "timed-out"
+
+
 def _instrument(run: Opened) -> None:
     run.without(lambda r: r["kind"] == "identity" and r["status"] == "scanner")
 
@@ -179,6 +187,10 @@ def _chamber(run: Opened) -> None:
 
 def _soak(run: Opened) -> None:
     next(run.all("event", "whole-plot"))["body"]["setpoints_degC"]["sse_chamber"] += 5.0
+
+
+def _not_left(run: Opened) -> None:
+    run.without(lambda r: r["status"] == "temperatures-left")
 
 
 def _another_plot(run: Opened) -> None:
@@ -214,12 +226,18 @@ ATTITUDE: dict[str, tuple[Callable[[Opened], None], str]] = {
     "a setpoint": (_setpoint, "run list: the run list is not the one that the stored procedure makes"),
     "the plan": (_plan, "makes no sense: readback of pitch_deg is 45, not within"),
     "an observation removed": (_fewer, "(end) makes no sense: it counts 30 accepted points, and there are 29"),
+    "the safe state": (_unsafe, "(end) makes no sense: nothing says that the bench was brought to its safe state"),
+    "the environment": (_environment, "(event) makes no sense: enclosure had not settled at 23 degC: timed-out"),
     "an instrument": (_instrument, "nothing says who scanner is"),
 }
 PRESSURE: dict[str, tuple[Callable[[Opened], None], str]] = {
     "a reference": (_reference, "makes no sense: pressure_psia read"),
     "a chamber": (_chamber, "(observation of point 5) makes no sense: sse_chamber was at"),
     "a soak": (_soak, "makes no sense: sse_chamber was set to"),
+    "no change of temperature": (
+        _not_left,
+        "(event) makes no sense: nothing says that temperatures were changed for it",
+    ),
     "another whole plot": (_another_plot, "(observation of point 20) makes no sense: it is of whole plot 1, where"),
     "a gap": (_gap, "(session) makes no sense: it began"),
     "the loss of a whole plot": (_no_loss, "point 5 had an accepted observation already"),

@@ -99,6 +99,8 @@ class Accounts:
             case "whole-plot":
                 if record.whole_plot != fold.whole_plots + 1:
                     yield f"it begins whole plot {record.whole_plot}, the next is {fold.whole_plots + 1}"
+                if fold.left_for != data["planned"]:
+                    yield "nothing says that temperatures were changed for it"
             case "whole-plot-lost":
                 yield from self._lost(record, data, fold)
 

@@ -98,6 +98,8 @@ def _follows(record: Record, data: Mapping[str, Any], before: Record, was: Mappi
         yield "it is skipped, and the fault that it was skipped for is missing"
     elif skipping and record.kind not in ("skip", "event"):
         yield "it follows a fault for which its point was to be skipped, and the skip is missing"
+    if record.kind == "end" and (before.status != "safe" or was["unsafe"]):
+        yield "nothing says that the bench was brought to its safe state before it"
     measured = record.kind == "fault" and data.get("where") == "measuring"
     if measured and data.get("fault") == "overload" and not ("overload" in was and same_point):
         yield "it says that readings were out of range, and they are missing"

@@ -48,6 +48,8 @@ class Places:
                 yield from self._environment(data, self._case.pitch_roll.environment)
         elif record.kind == "event" and record.status == "whole-plot":
             yield from self._soak(data)
+        elif record.kind == "event" and record.status == "environment-settled":
+            yield from self._chambers_settled(data)
 
     def _axis(self, factor: Factor, target: float, side: int, data: Mapping[str, Any]) -> Iterator[str]:
         if self._settle is None:
@@ -127,11 +129,21 @@ class Places:
                 yield f"{chamber} was set to {set_to}, the plan has {target:g} degC for whole plot {data['planned']}"
             for name, tolerance in ((chamber, soak.tolerance_degC), (factor, soak.sensor_tolerance_degC)):
                 settled = data["settling"].get(name)
-                if settled is None:
-                    continue
-                last = settled["samples"][-1][1]
-                if settled["outcome"] != "settled" or not abs(last - target) <= tolerance + _ROUNDING:
-                    yield f"{name} had not settled at {target:g} degC: {settled['outcome']}, {last:g}"
+                if settled is not None:
+                    yield from _settled(name, settled, target, tolerance)
+
+    def _chambers_settled(self, chambers: Mapping[str, Any]) -> Iterator[str]:
+        """Before a run of pitch and roll its environment has settled as asked for."""
+        wanted = None if self._case.pitch_roll is None else self._case.pitch_roll.environment
+        if wanted is not None:
+            for name, settled in chambers.items():
+                yield from _settled(name, settled, wanted.setpoint_degC, wanted.tolerance_degC)
+
+
+def _settled(name: str, settled: Mapping[str, Any], target: float, tolerance: float) -> Iterator[str]:
+    last = settled["samples"][-1][1]
+    if settled["outcome"] != "settled" or not abs(last - target) <= tolerance + _ROUNDING:
+        yield f"{name} had not settled at {target:g} degC: {settled['outcome']}, {last:g}"
 
 
 def _stood(chamber: str, state: Mapping[str, Any], target: float, tolerance: float) -> Iterator[str]:
