@@ -19,7 +19,7 @@ from rig.engine.session import Outcome
 from rig.errors import RigError, RunFileError, UsageError
 from rig.run_file.chain import link
 from rig.run_file.reader import RunReader
-from rig.run_file.verification import restored, verify_file
+from rig.run_file.verification import restored
 
 
 @pytest.fixture(scope="module", params=["attitude", "pressure"])
@@ -358,7 +358,4 @@ def test_what_is_restored_of_a_damaged_rescued_copy_goes_on_although_the_copy_li
     assert f"measure again what is missing: rig resume {new}" in said.stdout, said.stderr
     assert str(copy) not in rig("status", new).stdout
     assert run_session(new)[0] is Outcome.COMPLETE
-    found = [finding.what for finding in verify_file(new).findings]
-    assert found == [
-        f"it holds no {name}.toml, with which every run begins" for name in ("bench", "procedure")
-    ]  # ideal
+    assert rig("verify", new).returncode == 0

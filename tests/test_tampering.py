@@ -160,6 +160,10 @@ def _plan(run: Opened) -> None:
         point["pitch_deg"] = {45.0: 50.0, -45.0: -50.0}.get(point["pitch_deg"], point["pitch_deg"])
 
 
+def _no_procedure(run: Opened) -> None:
+    del run.documents["procedure.toml"]
+
+
 def _fewer(run: Opened) -> None:
     run.without(lambda r: r["kind"] == "observation" and r["run_index"] == 5)
 
@@ -225,6 +229,7 @@ ATTITUDE: dict[str, tuple[Callable[[Opened], None], str]] = {
     "accepted twice": (_twice, "(observation of point 5) makes no sense: point 5 had an accepted observation already"),
     "a setpoint": (_setpoint, "run list: the run list is not the one that the stored procedure makes"),
     "the plan": (_plan, "makes no sense: readback of pitch_deg is 45, not within"),
+    "the procedure removed": (_no_procedure, "record 1 (run) makes no sense: it holds no procedure.toml, with which"),
     "an observation removed": (_fewer, "(end) makes no sense: it counts 30 accepted points, and there are 29"),
     "the safe state": (_unsafe, "(end) makes no sense: nothing says that the bench was brought to its safe state"),
     "the environment": (_environment, "(event) makes no sense: enclosure had not settled at 23 degC: timed-out"),

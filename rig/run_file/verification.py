@@ -85,7 +85,7 @@ def verify_file(path: Path, expected_head: str | None = None) -> Verification:
             found += [*sense.findings, *_cut_off(run, path, log)]
             heads, notes = _held_against(run, expected_head)
             notes += sense.doubts
-            notes += _elsewhere(run, state) if all(f.where in CUT_SHORT for f in found) else []
+            notes += _elsewhere(run, state) if all(f.where in (*CUT_SHORT, "sense") for f in found) else []
             count, head = run.head()
             simulated = _simulated(run)
     except ForeignFileError:
