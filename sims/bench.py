@@ -9,7 +9,7 @@ from zlib import crc32
 from sims.faults import Acts, Faults, FaultyWire, read_faults
 from sims.physics import Plant, read_truth, sensor_axes
 from sims.physics.truth import FAULTS
-from sims.tape import Tape
+from sims.tape import Change, Readback, Reading, Tape
 from sims.wires.can_line import CanCable
 from sims.wires.modbus_line import ModbusCable, ModbusEndpoint, registers_of
 from sims.wires.serial_line import SerialCable, register, unregister
@@ -50,6 +50,7 @@ class SimBench:
         key: name of this world in `sim://KEY/INSTRUMENT` addresses.
         twin_classes: twin class by driver name.
         record_tape: keep what truly happens, for checkers.
+        heard: told of what truly happens, as it does; see `sims.tape.Tape`.
 
     Attributes:
         tape: what truly happened; None unless it is recorded.
@@ -71,6 +72,7 @@ class SimBench:
         twin_classes: Mapping[str, Callable[..., Any]],
         *,
         record_tape: bool = False,
+        heard: Callable[[Reading | Readback | Change], None] | None = None,
     ) -> None:
         self.world = world
         self.plant = Plant(world, truth, bench)
@@ -85,7 +87,8 @@ class SimBench:
         drivers = {name: str(instrument["driver"]) for name, instrument in bench["instruments"].items()}
         entries = read_faults(truth.get(FAULTS), drivers, media)
         self.faults = Faults(world, entries, self.plant.truth.seed, media, Acts(self))
-        self.tape = Tape(world, self.plant, self._twins, drivers) if record_tape else None
+        taped = record_tape or heard is not None
+        self.tape = Tape(world, self.plant, self._twins, drivers, heard) if taped else None
         self._addresses = {name: str(instrument["address"]) for name, instrument in bench["instruments"].items()}
         self.cables = {
             n: SerialCable(world, twin, self.wire(n), timed=not self._addresses[n].startswith("socket:"))

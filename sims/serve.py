@@ -18,9 +18,10 @@ from pathlib import Path
 from typing import Any
 
 from sims.bench import SimBench, world_for
+from sims.tape_file import TapeFile
 from sims.wires.can_line import on_one_bus
 from sims.wires.modbus_line import ModbusEndpoint, registers_of
-from sims.wires.ports import Port, PseudoTerminal, TcpPort
+from sims.wires.ports import Port, PseudoTerminal, Receive, TcpPort
 from sims.wires.slcan import SlcanAdapter
 from sims.world import Pace
 
@@ -36,6 +37,7 @@ def serve(
     *,
     speed: float = 1.0,
     seconds: float | None = None,
+    tape: Path | None = None,
     announce: Callable[[str], None] = lambda line: None,
 ) -> None:
     """Serve a bench until SIGINT, SIGTERM, or its time is up. SIGUSR1 is a power cut: every instrument restarts.
@@ -47,49 +49,60 @@ def serve(
         live: written when everything is open: the bench file with the addresses served; removed at the end.
         speed: virtual seconds per real second.
         seconds: real seconds after which to stop; None serves until told to stop.
+        tape: to which every answer, and what truly happens, is added; see `sims.tape_file`. None for no tape.
         announce: called with a line for each instrument and one for the file.
 
     Raises:
         sims.physics.WorldError: the world file is wrong.
-        OSError: `live` cannot be written, or a port cannot be opened.
+        OSError: `live` or `tape` cannot be written, or a port cannot be opened.
 
     """
     if live.exists():
         raise FileExistsError(
             f"{live} exists: another simulated bench may be serving it; name another file, or remove it if it is stale"
         )
-    with selectors.DefaultSelector() as selector, _told(selector) as told:
+    with contextlib.ExitStack() as held:
+        selector = held.enter_context(selectors.DefaultSelector())
+        told = held.enter_context(_told(selector))
         world = world_for(bench, truth)
-        sim = SimBench(world, bench, truth, f"served{os.getpid()}", twin_classes)
+        taped = None if tape is None else held.enter_context(TapeFile(tape, world))
+        heard = None if taped is None else taped.happened
+        sim = SimBench(world, bench, truth, f"served{os.getpid()}", twin_classes, heard=heard)
+        held.callback(sim.close)
         ports: list[Port] = []
-        try:
-            pace = Pace(world, speed)
-            given = bench["instruments"]
-            instruments = dict(given)
-            for names in _wires(sim, {name: instrument["address"] for name, instrument in given.items()}):
-                addresses = _open(sim, {name: given[name]["address"] for name in names}, selector, ports)
-                for name, address in addresses.items():
-                    instruments[name] = {**given[name], "address": address}
-                    announce(f"{name}: {address}")
-            times = {"speed": speed, "epoch_utc": pace.epoch_utc, "started_utc": pace.started_utc}
-            _write(live, toml({**bench, "simulated": True, "instruments": instruments, "live": times}))
-            announce(f"serving until Ctrl-C; use --bench {live}")
-            try:
-                while not told & _STOP and (seconds is None or pace.real_s() < seconds):
-                    pace.catch_up()
-                    if signal.SIGUSR1 in told:
-                        told.discard(signal.SIGUSR1)
-                        sim.power_cycle()
-                        announce("power cut: every instrument has restarted")
-                    for key, _ in selector.select(pace.until_next(_LOOK_UP_S)):
-                        pace.catch_up()
-                        key.data()
-            finally:
-                live.unlink(missing_ok=True)
-        finally:
-            for port in ports:
-                port.close()
-            sim.close()
+        held.callback(_close, ports)
+        pace = Pace(world, speed)
+        if taped is not None:
+            taped.begin(pace, speed)
+        given = bench["instruments"]
+        instruments = dict(given)
+        for names in _wires(sim, {name: instrument["address"] for name, instrument in given.items()}):
+            addresses = _open(sim, {name: given[name]["address"] for name in names}, selector, ports, taped)
+            for name, address in addresses.items():
+                instruments[name] = {**given[name], "address": address}
+                announce(f"{name}: {address}")
+        times = {"speed": speed, "epoch_utc": pace.epoch_utc, "started_utc": pace.started_utc}
+        _write(live, toml({**bench, "simulated": True, "instruments": instruments, "live": times}))
+        held.callback(live.unlink, missing_ok=True)
+        announce(f"serving until Ctrl-C; use --bench {live}")
+        while not told & _STOP and (seconds is None or pace.real_s() < seconds):
+            pace.catch_up()
+            if signal.SIGUSR1 in told:
+                told.discard(signal.SIGUSR1)
+                sim.power_cycle()
+                announce("power cut: every instrument has restarted")
+            until = pace.until_next(_LOOK_UP_S)
+            ready = selector.select(until)
+            if taped is not None:
+                taped.turn(until)
+            for key, _ in ready:
+                pace.catch_up()
+                key.data()
+
+
+def _close(ports: list[Port]) -> None:
+    for port in ports:
+        port.close()
 
 
 def _wires(sim: SimBench, addresses: Mapping[str, str]) -> list[list[str]]:
@@ -108,20 +121,29 @@ def _wires(sim: SimBench, addresses: Mapping[str, str]) -> list[list[str]]:
 
 
 def _open(
-    sim: SimBench, addresses: Mapping[str, str], selector: selectors.BaseSelector, ports: list[Port]
+    sim: SimBench,
+    addresses: Mapping[str, str],
+    selector: selectors.BaseSelector,
+    ports: list[Port],
+    tape: TapeFile | None,
 ) -> dict[str, str]:
     """Open a door to the instruments on one wire; returns the addresses to use instead of the bench file's own."""
     twins = {name: sim.twin(name) for name in addresses}
     name, first = next(iter(addresses.items()))
+    wire = "+".join(addresses)
+
+    def on_tape(receive: Receive) -> Receive:
+        return receive if tape is None else tape.wired(wire, receive)
+
     match twins[name].kind:
         case "serial" if first.startswith("socket:"):
-            door = TcpPort(selector, lambda: twins[name].on_rx)
+            door = TcpPort(selector, lambda: on_tape(twins[name].on_rx))
             ports.append(door)
             return {name: f"socket://{door.address}"}
         case "serial":
             cable = sim.cables[name]
-            terminal = PseudoTerminal(selector, lambda data, tx: cable.send(data))
-            cable.attach(terminal.send)
+            terminal = PseudoTerminal(selector, on_tape(lambda data, tx: cable.send(data)))
+            cable.attach(terminal.send if tape is None else tape.answering(wire, terminal.send))
             ports.append(terminal)
             return {name: terminal.address}
         case "modbus":
@@ -133,13 +155,17 @@ def _open(
                 return ModbusEndpoint(sim.world, devices, rtu=rtu)
 
             on_line = rtu and not over_tcp
-            port: Port = PseudoTerminal(selector, end().on_rx) if on_line else TcpPort(selector, lambda: end().on_rx)
+            port: Port = (
+                PseudoTerminal(selector, on_tape(end().on_rx))
+                if on_line
+                else TcpPort(selector, lambda: on_tape(end().on_rx))
+            )
             ports.append(port)
             scheme = "modbus-rtu://socket" if over_tcp else "modbus-rtu" if rtu else "modbus-tcp"
             return {n: f"{scheme}://{port.address}/{unit}" for n, unit in units.items()}
         case "can":
             bus = on_one_bus(*(twin.on_frame for twin in twins.values()))
-            adapter = PseudoTerminal(selector, SlcanAdapter(bus).on_rx)
+            adapter = PseudoTerminal(selector, on_tape(SlcanAdapter(bus).on_rx))
             ports.append(adapter)
             return dict.fromkeys(addresses, f"can:slcan/{adapter.address}")
         case kind:

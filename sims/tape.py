@@ -5,7 +5,7 @@ Nothing in a run reads it. A checker asks what a sensor truly gave at a moment, 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from math import nan
 from typing import Any, NamedTuple
@@ -102,6 +102,7 @@ class Tape:
         plant: what is there.
         twins: by instrument.
         drivers: driver by instrument.
+        heard: told of everything as it happens, before anybody else; readings and readbacks are then not kept here.
 
     Attributes:
         readings: of meters and data-acquisition units, in the order in which they were made.
@@ -110,7 +111,15 @@ class Tape:
 
     """
 
-    def __init__(self, world: World, plant: Plant, twins: Mapping[str, Any], drivers: Mapping[str, str]) -> None:
+    def __init__(
+        self,
+        world: World,
+        plant: Plant,
+        twins: Mapping[str, Any],
+        drivers: Mapping[str, str],
+        heard: Callable[[Reading | Readback | Change], None] | None = None,
+    ) -> None:
+        self._heard = heard
         self.readings: list[Reading] = []
         self.readbacks: list[Readback] = []
         self.changes: list[Change] = []
@@ -147,12 +156,20 @@ class Tape:
             air = {name: chamber.air_degC(middle) for name, chamber in self._chambers.items()}
             self._then = t0, t1
             self._there = plant.factors(t0, t1), plant.sides(middle), plant.stay(middle), air
-        self.readings.append(Reading(t0, t1, instrument, channel, unit, true, found, given, *self._there))
+        reading = Reading(t0, t1, instrument, channel, unit, true, found, given, *self._there)
+        if self._heard is None:
+            self.readings.append(reading)
+        else:
+            self._heard(reading)
 
     def _readback(
         self, instrument: str, _channel: str, _unit: str, t: float, _end: float, _found: float, given: float
     ) -> None:
-        self.readbacks.append(Readback(t, instrument, self._plant.pressure_line(instrument).pressure_psia(t), given))
+        readback = Readback(t, instrument, self._plant.pressure_line(instrument).pressure_psia(t), given)
+        if self._heard is None:
+            self.readbacks.append(readback)
+        else:
+            self._heard(readback)
 
     def _change(self, instrument: str, what: str, value: float | str, after_s: float = 0.0) -> None:
         """Note a change; one that is still to come only if nothing else happens to it before."""
@@ -167,7 +184,10 @@ class Tape:
             self._world.call_in(after_s, due)
         elif value not in _STATES or self._last.get((instrument, what)) != value:
             self._last[instrument, what] = value
-            self.changes.append(Change(self._world.now(), instrument, what, value))
+            change = Change(self._world.now(), instrument, what, value)
+            self.changes.append(change)
+            if self._heard is not None:
+                self._heard(change)
 
     def _axis(self, name: str, axis: str) -> Told:
         def told(what: str, value: float | str, after_s: float = 0.0, /) -> None:

@@ -24,6 +24,10 @@ def sim(
         float | None,
         typer.Option("--for", min=0.1, help="stop by itself after so many real seconds", show_default=False),
     ] = None,
+    tape: Annotated[
+        Path | None,
+        typer.Option(help="add every answer, and what truly happens, to this file, a JSON object a line"),
+    ] = None,
 ) -> int:
     """Serve a simulated bench to other programs: pseudo-terminals, a local TCP port, slcan.
 
@@ -35,5 +39,5 @@ def sim(
     """
     from rig.simulated.served import serve_bench  # noqa: PLC0415
 
-    serve_bench(bench, world, speed, live, seconds, announce=err.print)
+    serve_bench(bench, world, speed, live, seconds, tape, announce=err.print)
     return ExitCode.DONE

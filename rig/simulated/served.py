@@ -20,6 +20,7 @@ def serve_bench(
     speed: float,
     live: Path,
     seconds: float | None,
+    tape: Path | None,
     announce: Callable[[str], None],
 ) -> None:
     """Serve a bench until told to stop.
@@ -30,11 +31,12 @@ def serve_bench(
         speed: bench seconds per real second.
         live: where to write the bench file with the addresses served; removed at the end.
         seconds: real seconds after which to stop by itself; None for never.
+        tape: to which every answer and what truly happens is added; None for no tape.
         announce: called with a line for each instrument.
 
     Raises:
         ConfigurationError: one of the files is wrong.
-        RigError: a port cannot be opened, or `live` cannot be written.
+        RigError: a port cannot be opened, or `live` or `tape` cannot be written.
 
     """
     config, _ = read_bench(bench)
@@ -42,7 +44,16 @@ def serve_bench(
     truth = {} if world is None else parse_toml(read_text(world, "world"), str(world))
     announce("SIMULATED bench; nothing here is a real instrument")
     try:
-        serve(plain(config), truth, twin_classes(config), live, speed=speed, seconds=seconds, announce=announce)
+        serve(
+            plain(config),
+            truth,
+            twin_classes(config),
+            live,
+            speed=speed,
+            seconds=seconds,
+            tape=tape,
+            announce=announce,
+        )
     except WorldError as error:
         raise ConfigurationError(f"{world}: {error}") from error
     except OSError as error:
