@@ -1,0 +1,511 @@
+"""Hold a run file against the tape of the bench it was measured on. Shares no code with the project.
+
+Reads the run file with SQL of its own and the tape line by line; knows both only from their documents. The standard
+library is all it needs.
+
+python benchmarks/chaos_checker.py RUN.sqlite BENCH.tape
+"""
+
+from __future__ import annotations
+
+import bisect
+import itertools
+import json
+import math
+import sqlite3
+import sys
+import tomllib
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+KINDS = ("lost", "doubled", "wrong", "stays", "holes")
+"""Points not observed, or observed and gone; observed twice; not as on the tape; not one stay; holes not recorded."""
+
+_HOLE_S, _TURN_S = 10.0, 0.2
+"""The documented rule: a hole is longer than 10 s and five times what a process of a busy machine may wait (0.2 s)."""
+_SLACK_S = 0.1
+"""Real seconds: how far apart a question and what is recorded of it may be."""
+
+
+@dataclass(frozen=True)
+class Server:
+    """One process that served the bench: bench clock = `zero` + world time."""
+
+    zero: float
+    speed: float
+    epoch: float
+
+
+@dataclass
+class Reading:
+    """A number on the tape; times by the bench clock."""
+
+    begin: float
+    end: float
+    value: float
+    line: dict[str, Any]
+
+
+class Tape:
+    """A tape, sorted. Times are those of the bench clock, which goes on when the server is started anew."""
+
+    def __init__(self, lines: Iterable[str]) -> None:
+        self.servers: list[Server] = []
+        self.readings: dict[tuple[str, str], list[Reading]] = defaultdict(list)
+        self.readbacks: dict[str, list[Reading]] = defaultdict(list)
+        self.changes: list[tuple[float, dict[str, Any]]] = []
+        self.answers: dict[str, list[tuple[float, str]]] = defaultdict(list)
+        self.asked: list[float] = []
+        self.asked_of: dict[str, list[float]] = defaultdict(list)
+        self.stalls: list[tuple[float, float]] = []
+        for line in lines:
+            self._add(line)
+        self.asked.sort()
+
+    def _add(self, text: str) -> None:
+        try:
+            line = json.loads(text)
+        except ValueError:
+            return  # the server was killed in the middle of it
+        if line["what"] == "server":
+            self.servers.append(Server(line["boot_s"] * line["speed"] - line["t"], line["speed"], line["epoch_utc"]))
+            return
+        at = self.servers[-1].zero + line["t"]
+        match line["what"]:
+            case "asked":
+                self.asked.append(at)
+                for name in line["on"].split("+"):
+                    self.asked_of[name].append(at)
+            case "answered":
+                self.answers[line["on"]].append((at, line["text"]))
+            case "reading":
+                end = self.servers[-1].zero + line["end_s"]
+                self.readings[line["on"], line["channel"]].append(Reading(at, end, line["given"], line))
+            case "readback":
+                self.readbacks[line["on"]].append(Reading(at, at, line["given"], line))
+            case "change":
+                self.changes.append((at, line))
+            case "stalled":
+                self.stalls.append((at - line["seconds"], at))
+
+    @property
+    def speed(self) -> float:
+        return self.servers[-1].speed
+
+    def quiet(self, times: list[float], longer_than: float) -> Iterator[tuple[float, float]]:
+        """Stretches between neighbours of `times` that are longer than so much."""
+        for before, after in itertools.pairwise(times):
+            if after - before > longer_than:
+                yield before, after
+
+    def stalled(self, begin: float, end: float) -> bool:
+        """Whether the server itself had no turn somewhere in there."""
+        return any(a < end and b > begin for a, b in self.stalls)
+
+
+@dataclass
+class Verdict:
+    """What a checker found.
+
+    Attributes:
+        findings: sentences by kind.
+        counts: what was looked at.
+
+    """
+
+    findings: dict[str, list[str]] = field(default_factory=lambda: {kind: [] for kind in KINDS})
+    counts: Counter[str] = field(default_factory=Counter)
+
+    def say(self, kind: str, words: str) -> None:
+        self.findings[kind].append(words)
+
+    @property
+    def clean(self) -> bool:
+        return not any(self.findings.values())
+
+
+@dataclass
+class Row:
+    """A record."""
+
+    seq: int
+    session: int
+    kind: str
+    elapsed_s: float
+    utc_s: float
+    run_index: int | None
+    whole_plot: int | None
+    status: str | None
+    body: dict[str, Any]
+
+
+class Run:
+    """A run file, as it stands."""
+
+    def __init__(self, path: Path) -> None:
+        db = sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)
+        try:
+            self.documents = {name: tomllib.loads(body) for name, body in db.execute("SELECT name, body FROM document")}
+            factors = db.execute("SELECT name, axis, hard FROM factor ORDER BY position").fetchall()
+            self.factors = [(str(name), str(axis), bool(hard)) for name, axis, hard in factors]
+            n = len(factors)
+            rows = db.execute("SELECT * FROM point ORDER BY run_index").fetchall()
+            self.points = {r[0]: (r[2], r[3 : 3 + n], r[3 + n : 3 + 2 * n]) for r in rows}
+            columns = "seq, session, kind, elapsed_s, utc_s, run_index, whole_plot, status, body"
+            found = db.execute(f"SELECT {columns} FROM record ORDER BY seq").fetchall()
+        finally:
+            db.close()
+        self.rows = [Row(*row[:-1], json.loads(row[-1])) for row in found]
+        self.bench, self.procedure = self.documents["bench.toml"], self.documents["procedure.toml"]
+        self.accepted = [r for r in self.rows if (r.kind, r.status) == ("observation", "accepted")]
+        self.sessions = {r.session: r for r in self.rows if r.kind == "session"}
+        self.whole_plots = any(hard for _, _, hard in self.factors)
+
+
+def accepted_in(path: Path) -> dict[tuple[int, int], str]:
+    """Accepted observations of a run file: (point, whole plot or 0) to what was read."""
+    return {(r.run_index or 0, r.whole_plot or 0): json.dumps(r.body) for r in Run(path).accepted}
+
+
+class Checker:
+    """Judges one run.
+
+    Args:
+        run: its file.
+        tape: of the bench.
+
+    """
+
+    def __init__(self, run: Run, tape: Tape) -> None:
+        self._run, self._tape = run, tape
+        self._verdict = Verdict()
+        self._seen: dict[int, tuple[float, float, set[int]]] = {}
+        self._by_utc = {s for s in run.sessions if self._clock_was_moved(s)}
+
+    def check(self, ledger: dict[tuple[int, int], str] | None = None) -> Verdict:
+        """Everything.
+
+        Args:
+            ledger: observations that once stood accepted in the file, from before it was tampered with.
+
+        """
+        counts = self._verdict.counts
+        counts["points"], counts["observations"] = len(self._run.points), len(self._run.accepted)
+        self._check_plan()
+        self._check_ledger(ledger or {})
+        for row in self._run.accepted:
+            self._check_observation(row)
+        self._check_order()
+        if self._run.whole_plots:
+            self._check_stays()
+        else:
+            self._check_prepared()
+        self._check_holes()
+        return self._verdict
+
+    # --- the plan: every point once ---------------------------------------------------------------------------
+
+    def _check_plan(self) -> None:
+        run, say = self._run, self._verdict.say
+        if not any(r.kind == "end" for r in run.rows):
+            say("lost", "the run is not complete")
+        skipped = {r.run_index for r in run.rows if (r.kind, r.status) == ("skip", "final")}
+        planned_of, lost = self._plots()
+        pairs = Counter((r.whole_plot or 0, r.run_index) for r in run.accepted)
+        for (plot, index), times in pairs.items():
+            if times > 1:
+                say("doubled", f"point {index} of whole plot {plot}: {times} observations")
+        kept = Counter(r.run_index for r in run.accepted if (r.whole_plot or 0) not in lost)
+        for index, (plot, *_) in run.points.items():
+            if not kept[index] and index not in skipped:
+                say("lost", f"point {index} was never observed, and nothing says so")
+            plots = {r.whole_plot for r in run.accepted if r.run_index == index and (r.whole_plot or 0) not in lost}
+            if len(plots) > 1:
+                say("doubled", f"point {index} is kept in whole plots {sorted(plots, key=str)}")
+            if plot is not None and any(planned_of.get(p) != plot for p in plots):
+                say("wrong", f"point {index} belongs to planned plot {plot}, not to that of {plots}")
+
+    def _plots(self) -> tuple[dict[int | None, int], set[int]]:
+        """Planned whole plot by identity; identities that were given up."""
+        events = [r for r in self._run.rows if r.kind == "event"]
+        planned = {r.whole_plot: int(r.body["planned"]) for r in events if r.status == "whole-plot"}
+        return planned, {r.whole_plot or 0 for r in events if r.status == "whole-plot-lost"}
+
+    def _check_ledger(self, ledger: dict[tuple[int, int], str]) -> None:
+        now = {(r.run_index or 0, r.whole_plot or 0): json.dumps(r.body) for r in self._run.accepted}
+        self._verdict.counts["ledger"] = len(ledger)
+        for (index, plot), body in ledger.items():
+            if (index, plot) not in now:
+                self._verdict.say("lost", f"point {index} of plot {plot} was accepted once and is gone without a word")
+            elif now[index, plot] != body:
+                self._verdict.say("wrong", f"point {index} of plot {plot} is not what was accepted")
+
+    # --- clocks -------------------------------------------------------------------------------------------------
+
+    def _clock_was_moved(self, session: int) -> bool:
+        """Whether a session's clock is not the machine's, as in a time namespace; UTC counts then."""
+        row, speed = self._run.sessions[session], self._tape.speed
+        by_utc = [s.zero + row.utc_s - s.epoch for s in self._tape.servers]
+        off = min((abs(t - row.body["clock_s"]) for t in by_utc), default=math.inf)
+        asked = self._tape.asked
+        near = asked and asked[0] - 60 * speed < row.body["clock_s"] < asked[-1] + 60 * speed
+        return off > speed and not near
+
+    def _at(self, row: Row, elapsed_s: float | None = None) -> float:
+        """The bench clock at a record, or at another moment of its session."""
+        session = self._run.sessions[row.session]
+        elapsed_s = row.elapsed_s if elapsed_s is None else elapsed_s
+        if row.session not in self._by_utc:
+            return float(session.body["clock_s"] + elapsed_s - session.body["elapsed_s"])
+        utc = row.utc_s + elapsed_s - row.elapsed_s
+        places = [s.zero + utc - s.epoch for s in self._tape.servers]
+        starts = [s.zero for s in self._tape.servers]
+        fitting = [p for p, a, b in zip(places, starts, [*starts[1:], math.inf], strict=True) if a <= p <= b]
+        return fitting[-1] if fitting else places[-1]
+
+    # --- one observation -------------------------------------------------------------------------------------
+
+    def _check_observation(self, row: Row) -> None:
+        for what, channel in self._quantities(row):
+            readings = channel["readings"]
+            mean = math.fsum(readings) / len(readings)
+            if not math.isclose(mean, channel["mean"], rel_tol=1e-9, abs_tol=1e-12):
+                self._wrong(row, f"the mean of {what} is {channel['mean']!r}, of its readings {mean!r}")
+        begin, end = (self._at(row, t) for t in row.body["measured_s"])
+        slack = 0.002 * self._tape.speed + 0.01
+        matched: list[Reading] = []
+        for what, source, scale, values in self._sources(row):
+            found = self._found(self._tape.readings[source], values, scale, begin - slack, end + slack)
+            if found is None:
+                self._wrong(row, f"{what} = {values} is not on the tape when it was read")
+            else:
+                matched += found
+                self._verdict.counts["readings"] += len(found)
+        if not matched:
+            return
+        first, last = min(r.begin for r in matched), max(r.end for r in matched)
+        self._seen[row.seq] = first, last, {int(r.line["stay"]) for r in matched}
+        self._check_references(row, begin - slack, end + slack)
+        self._check_truth(row, matched)
+        self._check_chambers(row, first)
+        self._check_readback(row, last)
+
+    def _wrong(self, row: Row, words: str) -> None:
+        self._verdict.say("wrong", f"record {row.seq}, point {row.run_index}: {words}")
+
+    @staticmethod
+    def _quantities(row: Row) -> Iterator[tuple[str, dict[str, Any]]]:
+        for group in ("outputs", "temperatures", "references"):
+            yield from row.body.get(group, {}).items()
+
+    def _sources(self, row: Row) -> Iterator[tuple[str, tuple[str, str], float, list[float]]]:
+        """Column, (instrument, channel), its unit in the tape's, readings."""
+        bench = self._run.bench
+        for column, channel in row.body["outputs"].items():
+            name, unit = column.rsplit("_", 1)
+            sensor = bench["sensors"][name]
+            scale = {"V": 1.0, "mV": 1e3}[unit]
+            yield column, (sensor["reader"], str(sensor.get("channel", "input"))), scale, channel["readings"]
+        for column, channel in row.body["temperatures"].items():
+            source = bench["temperatures"][column]
+            yield column, (source["reader"], str(source["channel"])), 1.0, channel["readings"]
+
+    @staticmethod
+    def _found(
+        tape: list[Reading], values: list[float], scale: float, begin: float, end: float
+    ) -> list[Reading] | None:
+        """Neighbours on the tape, within a time, that were given as `values`."""
+        near = [r for r in tape if begin <= r.begin and r.end <= end]
+        for at in range(len(near) - len(values) + 1):
+            part = near[at : at + len(values)]
+            if all(_same(r, v, scale) for r, v in zip(part, values, strict=True)):
+                return part
+        return None
+
+    def _check_references(self, row: Row, begin: float, end: float) -> None:
+        for column, channel in row.body.get("references", {}).items():
+            tape = self._tape.readbacks[self._run.bench["factors"][column]]
+            if self._found(tape, channel["readings"], 1.0, begin, end) is None:
+                self._wrong(row, f"{column} = {channel['readings']} was not read back then, by the tape")
+
+    def _check_truth(self, row: Row, matched: list[Reading]) -> None:
+        """What was truly set when it was read is what the plan wanted, reached from its side."""
+        _, setpoints, sides = self._run.points[row.run_index or 0]
+        for (name, _, hard), setpoint, side in zip(self._run.factors, setpoints, sides, strict=True):
+            if hard:
+                continue
+            off = max(abs(r.line["factors"][name] - setpoint) for r in matched)
+            if off > 0.01:
+                self._wrong(row, f"{name} was {off:g} off its setpoint {setpoint:g}, by the tape")
+            if side and any(r.line["sides"].get(name, side) != side for r in matched):
+                self._wrong(row, f"{name} was not reached from its side ({side:+d}), by the tape")
+
+    def _check_chambers(self, row: Row, at: float) -> None:
+        first = max((r for rs in self._tape.readings.values() for r in rs if r.begin <= at), key=lambda r: r.begin)
+        for name, state in row.body["environment"].items():
+            air = first.line["air_degC"].get(name)
+            if air is not None and abs(air - state["temperature_degC"]) > 0.2:
+                self._wrong(row, f"{name} read {state['temperature_degC']:g} degC, its air was at {air:g}")
+            set_to = self._setpoint(name, at)
+            if set_to is not None and abs(set_to - state["setpoint_degC"]) > 0.05:
+                self._wrong(row, f"{name} is recorded at setpoint {state['setpoint_degC']:g}, the tape has {set_to:g}")
+            target = self._target(name, row)
+            if target is not None and abs(target - state["setpoint_degC"]) > 0.05:
+                self._wrong(row, f"{name} was set to {state['setpoint_degC']:g} degC, the plan says {target:g}")
+
+    def _setpoint(self, chamber: str, at: float) -> float | None:
+        for t, change in reversed(self._tape.changes):
+            if t <= at and (change["on"], change["of"]) == (chamber, "setpoint_degC"):
+                return float(change["value"])
+        return None
+
+    def _target(self, chamber: str, row: Row) -> float | None:
+        _, setpoints, _ = self._run.points[row.run_index or 0]
+        of = self._run.bench.get("factors", {})
+        for (name, _, hard), setpoint in zip(self._run.factors, setpoints, strict=True):
+            if hard and of.get(name) == chamber:
+                return float(setpoint)
+        return None
+
+    def _check_readback(self, row: Row, last: float) -> None:
+        """An angle read back was answered by the head, as text, between the last reading and the record."""
+        end = self._at(row) + _SLACK_S * self._tape.speed
+        for name, value in row.body["readback"].items():
+            if name in row.body.get("references", {}):
+                continue
+            texts = [t for answers in self._tape.answers.values() for at, t in answers if last <= at <= end]
+            if not any(value == number for text in texts for number in _numbers(text)):
+                self._wrong(row, f"{name} = {value!r} was read back by nobody, by the tape")
+
+    def _check_order(self) -> None:
+        times = [(self._seen[r.seq], r) for r in self._run.accepted if r.seq in self._seen]
+        for (before, _), (after, row) in itertools.pairwise(times):
+            if after[0] < before[1]:
+                self._wrong(row, "was read before the observation that is recorded before it")
+
+    # --- stays and holes ---------------------------------------------------------------------------------------
+
+    def _check_stays(self) -> None:
+        run, tape, say = self._run, self._tape, self._verdict.say
+        gap = float(run.procedure.get("recovery", {}).get("continue_gap_s", 600.0))
+        chambers = [run.bench["factors"][name] for name, _, hard in run.factors if hard]
+        plots: dict[int, list[Row]] = defaultdict(list)
+        for row in run.accepted:
+            if row.seq in self._seen:
+                plots[row.whole_plot or 0].append(row)
+        for plot, rows in plots.items():
+            first, last = self._seen[rows[0].seq][0], self._seen[rows[-1].seq][1]
+            self._verdict.counts["plots"] += 1
+            stays = set().union(*(self._seen[r.seq][2] for r in rows))
+            if len(stays) > 1:
+                say("stays", f"whole plot {plot} was read in {len(stays)} stays of the chambers, by the tape")
+            if any(first < s.zero < last for s in tape.servers):
+                say("stays", f"whole plot {plot} spans a new bench")
+            for at, change in tape.changes:
+                if first < at < last and change["of"] == "setpoint_degC" and change["on"] in chambers:
+                    before = self._setpoint(change["on"], at - 1e-6)
+                    if before is None or abs(before - change["value"]) > 0.05:
+                        say("stays", f"whole plot {plot}: {change['on']} was set to {change['value']:g} within it")
+            for chamber in chambers:
+                asked = [t for t in tape.asked_of[chamber] if first <= t <= last]
+                for a, b in tape.quiet([first, *asked, last], gap + _SLACK_S * tape.speed):
+                    say("stays", f"whole plot {plot}: nobody looked at {chamber} for {b - a:.0f} s within it")
+
+    def _check_prepared(self) -> None:
+        """After a long hole the environment was settled again before the next observation."""
+        run, tape = self._run, self._tape
+        gap = float(run.procedure.get("recovery", {}).get("max_gap_s", 1800.0))
+        prepared = [self._at(r) for r in run.rows if (r.kind, r.status) == ("event", "prepared")]
+        seen = sorted(self._seen[r.seq] for r in run.accepted if r.seq in self._seen)
+        for a, b in tape.quiet(tape.asked, gap + _SLACK_S * tape.speed):
+            following = next((s for s in seen if s[0] >= b), None)
+            if following and not any(b <= t <= following[0] for t in prepared):
+                self._verdict.say("holes", f"{b - a:.0f} s alone, then read on without settling the environment again")
+
+    def _check_holes(self) -> None:
+        """A long silence of a controller that lived on is an event; one between two sessions is a gap."""
+        run, tape, say = self._run, self._tape, self._verdict.say
+        limit = _HOLE_S + 5.0 * _TURN_S * tape.speed + self._longest_wait_s()
+        times = [(self._at(r), r) for r in run.rows if r.session in run.sessions]
+        begun = sorted((t, r) for t, r in ((self._at(r), r) for r in run.sessions.values()))
+        starts = [t for t, _ in begun]
+        slack = _SLACK_S * tape.speed
+        for a, b in tape.quiet(tape.asked, limit):
+            if tape.stalled(a, b):
+                continue
+            self._verdict.counts["silences"] += 1
+            place = bisect.bisect_right(starts, a + slack) - 1
+            if place < 0:
+                continue
+            session = begun[place][1].session
+            for row in run.accepted:
+                begin, end, _ = self._seen.get(row.seq, (math.inf, -math.inf, None))
+                if begin < a and b < end:
+                    say("holes", f"record {row.seq}, point {row.run_index} was read over a hole of {b - a:.0f} s")
+            own = [(t, r) for t, r in times if r.session == session]
+            if not any(t > b + slack for t, _ in own):
+                self._check_gap(begun, place, a, b)
+                continue
+            told = [r for t, r in own if r.status == "hole" and a - slack <= t <= b + 20 * slack]
+            if not told:
+                say("holes", f"session {session}: a hole of {b - a:.0f} s at {a - starts[place]:.0f} s is no event")
+            elif max(float(r.body["hole_s"]) for r in told) < 0.5 * (b - a) - self._longest_wait_s():
+                say("holes", f"session {session}: a hole of {b - a:.0f} s is recorded as {told[0].body['hole_s']:g} s")
+
+    def _check_gap(self, begun: list[tuple[float, Row]], place: int, a: float, b: float) -> None:
+        """The next session says how long it was alone, or that it does not know."""
+        following = next(((t, r) for t, r in begun[place + 1 :] if t >= a), None)
+        if following is None:
+            return
+        t, row = following
+        least = min(t, b) - a - _SLACK_S * self._tape.speed
+        if row.body["gap_known"] and row.body["gap_certain"] and row.body["gap_s"] < least:
+            words = f"session {row.session} says {row.body['gap_s']:.0f} s, the tape has {least:.0f} s of silence"
+            self._verdict.say("holes", words)
+
+    def _longest_wait_s(self) -> float:
+        """The longest that a controller of this procedure waits without a question."""
+        p = self._run.procedure
+        polls = [p.get(table, {}).get("poll_s", 30.0) for table in ("soak", "environment", "settle") if table in p]
+        return max([30.0, *map(float, polls)]) + 30.0
+
+
+_STEPS = {"degC": 6e-5, "psi": 6e-8}
+"""Half of the last digit that is said of a temperature (by the CAN unit) or a pressure."""
+
+
+def _same(reading: Reading, value: float, scale: float) -> bool:
+    given = reading.value * scale
+    tolerance = _STEPS.get(reading.line.get("unit", "psi"), 1e-9)
+    return math.isfinite(given) and abs(given - value) <= tolerance + 2e-7 * abs(value)
+
+
+def _numbers(text: str) -> Iterator[float]:
+    for word in text.replace(",", " ").replace(";", " ").split():
+        try:
+            yield float(word)
+        except ValueError:
+            continue
+
+
+def check(run: Path, tape: Path, ledger: dict[tuple[int, int], str] | None = None) -> Verdict:
+    """Judge a run file by the tape of its bench."""
+    with tape.open(encoding="utf-8", errors="replace") as lines:
+        return Checker(Run(run), Tape(lines)).check(ledger)
+
+
+def main() -> int:
+    verdict = check(Path(sys.argv[1]), Path(sys.argv[2]))
+    print(dict(verdict.counts))
+    for kind, found in verdict.findings.items():
+        print(f"{kind}: {len(found)}")
+        for words in found[:20]:
+            print(f"  {words}")
+    return 0 if verdict.clean else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
