@@ -95,16 +95,18 @@ def stuttering(run: ChaosRun) -> None:
 def cut_off(run: ChaosRun) -> None:
     """A cable to an instrument is pulled for a while, or carries nothing."""
     relay = run.rng.choice(run.bench.relays)
-    relay.break_off(silent=run.rng.random() < 0.5)
-    run.wait(min(_length(run) / run.lab.speed, 4.0))
-    relay.mend()
+    with run.outage():
+        relay.break_off(silent=run.rng.random() < 0.5)
+        run.wait(min(_length(run) / run.lab.speed, 4.0))
+        relay.mend()
 
 
 def server_frozen(run: ChaosRun) -> None:
     """All instruments fall silent for a while."""
-    run.bench.send(signal.SIGSTOP)
-    time.sleep(min(_length(run) / run.lab.speed, 4.0))
-    run.bench.send(signal.SIGCONT)
+    with run.outage():
+        run.bench.send(signal.SIGSTOP)
+        time.sleep(min(_length(run) / run.lab.speed, 4.0))
+        run.bench.send(signal.SIGCONT)
 
 
 def power_cut(run: ChaosRun) -> None:
@@ -114,9 +116,10 @@ def power_cut(run: ChaosRun) -> None:
 
 def another_bench(run: ChaosRun) -> None:
     """The instruments are gone, and new ones come in their place: nothing of what was prepared is there."""
-    run.bench.kill()
-    run.wait(run.rng.uniform(0, 1))
-    run.bench.start()
+    with run.outage():
+        run.bench.kill()
+        run.wait(run.rng.uniform(0, 1))
+        run.bench.start()
 
 
 # --- files ------------------------------------------------------------------------------------------------------
@@ -338,7 +341,7 @@ def one_run(
             done[name] += 1
             counts["acts"] += 1
         run.finish()
-        verdict = check(run.path, run.bench.tape, run.ledger)
+        verdict = check(run.path, run.bench.tape, run.ledger, run.outages)
         counts.update(verdict.counts)
         for kind in KINDS:
             counts[kind] += len(verdict.findings[kind])

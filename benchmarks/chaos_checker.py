@@ -16,8 +16,9 @@ import sqlite3
 import sys
 import tomllib
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -102,8 +103,8 @@ class Tape:
                 yield before, after
 
     def stalled(self, begin: float, end: float) -> bool:
-        """Whether the server itself had no turn somewhere in there."""
-        return any(a < end and b > begin for a, b in self.stalls)
+        """Whether the server itself had no turn somewhere in there, or another one took its place."""
+        return any(a < end and b > begin for a, b in self.stalls) or any(begin < s.zero < end for s in self.servers[1:])
 
 
 @dataclass
@@ -176,14 +177,16 @@ class Checker:
     Args:
         run: its file.
         tape: of the bench.
+        outages: when instruments could not be reached, by the bench clock; begins and ends.
 
     """
 
-    def __init__(self, run: Run, tape: Tape) -> None:
-        self._run, self._tape = run, tape
+    def __init__(self, run: Run, tape: Tape, outages: Iterable[tuple[float, float]] = ()) -> None:
+        self._run, self._tape, self._outages = run, tape, list(outages)
         self._verdict = Verdict()
         self._seen: dict[int, tuple[float, float, set[int]]] = {}
-        self._by_utc = {s for s in run.sessions if self._clock_was_moved(s)}
+        self._by_utc: dict[int, Server] = {}
+        self._by_utc = {s: server for s in run.sessions if (server := self._counted_by_utc(s))}
 
     def check(self, ledger: dict[tuple[int, int], str] | None = None) -> Verdict:
         """Everything.
@@ -245,14 +248,37 @@ class Checker:
 
     # --- clocks -------------------------------------------------------------------------------------------------
 
-    def _clock_was_moved(self, session: int) -> bool:
-        """Whether a session's clock is not the machine's, as in a time namespace; UTC counts then."""
-        row, speed = self._run.sessions[session], self._tape.speed
-        by_utc = [s.zero + row.utc_s - s.epoch for s in self._tape.servers]
-        off = min((abs(t - row.body["clock_s"]) for t in by_utc), default=math.inf)
-        asked = self._tape.asked
-        near = asked and asked[0] - 60 * speed < row.body["clock_s"] < asked[-1] + 60 * speed
-        return off > speed and not near
+    def _counted_by_utc(self, session: int) -> Server | None:
+        """Of a session whose clock was not the machine's, as in a time namespace: by which server its UTC counts.
+
+        What was read tells; where nothing was, whichever clock has a question on the tape at its begin.
+        """
+        first = self._run.sessions[session]
+        by_clock, servers = self._at(first), self._tape.servers
+        if min(abs(by_clock - _by_utc(s, first, first.elapsed_s)) for s in servers) < self._tape.speed:
+            return None
+        read = next((r for r in self._run.accepted if r.session == session), None)
+        if read is not None and not self._fits(read, self._at):
+            return next((s for s in servers if self._fits(read, partial(_by_utc, s))), None)
+        if read is not None or self._near(by_clock):
+            return None
+        return next((s for s in servers if self._near(_by_utc(s, first, first.elapsed_s))), None)
+
+    def _fits(self, row: Row, clock: Callable[[Row, float], float]) -> bool:
+        begin, end = (clock(row, t) for t in row.body["measured_s"])
+        slack = self._slack_s
+        found = (
+            self._found(self._tape.readings[s], v, k, begin - slack, end + slack) for _, s, k, v in self._sources(row)
+        )
+        return all(part is not None for part in found)
+
+    def _near(self, at: float) -> bool:
+        place = bisect.bisect_left(self._tape.asked, at - self._tape.speed)
+        return place < len(self._tape.asked) and self._tape.asked[place] < at + 3 * self._tape.speed
+
+    @property
+    def _slack_s(self) -> float:
+        return 0.002 * self._tape.speed + 0.01
 
     def _at(self, row: Row, elapsed_s: float | None = None) -> float:
         """The bench clock at a record, or at another moment of its session."""
@@ -260,11 +286,7 @@ class Checker:
         elapsed_s = row.elapsed_s if elapsed_s is None else elapsed_s
         if row.session not in self._by_utc:
             return float(session.body["clock_s"] + elapsed_s - session.body["elapsed_s"])
-        utc = row.utc_s + elapsed_s - row.elapsed_s
-        places = [s.zero + utc - s.epoch for s in self._tape.servers]
-        starts = [s.zero for s in self._tape.servers]
-        fitting = [p for p, a, b in zip(places, starts, [*starts[1:], math.inf], strict=True) if a <= p <= b]
-        return fitting[-1] if fitting else places[-1]
+        return _by_utc(self._by_utc[row.session], row, elapsed_s)
 
     # --- one observation -------------------------------------------------------------------------------------
 
@@ -275,7 +297,7 @@ class Checker:
             if not math.isclose(mean, channel["mean"], rel_tol=1e-9, abs_tol=1e-12):
                 self._wrong(row, f"the mean of {what} is {channel['mean']!r}, of its readings {mean!r}")
         begin, end = (self._at(row, t) for t in row.body["measured_s"])
-        slack = 0.002 * self._tape.speed + 0.01
+        slack = self._slack_s * (20 if row.session in self._by_utc else 1)
         matched: list[Reading] = []
         for what, source, scale, values in self._sources(row):
             found = self._found(self._tape.readings[source], values, scale, begin - slack, end + slack)
@@ -421,6 +443,8 @@ class Checker:
         prepared = [self._at(r) for r in run.rows if (r.kind, r.status) == ("event", "prepared")]
         seen = sorted(self._seen[r.seq] for r in run.accepted if r.seq in self._seen)
         for a, b in tape.quiet(tape.asked, gap + _SLACK_S * tape.speed):
+            if self._explained(a, b):
+                continue
             following = next((s for s in seen if s[0] >= b), None)
             if following and not any(b <= t <= following[0] for t in prepared):
                 self._verdict.say("holes", f"{b - a:.0f} s alone, then read on without settling the environment again")
@@ -434,7 +458,7 @@ class Checker:
         starts = [t for t, _ in begun]
         slack = _SLACK_S * tape.speed
         for a, b in tape.quiet(tape.asked, limit):
-            if tape.stalled(a, b):
+            if self._explained(a, b):
                 continue
             self._verdict.counts["silences"] += 1
             place = bisect.bisect_right(starts, a + slack) - 1
@@ -455,13 +479,18 @@ class Checker:
             elif max(float(r.body["hole_s"]) for r in told) < 0.5 * (b - a) - self._longest_wait_s():
                 say("holes", f"session {session}: a hole of {b - a:.0f} s is recorded as {told[0].body['hole_s']:g} s")
 
+    def _explained(self, a: float, b: float) -> bool:
+        """Whether a silence may be that of the instruments and not of the controller."""
+        return self._tape.stalled(a, b) or any(begin < b and end > a for begin, end in self._outages)
+
     def _check_gap(self, begun: list[tuple[float, Row]], place: int, a: float, b: float) -> None:
         """The next session says how long it was alone, or that it does not know."""
         following = next(((t, r) for t, r in begun[place + 1 :] if t >= a), None)
         if following is None:
             return
         t, row = following
-        least = min(t, b) - a - _SLACK_S * self._tape.speed
+        last = max((self._at(r) for r in self._run.rows if r.seq < row.seq and r.session == row.session - 1), default=a)
+        least = min(t, b) - max(a, last) - _SLACK_S * self._tape.speed
         if row.body["gap_known"] and row.body["gap_certain"] and row.body["gap_s"] < least:
             words = f"session {row.session} says {row.body['gap_s']:.0f} s, the tape has {least:.0f} s of silence"
             self._verdict.say("holes", words)
@@ -471,6 +500,11 @@ class Checker:
         p = self._run.procedure
         polls = [p.get(table, {}).get("poll_s", 30.0) for table in ("soak", "environment", "settle") if table in p]
         return max([30.0, *map(float, polls)]) + 30.0
+
+
+def _by_utc(server: Server, row: Row, elapsed_s: float) -> float:
+    """The bench clock at a moment of a record's session, by the record's UTC."""
+    return server.zero + row.utc_s + elapsed_s - row.elapsed_s - server.epoch
 
 
 _STEPS = {"degC": 6e-5, "psi": 6e-8}
@@ -491,10 +525,15 @@ def _numbers(text: str) -> Iterator[float]:
             continue
 
 
-def check(run: Path, tape: Path, ledger: dict[tuple[int, int], str] | None = None) -> Verdict:
-    """Judge a run file by the tape of its bench."""
+def check(
+    run: Path,
+    tape: Path,
+    ledger: dict[tuple[int, int], str] | None = None,
+    outages: Iterable[tuple[float, float]] = (),
+) -> Verdict:
+    """Judge a run file by the tape of its bench; see `Checker`."""
     with tape.open(encoding="utf-8", errors="replace") as lines:
-        return Checker(Run(run), Tape(lines)).check(ledger)
+        return Checker(Run(run), Tape(lines), outages).check(ledger)
 
 
 def main() -> int:

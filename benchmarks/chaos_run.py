@@ -13,6 +13,7 @@ import sqlite3
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 from chaos_bench import PROJECT, Disk, Lab, ServedBench
@@ -47,6 +48,7 @@ class ChaosRun:
         ledger: what was accepted and has not been said to be lost.
         pending: what was accepted, is not in the file any more, and nobody has said so yet.
         findings: what must not be.
+        outages: when instruments could not be reached, by the bench clock.
 
     """
 
@@ -62,6 +64,7 @@ class ChaosRun:
         self.ledger: dict[tuple[int, int], str] = {}
         self.pending: dict[tuple[int, int], str] = {}
         self.findings: list[str] = []
+        self.outages: list[tuple[float, float]] = []
         self.said_lost = self.refusals = self.rescues = self.sessions = 0
         self.complete = False
         self._log = (folder / "chaos.log").open("w")
@@ -151,6 +154,14 @@ class ChaosRun:
         assert self.process is not None
         self.signal(signal.SIGKILL)
         self.process.wait()
+
+    @contextlib.contextmanager
+    def outage(self) -> Iterator[None]:
+        """Around what keeps instruments from answering."""
+        began = time.clock_gettime(time.CLOCK_BOOTTIME)
+        yield
+        ended = time.clock_gettime(time.CLOCK_BOOTTIME) + 1.0  # until the controller has tried again
+        self.outages.append((began * self.lab.speed, ended * self.lab.speed))
 
     # --- the ledger -----------------------------------------------------------------------------------------
 

@@ -298,7 +298,6 @@ def _session(
     session = Session(
         elapsed_origin=gap.origin,
         number=state.sessions + 1,
-        gap_s=max(0.0, clock.now() - gap.origin - state.elapsed_s),
         gap_certain=gap.certain,
         gap_known=gap.known,
         accept=accept,

@@ -185,7 +185,7 @@ def run_session(
             run_list=procedure.expand(),
             procedure=procedure,
             clock=world,
-            session=Session(0.0, state.sessions + 1, gap_s, True, accept, {"pid": 1}),
+            session=Session(0.0, state.sessions + 1, True, accept, {"pid": 1}),
             signals=signals or Signals(),
             on_progress=on_progress,
         )

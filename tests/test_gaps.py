@@ -146,7 +146,7 @@ def test_after_a_gap_that_nobody_knows_what_was_prepared_is_prepared_again(tmp_p
             run_list=PROCEDURE.expand(),
             procedure=PROCEDURE,
             clock=world,
-            session=Session(0.0, 2, 0.0, False, frozenset(), {"pid": 1}, gap_known=known),
+            session=Session(0.0, 2, False, frozenset(), {"pid": 1}, gap_known=known),
             signals=Signals(),
             on_progress=lambda _: None,
         )

@@ -18,6 +18,7 @@ from rig.errors import BusyError, RunFileError, StorageError, UsageError
 from rig.run_file import storage, wal
 from rig.run_file.chain import Record, encode
 from rig.run_file.creation import Genesis, create
+from rig.run_file.elsewhere import goes_on_in
 from rig.run_file.live import live_path, read_json, read_live, request_path
 from rig.run_file.reader import RunReader
 from rig.run_file.state import fold
@@ -375,6 +376,27 @@ def test_a_file_that_is_damaged_while_it_is_written_is_noticed_at_the_next_commi
         rescued.verify()
         assert fold(rescued.records()).accepted == set(range(6))
         rescued.append(observation(6))
+
+
+def test_a_copy_rescued_from_a_rescued_copy_is_the_one_in_which_the_run_goes_on(path, tmp_path, monkeypatch):
+    at, files = path, [path]
+    for i, pid in enumerate((1001, 1002)):
+        monkeypatch.setattr(os, "getpid", lambda pid=pid: pid)
+        run = RunWriter.open(at)
+        try:
+            for n in range(3):
+                run.append(observation(3 * i + n))
+            cut(at.with_name(f"{at.name}-wal"))
+            with pytest.raises(StorageError, match="its log was cut"):
+                run.append(observation(9))
+        finally:
+            run.close()
+        at = next(file for file in tmp_path.glob("*-rescued-*.sqlite") if file not in files)
+        files.append(at)
+    first, second, third = files
+    for file, other in ((first, second), (second, third), (third, None)):
+        with RunReader.open(file) as reader:
+            assert goes_on_in(reader, fold(reader.records())) == other, file
 
 
 @pytest.mark.parametrize("records", [1, 40])

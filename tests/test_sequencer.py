@@ -120,6 +120,17 @@ def test_gaps_of_sessions_that_did_nothing_add_up(tmp_path):
     assert preparations(path) == ["preparing", "prepared"] * 2
 
 
+def test_the_gap_of_a_session_lasts_until_its_record_however_slowly_it_starts(tmp_path):
+    path = new_run(tmp_path)
+    with pytest.raises(Killed):
+        run_session(path, on_progress=kill_after(150))
+    run_session(path, gap_s=60.0, spoil=lambda bench, *_: bench.clock.sleep(400.0))
+    with RunReader.open(path) as reader:
+        pairs = itertools.pairwise(reader.records())
+        before, session = next((a, b) for a, b in pairs if b.kind == "session" and b.session == 2)
+    assert session.data["gap_s"] == pytest.approx(460.0) == session.elapsed_s - before.elapsed_s
+
+
 def test_a_hold_while_preparing_prepares_again(tmp_path):
     path = new_run(tmp_path)
     requests = iter(["hold", "release"])

@@ -122,6 +122,7 @@ class Journal:
     def open(self) -> None:
         """Write the session's own record: who, when, after which gap, and what the log had lost."""
         session, dropped = self._session, self._run.dropped
+        gap_s = max(0.0, self.elapsed() - self.fold.elapsed_s) if session.gap_known else 0.0
         self.write(
             "session",
             {
@@ -129,7 +130,7 @@ class Journal:
                 "utc_step_s": round(self._step_s(*self._moment()), 3),
                 "clock_s": self._clock.now(),
                 "elapsed_s": self.elapsed(),
-                "gap_s": session.gap_s,
+                "gap_s": gap_s,
                 "gap_certain": session.gap_certain,
                 "gap_known": session.gap_known,
                 "wal_frames_dropped": dropped.dropped,

@@ -74,9 +74,8 @@ class Session:
     Attributes:
         elapsed_origin: clock reading at which the run's elapsed time was zero.
         number: from 1.
-        gap_s: bench seconds since the last record.
         gap_certain: False if the gap was bridged by UTC across a reboot.
-        gap_known: False if UTC cannot be right; `gap_s` is 0 then.
+        gap_known: False if UTC cannot be right; the gap counts as nothing then.
         accept: names of instruments that may be other ones than before.
         about: what the session record keeps besides (process, host, versions).
         observer: is told of every record.
@@ -85,7 +84,6 @@ class Session:
 
     elapsed_origin: float
     number: int
-    gap_s: float
     gap_certain: bool
     accept: frozenset[str]
     about: Mapping[str, Any]

@@ -8,6 +8,7 @@ from pathlib import Path
 from rig.errors import RigError
 from rig.run_file.chain import link
 from rig.run_file.reader import RunReader
+from rig.run_file.rescue import RESCUED
 from rig.run_file.state import RunState
 
 
@@ -33,10 +34,12 @@ def _continues(other: Path, run: RunReader) -> bool:
     """Whether another file holds all that this one does, and more.
 
     The record that follows must hold: this file may be what was restored of the other, up to where that is damaged.
+    A record that only says where the other goes on is no more: this may be the copy that was rescued from it.
     """
     seq, own = run.head()
     with contextlib.suppress(RigError, OSError, TypeError, ValueError), RunReader.open(other) as copy:
         following = copy.chained("seq IN (?, ?)", (seq, seq + 1))
         (_, _, _, here), (number, record, previous, its) = following
-        return here == own == previous and link(previous, number, record) == its
+        goes_on = (record.kind, record.status) != ("event", RESCUED)
+        return goes_on and here == own == previous and link(previous, number, record) == its
     return False
