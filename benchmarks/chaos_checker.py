@@ -65,6 +65,7 @@ class Tape:
         for line in lines:
             self._add(line)
         self.asked.sort()
+        self.changes.sort(key=lambda change: change[0])
 
     def _add(self, text: str) -> None:
         try:

@@ -104,7 +104,6 @@ class ChaosRun:
     def resume(self, *options: object, before: tuple[str, ...] = ()) -> None:
         """`rig resume` of the run, in the background."""
         assert not self.alive
-        self.keep_backup()
         options = options or ("--bench", self.bench.file)
         self._out = self.folder / "out"
         self.process = self.spawn("resume", self.path, *options, before=before)
@@ -192,6 +191,10 @@ class ChaosRun:
         for key in [k for k, body in self.pending.items() if now.get(k) == body]:
             del self.pending[key]
         self.ledger.update(now)
+        for suffix in ("", "-wal"):  # what a careful person has: a copy of the last that could be read
+            Path(f"{self._backup}/{self.path.name}{suffix}").unlink(missing_ok=True)
+            with contextlib.suppress(OSError):
+                shutil.copy(f"{copy}{suffix}", f"{self._backup}/{self.path.name}{suffix}")
 
     def hear(self, words: str) -> None:
         """What was said may explain what is missing."""
@@ -199,13 +202,6 @@ class ChaosRun:
             self.said_lost += len(self.pending)
             self.note(f"{len(self.pending)} lost and said: {LOSS.findall(words)}")
             self.pending.clear()
-
-    def keep_backup(self) -> None:
-        """What a careful person has: a copy from before the next session."""
-        for suffix in ("", "-wal"):
-            Path(f"{self._backup}/{self.path.name}{suffix}").unlink(missing_ok=True)
-            with contextlib.suppress(OSError):
-                shutil.copy(f"{self.path}{suffix}", self._backup)
 
     # --- ends ---------------------------------------------------------------------------------------------
 
@@ -243,7 +239,9 @@ class ChaosRun:
             log = Path(f"{self.path}-wal")
             self.note("the log is moved away, as it says")
             shutil.move(log, self.folder / f"moved-{time.monotonic_ns()}-wal")
-        elif re.search(r"--restore|damaged|edited|not a run file|makes no sense|there is no run file", words):
+        elif "there is no run file" in words:
+            self.put_back(words)
+        elif re.search(r"--restore|damaged|edited|not a run file|makes no sense", words):
             self.restore()
 
     def look_at(self, other: Path) -> None:
@@ -263,7 +261,11 @@ class ChaosRun:
             self.path = new
             self.look()
             self.hear(words)
-            return
+        else:
+            self.put_back(words)
+
+    def put_back(self, words: str) -> None:
+        """Go on with the copy from before; that this one is damaged, or not there, was said."""
         kept = self._backup / self.path.name
         if not kept.exists():
             raise Stuck(f"nothing to go on with: {words}")
@@ -273,7 +275,7 @@ class ChaosRun:
                 shutil.copy(f"{kept}{suffix}", f"{self.path}{suffix}")
         self.note("goes on with a copy from before")
         self.look()
-        self.said_lost += len(self.pending)  # that the file was damaged was said: exit code and sentence
+        self.said_lost += len(self.pending)
         self.pending.clear()
 
     def live_state(self) -> str:
