@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import signal
+import sys
 from pathlib import Path
 
 import kills
@@ -11,6 +12,9 @@ import pytest
 from command import rig as command
 from dry import LAB
 from kills import judge, rig, wait_for
+
+sys.path.insert(0, str(Path(__file__).parent.parent / "benchmarks"))
+from chaos_checker import check
 
 SPEED = 400
 
@@ -32,7 +36,7 @@ def live(tmp_path_factory):
     """The example bench served for at most three minutes; yields its LIVE.toml."""
     bench = tmp_path_factory.mktemp("bench") / "LIVE.toml"
     arguments = (LAB / "bench.toml", "--world", LAB / "world.toml", "--speed", SPEED, "--live", bench, "--for", 180)
-    server = rig("sim", *arguments)
+    server = rig("sim", *arguments, "--tape", bench.with_name("bench.tape"))
     wait_for(bench.exists, server)
     yield bench
     server.send_signal(signal.SIGTERM)
@@ -80,6 +84,9 @@ def test_killed_while_the_instruments_live_on(tmp_path, live):
     assert resumed.returncode == 0, resumed.stderr
     tally = judge(path)
     assert (tally.points, tally.lost, tally.duplicated, tally.wrong_side) == (24, 0, 0, 0)
+    verdict = check(path, live.with_name("bench.tape"))
+    assert verdict.clean, verdict.findings
+    assert verdict.counts["readings"] == 24 * 4 * 4
 
 
 def test_hold_release_and_stop_reach_a_running_controller(tmp_path, live):
