@@ -215,7 +215,8 @@ class ChaosRun:
         self.note(f"exit {code}: {last}")
         if _FACES.search(words):
             self.findings.append(f"a traceback: {words[-2000:]}")
-        if code not in CODES and not killed:
+        unborn = -code in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP) and not words.strip()
+        if code not in CODES and not killed and not unborn:
             self.findings.append(f"exit code {code}: {last}")
         if code in (1, 2, 5, 78) and len(words.strip()) < 20:
             self.findings.append(f"exit code {code} without a sentence: {words!r}")
@@ -257,7 +258,11 @@ class ChaosRun:
         self.note(f"restore: exit {code}: {words.strip()}")
         if _FACES.search(words):
             self.findings.append(f"a traceback: {words[-2000:]}")
-        if code == 0:
+        named = re.search(r"goes on in (\S+\.sqlite)", words)
+        if named and Path(named[1]).exists():
+            self.rescues += 1
+            self.look_at(Path(named[1]))
+        elif code == 0:
             self.path = new
             self.look()
             self.hear(words)
