@@ -7,6 +7,7 @@ import importlib
 import json
 import os
 import pty
+import signal
 import sqlite3
 import subprocess
 import sys
@@ -311,3 +312,27 @@ def test_ctrl_c_where_nothing_runs_says_so_and_ends_with_its_code(monkeypatch):
     monkeypatch.setattr("rig.cli.app", interrupted)
     done = rig("status")
     assert (done.returncode, done.stderr) == (75, "rig: interrupted\n")
+
+
+_WHILE_LOADED = """
+class Interrupting:
+    def find_spec(self, name, path=None, target=None):
+        if name == "typer":
+            os.kill(os.getpid(), signal.SIGINT)
+sys.meta_path.insert(0, Interrupting())
+"""
+_AT_THE_END = "atexit.register(os.kill, os.getpid(), signal.SIGHUP)"
+
+
+@pytest.mark.parametrize(
+    ("when", "code", "says"), [(_WHILE_LOADED, -signal.SIGINT, ""), (_AT_THE_END, 2, "no run file")]
+)
+def test_a_signal_before_the_command_is_there_or_after_its_end(when, code, says):
+    script = f"""import atexit, os, runpy, signal, sys
+{when}
+sys.argv = ["rig", "verify", "nowhere.sqlite"]
+runpy.run_module("rig", run_name="__main__")"""
+    ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False, timeout=30)
+    assert (ended.returncode, ended.stdout) == (code, "")
+    assert says in ended.stderr
+    assert bool(ended.stderr) == bool(says)
