@@ -350,6 +350,8 @@ def one_run(
         findings.append(f"stuck: {stuck}")
     finally:
         run.close()
+    for words in run.said:
+        print(f"  said: {words}", flush=True)
     findings += run.findings
     counts["runs"] += 1
     counts["sessions"] += run.sessions

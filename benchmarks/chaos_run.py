@@ -25,6 +25,7 @@ LOSS = re.compile(
 )
 """What a program says that has lost something."""
 CODES = {0, 1, 2, 4, 5, 75, 78, -signal.SIGKILL}
+_TOLD = re.compile(r"(\d+)(?: record\(s\) that had been written)? are lost")
 _FACES = re.compile(r"Traceback|unforeseen", re.IGNORECASE)
 _OTHER = re.compile(r"rig resume (\S+\.sqlite)")
 _STEPS = 60
@@ -48,6 +49,7 @@ class ChaosRun:
         ledger: what was accepted and has not been said to be lost.
         pending: what was accepted, is not in the file any more, and nobody has said so yet.
         findings: what must not be.
+        said: what was lost, and in which words.
         outages: when instruments could not be reached, by the bench clock.
 
     """
@@ -64,6 +66,7 @@ class ChaosRun:
         self.ledger: dict[tuple[int, int], str] = {}
         self.pending: dict[tuple[int, int], str] = {}
         self.findings: list[str] = []
+        self.said: list[str] = []
         self.outages: list[tuple[float, float]] = []
         self.said_lost = self.refusals = self.rescues = self.sessions = 0
         self.complete = False
@@ -198,10 +201,16 @@ class ChaosRun:
 
     def hear(self, words: str) -> None:
         """What was said may explain what is missing."""
-        if LOSS.search(words) and self.pending:
-            self.said_lost += len(self.pending)
-            self.note(f"{len(self.pending)} lost and said: {LOSS.findall(words)}")
-            self.pending.clear()
+        if not (LOSS.search(words) and self.pending):
+            return
+        missing, told = len(self.pending), [int(n) for n in _TOLD.findall(words)]
+        said = " ".join(line for line in words.splitlines() if LOSS.search(line))
+        self.said.append(f"{missing} lost: {said}")
+        self.note(self.said[-1])
+        if told and max(told) < missing:
+            self.findings.append(f"{missing} observations are lost, and fewer are told: {said}")
+        self.said_lost += missing
+        self.pending.clear()
 
     # --- ends ---------------------------------------------------------------------------------------------
 
@@ -280,6 +289,8 @@ class ChaosRun:
                 shutil.copy(f"{kept}{suffix}", f"{self.path}{suffix}")
         self.note("goes on with a copy from before")
         self.look()
+        if self.pending:
+            self.said.append(f"{len(self.pending)} lost, as there is only a copy from before: {words.strip()[:300]}")
         self.said_lost += len(self.pending)
         self.pending.clear()
 
