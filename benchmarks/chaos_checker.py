@@ -9,18 +9,18 @@ python benchmarks/chaos_checker.py RUN.sqlite BENCH.tape
 from __future__ import annotations
 
 import bisect
-import itertools
 import json
 import math
-import sqlite3
 import sys
-import tomllib
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
+
+from chaos_tape import Reading, Row, Run, Server, Tape, by_utc, numbers, same
 
 KINDS = ("lost", "doubled", "wrong", "stays", "holes")
 """Points not observed, or observed and gone; observed twice; not as on the tape; not one stay; holes not recorded."""
@@ -29,83 +29,6 @@ _HOLE_S, _TURN_S = 10.0, 0.2
 """The documented rule: a hole is longer than 10 s and five times what a process of a busy machine may wait (0.2 s)."""
 _SLACK_S = 0.1
 """Real seconds: how far apart a question and what is recorded of it may be."""
-
-
-@dataclass(frozen=True)
-class Server:
-    """One process that served the bench: bench clock = `zero` + world time."""
-
-    zero: float
-    speed: float
-    epoch: float
-
-
-@dataclass
-class Reading:
-    """A number on the tape; times by the bench clock."""
-
-    begin: float
-    end: float
-    value: float
-    line: dict[str, Any]
-
-
-class Tape:
-    """A tape, sorted. Times are those of the bench clock, which goes on when the server is started anew."""
-
-    def __init__(self, lines: Iterable[str]) -> None:
-        self.servers: list[Server] = []
-        self.readings: dict[tuple[str, str], list[Reading]] = defaultdict(list)
-        self.readbacks: dict[str, list[Reading]] = defaultdict(list)
-        self.changes: list[tuple[float, dict[str, Any]]] = []
-        self.answers: dict[str, list[tuple[float, str]]] = defaultdict(list)
-        self.asked: list[float] = []
-        self.asked_of: dict[str, list[float]] = defaultdict(list)
-        self.stalls: list[tuple[float, float]] = []
-        for line in lines:
-            self._add(line)
-        self.asked.sort()
-        self.changes.sort(key=lambda change: change[0])
-
-    def _add(self, text: str) -> None:
-        try:
-            line = json.loads(text)
-        except ValueError:
-            return  # the server was killed in the middle of it
-        if line["what"] == "server":
-            self.servers.append(Server(line["boot_s"] * line["speed"] - line["t"], line["speed"], line["epoch_utc"]))
-            return
-        at = self.servers[-1].zero + line["t"]
-        match line["what"]:
-            case "asked":
-                self.asked.append(at)
-                for name in line["on"].split("+"):
-                    self.asked_of[name].append(at)
-            case "answered":
-                self.answers[line["on"]].append((at, line["text"]))
-            case "reading":
-                end = self.servers[-1].zero + line["end_s"]
-                self.readings[line["on"], line["channel"]].append(Reading(at, end, line["given"], line))
-            case "readback":
-                self.readbacks[line["on"]].append(Reading(at, at, line["given"], line))
-            case "change":
-                self.changes.append((at, line))
-            case "stalled":
-                self.stalls.append((at - line["seconds"], at))
-
-    @property
-    def speed(self) -> float:
-        return self.servers[-1].speed
-
-    def quiet(self, times: list[float], longer_than: float) -> Iterator[tuple[float, float]]:
-        """Stretches between neighbours of `times` that are longer than so much."""
-        for before, after in itertools.pairwise(times):
-            if after - before > longer_than:
-                yield before, after
-
-    def stalled(self, begin: float, end: float) -> bool:
-        """Whether the server itself had no turn somewhere in there, or another one took its place."""
-        return any(a < end and b > begin for a, b in self.stalls) or any(begin < s.zero < end for s in self.servers[1:])
 
 
 @dataclass
@@ -127,49 +50,6 @@ class Verdict:
     @property
     def clean(self) -> bool:
         return not any(self.findings.values())
-
-
-@dataclass
-class Row:
-    """A record."""
-
-    seq: int
-    session: int
-    kind: str
-    elapsed_s: float
-    utc_s: float
-    run_index: int | None
-    whole_plot: int | None
-    status: str | None
-    body: dict[str, Any]
-
-
-class Run:
-    """A run file, as it stands."""
-
-    def __init__(self, path: Path) -> None:
-        db = sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)
-        try:
-            self.documents = {name: tomllib.loads(body) for name, body in db.execute("SELECT name, body FROM document")}
-            factors = db.execute("SELECT name, axis, hard FROM factor ORDER BY position").fetchall()
-            self.factors = [(str(name), str(axis), bool(hard)) for name, axis, hard in factors]
-            n = len(factors)
-            rows = db.execute("SELECT * FROM point ORDER BY run_index").fetchall()
-            self.points = {r[0]: (r[2], r[3 : 3 + n], r[3 + n : 3 + 2 * n]) for r in rows}
-            columns = "seq, session, kind, elapsed_s, utc_s, run_index, whole_plot, status, body"
-            found = db.execute(f"SELECT {columns} FROM record ORDER BY seq").fetchall()
-        finally:
-            db.close()
-        self.rows = [Row(*row[:-1], json.loads(row[-1])) for row in found]
-        self.bench, self.procedure = self.documents["bench.toml"], self.documents["procedure.toml"]
-        self.accepted = [r for r in self.rows if (r.kind, r.status) == ("observation", "accepted")]
-        self.sessions = {r.session: r for r in self.rows if r.kind == "session"}
-        self.whole_plots = any(hard for _, _, hard in self.factors)
-
-
-def accepted_in(path: Path) -> dict[tuple[int, int], str]:
-    """Accepted observations of a run file: (point, whole plot or 0) to what was read."""
-    return {(r.run_index or 0, r.whole_plot or 0): json.dumps(r.body) for r in Run(path).accepted}
 
 
 class Checker:
@@ -256,14 +136,14 @@ class Checker:
         """
         first = self._run.sessions[session]
         by_clock, servers = self._at(first), self._tape.servers
-        if min(abs(by_clock - _by_utc(s, first, first.elapsed_s)) for s in servers) < self._tape.speed:
+        if min(abs(by_clock - by_utc(s, first, first.elapsed_s)) for s in servers) < self._tape.speed:
             return None
         read = next((r for r in self._run.accepted if r.session == session), None)
         if read is not None and not self._fits(read, self._at):
-            return next((s for s in servers if self._fits(read, partial(_by_utc, s))), None)
+            return next((s for s in servers if self._fits(read, partial(by_utc, s))), None)
         if read is not None or self._near(by_clock):
             return None
-        return next((s for s in servers if self._near(_by_utc(s, first, first.elapsed_s))), None)
+        return next((s for s in servers if self._near(by_utc(s, first, first.elapsed_s))), None)
 
     def _fits(self, row: Row, clock: Callable[[Row, float], float]) -> bool:
         begin, end = (clock(row, t) for t in row.body["measured_s"])
@@ -287,7 +167,7 @@ class Checker:
         elapsed_s = row.elapsed_s if elapsed_s is None else elapsed_s
         if row.session not in self._by_utc:
             return float(session.body["clock_s"] + elapsed_s - session.body["elapsed_s"])
-        return _by_utc(self._by_utc[row.session], row, elapsed_s)
+        return by_utc(self._by_utc[row.session], row, elapsed_s)
 
     # --- one observation -------------------------------------------------------------------------------------
 
@@ -344,7 +224,7 @@ class Checker:
         near = [r for r in tape if begin <= r.begin and r.end <= end]
         for at in range(len(near) - len(values) + 1):
             part = near[at : at + len(values)]
-            if all(_same(r, v, scale) for r, v in zip(part, values, strict=True)):
+            if all(same(r, v, scale) for r, v in zip(part, values, strict=True)):
                 return part
         return None
 
@@ -400,12 +280,12 @@ class Checker:
             if name in row.body.get("references", {}):
                 continue
             texts = [t for answers in self._tape.answers.values() for at, t in answers if last <= at <= end]
-            if not any(value == number for text in texts for number in _numbers(text)):
+            if not any(value == number for text in texts for number in numbers(text)):
                 self._wrong(row, f"{name} = {value!r} was read back by nobody, by the tape")
 
     def _check_order(self) -> None:
         times = [(self._seen[r.seq], r) for r in self._run.accepted if r.seq in self._seen]
-        for (before, _), (after, row) in itertools.pairwise(times):
+        for (before, _), (after, row) in pairwise(times):
             if after[0] < before[1]:
                 self._wrong(row, "was read before the observation that is recorded before it")
 
@@ -501,29 +381,6 @@ class Checker:
         p = self._run.procedure
         polls = [p.get(table, {}).get("poll_s", 30.0) for table in ("soak", "environment", "settle") if table in p]
         return max([30.0, *map(float, polls)]) + 30.0
-
-
-def _by_utc(server: Server, row: Row, elapsed_s: float) -> float:
-    """The bench clock at a moment of a record's session, by the record's UTC."""
-    return server.zero + row.utc_s + elapsed_s - row.elapsed_s - server.epoch
-
-
-_STEPS = {"degC": 6e-5, "psi": 6e-8}
-"""Half of the last digit that is said of a temperature (by the CAN unit) or a pressure."""
-
-
-def _same(reading: Reading, value: float, scale: float) -> bool:
-    given = reading.value * scale
-    tolerance = _STEPS.get(reading.line.get("unit", "psi"), 1e-9)
-    return math.isfinite(given) and abs(given - value) <= tolerance + 2e-7 * abs(value)
-
-
-def _numbers(text: str) -> Iterator[float]:
-    for word in text.replace(",", " ").replace(";", " ").split():
-        try:
-            yield float(word)
-        except ValueError:
-            continue
 
 
 def check(

@@ -17,7 +17,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from chaos_bench import PROJECT, Disk, Lab, ServedBench
-from chaos_checker import accepted_in
+from chaos_tape import accepted_in
 
 LOSS = re.compile(
     r"\d+ record\(s\) that had been written are lost|\d+ are lost|each proven by its hash|"

@@ -13,7 +13,8 @@ from pathlib import Path
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "benchmarks"))
-from chaos_checker import KINDS, accepted_in, check
+from chaos_checker import KINDS, check
+from chaos_tape import accepted_in
 
 BOOT_S, SPEED = 1000.0, 10.0
 BENCH = """
