@@ -5,6 +5,7 @@ Run file and tape are written here line by line, as their documents say, by noth
 
 from __future__ import annotations
 
+import ast
 import json
 import sqlite3
 import sys
@@ -134,6 +135,14 @@ def forged(run: Path, statement: str) -> None:
 def found(run: Path, tape: Path, ledger=None) -> dict[str, int]:
     verdict = check(run, tape, ledger)
     return {kind: len(verdict.findings[kind]) for kind in KINDS if verdict.findings[kind]}
+
+
+@pytest.mark.parametrize("module", ["chaos_checker", "chaos_tape"])
+def test_the_checker_shares_no_code_with_the_project(module):
+    tree = ast.parse(Path(sys.modules[module].__file__).read_text())
+    imported = [a.name for node in ast.walk(tree) if isinstance(node, ast.Import) for a in node.names]
+    imported += [str(node.module) for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
+    assert {name.partition(".")[0] for name in imported} <= sys.stdlib_module_names | {"chaos_tape"}
 
 
 def test_a_true_run_is_found_true(tmp_path):
