@@ -124,6 +124,8 @@ class NewportESP301:
 
         """
         self._errors()  # left from before: not this run's
+        # Motors that are found on after this tell nothing of a power cut before it: the marks are looked for again.
+        self._homed = dict.fromkeys(self._numbers)
         options = self._options
         for axis, n in self._numbers.items():
             low, high = self._limits[axis]

@@ -171,6 +171,16 @@ def test_homing_marks_the_axes_and_survives_a_new_driver_but_not_a_power_cycle()
     assert not any(s.homed or s.enabled for s in again.read().values())
 
 
+def test_a_power_cut_just_before_the_motors_are_switched_on_again_is_not_hidden_by_that():
+    rig = Rig().ready()
+    assert all(s.homed for s in rig.head.read().values())
+    rig.twin.power_cycle()
+    rig.head.prepare()
+    states = rig.head.read()
+    assert all(s.enabled for s in states.values())
+    assert not any(s.homed for s in states.values())
+
+
 def test_a_search_that_has_not_begun_to_move_is_not_taken_for_one_that_ended_at_zero():
     """After power-on the count is zero wherever the axis stands."""
     rig = Rig()
