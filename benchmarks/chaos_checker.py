@@ -27,6 +27,8 @@ KINDS = ("lost", "doubled", "wrong", "stays", "holes")
 
 _HOLE_S, _TURN_S = 10.0, 0.2
 """The documented rule: a hole is longer than 10 s and five times what a process of a busy machine may wait (0.2 s)."""
+_BUILT_ON = ("accepted", "whole-plot", "environment-settled")
+"""Records before which a hole must have been noticed."""
 _SLACK_S = 0.1
 """Real seconds: how far apart a question and what is recorded of it may be."""
 
@@ -354,7 +356,10 @@ class Checker:
             if not any(t > b + slack for t, _ in own):
                 self._check_gap(begun, place, a, b)
                 continue
-            told = [r for t, r in own if r.status == "hole" and a - slack <= t <= b + 20 * slack]
+            kept = [t for t, r in own if t > b + slack and r.status in _BUILT_ON]
+            told = [r for t, r in own if r.status == "hole" and a - slack <= t <= min(kept, default=math.inf)]
+            if not kept:
+                continue  # it ended before anything was built on what it did not know
             if not told:
                 say("holes", f"session {session}: a hole of {b - a:.0f} s at {a - starts[place]:.0f} s is no event")
             elif max(float(r.body["hole_s"]) for r in told) < 0.5 * (b - a) - self._longest_wait_s():

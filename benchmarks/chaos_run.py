@@ -222,9 +222,10 @@ class ChaosRun:
             code = 128 - code
         last = " | ".join(words.strip().splitlines()[-4:])
         self.note(f"exit {code}: {last}")
-        if _FACES.search(words):
+        # Python itself, before it has come to a line of the project, ends with one on Ctrl-C
+        unborn = -code in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP) and f"{PROJECT}/" not in words
+        if _FACES.search(words) and not unborn:
             self.findings.append(f"a traceback: {words[-2000:]}")
-        unborn = -code in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP) and not words.strip()
         if code not in CODES and not killed and not unborn:
             self.findings.append(f"exit code {code}: {last}")
         if code in (1, 2, 5, 78) and len(words.strip()) < 20:

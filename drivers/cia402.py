@@ -172,6 +172,7 @@ class CiA402Pair:
         """
         self._rounded.clear()
         for name, axis in self._axes.items():
+            axis.homed = self._is_homed(axis, self._status(axis))  # enabled again, it would not tell of a power cut
             self._set_out(name, axis)
             scales = Scales(axis.node, self._options)
             for index, subindex, value in tuple(settings_of(axis.node, scales, self._options, axis.limits)):

@@ -168,6 +168,9 @@ def test_a_drive_that_does_not_tell_is_homed_in_every_session_and_after_every_lo
     bench.driver.prepare()
     bench.driver.home()
     assert until_still(bench)["pitch"].homed
+    bench.twin.power_cycle()
+    bench.driver.prepare()  # nobody has looked in between
+    assert not bench.driver.read()["pitch"].homed
 
 
 def test_another_makers_statusword_bit_15_is_not_taken_to_mean_homed() -> None:
