@@ -85,11 +85,12 @@ def frozen_and_killed(run: ChaosRun) -> None:
 
 def stuttering(run: ChaosRun) -> None:
     """Frozen and let go again and again, each shorter than a hole."""
-    for _ in range(run.rng.randrange(3, 12)):
-        run.freeze()
-        time.sleep(run.rng.uniform(0.1, 0.9) * run.lab.hole_s / run.lab.speed)
-        run.signal(signal.SIGCONT)
-        time.sleep(run.rng.uniform(0.0, 0.1))
+    with run.outage():  # together they may be a silence of any length
+        for _ in range(run.rng.randrange(3, 12)):
+            run.freeze()
+            time.sleep(run.rng.uniform(0.1, 0.9) * run.lab.hole_s / run.lab.speed)
+            run.signal(signal.SIGCONT)
+            time.sleep(run.rng.uniform(0.0, 0.1))
 
 
 def cut_off(run: ChaosRun) -> None:
