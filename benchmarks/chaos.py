@@ -230,23 +230,23 @@ def race(run: ChaosRun) -> None:
         out = run.folder / f"racer-{n}.out"
         racers[run.spawn("resume", run.path, "--bench", run.bench.file, out=out)] = out
     end = time.monotonic() + 30
-    least = 0 if run.alive else 1
-    while sum(p.poll() is None for p in racers) > least and time.monotonic() < end:
+    while sum(p.poll() is None for p in racers) + run.alive > 1 and time.monotonic() < end:
         time.sleep(0.02)
     for process, out in racers.items():
         words = out.read_text(errors="replace")
-        if process.poll() is None:
-            if run.process is not None:
-                run.findings.append("two controllers carry one run on")
-                process.kill()
-            else:
-                run.process = process
-                run.adopt(out)
-        elif process.returncode == 2 and "in use by another controller" not in words and "complete" not in words:
-            run.note(f"a racer: {words.strip()[-300:]}")
-        elif process.returncode not in (0, 1, 2, 5, 75):
-            run.findings.append(f"a racer ended with {process.returncode}: {words[-500:]}")
-    if run.process is None:
+        if process.poll() is not None:
+            if process.returncode not in (0, 1, 2, 5, 75):
+                run.findings.append(f"a racer ended with {process.returncode}: {words[-500:]}")
+            run.note(f"a racer: exit {process.returncode}: {words.strip()[-300:]}")
+        elif run.alive:
+            run.findings.append("two controllers carry one run on")
+            process.kill()
+        else:
+            if run.process is not None:  # it was the one that came too late
+                run.ended()
+            run.process = process
+            run.adopt(out)
+    if run.process is None and not run.complete:
         run.resume()
 
 
