@@ -252,6 +252,8 @@ def race(run: ChaosRun) -> None:
 
 def second_name(run: ChaosRun) -> None:
     """A hard link of the run is resumed, while the run goes on or after a kill: refused either way."""
+    if not run.path.exists():  # somebody has just taken it away
+        return
     if run.rng.random() < 0.5:
         run.kill()
         run.ended(killed=True)
