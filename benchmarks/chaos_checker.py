@@ -137,8 +137,10 @@ class Checker:
         What was read tells; where nothing was, whichever clock has a question on the tape at its begin.
         """
         first = self._run.sessions[session]
-        by_clock, servers = self._at(first), self._tape.servers
-        if min(abs(by_clock - by_utc(s, first, first.elapsed_s)) for s in servers) < self._tape.speed:
+        by_clock, ends = self._at(first), [s.zero for s in self._tape.servers[1:]] + [math.inf]
+        each = zip(self._tape.servers, ends, strict=True)
+        servers = [s for s, end in each if s.zero <= by_utc(s, first, first.elapsed_s) < end]
+        if any(abs(by_clock - by_utc(s, first, first.elapsed_s)) < self._tape.speed for s in servers):
             return None
         read = next((r for r in self._run.accepted if r.session == session), None)
         if read is not None and not self._fits(read, self._at):

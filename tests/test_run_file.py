@@ -283,6 +283,21 @@ def test_a_torn_or_flipped_log_is_counted_before_sqlite_drops_it(path):
         assert 5 - len(fold(run.records()).accepted) == seen.lost_commits
 
 
+def test_what_was_lost_is_known_until_a_session_has_written_it_down(path):
+    with RunWriter.open(path) as run:
+        run.append(observation(9))
+    _killed_writer(path)
+    Path(f"{path}-wal").unlink()
+    for _ in range(2):  # killed before its first record, or kept from the bench
+        with RunWriter.open(path) as run:
+            assert run.dropped.lost_commits == 5
+            assert run.dropped.damage == "its last 5 record(s) are not there"
+    with RunWriter.open(path) as run:
+        run.append(observation(0))
+    with RunWriter.open(path) as run:
+        assert run.dropped.lost_commits == 0
+
+
 def test_a_damaged_frame_is_told_from_one_left_over_from_an_earlier_log(path):
     with RunWriter.open(path) as run:
         for i in range(4):

@@ -91,7 +91,7 @@ class RunWriter(RunReader):
         self._mirror = Mirror(self._db, INSERT_RECORD)
         self.dropped = self._cut_off(self.dropped)
         self._last_word = LastWord(self.path)
-        if self._seq > 1:
+        if self._seq > 1 and not self.dropped.lost_commits:  # what is lost is known until a record says so
             self._last_word.say(self._seq, self._hash)
         self._vigil = Vigil(self.path)
 
