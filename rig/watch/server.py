@@ -13,6 +13,7 @@ from urllib.parse import quote
 
 import anyio
 import uvicorn
+from starlette.types import ASGIApp
 
 from rig.errors import UsageError
 from rig.previous import read_previous
@@ -66,21 +67,25 @@ def serve(
         shown = platform.node() if anywhere else f"[{host}]" if ":" in host else host
         query = f"/?token={quote(token)}" if token else "/"
         announce(f"http://{shown}:{listening.getsockname()[1]}{query}")
-        config = uvicorn.Config(
-            make_app(shelf, access, anyio.sleep),
-            log_level="critical",  # what it says at its end is of no use to anybody
-            access_log=False,  # a token may stand in the first address
-            lifespan="off",
-            ws="none",
-            http=BoundedProtocol,
-            server_header=False,
-            proxy_headers=False,
-            limit_concurrency=200,
-            timeout_keep_alive=20,
-            timeout_graceful_shutdown=1,
-        )
         with contextlib.suppress(KeyboardInterrupt):
-            uvicorn.Server(config).run(sockets=[listening])
+            uvicorn.Server(configuration(make_app(shelf, access, anyio.sleep))).run(sockets=[listening])
+
+
+def configuration(app: ASGIApp) -> uvicorn.Config:
+    """How the page is served: bounded, without lines about who asked for what."""
+    return uvicorn.Config(
+        app,
+        log_level="critical",  # what it says at its end is of no use to anybody
+        access_log=False,  # a token may stand in the first address
+        lifespan="off",
+        ws="none",
+        http=BoundedProtocol,
+        server_header=False,
+        proxy_headers=False,
+        limit_concurrency=200,
+        timeout_keep_alive=20,
+        timeout_graceful_shutdown=1,
+    )
 
 
 def only_this_machine(host: str) -> bool:
