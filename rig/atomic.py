@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import IO
 
 from rig.errors import UsageError
+from rig.regular import open_regular
 
 
 def write_whole(path: Path, write: Callable[[IO[str]], object]) -> None:
@@ -72,7 +73,7 @@ def check_not_input(written: Sequence[Path | None], read: Sequence[Path | None])
 
 def _is_run_file(path: Path) -> bool:
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             return file.read(15) == b"SQLite format 3"
     except OSError:
         return False

@@ -218,16 +218,22 @@ def _reading(path: Path, material: Material, rng: random.Random) -> Acts:
     out, new = material.folder / "answer.csv", material.folder / "answer.sqlite"
     new.unlink(missing_ok=True)
     chance = rng.random()
-    if chance < 0.02:
-        dear: tuple[tuple[object, ...], ...] = (
-            *[("fit", path, "--json"), ("fit", path, "--out", material.folder / "answer.json")] * 4,
-            *[("chart", path, material.run, "--json"), ("chart", path, f"{path}@2026-02-01")] * 4,
-            *[("fit", path, "--report", material.folder / "answer.html"), ("doctor", "--run", path, "--json")] * 2,
-            *(("trace", path, "--json"), ("trace", path, "--report", material.folder / "answer.html")),
+    if chance < 0.0006:  # a second or more each
+        report = material.folder / "answer.html"
+        traces: tuple[tuple[object, ...], ...] = (
+            *(("trace", path, "--json"), ("trace", path, "--report", report), ("fit", path, "--report", report)),
             *(("confirm", path, "--list", "--json"), ("confirm", material.run, "--by", path), ("plan", path, "-b", path)),
         )
-        asked = rng.choice(dear)
+        asked = rng.choice(traces)
         yield lambda: command(*asked)
+        return
+    if chance < 0.012:
+        fits: tuple[tuple[object, ...], ...] = (
+            *(("fit", path, "--json"), ("fit", path, "--out", material.folder / "answer.json"), ("fit", path)),
+            *(("chart", path, material.run, "--json"), ("chart", path, f"{path}@2026-02-01"), ("doctor", "--run", path)),
+        )
+        fitted = rng.choice(fits)
+        yield lambda: command(*fitted)
         return
     if chance < 0.2:
         act: Callable[[Path], object] = rng.choice((story, _page, _page, _shelf))

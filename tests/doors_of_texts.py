@@ -61,15 +61,13 @@ def toml(rng: random.Random, material: Material) -> Acts:
         yield lambda: parse_procedure(given[name], name, strict=rng.random() < 0.5)
     if name == "world.toml" or rng.random() < 0.2:
         yield lambda: plan_of(given, dry=True, stored=rng.random() < 0.3)
-    if rng.random() < 0.02:
+    if rng.random() < 0.01:
         folder = material.path("files")
         folder.mkdir()
         for one, text in given.items():
             (folder / one).write_text(text, encoding="utf-8", errors="replace")
-        bench, procedure, world = (folder / f"{n}.toml" for n in ("bench", "procedure", "world"))
-        asked = ("plan", "-p", procedure, "-b", bench, "--json") if rng.random() < 0.1 else ("doctor", "--bench", bench)
-        more = ("--procedure", procedure, "--dry", "--world", world, "--out", folder, "--json")
-        yield lambda: command(*asked, *(more if asked[0] == "doctor" else ()))
+        bench, world = folder / "bench.toml", folder / "world.toml"
+        yield lambda: command("doctor", "--bench", bench, "--dry", "--world", world, "--out", folder, "--json")
 
 
 _CELLS = (

@@ -116,7 +116,7 @@ def findings(
             yield from part
         except RunFileError as error:
             yield Finding("file", str(error).split(". ", 1)[0])
-        except (apsw.Error, ValueError, TypeError, LookupError, ArithmeticError, AttributeError) as error:
+        except (apsw.Error, UnicodeDecodeError) as error:
             yield Finding("file", f"it cannot be read: {type(error).__name__}: {str(error)[:200]}")
 
 

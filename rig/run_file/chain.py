@@ -14,6 +14,8 @@ from functools import cached_property, lru_cache
 from math import isfinite
 from typing import Any, NamedTuple
 
+from rig.run_file.bodies import Body, body_of, shown
+
 GENESIS = bytes(32)
 """What the first record names as its predecessor."""
 
@@ -51,18 +53,19 @@ class Record(_Columns):
 
     """
 
+    seq = 0
+    """Its number, where it was read from a file."""
+
     @cached_property
-    def data(self) -> dict[str, Any]:
-        """The body, decoded. Raises ValueError if it is not a JSON object."""
-        if not isinstance(self.body, str):
-            raise ValueError("no text")
-        try:
-            decoded = json.loads(self.body)
-        except RecursionError:
-            raise ValueError("JSON nested too deeply") from None
-        if not isinstance(decoded, dict):
-            raise ValueError("JSON, but not an object")
-        return decoded
+    def data(self) -> Body:
+        """The body, decoded; fields are checked as they are read. Raises `ContentsError`."""
+        return body_of(self.body, self.kind, self.status, self.named)
+
+    def named(self) -> str:
+        """It, in a sentence."""
+        at = "" if self.run_index is None else f" of point {shown(self.run_index)}"
+        number = "the record to be written" if not self.seq else f"record {self.seq}"
+        return f"{number} ({str(self.kind)[:40]}{at})"
 
 
 def encode(body: Mapping[str, Any]) -> str:

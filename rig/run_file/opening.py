@@ -13,6 +13,7 @@ import apsw
 from drivers.clock import RealClock
 from rig.errors import RunFileError, UsageError
 from rig.regular import open_regular
+from rig.run_file.bodies import ContentsError
 from rig.run_file.beside import Alone, alone, check_journal, has_log
 from rig.run_file.last_word import head_path
 from rig.run_file.schema import APPLICATION_ID, SCHEMA_VERSION, Guarded, guard, strange_tables
@@ -160,24 +161,22 @@ def edited(path: Path, what: str) -> RunFileError:
     )
 
 
-NO_SENSE = (apsw.Error, ValueError, TypeError, LookupError, ArithmeticError, AttributeError, RecursionError)
-"""What comes of contents that are not those of a run file, though every hash in it is right."""
-
-
 def makes_no_sense(path: Path, error: BaseException) -> RunFileError:
     """It is a run file by its tables and hashes, and something in it is not what this program writes."""
+    if not isinstance(error, ContentsError):
+        error = ContentsError(f"{type(error).__name__}: {str(error)[:200]}")
     return RunFileError(
-        f"{path} holds what makes no sense in a run file ({type(error).__name__}: {str(error)[:200]}). It was edited, "
-        f"or another version of rig wrote it. {_WAY_FORWARD}"
+        f"{path} holds what makes no sense in a run file: {error}. It was edited, or another version of rig wrote it. "
+        f"{_WAY_FORWARD}"
     )
 
 
 @contextlib.contextmanager
 def sensible(path: Path) -> Iterator[None]:
-    """Around the use of what a run file holds. Raises `RunFileError` where that makes no sense."""
+    """Around the use of what was read of a run file: says which file a `ContentsError` is about."""
     try:
         yield
-    except NO_SENSE as error:
+    except ContentsError as error:
         raise makes_no_sense(path, error) from error
 
 

@@ -17,10 +17,11 @@ import apsw
 from procedures import Factor, Point, RunList, rows_sha256
 from rig.errors import RunFileError, UsageError
 from rig.run_file.audit import findings
+from rig.run_file.bodies import COUNT, NUMBER, TEXT, WHOLE, ContentsError, shown
+from rig.run_file.contents import senseless
 from rig.run_file.beside import Alone, ForeignFileError, check_journal, check_log, foreign_log, has_log
 from rig.run_file.chain import GENESIS, Record, StoredRow
 from rig.run_file.opening import (
-    NO_SENSE,
     by_itself,
     check_header,
     check_name,
@@ -49,6 +50,7 @@ class RunReader:
         self.path = path
         self._db = connection
         self.guarded = Guarded(connection, lambda: size_of(path))
+        self._points: int | None = None
 
     @classmethod
     def open(cls, path: Path) -> Self:
@@ -102,38 +104,50 @@ class RunReader:
         return self
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        """Close. Contents that make no sense, whoever of us notices, are an error of the file: `RunFileError`."""
+        """Close. Contents that are not those of a run file are told with the file's name: `RunFileError`.
+
+        Of contents come `ContentsError`, by whoever decodes them, and, where nothing is written, SQLite's own errors.
+        Anything else is a mistake of this program and is not hidden.
+        """
         self.close()
-        if self.only_reads and isinstance(error, NO_SENSE):
+        if isinstance(error, ContentsError) or (self.only_reads and isinstance(error, apsw.Error)):
             raise makes_no_sense(self.path, error) from error
 
     def documents(self) -> dict[str, str]:
         """The files the run was made from, by name."""
-        return dict(self._all("SELECT name, body FROM document ORDER BY name"))
+        found = self._all("SELECT name, body FROM document ORDER BY name")
+        for name, body in found:
+            if not isinstance(name, str) or not isinstance(body, str):
+                raise ContentsError(f"document {shown(name)} is no text")
+        return dict(found)
 
     def run_list(self) -> RunList:
         """The run list as stored."""
-        factors = self._factors()
+        factors = self.factors()
         width = len(factors)
         points = (
             Point(row[0], row[1], row[2], row[3 : 3 + width], row[3 + width :])
             for rows in self._point_rows(factors)
             for row in rows
+            if _is_point(row, width)
         )
-        return RunList(factors, points, int(self.genesis().data["seed"]))
+        try:
+            return RunList(factors, points, int(self.genesis().data["seed"]))
+        except ValueError as error:
+            raise ContentsError(f"its run list is none: {error}") from error
 
     def run_list_sha256(self) -> str:
         """Hash of the run list as stored, as `RunList.sha256`; no point is made of its rows."""
-        factors = self._factors()
+        factors = self.factors()
         return rows_sha256(factors, int(self.genesis().data["seed"]), self._point_rows(factors))
 
-    def _factors(self) -> tuple[Factor, ...]:
-        return tuple(
-            Factor(name, axis, overtravel, bool(hard), bool(stays))
-            for name, axis, overtravel, hard, stays in self._all(
-                "SELECT name, axis, overtravel, hard, stays FROM factor ORDER BY position"
-            )
-        )
+    def factors(self) -> tuple[Factor, ...]:
+        """What the run list varies."""
+        found = self._all("SELECT name, axis, overtravel, hard, stays FROM factor ORDER BY position")
+        for name, axis, overtravel, _, _ in found:
+            if not (TEXT.holds(name) and TEXT.holds(axis) and NUMBER.holds(overtravel)):
+                raise ContentsError(f"factor {shown(name)} of the run list cannot have {shown((axis, overtravel))}")
+        return tuple(Factor(name, axis, o, bool(hard), bool(stays)) for name, axis, o, hard, stays in found)
 
     def _point_rows(self, factors: Sequence[Factor]) -> Iterator[list[Any]]:
         """Points as (index, replication, whole plot, setpoints..., sides...)."""
@@ -143,13 +157,15 @@ class RunReader:
     def genesis(self) -> Record:
         """The first record: what the run is."""
         for _, record, _, _ in self.chained("seq = 1"):
+            if record.kind != "run":
+                raise ContentsError(f"record 1 is of kind {shown(record.kind)}, not what a run begins with")
             return record
         raise RunFileError(f"{self.path} holds no records: it was never finished being created; delete it")
 
     def records(self, kind: str | None = None) -> Iterator[Record]:
-        """Records in order, all or of one kind."""
+        """Records in order, all or of one kind. Raises `ContentsError` at one that makes no sense."""
         where, values = ("kind = ?", (kind,)) if kind else ("1", ())
-        return (record for _, record, _, _ in self.chained(where, values))
+        return self._sensible(where, values)
 
     def latest(self, kind: str, status: str) -> Record | None:
         """The last record of a kind and status; None if there is none."""
@@ -158,7 +174,7 @@ class RunReader:
     def recent(self, kind: str, status: str, most: int) -> Iterator[Record]:
         """The last records of a kind and status, `most` at most, the earliest first."""
         where = "seq IN (SELECT seq FROM record WHERE kind = ? AND status = ? ORDER BY seq DESC LIMIT ?)"
-        return (record for _, record, _, _ in self.chained(where, (kind, status, most)))
+        return self._sensible(where, (kind, status, most))
 
     def salvage(self) -> Iterator[Record]:
         """Every record that can still be read one by one, whatever the state of the others."""
@@ -166,13 +182,30 @@ class RunReader:
             last, _ = self.head()
             for seq in range(1, last + 1):
                 with contextlib.suppress(RunFileError):
-                    yield from (record for _, record, _, _ in self.chained("seq = ?", (seq,)))
+                    yield from self._sensible("seq = ?", (seq,))
 
     def chained(self, where: str = "1", values: tuple[object, ...] = ()) -> Iterator[tuple[int, Record, bytes, bytes]]:
         """Rows as (seq, record, previous, hash), in order."""
         for rows in self.record_rows(where, values):
             for row in rows:
-                yield row[0], Record._make(row[1:10]), _bytes(row[10]), _bytes(row[11])
+                record = Record._make(row[1:10])
+                record.seq = row[0]
+                yield row[0], record, _bytes(row[10]), _bytes(row[11])
+
+    def _sensible(self, where: str, values: tuple[object, ...]) -> Iterator[Record]:
+        """Records whose own columns and needed fields are of the kinds they should be; a body's others are as read."""
+        return (self.sensible(row) for rows in self.record_rows(where, values) for row in rows)
+
+    def sensible(self, row: StoredRow) -> Record:
+        """A record of a row that begins with its number and its own columns. Raises `ContentsError` at another."""
+        if self._points is None:
+            self._points = int(self._all("SELECT count(*) FROM point")[0][0])
+        record = Record._make(row[1:10])
+        record.seq = row[0]
+        wrong = senseless(record, self._points)
+        if wrong is not None:
+            raise ContentsError(f"{record.named()}: {wrong[1]}")
+        return record
 
     def record_rows(self, where: str = "1", values: tuple[object, ...] = ()) -> Iterator[list[StoredRow]]:
         """Records as stored, in order, in lists of a few hundred."""
@@ -186,6 +219,8 @@ class RunReader:
 
     def holds(self, seq: int, own: bytes) -> bool:
         """Whether there is a record of that number and hash."""
+        if seq > _HIGHEST:
+            return False
         return bool(self._all("SELECT 1 FROM record WHERE seq = ? AND hash = ?", (seq, own)))
 
     def verify(self, each: Callable[[Record], object] = lambda _: None) -> None:
@@ -242,6 +277,19 @@ class RunReader:
             return list(self.guarded.rows(statement, values))
         except (apsw.Error, UnicodeDecodeError) as error:
             raise unreadable(self.path, error) from error
+
+
+def _is_point(row: Sequence[Any], width: int) -> bool:
+    """True of a row of the run list, whose setpoints are so many. Raises `ContentsError` for one that is none."""
+    index, replication, whole_plot = row[:3]
+    if not (
+        COUNT.holds(replication)
+        and (whole_plot is None or COUNT.holds(whole_plot))
+        and all(map(NUMBER.holds, row[3 : 3 + width]))
+        and all(map(WHOLE.holds, row[3 + width :]))
+    ):
+        raise ContentsError(f"point {shown(index)} of the run list cannot be {shown(tuple(row[1:]))}")
+    return True
 
 
 def _bytes(value: object) -> bytes:

@@ -8,9 +8,10 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import Any, NamedTuple
 
-from rig.errors import RunFileError
+from rig.run_file.bodies import ContentsError
 from rig.run_file.chain import Record
 from rig.run_file.indexes import IndexCounts, IndexSet
+from rig.run_file.opening import makes_no_sense
 from rig.run_file.reader import RunReader
 from rig.who import told
 
@@ -192,22 +193,19 @@ def read_state(reader: RunReader) -> RunState:
     """State of a run file; one whose contents make no sense is said to be damaged or edited, and where.
 
     Raises:
-        RunFileError: the file does not verify.
+        RunFileError: the file does not verify, or its records make no sense together.
 
     """
     try:
         return fold(reader.records())
-    except (ValueError, LookupError, TypeError, AssertionError, AttributeError, ArithmeticError) as error:
+    except ContentsError as error:
         reader.verify()
-        raise RunFileError(
-            f"{reader.path} verifies, but its records make no sense together ({type(error).__name__}: {error}): "
-            f"no version of rig wrote them; go on with a copy of it from before"
-        ) from error
+        raise makes_no_sense(reader.path, error) from error
 
 
 def is_simulated(reader: RunReader) -> bool:
     """Whether a run involves no real instrument, without reading all of it. Raises `RunFileError` as `read_state`."""
     try:
         return bool(reader.genesis().data["simulated"])
-    except (ValueError, LookupError, TypeError, AttributeError):
+    except ContentsError:
         return read_state(reader).simulated

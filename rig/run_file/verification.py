@@ -8,7 +8,7 @@ from pathlib import Path
 
 from procedures import RunList
 from rig.config import parse_procedure
-from rig.errors import RunFileError, UsageError
+from rig.errors import RigError, RunFileError, UsageError
 from rig.run_file import wal
 from rig.run_file.audit import Finding, findings
 from rig.run_file.beside import ForeignFileError
@@ -145,14 +145,14 @@ def _expanded(documents: Mapping[str, str]) -> RunList | None:
     """The run list that the stored procedure makes; None if this version of rig makes none of it."""
     try:
         return parse_procedure(documents["procedure.toml"], "procedure.toml", strict=False).expand()
-    except Exception:  # whatever is wrong with a stored procedure, its digest decides whether it was changed
+    except (RigError, KeyError):  # whatever is wrong with a stored procedure, its digest tells whether it was changed
         return None
 
 
 def _simulated(run: RunReader) -> bool | None:
     try:
         return bool(run.genesis().data["simulated"])
-    except (RunFileError, ValueError, LookupError, TypeError):
+    except RunFileError:
         return None
 
 

@@ -89,7 +89,7 @@ def inspect(database: Path) -> WalState:
         OSError: the log exists and cannot be read.
 
     """
-    log = database.with_name(database.name + "-wal")
+    log = Path(f"{database}-wal")
     try:
         with open_regular(log) as file:
             data = file.read()

@@ -12,16 +12,14 @@ from typing import Any
 import numpy as np
 
 from procedures import RunList
-from rig.config import parse_toml
 from rig.errors import RunFileError
+from rig.run_file.bodies import ContentsError
 from rig.run_file.chain import Record
+from rig.run_file.documents import Stored, declared_model, mounting_of
 from rig.run_file.reader import RunReader
 from rig.run_file.state import read_state
 from rig.tables.table import MOUNTING, Table
 from rig.who import told
-
-_NOT_OURS = (ValueError, LookupError, TypeError, AttributeError)
-"""What comes of a record whose contents are not what a controller writes."""
 
 
 def run_table(path: Path, *, everything: bool = False, salvage: bool = False) -> Table:
@@ -36,26 +34,15 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
         RunFileError: the file was damaged or edited (unless salvaged), or holds no observations.
 
     """
-    try:
-        return _run_table(path, everything, salvage)
-    except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
-        raise RunFileError(
-            f"{path}: its contents are not what a controller writes ({type(error).__name__}: {str(error)[:200]}); "
-            f"`rig verify {path}` says more, `rig export {path} --salvage --out DATA.csv` saves what can be read"
-        ) from error
-
-
-def _run_table(path: Path, everything: bool, salvage: bool) -> Table:
     with RunReader.open(path) as reader:
         if not salvage:
             reader.verify()
         genesis = reader.genesis()
         run_list = reader.run_list()
-        bench = parse_toml(reader.documents().get("bench.toml", ""), str(path))
-        factors: Mapping[str, str] = bench.get("factors", {})
-        procedure = parse_toml(reader.documents().get("procedure.toml", ""), str(path))
-        declared = {"formula": procedure.get("expect", {}).get("model"), **procedure.get("model", {})}
-        turned = {f"mounting_{axis}": float(turn) for axis, turn in procedure.get("mounting", {}).items()}
+        documents = reader.documents()
+        bench = Stored.of(documents, "bench.toml")
+        factors = bench.table("factors").texts()
+        turned = {f"mounting_{axis}": turn for axis, turn in mounting_of(documents).items()}
         rows: list[dict[str, float]] = []
         left_out = rejected = 0
         doubted = _doubted(reader.salvage() if salvage else reader.records("event"))
@@ -68,7 +55,7 @@ def _run_table(path: Path, everything: bool, salvage: bool) -> Table:
                 if record.kind != "observation" or not (accepted or everything):
                     continue
                 row = _row(record, run_list, len(rows) + 1, factors)
-            except _NOT_OURS:
+            except ContentsError:
                 if not salvage:
                     raise
                 continue
@@ -111,12 +98,13 @@ def _run_table(path: Path, everything: bool, salvage: bool) -> Table:
         **({"observations_rejected": rejected} if rejected else {}),
     }
     if "sensor_temperature_degC" not in columns:  # a bench may call the package's temperature by another name
-        for name, entry in bench.get("temperatures", {}).items():
-            if entry.get("place", "package") == "package" and name in columns:
+        for name, entry in bench.table("temperatures").tables():
+            if entry.text("place", "package") == "package" and name in columns:
                 columns = {"sensor_temperature_degC": columns[name], **columns}
                 break
-    sensors = bench.get("sensors", {})
-    axes_of = {f"{name}_{s.get('unit', 'V')}": s["axis"] for name, s in sensors.items() if "axis" in s}
+    sensors = bench.table("sensors").tables()
+    axes_of = {f"{name}_{s.text('unit', 'V')}": s.text("axis") for name, s in sensors if "axis" in s}
+    declared = declared_model(documents)
     return Table(str(path), columns, bool(genesis.data["simulated"]), provenance, axes_of, declared)
 
 
@@ -143,7 +131,7 @@ def _doubted(records: Iterable[Record]) -> dict[int | None, float]:
     found: dict[int | None, float] = {}
     for record in records:
         if record.kind == "event" and record.status == "whole-plot-lost":
-            with contextlib.suppress(*_NOT_OURS):
+            with contextlib.suppress(ContentsError):
                 since = record.data["doubted_s"]
                 if type(since) in (int, float) and 0 <= since <= record.elapsed_s:  # one that is damaged says nothing
                     found[record.whole_plot] = since

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from procedures import Factor
-from rig.config import parse_toml
-from rig.errors import RigError, RunFileError
+from rig.errors import RigError
 from rig.previous import Previous
+from rig.run_file.documents import declared_model, mounting_of
 from rig.run_file.live import controller_alive, live_path, read_json
 from rig.run_file.state import RunState
 from rig.watch.happenings import Happenings
@@ -27,7 +27,6 @@ _CHARTS_S = 4.0
 """Charts are made again no more often."""
 _TICK_S = 2.0
 """A file's time of change is coarse on some file systems: two writes within it may show as one."""
-_BAD = (ValueError, LookupError, TypeError, AssertionError, AttributeError)
 
 
 @dataclass
@@ -137,12 +136,7 @@ class RunFeed:
                     self._begin(reader)
                 batch = reader.since(self.seq)
                 for seq, record in batch:
-                    try:
-                        self._take(seq, record)
-                    except _BAD as error:
-                        raise RunFileError(
-                            f"record {seq} of {self.path.name} makes no sense: `rig verify {self.path}` says more"
-                        ) from error
+                    self._take(seq, record)
                 if len(batch) == BATCH:
                     continue
                 if self._last is None or self._last.seq != self._last_seq:
@@ -154,25 +148,18 @@ class RunFeed:
     def _begin(self, reader: WatchReader) -> None:
         genesis, documents = reader.genesis(), reader.documents()
         self._factors, self._whole_plots = reader.factors(), reader.planned_whole_plots()
-        try:
-            procedure = parse_toml(documents.get("procedure.toml", ""), self.path.name)
-            self._declared = dict(procedure.get("model", {}))
-            self._mounting = dict(procedure.get("mounting", {}))
-            data = genesis.data
-            self._about = {
-                "run_id": str(data["run_id"]),
-                "file": self.path.name,
-                "procedure": str(data["procedure"]),
-                "bench": str(data["bench"]),
-                "simulated": bool(data["simulated"]),
-                "began_utc_s": genesis.utc_s,
-                "against": self._reference.name if self._reference else None,
-                "software": str(data.get("software", {}).get("calibration-rig", "")),
-            }
-        except _BAD as error:
-            raise RunFileError(
-                f"{self.path.name} does not say what it is: `rig verify {self.path}` says more"
-            ) from error
+        self._declared, self._mounting = declared_model(documents), mounting_of(documents)
+        data = genesis.data
+        self._about = {
+            "run_id": data["run_id"],
+            "file": self.path.name,
+            "procedure": data["procedure"],
+            "bench": data["bench"],
+            "simulated": data["simulated"],
+            "began_utc_s": genesis.utc_s,
+            "against": self._reference.name if self._reference else None,
+            "software": data.get("software", {}).get("calibration-rig", ""),
+        }
 
     def _take(self, seq: int, record: Any) -> None:
         self._state.add(record)
@@ -250,11 +237,7 @@ class RunFeed:
         }
 
     def _residuals(self, shown: list[Seen]) -> dict[str, Any]:
-        try:
-            return residuals(shown, self._reference, self._declared, self._mounting)
-        except _BAD as error:
-            why = f"residuals cannot be computed: {error}"
-            return {"against": "", "why_none": why, "elapsed_s": [], "sensors": []}
+        return residuals(shown, self._reference, self._declared, self._mounting)
 
 
 def _temperatures(shown: list[Seen]) -> dict[str, Any]:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from procedures import Factor
+from rig.run_file.bodies import ContentsError
 from rig.run_file.chain import Record
 from rig.run_file.reader import RunReader
 
@@ -66,16 +66,7 @@ class WatchReader(RunReader):
             "CASE kind WHEN 'observation' THEN '{}' ELSE body END FROM record WHERE seq > ? ORDER BY seq LIMIT ?",
             (seq, BATCH),
         )
-        return [(row[0], Record(*row[1:])) for row in rows]
-
-    def factors(self) -> tuple[Factor, ...]:
-        """What the run list varies."""
-        return tuple(
-            Factor(name, axis, overtravel, bool(hard), bool(stays))
-            for name, axis, overtravel, hard, stays in self._all(
-                "SELECT name, axis, overtravel, hard, stays FROM factor ORDER BY position"
-            )
-        )
+        return [(row[0], self.sensible(row)) for row in rows]
 
     def observations(self, seqs: Iterable[int], factors: Sequence[Factor]) -> list[Seen]:
         """Observations by their records' numbers; one whose contents make no sense is left out."""
@@ -85,11 +76,14 @@ class WatchReader(RunReader):
             marks = ", ".join("?" * len(some))
             names = "".join(f', point."{f.name}"' for f in factors)
             rows = self._all(
-                f"SELECT seq, elapsed_s, utc_s, record.run_index, record.whole_plot, body{names} FROM record "
+                "SELECT seq, session, kind, elapsed_s, utc_s, record.run_index, record.whole_plot, attempt, status, "
+                f"body{names} FROM record "
                 f"JOIN point ON point.run_index = record.run_index WHERE seq IN ({marks}) ORDER BY seq",
                 some,
             )
-            found += [seen for row in rows if (seen := _seen(row, factors)) is not None]
+            for row in rows:
+                seen = _seen(row[10:], self.sensible(row), factors)
+                found += [] if seen is None else [seen]
         return found
 
     def accepted(self) -> int:
@@ -111,23 +105,23 @@ class WatchReader(RunReader):
         return int(self._all("SELECT count(DISTINCT whole_plot) FROM point")[0][0])
 
 
-def _seen(row: Sequence[Any], factors: Sequence[Factor]) -> Seen | None:
+def _seen(row: Sequence[Any], record: Record, factors: Sequence[Factor]) -> Seen | None:
     try:
-        body = json.loads(row[5])
+        body = record.data
         return Seen(
-            seq=row[0],
-            elapsed_s=row[1],
-            utc_s=row[2],
-            index=row[3],
-            whole_plot=row[4],
-            setpoints={f.name: float(v) for f, v in zip(factors, row[6:], strict=True)},
+            seq=record.seq,
+            elapsed_s=record.elapsed_s,
+            utc_s=record.utc_s,
+            index=record.run_index or 0,
+            whole_plot=record.whole_plot,
+            setpoints={f.name: float(v) for f, v in zip(factors, row, strict=True)},
             outputs=_channels(body["outputs"]),
             temperatures=_channels(body.get("temperatures", {})),
             references=_channels(body.get("references", {})),
             environment={n: float(c["temperature_degC"]) for n, c in body.get("environment", {}).items()},
-            flags=[str(flag) for flag in body.get("flags", [])],
+            flags=body.get("flags", []),
         )
-    except (ValueError, LookupError, TypeError, AttributeError):
+    except ContentsError:
         return None  # not what a controller writes; `rig verify` says more
 
 

@@ -129,16 +129,16 @@ def _entry(name: str, path: Path) -> Entry:
         state = str(live.get("state", "running")) if running else ended or "not running"
         return Entry(
             name,
-            str(data["procedure"]),
-            str(data["bench"]),
+            data["procedure"],
+            data["bench"],
             state,
             running,
             done,
-            int(data["points"]),
+            data["points"],
             began,
-            bool(data["simulated"]),
+            data["simulated"],
         )
     except RigError as error:
         return Entry(name, problem=str(error))
-    except (OSError, ValueError, LookupError, TypeError, AttributeError):
-        return Entry(name, problem=f"its contents make no sense; `rig verify {path}` says more")
+    except OSError as error:
+        return Entry(name, problem=f"it cannot be read: {error.strerror}")

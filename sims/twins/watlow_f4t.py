@@ -17,7 +17,7 @@ from typing import Any, Literal
 
 from sims.inputs import Inputs
 from sims.noise import event_at, normal
-from sims.physics import Plant
+from sims.physics import Plant, WorldError
 from sims.twins.watlow_registers import Access, Bank, Register, Scale, Value
 from sims.wires.modbus_line import ModbusEndpoint
 from sims.wires.modbus_slave import ILLEGAL_VALUE, Refused
@@ -29,6 +29,21 @@ _ALARMS, _MODULES, _EVENTS, _KEYS = 14, 6, 8, 4
 
 Port = Literal["tcp", "rtu"]
 _PORTS: tuple[Port, ...] = ("tcp", "rtu")
+
+
+class _Described(dict[str, Any]):
+    """A table of the register map, in which what is asked for has to be."""
+
+    where = ""
+
+    @classmethod
+    def of(cls, table: Mapping[str, Any], where: str) -> _Described:
+        found = cls({k: cls.of(v, f"{where}: {k}") if isinstance(v, dict) else v for k, v in table.items()})
+        found.where = where
+        return found
+
+    def __missing__(self, key: str) -> Any:
+        raise WorldError(f"{self.where} has no {key}, without which the controller cannot be simulated")
 
 
 @dataclass
@@ -67,7 +82,7 @@ class WatlowF4TTwin:
         self._world = world
         self._enclosure = plant.chamber(name)
         self._seed = plant.truth.seed
-        contract = tomllib.loads(str(options["register_map"]))
+        contract = _Described.of(tomllib.loads(str(options["register_map"])), f"{name}: its register map")
         self._codes: Mapping[str, Mapping[str, int]] = contract["codes"]
         fahrenheit, off = self._codes["units"]["F"], self._codes["ramp_action"]["off"]
         self._settings: dict[str, Value] = {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import http.client
 import importlib
 import importlib.util
 import logging
@@ -47,6 +48,155 @@ def senders(settings: NotifySettings, where: str) -> tuple[dict[str, Send], list
         except ConfigurationError as error:
             wrong.append(f"{where}: channel {channel.label}: {error}")
     return found, wrong
+
+
+# --- mail -------------------------------------------------------------------------------------------------------------
+
+_PORTS = {"starttls": 587, "ssl": 465, "none": 25}
+
+
+def _mail(channel: Mail) -> Send:
+    password = secret(channel.password_env, channel.password_file)
+    port = channel.port or _PORTS[channel.security]
+
+    def connect() -> smtplib.SMTP:
+        if channel.security == "ssl":
+            context = ssl.create_default_context()
+            return smtplib.SMTP_SSL(channel.host, port, timeout=channel.timeout_s, context=context)
+        return smtplib.SMTP(channel.host, port, timeout=channel.timeout_s)
+
+    def send(message: Message) -> None:
+        try:
+            with connect() as server:
+                if channel.security == "starttls":
+                    server.starttls(context=ssl.create_default_context())
+                if channel.user:
+                    server.login(channel.user, password)
+                refused = server.send_message(as_mail(message, channel), channel.sender, list(channel.to))
+        except smtplib.SMTPResponseException as error:
+            answer = error.smtp_error
+            words = answer.decode("utf-8", "replace") if isinstance(answer, bytes) else str(answer)
+            raise NotSent(f"{channel.host} answers {error.smtp_code} {words}", permanent=_5xx(error)) from error
+        except smtplib.SMTPRecipientsRefused as error:
+            raise NotSent(f"{channel.host} takes no mail for these addresses", permanent=True) from error
+        except (OSError, smtplib.SMTPException) as error:
+            raise NotSent(f"{channel.host} port {port}: {error or type(error).__name__}") from error
+        if refused:
+            raise NotSent(f"{channel.host} takes no mail for {len(refused)} of the addresses", permanent=True)
+
+    return send
+
+
+def _5xx(error: smtplib.SMTPResponseException) -> bool:
+    return 500 <= error.smtp_code < 600
+
+
+def as_mail(message: Message, channel: Mail) -> MIMEText:
+    """The message as e-mail, with headers that keep automatic replies away.
+
+    Of `email`'s two families this is the one that takes headers as they are given: the other decodes what looks like
+    an encoded word, and a bench's name could become a header, or a body, of its own.
+    """
+    text = message.text.encode("utf-8", "replace").decode("utf-8")
+    readable = text.isascii() and max(map(len, text.splitlines())) < _LINE
+    mail = MIMEText(text, "plain", "us-ascii" if readable else "utf-8")
+    mail["Subject"] = _plain_header(message.headline)
+    mail["From"] = channel.sender
+    mail["To"] = ", ".join(channel.to)
+    mail["Date"] = formatdate()
+    mail["Message-ID"] = make_msgid(domain=channel.sender.rpartition("@")[2])
+    mail["Auto-Submitted"] = "auto-generated"
+    if message.urgent:
+        mail["X-Priority"] = "1"
+    return mail
+
+
+_LINE = 990
+"""Characters in a line of a mail that is sent as it is."""
+_WORD = 42
+"""Bytes of text in an encoded word, which may be 75 characters long."""
+
+
+def _plain_header(text: str) -> str:
+    """A header's text in ASCII: as it is where it is that and no encoded word, else in encoded words (RFC 2047)."""
+    text = " ".join("".join(c if c.isprintable() else " " for c in text).split())
+    if text.isascii() and "=?" not in text:
+        return text
+    words, word = [], b""
+    for character in text:
+        data = character.encode("utf-8", "replace")
+        if len(word) + len(data) > _WORD:
+            words.append(word)
+            word = b""
+        word += data
+    return " ".join(f"=?utf-8?b?{base64.b64encode(part).decode()}?=" for part in (*words, word))
+
+
+# --- webhook ----------------------------------------------------------------------------------------------------------
+
+
+class _NoRedirect(urllib.request.HTTPRedirectHandler):
+    """urllib follows a redirected POST with a GET, which would look like success and tell nobody."""
+
+    def redirect_request(self, *_: Any, **__: Any) -> None:
+        return None
+
+
+def _webhook(channel: Webhook) -> Send:
+    url = web_address(channel.url or secret(channel.url_env, channel.url_file))
+    token = secret(channel.token_env, channel.token_file)
+    opener = urllib.request.build_opener(_NoRedirect)
+    where = urlsplit(url).hostname  # never the whole address: what follows the host is often the secret
+
+    def send(message: Message) -> None:
+        target, content = payload(message, channel, url)
+        headers = {"Content-Type": "application/json", "User-Agent": "calibration-rig"}
+        if token:
+            headers["Authorization"] = f"Bearer {token}"
+        data = json.dumps(content).encode()
+        request = urllib.request.Request(target, data=data, headers=headers, method="POST")
+        try:
+            with opener.open(request, timeout=channel.timeout_s) as answer:
+                answer.read(1000)
+        except urllib.error.HTTPError as error:
+            with error:
+                again = error.code in (408, 425, 429) or error.code >= 500
+                raise NotSent(f"{where} answers HTTP {error.code} {error.reason}", permanent=not again) from None
+        except urllib.error.URLError as error:
+            raise NotSent(f"{where}: {error.reason}") from None
+        except http.client.HTTPException as error:
+            raise NotSent(f"{where} does not answer as a web server: {str(error) or type(error).__name__}") from None
+        except (OSError, ValueError) as error:
+            raise NotSent(f"{where}: {error or type(error).__name__}") from None
+
+    return send
+
+
+def payload(message: Message, channel: Webhook, url: str) -> tuple[str, object]:
+    """Where to post, and what: the shape that the receiver expects."""
+    if channel.body is not None:
+        return url, filled(channel.body, message.placeholders())
+    match channel.shape:
+        case "ntfy":
+            root, _, topic = url.rstrip("/").rpartition("/")
+            content = {"topic": topic, "title": message.headline, "message": message.text}
+            return root + "/", {**content, "priority": 5 if message.urgent else 3, "tags": [message.kind.value]}
+        case "slack":
+            return url, {"text": f"*{_slack(message.headline)}*\n```{_slack(message.text)}```"}
+        case "teams":
+            head = {"type": "TextBlock", "text": message.headline, "weight": "Bolder", "wrap": True}
+            body = {"type": "TextBlock", "text": message.text, "wrap": True, "fontType": "Monospace"}
+            card = {"type": "AdaptiveCard", "version": "1.4", "body": [head, body]}
+            kind = "application/vnd.microsoft.card.adaptive"
+            return url, {"type": "message", "attachments": [{"contentType": kind, "content": card}]}
+        case "json":
+            return url, {**message.placeholders(), "urgent": message.urgent, "also": message.also}
+
+
+def _slack(text: str) -> str:
+    for character, entity in (("&", "&amp;"), ("<", "&lt;"), (">", "&gt;"), ("```", "'''")):
+        text = text.replace(character, entity)
+    return text
 
 
 # --- command ----------------------------------------------------------------------------------------------------------
