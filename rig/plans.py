@@ -67,6 +67,9 @@ def load_plan(procedure: Path, bench: Path, *, dry: bool = False, world: Path | 
 
 
 def _plan(documents: Mapping[str, str], dry: bool, where: Mapping[str, str], *, strict: bool = True) -> Plan:
+    for name in ("bench.toml", "procedure.toml"):
+        if name not in documents:
+            raise ConfigurationError(f"{next(iter(where.values()), 'it')}: there is no {name}, which every run has")
     named = parse_bench(documents["bench.toml"], where["bench.toml"], strict=strict)
     config = with_files(named, documents, where["bench.toml"])
     checked = check_options(config, where["bench.toml"], strict=strict)

@@ -53,10 +53,11 @@ class Page:
         shelf = Shelf(folder, None, lambda: float(next(seconds)), lambda: 2e9)
         self.errors = _Errors()
         config = configuration(make_app(shelf, access, anyio.sleep))
-        logger = logging.getLogger("uvicorn.error")
-        logger.setLevel(logging.ERROR)
-        logger.addHandler(self.errors)
-        logger.propagate = False
+        for name in ("uvicorn.error", "asyncio"):
+            logger = logging.getLogger(name)
+            logger.setLevel(logging.ERROR)
+            logger.addHandler(self.errors)
+            logger.propagate = False
         self.server = uvicorn.Server(config)
         self.thread = threading.Thread(target=self.server.run, kwargs={"sockets": [self._listening]}, daemon=True)
         self.thread.start()

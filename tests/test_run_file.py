@@ -36,7 +36,7 @@ def genesis() -> Genesis:
 
 
 def observation(index: int, status: str = "accepted") -> Record:
-    body = encode({"outputs": {"x_V": {"mean": 0.1 * index}}})
+    body = encode({"outputs": {"x_V": {"mean": 0.1 * index, "sd": 0.0, "readings": [0.1 * index]}}})
     return Record(1, "observation", 10.0 * index, 1e9 + index, index, None, 1, status, body)
 
 

@@ -173,6 +173,10 @@ def _changes(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[str]:
     return found
 
 
+_TEXTS = ("run_id", "file", "bench", "procedure", "began_utc", "last_observation_utc", "head")
+"""What the data of a calibration tell in words, where they tell it."""
+
+
 def _from_calibration_file(path: Path, told: datetime | None) -> Given:
     """What `rig fit --out` wrote."""
     file = read_calibration(path)
@@ -180,6 +184,9 @@ def _from_calibration_file(path: Path, told: datetime | None) -> Given:
         return _from_curve(path, told, file.calibration, simulated=file.simulated)
     content = json.loads(read_regular_text(path))
     data = content["data"]
+    for name in _TEXTS:
+        if not isinstance(data.get(name, ""), str):
+            raise UsageError(f"{path} is not a calibration file of `rig fit --out`: its {name} is no text")
     if data["kind"] != "pitch-roll":
         raise UsageError(
             f"{path} does not keep all that charting whole plots needs; give the run file or table instead"

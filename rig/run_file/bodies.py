@@ -87,7 +87,8 @@ WORDS = Kind("a list of texts", _of_all(_is_text))
 TABLE = Kind("a table", lambda value: isinstance(value, dict))
 CHANNELS = Kind("mean, sd and readings by channel", _by_name(_channel))
 CHAMBERS = Kind("a temperature by chamber", _by_name(_chamber))
-SPAN = Kind("two moments in order", lambda value: _arrival(value) and value[0] <= value[1] < LATEST_S)
+SPAN = Kind("two numbers of seconds", _arrival)
+MAYBE_TEXT = Kind("a text or nothing", lambda value: value is None or _is_text(value))
 ARRIVALS = Kind("side and start by axis", _by_name(_arrival))
 
 _ANY = "*"
@@ -113,7 +114,7 @@ _USUAL: Mapping[tuple[str, str], Mapping[str, Kind]] = {
         **{"wal_frames_dropped": COUNT, "wal_commits_lost": COUNT, "wal_damage": TEXT, "software": TEXTS},
     },
     ("identity", _ANY): {
-        **dict.fromkeys(("maker", "model", "serial", "firmware", "asset", "due"), TEXT),
+        **dict.fromkeys(("maker", "model", "serial", "firmware", "asset", "due"), MAYBE_TEXT),
         "confirmed": TRUTH,
     },
     ("skip", _ANY): {"reason": TEXT},
@@ -122,12 +123,18 @@ _USUAL: Mapping[tuple[str, str], Mapping[str, Kind]] = {
         **dict.fromkeys(("fault", "where", "error", "state"), TEXT),
         **{"failure": COUNT, "number": COUNT, "pause_s": MOMENT, "evidence": TABLE},
     },
-    ("event", _ANY): {
-        **dict.fromkeys(("message", "where", "place", "why", "signal", "instrument", "channel", "about"), TEXT),
-        **{"cause": TEXT, "output": TEXT, "failures": COUNTS, "seconds": MOMENT, "within_s": MOMENT, "unsafe": WORDS},
-        **{"silent": WORDS, "restarted": WORDS, "setpoints_degC": NUMBERS, "kept": COUNT, "planned": COUNT},
-        **{"doubted_s": MOMENT, "axes": TABLE, "chambers": TABLE, "found": TABLE, "settling": TABLE, "reason": TEXT},
-    },
+    ("event", "as-found"): {"restarted": WORDS, "axes": TABLE, "chambers": TABLE},
+    ("event", "read-back"): {"restarted": WORDS, "axes": TABLE, "chambers": TABLE},
+    ("event", "hole"): {"where": TEXT},
+    ("event", "interrupted"): {"signal": TEXT},
+    ("event", "not-notified"): {"channel": TEXT, "about": TEXT, "why": TEXT},
+    ("event", "recovered"): {"place": TEXT, "failures": COUNTS},
+    ("event", "remark"): {"instrument": TEXT, "message": TEXT},
+    ("event", "renewing"): {"setpoints_degC": NUMBERS},
+    ("event", "safe"): {"seconds": MOMENT, "within_s": MOMENT, "unsafe": WORDS, "silent": WORDS, "found": TABLE},
+    ("event", "warning"): {"cause": TEXT, "output": TEXT, "message": TEXT},
+    ("event", "whole-plot"): {"setpoints_degC": NUMBERS, "settling": TABLE},
+    ("event", "whole-plot-lost"): {"planned": COUNT, "kept": COUNT, "doubted_s": MOMENT},
     ("observation", _ANY): {
         **{"outputs": CHANNELS, "temperatures": CHANNELS, "references": CHANNELS, "environment": CHAMBERS},
         **{"readback": NUMBERS, "measured_s": SPAN, "flags": WORDS, "approach": ARRIVALS, "settling": TABLE},

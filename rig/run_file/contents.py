@@ -42,6 +42,15 @@ def _plain_observation(record: Record, points: int) -> bool:
     )
 
 
+def wrong_column(record: Record) -> tuple[str, str] | None:
+    """Which of a record's own columns cannot be one: (column, sentence); None if all can."""
+    for column, holds in _COLUMNS.items():
+        value = getattr(record, column)
+        if not holds(value):
+            return column, f"its {column} cannot be {shown(value)}"
+    return None
+
+
 def senseless(record: Record, points: int) -> tuple[str, str] | None:
     """What makes no sense in a record of a run of so many points: (column, sentence); None if all does.
 
@@ -49,10 +58,8 @@ def senseless(record: Record, points: int) -> tuple[str, str] | None:
     """
     if _plain_observation(record, points):  # nearly all of them are
         return None
-    for column, holds in _COLUMNS.items():
-        value = getattr(record, column)
-        if not holds(value):
-            return column, f"its {column} cannot be {shown(value)}"
+    if (wrong := wrong_column(record)) is not None:
+        return wrong
     if record.run_index is not None and record.run_index >= points:
         return "run_index", f"there is no point {record.run_index}"
     if record.kind in ("observation", "skip") and record.run_index is None:

@@ -18,7 +18,7 @@ from procedures import Factor, Point, RunList, rows_sha256
 from rig.errors import RunFileError, UsageError
 from rig.run_file.audit import findings
 from rig.run_file.bodies import COUNT, NUMBER, TEXT, WHOLE, ContentsError, shown
-from rig.run_file.contents import senseless
+from rig.run_file.contents import senseless, wrong_column
 from rig.run_file.beside import Alone, ForeignFileError, check_journal, check_log, foreign_log, has_log
 from rig.run_file.chain import GENESIS, Record, StoredRow
 from rig.run_file.opening import (
@@ -157,6 +157,8 @@ class RunReader:
     def genesis(self) -> Record:
         """The first record: what the run is."""
         for _, record, _, _ in self.chained("seq = 1"):
+            if (wrong := wrong_column(record)) is not None:
+                raise ContentsError(f"{record.named()}: {wrong[1]}")
             if record.kind != "run":
                 raise ContentsError(f"record 1 is of kind {shown(record.kind)}, not what a run begins with")
             return record

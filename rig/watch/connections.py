@@ -42,6 +42,17 @@ class BoundedProtocol(H11Protocol):
         if self.cycle is not None:
             self._asked()
 
+    def send_400_response(self, msg: str) -> None:
+        """See `H11Protocol`: said to what is no request, unless an answer to another has begun on this connection."""
+        under_way = self.cycle
+        if under_way is not None and not under_way.response_complete:
+            under_way.disconnected = True  # the application has nobody left to answer
+            under_way.message_event.set()
+            if under_way.response_started:
+                self.transport.close()
+                return
+        super().send_400_response(msg)
+
     def connection_lost(self, exc: Exception | None) -> None:
         """See `asyncio.Protocol`."""
         self._asked()

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from procedures import Factor
-from rig.run_file.bodies import ContentsError
+from rig.run_file.bodies import NUMBER, ContentsError
 from rig.run_file.chain import Record
 from rig.run_file.reader import RunReader
 
@@ -106,6 +106,8 @@ class WatchReader(RunReader):
 
 
 def _seen(row: Sequence[Any], record: Record, factors: Sequence[Factor]) -> Seen | None:
+    if not all(map(NUMBER.holds, row)):
+        return None
     try:
         body = record.data
         return Seen(

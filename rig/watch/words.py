@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from procedures import Factor
+from rig.run_file.bodies import NUMBER
 from rig.run_file.state import RunState
 
 _DOING = {
@@ -71,8 +71,7 @@ def expected_end(live: Mapping[str, Any]) -> float | None:
 
 def number(value: object) -> float | None:
     """A finite number, or None."""
-    good = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
-    return float(value) if good else None  # type: ignore[arg-type]
+    return float(value) if NUMBER.holds(value) else None  # type: ignore[arg-type]
 
 
 def settling_now(live: Mapping[str, Any], factors: Sequence[Factor]) -> list[dict[str, Any]]:
