@@ -5,7 +5,6 @@ The quick tests run a share of it, `python -m benchmarks.fuzz` as much as is ask
 
 from __future__ import annotations
 
-import random
 import resource
 import signal
 import traceback
@@ -17,7 +16,7 @@ import doors_of_runs
 import doors_of_texts
 import doors_of_wires
 import typer
-from hostile import Material
+from hostile import Material, Seeded
 
 from rig.errors import RigError
 
@@ -53,7 +52,7 @@ class Found:
 
 
 Acts = Iterator[Callable[[], object]]
-DOORS: Mapping[str, Callable[[random.Random, Material], Acts]] = {
+DOORS: Mapping[str, Callable[[Seeded, Material], Acts]] = {
     "toml": doors_of_texts.toml,
     "csv": doors_of_texts.csv,
     "formula": doors_of_texts.formula,
@@ -93,7 +92,7 @@ def _attack(door: str, seed: int, material: Material, found: Found) -> None:
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     handler = signal.signal(signal.SIGALRM, too_long)
     try:
-        for act in DOORS[door](random.Random(f"{door} {seed}"), material):
+        for act in DOORS[door](Seeded(door, seed), material):
             signal.setitimer(signal.ITIMER_REAL, HANG_S)
             try:
                 act()

@@ -9,12 +9,13 @@ import json
 import os
 import random
 import sqlite3
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
-from hostile import VALUES, Material, check_json, command, damaged, edited, mutated
+from hostile import VALUES, Material, Seeded, check_json, command, damaged, edited, mutated
 
 from procedures import Factor, rows_sha256
 from rig.report.story import story
@@ -36,6 +37,22 @@ _MORE: tuple[tuple[str, str | None, dict[str, Any]], ...] = (
     ("fault", "abort", {"message": "it smokes"}),
 )
 """Records that no run of ours has: put in, so that they are changed too."""
+
+
+_MOST = 40
+"""Records of an image that are taken as they are; of a longer one, a few of each kind."""
+
+
+def _few(records: list[Row]) -> list[Row]:
+    """At most three of each kind of record, of observations six."""
+    kept: Counter[tuple[str, str]] = Counter()
+    found = []
+    for row in records:
+        kind = (str(row[2]), "" if row[2] == "identity" else str(row[8]))
+        kept[kind] += 1
+        if kept[kind] <= (6 if row[2] == "observation" else 3):
+            found.append(row)
+    return found
 
 
 @dataclass
@@ -69,6 +86,8 @@ class Image:
         for word in ("STRICT", "NOT NULL"):
             db.execute("UPDATE sqlite_master SET sql = replace(sql, ?, '') WHERE type = 'table'", (word,))
         db.commit()
+        if len(rows["record"]) > _MOST:
+            rows["record"] = _few(rows["record"])
         ending = [row for row in rows["record"] if row[2] == "end"][:1]
         records = rows["record"][: len(rows["record"]) - len(ending)]
         at = max(row[3] for row in records)
@@ -111,19 +130,29 @@ class Image:
         db.deserialize(self.loose)
         for table in self.columns:
             rows = getattr(self, f"{table}s")
-            for row in rows:
-                with contextlib.suppress(sqlite3.Error, UnicodeEncodeError, OverflowError):
-                    db.execute(f"INSERT INTO {table} VALUES ({','.join('?' * len(row))})", row)
+            db.execute("SAVEPOINT filled")
+            try:
+                db.executemany(f"INSERT INTO {table} VALUES ({','.join('?' * len(rows[0]))})", rows)
+            except (sqlite3.Error, UnicodeEncodeError, OverflowError, IndexError):
+                db.execute("ROLLBACK TO filled")
+                for row in rows:
+                    with contextlib.suppress(sqlite3.Error, UnicodeEncodeError, OverflowError):
+                        db.execute(f"INSERT INTO {table} VALUES ({','.join('?' * len(row))})", row)
+            db.execute("RELEASE filled")
         db.execute("PRAGMA writable_schema = ON")
         for name, sql in self.schema:
             db.execute("UPDATE sqlite_master SET sql = ? WHERE name = ?", (sql, name))
         db.executemany("INSERT INTO sqlite_master VALUES ('trigger', ?, ?, 0, ?)", self.triggers)
         if rng.random() < 0.03:
             of, to = rng.sample(self.columns, 2)
-            pages = "UPDATE sqlite_master SET rootpage = (SELECT rootpage FROM sqlite_master WHERE name = ?) WHERE name = ?"
+            pages = (
+                "UPDATE sqlite_master SET rootpage = (SELECT rootpage FROM sqlite_master WHERE name = ?) WHERE name = ?"
+            )
             db.execute(pages, (of, to))
         if rng.random() < 0.02:
-            db.execute("DELETE FROM sqlite_master WHERE name = (SELECT name FROM sqlite_master ORDER BY random() LIMIT 1)")
+            db.execute(
+                "DELETE FROM sqlite_master WHERE name = (SELECT name FROM sqlite_master ORDER BY random() LIMIT 1)"
+            )
         db.commit()
         content = bytearray(db.serialize())
         db.close()
@@ -181,13 +210,29 @@ def _attacked(image: Image, rng: random.Random) -> None:
                 other = rng.randrange(len(records))
                 records[at], records[other] = records[other], records[at]
             case _:
-                records[at][9] = rng.choice(("[" * 5000, "{" * 3, "null", "[]", '"x"', "1", "", '{"a": 1e400}', "NaN", "{}"))
+                records[at][9] = rng.choice(
+                    ("[" * 5000, "{" * 3, "null", "[]", '"x"', "1", "", '{"a": 1e400}', "NaN", "{}")
+                )
     elif image.documents:
         rng.choice((image.documents, image.points, image.factors)).pop()
 
 
-def run(rng: random.Random, material: Material) -> Acts:
+_COMMANDS = 3
+"""So many of the doors that read run files, one input each, are given every changed file."""
+
+
+def run(rng: Seeded, material: Material) -> Acts:
     """A run file that was changed and hashed anew."""
+    number, path = rng.number // _COMMANDS, material.path("attacked.sqlite")
+    if material.made.get("attacked", (None, b""))[0] != number:
+        _forge(random.Random(f"run file {number}"), material, path)
+        material.made["attacked"] = (number, path.read_bytes())
+    else:
+        path.write_bytes(material.made["attacked"][1])
+    return _reading(path, material, rng)
+
+
+def _forge(rng: random.Random, material: Material, path: Path) -> None:
     image = rng.choice(_images(material)).copy()
     for _ in range(rng.choice((1, 1, 1, 2, 3))):
         _attacked(image, rng)
@@ -197,9 +242,7 @@ def run(rng: random.Random, material: Material) -> Acts:
         if rng.random() < 0.5:
             del image.records[rng.randrange(3, len(image.records)) :]
     image.rechain()
-    path = material.path("attacked.sqlite")
     image.write(path, rng, under_way=under_way)
-    return _reading(path, material, rng)
 
 
 def _page(path: Path) -> None:
@@ -222,7 +265,11 @@ def _reading(path: Path, material: Material, rng: random.Random) -> Acts:
         report = material.folder / "answer.html"
         traces: tuple[tuple[object, ...], ...] = (
             *(("trace", path, "--json"), ("trace", path, "--report", report), ("fit", path, "--report", report)),
-            *(("confirm", path, "--list", "--json"), ("confirm", material.run, "--by", path), ("plan", path, "-b", path)),
+            *(
+                ("confirm", path, "--list", "--json"),
+                ("confirm", material.run, "--by", path),
+                ("plan", path, "-b", path),
+            ),
         )
         asked = rng.choice(traces)
         yield lambda: command(*asked)
@@ -230,7 +277,11 @@ def _reading(path: Path, material: Material, rng: random.Random) -> Acts:
     if chance < 0.012:
         fits: tuple[tuple[object, ...], ...] = (
             *(("fit", path, "--json"), ("fit", path, "--out", material.folder / "answer.json"), ("fit", path)),
-            *(("chart", path, material.run, "--json"), ("chart", path, f"{path}@2026-02-01"), ("doctor", "--run", path)),
+            *(
+                ("chart", path, material.run, "--json"),
+                ("chart", path, f"{path}@2026-02-01"),
+                ("doctor", "--run", path),
+            ),
         )
         fitted = rng.choice(fits)
         yield lambda: command(*fitted)
@@ -283,7 +334,15 @@ def beside(rng: random.Random, material: Material) -> Acts:
 
 
 _LIVE = {
-    **{"run_id": "x", "simulated": True, "session": 1, "pid": 1, "acknowledged": "", "state": "settling", "message": ""},
+    **{
+        "run_id": "x",
+        "simulated": True,
+        "session": 1,
+        "pid": 1,
+        "acknowledged": "",
+        "state": "settling",
+        "message": "",
+    },
     **{"detail": "x", "done": 3, "points": 24, "elapsed_s": 5.0, "remaining_s": 9.0, "utc_s": 1.7e9, "point": 3},
     **{"whole_plot": None, "whole_plots": 0},
     "settling": {"pitch_deg": {"target": 1.0, "band": 0.1, "outcome": "waiting", "samples": [[1.0, 2.0], [2.0, 3.0]]}},

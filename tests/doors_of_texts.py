@@ -71,7 +71,24 @@ def toml(rng: random.Random, material: Material) -> Acts:
 
 
 _CELLS = (
-    *("", "1_5", "nan", "inf", "1e999", '"', "=1+1", "a,b", "\0", "\r", "-", "x", "1" * 5000, "\uff11", "1e308", "-1e308"),
+    *(
+        "",
+        "1_5",
+        "nan",
+        "inf",
+        "1e999",
+        '"',
+        "=1+1",
+        "a,b",
+        "\0",
+        "\r",
+        "-",
+        "x",
+        "1" * 5000,
+        "\uff11",
+        "1e308",
+        "-1e308",
+    ),
     *('"a\nb"', "true", "0x10", " 1 ", "1e-320", "\u202e", ";", "\t", "\x1b[2J", "[red]", "2026-01-01", "0", "1" * 400),
 )
 _COLUMNS = (
@@ -176,7 +193,9 @@ def contracts(rng: random.Random, material: Material) -> Acts:
     driver = rng.choice(inside)
     option, _ = _CONTRACTS[driver]
     text = _text(_CONTRACTS[driver][1])
-    changed = edited(text, rng, _CONTRACT_VALUES) if rng.random() < 0.7 else damaged(text.encode(), rng).decode("latin-1")
+    changed = (
+        edited(text, rng, _CONTRACT_VALUES) if rng.random() < 0.7 else damaged(text.encode(), rng).decode("latin-1")
+    )
     lines = bench.splitlines()
     at = next(n for n, line in enumerate(lines) if f'"{driver}"' in line)
     lines.insert(at + 1, f"{option} = {json.dumps(changed)}")
@@ -194,7 +213,16 @@ _CONTRACT_VALUES = (
     *("256", "65536", "4294967296", "[[", "{", "\0", "%", "=", "$NODEID*", "0b1", "1_5", "-0x1", "x" * 5000, "7.5"),
 )
 
-_ODD_NAMES = ("a\nb.sqlite", "-x.sqlite", "=1.sqlite", "[red].sqlite", "x" * 250, "%s.sqlite", "\udcff.sqlite", "a b'\".json")
+_ODD_NAMES = (
+    "a\nb.sqlite",
+    "-x.sqlite",
+    "=1.sqlite",
+    "[red].sqlite",
+    "x" * 250,
+    "%s.sqlite",
+    "\udcff.sqlite",
+    "a b'\".json",
+)
 
 
 def odd_path(rng: random.Random, material: Material) -> Path:
@@ -222,7 +250,9 @@ def odd_path(rng: random.Random, material: Material) -> Path:
             path = base / rng.choice(_ODD_NAMES)
             path.write_bytes(material.run.read_bytes())
         case 8:
-            return Path(rng.choice(("/dev/zero", "/dev/full", "/dev/null", "/proc/self/mem", "/proc/self/maps", "/", "")))
+            return Path(
+                rng.choice(("/dev/zero", "/dev/full", "/dev/null", "/proc/self/mem", "/proc/self/maps", "/", ""))
+            )
         case 9:
             path = base / "gone" / f"x{suffix}"
         case 10:
@@ -255,9 +285,17 @@ def paths(rng: random.Random, material: Material) -> Acts:
     )
     if path.is_relative_to(base) and rng.random() < 0.3:  # never over a device of this machine
         asked = (
-            *(("export", run, "--out", path, "--all"), ("infer", good, path, "--out", path), ("fit", run, "--out", path)),
+            *(
+                ("export", run, "--out", path, "--all"),
+                ("infer", good, path, "--out", path),
+                ("fit", run, "--out", path),
+            ),
             *(("verify", run, "--restore", path), ("fit", run, "--report", path), ("doctor", "--out", path)),
-            *(("trace", run, "--report", path), ("chart", run, run, "--report", path), ("run", good, "-b", bench, "-o", path)),
+            *(
+                ("trace", run, "--report", path),
+                ("chart", run, run, "--report", path),
+                ("run", good, "-b", bench, "-o", path),
+            ),
         )
     chosen = rng.choice(asked)
     yield lambda: command(*chosen)

@@ -87,18 +87,86 @@ class Page:
 
 _PATHS = (
     *("/", "/run/{}", "/run/{}/state.json", "/run/{}/events", "/static/watch.css", "/static/watch.js", "/favicon.ico"),
-    *("/static/../app.py", "/static/..%2fapp.py", "/run/../../etc/passwd", "/run/%00", "/run/%ff%fe", "//evil.example/"),
-    *("/run/" + "x" * 3000, "/" + "a" * 70000, "/run/%0d%0aSet-Cookie:%20a=b", "/\\evil", "*", "http://evil/", "evil:1"),
+    *(
+        "/static/../app.py",
+        "/static/..%2fapp.py",
+        "/run/../../etc/passwd",
+        "/run/%00",
+        "/run/%ff%fe",
+        "//evil.example/",
+    ),
+    *(
+        "/run/" + "x" * 3000,
+        "/" + "a" * 70000,
+        "/run/%0d%0aSet-Cookie:%20a=b",
+        "/\\evil",
+        "*",
+        "http://evil/",
+        "evil:1",
+    ),
     *("/run/%2e%2e", "/run/<script>", "/%", "/run/{}/", "/RUN/{}", "/run/{}/state.json/x", "/.", "/static/", "/run/"),
 )
-_HOSTS = ("127.0.0.1", "localhost", "bench.lab", "evil.example", "", "[::1", "[::1]:80", "a:b:c", "\xff", "127.0.0.1:x", "::1")
-_QUERIES = ("", "?token=secret", "?token=", "?token=%ff", "?token=secret&a=%0d%0ab", "?token=x&token=secret", "?" + "a=1&" * 5000)
+_HOSTS = (
+    "127.0.0.1",
+    "localhost",
+    "bench.lab",
+    "evil.example",
+    "",
+    "[::1",
+    "[::1]:80",
+    "a:b:c",
+    "\xff",
+    "127.0.0.1:x",
+    "::1",
+)
+_QUERIES = (
+    "",
+    "?token=secret",
+    "?token=",
+    "?token=%ff",
+    "?token=secret&a=%0d%0ab",
+    "?token=x&token=secret",
+    "?" + "a=1&" * 5000,
+)
 _HEADS = (
-    *("Cookie: rig_watch=secret", "Cookie: rig_watch=\xff", "Cookie: " + "a=b; " * 3000, "Cookie: =;;=", "Last-Event-ID: 5"),
-    *("Last-Event-ID: -1", "Last-Event-ID: \xb2", "Last-Event-ID: " + "9" * 5000, "Content-Length: 5", "Content-Length: x"),
-    *("Content-Length: -1", "Content-Length: " + "9" * 400, "Transfer-Encoding: chunked", "Transfer-Encoding: x", "Expect: 100-continue"),
-    *("Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Key: x", "Upgrade: h2c", "X: " + "y" * 70000, ": x", "no colon"),
-    *(" folded", "Host: other", "Accept: */*", "Range: bytes=0-1", "If-None-Match: *", "\0: x", "X-Forwarded-For: 1.1.1.1", "a b: c"),
+    *(
+        "Cookie: rig_watch=secret",
+        "Cookie: rig_watch=\xff",
+        "Cookie: " + "a=b; " * 3000,
+        "Cookie: =;;=",
+        "Last-Event-ID: 5",
+    ),
+    *(
+        "Last-Event-ID: -1",
+        "Last-Event-ID: \xb2",
+        "Last-Event-ID: " + "9" * 5000,
+        "Content-Length: 5",
+        "Content-Length: x",
+    ),
+    *(
+        "Content-Length: -1",
+        "Content-Length: " + "9" * 400,
+        "Transfer-Encoding: chunked",
+        "Transfer-Encoding: x",
+        "Expect: 100-continue",
+    ),
+    *(
+        "Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Key: x",
+        "Upgrade: h2c",
+        "X: " + "y" * 70000,
+        ": x",
+        "no colon",
+    ),
+    *(
+        " folded",
+        "Host: other",
+        "Accept: */*",
+        "Range: bytes=0-1",
+        "If-None-Match: *",
+        "\0: x",
+        "X-Forwarded-For: 1.1.1.1",
+        "a b: c",
+    ),
 )
 _METHODS = ("GET", "HEAD", "POST", "OPTIONS", "TRACE", "CONNECT", "get", "PRI", "G\0T", "", "X" * 300)
 _ALLOWED = frozenset(
@@ -135,7 +203,9 @@ def http(rng: random.Random, material: Material) -> Acts:
     if rng.random() < 0.3:
         request = damaged(request, rng)
     if rng.random() < 0.02:
-        request = rng.choice((b"", b"\x16\x03\x01" + rng.randbytes(200), rng.randbytes(3000), b"\r\n" * 5000, b"GET /\r\n"))
+        request = rng.choice(
+            (b"", b"\x16\x03\x01" + rng.randbytes(200), rng.randbytes(3000), b"\r\n" * 5000, b"GET /\r\n")
+        )
     page = rng.choice(pages)
 
     def asked() -> None:
@@ -214,22 +284,92 @@ _NAMES = tuple(v for v in VALUES if isinstance(v, str)) + (
     "=?utf-8?q?x=0D=0AReply-To=3A_evil=40example.com=0D=0A=0D=0AA_body?=", "x\r\nBcc: evil@example.com", "\u0394p \u00fc" * 30,
 )  # fmt: skip
 _WEB = (
-    *(b"HTTP/1.1 200 OK\r\n", b"HTTP/1.1 500 no\r\n", b"HTTP/1.1 302 x\r\nLocation: file:///etc/passwd\r\n", b"HTTP/9 x\r\n"),
-    *(b"HTTP/1.1 200\r\n", b"HTTP/1.1 99999999999999999999 x\r\n", b"HTTP/1.1 429 \xff\xfe\r\n", b"\0\0\0\0\r\n", b"ICY 200\r\n"),
-    *(b"HTTP/1.1 100 Continue\r\n\r\n" * 3 + b"HTTP/1.1 204 x\r\n", b"HTTP/1.1 401 x\r\nWWW-Authenticate: Basic\r\n", b"\r\n" * 50),
+    *(
+        b"HTTP/1.1 200 OK\r\n",
+        b"HTTP/1.1 500 no\r\n",
+        b"HTTP/1.1 302 x\r\nLocation: file:///etc/passwd\r\n",
+        b"HTTP/9 x\r\n",
+    ),
+    *(
+        b"HTTP/1.1 200\r\n",
+        b"HTTP/1.1 99999999999999999999 x\r\n",
+        b"HTTP/1.1 429 \xff\xfe\r\n",
+        b"\0\0\0\0\r\n",
+        b"ICY 200\r\n",
+    ),
+    *(
+        b"HTTP/1.1 100 Continue\r\n\r\n" * 3 + b"HTTP/1.1 204 x\r\n",
+        b"HTTP/1.1 401 x\r\nWWW-Authenticate: Basic\r\n",
+        b"\r\n" * 50,
+    ),
 )
 _WEB_HEADS = (
     *(b"Content-Length: 5\r\n", b"Content-Length: -5\r\n", b"Content-Length: x\r\n", b"Transfer-Encoding: chunked\r\n"),
-    *(b"A: b\r\n" * 300, b"X: " + b"y" * 70000 + b"\r\n", b"no colon\r\n", b"\xff: \xff\r\n", b" folded\r\n", b"\0\r\n", b"A:\r\n"),
-    *(b"Content-Encoding: gzip\r\n", b"Set-Cookie: \xff\r\n", b"Connection: close\r\n", b"Content-Length: " + b"9" * 5000 + b"\r\n"),
+    *(
+        b"A: b\r\n" * 300,
+        b"X: " + b"y" * 70000 + b"\r\n",
+        b"no colon\r\n",
+        b"\xff: \xff\r\n",
+        b" folded\r\n",
+        b"\0\r\n",
+        b"A:\r\n",
+    ),
+    *(
+        b"Content-Encoding: gzip\r\n",
+        b"Set-Cookie: \xff\r\n",
+        b"Connection: close\r\n",
+        b"Content-Length: " + b"9" * 5000 + b"\r\n",
+    ),
 )
-_WEB_BODIES = (b"", b"hello", b"5\r\nhello\r\n0\r\n\r\n", b"zz\r\n", b"f" * 400 + b"\r\n", b"-5\r\nx", b"\xff" * 3000, b"5;" + b"x" * 70000)
+_WEB_BODIES = (
+    b"",
+    b"hello",
+    b"5\r\nhello\r\n0\r\n\r\n",
+    b"zz\r\n",
+    b"f" * 400 + b"\r\n",
+    b"-5\r\nx",
+    b"\xff" * 3000,
+    b"5;" + b"x" * 70000,
+)
 _MAIL = (
-    *(b"220 here\r\n", b"250 ok\r\n", b"354 go on\r\n", b"221 bye\r\n", b"451 later\r\n", b"550 no\r\n", b"250-more\r\n", b"250\r\n"),
-    *(b"999 x\r\n", b"-1 x\r\n", b"\xff\xfe\r\n", b"x" * 10000 + b"\r\n", b"\r\n", b"2", b"", b"250-SIZE x\r\n250-STARTTLS\r\n250 AUTH \xff\r\n"),
-    *(b"250 " + b"y" * 3000 + b"\r\n", b"\0\0\0\r\n", b"250-a\r\n" * 500 + b"250 b\r\n", b"421 gone\r\n", b"1e3 x\r\n", b"25\xb2 x\r\n"),
+    *(
+        b"220 here\r\n",
+        b"250 ok\r\n",
+        b"354 go on\r\n",
+        b"221 bye\r\n",
+        b"451 later\r\n",
+        b"550 no\r\n",
+        b"250-more\r\n",
+        b"250\r\n",
+    ),
+    *(
+        b"999 x\r\n",
+        b"-1 x\r\n",
+        b"\xff\xfe\r\n",
+        b"x" * 10000 + b"\r\n",
+        b"\r\n",
+        b"2",
+        b"",
+        b"250-SIZE x\r\n250-STARTTLS\r\n250 AUTH \xff\r\n",
+    ),
+    *(
+        b"250 " + b"y" * 3000 + b"\r\n",
+        b"\0\0\0\r\n",
+        b"250-a\r\n" * 500 + b"250 b\r\n",
+        b"421 gone\r\n",
+        b"1e3 x\r\n",
+        b"25\xb2 x\r\n",
+    ),
 )
-_GOOD_MAIL = (b"220 here\r\n", b"250 ok\r\n", b"250 ok\r\n", b"250 ok\r\n", b"354 go on\r\n", b"250 taken\r\n", b"221 bye\r\n")
+_GOOD_MAIL = (
+    b"220 here\r\n",
+    b"250 ok\r\n",
+    b"250 ok\r\n",
+    b"250 ok\r\n",
+    b"354 go on\r\n",
+    b"250 taken\r\n",
+    b"221 bye\r\n",
+)
 
 
 def _message(rng: random.Random) -> Any:
@@ -254,8 +394,14 @@ def notify(rng: random.Random, material: Material) -> Acts:
     server: Answering = material.made.get("answering") or material.made.setdefault("answering", Answering())
     message = _message(rng)
     if rng.random() < 0.5:
-        values: dict[str, Any] = {"kind": "webhook", "url": f"http://127.0.0.1:{server.port}/T0/s3cret/%ff", "timeout_s": 0.1}
-        values |= rng.choice(({}, {"shape": "slack"}, {"shape": "teams"}, {"shape": "ntfy"}, {"body": {"a": ["{message}", 1]}}))
+        values: dict[str, Any] = {
+            "kind": "webhook",
+            "url": f"http://127.0.0.1:{server.port}/T0/s3cret/%ff",
+            "timeout_s": 0.1,
+        }
+        values |= rng.choice(
+            ({}, {"shape": "slack"}, {"shape": "teams"}, {"shape": "ntfy"}, {"body": {"a": ["{message}", 1]}})
+        )
         server.speaks_first = False
         heads = b"".join(rng.sample(_WEB_HEADS, rng.choice((0, 1, 1, 3))))
         script = [rng.choice(_WEB) + heads + rng.choice((b"\r\n", b"\r\n", b"")) + rng.choice(_WEB_BODIES)]

@@ -37,6 +37,14 @@ TOML_VALUES = (
 )
 
 
+class Seeded(random.Random):
+    """Random choices from a door's name and a number."""
+
+    def __init__(self, door: str, number: int) -> None:
+        super().__init__(f"{door} {number}")
+        self.number = number
+
+
 @dataclass
 class Material:
     """What is mutated: finished runs, a calibration of each, and a folder to write to.

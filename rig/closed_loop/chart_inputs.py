@@ -22,6 +22,7 @@ from rig.closed_loop.whole_plot import fit_whole_plots
 from rig.errors import UsageError
 from rig.inference import read_calibration
 from rig.regular import read_regular_text
+from rig.run_file.bodies import TEXTS
 from rig.report.words import incomplete
 from rig.tables import Table, attitude_data, read_table
 from rig.tables.unused import Unused, sentences, unused_in_fit
@@ -187,6 +188,8 @@ def _from_calibration_file(path: Path, told: datetime | None) -> Given:
     for name in _TEXTS:
         if not isinstance(data.get(name, ""), str):
             raise UsageError(f"{path} is not a calibration file of `rig fit --out`: its {name} is no text")
+    if not TEXTS.holds(data.get("instruments") or {}):
+        raise UsageError(f"{path} is not a calibration file of `rig fit --out`: its instruments are not texts by name")
     if data["kind"] != "pitch-roll":
         raise UsageError(
             f"{path} does not keep all that charting whole plots needs; give the run file or table instead"

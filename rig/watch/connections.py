@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from typing import Any
 
+from h11 import LocalProtocolError
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 HEADERS_S = 10.0
@@ -51,7 +53,9 @@ class BoundedProtocol(H11Protocol):
             if under_way.response_started:
                 self.transport.close()
                 return
-        super().send_400_response(msg)
+        with contextlib.suppress(LocalProtocolError):  # an answer to HEAD has no words
+            super().send_400_response(msg)
+        self.transport.close()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """See `asyncio.Protocol`."""
