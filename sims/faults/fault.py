@@ -140,14 +140,14 @@ def _instrument(
         if on:
             raise WorldError(f"{where}.on: {name} happens to the bench as a whole; leave `on` out")
         return ""
-    if on not in drivers:
+    if not isinstance(on, str) or on not in drivers:
         known = ", ".join(drivers)
         raise WorldError(f"{where}.on must be an instrument of the bench ({known}); it is {on!r}")
     if not kind.hits(drivers[on], wires[on]):
         raise WorldError(
             f"{where}.kind: {name} cannot happen to {on}, a {drivers[on]} on {wires[on]}; it may hit {kind.whom()}"
         )
-    return str(on)
+    return on
 
 
 def _number(value: object, where: str, low: float = -inf, high: float = inf) -> float:
