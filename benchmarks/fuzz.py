@@ -31,8 +31,16 @@ sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 from doors import DOORS, HANG_S, Found, Material, attack
 
 SHARES = {
-    **{"toml": 0.18, "csv": 0.10, "formula": 0.40, "calibration": 0.08, "contracts": 0.03, "paths": 0.002},
-    **{"run": 0.08, "beside": 0.008, "http": 0.10, "notify": 0.02},
+    "toml": 0.18,
+    "csv": 0.10,
+    "formula": 0.40,
+    "calibration": 0.08,
+    "contracts": 0.03,
+    "paths": 0.002,
+    "run": 0.08,
+    "beside": 0.008,
+    "http": 0.10,
+    "notify": 0.02,
 }
 """Of the inputs at each door with --total: more where one takes less time."""
 NIGHTS = (("pressure", 0), ("attitude", 0), ("attitude", 1), ("attitude", 12), ("attitude", 3))
@@ -60,11 +68,7 @@ def _work(door: str, first: int, last: int, material: Material, progress: mmap.m
                 resource.setrlimit(resource.RLIMIT_AS, (taken + GIGABYTE, taken + GIGABYTE))
                 limited = True
             attack(door, seed, material, found)
-            if count % 500 == 499 or seed == last:
-                file.write(json.dumps(asdict(found)) + "\n")
-                file.flush()
-                found = Found()
-            elif found.wrong:
+            if count % 500 == 499 or seed == last or found.wrong:
                 file.write(json.dumps(asdict(found)) + "\n")
                 file.flush()
                 found = Found()

@@ -31,6 +31,7 @@ from rig.errors import BenchFault, UsageError
 from rig.locks import locked_addresses
 from rig.plans import PREVIOUS, Plan, stored_plan
 from rig.room import check_may_write, check_room
+from rig.run_file.bodies import COUNT
 from rig.run_file.creation import Genesis, create
 from rig.run_file.elsewhere import goes_on_in
 from rig.run_file.live import live_path, read_json
@@ -216,7 +217,8 @@ def resume_run(
         if state.rescued:
             warn(f"{path} goes on in {state.rescued}, which is not there: it goes on here now; never resume both")
     check_may_write(path)
-    told = int((read_json(live_path(path)) or {}).get("done", 0))
+    done = (read_json(live_path(path)) or {}).get("done")
+    told = done if isinstance(done, int) and COUNT.holds(done) else 0  # a file like any other: not trusted
     with RunWriter.open(path, vfs=site.vfs, verified=head) as run:
         if run.head() != head:
             state = fold(run.records())

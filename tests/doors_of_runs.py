@@ -334,17 +334,22 @@ def beside(rng: random.Random, material: Material) -> Acts:
 
 
 _LIVE = {
-    **{
-        "run_id": "x",
-        "simulated": True,
-        "session": 1,
-        "pid": 1,
-        "acknowledged": "",
-        "state": "settling",
-        "message": "",
-    },
-    **{"detail": "x", "done": 3, "points": 24, "elapsed_s": 5.0, "remaining_s": 9.0, "utc_s": 1.7e9, "point": 3},
-    **{"whole_plot": None, "whole_plots": 0},
+    "run_id": "x",
+    "simulated": True,
+    "session": 1,
+    "pid": 1,
+    "acknowledged": "",
+    "state": "settling",
+    "message": "",
+    "detail": "x",
+    "done": 3,
+    "points": 24,
+    "elapsed_s": 5.0,
+    "remaining_s": 9.0,
+    "utc_s": 1.7e9,
+    "point": 3,
+    "whole_plot": None,
+    "whole_plots": 0,
     "settling": {"pitch_deg": {"target": 1.0, "band": 0.1, "outcome": "waiting", "samples": [[1.0, 2.0], [2.0, 3.0]]}},
 }
 

@@ -12,14 +12,13 @@ from typing import Any
 
 import numpy as np
 from crashes import PROCEDURES
-from hostile import TOML_VALUES, Material, command, damaged, edited, mutated, words
+from hostile import Material, command, damaged, edited, mutated, words
 
 from fitter.effects.own import own_effects
 from fitter.formula import Formula, FormulaError
 from rig.config import parse_bench, parse_procedure
 from rig.contracts import _CONTRACTS, _text
 from rig.controller import opened
-from rig.errors import RigError
 from rig.examples import example
 from rig.plans import plan_of
 

@@ -280,9 +280,12 @@ class Answering:
                 line.sendall(part)
 
 
-_NAMES = tuple(v for v in VALUES if isinstance(v, str)) + (
-    "=?utf-8?q?x=0D=0AReply-To=3A_evil=40example.com=0D=0A=0D=0AA_body?=", "x\r\nBcc: evil@example.com", "\u0394p \u00fc" * 30,
-)  # fmt: skip
+_NAMES = (
+    *(v for v in VALUES if isinstance(v, str)),
+    "=?utf-8?q?x=0D=0AReply-To=3A_evil=40example.com=0D=0A=0D=0AA_body?=",
+    "x\r\nBcc: evil@example.com",
+    "\u0394p \u00fc" * 30,
+)
 _WEB = (
     *(
         b"HTTP/1.1 200 OK\r\n",

@@ -81,6 +81,11 @@ class Material:
                 calibrations.append(json.loads(out.read_text()))
         return cls(run, runs, calibrations, folder)
 
+    def close(self) -> None:
+        """End the servers that doors began."""
+        for one in (*self.made.pop("pages", ()), *filter(None, [self.made.pop("answering", None)])):
+            one.close()
+
     def path(self, name: str) -> Path:
         """A path of which nothing is left from an earlier input."""
         stem = Path(name).stem

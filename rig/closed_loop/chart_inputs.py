@@ -22,8 +22,8 @@ from rig.closed_loop.whole_plot import fit_whole_plots
 from rig.errors import UsageError
 from rig.inference import read_calibration
 from rig.regular import read_regular_text
-from rig.run_file.bodies import TEXTS
 from rig.report.words import incomplete
+from rig.run_file.bodies import TEXTS
 from rig.tables import Table, attitude_data, read_table
 from rig.tables.unused import Unused, sentences, unused_in_fit
 

@@ -94,7 +94,12 @@ ARRIVALS = Kind("side and start by axis", _by_name(_arrival))
 _ANY = "*"
 NEEDED: Mapping[tuple[str, str], Mapping[str, Kind]] = {
     ("run", _ANY): {
-        **{"run_id": TEXT, "simulated": TRUTH, "documents": TEXTS, "run_list": TEXT, "points": COUNT, "seed": WHOLE}
+        "run_id": TEXT,
+        "simulated": TRUTH,
+        "documents": TEXTS,
+        "run_list": TEXT,
+        "points": COUNT,
+        "seed": WHOLE,
     },
     ("session", _ANY): {"clock_s": MOMENT, "elapsed_s": MOMENT},
     ("skip", "final"): {"reason": TEXT},
@@ -110,8 +115,16 @@ NEEDED: Mapping[tuple[str, str], Mapping[str, Kind]] = {
 _USUAL: Mapping[tuple[str, str], Mapping[str, Kind]] = {
     ("run", _ANY): {"procedure": TEXT, "bench": TEXT, "dry": TRUTH, "software": TEXTS, "world_start_s": MOMENT},
     ("session", _ANY): {
-        **{"boot": TEXT, "gap_s": MOMENT, "gap_certain": TRUTH, "gap_known": TRUTH, "pid": COUNT, "host": TEXT},
-        **{"wal_frames_dropped": COUNT, "wal_commits_lost": COUNT, "wal_damage": TEXT, "software": TEXTS},
+        "boot": TEXT,
+        "gap_s": MOMENT,
+        "gap_certain": TRUTH,
+        "gap_known": TRUTH,
+        "pid": COUNT,
+        "host": TEXT,
+        "wal_frames_dropped": COUNT,
+        "wal_commits_lost": COUNT,
+        "wal_damage": TEXT,
+        "software": TEXTS,
     },
     ("identity", _ANY): {
         **dict.fromkeys(("maker", "model", "serial", "firmware", "asset", "due"), MAYBE_TEXT),
@@ -121,7 +134,10 @@ _USUAL: Mapping[tuple[str, str], Mapping[str, Kind]] = {
     ("hold", _ANY): {"why": TEXT},
     ("fault", _ANY): {
         **dict.fromkeys(("fault", "where", "error", "state"), TEXT),
-        **{"failure": COUNT, "number": COUNT, "pause_s": MOMENT, "evidence": TABLE},
+        "failure": COUNT,
+        "number": COUNT,
+        "pause_s": MOMENT,
+        "evidence": TABLE,
     },
     ("event", "as-found"): {"restarted": WORDS, "axes": TABLE, "chambers": TABLE},
     ("event", "read-back"): {"restarted": WORDS, "axes": TABLE, "chambers": TABLE},
@@ -136,9 +152,18 @@ _USUAL: Mapping[tuple[str, str], Mapping[str, Kind]] = {
     ("event", "whole-plot"): {"setpoints_degC": NUMBERS, "settling": TABLE},
     ("event", "whole-plot-lost"): {"planned": COUNT, "kept": COUNT, "doubted_s": MOMENT},
     ("observation", _ANY): {
-        **{"outputs": CHANNELS, "temperatures": CHANNELS, "references": CHANNELS, "environment": CHAMBERS},
-        **{"readback": NUMBERS, "measured_s": SPAN, "flags": WORDS, "approach": ARRIVALS, "settling": TABLE},
-        **{"overload": WORDS, "readings": TABLE, "lost": TEXT},
+        "outputs": CHANNELS,
+        "temperatures": CHANNELS,
+        "references": CHANNELS,
+        "environment": CHAMBERS,
+        "readback": NUMBERS,
+        "measured_s": SPAN,
+        "flags": WORDS,
+        "approach": ARRIVALS,
+        "settling": TABLE,
+        "overload": WORDS,
+        "readings": TABLE,
+        "lost": TEXT,
     },
     ("end", _ANY): {"accepted": COUNT, "skipped": TEXTS, "whole_plots": COUNT, "lost": TEXTS},
 }
@@ -184,7 +209,9 @@ class Body(dict[str, Any]):
 
     def get(self, name: str, default: Any = None) -> Any:
         """A field, or something else where it is not there."""
-        return self[name] if name in self else default
+        if name not in self:
+            return default
+        return self[name]
 
 
 def shown(value: Any) -> str:

@@ -1,7 +1,7 @@
 """The documents of a run file, read as far as tables and pages need them: typed, whichever version wrote them.
 
-What plans a run parses them whole (`rig.config`). What only shows or exports one takes a few values from them, and an
-attacker can have changed each: it is of the kind that is asked for, or an error names document, field and what is wrong.
+What plans a run parses them whole (`rig.config`). What only shows or exports one takes a few values from them, and
+anybody can have changed each: it is of the kind that is asked for, or an error names document and field.
 """
 
 from __future__ import annotations

@@ -13,8 +13,8 @@ import apsw
 from drivers.clock import RealClock
 from rig.errors import RunFileError, UsageError
 from rig.regular import open_regular
-from rig.run_file.bodies import ContentsError
 from rig.run_file.beside import Alone, alone, check_journal, has_log
+from rig.run_file.bodies import ContentsError
 from rig.run_file.last_word import head_path
 from rig.run_file.schema import APPLICATION_ID, SCHEMA_VERSION, Guarded, guard, strange_tables
 

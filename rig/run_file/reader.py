@@ -17,10 +17,10 @@ import apsw
 from procedures import Factor, Point, RunList, rows_sha256
 from rig.errors import RunFileError, UsageError
 from rig.run_file.audit import findings
-from rig.run_file.bodies import COUNT, NUMBER, TEXT, WHOLE, ContentsError, shown
-from rig.run_file.contents import senseless, wrong_column
 from rig.run_file.beside import Alone, ForeignFileError, check_journal, check_log, foreign_log, has_log
+from rig.run_file.bodies import COUNT, NUMBER, TEXT, WHOLE, ContentsError, shown
 from rig.run_file.chain import GENESIS, Record, StoredRow
+from rig.run_file.contents import senseless, wrong_column
 from rig.run_file.opening import (
     by_itself,
     check_header,
