@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 import logging
 import random
+import re
+import select
 import shutil
 import socket
 import threading
@@ -70,19 +72,36 @@ class Page:
         self._listening.close()
 
     def answer(self, request: bytes) -> bytes:
-        """What comes back for some bytes, of a stream the beginning. Raises `Wrong`."""
+        """What comes back for some bytes, of a stream the beginning. Raises `Wrong`.
+
+        The line is closed on our side only when an answer has come whole, or none comes for a moment: a server stops
+        working for somebody who has gone.
+        """
         self.errors.told.clear()
-        got = b""
+        got, closed = b"", False
         with socket.create_connection(("127.0.0.1", self.port)) as line, contextlib.suppress(ConnectionError):
             line.sendall(request)
-            line.shutdown(socket.SHUT_WR)
-            while data := line.recv(65536):
+            while True:
+                if not closed and (_whole(got) or not select.select([line], [], [], _MOMENT_S)[0]):
+                    closed = True
+                    line.shutdown(socket.SHUT_WR)
+                data = line.recv(65536)
                 got += data
-                if b"text/event-stream" in got and b"\n\n" in got.partition(b"\r\n\r\n")[2]:
+                if not data or (b"text/event-stream" in got and b"\n\n" in got.partition(b"\r\n\r\n")[2]):
                     break
         if self.errors.told:
             raise Wrong(self.errors.told[0])
         return got
+
+
+_MOMENT_S = 0.03
+_LENGTH = re.compile(rb"\r\ncontent-length: (\d+)\r\n", re.IGNORECASE)
+
+
+def _whole(answer: bytes) -> bool:
+    head, end, body = answer.partition(b"\r\n\r\n")
+    length = _LENGTH.search(head + b"\r\n")
+    return bool(end) and length is not None and len(body) >= int(length[1])
 
 
 _PATHS = (

@@ -11,18 +11,30 @@ import pytest
 from command import rig
 from crashes import PROCEDURES
 from damages import small_finished
+from doors_of_runs import Image
+from doors_of_wires import Answering, Page
+from hostile import Seeded
 
 from fitter.formula import Formula, FormulaError
+from rig.atomic import check_writable
 from rig.config import parse_bench, parse_procedure, parse_toml, read_text
+from rig.contracts import _text
+from rig.controller import opened
 from rig.errors import ConfigurationError, RigError, RunFileError, UsageError
 from rig.examples import example
 from rig.inference import read_calibration
+from rig.plans import plan_of
 from rig.run_file.last_word import read_last_word
 from rig.run_file.live import controller_alive
 from rig.run_file.reader import RunReader
 from rig.tables import read_any_csv, read_gappy_csv, read_table
+from rig.unattended import Happening, Kind, RunFacts
+from rig.unattended.notify import NotifySettings, NotSent, compose, sender
 from rig.unattended.service import ServiceUnit
 from rig.watch.shelf import Shelf
+from rig.watch.words import number
+from sims.faults.fault import read_faults
+from sims.physics import WorldError
 
 BENCH = (example("attitude-lab") / "bench.toml").read_text()
 PROCEDURE = PROCEDURES["attitude"]
@@ -157,3 +169,102 @@ def test_a_dict_for_a_name_in_a_charted_calibration(whole, tmp_path):
     path.write_text(json.dumps(content))
     done = rig("chart", path, f"{path}@2026-01-01")
     assert (done.returncode, "unforeseen" in done.stderr) == (2, False), done.stderr
+
+
+def test_a_pipe_to_write_to_keeps_nobody_waiting(tmp_path):
+    with pytest.raises(UsageError, match="no ordinary file"):
+        check_writable(pipe(tmp_path / "answer.csv"))
+
+
+def test_the_root_folder_is_no_run_file():
+    done = rig("verify", "/")
+    assert (done.returncode, "unforeseen" in done.stderr) == (2, False), done.stderr
+
+
+def test_a_register_map_without_what_a_twin_needs():
+    text = _text("watlow_f4t.toml")
+    for old, new in (("[codes.alarm_type]", "[codes.other]"), ("[codes.units]", "[codes.other]")):
+        lines = (example("pressure-lab") / "bench.toml").read_text().splitlines()
+        at = next(n for n, line in enumerate(lines) if '"watlow-f4t"' in line)
+        lines.insert(at + 1, f"register_map = {json.dumps(text.replace(old, new))}")
+        documents = {"bench.toml": "\n".join(lines), "procedure.toml": PROCEDURES["pressure"]}
+        with pytest.raises(ConfigurationError, match="register map"), opened(plan_of(documents, dry=True)):
+            pass
+
+
+def test_a_fault_on_a_table():
+    with pytest.raises(WorldError, match="must be an instrument of the bench"):
+        read_faults([{"kind": "no-reply", "on": {"a": 1}, "at_s": 5.0}], {"head": "newport-esp301"}, {"head": "serial"})
+
+
+def test_a_last_word_of_more_records_than_a_file_can_hold(whole, tmp_path):
+    path = tmp_path / "run.sqlite"
+    shutil.copy(whole, path)
+    (tmp_path / "run.head").write_bytes(b"\xff" * 40)
+    done = rig("verify", path)
+    assert (done.returncode, "unforeseen" in done.stderr) == (1, False), done.stderr
+    assert "are missing" in done.stdout + done.stderr
+
+
+def test_news_of_a_controller_that_are_none(whole, tmp_path):
+    path = tmp_path / "run.sqlite"
+    image = Image.of(whole)
+    image.records = [row for row in image.records[:20] if row[2] != "end"]
+    image.rechain()
+    image.write(path, Seeded("news", 0), under_way=True)
+    (tmp_path / "run.live").write_text(json.dumps({"done": "x", "elapsed_s": 10**400, "state": "settling"}))
+    assert number(10**400) is None
+    done = rig("resume", path)
+    assert "unforeseen" not in done.stderr, done.stderr
+
+
+def test_a_calibration_with_tables_for_texts(whole, tmp_path):
+    path = tmp_path / "c.json"
+    rig("fit", whole, "--out", path)
+    content = json.loads(path.read_text())
+    for name, value in (("run_id", {"a": 1}), ("instruments", {"head": [1]})):
+        path.write_text(json.dumps({**content, "data": {**content["data"], name: value}}))
+        done = rig("chart", path, f"{path}@2026-01-01")
+        assert done.returncode == 2, done.stderr
+        assert "is not a calibration file" in done.stderr
+
+
+@pytest.mark.parametrize(
+    "request_bytes",
+    [
+        b"POST /run/x HTTP/1.1\r\nHost: localhost\r\nTransfer-Encoding: chunked\r\n\r\n" + bytes(5000),
+        b"HEAD / HTTP/1.1\r\nHost: localhost\r\nTransfer-Encoding: chunked\r\n\r\nhelloGET / HTTP/1.1\r\n\r\n",
+        b"GET / HTTP/1.1\r\nHost: localhost\r\nContent-Length: 5\r\n\r\nhello\0\0\r\n\r\n",
+    ],
+)
+def test_what_follows_a_request_and_is_none(whole, request_bytes):
+    page = Page(whole.parent, "")
+    try:
+        page.answer(request_bytes)  # raises what the server calls an error of its own
+        assert b"200 OK" in page.answer(b"GET / HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n")
+    finally:
+        page.close()
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        *(b"", b"\0\0\0\0\r\n", b"HTTP/9 x\r\n\r\n", b"HTTP/1.1 99999999999999999999 x\r\n\r\n"),
+        *(b"HTTP/1.1 200 OK\r\n" + b"A: b\r\n" * 300, b"HTTP/1.1 200 OK\r\nX: " + b"y" * 70000 + b"\r\n\r\n"),
+        b"HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\nzz\r\n",
+    ],
+)
+def test_a_webhook_that_does_not_answer_as_one(answer):
+    server = Answering()
+    server.speaks_first, server.script = False, [answer]
+    values = {"kind": "webhook", "url": f"http://127.0.0.1:{server.port}/s3cret", "timeout_s": 1.0}
+    channel = NotifySettings.model_validate({"channel": [values]}).channel[0]
+    message = compose(
+        Happening(Kind.HOLD, "warning", "held", 0.0), RunFacts(None, "", "lab", "n", simulated=True), None
+    )
+    try:
+        with pytest.raises(NotSent, match=r"127\.0\.0\.1 does not answer as a web server") as caught:
+            sender(channel)(message)
+    finally:
+        server.close()
+    assert "s3cret" not in str(caught.value)

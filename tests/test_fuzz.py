@@ -260,8 +260,16 @@ FOUND = {
 }
 """Seeds that once ended in a traceback."""
 SHARE = {
-    **{"toml": 25, "csv": 12, "formula": 60, "calibration": 12, "contracts": 5, "paths": 6},
-    **{"run": 60, "beside": 12, "http": 30, "notify": 20},
+    "toml": 25,
+    "csv": 12,
+    "formula": 60,
+    "calibration": 12,
+    "contracts": 5,
+    "paths": 6,
+    "run": 60,
+    "beside": 12,
+    "http": 30,
+    "notify": 20,
 }
 
 
