@@ -77,6 +77,8 @@ class WatlowF4T(MappedTemperatures):
                 map_of(text)
             except (tomllib.TOMLDecodeError, ValidationError) as error:
                 raise ValueError(f"the register map cannot be read: {error}") from error
+            except RecursionError:
+                raise ValueError("the register map cannot be read: it is nested too deeply") from None
             return text
 
         @field_validator("units", mode="before")

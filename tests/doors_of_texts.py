@@ -291,7 +291,6 @@ def paths(rng: random.Random, material: Material) -> Acts:
             ),
             *(("verify", run, "--restore", path), ("fit", run, "--report", path), ("doctor", "--out", path)),
             *(
-                ("trace", run, "--report", path),
                 ("chart", run, run, "--report", path),
                 ("run", good, "-b", bench, "-o", path),
             ),

@@ -268,3 +268,18 @@ def test_a_webhook_that_does_not_answer_as_one(answer):
     finally:
         server.close()
     assert "s3cret" not in str(caught.value)
+
+
+def test_a_register_map_nested_too_deeply():
+    lines = (example("pressure-lab") / "bench.toml").read_text().splitlines()
+    at = next(n for n, line in enumerate(lines) if '"watlow-f4t"' in line)
+    lines.insert(at + 1, f'register_map = "a = {"[" * 3000}\\n"')
+    with pytest.raises(ConfigurationError, match="nested too deeply"):
+        plan_of({"bench.toml": "\n".join(lines), "procedure.toml": PROCEDURES["pressure"]}, dry=True)
+
+
+@pytest.mark.parametrize("verb", ["hold", "release", "stop"])
+def test_requests_to_what_is_no_run_file(tmp_path, verb):
+    for path in (pipe(tmp_path / f"{verb}.sqlite"), Path("/"), tmp_path / "gone"):
+        done = rig(verb, path)
+        assert (done.returncode, "there is no run file" in done.stderr) == (2, True), done.stderr

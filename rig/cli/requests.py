@@ -15,7 +15,7 @@ from rig.run_file.state import read_state
 
 
 def _ask(run_file: Path, verb: str) -> int:
-    if not run_file.exists():
+    if not run_file.is_file():
         raise UsageError(f"there is no run file {run_file}")
     from drivers.clock import RealClock  # noqa: PLC0415
 
