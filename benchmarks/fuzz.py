@@ -45,7 +45,7 @@ SHARES = {
 """Of the inputs at each door with --total: more where one takes less time."""
 NIGHTS = (("pressure", 0), ("attitude", 0), ("attitude", 1), ("attitude", 12), ("attitude", 3))
 """Nights of `rig night` whose run files are changed: together they hold every kind of record."""
-GIGABYTE, DEAF_S = 1 << 30, 60.0
+GIGABYTE, DEAF_S, TELL_S = 1 << 30, 60.0, 120.0
 _PROGRESS = struct.Struct("qd")
 
 
@@ -90,13 +90,17 @@ def campaign(door: str, first: int, inputs: int, material: Material, told: Found
                 _work(door, begin, last, material, progress, results)
                 code = 0
             os._exit(code)
-        ended, deaf = 0, False
+        ended, deaf, said = 0, False, time.monotonic()
         while not ended:
             ended, status, used = os.wait4(worker, os.WNOHANG)
             if ended:
                 break
             time.sleep(0.2)
             seed, since = _PROGRESS.unpack(progress[:])
+            if time.monotonic() - said > TELL_S:
+                said = time.monotonic()
+                print(f"{door}: at seed {seed} of {first} to {last}", flush=True)
+                _tell(results)
             if time.monotonic() - since > DEAF_S:
                 deaf = True
                 os.kill(worker, signal.SIGKILL)
@@ -119,6 +123,14 @@ def campaign(door: str, first: int, inputs: int, material: Material, told: Found
     return spent
 
 
+def _tell(results: Path) -> None:
+    """What was found so far."""
+    for line in results.read_text().splitlines() if results.exists() else ():
+        with contextlib.suppress(ValueError):  # half a line
+            for what, example in json.loads(line)["examples"].items():
+                print(f"  so far: {what}: {example.splitlines()[0]}", flush=True)
+
+
 def _add(told: Found, more: dict[str, object]) -> int:
     for name in ("inputs", "tracebacks", "hangs", "memory", "deaths"):
         setattr(told, name, getattr(told, name) + more[name])
@@ -137,7 +149,7 @@ def main() -> int:
     parser.add_argument("--door", choices=sorted(DOORS), action="append", help="only this one; repeatable")
     parser.add_argument("--jobs", type=int, default=1, help="doors at once")
     asked = parser.parse_args()
-    doors = asked.door or list(DOORS)
+    doors = asked.door or list(SHARES)
     of_all = sum(SHARES[door] for door in doors)
     total = Found()
     rows = []

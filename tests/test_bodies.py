@@ -155,3 +155,30 @@ def test_documents_of_other_kinds(text):
     documents = {"procedure.toml": text}
     with pytest.raises(ContentsError, match=r"procedure\.toml"):
         assert (declared_model(documents), mounting_of(documents)) == ({}, {})
+
+
+def test_columns_of_other_kinds_are_told_as_json_too(whole, tmp_path):
+    path = tmp_path / "f.sqlite"
+    image = Image.of(whole)
+    image.records[5][2] = b"x"
+    image.records[7][5] = b"y"
+    del image.records[9]
+    for number, row in enumerate(image.records, 1):
+        row[0] = number + 1
+    image.write(path, Seeded("bodies", 0), under_way=False)
+    done = rig("verify", path, "--json")
+    assert (done.returncode, "unforeseen" in done.stderr) == (1, False), done.stderr
+    assert json.loads(done.stdout)["findings"]
+
+
+def test_a_file_that_does_not_begin_with_its_run(whole, tmp_path):
+    path = tmp_path / "f.sqlite"
+    image = Image.of(whole)
+    image.records[0][2] = "hold"
+    image.records[0][9] = json.dumps({"documents": [1]})
+    image.rechain()
+    image.write(path, Seeded("bodies", 0), under_way=False)
+    for read in (run_table, story):
+        with pytest.raises(RunFileError):
+            read(path)
+    assert any("not what a run begins with" in str(finding) for finding in verify_file(path).findings)

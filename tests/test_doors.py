@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import shutil
@@ -29,6 +30,7 @@ from rig.run_file.live import controller_alive
 from rig.run_file.reader import RunReader
 from rig.tables import read_any_csv, read_gappy_csv, read_table
 from rig.unattended import Happening, Kind, RunFacts
+from rig.unattended.happenings import one_line
 from rig.unattended.notify import NotifySettings, NotSent, compose, sender
 from rig.unattended.service import ServiceUnit
 from rig.watch.shelf import Shelf
@@ -283,3 +285,21 @@ def test_requests_to_what_is_no_run_file(tmp_path, verb):
     for path in (pipe(tmp_path / f"{verb}.sqlite"), Path("/"), tmp_path / "gone"):
         done = rig(verb, path)
         assert (done.returncode, "there is no run file" in done.stderr) == (2, True), done.stderr
+
+
+@pytest.mark.parametrize("news", [{"state": "[/] settling"}, {"remaining_s": 10**400}, {"message": "[red]x[/]"}])
+def test_what_a_controller_says_is_shown_as_it_is(whole, tmp_path, news):
+    path = tmp_path / "run.sqlite"
+    shutil.copy(whole, path)
+    content = {"state": "settling", "elapsed_s": 5.0, "remaining_s": 3.0, **news}
+    (tmp_path / "run.live").write_text(json.dumps(content))
+    with path.open("rb") as held:
+        fcntl.flock(held, fcntl.LOCK_EX)
+        done = rig("status", path)
+    assert done.returncode == 0, done.stderr
+    assert content["state"] in done.stdout
+
+
+@pytest.mark.parametrize("hidden", ["\u202e", "\u061c", "\ufeff", "\U000e0041", "\ud800", "\x9b", "\u2028"])
+def test_what_servers_say_has_no_characters_that_turn_or_move_text(hidden):
+    assert one_line(f"550 {hidden * 3}no") == "550  no"

@@ -103,7 +103,7 @@ def _status(run_file: Path, *, check: bool, as_json: bool) -> ExitCode:
     if remaining_s is not None and not running:
         left = f", about {duration(remaining_s)} left once it is resumed"
     what, where = escape(summary["procedure"]), escape(summary["bench"])
-    out.print(f"{mark(state.simulated)}[bold]{what}[/] on {where}: {summary['state']}")
+    out.print(f"{mark(state.simulated)}[bold]{what}[/] on {where}: {escape(summary['state'])}")
     out.print(f"  {summary['accepted']} of {summary['points']} points in {duration(summary['elapsed_s'])}{left}")
     by = f" by {escape(', '.join(state.operators))}" if state.operators else ""
     out.print(f"  {summary['sessions']} session(s){by}, last record {summary['last_record_utc']}", soft_wrap=True)

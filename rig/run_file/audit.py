@@ -17,6 +17,7 @@ import apsw
 from procedures import RunList
 from rig import __version__
 from rig.errors import RunFileError
+from rig.run_file.bodies import COUNT
 from rig.run_file.chain import GENESIS, Record, StoredRow, followed, link
 from rig.run_file.contents import senseless
 from rig.run_file.restore import changed_column
@@ -161,7 +162,7 @@ def _records(run: Contents, thorough: bool, each: Callable[[Record], object], en
             continue
         if seq != expected_seq:
             gone = f"records {expected_seq} to {seq - 1} are" if seq - expected_seq > 1 else f"record {seq - 1} is"
-            yield Finding("record", f"follows record {expected_seq - 1}: {gone} missing", seq, record.kind)
+            yield Finding("record", f"follows record {expected_seq - 1}: {gone} missing", seq, _kind(record))
             broken = True
         else:
             search = thorough and searched < _SEARCHED
@@ -212,7 +213,7 @@ def _record(
     seq, record = row[:2]
 
     def finding(what: str, column: str | None = None) -> Finding:
-        return Finding("record", what, seq, str(record.kind)[:40], record.run_index, column)
+        return Finding("record", what, seq, _kind(record), _point(record), column)
 
     wrong, change = senseless(record, points), None
     with contextlib.suppress(TypeError, ValueError):  # a value of a kind that no record has cannot be hashed
@@ -230,10 +231,22 @@ def _record(
         yield finding(f"makes no sense: {wrong[1]}", wrong[0])
 
 
+def _kind(record: Record) -> str:
+    """What stands there as its kind, whatever it is."""
+    return str(record.kind)[:40]
+
+
+def _point(record: Record) -> int | None:
+    return record.run_index if COUNT.holds(record.run_index) else None
+
+
 def _genesis(run: Contents, thorough: bool, expand: Expand, ends: list[End]) -> Iterator[Finding]:
     first = next(run.chained("seq = 1"), None)
     if first is None:
         yield Finding("file", "its first record, which says what the run is, is missing")
+        return
+    if first[1].kind != "run":
+        yield Finding("file", f"its first record is of kind {_kind(first[1])}, not what a run begins with")
         return
     declared = first[1].data
     documents = run.documents()
@@ -327,8 +340,9 @@ def _twice(run: Contents) -> Iterator[Finding]:
         return
     for index, whole_plot, numbers in run.guarded.rows(f"SELECT run_index, whole_plot, group_concat(seq) {grouped}"):
         where = "" if whole_plot is None else f" in whole plot {whole_plot}"
+        point = index if COUNT.holds(index) else None
         yield Finding(
-            "record", f"is one of several accepted observations{where}: records {numbers}", None, "observation", index
+            "record", f"is one of several accepted observations{where}: records {numbers}", None, "observation", point
         )
 
 

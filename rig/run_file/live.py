@@ -15,9 +15,10 @@ import secrets
 import stat
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from math import isfinite
 from pathlib import Path
 from typing import Any
+
+from rig.run_file.bodies import NUMBER
 
 VERBS = ("hold", "release", "stop")
 
@@ -68,9 +69,9 @@ def read_live(run: Path) -> dict[str, Any] | None:
         return None
     live = read_json(live_path(run)) or {}
     elapsed_s, remaining_s = live.get("elapsed_s"), live.get("remaining_s")
-    if not isinstance(live.get("state"), str) or not _is_number(elapsed_s):
+    if not isinstance(live.get("state"), str) or not NUMBER.holds(elapsed_s):
         return {"state": "running", "detail": "a controller is running, and what it says cannot be read"}
-    return {**live, "remaining_s": remaining_s if _is_number(remaining_s) else None}
+    return {**live, "remaining_s": remaining_s if NUMBER.holds(remaining_s) else None}
 
 
 def silent_s(run: Path, utc_s: float) -> float:
@@ -79,10 +80,6 @@ def silent_s(run: Path, utc_s: float) -> float:
         return max(0.0, utc_s - live_path(run).stat().st_mtime)
     except OSError:
         return 0.0
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
 
 
 class LiveState:

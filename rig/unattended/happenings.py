@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
+from unicodedata import category
 
 from rig.report.story import words
 from rig.run_file.chain import Record, encode
@@ -81,12 +82,14 @@ class Happening:
     unsafe: bool = False
 
 
-_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]+")
+_CONTROLS = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
+"""Unicode's categories of what makes a new line, moves a cursor, or turns the order of letters."""
 
 
 def one_line(text: str) -> str:
-    """Text without line ends and control characters, which instruments, names and notes may hold."""
-    return _CONTROL.sub(" ", text.replace("\n", "; ")).strip()
+    """Text without line ends and control characters, which instruments, names, servers and notes may hold."""
+    marked = "".join("\0" if category(c) in _CONTROLS else c for c in text.replace("\n", "; "))
+    return re.sub("\0+", " ", marked).strip()
 
 
 def utc_text(utc_s: float) -> str:
