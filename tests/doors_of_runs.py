@@ -101,7 +101,7 @@ class Image:
         return replace(self, **lists)
 
     def rechain(self) -> None:
-        """Make hashes of documents, run list and records anew, as an attacker does who has read the code."""
+        """Make hashes of documents, run list and records again, as an attacker does who has read the code."""
         previous = GENESIS
         for number, row in enumerate(self.records, 1):
             row[0] = number
@@ -222,7 +222,7 @@ _COMMANDS = 3
 
 
 def run(rng: Seeded, material: Material) -> Acts:
-    """A run file that was changed and hashed anew."""
+    """A run file that was changed and hashed again."""
     number, path = rng.number // _COMMANDS, material.path("attacked.sqlite")
     if material.made.get("attacked", (None, b""))[0] != number:
         _forge(random.Random(f"run file {number}"), material, path)

@@ -36,7 +36,7 @@ def body(values: object, kind: str = "event", status: str | None = "safe") -> ob
 
 
 def forged(whole: Path, path: Path, kind: str, changes: dict[str, object], status: str | None = None) -> Path:
-    """The first record of a kind with other fields, and every hash made anew."""
+    """The first record of a kind with other fields, and every hash made again."""
     image = Image.of(whole)
     row = next(r for r in image.records if r[2] == kind and status in (None, r[8]))
     row[9] = json.dumps({**json.loads(row[9]), **changes})

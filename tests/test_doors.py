@@ -13,7 +13,7 @@ from command import rig
 from crashes import PROCEDURES
 from damages import small_finished
 from doors_of_runs import Image
-from doors_of_wires import Answering, Page
+from doors_of_wires import Page
 from hostile import Seeded
 
 from fitter.formula import Formula, FormulaError
@@ -29,9 +29,7 @@ from rig.run_file.last_word import read_last_word
 from rig.run_file.live import controller_alive
 from rig.run_file.reader import RunReader
 from rig.tables import read_any_csv, read_gappy_csv, read_table
-from rig.unattended import Happening, Kind, RunFacts
 from rig.unattended.happenings import one_line
-from rig.unattended.notify import NotifySettings, NotSent, compose, sender
 from rig.unattended.service import ServiceUnit
 from rig.watch.shelf import Shelf
 from rig.watch.words import number
@@ -246,30 +244,6 @@ def test_what_follows_a_request_and_is_none(whole, request_bytes):
         assert b"200 OK" in page.answer(b"GET / HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n")
     finally:
         page.close()
-
-
-@pytest.mark.parametrize(
-    "answer",
-    [
-        *(b"", b"\0\0\0\0\r\n", b"HTTP/9 x\r\n\r\n", b"HTTP/1.1 99999999999999999999 x\r\n\r\n"),
-        *(b"HTTP/1.1 200 OK\r\n" + b"A: b\r\n" * 300, b"HTTP/1.1 200 OK\r\nX: " + b"y" * 70000 + b"\r\n\r\n"),
-        b"HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\nzz\r\n",
-    ],
-)
-def test_a_webhook_that_does_not_answer_as_one(answer):
-    server = Answering()
-    server.speaks_first, server.script = False, [answer]
-    values = {"kind": "webhook", "url": f"http://127.0.0.1:{server.port}/s3cret", "timeout_s": 1.0}
-    channel = NotifySettings.model_validate({"channel": [values]}).channel[0]
-    message = compose(
-        Happening(Kind.HOLD, "warning", "held", 0.0), RunFacts(None, "", "lab", "n", simulated=True), None
-    )
-    try:
-        with pytest.raises(NotSent, match=r"127\.0\.0\.1 does not answer as a web server") as caught:
-            sender(channel)(message)
-    finally:
-        server.close()
-    assert "s3cret" not in str(caught.value)
 
 
 def test_a_register_map_nested_too_deeply():

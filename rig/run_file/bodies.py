@@ -1,6 +1,6 @@
 """Bodies of records, decoded by types: the one place that says what a field of a record may be.
 
-A hash proves that nobody changed a record without making the hash anew, not that it is one of ours. Whoever reads a
+A hash proves that nobody changed a record without making the hash again, not that it is one of ours. Whoever reads a
 field here gets what a controller writes there, or an error that names the record, the field and what is wrong.
 """
 
