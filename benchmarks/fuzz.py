@@ -31,8 +31,16 @@ sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 from doors import DOORS, HANG_S, Found, Material, attack
 
 SHARES = {
-    **{"run": 0.08, "http": 0.08, "notify": 0.02, "contracts": 0.03, "beside": 0.01, "paths": 0.005},
-    **{"calibration": 0.08, "csv": 0.10, "toml": 0.18, "formula": 0.415},
+    "run": 0.08,
+    "http": 0.08,
+    "notify": 0.02,
+    "contracts": 0.03,
+    "beside": 0.01,
+    "paths": 0.005,
+    "calibration": 0.08,
+    "csv": 0.10,
+    "toml": 0.18,
+    "formula": 0.415,
 }
 """Of the inputs at each door with --total: more where one takes less time."""
 NIGHTS = (("pressure", 0), ("attitude", 0), ("attitude", 1), ("attitude", 12), ("attitude", 3))
