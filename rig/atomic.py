@@ -26,7 +26,7 @@ def write_whole(path: Path, write: Callable[[IO[str]], object]) -> None:
     """
 
     def text(file: IO[bytes]) -> None:
-        with io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True) as wrapped:
+        with io.TextIOWrapper(file, "utf-8", errors="backslashreplace", newline="", write_through=True) as wrapped:
             write(wrapped)
 
     write_whole_bytes(path, text)

@@ -261,7 +261,7 @@ def _reading(path: Path, material: Material, rng: random.Random) -> Acts:
     out, new = material.folder / "answer.csv", material.folder / "answer.sqlite"
     new.unlink(missing_ok=True)
     chance = rng.random()
-    if chance < 0.0006:  # a second or more each
+    if chance < 0.0004:  # a second or more each
         report = material.folder / "answer.html"
         traces: tuple[tuple[object, ...], ...] = (
             *(("trace", path, "--json"), ("trace", path, "--report", report), ("fit", path, "--report", report)),
@@ -274,7 +274,7 @@ def _reading(path: Path, material: Material, rng: random.Random) -> Acts:
         asked = rng.choice(traces)
         yield lambda: command(*asked)
         return
-    if chance < 0.012:
+    if chance < 0.008:
         fits: tuple[tuple[object, ...], ...] = (
             *(("fit", path, "--json"), ("fit", path, "--out", material.folder / "answer.json"), ("fit", path)),
             *(

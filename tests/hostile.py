@@ -169,12 +169,24 @@ class NotJson(Exception):
 
 def command(*arguments: object) -> str:
     """What a command prints. Raises what it raises, and `NotJson`."""
-    said = io.StringIO()
-    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(io.StringIO()):
+    said, told = _Terminal(), _Terminal()
+    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(told):
         _program().main([str(a) for a in arguments], standalone_mode=False)
-    if "--json" in arguments and said.getvalue().strip():
-        check_json(said.getvalue())
-    return said.getvalue()
+    text = said.text()
+    if "--json" in arguments and text.strip():
+        check_json(text)
+    return text
+
+
+class _Terminal(io.TextIOWrapper):
+    """Where a program prints to: UTF-8, and nothing that it does not have."""
+
+    def __init__(self) -> None:
+        super().__init__(io.BytesIO(), encoding="utf-8", errors="surrogateescape", newline="")
+
+    def text(self) -> str:
+        self.flush()
+        return str(self.buffer.getvalue().decode(errors="surrogateescape"))  # type: ignore[attr-defined]
 
 
 def check_json(text: str) -> None:

@@ -5,15 +5,16 @@ from __future__ import annotations
 import json
 import shutil
 import sqlite3
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from command import rig
 from damages import small_finished
 from doors_of_runs import Image
-from hostile import Seeded
+from hostile import Seeded, command
 
-from rig.errors import ConfigurationError, RunFileError
+from rig.errors import ConfigurationError, RunFileError, UsageError
 from rig.plans import stored_plan
 from rig.report.story import story
 from rig.run_file.bodies import ContentsError, body_of
@@ -23,6 +24,7 @@ from rig.run_file.reader import RunReader
 from rig.run_file.state import read_state
 from rig.run_file.verification import verify_file
 from rig.tables import run_table
+from rig.unattended.service import ServiceUnit
 from rig.watch.feed import RunFeed
 
 
@@ -97,8 +99,8 @@ def test_every_reader_says_file_record_and_field(whole, tmp_path):
     feed = RunFeed(path, None, lambda: 0.0, lambda: 2e9)
     feed.refresh()
     assert "its gap_s cannot be 'long'" in feed.view()["state"]["error"]
-    for command in (("status", path), ("export", path, "--all", "--out", tmp_path / "o.csv"), ("fit", path)):
-        done = rig(*command)
+    for asked in (("status", path), ("export", path, "--all", "--out", tmp_path / "o.csv"), ("fit", path)):
+        done = rig(*asked)
         assert (done.returncode, "unforeseen" in done.stderr) == (1, False), done.stderr
 
 
@@ -182,3 +184,22 @@ def test_a_file_that_does_not_begin_with_its_run(whole, tmp_path):
         with pytest.raises(RunFileError):
             read(path)
     assert any("not what a run begins with" in str(finding) for finding in verify_file(path).findings)
+
+
+def test_half_a_character_is_written_out(whole, tmp_path):
+    path = forged(whole, tmp_path / "f.sqlite", "run", {"procedure": "\ud800x"})
+    assert "\\xd800x" in command("status", path)
+    image = Image.of(path)
+    image.records[-2][9] = json.dumps({"message": "\ud800 smoke"})
+    image.records[-2][2] = "fault"
+    image.rechain()
+    image.write(path, Seeded("bodies", 0), under_way=False)
+    command("export", path, "--all", "--out", tmp_path / "o.csv")
+    assert "\\ud800 smoke" in (tmp_path / "o.faults.csv").read_text()
+
+
+def test_a_unit_is_text(tmp_path):
+    unit = ServiceUnit(tmp_path / "r.sqlite", "r", "\ud800 on x", system=False, user="u")
+    assert unit.text().encode()
+    with pytest.raises(UsageError, match="bytes that are no text"):
+        replace(unit, run=tmp_path / "\udcff.sqlite").check_paths()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 import tempfile
@@ -32,6 +33,8 @@ app = typer.Typer(
 
 def main() -> None:
     """Entry point: run the command, turn errors meant for people into one message and an exit code."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="surrogateescape")  # a path that is no text is printed as it was given
     try:
         from rig.cli import commands  # noqa: F401, PLC0415 - importing it registers the commands
 

@@ -86,10 +86,10 @@ class ServiceUnit:
     def check_paths(self) -> None:
         """Raise `UsageError` for a path that cannot be written in a unit: systemd would refuse all of it."""
         for path in (self.run, self.bench, *self.also_write):
-            if path is not None and re.search(r"[\x00-\x1f\x7f]", str(path)):
+            if path is not None and re.search(r"[\x00-\x1f\x7f\ud800-\udfff]", str(path)):
                 raise UsageError(
-                    f"{str(path)!r} has a control character in it, such as a newline, which systemd takes in no path: "
-                    "rename it, or move the run to another folder"
+                    f"{str(path)!r} has a control character in it, such as a newline, or bytes that are no text; "
+                    "systemd takes neither in a path: rename it, or move the run to another folder"
                 )
 
     def text(self) -> str:
@@ -232,7 +232,7 @@ def patience_s(config: BenchConfig) -> float:
 
 def _plain(text: str) -> str:
     """A value that is one text or one whole path: no quotes there, specifiers doubled."""
-    return re.sub(r"[\x00-\x1f\x7f]+", " ", text).replace("%", "%%").strip()
+    return re.sub(r"[\x00-\x1f\x7f\ud800-\udfff]+", " ", text).replace("%", "%%").strip()
 
 
 def _quoted(text: str) -> str:
