@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import shutil
 import sqlite3
@@ -203,3 +204,16 @@ def test_a_unit_is_text(tmp_path):
     assert unit.text().encode()
     with pytest.raises(UsageError, match="bytes that are no text"):
         replace(unit, run=tmp_path / "\udcff.sqlite").check_paths()
+
+
+def test_the_status_of_another_kind_of_record(whole, tmp_path):
+    path = tmp_path / "f.sqlite"
+    image = Image.of(whole)
+    image.records[3][8:10] = "whole-plot-lost", json.dumps({"first": "a", "count": []})
+    assert image.records[3][2] != "event"
+    image.records[3][6] = 1
+    image.rechain()
+    image.write(path, Seeded("bodies", 0), under_way=False)
+    for read in (story, verify_file):
+        with contextlib.suppress(RunFileError):
+            read(path)

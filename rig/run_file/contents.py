@@ -84,6 +84,6 @@ def senseless(record: Record, points: int) -> tuple[str, str] | None:
                 data[name]
             except ContentsError:
                 return "body", f"its {name} cannot be {shown(dict.__getitem__(data, name))}, it has to be {kind.words}"
-    if record.status == "whole-plot-lost" and data["first"] + data["count"] > points:
+    if record.kind == "event" and record.status == "whole-plot-lost" and data["first"] + data["count"] > points:
         return "body", "it gives up points that there are not"
     return None
