@@ -28,6 +28,13 @@ def _register(power: str) -> str:
     return power.replace("-", "_")
 
 
+_NEEDED = (
+    *("part_number", "serial_number", "software_release", "software_build"),
+    *("process_value", "setpoint", "power", "mode", "active_mode"),
+)
+"""Registers without which a chamber is neither recognised nor controlled."""
+
+
 class WatlowF4T(MappedTemperatures):
     """One control loop of the controller, or one cascade of two; satisfies `drivers.roles.Chamber`.
 
@@ -102,6 +109,12 @@ class WatlowF4T(MappedTemperatures):
             if not all(1 <= slot <= 6 for slot in self.limit_modules):
                 raise ValueError(f"limit_modules {self.limit_modules}: a controller has slots 1 to 6")
             registers = map_of(self.register_map)
+            here = {**registers.registers, **(registers.cascade if self.cascade else {})}
+            for name in (*_NEEDED, *(["alarm_state"] if self.alarms else [])):
+                if name not in here:
+                    raise ValueError(f"the register map knows no {name}, which the driver needs")
+            if not here["part_number"].type.startswith("text:"):
+                raise ValueError("the register map has part_number, which is a text, as a number")
             if self.cascade and not registers.cascade:
                 raise ValueError("the register map knows no cascade")
             if self.cascade and self.ramp_degC_per_min is not None and "ramp_rate" not in registers.cascade:

@@ -7,9 +7,9 @@ import struct
 import tomllib
 from collections.abc import Mapping
 from functools import lru_cache
-from typing import Literal
+from typing import Literal, Self
 
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, Field, model_validator
 
 from drivers.errors import BadReply
 from drivers.wires.modbus import ModbusLine, float_of_words, words_of_float
@@ -46,6 +46,13 @@ class RegisterMap(BaseModel, extra="forbid", frozen=True):
     registers: Mapping[str, RegisterEntry]
     cascade: Mapping[str, RegisterEntry] = Field(default_factory=dict)
     codes: Mapping[str, Mapping[str, int]]
+
+    @model_validator(mode="after")
+    def _told(self) -> Self:
+        for name, entry in (*self.registers.items(), *self.cascade.items()):
+            if entry.codes and entry.codes not in self.codes:
+                raise ValueError(f"{name} has the codes of {entry.codes}, which are not told")
+        return self
 
 
 @lru_cache(maxsize=8)

@@ -277,3 +277,20 @@ def test_what_a_controller_says_is_shown_as_it_is(whole, tmp_path, news):
 @pytest.mark.parametrize("hidden", ["\u202e", "\u061c", "\ufeff", "\U000e0041", "\ud800", "\x9b", "\u2028"])
 def test_what_servers_say_has_no_characters_that_turn_or_move_text(hidden):
     assert one_line(f"550 {hidden * 3}no") == "550  no"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("part_number =", "part_numb =", "knows no part_number"),
+        ("process_value =", "process =", "knows no process_value"),
+        ('type = "text:15"', 'type = "int32"', "part_number, which is a text, as a number"),
+        ('codes = "mode"', 'codes = "moods"', "codes of moods, which are not told"),
+    ],
+)
+def test_a_register_map_without_what_the_driver_needs(old, new, said):
+    lines = (example("pressure-lab") / "bench.toml").read_text().splitlines()
+    at = next(n for n, line in enumerate(lines) if '"watlow-f4t"' in line)
+    lines.insert(at + 1, f"register_map = {json.dumps(_text('watlow_f4t.toml').replace(old, new))}")
+    with pytest.raises(ConfigurationError, match=said):
+        plan_of({"bench.toml": "\n".join(lines), "procedure.toml": PROCEDURES["pressure"]}, dry=True)
