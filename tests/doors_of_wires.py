@@ -72,10 +72,10 @@ class Page:
         self.thread.join()
         self._listening.close()
 
-    def answer(self, request: bytes) -> bytes:
+    def answer(self, request: bytes, moment_s: float = 0.03) -> bytes:
         """What comes back for some bytes, of a stream the beginning. Raises `Wrong`.
 
-        The line is closed on our side only when an answer has come whole, or none comes for a moment: a server stops
+        The line is closed on our side only when an answer has come whole, or none comes for `moment_s`: a server stops
         working for somebody who has gone.
         """
         self.errors.told.clear()
@@ -83,7 +83,7 @@ class Page:
         with socket.create_connection(("127.0.0.1", self.port)) as line, contextlib.suppress(ConnectionError):
             line.sendall(request)
             while True:
-                if not closed and (_whole(got) or not select.select([line], [], [], _MOMENT_S)[0]):
+                if not closed and (_whole(got) or not select.select([line], [], [], moment_s)[0]):
                     closed = True
                     line.shutdown(socket.SHUT_WR)
                 data = line.recv(65536)
@@ -95,7 +95,6 @@ class Page:
         return got
 
 
-_MOMENT_S = 0.03
 _LENGTH = re.compile(rb"\r\ncontent-length: (\d+)\r\n", re.IGNORECASE)
 
 

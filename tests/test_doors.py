@@ -241,7 +241,7 @@ def test_what_follows_a_request_and_is_none(whole, request_bytes):
     page = Page(whole.parent, "")
     try:
         page.answer(request_bytes)  # raises what the server calls an error of its own
-        assert b"200 OK" in page.answer(b"GET / HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n")
+        assert b"200 OK" in page.answer(b"GET / HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n", 5.0)
     finally:
         page.close()
 
