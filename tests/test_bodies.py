@@ -217,3 +217,15 @@ def test_the_status_of_another_kind_of_record(whole, tmp_path):
     for read in (story, verify_file):
         with contextlib.suppress(RunFileError):
             read(path)
+
+
+def test_why_a_point_was_skipped_is_shown_as_it_is(whole, tmp_path):
+    path = tmp_path / "f.sqlite"
+    image = Image.of(whole)
+    at = next(n for n, row in enumerate(image.records) if row[2] == "skip" and row[8] == "final")
+    image.records[at][9] = json.dumps({"reason": "[/] no [red]reply"})
+    image.rechain()
+    image.write(path, Seeded("bodies", 0), under_way=False)
+    done = rig("export", path, "--out", tmp_path / "o.csv")
+    assert done.returncode == 0, done.stderr
+    assert "[/] no [red]reply" in done.stderr

@@ -70,7 +70,7 @@ def mark(simulated: bool) -> str:
 def headline(file: str, table: Table, console: Console = out) -> None:
     """Whose observations, how many, and whether more are to come."""
     missing = incomplete(table.provenance)
-    more = f" ([yellow]{missing}[/])" if missing else ""
+    more = f" ([yellow]{escape(missing)}[/])" if missing else ""
     console.print(f"{mark(table.simulated)}[bold]{escape(file)}[/]: {len(table)} observations{more}", soft_wrap=True)
 
 
