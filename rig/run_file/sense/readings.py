@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
 from typing import Any
 
 from rig.run_file.chain import Record
@@ -112,9 +113,10 @@ class _Again:
 
     def _learn(self, name: str, readings: Sequence[float]) -> None:
         """The smallest step between two readings of a column is a digit of its instrument, or a few."""
-        step = abs(readings[0] - readings[-1])
-        if _MEAN * abs(readings[0]) < step < self._resolution.get(name, math.inf):
-            self._resolution[name] = step
+        smallest, least = self._resolution.get(name, math.inf), _MEAN * abs(readings[0])
+        for one, next_one in pairwise(sorted(readings)):
+            if least < next_one - one < smallest:
+                smallest = self._resolution[name] = next_one - one
 
     def _bits(self, name: str, channel: Mapping[str, Any]) -> float:
         """How many bits of chance the readings of a column have: what each scatters by, in digits."""
