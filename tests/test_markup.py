@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import csv
+import json
 
 import pytest
 from command import rig
-from doors import rechain
 from dry import LAB, SHORT, dry
 from few_sensors import with_sensors
-from test_verify import tamper
+from forger import Opened, forge
 
 NAME = '<script>alert(1)</script>[red]&"$x^{$ ESCAPE'
 
@@ -23,12 +23,14 @@ def run_file(tmp_path_factory):
     bench.write_text(text.replace(first, f'name = "{NAME}"'.replace('&"$', '&\\"$')))
     text = SHORT.partition("[environment]")[0].replace('"short"', '"<b>night</b> [bold]x[/]"')
     run = dry(folder, bench=bench, world=world, text=text)
-    # A bench file's door refuses the character that terminals obey; an earlier version's run, or a forged one, has it.
-    tamper(
-        run, *(f"UPDATE {table} SET body = replace(body, 'ESCAPE', '\\u001b[2J')" for table in ("record", "document"))
-    )
-    rechain(run)
-    return run
+    return forge(run, folder / "forged.sqlite", _with_escape)
+
+
+def _with_escape(run: Opened) -> None:
+    """A bench file's door refuses the character that terminals obey; an earlier version's or a forged run has it."""
+    run.documents = {name: text.replace("ESCAPE", "\\u001b[2J") for name, text in run.documents.items()}
+    for record in run.records:
+        record["body"] = json.loads(json.dumps(record["body"]).replace("ESCAPE", "\\u001b[2J"))
 
 
 def test_in_the_terminal(run_file):

@@ -155,7 +155,7 @@ def counting(what: str, total: int) -> Iterator[Callable[[str], None]]:
         if now - told > _EVERY_S and done < total:
             told = now
             left = duration((now - began) / done * (total - done))
-            print(f"{what}: {done}/{total}, {words}, {left} left", file=sys.stderr, flush=True)
+            print(visible(f"{what}: {done}/{total}, {words}, {left} left"), file=sys.stderr, flush=True)
 
     if not err.is_terminal:
         yield plain
@@ -189,5 +189,5 @@ class _PlainProgress:
         if said or (tenth != self._tenth and news.state != "preparing"):
             left = "" if news.remaining_s is None else f", {duration(news.remaining_s)} left"
             text = f"{self._mark}{news.state}: {news.done}/{news.total} points, {duration(news.elapsed_s)}{left}"
-            print(f"{text} {news.message}".rstrip(), file=sys.stderr, flush=True)
+            print(visible(f"{text} {news.message}".rstrip()), file=sys.stderr, flush=True)
         self._tenth, self._message = tenth, news.message
