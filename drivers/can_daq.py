@@ -121,7 +121,8 @@ class CanDaq:
         self._most = _MOST_SWEEPS
         if options.on_command:
             sweeps = self._database.get_message_by_name("Command").get_signal_by_name("Sweeps")
-            self._most = int(sweeps.maximum or 2**sweeps.length - 1)
+            largest = 2**sweeps.length - 1
+            self._most = int(min(sweeps.maximum or largest, largest))
         self._session = 0
         self._series: Series | None = None
         self._latest: dict[str, Values] = {}

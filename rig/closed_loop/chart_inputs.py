@@ -198,6 +198,7 @@ def _from_calibration_file(path: Path, told: datetime | None) -> Given:
         sensors = calibrated_from(content)
         effects = {s["name"]: tuple(t["effect"] for t in s["terms"]) for s in content["calibration"]["sensors"]}
         degC, simulated = content["calibration"]["reference_degC"], bool(data["simulated"])
+        degC = None if degC is None else float(degC)
     except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
         raise UsageError(f"{path}: {error}; give the run file instead") from error
     return Given(
