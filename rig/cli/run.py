@@ -16,7 +16,7 @@ from rich.markup import escape
 
 from rig.cli import app
 from rig.cli.accepted import Acceptance
-from rig.cli.show import err, mark, run_progress
+from rig.cli.show import err, mark, run_progress, visible
 from rig.cli.unattended import (
     Listening,
     LogFormatOption,
@@ -212,7 +212,7 @@ def conclude(result: Result) -> int:
         for words in warnings_in(result.path):
             err.print(f"[bold yellow]warning:[/] {escape(words)}", soft_wrap=True)
         if result.message and result.outcome is not Outcome.INTERRUPTED:
-            print(f"rig: {result.message}", file=sys.stderr)
+            print(f"rig: {visible(result.message)}", file=sys.stderr)
         for index, reason in sorted(state.skipped.items()):
             err.print(f"[yellow]point {index} was skipped:[/] {escape(reason)}")
         for number, reason in state.lost.items():
