@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 from crashes import PROCEDURES, crash_once
 from damages import FLIPS, Interrupted, file_damages, log_damages, small_finished
 
-from rig.simulated.disk import folding
+from proving.disk import folding
 
 _PARTS = ("crashes", "folded", "log", "file")
 _FOLD_PAGES = 4

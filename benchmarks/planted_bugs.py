@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import sys
 
-from rig.simulated.night.bugs import BUGS
-from rig.simulated.night.campaign import one_night
-from rig.simulated.night.scenario import LABS
+from proving.night.bugs import BUGS
+from proving.night.campaign import one_night
+from proving.night.scenario import LABS
 
 
 def main() -> int:

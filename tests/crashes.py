@@ -17,6 +17,7 @@ from unittest.mock import patch
 import apsw
 from kills import judge
 
+from proving.disk import Crash, Disk
 from rig.controller import resume_run, start_run
 from rig.engine.session import Outcome, Signals
 from rig.examples import example
@@ -24,7 +25,6 @@ from rig.plans import Plan, plan_of
 from rig.run_file.live import LiveState
 from rig.run_file.reader import RunReader
 from rig.run_file.writer import RunWriter
-from rig.simulated.disk import Crash, Disk
 
 ATTITUDE = """
 kind = "pitch-roll"

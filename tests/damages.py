@@ -12,6 +12,7 @@ from pathlib import Path
 
 from crashes import Run, crash_once
 
+from proving.disk import Disk
 from rig.controller import _losses
 from rig.errors import RigError
 from rig.run_file.chain import Record
@@ -20,7 +21,6 @@ from rig.run_file.reader import RunReader
 from rig.run_file.state import fold
 from rig.run_file.verification import restored
 from rig.run_file.writer import RunWriter
-from rig.simulated.disk import Disk
 from rig.tables import run_table
 
 FLIPS = 512

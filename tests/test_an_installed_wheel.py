@@ -83,3 +83,10 @@ def test_an_installed_wheel_runs_the_demo(tmp_path):
     found = {e["effect"] for e in result["sensors"]["x_V"]["effects"]}
     assert found == {"isolation-pad-deflection", "sensitivity-temperature"}
     assert result["sensors"]["x_V"]["verdict"] == "explained"
+    # what is proven about the program comes with the source alone, and the commands say so
+    assert not (site / "proving").exists()
+    night_here = subprocess.run(
+        [python.parent / "rig", "night", "--seeds", "3"], capture_output=True, text=True, check=False, env=clean
+    )
+    assert night_here.returncode == 2
+    assert "get the project's source" in night_here.stderr

@@ -13,6 +13,7 @@ import pytest
 from test_run_file import genesis, observation
 
 from drivers.clock import Clock
+from proving.disk import Crash, Disk
 from rig.errors import StorageError
 from rig.run_file import storage
 from rig.run_file.chain import Record
@@ -20,7 +21,6 @@ from rig.run_file.creation import create
 from rig.run_file.reader import RunReader
 from rig.run_file.state import fold
 from rig.run_file.writer import RunWriter
-from rig.simulated.disk import Crash, Disk
 from sims.world import World
 
 

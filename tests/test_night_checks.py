@@ -6,11 +6,11 @@ import json
 
 import pytest
 
+from proving.night.checks import INVARIANTS
+from proving.night.judged import Night
+from proving.night.play import play
+from proving.night.scenario import LABS, draw
 from rig.run_file.reader import RunReader
-from rig.simulated.night.checks import INVARIANTS
-from rig.simulated.night.judged import Night
-from rig.simulated.night.play import play
-from rig.simulated.night.scenario import LABS, draw
 
 SEED = 503
 

@@ -8,13 +8,13 @@ from functools import cache
 
 import pytest
 
+from proving.night.bugs import BUGS
+from proving.night.campaign import one_night, replay, unbiased
+from proving.night.checks import judge
+from proving.night.play import play
+from proving.night.scenario import LABS, draw
 from rig.engine.actions import BenchActions
 from rig.run_file.reader import RunReader
-from rig.simulated.night.bugs import BUGS
-from rig.simulated.night.campaign import one_night, replay, unbiased
-from rig.simulated.night.checks import judge
-from rig.simulated.night.play import play
-from rig.simulated.night.scenario import LABS, draw
 from rig.tables import run_table
 
 NIGHTS = {"attitude": range(45), "pressure": range(15)}

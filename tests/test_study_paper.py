@@ -18,20 +18,20 @@ from typer.testing import CliRunner
 from fitter import AttitudeData
 from fitter.inverse import singularity
 from procedures.designs import grid, tumble
+from proving.paper import computed_sections, measure, section_markdown, without_experiments
+from proving.paper.capture import at_points, temperature_corrected
+from proving.paper.checks import checks, ranges
+from proving.paper.document import experiment_sections, markdown
+from proving.paper.experiments import figures_22_to_54
+from proving.paper.loci import locus_roll, x_y, x_z
+from proving.paper.nights import NIGHTS
+from proving.paper.packages import normalised_sd, package
+from proving.paper.printed import TABLE_2
+from proving.paper.statement import about, above, below, digits
+from proving.paper.table_1 import table_1
+from proving.paper.table_2 import EXPERIMENTS, FRACTION_53, FRACTION_73, UNDER, Measured, bias_limit, identities
+from proving.paper.words import NOT_ALIKE
 from rig.cli import app, commands  # noqa: F401 - commands registers them
-from rig.study.paper import computed_sections, measure, section_markdown, without_experiments
-from rig.study.paper.capture import at_points, temperature_corrected
-from rig.study.paper.checks import checks, ranges
-from rig.study.paper.document import experiment_sections, markdown
-from rig.study.paper.experiments import figures_22_to_54
-from rig.study.paper.loci import locus_roll, x_y, x_z
-from rig.study.paper.nights import NIGHTS
-from rig.study.paper.packages import normalised_sd, package
-from rig.study.paper.printed import TABLE_2
-from rig.study.paper.statement import about, above, below, digits
-from rig.study.paper.table_1 import table_1
-from rig.study.paper.table_2 import EXPERIMENTS, FRACTION_53, FRACTION_73, UNDER, Measured, bias_limit, identities
-from rig.study.paper.words import NOT_ALIKE
 from rig.toml_text import toml_text
 
 DOCUMENT = Path(__file__).parent.parent / "docs" / "paper.md"
@@ -271,7 +271,7 @@ def test_every_night_has_as_many_points_as_it_says():
 
 def test_the_command(tmp_path, monkeypatch):
     few = tuple(f for f in without_experiments().figures if f.number in ("4", "12", "21"))
-    monkeypatch.setattr("rig.study.paper.study._computed_figures", lambda: few)
+    monkeypatch.setattr("proving.paper.study._computed_figures", lambda: few)
     out, document = tmp_path / "figures", tmp_path / "paper.md"
     done = CliRunner().invoke(
         app, ["study", "paper", "--figures-only", "--json", "--out", str(out), "--markdown", str(document)]

@@ -1,7 +1,7 @@
 """What a run file needs of a folder and of a disk beside SQLite: entries made durable, a log written again.
 
 SQLite reaches the disk through a VFS; what it does not do (a rename, the entry of a new file in its folder) is here,
-under the same name as the VFS, so that a simulated disk can take power away from both (`rig.simulated.disk`).
+under the same name as the VFS, so that a simulated disk can take power away from both (`proving.disk`).
 """
 
 from __future__ import annotations

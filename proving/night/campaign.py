@@ -1,0 +1,153 @@
+"""Many nights: played, judged, counted; a night that fails is named by its seed and replays exactly."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import nullcontext
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from proving.night.bias import deviations
+from proving.night.bugs import BUGS
+from proving.night.checks import judge
+from proving.night.judged import Violation
+from proving.night.play import Played, play
+from proving.night.scenario import Lab, Scenario, draw
+from proving.night.story import timeline
+
+_MEMORY = "/dev/shm"
+"""Where run files of nights lie: their durability is the disk's part of a night, not this machine's."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One night, judged.
+
+    Attributes:
+        seed, lab: which.
+        violations: what did not hold.
+        sessions: how often the controller was started.
+        happened: faults and mishaps that met anything.
+        complete: whether the run was finished.
+        bench_s: bench time.
+        skipped: points given up for a reason.
+        deviations: (quantity, t, degrees of freedom) of what was calibrated.
+
+    """
+
+    seed: int
+    lab: Lab
+    violations: tuple[Violation, ...]
+    sessions: int
+    happened: int
+    complete: bool
+    bench_s: float
+    skipped: int
+    deviations: tuple[tuple[str, float, float], ...]
+
+
+def one_night(seed: int, lab: Lab, *, full: bool = False, bug: str = "", calm: bool = False) -> Verdict:
+    """Play and judge one night; `bug` plants one of `BUGS` in the controller first, `calm` lets nothing go wrong."""
+    return _judged(draw(seed, lab, full=full, calm=calm), bug, lambda _: None)
+
+
+def replay(
+    seed: int, lab: Lab, folder: Path, *, full: bool = False, bug: str = "", calm: bool = False
+) -> tuple[Verdict, list[str]]:
+    """The same, its files left in `folder`, with what happened in order of time."""
+    told: list[str] = []
+    scenario = draw(seed, lab, full=full, calm=calm)
+    verdict = _judged(scenario, bug, lambda played: told.extend(timeline(played)), folder)
+    return verdict, told
+
+
+def _judged(scenario: Scenario, bug: str, look: Callable[[Played], None], folder: Path | None = None) -> Verdict:
+    here = _MEMORY if Path(_MEMORY).is_dir() else None
+    with tempfile.TemporaryDirectory(dir=here) if folder is None else nullcontext(str(folder)) as place:
+        with BUGS[bug]() if bug else nullcontext():
+            played = play(scenario, Path(place))
+        try:
+            violations = tuple(judge(played))
+            look(played)
+            off = tuple(deviations(played)) if played.complete and not violations else ()
+            skipped = played.skipped()
+        finally:
+            played.bench.close()
+    return Verdict(
+        scenario.seed,
+        scenario.lab,
+        violations,
+        len(played.sessions),
+        len(played.happened),
+        played.complete,
+        played.bench.world.now(),
+        skipped,
+        off,
+    )
+
+
+def many_nights(
+    seeds: Iterable[int], lab: Lab, *, full: bool = False, bug: str = "", calm: bool = False, jobs: int = 1
+) -> Iterator[Verdict]:
+    """Nights of several seeds, in order."""
+    one = partial(one_night, lab=lab, full=full, bug=bug, calm=calm)
+    if jobs == 1:
+        yield from map(one, seeds)
+        return
+    with ProcessPoolExecutor(jobs) as pool:
+        yield from pool.map(one, seeds, chunksize=1 if full else 8)
+
+
+@dataclass(frozen=True)
+class Bias:
+    """What many nights say together of the calibrations that came of them.
+
+    Attributes:
+        quantities: how many coefficients.
+        mean: of their deviations from the truth, each made standard normal by its own t distribution.
+        sd: of these.
+        largest: of them.
+        own_sd: that the method has where nothing goes wrong.
+
+    """
+
+    quantities: int
+    mean: float
+    sd: float
+    largest: float
+    own_sd: float
+
+    @property
+    def holds(self) -> bool:
+        """Whether mean and scatter are those of nights without trouble, as chance has it once in 30,000 times."""
+        root = math.sqrt(self.quantities)
+        return abs(self.mean) * root < _CHANCE and (self.sd - self.own_sd) * root * math.sqrt(2.0) < _CHANCE
+
+    def __str__(self) -> str:
+        """In words."""
+        return (
+            f"coefficients less the truth, over their standard errors: mean {self.mean:+.3f}, sd {self.sd:.3f} "
+            f"({self.quantities} of them)"
+        )
+
+
+_CHANCE = 4.0
+_OWN_SD: Mapping[Lab, float] = {"attitude": 1.0, "pressure": 1.02}
+"""Standard deviation that the method itself has: for four whole plots degrees of freedom are an approximation, and calm
+nights have this (docs/nights.md)."""
+
+
+def unbiased(deviations: Iterable[tuple[str, float, float]], lab: Lab) -> Bias | None:
+    """Deviations of many nights of a laboratory taken together; None where there are none."""
+    from scipy.special import ndtri, stdtr  # noqa: PLC0415 - slow to import
+
+    z = [-float(ndtri(stdtr(df, -t))) for _, t, df in deviations]
+    if not z:
+        return None
+    mean = sum(z) / len(z)
+    sd = (sum((one - mean) ** 2 for one in z) / len(z)) ** 0.5
+    return Bias(len(z), mean, sd, max(map(abs, z)), _OWN_SD[lab])

@@ -1,0 +1,139 @@
+"""`rig night`: simulated nights on which everything goes wrong."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+from rich.markup import escape
+
+from rig.cli import app
+from rig.cli.run import JsonOption
+from rig.cli.show import counting, err, out, print_json
+from rig.errors import ExitCode, UsageError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from proving.night.scenario import Lab
+
+
+Labs = Literal["attitude", "pressure", "both"]
+
+
+@app.command(rich_help_panel="Trying it out")
+def night(
+    seeds: Annotated[int, typer.Option(min=1, help="how many nights of each laboratory")] = 100,
+    first: Annotated[int, typer.Option(min=0, help="the first seed")] = 0,
+    lab: Annotated[Labs, typer.Option(help="which laboratory")] = "both",
+    full: Annotated[bool, typer.Option("--full", help="the examples' whole procedures, 28 and 37 hours")] = False,
+    seed: Annotated[
+        int | None,
+        typer.Option(min=0, help="replay this one night, and tell it in order of time", show_default=False),
+    ] = None,
+    bug: Annotated[
+        str | None,
+        typer.Option(help="plant a bug in the controller, and stop when a night finds it", show_default=False),
+    ] = None,
+    keep: Annotated[
+        Path | None, typer.Option(help="with --seed: an empty folder to leave its run file in", show_default=False)
+    ] = None,
+    calm: Annotated[bool, typer.Option("--calm", help="nothing goes wrong: what the fit alone does")] = False,
+    jobs: Annotated[int, typer.Option(min=1, help="processes")] = os.cpu_count() or 1,
+    as_json: JsonOption = False,
+) -> int:
+    """Play simulated nights full of faults, crashes and power cuts, and check what must hold after each.
+
+    Nights are short (2 x 12 points, or 4 whole plots of 3 pressures) unless --full is given. Every seed is a night
+    of its own, the same on every machine. What is checked: docs/nights.md.
+
+    Examples: `rig night --seeds 1000`, `rig night --seed 42 --lab attitude`, `rig night --bug skip-re-approach`
+    """
+    from proving.night.bugs import BUGS  # noqa: PLC0415
+    from proving.night.scenario import LABS  # noqa: PLC0415
+
+    if bug is not None and bug not in BUGS:
+        raise UsageError(f"--bug {bug}: there is no such bug; there are {', '.join(BUGS)}")
+    labs: tuple[Lab, ...] = LABS if lab == "both" else (lab,)
+    if seed is not None:
+        if lab == "both":
+            raise UsageError("--seed replays one night: say of which laboratory with --lab")
+        return _replay(seed, labs[0], full, bug or "", calm, keep)
+    if keep is not None:
+        raise UsageError("--keep leaves the run file of one night: say which with --seed and --lab")
+    console = err if as_json else out
+    summary = {one: _campaign(range(first, first + seeds), one, full, bug or "", calm, jobs, console) for one in labs}
+    if as_json:
+        print_json(summary)
+    if bug:
+        return ExitCode.DONE if any(s["violations"] for s in summary.values()) else ExitCode.FAULT
+    return ExitCode.DONE if all(s["holds"] for s in summary.values()) else ExitCode.FAULT
+
+
+def _campaign(seeds: range, lab: Lab, full: bool, bug: str, calm: bool, jobs: int, console: Console) -> dict[str, Any]:
+    from proving.night.campaign import many_nights, unbiased  # noqa: PLC0415
+
+    total = Counter(dict.fromkeys(("nights", "sessions", "happened", "skipped", "violations"), 0))
+    found: list[str] = []
+    off: list[tuple[str, float, float]] = []
+    with counting(lab, len(seeds)) as one_more:
+        for verdict in many_nights(seeds, lab, full=full, bug=bug, calm=calm, jobs=jobs):
+            total["nights"] += 1
+            total["sessions"] += verdict.sessions
+            total["happened"] += verdict.happened
+            total["skipped"] += verdict.skipped
+            total["violations"] += bool(verdict.violations)
+            off += verdict.deviations
+            for violation in verdict.violations:
+                line = f"seed {verdict.seed}: {violation.invariant}: {violation.what}"
+                found.append(line)
+                if len(found) <= _SHOWN:
+                    err.print(f"[red]{lab}[/] {escape(line)}", soft_wrap=True)
+            if verdict.violations:
+                options = f"{' --full' if full else ''}{f' --bug {bug}' if bug else ''}{' --calm' if calm else ''}"
+                err.print(f"  replay: rig night --lab {lab} --seed {verdict.seed}{options}", soft_wrap=True)
+            one_more(f"{total['violations']} in which something did not hold")
+            if bug and verdict.violations:
+                break
+    bias = unbiased(off, lab)
+    words = (
+        f"{lab}: {total['nights']} nights, {total['happened']} things that went wrong, {total['sessions']} sessions, "
+        f"{total['skipped']} points given up for a reason; {total['violations']} nights in which something did not hold"
+    )
+    console.print(words, soft_wrap=True)
+    if bias is not None:
+        console.print(f"  {bias}", soft_wrap=True)
+        if not bias.holds:
+            err.print(
+                f"[red]{lab}[/] unbiased: mean or sd are further from 0 and {bias.own_sd:g} than by chance",
+                soft_wrap=True,
+            )
+    figures = None if bias is None else {"coefficients": bias.quantities, "mean": bias.mean, "sd": bias.sd}
+    holds = not total["violations"] and (bias is None or bias.holds)
+    return {**total, "holds": holds, "bias": figures, "found": found[:_KEPT]}
+
+
+_SHOWN, _KEPT = 10, 100
+
+
+def _replay(seed: int, lab: Lab, full: bool, bug: str, calm: bool, keep: Path | None) -> int:
+    import tempfile  # noqa: PLC0415
+
+    from proving.night.campaign import replay  # noqa: PLC0415
+
+    if keep is not None and keep.exists() and any(keep.iterdir()):
+        raise UsageError(f"--keep {keep}: the folder is not empty")
+    with tempfile.TemporaryDirectory(prefix="rig-night-") as temporary:
+        folder = keep or Path(temporary)
+        folder.mkdir(parents=True, exist_ok=True)
+        verdict, told = replay(seed, lab, folder, full=full, bug=bug, calm=calm)
+    for line in told:
+        out.print(escape(line), soft_wrap=True, highlight=False)
+    for violation in verdict.violations:
+        err.print(f"[red]does not hold:[/] {escape(violation.invariant)}: {escape(violation.what)}", soft_wrap=True)
+    if not verdict.violations:
+        err.print("everything holds")
+    return ExitCode.FAULT if verdict.violations else ExitCode.DONE

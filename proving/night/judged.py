@@ -1,0 +1,93 @@
+"""A night as its checks take it: the run file as anybody could read it, and the tape of what truly happened."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import inf
+
+from procedures import Point, RunList
+from proving.night.play import Played
+from rig.run_file.chain import Record
+from sims.tape import Reading, Tape
+
+
+@dataclass(frozen=True)
+class Violation:
+    """Something that must not happen.
+
+    Attributes:
+        invariant: name of the check.
+        what: what was found, and where.
+
+    """
+
+    invariant: str
+    what: str
+
+
+class Night:
+    """A night that was played, and what is known of it.
+
+    Args:
+        played: the night.
+        run_list: of its run file.
+        records: of its run file, all of them in order.
+
+    Attributes:
+        tape: what truly happened.
+
+    """
+
+    def __init__(self, played: Played, run_list: RunList, records: list[Record]) -> None:
+        self.played, self.run_list, self.records = played, run_list, records
+        self.tape: Tape = played.tape
+        self._origins: dict[int, float] = {
+            r.session: r.data["clock_s"] - r.data["elapsed_s"] for r in self.records if r.kind == "session"
+        }
+        self._inputs: dict[tuple[str, str], list[Reading]] = {}
+        for reading in self.tape.readings:
+            self._inputs.setdefault((reading.instrument, reading.channel), []).append(reading)
+        self._begins = {wire: [reading.t_s for reading in readings] for wire, readings in self._inputs.items()}
+
+    def accepted(self) -> Iterator[Record]:
+        """Accepted observations, but for those that the run itself came to doubt."""
+        since = {
+            r.whole_plot: r.data["doubted_s"]
+            for r in self.records
+            if r.status == "whole-plot-lost" and "doubted_s" in r.data
+        }
+        observed = (r for r in self.records if r.kind == "observation" and r.status == "accepted")
+        return (r for r in observed if r.elapsed_s < since.get(r.whole_plot, inf))
+
+    def point(self, record: Record) -> Point:
+        """Where an observation was to be made."""
+        assert record.run_index is not None
+        return self.run_list.points[record.run_index]
+
+    def world_s(self, session: int, elapsed_s: float) -> float:
+        """World time of an elapsed time, by the clock reading that the session began with."""
+        return elapsed_s + self._origins[session]
+
+    def measured_s(self, record: Record) -> tuple[float, float]:
+        """World times between which an observation says that it was measured."""
+        began, ended = record.data["measured_s"]
+        return self.world_s(record.session, began), self.world_s(record.session, ended)
+
+    def of_input(self, wire: tuple[str, str]) -> list[Reading]:
+        """All readings that an instrument made of an input, (instrument, channel), in order of time."""
+        return self._inputs.get(wire, [])
+
+    def meanwhile(self, record: Record, wire: tuple[str, str]) -> range:
+        """Which of `of_input` were made, from begin to end, while an observation says that it was measured."""
+        began, ended = self.measured_s(record)
+        readings, begins = self.of_input(wire), self._begins.get(wire, [])
+        first = last = bisect_left(begins, began - _ROUNDED_S)
+        while last < len(readings) and readings[last].end_s <= ended + _ROUNDED_S:
+            last += 1
+        return range(first, last)
+
+
+_ROUNDED_S = 1e-6
+"""Elapsed times are differences of clock readings."""

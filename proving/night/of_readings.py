@@ -1,0 +1,212 @@
+"""What must hold of every accepted observation, against what its sensors truly gave while it says it was measured."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import sqrt
+from operator import attrgetter
+
+from procedures import Point
+from proving.night.judged import Night
+from rig.run_file.chain import Record
+from sims.physics.pressure_truth import TransducerTruth
+from sims.tape import Reading
+
+
+def truthful(night: Night) -> Iterator[str]:
+    """Every accepted reading is what its sensor truly gave, within noise, while it says it was measured, in its place.
+
+    The number is one that the instrument then made of that input, to the last digit, and no two readings are the same
+    one. And it is the truth of that moment within `_Input.bound`, whatever a fault of the input has made of it.
+    """
+    inputs = _inputs(night)
+    for record in night.accepted():
+        point = night.point(record)
+        for column, values in {**record.data["outputs"], **record.data["temperatures"]}.items():
+            yield from _read(night, record, point, inputs[column], values["readings"])
+        for column, values in record.data.get("references", {}).items():
+            yield from _readback(night, record, column, values["readings"])
+
+
+def _read(night: Night, record: Record, point: Point, of: _Input, values: list[float]) -> Iterator[str]:
+    """What is wrong with the first reading of a column with which anything is.
+
+    A thermometer that hangs is excepted: what it repeats must have been true when it was first said, wherever that was.
+    One that has never been seen to change cannot be distinguished from a coarse one.
+    """
+    made = night.of_input(of.wire)
+    left = iter(night.meanwhile(record, of.wire))
+    for value in values:
+        said = value * of.scale
+        at = next((i for i in left if abs(made[i].given - said) <= of.digit + _TEXT * abs(said)), None)
+        if at is None:
+            began, ended = night.measured_s(record)
+            yield f"point {point.index}: {of.column} = {value:g} was not read between {began:.1f} and {ended:.1f} s"
+            return
+        reading = then = made[at]
+        # What a meter that hangs repeats may be from elsewhere and within the noise by chance: it must be from here.
+        while at and made[at].given != made[at].found and made[at - 1].given == reading.given:
+            at -= 1
+            then = made[at]
+        judged = then if reading.unit == "degC" else reading
+        off = abs(judged.given - judged.true)
+        wrong = list(_there(night, point, of.column, reading))
+        if off > of.bound(judged):
+            wrong.append(f"point {point.index}: {of.column} = {value:g} is off by {off:.2g} {reading.unit}")
+        if reading.unit == "V":
+            wrong += _there(night, point, f"{of.column}, repeated since then,", then)
+        if wrong:
+            yield wrong[0]
+            return
+
+
+def _readback(night: Night, record: Record, column: str, values: list[float]) -> Iterator[str]:
+    """The pressure that the sensors are calibrated against: what the controller then said, and what was true.
+
+    What a controller repeats that hangs has to have been true when it was first said, at this setpoint, in the band
+    that a pressure has to stay in to count as settled: it is off by the width of that at most.
+    """
+    began, ended = night.measured_s(record)
+    instrument = night.played.plan.bench.factors[column]
+    made = [b for b in night.tape.readbacks if b.instrument == instrument and b.t_s <= ended]
+    first = bisect_left(made, began - 1e-6, key=attrgetter("t_s"))
+    bound = _SDS * night.played.bench.sim.plant.pressure_line(instrument).truth.reference_noise_psi + _DIGIT_PSI
+    setpoint = night.run_list.setting(night.point(record))[column]
+    band = night.played.plan.procedure.settle.judged().band
+    left = iter(range(first, len(made)))
+    for value in values:
+        at = next((i for i in left if abs(made[i].given - value) <= _DIGIT_PSI), None)
+        if at is None:
+            yield f"point {record.run_index}: {column} = {value:g} was not read between {began:.1f} and {ended:.1f} s"
+            return
+        now = made[at]
+        while at and made[at - 1].given == now.given:
+            at -= 1
+        then = made[at]
+        stood = then is not now and max(abs(then.given - setpoint), abs(now.true - setpoint)) <= band
+        if abs(now.given - (then if stood else now).true) > bound:
+            yield f"point {record.run_index}: {column} = {value:g} is off by {now.given - now.true:.2g} psi"
+            return
+
+
+@dataclass(frozen=True)
+class _Input:
+    """Where the readings of a column come from, and how far from the truth they may be.
+
+    Attributes:
+        column: its name.
+        wire: (instrument, channel).
+        scale: volts or degrees Celsius in its unit.
+        noise: standard deviation of the sensor's mean over 1 s, volts or degrees Celsius.
+        adds: what the instrument may add, likewise.
+        digit: its last, where it sends fewer than `_TEXT` allows for.
+
+    """
+
+    column: str
+    wire: tuple[str, str]
+    scale: float
+    noise: float
+    adds: float
+    digit: float = 0.0
+
+    def bound(self, reading: Reading) -> float:
+        """How far a reading may be from the truth."""
+        return _SDS * self.noise / sqrt(reading.end_s - reading.t_s) + self.adds
+
+
+def _inputs(night: Night) -> dict[str, _Input]:
+    """Of every column that is recorded."""
+    bench, truth = night.played.plan.bench, night.played.bench.sim.plant.truth
+    found = []
+    for name, sensor in bench.sensors.items():
+        true, range_V = truth.sensors[name], bench.instruments[sensor.reader].options.get("range_V", 10.0)
+        noise = true.noise_mV * 1e-3 if isinstance(true, TransducerTruth) else true.noise_V
+        scale = 1e-3 if sensor.unit == "mV" else 1.0
+        wire = (sensor.reader, sensor.channel)
+        found.append(_Input(f"{name}_{sensor.unit}", wire, scale, noise, _METER * float(range_V)))
+    for column, at in bench.temperatures.items():
+        adds, digit = _THERMOMETERS[bench.instruments[at.reader].driver]
+        found.append(_Input(column, (at.reader, at.channel), 1.0, 0.0, adds, digit))
+    return {one.column: one for one in found}
+
+
+_SDS = 6.0
+"""Once in 500 million readings chance goes further."""
+
+_METER = 8e-7
+"""What a meter of these benches may add to a voltage, of its range: six standard deviations of its noise, a digit."""
+
+_THERMOMETERS = {"keysight-34970a": (4e-3, 0.0), "can-daq": (1.3e-2, 6e-5)}
+"""The same of a temperature, and half the last digit that is sent, degrees Celsius; by driver."""
+
+_TEXT = 6e-9
+"""Of a number that is sent with nine digits."""
+
+_DIGIT_PSI = 1e-7
+
+_THERE = {"deg": 0.003, "psia": 0.02}
+"""How far the truth may be from the setpoint: band, encoder and reference errors and control noise."""
+
+
+def _there(night: Night, point: Point, column: str, reading: Reading) -> Iterator[str]:
+    for factor, setpoint in zip(night.run_list.factors, point.setpoints, strict=True):
+        if factor.hard:
+            continue
+        is_at = reading.factors[factor.name]
+        if abs(is_at - setpoint) > _THERE[factor.name.rpartition("_")[2]]:
+            yield f"point {point.index}: {column} was read with {factor.name} at {is_at:g}, not at {setpoint:g}"
+
+
+def _seen(night: Night, record: Record) -> list[Reading]:
+    """What was made of the first sensor's input while an observation says that it was measured."""
+    first = next(iter(night.played.plan.bench.sensors.values()))
+    wire = (first.reader, first.channel)
+    made = night.of_input(wire)
+    return [made[i] for i in night.meanwhile(record, wire)]
+
+
+def approached(night: Night) -> Iterator[str]:
+    """Every reading was taken where the axis had truly come from its planned side, from far enough."""
+    for record in night.accepted():
+        point, seen = night.point(record), _seen(night, record)
+        for factor, side, setpoint in zip(night.run_list.factors, point.sides, point.setpoints, strict=True):
+            if not side or factor.hard:
+                continue
+            arrived, start = record.data["approach"].get(factor.axis, (0, setpoint))
+            truly = {reading.sides[factor.name] for reading in seen} - {0}
+            if arrived != side or truly - {side}:
+                sides = " and ".join(map(str, sorted(truly))) or "neither"
+                said = f"truly from side {sides}, recorded from {arrived}, planned from {side}"
+                yield f"point {point.index}: {factor.axis} came {said}"
+            elif (setpoint - start) * side < 0.9 * factor.overtravel:
+                yield f"point {point.index}: {factor.axis} came from {start:g}, nearer than its overtravel"
+
+
+def one_stay(night: Night) -> Iterator[str]:
+    """Observations of one whole-plot identity share one stay at its temperatures; another identity is another stay."""
+    if not night.run_list.hard:
+        return
+    stays: dict[int, set[int]] = {}
+    for record in night.accepted():
+        assert record.whole_plot is not None
+        seen = _seen(night, record)
+        stays.setdefault(record.whole_plot, set()).update(reading.stay for reading in seen)
+        setting = night.run_list.setting(night.point(record))
+        for factor in night.run_list.hard:
+            chamber, wanted = night.played.plan.bench.factors[factor.name], setting[factor.name]
+            air = max((reading.air_degC[chamber] for reading in seen), key=lambda a: abs(a - wanted), default=wanted)
+            if abs(air - wanted) > _AIR_DEGC:
+                yield f"point {record.run_index}: {chamber} was truly at {air:.2f} degC, not {wanted:g}"
+    owners: dict[int, int] = {}
+    for identity, truly in stays.items():
+        if len(truly) > 1:
+            yield f"whole plot {identity} has observations of {len(truly)} stays at its temperatures"
+        for stay in truly:
+            if owners.setdefault(stay, identity) != identity:
+                yield f"whole plots {owners[stay]} and {identity} are one stay at one pair of temperatures"
+
+
+_AIR_DEGC = 0.6
