@@ -80,7 +80,7 @@ def steps(policy: Policy, retries: int, repeats: Mapping[str, int] = MappingProx
 
 
 def step_at(plan: tuple[Step, ...], failure: int) -> tuple[str, int]:
-    """What follows the `failure`-th failure (from 1), and which of its kind that is (from 1)."""
+    """What follows the `failure`-th failure (from 1), and its ordinal among steps of that kind."""
     for step in plan[:-1]:
         if failure <= step.times:
             return step.action, failure

@@ -11,6 +11,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from procedures.conduct import Conduct, EnvironmentSettings
 from procedures.designs import Design, fraction, grid, roll_circle, tumble, uniform
 from procedures.faults import PitchRollFaults
 from procedures.orders import Visit, random_order, reversed_pass, walk
@@ -133,17 +134,6 @@ class MeasureSettings(Strict):
     repeats: int = Field(2, ge=0, le=10, description="how often to read again before accepting it, flagged")
 
 
-class EnvironmentSettings(Strict):
-    """The enclosure's temperature before the first point and after a long gap."""
-
-    setpoint_degC: float = Field(23.0, ge=-80, le=200)
-    tolerance_degC: Positive = Field(0.5, le=20, description="enclosure within this of the setpoint")
-    dwell_s: float = Field(900.0, ge=0, le=1e6, description="for this long")
-    drift_degC_per_h: Positive = Field(1.0, description="and drifting slower than this")
-    poll_s: Positive = Field(10.0, le=600, description="time between readbacks")
-    timeout_s: Positive = Field(4 * 3600.0)
-
-
 class RecoverySettings(Strict):
     """What an interruption costs."""
 
@@ -234,9 +224,21 @@ class PitchRollProcedure(Strict):
         return self
 
     @property
-    def max_sd_V(self) -> float | None:  # noqa: N802 - volts
-        """Noise of one reading above which a point is read again."""
-        return self.measure.max_sd_V
+    def conduct(self) -> Conduct:
+        """How the run is carried out."""
+        return Conduct(
+            settle=self.settle.judged(),
+            poll_s=self.settle.poll_s,
+            readings=self.measure.readings,
+            repeats=self.measure.repeats,
+            max_sd_V=self.measure.max_sd_V,
+            faults=self.faults,
+            warnings=self.warnings,
+            hold_max_s=self.recovery.hold_max_s,
+            environment=self.environment,
+            max_gap_s=self.recovery.max_gap_s,
+            mounting=self.mounting.model_dump(),
+        )
 
     def expand(self) -> RunList:
         """Every point of the run, in order."""

@@ -15,6 +15,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, field_validator, model_validator
 
 from procedures.central_composite import spherical
+from procedures.conduct import Conduct, SoakSettings, WholePlotConduct
 from procedures.faults import WholePlotFaults
 from procedures.run_list import Factor, Point, RunList, Settle
 from procedures.settings import Name, Positive, Strict, WarningSettings
@@ -100,32 +101,6 @@ class WholePlotDesign(Strict):
             return list(self.temperatures_degC)
         coded = spherical(self.factorial, self.axial_sensor, self.axial_sse, self.centre)
         return [(self.sensor_temperature.at(x), self.sse_temperature.at(y)) for x, y in coded]
-
-
-class SoakSettings(Strict):
-    """When a whole plot's temperatures have settled: chamber and sensor both, by what is read, not by the hour."""
-
-    tolerance_degC: Positive = Field(0.5, le=20, description="chamber within this of the setpoint")
-    sensor_tolerance_degC: Positive = Field(1.0, le=20, description="thermometer at the sensors within this of it")
-    dwell_s: float = Field(1200.0, ge=0, le=1e6, description="both for this long")
-    drift_degC_per_h: Positive = Field(0.5, description="and both drifting slower than this")
-    renew_degC: Positive = Field(
-        5.0,
-        le=100,
-        description="temperatures that already stand are left by this much first, and set again",
-    )
-    poll_s: Positive = Field(30.0, le=600, description="time between readbacks")
-    timeout_s: Positive = Field(8 * 3600.0, description="then the soak has failed")
-
-    @model_validator(mode="after")
-    def _leaving_is_more_than_tolerance(self) -> Self:
-        tolerated = max(self.tolerance_degC, self.sensor_tolerance_degC)
-        if self.renew_degC < 2.0 * tolerated:
-            raise ValueError(
-                f"soak.renew_degC = {self.renew_degC:g} must be twice what is tolerated at least ({2 * tolerated:g}), "
-                f"or leaving a temperature would be no change of it"
-            )
-        return self
 
 
 class PressureApproach(Strict):
@@ -266,9 +241,22 @@ class WholePlotProcedure(Strict):
         return self
 
     @property
-    def max_sd_V(self) -> float | None:  # noqa: N802 - volts
-        """Noise of one reading above which a point is read again."""
-        return None if self.measure.max_sd_mV is None else self.measure.max_sd_mV / 1e3
+    def conduct(self) -> Conduct:
+        """How the run is carried out."""
+        most_mV, recovery = self.measure.max_sd_mV, self.recovery
+        return Conduct(
+            settle=self.settle.judged(),
+            poll_s=self.settle.poll_s,
+            readings=self.measure.readings,
+            repeats=self.measure.repeats,
+            max_sd_V=None if most_mV is None else most_mV / 1e3,
+            faults=self.faults,
+            warnings=self.warnings,
+            hold_max_s=recovery.hold_max_s,
+            whole_plots=WholePlotConduct(
+                soak=self.soak, continue_gap_s=recovery.continue_gap_s, repeats=recovery.whole_plot_repeats
+            ),
+        )
 
     def expand(self) -> RunList:
         """Every point of the run, in order.

@@ -19,7 +19,7 @@ from typing import Any
 
 from drivers.clock import Clock, RealClock, ScaledClock, boot_id
 from drivers.errors import DriverError
-from procedures import PitchRollProcedure, Procedure
+from procedures import Procedure
 from rig.bench import Bench, check_options, identities, open_bench
 from rig.engine.axes import own_limits
 from rig.engine.gap import Gap, gap_since
@@ -72,10 +72,10 @@ class Result:
 
 def _mounted(plan: Plan) -> Mapping[str, Any]:
     """The world of a dry run, in which the package is mounted as the procedure asks for."""
-    mounting = getattr(plan.procedure, "mounting", None)
-    if mounting is None or not mounting.turned:
+    mounting = plan.procedure.conduct.mounting
+    if not any(mounting.values()):
         return plan.truth
-    return {**plan.truth, "mounting": {**plan.truth.get("mounting", {}), **mounting.model_dump()}}
+    return {**plan.truth, "mounting": {**plan.truth.get("mounting", {}), **mounting}}
 
 
 @contextlib.contextmanager
@@ -150,9 +150,10 @@ def start_run(
     with site.opened(plan, start=world_start_s) as (bench, clock, boot):
         guard = Guard(plan.bench.limits, plan.bench.factors)
         guard.check_run_list(plan.run_list, own_limits(bench, plan.run_list))
-        if isinstance(plan.procedure, PitchRollProcedure) and plan.procedure.environment is not None:
+        environment = plan.procedure.conduct.environment
+        if environment is not None:
             own = {name: chamber.limits() for name, chamber in bench.chambers.items()}
-            guard.check_environment(plan.procedure.environment.setpoint_degC, own)
+            guard.check_environment(environment.setpoint_degC, own)
         try:
             identities(bench)
         except DriverError as error:
@@ -318,7 +319,7 @@ def _session(
         run=run,
         state=state,
         run_list=plan.run_list,
-        procedure=plan.procedure,
+        conduct=plan.procedure.conduct,
         clock=clock,
         session=session,
         signals=signals,

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from procedures import RunList, WholePlotProcedure
+from procedures import RunList
 from rig.config import FOLLOWS_S
 from rig.controller import start_run
 from rig.engine.pace import Pace
@@ -85,8 +85,8 @@ def rehearse(plan: Plan, on_progress: Callable[[Progress], None], *, points: int
     """
     head = RunList(plan.run_list.factors, plan.run_list.points[:points], plan.run_list.seed)
     pace = None
-    if isinstance(plan.procedure, WholePlotProcedure):
-        pace = Pace(plan.run_list, plan.procedure, plan.bench)
+    if plan.procedure.conduct.whole_plots is not None:
+        pace = Pace(plan.run_list, plan.procedure.conduct, plan.bench)
     with tempfile.TemporaryDirectory(prefix="rig-rehearsal-") as folder:
         paths: list[Path] = []
         dry = replace(plan, run_list=head, dry=True, truth=_ordinary(plan))

@@ -239,7 +239,7 @@ def run_session(
             run=run,
             state=state,
             run_list=procedure.expand(),
-            procedure=procedure,
+            conduct=procedure.conduct,
             clock=world,
             session=Session(0.0, state.sessions + 1, certain, frozenset(), {"pid": 1}),
             signals=signals or Signals(),

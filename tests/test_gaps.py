@@ -144,7 +144,7 @@ def test_after_a_gap_that_nobody_knows_what_was_prepared_is_prepared_again(tmp_p
             run=run,
             state=state,
             run_list=PROCEDURE.expand(),
-            procedure=PROCEDURE,
+            conduct=PROCEDURE.conduct,
             clock=world,
             session=Session(0.0, 2, False, frozenset(), {"pid": 1}, gap_known=known),
             signals=Signals(),

@@ -21,7 +21,7 @@ RESTARTED = "the controller's machine was restarted, so it is not known how long
 def rules(steps):
     """After eight points of one whole plot, at which the cold box read so much more than its setpoint."""
     bench = SimpleNamespace(setting=lambda factor, role: (CHAMBERS[factor], None), temperatures={})
-    found = WholePlots(bench, RUN_LIST, PROCEDURE)
+    found = WholePlots(bench, RUN_LIST, PROCEDURE.conduct.whole_plots)
     for off in steps:
         found.note(1, states(found, off))
     return found
@@ -148,7 +148,7 @@ def test_a_temperature_that_stands_is_left_towards_ambient(target, left):
 
 def with_thermometers():
     bench = SimpleNamespace(setting=lambda factor, role: (CHAMBERS[factor], None), temperatures=dict.fromkeys(CHAMBERS))
-    return WholePlots(bench, RUN_LIST, PROCEDURE)
+    return WholePlots(bench, RUN_LIST, PROCEDURE.conduct.whole_plots)
 
 
 @pytest.mark.parametrize(("off", "lost"), [(0.0, False), (0.99, False), (1.01, True), (-1.01, True)])

@@ -12,8 +12,8 @@ from typing import Any
 from drivers.clock import Clock
 from drivers.errors import BadReply, NoReply
 from drivers.roles import Remarking, Restartable, is_overload
-from procedures import Factor, Settle
-from procedures.pitch_roll import EnvironmentSettings
+from procedures.conduct import EnvironmentSettings
+from procedures.run_list import Factor, Settle
 from rig.bench import Bench
 from rig.engine.axes import Axes, AxisReading
 from rig.engine.faults import NotHomed, NotSettled, TemperaturesNotSettled

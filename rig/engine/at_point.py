@@ -9,7 +9,8 @@ from collections.abc import Callable, Mapping
 from statistics import median
 from typing import Any
 
-from procedures import PitchRollProcedure, Point, Procedure, RunList
+from procedures.conduct import Conduct
+from procedures.run_list import Point, RunList
 from rig.bench import Bench
 from rig.engine.actions import BenchActions
 from rig.engine.early_warning import EarlyWarnings
@@ -36,7 +37,7 @@ class AtPoint:
     Args:
         bench: opened instruments.
         run_list: every point of the run.
-        procedure: settle and measure settings.
+        conduct: how points are approached and read.
         do: actions on the bench.
         journal: where it is written down.
         queue: points still to be observed.
@@ -56,7 +57,7 @@ class AtPoint:
         *,
         bench: Bench,
         run_list: RunList,
-        procedure: Procedure,
+        conduct: Conduct,
         do: BenchActions,
         journal: Journal,
         queue: PointQueue,
@@ -67,13 +68,13 @@ class AtPoint:
         check_time: Callable[[], None],
     ) -> None:
         self._check_time = check_time
-        self._bench, self._run_list, self._procedure = bench, run_list, procedure
+        self._bench, self._run_list, self._conduct = bench, run_list, conduct
         self._do, self._journal, self._queue = do, journal, queue
         self._soaking = soaking
         self._set_up, self._policies, self._warnings = set_up, policies, warnings
         self._references = tuple(f for f in run_list.easy if not f.stays)
-        self._settle = procedure.settle.judged()
-        self._poll_s = procedure.settle.poll_s
+        self._settle = conduct.settle
+        self._poll_s = conduct.poll_s
         readers = {name: reader for name, (reader, _) in bench.sensors.items()}
         last = journal.last_read()
         at, read = (None, {}) if last is None else (run_list.points[last[0]], last[1])
@@ -134,7 +135,7 @@ class AtPoint:
 
     def measuring(self) -> str:
         """Read every channel; overloads and noise are rejected here."""
-        at, settings = self._at, self._procedure.measure
+        at, settings = self._at, self._conduct
         began = self._journal.elapsed()
         observation = self._do.measure(settings.readings, self._poll_s, self._references)
         at.measured_s = (began, self._journal.elapsed())
@@ -146,7 +147,7 @@ class AtPoint:
         self._check_alive(observation)
         self._check_references(observation)
         name, sd_V = observation.noisiest(self._bench.scales)
-        most = self._procedure.max_sd_V
+        most = self._conduct.max_sd_V
         if most is not None and sd_V > most:
             if at.repeats < settings.repeats:
                 at.repeats += 1
@@ -219,7 +220,7 @@ class AtPoint:
                 self._soaking.lose(why)
         self._journal.write("observation", body, status="accepted")
         self._journal.point_observed()
-        if self._warned(at.point, body) and self._procedure.warnings.hold:
+        if self._warned(at.point, body) and self._conduct.warnings.hold:
             self._do.stop_motion()
             self._journal.write("hold", {"why": "a warning, and the procedure asks to hold at one"})
             self._journal.take_up(None)
@@ -240,7 +241,7 @@ class AtPoint:
 
     def _check_environment(self, chambers: Mapping[str, Any]) -> None:
         """An environment that was asked for still stands; of whole plots their own rules say more."""
-        wanted = self._procedure.environment if isinstance(self._procedure, PitchRollProcedure) else None
+        wanted = self._conduct.environment
         if wanted is None:
             return
         for name, state in chambers.items():

@@ -12,7 +12,7 @@ from typing import Protocol
 
 from drivers.errors import DriverError, InstrumentError, NotReady
 from drivers.roles import Chamber, Head, PressureController, Referenced
-from procedures import Factor, RunList
+from procedures.run_list import Factor, RunList
 from rig.bench import Bench
 from rig.engine.faults import DriveFault, NotHomed, SupplyFailure
 

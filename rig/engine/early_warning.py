@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from procedures import Point, RunList
+from procedures.run_list import Point, RunList
 from rig.engine.response_test import ResponseTest, Row
 from rig.engine.warning_tests import ALARM, NoiseTest, Number, PreviousTest, RepeatTest, StillTest
 from rig.quantities import PITCH, PRESSURE, ROLL

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
 from drivers.roles import ChamberState
-from procedures import RunList
+from procedures.run_list import RunList
 from rig.engine.axes import AxisReading
 from rig.engine.faults import LimitViolation
 from rig.engine.interlocks import Interlocks

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from drivers.clock import Clock
-from procedures import Point
+from procedures.run_list import Point
 from rig.engine.measuring import Observation
 from rig.engine.motion import Leg
 from rig.engine.pace import Pace

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from procedures import Point
+from procedures.run_list import Point
 from rig.engine.measuring import Observation
 
 _TOO_STILL = 3e-3

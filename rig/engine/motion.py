@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from procedures import Factor, Point
+from procedures.run_list import Factor, Point
 
 Leg = dict[str, float]
 """Targets by axis; all axes of a leg start together, and a leg ends when none moves."""

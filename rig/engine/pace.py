@@ -16,8 +16,8 @@ from math import exp, inf, log
 
 import numpy as np
 
-from procedures import RunList, WholePlotProcedure
-from procedures.whole_plot import SoakSettings
+from procedures.conduct import Conduct, SoakSettings
+from procedures.run_list import RunList
 from rig.config import FOLLOWS_S, BenchConfig
 from rig.run_file.chain import Record
 
@@ -66,19 +66,20 @@ class Pace:
 
     Args:
         run_list: every point.
-        procedure: soak, settling and measuring.
+        conduct: soak, settling and measuring.
         bench: rates of its instruments, and how sensors follow.
 
     """
 
-    def __init__(self, run_list: RunList, procedure: WholePlotProcedure, bench: BenchConfig) -> None:
-        self._soak = procedure.soak
+    def __init__(self, run_list: RunList, conduct: Conduct, bench: BenchConfig) -> None:
+        assert conduct.whole_plots is not None
+        self._soak = conduct.whole_plots.soak
         numbers = [p.whole_plot or 0 for p in run_list.points]
         self._plot = np.array(numbers)
         self._open = np.ones(len(numbers), np.bool_)
         self._travel = _travel_s(run_list, bench)
-        self._soaks = _soaks_s(run_list, procedure.soak, _followers(run_list, bench))
-        self._point_s = 2.0 * procedure.settle.dwell_s + SWEEP_S * procedure.measure.readings
+        self._soaks = _soaks_s(run_list, self._soak, _followers(run_list, bench))
+        self._point_s = 2.0 * conduct.settle.dwell_s + SWEEP_S * conduct.readings
         self._points: deque[float] = deque(maxlen=KEPT)
         self._ratios: deque[float] = deque(maxlen=KEPT)
         self._planned: int | None = None

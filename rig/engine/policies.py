@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from drivers.errors import DriverError
-from procedures import PitchRollProcedure, Procedure
+from procedures.conduct import Conduct
 from procedures.faults import ABORT, ACCEPT, HOLD, RE_HOME, RE_SOAK, RETRY, SKIP, step_at
 from rig.engine.faults import fault_class
 
@@ -48,19 +48,17 @@ class Policies:
     """The procedure's `[faults]`, and what has failed so far in this session.
 
     Args:
-        procedure: its policies.
+        conduct: its policies.
         now: bench time.
 
     """
 
-    def __init__(self, procedure: Procedure, now: Callable[[], float]) -> None:
+    def __init__(self, conduct: Conduct, now: Callable[[], float]) -> None:
         self._now = now
         self._over: dict[tuple[str, str], float] = {}
         self._forgiven: dict[tuple[str, str], int] = {}
-        self._faults = procedure.faults
-        repeats = {}
-        if not isinstance(procedure, PitchRollProcedure):
-            repeats = {RE_SOAK: procedure.recovery.whole_plot_repeats}
+        self._faults = conduct.faults
+        repeats = {} if conduct.whole_plots is None else {RE_SOAK: conduct.whole_plots.repeats}
         self._known = frozenset(self._faults.classes())
         self._plans = {name: self._faults.plan(name, repeats if name == _OF_THE_RUN else {}) for name in self._known}
         self._failures: dict[str, dict[str, int]] = {}

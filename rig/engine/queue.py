@@ -6,7 +6,7 @@ is tried again at the whole plot's own end, while the temperatures it belongs to
 
 from __future__ import annotations
 
-from procedures import Point, RunList
+from procedures.run_list import Point, RunList
 from rig.run_file.state import RunState
 
 

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 
 from drivers.clock import Clock
 from drivers.errors import DriverError
-from procedures import PitchRollProcedure, Procedure, RunList, WholePlotProcedure
+from procedures.conduct import Conduct
+from procedures.run_list import RunList
 from rig.bench import Bench, identities
 from rig.engine.actions import BenchActions
 from rig.engine.at_point import AtPoint
@@ -51,7 +52,7 @@ class Sequencer:
         run: the run file, locked for writing.
         state: what the run file says so far.
         run_list: every point.
-        procedure: settle, measure and fault settings.
+        conduct: how points are approached, read and recovered.
         clock: bench time.
         session: this start of the controller.
         signals: looked at wherever the sequencer waits.
@@ -67,7 +68,7 @@ class Sequencer:
         run: RunWriter,
         state: RunState,
         run_list: RunList,
-        procedure: Procedure,
+        conduct: Conduct,
         clock: Clock,
         session: Session,
         signals: Signals,
@@ -76,9 +77,9 @@ class Sequencer:
     ) -> None:
         clock = watched(clock)
         self._bench, self._path = bench, run.path
-        self._run_list, self._procedure = run_list, procedure
+        self._run_list, self._conduct = run_list, conduct
         self._clock, self._session, self._signals = clock, session, signals
-        pace = Pace(run_list, procedure, bench.config) if isinstance(procedure, WholePlotProcedure) else None
+        pace = Pace(run_list, conduct, bench.config) if conduct.whole_plots else None
         self._journal = Journal(run, state, clock, session, on_progress, run_list.whole_plots, pace)
         self._axes = axes_of(bench, run_list.easy)
         config = bench.config
@@ -89,16 +90,16 @@ class Sequencer:
         self._interruptions = Interruptions(signals, requests, self._journal, lambda: self.state, clock)
         self._look_up = self._interruptions.look_up
         self._queue = PointQueue(run_list, state)
-        self._policies = Policies(procedure, clock.now)
+        self._policies = Policies(conduct, clock.now)
         self._deciding = Deciding(
             self._policies, self._journal, self._do, clock, look_up=self._look_up, recognise=self._recognise
         )
         self._soaking: Soaking | None = None
-        if isinstance(procedure, WholePlotProcedure):
+        if conduct.whole_plots is not None:
             self._soaking = Soaking(
                 bench=bench,
                 run_list=run_list,
-                procedure=procedure,
+                conduct=conduct.whole_plots,
                 do=self._do,
                 journal=self._journal,
                 queue=self._queue,
@@ -108,7 +109,7 @@ class Sequencer:
         self._point = AtPoint(
             bench=bench,
             run_list=run_list,
-            procedure=procedure,
+            conduct=conduct,
             do=self._do,
             journal=self._journal,
             queue=self._queue,
@@ -118,9 +119,9 @@ class Sequencer:
             policies=self._policies,
             check_time=self._interruptions.check_time,
         )
-        self._standing = Standing(procedure, self._journal, self._queue, self._soaking)
+        self._standing = Standing(conduct, self._journal, self._queue, self._soaking)
         self._way_out = Parking(bench, self._do, self._journal, self._deciding, clock, self._set_up)
-        self._poll_s = procedure.settle.poll_s
+        self._poll_s = conduct.poll_s
         self._put_off = set(state.put_off)
         self._outcome: Outcome | None = None
         self._ending = ""
@@ -155,11 +156,9 @@ class Sequencer:
         return self._journal.message
 
     def _early_warnings(self, run: RunWriter, state: RunState, previous: Previous | None) -> EarlyWarnings | None:
-        if not self._procedure.warnings.enabled:
+        if not self._conduct.warnings.enabled:
             return None
-        mounting = getattr(self._procedure, "mounting", None)
-        turned = {} if mounting is None else mounting.model_dump()
-        warnings = EarlyWarnings(self._run_list, previous, turned)
+        warnings = EarlyWarnings(self._run_list, previous, self._conduct.mounting)
         if state.worked_s is not None:
             warnings.recall(run)
         return warnings
@@ -276,9 +275,9 @@ class Sequencer:
         self._home_again = False
         if self._soaking is not None:
             self._soaking.soak()
-        elif isinstance(self._procedure, PitchRollProcedure) and self._procedure.environment is not None and not stands:
+        elif self._conduct.environment is not None and not stands:
             self._journal.message = "environment settling"
-            evidence = self._do.prepare_environment(self._procedure.environment)
+            evidence = self._do.prepare_environment(self._conduct.environment)
             self._journal.write("event", evidence, status="environment-settled")
         self._journal.message = ""
         self._journal.write("event", status="prepared")
@@ -302,7 +301,7 @@ class Sequencer:
     def _holding(self) -> str:
         why = self._journal.message
         self._interruptions.released = told = False
-        limit = self._clock.now() + self._procedure.recovery.hold_max_s
+        limit = self._clock.now() + self._conduct.hold_max_s
         while True:
             self._journal.message = f"held{f' ({why})' if why else ''}; release it with `rig release`"
             try:
@@ -331,7 +330,7 @@ class Sequencer:
 
     def _nobody_came(self) -> str:
         """A hold that lasts too long ends parked and safe, as a fault that can be resumed."""
-        hours = self._procedure.recovery.hold_max_s / 3600
+        hours = self._conduct.hold_max_s / 3600
         self._outcome, self._ending = Outcome.FAULT, f"held for {hours:g} h and nobody released it; parked"
         self._journal.write("fault", {"message": self._ending, "state": str(self.state)}, status="abort")
         return "park"

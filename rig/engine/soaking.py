@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping
 from typing import Any, NoReturn
 
 from drivers.clock import Clock
-from procedures import Point, RunList, WholePlotProcedure
+from procedures.conduct import WholePlotConduct
+from procedures.run_list import Point, RunList
 from rig.bench import Bench
 from rig.engine.actions import BenchActions
 from rig.engine.faults import TemperatureLeft, TemperaturesNotSettled
@@ -25,7 +26,7 @@ class Soaking:
     Args:
         bench: opened instruments.
         run_list: every point of the run.
-        procedure: soak and recovery settings.
+        conduct: soak and recovery.
         do: actions on the bench.
         journal: where it is written down.
         queue: points still to be observed.
@@ -45,15 +46,15 @@ class Soaking:
         *,
         bench: Bench,
         run_list: RunList,
-        procedure: WholePlotProcedure,
+        conduct: WholePlotConduct,
         do: BenchActions,
         journal: Journal,
         queue: PointQueue,
         clock: Clock,
         wait: Callable[[float], None],
     ) -> None:
-        self.rules = WholePlots(bench, run_list, procedure)
-        self._run_list, self._procedure = run_list, procedure
+        self.rules = WholePlots(bench, run_list, conduct)
+        self._run_list, self._soak = run_list, conduct.soak
         self._do, self._journal, self._queue = do, journal, queue
         self._clock, self._wait = clock, wait
         self._lost = 0
@@ -89,7 +90,7 @@ class Soaking:
             if disturbed:
                 raise TemperaturesNotSettled(disturbed, {})
 
-        settings, thermometers = self._procedure.soak, self.rules.thermometers
+        settings, thermometers = self._soak, self.rules.thermometers
         evidence = self._do.until_soaked(self.rules.criteria(point), settings.poll_s, thermometers, watch)
         self._journal.message = self._journal.detail = ""
         self._do.take_unwatched_s()  # what was before the soak is over does not matter
@@ -103,11 +104,11 @@ class Soaking:
             self._journal.message = f"leaving temperatures that stand, for whole plot {point.whole_plot}"
             for chamber, target in away.items():
                 self._do.set_chamber(chamber, target)
-            limit = self._clock.now() + self._procedure.soak.timeout_s
+            limit = self._clock.now() + self._soak.timeout_s
             while not self.rules.left(point, self._do.environment()):
                 if self._clock.now() > limit:
                     raise TemperaturesNotSettled("no chamber left the temperature it was at", {})
-                self._wait(self._procedure.soak.poll_s)
+                self._wait(self._soak.poll_s)
         self._journal.write("event", {"planned": point.whole_plot}, status="temperatures-left")
 
     def check_while_working(self, point: Point) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from procedures import PitchRollProcedure, Procedure
+from procedures.conduct import Conduct
 from rig.engine.journal import Journal
 from rig.engine.queue import PointQueue
 from rig.engine.soaking import Soaking
@@ -18,15 +18,15 @@ class Standing:
     """Judges what was prepared.
 
     Args:
-        procedure: environment and recovery settings.
+        conduct: environment and recovery.
         journal: what was done, and when last.
         queue: points still to be observed.
         soaking: whole plots, None where nothing is hard to change.
 
     """
 
-    def __init__(self, procedure: Procedure, journal: Journal, queue: PointQueue, soaking: Soaking | None) -> None:
-        self._procedure, self._journal, self._queue, self._soaking = procedure, journal, queue, soaking
+    def __init__(self, conduct: Conduct, journal: Journal, queue: PointQueue, soaking: Soaking | None) -> None:
+        self._conduct, self._journal, self._queue, self._soaking = conduct, journal, queue, soaking
 
     def go_on(
         self, as_found: Mapping[str, Any], restarted: Sequence[str], *, certain: bool = True, known: bool = True
@@ -58,14 +58,13 @@ class Standing:
             return "recover"
         homed = all(axis["homed"] for axis in as_found["axes"].values())
         stands = homed and self.environment_stands(as_found)
-        assert isinstance(self._procedure, PitchRollProcedure)
-        if fold.prepared and stands and known and idle_s <= self._procedure.recovery.max_gap_s:
+        if fold.prepared and stands and known and idle_s <= self._conduct.max_gap_s:
             return "recover"
         return "prepare"
 
     def environment_stands(self, as_found: Mapping[str, Any]) -> bool:
-        """Whether every chamber is where a pitch-roll procedure wants it."""
-        wanted = self._procedure.environment if isinstance(self._procedure, PitchRollProcedure) else None
+        """Whether every chamber is where the procedure wants it."""
+        wanted = self._conduct.environment
         return wanted is None or all(
             c["running"]
             and abs(c["setpoint_degC"] - wanted.setpoint_degC) < _SETPOINT_STANDS

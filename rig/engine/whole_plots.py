@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from drivers.roles import Chamber, is_overload
-from procedures import Point, RunList
-from procedures.whole_plot import SoakSettings, WholePlotProcedure
+from procedures.conduct import WholePlotConduct
+from procedures.run_list import Point, RunList
 from rig.bench import Bench
 from rig.engine.measuring import Channel
 from rig.engine.settling import Criteria
@@ -63,7 +63,7 @@ class WholePlots:
     Args:
         bench: opened instruments.
         run_list: every point of the run.
-        procedure: soak and recovery settings.
+        conduct: soak and recovery.
 
     Attributes:
         doubted_s: of a whole plot that was just found lost: for how long before that a chamber said nothing, since it
@@ -74,10 +74,10 @@ class WholePlots:
 
     """
 
-    def __init__(self, bench: Bench, run_list: RunList, procedure: WholePlotProcedure) -> None:
+    def __init__(self, bench: Bench, run_list: RunList, conduct: WholePlotConduct) -> None:
         self._run_list = run_list
-        self._soak: SoakSettings = procedure.soak
-        self._continue_gap_s = procedure.recovery.continue_gap_s
+        self._soak = conduct.soak
+        self._continue_gap_s = conduct.continue_gap_s
         self.soaked = [
             Soaked(f.name, bench.setting(f.name, Chamber)[0], f.name in bench.temperatures) for f in run_list.hard
         ]

@@ -1,0 +1,100 @@
+"""How a run is carried out, beyond which points in which order: what the engine asks of a procedure of any kind."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Self
+
+from pydantic import Field, model_validator
+
+from procedures.faults import FaultSettings
+from procedures.run_list import Settle
+from procedures.settings import Positive, Strict, WarningSettings
+
+
+class EnvironmentSettings(Strict):
+    """The enclosure's temperature before the first point and after a long gap."""
+
+    setpoint_degC: float = Field(23.0, ge=-80, le=200)
+    tolerance_degC: Positive = Field(0.5, le=20, description="enclosure within this of the setpoint")
+    dwell_s: float = Field(900.0, ge=0, le=1e6, description="for this long")
+    drift_degC_per_h: Positive = Field(1.0, description="and drifting slower than this")
+    poll_s: Positive = Field(10.0, le=600, description="time between readbacks")
+    timeout_s: Positive = Field(4 * 3600.0)
+
+
+class SoakSettings(Strict):
+    """When a whole plot's temperatures have settled: chamber and sensor both, by what is read, not by the hour."""
+
+    tolerance_degC: Positive = Field(0.5, le=20, description="chamber within this of the setpoint")
+    sensor_tolerance_degC: Positive = Field(1.0, le=20, description="thermometer at the sensors within this of it")
+    dwell_s: float = Field(1200.0, ge=0, le=1e6, description="both for this long")
+    drift_degC_per_h: Positive = Field(0.5, description="and both drifting slower than this")
+    renew_degC: Positive = Field(
+        5.0,
+        le=100,
+        description="temperatures that already stand are left by this much first, and set again",
+    )
+    poll_s: Positive = Field(30.0, le=600, description="time between readbacks")
+    timeout_s: Positive = Field(8 * 3600.0, description="then the soak has failed")
+
+    @model_validator(mode="after")
+    def _leaving_is_more_than_tolerance(self) -> Self:
+        tolerated = max(self.tolerance_degC, self.sensor_tolerance_degC)
+        if self.renew_degC < 2.0 * tolerated:
+            raise ValueError(
+                f"soak.renew_degC = {self.renew_degC:g} must be twice what is tolerated at least ({2 * tolerated:g}), "
+                f"or leaving a temperature would be no change of it"
+            )
+        return self
+
+
+@dataclass(frozen=True, kw_only=True)
+class WholePlotConduct:
+    """What a run with hard-to-change factors does about its whole plots.
+
+    Attributes:
+        soak: when their temperatures have settled.
+        continue_gap_s: a whole plot left alone for longer is measured again under a new identity.
+        repeats: how often a whole plot may be measured again in one session because it was lost.
+
+    """
+
+    soak: SoakSettings
+    continue_gap_s: float
+    repeats: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Conduct:
+    """How points are approached, read and recovered.
+
+    Attributes:
+        settle: when an easy factor has arrived.
+        poll_s: time between readbacks meanwhile.
+        readings: sweeps over all channels at a point.
+        repeats: how often too noisy readings are taken again before they are accepted with a flag.
+        max_sd_V: noise of one reading above which they are; None for any.
+        faults: what to do when something goes wrong.
+        warnings: early warnings about the sensors.
+        hold_max_s: a hold that nobody releases ends the session after this.
+        environment: the enclosure's temperature; None where nothing is asked of it.
+        max_gap_s: after a longer gap the environment is settled again.
+        whole_plots: of a run with hard-to-change factors; None for others.
+        mounting: how the package is turned, "x_deg" and so on; empty where nothing can be.
+
+    """
+
+    settle: Settle
+    poll_s: float
+    readings: int
+    repeats: int
+    max_sd_V: float | None
+    faults: FaultSettings
+    warnings: WarningSettings
+    hold_max_s: float
+    environment: EnvironmentSettings | None = None
+    max_gap_s: float = float("inf")
+    whole_plots: WholePlotConduct | None = None
+    mounting: Mapping[str, float] = field(default_factory=dict)
