@@ -14,8 +14,8 @@ from rig.cli import app
 from rig.errors import UsageError
 
 _COMMANDS = {
-    "night": ("proving.night.command", "Play simulated nights full of faults, crashes and power cuts."),
-    "study": ("proving.paper.command", "Do published work again, and hold it against what was printed."),
+    "night": ("proving.command_night", "Play simulated nights full of faults, crashes and power cuts."),
+    "study": ("proving.command_study", "Do published work again, and hold it against what was printed."),
 }
 
 
