@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 Labs = Literal["attitude", "pressure", "both"]
 
 
-@app.command(rich_help_panel="Trying it out")
+@app.command()
 def night(
     seeds: Annotated[int, typer.Option(min=1, help="how many nights of each laboratory")] = 100,
     first: Annotated[int, typer.Option(min=0, help="the first seed")] = 0,

@@ -22,7 +22,7 @@ study_app = typer.Typer(
     rich_markup_mode="markdown",
     help="Do published work again, and hold it against what was printed.",
 )
-app.add_typer(study_app, name="study", rich_help_panel="Trying it out")
+app.add_typer(study_app, name="study")
 
 
 @study_app.callback()

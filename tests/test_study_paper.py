@@ -31,7 +31,7 @@ from proving.paper.statement import about, above, below, digits
 from proving.paper.table_1 import table_1
 from proving.paper.table_2 import EXPERIMENTS, FRACTION_53, FRACTION_73, UNDER, Measured, bias_limit, identities
 from proving.paper.words import NOT_ALIKE
-from rig.cli import app, commands  # noqa: F401 - commands registers them
+from rig.cli import app
 from rig.toml_text import toml_text
 
 DOCUMENT = Path(__file__).parent.parent / "docs" / "paper.md"

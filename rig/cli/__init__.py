@@ -11,8 +11,11 @@ import traceback
 # Before anything imports numpy: our matrices are narrow, and a second thread costs twice the time (measured).
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+from typing import Annotated
+
 import typer
 
+from rig.cli.commands import Commands
 from rig.errors import ExitCode, RigError
 
 # Typer carries click inside itself from 0.2x on and used the installed one before: this finds either.
@@ -20,6 +23,7 @@ _UsageProblem: type[Exception] = next(cls for cls in typer.BadParameter.__mro__ 
 
 app = typer.Typer(
     name="rig",
+    cls=Commands,
     no_args_is_help=True,
     add_completion=False,
     rich_markup_mode="markdown",
@@ -31,13 +35,28 @@ app = typer.Typer(
 )
 
 
+def _version(asked: bool) -> None:
+    if asked:
+        from rig import __version__  # noqa: PLC0415
+
+        print(f"rig {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="show the version and exit")
+    ] = False,
+) -> None:
+    pass
+
+
 def main() -> None:
     """Entry point: run the command, turn errors meant for people into one message and an exit code."""
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="surrogateescape")  # a path that is no text is printed as it was given
     try:
-        from rig.cli import commands  # noqa: F401, PLC0415 - importing it registers the commands
-
         code = app(standalone_mode=False)
     except RigError as error:
         from rig.cli.show import visible  # noqa: PLC0415

@@ -18,7 +18,7 @@ from rig.cli.show import err, mark, out, print_json
 from rig.errors import ExitCode, UsageError
 
 
-@app.command(rich_help_panel="Data")
+@app.command()
 def chart(
     calibrations: Annotated[
         list[str],

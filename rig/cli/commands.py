@@ -25,24 +25,78 @@ _RUNNING, _DATA, _TRYING = "Running", "Data", "Trying it out"
 COMMANDS = {
     "run": Entry(_RUNNING, "rig.cli.run", "Carry out a procedure on a bench."),
     "resume": Entry(_RUNNING, "rig.cli.run", "Carry on with an interrupted run."),
-    "doctor": Entry(_RUNNING, "rig.cli.doctor", "Check everything that can be known before a night: bench, disk, clock, machine, and who will be told."),
-    "plan": Entry(_RUNNING, "rig.cli.plan", "Answer the evening question: how many points, done when and how sure, how precise, is anything in the way?"),
-    "hold": Entry(_RUNNING, "rig.cli.requests", "Stop all motion, leave chambers as they are, and wait; `rig release` lets the run go on."),
+    "doctor": Entry(
+        _RUNNING,
+        "rig.cli.doctor",
+        "Check everything that can be known before a night: bench, disk, clock, machine, and who will be told.",
+    ),
+    "plan": Entry(
+        _RUNNING,
+        "rig.cli.plan",
+        "Answer the evening question: how many points, done when and how sure, how precise, is anything in the way?",
+    ),
+    "hold": Entry(
+        _RUNNING,
+        "rig.cli.requests",
+        "Stop all motion, leave chambers as they are, and wait; `rig release` lets the run go on.",
+    ),
     "release": Entry(_RUNNING, "rig.cli.requests", "Let a held run go on."),
     "stop": Entry(_RUNNING, "rig.cli.requests", "Park the bench and end the session; the run can be resumed later."),
-    "service": Entry(_RUNNING, "rig.cli.service", "Print, install or remove the systemd unit that carries a run on: after a crash, a hang, a power cut."),
-    "status": Entry(_RUNNING, "rig.cli.status", "Show what a run has come to, running or not; of a folder, its runs, the newest first."),
-    "watch": Entry(_RUNNING, "rig.cli.watch", "Serve a page that shows a run as it goes: state, time left, readings, residuals, warnings."),
-    "fit": Entry(_DATA, "rig.cli.data", "Fit the declared model to every sensor; analyse replications, or whole plots with all methods side by side."),
-    "trace": Entry(_DATA, "rig.cli.data", "Find what the declared model lacks: residual, effect, error before and after."),
-    "infer": Entry(_DATA, "rig.cli.infer", "Infer pitch and roll, pressure, or the abscissa of a curve from outputs, with 95 % intervals."),
+    "service": Entry(
+        _RUNNING,
+        "rig.cli.service",
+        "Print, install or remove the systemd unit that carries a run on: after a crash, a hang, a power cut.",
+    ),
+    "status": Entry(
+        _RUNNING,
+        "rig.cli.status",
+        "Show what a run has come to, running or not; of a folder, its runs, the newest first.",
+    ),
+    "watch": Entry(
+        _RUNNING,
+        "rig.cli.watch",
+        "Serve a page that shows a run as it goes: state, time left, readings, residuals, warnings.",
+    ),
+    "fit": Entry(
+        _DATA,
+        "rig.cli.data",
+        "Fit the declared model to every sensor; analyse replications, or whole plots with all methods side by side.",
+    ),
+    "trace": Entry(
+        _DATA, "rig.cli.data", "Find what the declared model lacks: residual, effect, error before and after."
+    ),
+    "infer": Entry(
+        _DATA,
+        "rig.cli.infer",
+        "Infer pitch and roll, pressure, or the abscissa of a curve from outputs, with 95 % intervals.",
+    ),
     "export": Entry(_DATA, "rig.cli.export", "Write a run's observations as CSV, units in the column names."),
-    "chart": Entry(_DATA, "rig.cli.chart", "Chart the parameters of sensors over several calibrations: is one drifting, and when is it due again?"),
-    "confirm": Entry(_DATA, "rig.cli.confirm", "Confirm what a trace found by a further run: which of the causes that look alike holds, on data nobody has seen."),
-    "verify": Entry(_DATA, "rig.cli.verify", "Check that a run file is whole and unchanged; say what was changed, and where."),
-    "demo": Entry(_TRYING, "rig.cli.demo", "Run a simulated night with effects nobody declared, kill it partway, resume it, and find them."),
-    "sim": Entry(_TRYING, "rig.cli.sim", "Serve a simulated bench to other programs: pseudo-terminals, a local TCP port, slcan."),
-    "night": Entry(_TRYING, "rig.cli.proving", "Play simulated nights full of faults, crashes and power cuts, and check what must hold after each."),
+    "chart": Entry(
+        _DATA,
+        "rig.cli.chart",
+        "Chart the parameters of sensors over several calibrations: is one drifting, and when is it due again?",
+    ),
+    "confirm": Entry(
+        _DATA,
+        "rig.cli.confirm",
+        "Confirm by a further run what a trace found: which of the confounded causes holds, on data that are new.",
+    ),
+    "verify": Entry(
+        _DATA, "rig.cli.verify", "Check that a run file is whole and unchanged; say what was changed, and where."
+    ),
+    "demo": Entry(
+        _TRYING,
+        "rig.cli.demo",
+        "Run a simulated night with effects nobody declared, kill it partway, resume it, and find them.",
+    ),
+    "sim": Entry(
+        _TRYING, "rig.cli.sim", "Serve a simulated bench to other programs: pseudo-terminals, a local TCP port, slcan."
+    ),
+    "night": Entry(
+        _TRYING,
+        "rig.cli.proving",
+        "Play simulated nights full of faults, crashes and power cuts, and check what must hold after each.",
+    ),
     "study": Entry(_TRYING, "rig.cli.proving", "Do published work again, and hold it against what was printed."),
 }
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from rig.closed_loop.confirm import Confirmed, First, Inseparable, Proposal
 
 
-@app.command(rich_help_panel="Data")
+@app.command()
 def confirm(
     run_file: RunArgument,
     dry: Annotated[bool, typer.Option("--dry", help="make the further run on simulated instruments")] = False,

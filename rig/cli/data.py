@@ -54,7 +54,7 @@ TemperatureOption = Annotated[
 ]
 
 
-@app.command(rich_help_panel="Data")
+@app.command()
 def fit(
     data: DataArgument,
     as_json: JsonOption = False,
@@ -297,7 +297,7 @@ def show_fit(name: str, table: Table, result: Mapping[str, Any]) -> None:
             out.print(escape(f"  {effect['used']}. {effect['evidence']}"), soft_wrap=True)
 
 
-@app.command(rich_help_panel="Data")
+@app.command()
 def trace(
     data: DataArgument,
     as_json: JsonOption = False,

@@ -46,7 +46,7 @@ _NIGHTS = {
 }
 
 
-@app.command(rich_help_panel="Trying it out")
+@app.command()
 def demo(
     lab: Annotated[Lab, typer.Argument(help="which example laboratory", show_default=True)] = Lab.ATTITUDE,
     out_dir: Annotated[Path, typer.Option("--out", "-o", help="folder for the run file and the report")] = Path("runs"),

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 _STYLES: dict[Level, str] = {"ok": "green", "warning": "yellow", "problem": "bold red"}
 
 
-@app.command(rich_help_panel="Running")
+@app.command()
 def doctor(
     bench: Annotated[Path | None, typer.Option("--bench", "-b", help="the bench file", show_default=False)] = None,
     procedure: Annotated[

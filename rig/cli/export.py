@@ -14,7 +14,7 @@ from rig.cli.show import err, headline
 from rig.errors import ExitCode
 
 
-@app.command(rich_help_panel="Data")
+@app.command()
 def export(
     run_file: Annotated[Path, typer.Argument(help="the run file", show_default=False)],
     out_file: Annotated[Path, typer.Option("--out", "-o", help="the CSV file to write", show_default=False)],

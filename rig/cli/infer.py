@@ -23,7 +23,7 @@ class ZeroRowsChoice(StrEnum):
     INDEPENDENT = "independent"
 
 
-@app.command(rich_help_panel="Data")
+@app.command()
 def infer(
     calibration: Annotated[Path, typer.Argument(help="what `rig fit --out` wrote", show_default=False)],
     data: Annotated[

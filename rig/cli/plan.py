@@ -25,7 +25,7 @@ from rig.plans import Plan, load_plan
 from rig.room import needed_bytes
 
 
-@app.command(rich_help_panel="Running")
+@app.command()
 def plan(
     procedure: ProcedureArgument,
     bench: BenchOption,

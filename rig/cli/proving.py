@@ -30,7 +30,6 @@ def _register_absent(name: str, does: str) -> None:
     @app.command(
         name,
         help=f"{does} Not in this installation: it comes with the source.",
-        rich_help_panel="Trying it out",
         context_settings={"ignore_unknown_options": True, "allow_extra_args": True},
     )
     def absent(

@@ -57,19 +57,19 @@ def _ended(run_file: Path, verb: str) -> int:
     raise RigError(f"the controller ended before it could {verb}: the run is {how}; `rig status {run_file}` says more")
 
 
-@app.command(rich_help_panel="Running")
+@app.command()
 def hold(run_file: RunArgument) -> int:
     """Stop all motion, leave chambers as they are, and wait; `rig release` lets the run go on."""
     return _ask(run_file, "hold")
 
 
-@app.command(rich_help_panel="Running")
+@app.command()
 def release(run_file: RunArgument) -> int:
     """Let a held run go on."""
     return _ask(run_file, "release")
 
 
-@app.command(rich_help_panel="Running")
+@app.command()
 def stop(run_file: RunArgument) -> int:
     """Park the bench and end the session; the run can be resumed later."""
     return _ask(run_file, "stop")

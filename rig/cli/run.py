@@ -71,7 +71,7 @@ _EXIT = {
 }
 
 
-@app.command(rich_help_panel="Running")
+@app.command()
 def run(
     procedure: ProcedureArgument,
     bench: BenchOption,
@@ -137,7 +137,7 @@ def run(
     return code
 
 
-@app.command(rich_help_panel="Running")
+@app.command()
 def resume(
     run_file: RunArgument,
     bench: Annotated[

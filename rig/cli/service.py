@@ -24,7 +24,7 @@ from rig.unattended import RunFacts
 from rig.unattended.service import WATCHDOG_S, ServiceUnit, patience_s
 
 
-@app.command(rich_help_panel="Running")
+@app.command()
 def service(
     run_file: RunArgument,
     install: Annotated[bool, typer.Option("--install", help="write the unit where systemd finds it")] = False,

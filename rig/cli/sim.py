@@ -12,7 +12,7 @@ from rig.cli.show import err
 from rig.errors import ExitCode
 
 
-@app.command(rich_help_panel="Trying it out")
+@app.command()
 def sim(
     bench: Annotated[Path, typer.Argument(help="the bench file", show_default=False)],
     world: Annotated[Path | None, typer.Option(help="the truth behind the simulated bench", show_default=False)] = None,

@@ -28,7 +28,7 @@ from rig.run_file.state import RunState
 from rig.run_file.verification import CUT_SHORT, glance
 
 
-@app.command(rich_help_panel="Running")
+@app.command()
 def status(
     run_file: Annotated[Path, typer.Argument(help="a run file, or a folder of them", show_default=False)] = Path(
         "runs"
@@ -158,7 +158,7 @@ def _left_when_resumed_s(reader: RunReader, state: RunState, run_file: Path) -> 
         return None
     try:
         plan = stored_plan(reader, run_file, None)
-        return left_when_resumed_s(reader, state, plan.run_list, plan.procedure, plan.bench)
+        return left_when_resumed_s(reader, state, plan.run_list, plan.procedure.conduct, plan.bench)
     except RigError:
         return None  # what is wrong with the file stands elsewhere
 

@@ -21,7 +21,7 @@ from rig.run_file.state import RunState, read_state
 from rig.run_file.verification import Verification, restored, verify_file
 
 
-@app.command(rich_help_panel="Data")
+@app.command()
 def verify(
     run_file: RunArgument,
     head: Annotated[

@@ -11,7 +11,7 @@ from rig.cli import app
 from rig.errors import ExitCode, UsageError
 
 
-@app.command(rich_help_panel="Running")
+@app.command()
 def watch(
     where: Annotated[Path, typer.Argument(help="the run file, or a folder of run files", show_default=False)],
     port: Annotated[int, typer.Option(min=0, max=65535, help="where to listen; 0 takes any that is free")] = 8321,

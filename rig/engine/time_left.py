@@ -5,7 +5,8 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
 
-from procedures import Procedure, RunList, WholePlotProcedure
+from procedures.conduct import Conduct
+from procedures.run_list import RunList
 from rig.config import BenchConfig
 from rig.engine.pace import Pace
 from rig.run_file.chain import Record
@@ -36,14 +37,14 @@ def spent_s(observations: Iterable[Record]) -> Iterator[float]:
 
 
 def left_when_resumed_s(
-    run: RunReader, state: RunState, run_list: RunList, procedure: Procedure, bench: BenchConfig
+    run: RunReader, state: RunState, run_list: RunList, conduct: Conduct, bench: BenchConfig
 ) -> float | None:
     """Bench seconds that the rest of an interrupted run will take; None while nothing tells how long a point takes.
 
     The model is that of a running one and of `rig plan`. A whole plot that was interrupted counts as going on.
     """
-    if isinstance(procedure, WholePlotProcedure):
-        pace = Pace(run_list, procedure, bench)
+    if conduct.whole_plots is not None:
+        pace = Pace(run_list, conduct, bench)
         for record in run.records():
             pace.add(record)
         pace.interrupted(state.elapsed_s)

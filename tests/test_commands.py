@@ -1,0 +1,29 @@
+"""The table of commands, and what the program loads before it knows which one is asked for."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from rig.cli.commands import COMMANDS, loaded
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_the_list_says_what_the_commands_own_help_says(name):
+    own = " ".join(loaded(name).help.split("\n\n")[0].split())
+    assert own == COMMANDS[name].does
+
+
+def test_help_and_version_load_neither_numbers_nor_settings():
+    code = (
+        "import sys, contextlib\n"
+        "from rig.cli import main\n"
+        "sys.argv = ['rig', sys.argv[1]]\n"
+        "with contextlib.suppress(SystemExit): main()\n"
+        "print(sorted({'numpy', 'scipy', 'pydantic', 'apsw', 'fitter', 'drivers'} & set(sys.modules)))\n"
+    )
+    for option in ("--help", "--version"):
+        done = subprocess.run([sys.executable, "-c", code, option], capture_output=True, text=True, check=True)
+        assert done.stdout.splitlines()[-1] == "[]"
