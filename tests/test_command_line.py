@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import importlib
 import json
 import os
 import pty
@@ -308,7 +307,6 @@ def test_ctrl_c_where_nothing_runs_says_so_and_ends_with_its_code(monkeypatch):
     def interrupted(**_):
         raise KeyboardInterrupt
 
-    importlib.import_module("rig.cli.commands")  # which registers itself with the app that is there
     monkeypatch.setattr("rig.cli.app", interrupted)
     done = rig("status")
     assert (done.returncode, done.stderr) == (75, "rig: interrupted\n")
