@@ -21,6 +21,7 @@ from fitter.attitude import (
     sigma_deg,
 )
 from fitter.data import AttitudeData
+from fitter.errors import FitError
 from fitter.linear import LinearFit
 from fitter.misfit import covered, lacks_fit, reach_of_misfit
 from fitter.quantiles import t_limit
@@ -165,12 +166,12 @@ def fit_attitude(
     Raises:
         KeyError: `data` has no such output.
         fitter.linear.RankError: the points visited do not determine the model.
-        ValueError: the output never changes, or there is no temperature to fit.
+        FitError: the output never changes, or there is no temperature to fit.
 
     """
     output = data.outputs[sensor]
     if np.ptp(output) == 0:
-        raise ValueError(f"{sensor} reads {output[0]:g} V at every attitude: there is nothing to calibrate")
+        raise FitError(f"{sensor} reads {output[0]:g} V at every attitude: there is nothing to calibrate")
     columns = attitude_columns(data.pitch_deg, data.roll_deg, roll=data.has_roll)
     linear, own, beside = fit_columns(columns, output), None, np.empty((len(data), 0))
     carried = np.zeros((columns.shape[1], 2))

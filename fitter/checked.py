@@ -6,13 +6,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fitter.arrays import FloatArray, IntArray
+from fitter.errors import FitError
 
 
 def finite(name: str, values: ArrayLike, count: int) -> FloatArray:
     """(count,) `values`, read-only.
 
     Raises:
-        ValueError: another shape, or a value that is not finite; says which.
+        FitError: a value is not finite; ValueError for another shape; says which.
 
     """
     array = np.array(values, dtype=np.float64)
@@ -20,7 +21,7 @@ def finite(name: str, values: ArrayLike, count: int) -> FloatArray:
         raise ValueError(f"{name}: expected {count} values in one dimension, found shape {array.shape}")
     bad = np.flatnonzero(~np.isfinite(array))
     if bad.size:
-        raise ValueError(f"{name}: row {bad[0]} holds {array[bad[0]]}, not a finite number")
+        raise FitError(f"{name}: row {bad[0]} holds {array[bad[0]]}, not a finite number")
     array.flags.writeable = False
     return array
 
@@ -29,13 +30,13 @@ def whole(name: str, values: ArrayLike, count: int) -> IntArray:
     """(count,) `values` as integers, read-only.
 
     Raises:
-        ValueError: another shape, or a value that is not a whole number; says which.
+        FitError: a value is not a whole number; ValueError for another shape; says which.
 
     """
     array = finite(name, values, count)
     bad = np.flatnonzero(array != np.round(array))
     if bad.size:
-        raise ValueError(f"{name}: row {bad[0]} holds {array[bad[0]]:g}, not a whole number")
+        raise FitError(f"{name}: row {bad[0]} holds {array[bad[0]]:g}, not a whole number")
     integers = array.astype(np.int64)
     integers.flags.writeable = False
     return integers

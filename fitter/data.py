@@ -13,6 +13,7 @@ import numpy as np
 from fitter.angles import sin_cos
 from fitter.arrays import FloatArray, IntArray
 from fitter.checked import finite, whole
+from fitter.errors import FitError
 
 SAME_ANGLE_DEG = 0.02
 """Angles closer than this are one setting of the head: well above readback noise, well below any design's step."""
@@ -68,7 +69,7 @@ class AttitudeData:
     def __post_init__(self) -> None:
         count = np.size(self.order)
         if count == 0:
-            raise ValueError("there are no observations")
+            raise FitError("there are no observations")
         put = object.__setattr__
         for name in ("replicate", "order"):
             put(self, name, whole(name, getattr(self, name), count))
@@ -78,10 +79,10 @@ class AttitudeData:
             temperature = finite("sensor_temperature_degC", self.sensor_temperature_degC, count)
             put(self, "sensor_temperature_degC", temperature)
         if not self.outputs:
-            raise ValueError("there is no sensor output to fit")
+            raise FitError("there is no sensor output to fit")
         put(self, "outputs", MappingProxyType({name: finite(name, v, count) for name, v in self.outputs.items()}))
         if np.unique(self.order).size != count:
-            raise ValueError("order: two observations have the same executed position")
+            raise FitError("order: two observations have the same executed position")
         for name, angle in (("pitch_side", self.pitch_deg), ("roll_side", self.roll_deg)):
             given = getattr(self, name)
             put(self, name, self._side_from_order(angle) if given is None else np.sign(whole(name, given, count)))
@@ -199,9 +200,9 @@ class AttitudeData:
 def _axes(axes: Mapping[str, str], outputs: Mapping[str, FloatArray]) -> dict[str, str]:
     for name, axis in axes.items():
         if axis not in ("x", "y", "z"):
-            raise ValueError(f"axes: {name} is along {axis!r}, not x, y or z")
+            raise FitError(f"axes: {name} is along {axis!r}, not x, y or z")
         if name not in outputs:
-            raise ValueError(f"axes: there is no output {name}, only {', '.join(outputs)}")
+            raise FitError(f"axes: there is no output {name}, only {', '.join(outputs)}")
     return dict(axes)
 
 

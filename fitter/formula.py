@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from fitter.arrays import FloatArray
 from fitter.double_double import DoubleDouble
+from fitter.errors import FitError
 from fitter.formula_text import Category, FormulaError, Numeric, Term, parse_terms
 
 __all__ = ["Formula", "FormulaError", "RowError", "Term"]
@@ -36,7 +37,7 @@ _STEP = 1e-30
 """Imaginary step of a derivative, in the unit of the variable; the derivative's relative error is its square."""
 
 
-class RowError(ValueError):
+class RowError(FitError):
     """A value of one row that the formula cannot take.
 
     Attributes:
@@ -115,7 +116,7 @@ class Formula:
 
         Raises:
             KeyError: the table lacks a variable.
-            ValueError: a value is not finite (the logarithm of a negative number, say), is text where a number is
+            FitError: a value is not finite (the logarithm of a negative number, say), is text where a number is
                 needed, or is none of the `levels`.
 
         """
@@ -226,7 +227,7 @@ def _name(term: Term, levels: Mapping[Category, Any]) -> str:
 
 def _given(name: str, table: Table) -> NDArray[Any]:
     if name not in table:
-        raise KeyError(f"there is no variable {name}, only {', '.join(table)}")
+        raise FitError(f"there is no variable {name}, only {', '.join(table)}")
     return np.asarray(table[name])
 
 
@@ -239,7 +240,7 @@ def _numbers(factor: Numeric, table: Table) -> FloatArray:
     for name in factor.names:
         column = _given(name, table)
         if column.dtype.kind not in "fiub":
-            raise ValueError(f"{name} is text; as a category it is C({name})")
+            raise FitError(f"{name} is text; as a category it is C({name})")
         given[name] = column.astype(np.float64)
     value = np.asarray(factor.expression.value(given), np.float64)
     bad = np.flatnonzero(~np.isfinite(value))

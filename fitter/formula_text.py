@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fitter.errors import FitError
+
 Values = NDArray[Any]
 
 _TOKEN = re.compile(r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<name>[^\W\d][\w.]*)|(?P<mark>\S))")
@@ -30,7 +32,7 @@ _OPERATIONS: Mapping[str, Callable[..., Any]] = {
 }
 
 
-class FormulaError(ValueError):
+class FormulaError(FitError):
     """A formula that does not follow the grammar; the message points at the place."""
 
     def __init__(self, problem: str, text: str, at: int) -> None:

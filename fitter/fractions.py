@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from fitter.arrays import FloatArray, IntArray
 from fitter.calibration import AttitudeFit, fit_attitude
 from fitter.data import AttitudeData, settings
+from fitter.errors import FitError
 
 Cell = tuple[int, int]
 NAN = float("nan")
@@ -50,7 +51,7 @@ class MeasuredGrid:
         """Find the grid.
 
         Raises:
-            ValueError: some pitch was not measured at some roll in any replication.
+            FitError: some pitch was not measured at some roll in any replication.
 
         """
         row, column = settings(data.pitch_deg), settings(data.roll_deg)
@@ -59,7 +60,7 @@ class MeasuredGrid:
         visits = np.zeros(shape, np.int64)
         np.add.at(visits, (points[:, 1], points[:, 2]), 1)
         if not visits.all():
-            raise ValueError(
+            raise FitError(
                 f"the points are no full grid: {shape[0]} pitch and {shape[1]} roll angles are {visits.size} pairs, of "
                 f"which {np.count_nonzero(visits)} were measured. A run cut short is finished by `rig resume`; of a "
                 f"fraction, or of points without a grid, no fraction is taken"
@@ -140,12 +141,12 @@ def fit_part(
 
     Raises:
         fitter.linear.RankError: the part does not determine the model.
-        ValueError: the output never changes, or there is no temperature to fit.
+        FitError: the output never changes, or there is no temperature to fit.
 
     """
     part = data if rows is None else data.take(np.flatnonzero(rows))
     if part.has_roll != data.has_roll:
-        raise ValueError("the part has no roll, the whole run has: their models are not the same")
+        raise FitError("the part has no roll, the whole run has: their models are not the same")
     fit = fit_attitude(part, sensor, temperature=temperature)
     columns = fit.columns(data.pitch_deg, data.roll_deg)
     residual = data.outputs[sensor] - fit.linear.predict(columns)

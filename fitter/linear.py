@@ -17,6 +17,7 @@ from scipy.linalg import qr as pivoted_qr
 from scipy.linalg.lapack import dtrtri
 
 from fitter.arrays import FloatArray
+from fitter.errors import FitError
 from fitter.quantiles import t_limit
 from fitter.refine import refine
 
@@ -30,7 +31,7 @@ AFFORDABLE = 2_000_000
 """Most products n k^2 that a refinement is given, some 0.3 s."""
 
 
-class RankError(ValueError):
+class RankError(FitError):
     """The observations do not determine all coefficients; the message names those that cannot be told apart."""
 
 

@@ -24,6 +24,7 @@ from fitter.attitude import (
     nominal_axis,
 )
 from fitter.checked import finite
+from fitter.errors import FitError
 from fitter.linear import LinearFit, Triangle
 
 Block = tuple[ArrayLike, ArrayLike, Mapping[str, ArrayLike]]
@@ -63,7 +64,7 @@ def fit_stream(
 
     Raises:
         fitter.linear.RankError: the rows do not determine the model.
-        ValueError: there are no rows, a value is not finite, or a block has other outputs or other lengths.
+        FitError: there are no rows, a value is not finite, or a block has other outputs or other lengths.
 
     """
     names: tuple[str, ...] | None = None
@@ -71,7 +72,7 @@ def fit_stream(
     for pitch_deg, roll_deg, outputs in blocks:
         names = tuple(outputs) if names is None else names
         if set(outputs) != set(names):
-            raise ValueError(f"a block has {', '.join(outputs)} where the first had {', '.join(names)}")
+            raise FitError(f"a block has {', '.join(outputs)} where the first had {', '.join(names)}")
         count = np.size(pitch_deg)
         pitch, rolled = finite("pitch_deg", pitch_deg, count), finite("roll_deg", roll_deg, count)
         volts = np.column_stack([finite(name, outputs[name], count) for name in names])
@@ -79,7 +80,7 @@ def fit_stream(
             rows = slice(start, start + _ROWS)
             triangle = triangle.add(attitude_columns(pitch[rows], rolled[rows], roll=roll), volts[rows])
     if names is None or not triangle.n:
-        raise ValueError("there are no observations")
+        raise FitError("there are no observations")
     return {name: _fitted(name, triangle.of(i).solve(LEAST), axes, roll=roll) for i, name in enumerate(names)}
 
 

@@ -18,6 +18,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.data import AttitudeData
+from fitter.errors import FitError
 from fitter.linear import LinearFit, least_squares
 
 TERMS = ("temperature", "temperature*gravity")
@@ -55,14 +56,14 @@ class Temperature:
 
         Raises:
             fitter.linear.RankError: the observations do not determine every coefficient.
-            ValueError: no sensor temperature was recorded, or it never changed.
+            FitError: no sensor temperature was recorded, or it never changed.
 
         """
         degC = data.sensor_temperature_degC
         if degC is None:
-            raise ValueError("no sensor temperature was recorded: its effect cannot be fitted")
+            raise FitError("no sensor temperature was recorded: its effect cannot be fitted")
         if np.ptp(degC) < CHANGES_degC:
-            raise ValueError(f"the sensor temperature never changed ({degC[0]:g} degC): its effect cannot be fitted")
+            raise FitError(f"the sensor temperature never changed ({degC[0]:g} degC): its effect cannot be fitted")
         m = plain.coefficients[1:]
         own = cls(float(np.mean(degC)), m / np.linalg.norm(m), np.full(2, np.nan), np.full((2, 2), np.nan))
         for _ in range(ROUNDS):
@@ -88,11 +89,11 @@ class Temperature:
             data: the observations they are of.
 
         Raises:
-            ValueError: no sensor temperature was recorded.
+            FitError: no sensor temperature was recorded.
 
         """
         if data.sensor_temperature_degC is None:
-            raise ValueError("no sensor temperature was recorded: its effect cannot be computed")
+            raise FitError("no sensor temperature was recorded: its effect cannot be computed")
         warmth = data.sensor_temperature_degC - self.reference_degC
         return np.column_stack([warmth, warmth * (h[:, 1:] @ self.direction)])
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.checked import finite, whole
+from fitter.errors import FitError
 
 SAME_PRESSURE_PSIA = 0.005
 """Readbacks closer than this are one setting: above a controller's noise, well below any design's step."""
@@ -51,7 +52,7 @@ class WholePlotData:
         since_s: (n,) seconds since the first observation of the whole plot.
 
     Raises:
-        ValueError: lengths differ, a value is not finite, an order is used twice, a whole plot is in two replications,
+        FitError: lengths differ, a value is not finite, an order is used twice, a whole plot is in two replications,
             or there is nothing to fit.
 
     """
@@ -76,7 +77,7 @@ class WholePlotData:
     def __post_init__(self) -> None:
         count = np.size(self.order)
         if count == 0:
-            raise ValueError("there are no observations")
+            raise FitError("there are no observations")
         put = object.__setattr__
         for name in ("whole_plot", "order"):
             put(self, name, whole(name, getattr(self, name), count))
@@ -89,7 +90,7 @@ class WholePlotData:
             given = getattr(self, name)
             put(self, name, np.zeros(count, np.int64) if given is None else whole(name, given, count))
         if not self.outputs:
-            raise ValueError("there is no transducer output to fit")
+            raise FitError("there is no transducer output to fit")
         put(self, "outputs", MappingProxyType({name: finite(name, v, count) for name, v in self.outputs.items()}))
         self._check()
         for name, derived in self._from_order().items():
@@ -98,11 +99,11 @@ class WholePlotData:
 
     def _check(self) -> None:
         if np.unique(self.order).size != len(self):
-            raise ValueError("order: two observations have the same executed position")
+            raise FitError("order: two observations have the same executed position")
         pairs = np.unique(np.column_stack([self.whole_plot, self.replicate]), axis=0)
         twice = np.flatnonzero(np.diff(pairs[:, 0]) == 0)
         if twice.size:
-            raise ValueError(
+            raise FitError(
                 f"whole plot {pairs[twice[0], 0]} is in two replications; every replication has its own whole plots"
             )
 

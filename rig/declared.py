@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from fitter.errors import FitError
 from procedures import Procedure, WholePlotProcedure
 from procedures.run_list import RunList
 from rig.errors import ConfigurationError
@@ -57,9 +58,9 @@ def check_declared(procedure: Procedure, run_list: RunList, where: str) -> None:
         if len(data) <= REHEARSED:
             fit = fit_pressure(data, OUTPUT, model)
             if procedure.acceptance.reading_error_pct is not None and ACCEPTED_BY in fit.not_possible:
-                raise ValueError(f"acceptance.reading_error_pct: {ACCEPTED_BY}: {fit.not_possible[ACCEPTED_BY]}")
-    except (ValueError, KeyError) as error:
-        why = str(error.args[0] if error.args else error).removesuffix("; fit a smaller model")
+                raise FitError(f"acceptance.reading_error_pct: {ACCEPTED_BY}: {fit.not_possible[ACCEPTED_BY]}")
+    except FitError as error:
+        why = str(error).removesuffix("; fit a smaller model")
         if run_list.whole_plots < 2:
             raise ConfigurationError(
                 f"{where}: {why}. Name the pair of temperatures twice or more in temperatures_degC, or set "

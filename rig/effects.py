@@ -16,6 +16,7 @@ from pathlib import Path
 
 from fitter.effects import CATALOGUE, PRESSURE_CATALOGUE, Effect, PressureEffect
 from fitter.effects.own import own_effects
+from fitter.errors import FitError
 from rig.errors import ConfigurationError
 from rig.regular import read_regular_text
 
@@ -74,5 +75,5 @@ def _written() -> tuple[Effect | PressureEffect, ...]:
         return ()
     try:
         return own_effects(read_regular_text(Path(path), _MOST_TEXT))
-    except (OSError, ValueError, RecursionError) as error:
+    except (OSError, UnicodeDecodeError, FitError) as error:
         raise ConfigurationError(f"{VARIABLE}={path}: {error}") from error

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from fitter import attitude_columns, variance_function
+from fitter.errors import FitError
 from fitter.quantiles import t_limit
 from procedures import PitchRollProcedure, Procedure, RunList, WholePlotProcedure
 from rig.errors import ConfigurationError
@@ -50,11 +51,10 @@ def precision(procedure: Procedure, run_list: RunList) -> Precision:
         if isinstance(procedure, WholePlotProcedure):
             return _of_terms(procedure, run_list)
         return _of_angles(procedure, run_list)
-    except (ValueError, KeyError) as error:
+    except FitError as error:
         smaller = ", or plan a smaller model ([model] formula)" if isinstance(procedure, WholePlotProcedure) else ""
-        why = error.args[0] if error.args else error
         raise ConfigurationError(
-            f"the design does not determine a sensor: {why}; visit more settings{smaller}"
+            f"the design does not determine a sensor: {error}; visit more settings{smaller}"
         ) from error
 
 

@@ -14,6 +14,7 @@ from scipy import special
 
 from fitter.arrays import FloatArray
 from fitter.attitude import attitude_columns, mounting_matrix
+from fitter.errors import FitError
 from fitter.inverse import AttitudeCalibration, CurveCalibration
 from fitter.pressure import PressureCalibration
 from rig.errors import UsageError
@@ -79,7 +80,7 @@ def read_previous(path: Path) -> Previous:
     if path.suffix != ".sqlite":
         try:
             return Previous(path.name, _of_a_bench(read_calibration(path).calibration))
-        except ValueError as error:
+        except FitError as error:
             raise UsageError(f"{path}: {error}") from error
     return Previous(path.name, _of_a_bench(calibration_of(_fitted(path))))
 
@@ -100,9 +101,9 @@ def parse_previous(text: str, where: str) -> Previous:
 
 
 def _of_a_bench(calibration: Calibration) -> AttitudeCalibration | Mapping[str, PressureCalibration]:
-    """A calibration that a run can be compared with. Raises ValueError for one of a table of any kind."""
+    """A calibration that a run can be compared with. Raises `FitError` for one of a table of any kind."""
     if isinstance(calibration, CurveCalibration):
-        raise ValueError("it is of a table of any kind, which says nothing of what a bench's sensors should read")
+        raise FitError("it is of a table of any kind, which says nothing of what a bench's sensors should read")
     return calibration
 
 

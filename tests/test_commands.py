@@ -6,6 +6,7 @@ import subprocess
 import sys
 
 import pytest
+from command import rig
 
 from rig.cli.commands import COMMANDS, loaded
 
@@ -27,3 +28,16 @@ def test_help_and_version_load_neither_numbers_nor_settings():
     for option in ("--help", "--version"):
         done = subprocess.run([sys.executable, "-c", code, option], capture_output=True, text=True, check=True)
         assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_a_mistake_of_the_fitter_is_no_error_of_whoever_asked(tmp_path, monkeypatch):
+    def wrong(*_, **__):
+        raise ValueError("expected 3 values in one dimension, found shape (4,)")
+
+    table = tmp_path / "table.csv"
+    table.write_text("x,y\n" + "".join(f"{k},{2 * k + k % 3}\n" for k in range(12)))
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setattr("rig.closed_loop.general.search", wrong)
+    done = rig("fit", table, "--response", "y", "--formula", "1 + x")
+    assert done.returncode == 1
+    assert "unforeseen: ValueError: expected 3 values" in done.stderr

@@ -82,7 +82,7 @@ class AttitudeTogether(Together):
         """A run, what was traced in it, and a later run, `after_s` after the first's zero of elapsed time.
 
         Raises:
-            ValueError: the later run lacks a sensor of the first.
+            FitError: the later run lacks a sensor of the first.
 
         """
         kept = np.setdiff1d(np.arange(len(first)), found.outliers)

@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from fitter.data import AttitudeData
+from fitter.errors import FitError
 from fitter.whole_plot_data import WholePlotData
 
 Data = TypeVar("Data", AttitudeData, WholePlotData)
@@ -26,12 +27,12 @@ def join(first: Data, later: Data, after_s: float, **more: Any) -> Data:
         more: attributes that are not simply put behind one another.
 
     Raises:
-        ValueError: the later run lacks a sensor of the first.
+        FitError: the later run lacks a sensor of the first.
 
     """
     missing = [name for name in first.outputs if name not in later.outputs]
     if missing:
-        raise ValueError(f"the run to confirm by has no {missing[0]}, which the run that was traced has")
+        raise FitError(f"the run to confirm by has no {missing[0]}, which the run that was traced has")
     given: dict[str, Any] = {}
     for name in (f.name for f in fields(first) if f.init and f.name not in _APART):
         a, b = getattr(first, name), getattr(later, name)

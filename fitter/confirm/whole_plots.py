@@ -36,7 +36,7 @@ class WholePlotTogether(Together):
         """A run, what was traced in it, and a later run, `after_s` after the first's zero of elapsed time.
 
         Raises:
-            ValueError: the later run lacks a transducer of the first.
+            FitError: the later run lacks a transducer of the first.
 
         """
         both = join(first, later, after_s)

@@ -12,6 +12,7 @@ import numpy as np
 from fitter.arrays import FloatArray
 from fitter.data import AttitudeData
 from fitter.effects.sizes import Size
+from fitter.errors import FitError
 
 Stratum = Literal["between-point", "point-by-replication", "replication", "whole-plot", "subplot", "noise"]
 
@@ -142,11 +143,11 @@ class Scene:
         """(n,) sensor temperature above the reference, degC.
 
         Raises:
-            ValueError: the sensor's temperature was not recorded, here or in the run of the reference.
+            FitError: the sensor's temperature was not recorded, here or in the run of the reference.
 
         """
         if self.data.sensor_temperature_degC is None or self.temperature_degC is None:
-            raise ValueError("an effect of temperature cannot be computed: no sensor temperature was recorded")
+            raise FitError("an effect of temperature cannot be computed: no sensor temperature was recorded")
         return self.data.sensor_temperature_degC - self.temperature_degC
 
     def hours(self) -> FloatArray:

@@ -33,6 +33,7 @@ from fitter.effects.effect import Effect, Scene, Term, fixed
 from fitter.effects.own_formula import OwnFormula
 from fitter.effects.pressure_scene import PressureEffect, PressureScene, PressureTerm
 from fitter.effects.sizes import each
+from fitter.errors import FitError
 
 NAMES: Mapping[str, Callable[[Scene, str], FloatArray]] = {
     "pitch": lambda scene, _sensor: scene.pitch,
@@ -72,35 +73,37 @@ def own_effects(text: str) -> tuple[Effect | PressureEffect, ...]:
     """Effects written in TOML.
 
     Raises:
-        ValueError: it is no TOML, a field is missing or unknown, or a column is no formula; the message says which.
+        FitError: it is no TOML, a field is missing or unknown, or a column is no formula; the message says which.
 
     """
     try:
         tables = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise FitError(f"it is no TOML: {error}") from error
     except RecursionError:
-        raise ValueError("it is nested too deeply to be a file of effects") from None
+        raise FitError("it is nested too deeply to be a file of effects") from None
     if set(tables) != {"effect"} or not isinstance(tables["effect"], list):
-        raise ValueError("a file of effects has [[effect]] tables and nothing else")
+        raise FitError("a file of effects has [[effect]] tables and nothing else")
     return tuple(_effect(table) for table in tables["effect"])
 
 
 def _effect(table: Any) -> Effect | PressureEffect:
     if not isinstance(table, Mapping):
-        raise ValueError(f"an effect is a table, [[effect]], not {table!r:.40}")
+        raise FitError(f"an effect is a table, [[effect]], not {table!r:.40}")
     name = table.get("name", "without a name")
     if set(table) != set(_WORDS):
         wrong = sorted(set(table) ^ set(_WORDS))
-        raise ValueError(f"effect {name}: missing or unknown: {', '.join(wrong)}; it has {', '.join(_WORDS)}")
+        raise FitError(f"effect {name}: missing or unknown: {', '.join(wrong)}; it has {', '.join(_WORDS)}")
     for field in _WORDS:
         if field != "columns" and (not isinstance(table[field], str) or not table[field]):
-            raise ValueError(f"effect {name}: {field} is a text, not {table[field]!r:.40}")
+            raise FitError(f"effect {name}: {field} is a text, not {table[field]!r:.40}")
     if not isinstance(table["columns"], list) or not table["columns"]:
-        raise ValueError(f"effect {name}: columns is a list of formulas, not {table['columns']!r:.40}")
+        raise FitError(f"effect {name}: columns is a list of formulas, not {table['columns']!r:.40}")
     of_pressure = table["stratum"] in _PRESSURE
     scopes = ("sensor", "line") if of_pressure else ("sensor", "package")
     for field, allowed in (("stratum", (*_ATTITUDE, *_PRESSURE)), ("scope", scopes)):
         if table[field] not in allowed:
-            raise ValueError(f"effect {name}: {field} is {' or '.join(allowed)}, not {table[field]!r}")
+            raise FitError(f"effect {name}: {field} is {' or '.join(allowed)}, not {table[field]!r}")
     names = PRESSURE_NAMES if of_pressure else NAMES
     formulas = [OwnFormula.of(name, column, names) for column in table["columns"]]
     given: dict[str, Any] = {key: table[key] for key in _WORDS if key != "columns"}

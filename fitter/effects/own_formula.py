@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from fitter.arrays import FloatArray
+from fitter.errors import FitError
 
 LONGEST = 500
 """Characters of a formula; longer ones are no one's physics."""
@@ -50,17 +51,17 @@ class OwnFormula:
         """Check a text: numbers, + - * / **, `FUNCTIONS` of one value, and `names`.
 
         Raises:
-            ValueError: naming the effect and what is not understood.
+            FitError: naming the effect and what is not understood.
 
         """
         if not isinstance(text, str) or not 0 < len(text) <= LONGEST:
-            raise ValueError(f"effect {effect}: a column is a text of up to {LONGEST} characters, not {text!r:.40}")
+            raise FitError(f"effect {effect}: a column is a text of up to {LONGEST} characters, not {text!r:.40}")
         try:
             tree = ast.parse(text, mode="eval").body
         except SyntaxError as error:
-            raise ValueError(f"effect {effect}: {text!r} is no formula: {error.msg}") from error
+            raise FitError(f"effect {effect}: {text!r} is no formula: {error.msg}") from error
         except (RecursionError, MemoryError, ValueError) as error:
-            raise ValueError(f"effect {effect}: {text!r:.40} is nested too deeply to be a formula") from error
+            raise FitError(f"effect {effect}: {text!r:.40} is nested too deeply to be a formula") from error
         functions = {id(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
         for node in ast.walk(tree):
             called = isinstance(node, ast.Name) and (node.id in (FUNCTIONS if id(node) in functions else names))
@@ -68,7 +69,7 @@ class OwnFormula:
             call = isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in FUNCTIONS
             call = call and len(getattr(node, "args", ())) == 1 and not getattr(node, "keywords", ())
             if not (called or number or call or isinstance(node, (ast.BinOp, ast.UnaryOp, ast.Load, *_OPERATORS))):
-                raise ValueError(
+                raise FitError(
                     f"effect {effect}: {ast.unparse(node) or type(node).__name__} in {text!r} is not understood; a "
                     f"column has numbers, + - * / **, {', '.join(FUNCTIONS)} of one value, and {', '.join(names)}"
                 )
@@ -85,9 +86,9 @@ class OwnFormula:
             with np.errstate(all="ignore"):
                 values = np.broadcast_to(_value(self.tree, value_of), (n,))
         except (ArithmeticError, RecursionError) as error:
-            raise ValueError(f"an effect's column {self.text!r} cannot be computed: {error}") from error
+            raise FitError(f"an effect's column {self.text!r} cannot be computed: {error}") from error
         if np.iscomplexobj(values) or not np.all(np.isfinite(values)):
-            raise ValueError(f"an effect's column {self.text!r} is not a finite number at every observation")
+            raise FitError(f"an effect's column {self.text!r} is not a finite number at every observation")
         return values.astype(np.float64)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.effects.effect import Entry
+from fitter.errors import FitError
 from fitter.whole_plot_data import WholePlotData
 
 AMBIENT_PSIA = 14.7
@@ -210,9 +211,9 @@ class PressureEffect(Entry):
     on_suspicion: bool = False
 
     def __post_init__(self) -> None:
-        """Refuse a bound that the search of whole-plot runs does not ask. Raises ValueError."""
+        """Refuse a bound that the search of whole-plot runs does not ask. Raises FitError."""
         if self.largest is not None:
-            raise ValueError(f"effect {self.name}: the bound of a PressureEffect is at_most, not largest")
+            raise FitError(f"effect {self.name}: the bound of a PressureEffect is at_most, not largest")
 
 
 def settling(tau_h: float) -> tuple[str, Callable[[PressureScene], FloatArray]]:

@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
+from fitter.errors import FitError
 
 _TEMPERATURE = re.compile(r"temp|deg_?c$|(^|[_.])t_?c$|_c$|_k$|oven|ambient|^t[0-9]?$", re.IGNORECASE)
 _ANGLE = re.compile(r"deg(?!_?[cfk]$)|angle|azimuth|theta|phi$", re.IGNORECASE)
@@ -123,7 +124,7 @@ class TableScene:
         for values in (*self.variables.values(), *(g.index for g in self.groups.values())):
             return len(values)
         if self.time is None:
-            raise ValueError("the table has nothing but its response")
+            raise FitError("the table has nothing but its response")
         return len(self.time.values)
 
 

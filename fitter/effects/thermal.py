@@ -10,6 +10,7 @@ from fitter.arrays import FloatArray
 from fitter.data import AttitudeData
 from fitter.effects.effect import Alias, Effect, Scene, Term, fixed
 from fitter.effects.sizes import each, micro, relative
+from fitter.errors import FitError
 
 TIME_CONSTANTS_H = (0.1, 0.2, 0.4, 0.8, 1.5, 3.0, 6.0)
 """Searched; what is found is then sought more closely."""
@@ -86,11 +87,11 @@ def lagged(data: AttitudeData, tau_h: float) -> FloatArray:
     Exact for a temperature that changes linearly from one record to the next.
 
     Raises:
-        ValueError: the sensor's temperature was not recorded.
+        FitError: the sensor's temperature was not recorded.
 
     """
     if data.temperatures is None:
-        raise ValueError("an effect of temperature cannot be computed: no sensor temperature was recorded")
+        raise FitError("an effect of temperature cannot be computed: no sensor temperature was recorded")
     at, degC = data.temperatures
     dt, tau = np.diff(at), tau_h * 3600.0
     decay, slope = np.exp(-dt / tau), np.diff(degC) / np.maximum(dt, 1e-9)

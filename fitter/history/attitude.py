@@ -22,6 +22,7 @@ from fitter.attitude import (
 )
 from fitter.calibration import fit_attitude
 from fitter.data import AttitudeData
+from fitter.errors import FitError
 from fitter.history.charted import Charted
 from fitter.history.series import Series
 from fitter.replication import between_replications
@@ -97,7 +98,7 @@ def calibrated(data: AttitudeData, sensor: str, *, temperature: bool = False) ->
     Raises:
         KeyError: `data` has no such output.
         fitter.linear.RankError: the points visited do not determine the model.
-        ValueError: the output never changes, nothing is left to estimate an error from, or there is no temperature.
+        FitError: the output never changes, nothing is left to estimate an error from, or there is no temperature.
 
     """
     fit = fit_attitude(data, sensor, temperature=temperature)
@@ -111,7 +112,7 @@ def calibrated(data: AttitudeData, sensor: str, *, temperature: bool = False) ->
         warmth = Warmth(fit.temperature.reference_degC, per_degC, turn @ fit.temperature.covariance @ turn.T)
     between = between_replications(h, output, data.replicate_index, fit.linear)
     if between is None and not fit.linear.df:
-        raise ValueError(f"{sensor}: as many points as coefficients, once each, leave no error to chart against")
+        raise FitError(f"{sensor}: as many points as coefficients, once each, leave no error to chart against")
     covariance, df = between or (fit.linear.covariance, fit.linear.df)
     return Calibrated(
         model=fit.model,
@@ -160,12 +161,12 @@ def attitude_charted(calibrations: Sequence[Calibrated], years: FloatArray) -> A
         years: (m,) since the first.
 
     Raises:
-        ValueError: the calibrations are of different models, or fewer than two.
+        FitError: the calibrations are of different models, or fewer than two.
 
     """
     models = sorted({c.model for c in calibrations})
     if len(models) > 1:
-        raise ValueError(f"calibrations of different models cannot be charted together: {', '.join(models)}")
+        raise FitError(f"calibrations of different models cannot be charted together: {', '.join(models)}")
     model = models[0]
     coefficients = np.array([c.coefficients for c in calibrations])
     to_axis = np.column_stack([sensitive_axis(unit) for unit in np.eye(coefficients.shape[1])])

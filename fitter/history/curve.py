@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitter.arrays import FloatArray
+from fitter.errors import FitError
 from fitter.history.charted import Charted
 from fitter.history.series import Series
 from fitter.inverse import CurveCalibration, too_few_digits
@@ -46,17 +47,17 @@ def curve_charted(fits: Sequence[CurveCalibration], years: FloatArray) -> CurveC
         years: (m,) since the first.
 
     Raises:
-        ValueError: a formula is not of one variable, an error is unknown, rounding leaves too few digits of one, or the
+        FitError: a formula is not of one variable, an error is unknown, rounding leaves too few digits of one, or the
             ranges have nothing in common.
 
     """
     variable, formula = fits[0].variable, fits[0].formula
     low, high = max(f.ranges[variable][0] for f in fits), min(f.ranges[variable][1] for f in fits)
     if not low < high:
-        raise ValueError(f"the calibrations have no range of {variable} in common")
+        raise FitError(f"the calibrations have no range of {variable} in common")
     for fit in fits:
         if few := too_few_digits(fit, low, high):
-            raise ValueError(few)
+            raise FitError(few)
     places = np.linspace(low, high, 2 * len(fits[0].coefficients) + 1)[1::2]
     directions = formula.columns({variable: places})[1]
     across = formula.columns({variable: np.linspace(low, high, _PLACES)})[1]
@@ -97,7 +98,7 @@ def _within(fits: Sequence[CurveCalibration], direction: FloatArray) -> tuple[Fl
     own = np.array([g @ fit.variances for g, fit in zip(gradients, fits, strict=True)])
     uncertain = np.array([g @ fit.spread @ g for g, fit in zip(gradients, fits, strict=True)])
     if not (uncertain > 0.0).all():
-        raise ValueError("a calibration goes through every row: its own error is unknown")
+        raise FitError("a calibration goes through every row: its own error is unknown")
     df = 2.0 * own**2 / uncertain
     if all(len(fit.variances) == 1 for fit in fits):
         pooled = df @ np.array([fit.variances[0] for fit in fits]) / df.sum()

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitter.arrays import FloatArray
+from fitter.errors import FitError
 from fitter.history.charted import Charted
 from fitter.history.series import Series
 from fitter.pressure import PressureFit
@@ -49,12 +50,12 @@ def pressure_charted(fits: Sequence[PressureFit], years: FloatArray) -> Pressure
         years: (m,) since the first.
 
     Raises:
-        ValueError: the calibrations are of different models, or fewer than two.
+        FitError: the calibrations are of different models, or fewer than two.
 
     """
     models = sorted({str(f.formula) for f in fits})
     if len(models) > 1:
-        raise ValueError(f"calibrations of different models cannot be charted together: {'; '.join(models)}")
+        raise FitError(f"calibrations of different models cannot be charted together: {'; '.join(models)}")
     tables = [f.problem.data.nominal for f in fits]
     highest = min(float(t["P"].max()) for t in tables)
     centre = [float(np.mean([0.5 * (t[n].min() + t[n].max()) for t in tables])) for n in ("T_sensor", "T_SSE")]

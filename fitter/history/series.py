@@ -8,6 +8,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.checked import finite
+from fitter.errors import FitError
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +22,7 @@ class Series:
         df: degrees of freedom of `variance`, which all calibrations share.
 
     Raises:
-        ValueError: fewer than two calibrations, times that do not ascend, or a variance that is not positive.
+        FitError: fewer than two calibrations, times that do not ascend, or a variance that is not positive.
 
     """
 
@@ -33,13 +34,13 @@ class Series:
     def __post_init__(self) -> None:
         count = np.size(self.values)
         if count < 2:
-            raise ValueError("a chart needs at least two calibrations")
+            raise FitError("a chart needs at least two calibrations")
         for name in ("years", "values", "variance"):
             object.__setattr__(self, name, finite(name, getattr(self, name), count))
         if not np.all(np.diff(self.years) > 0):
-            raise ValueError("the calibrations are not in order of time, or two are of the same time")
+            raise FitError("the calibrations are not in order of time, or two are of the same time")
         if not (np.all(self.variance > 0) and self.df > 0):
-            raise ValueError("the calibrations leave nothing to estimate their own error from")
+            raise FitError("the calibrations leave nothing to estimate their own error from")
 
     def __len__(self) -> int:
         return len(self.values)

@@ -13,6 +13,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.attitude import COLUMNS
+from fitter.errors import FitError
 from fitter.history.attitude import Calibrated, Warmth
 from fitter.inverse import AttitudeCalibration, SensorModel
 
@@ -24,7 +25,7 @@ def calibrated_from(content: Mapping[str, Any]) -> dict[str, Calibrated]:
         content: with "sensors", each as `AttitudeFit.to_dict`, and "calibration", as `AttitudeCalibration.to_dict`.
 
     Raises:
-        ValueError: the content is not that, or leaves no error to chart against.
+        FitError: the content is not that, or leaves no error to chart against.
 
     """
     package = AttitudeCalibration.from_dict(content["calibration"])
@@ -54,7 +55,7 @@ def calibrated_from(content: Mapping[str, Any]) -> dict[str, Calibrated]:
                 warmth=_warmth(sensor, package.reference_degC, package.covariance[at:start, at:start], keep),
             )
         except (KeyError, TypeError, IndexError) as problem:
-            raise ValueError(f"{sensor.name} lacks or garbles {problem} of its analysis of variance") from problem
+            raise FitError(f"{sensor.name} lacks or garbles {problem} of its analysis of variance") from problem
     return found
 
 

@@ -27,6 +27,7 @@ from fitter.attitude import (
 from fitter.calibration import drifting, moved_by
 from fitter.data import AttitudeData
 from fitter.effects import CATALOGUE
+from fitter.errors import FitError
 from fitter.inverse.calibration import AttitudeCalibration, Drift, with_roll
 from fitter.inverse.misfit import Misfit
 from fitter.inverse.sensor_model import SensorModel, Term
@@ -50,7 +51,7 @@ _BASES = (
 _EXACT = 1e-7
 
 
-class NotApplicable(ValueError):
+class NotApplicable(FitError):
     """An effect of the package that is no function of gravity and temperature, so that no use can apply it."""
 
     def __init__(self, effect: str) -> None:
@@ -82,7 +83,7 @@ def calibrate_package(
         KeyError: there is no such output.
         fitter.linear.RankError: the points do not determine the model with its effects.
         NotApplicable: an effect of the package cannot be carried over to other attitudes.
-        ValueError: no sensor temperature was recorded or it never changed, or an effect has another number of
+        FitError: no sensor temperature was recorded or it never changed, or an effect has another number of
             observations.
 
     """

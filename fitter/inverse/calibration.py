@@ -19,6 +19,7 @@ from fitter.attitude import (
     no_roll_parameters,
 )
 from fitter.calibration import AttitudeFit
+from fitter.errors import FitError
 from fitter.inverse.misfit import Misfit
 from fitter.inverse.sensor_model import SensorModel, Term
 
@@ -49,7 +50,7 @@ class Drift:
             value.flags.writeable = False
             object.__setattr__(self, name, value)
         if not (self.df > 0 and np.all(self.sigma_df > 0) and np.all(self.sigma_V > 0)):
-            raise ValueError("drift between replications needs positive sigmas and degrees of freedom")
+            raise FitError("drift between replications needs positive sigmas and degrees of freedom")
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
@@ -95,17 +96,17 @@ class AttitudeCalibration:
 
     def __post_init__(self) -> None:
         if not self.sensors:
-            raise ValueError("a calibration of no sensor tells no attitude")
+            raise FitError("a calibration of no sensor tells no attitude")
         if len(set(self.names)) != len(self.sensors):
-            raise ValueError(f"two sensors have the same name: {', '.join(self.names)}")
+            raise FitError(f"two sensors have the same name: {', '.join(self.names)}")
         size = sum(s.coefficients.size for s in self.sensors)
         object.__setattr__(self, "covariance", _checked(self.covariance, size))
         if self.drift is not None:
             _checked(self.drift.covariance, size)
             if not self.drift.sigma_V.shape == self.drift.sigma_df.shape == (len(self.sensors),):
-                raise ValueError(f"drift between replications: expected {len(self.sensors)} sigmas")
+                raise FitError(f"drift between replications: expected {len(self.sensors)} sigmas")
         if any(s.needs_temperature for s in self.sensors) and self.reference_degC is None:
-            raise ValueError("a calibration with temperature terms needs the temperature at which they are zero")
+            raise FitError("a calibration with temperature terms needs the temperature at which they are zero")
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -152,7 +153,7 @@ class AttitudeCalibration:
         """The paper's parameters of a sensor as it is kept, terms beside them, and their degrees of freedom.
 
         Raises:
-            ValueError: there is no such sensor.
+            FitError: there is no such sensor.
 
         """
         one = self.only([name])
@@ -168,12 +169,12 @@ class AttitudeCalibration:
         """The calibration of some of the sensors, in the order given.
 
         Raises:
-            ValueError: there is no such sensor.
+            FitError: there is no such sensor.
 
         """
         unknown = [name for name in names if name not in self.names]
         if unknown:
-            raise ValueError(f"the calibration has no sensor {unknown[0]}, only {', '.join(self.names)}")
+            raise FitError(f"the calibration has no sensor {unknown[0]}, only {', '.join(self.names)}")
         sizes = [s.coefficients.size for s in self.sensors]
         starts = np.concatenate([[0], np.cumsum(sizes)])
         picked = [self.names.index(name) for name in names]
@@ -200,13 +201,13 @@ class AttitudeCalibration:
             fits: one a sensor, all with roll or all without.
 
         Raises:
-            ValueError: there is none, or sensors with and without roll are mixed.
+            FitError: there is none, or sensors with and without roll are mixed.
 
         """
         if not fits:
-            raise ValueError("a calibration of no sensor tells no attitude")
+            raise FitError("a calibration of no sensor tells no attitude")
         if len({f.has_roll for f in fits}) > 1:
-            raise ValueError("some of the sensors were calibrated with roll, others without: calibrate them alike")
+            raise FitError("some of the sensors were calibrated with roll, others without: calibrate them alike")
         k = len(COLUMNS)
         covariance = np.zeros((k * len(fits), k * len(fits)))
         for i, fit in enumerate(fits):
@@ -250,11 +251,11 @@ class AttitudeCalibration:
         """Read back what `to_dict` gave.
 
         Raises:
-            ValueError: it is not such a calibration; says what is wrong.
+            FitError: it is not such a calibration; says what is wrong.
 
         """
         if given.get("kind") != KIND:
-            raise ValueError(f"this is not a calibration of attitude, its kind is {given.get('kind')!r}")
+            raise FitError(f"this is not a calibration of attitude, its kind is {given.get('kind')!r}")
         try:
             sensors = tuple(
                 SensorModel(
@@ -297,19 +298,19 @@ class AttitudeCalibration:
                 ),
             )
         except (KeyError, TypeError) as problem:
-            raise ValueError(f"a calibration of attitude lacks or garbles {problem}") from problem
+            raise FitError(f"a calibration of attitude lacks or garbles {problem}") from problem
 
 
 def _checked(given: FloatArray, size: int) -> FloatArray:
     covariance = np.array(given, np.float64)
     if covariance.shape != (size, size):
-        raise ValueError(f"expected a covariance of {size} by {size}, found shape {covariance.shape}")
+        raise FitError(f"expected a covariance of {size} by {size}, found shape {covariance.shape}")
     if not np.all(np.isfinite(covariance)):
-        raise ValueError("the covariance has entries that are no numbers")
+        raise FitError("the covariance has entries that are no numbers")
     values = np.linalg.eigvalsh((covariance + covariance.T) / 2)
     scale = np.abs(covariance).max(initial=0.0)
     if np.abs(covariance - covariance.T).max() > 1e-9 * scale or values[0] < -1e-9 * scale:
-        raise ValueError("the covariance is not that of anything: it is not symmetric and positive")
+        raise FitError("the covariance is not that of anything: it is not symmetric and positive")
     covariance.flags.writeable = False
     return covariance
 
@@ -331,5 +332,5 @@ def _common(ranges: Sequence[Range]) -> Range:
 def _pair(values: Sequence[float]) -> Range:
     low, high = (float(value) for value in values)
     if not low <= high:
-        raise ValueError(f"a range from {low:g} to {high:g} is none")
+        raise FitError(f"a range from {low:g} to {high:g} is none")
     return low, high

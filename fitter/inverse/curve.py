@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from fitter.arrays import FloatArray
+from fitter.errors import FitError
 from fitter.formula import Formula
 from fitter.inverse.factored import EPS, LEAST_DIGITS, Factored
 
@@ -67,14 +68,14 @@ class CurveCalibration:
 
     @property
     def variable(self) -> str:
-        """The one variable that the response tells. Raises ValueError, saying why there is none."""
+        """The one variable that the response tells. Raises FitError, saying why there is none."""
         if self.formula.has_categories or len(self.formula.names) != 1:
             names = ", ".join(self.formula.names) or "no column"
-            raise ValueError(
+            raise FitError(
                 f"its formula has {names}; a curve is inverted where it has one column of numbers, as in '1 + x + x^2'"
             )
         if not len(self.variances):
-            raise ValueError(
+            raise FitError(
                 "it was fitted to as many rows as it has coefficients, so its error is unknown; fit more rows"
             )
         return self.formula.names[0]
@@ -102,9 +103,9 @@ class CurveCalibration:
 
     @staticmethod
     def from_dict(given: Mapping[str, Any]) -> CurveCalibration:
-        """Read back what `to_dict` gave. Raises ValueError for anything else."""
+        """Read back what `to_dict` gave. Raises FitError for anything else."""
         if given.get("kind") != "general":
-            raise ValueError(f"this is not a calibration of a general table, its kind is {given.get('kind')!r}")
+            raise FitError(f"this is not a calibration of a general table, its kind is {given.get('kind')!r}")
         try:
             numbers = {name: np.array(given[name], np.float64) for name in _NUMBERS}
             formula = Formula.parse(given["formula"])
@@ -113,14 +114,14 @@ class CurveCalibration:
             notes = tuple(str(note) for note in given.get("notes", ()))
             factor = Factored.from_dict(given["covariance_factor"]) if "covariance_factor" in given else None
         except (KeyError, TypeError) as problem:
-            raise ValueError(f"a calibration of a general table lacks or garbles {problem}") from problem
+            raise FitError(f"a calibration of a general table lacks or garbles {problem}") from problem
         k, c = len(numbers["coefficients"]), len(numbers["variances"])
         wanted = dict(zip(_NUMBERS, ((k,), (k, k), (c,), (c, k, k), (c, c)), strict=True))
         for name, values in numbers.items():
             if (c and values.shape != wanted[name]) or not np.isfinite(values).all():
-                raise ValueError(f"a calibration of a general table garbles {name}")
+                raise FitError(f"a calibration of a general table garbles {name}")
         if factor is not None and c and not factor.fits(k, c):
-            raise ValueError("a calibration of a general table garbles covariance_factor")
+            raise FitError("a calibration of a general table garbles covariance_factor")
         return CurveCalibration(response, formula, **numbers, ranges=ranges, factor=factor, notes=notes)
 
 
@@ -151,7 +152,7 @@ def infer_curve(calibration: CurveCalibration, response: FloatArray) -> Inferred
     """The variable of (n,) new readings of the response.
 
     Raises:
-        ValueError: the formula has no variable, several or categories; the error is unknown; or the curve is not
+        FitError: the formula has no variable, several or categories; the error is unknown; or the curve is not
             monotonic over the calibrated range.
 
     """
@@ -176,12 +177,12 @@ class _Band:
         name = calibration.variable
         low, high = calibration.ranges[name]
         if not high > low:
-            raise ValueError(f"{name} had one value only when it was calibrated, {low:g}: there is no curve to invert")
+            raise FitError(f"{name} had one value only when it was calibrated, {low:g}: there is no curve to invert")
         if few := too_few_digits(calibration, low, high):
-            raise ValueError(few)
+            raise FitError(few)
         sign = _direction(calibration, low, high)
         if sign == 0.0:
-            raise ValueError(
+            raise FitError(
                 f"{calibration.response} does not rise or fall all the way from {name} = {low:g} to {high:g}: a "
                 f"reading has several values of {name}, and which is meant cannot be told"
             )
@@ -295,7 +296,7 @@ def _direction(calibration: CurveCalibration, low: float, high: float) -> float:
         x = np.linspace(low, high, _SLOPES)
         _columns(calibration, x)  # it alone refuses what the formula is not defined for
         slope = _slope(calibration, x)
-    except ValueError:
+    except FitError:
         return 0.0
     steepest = np.abs(slope).max()
     if steepest == 0.0 or not np.isfinite(steepest):
@@ -310,7 +311,7 @@ def too_few_digits(calibration: CurveCalibration, low: float, high: float) -> st
     """Why rounding leaves too few digits of the interval or of the curve from `low` to `high`; "" where it does not."""
     try:
         h = _columns(calibration, np.linspace(low, high, _SLOPES))
-    except ValueError:
+    except FitError:
         return ""  # said elsewhere
     factor = calibration.factored
     variance = factor.variance(h) + calibration.variances.sum()
@@ -341,7 +342,7 @@ def _grid(calibration: CurveCalibration, low: float, high: float) -> FloatArray:
 def _defined(calibration: CurveCalibration, x: float) -> bool:
     try:
         return bool(np.isfinite(_columns(calibration, np.array([x]))).all())
-    except ValueError:
+    except FitError:
         return False
 
 

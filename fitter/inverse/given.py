@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fitter.arrays import FloatArray
+from fitter.errors import FitError
 from fitter.inverse import two_axis
 from fitter.inverse.calibration import AttitudeCalibration
 from fitter.inverse.package import Noise, gravity
@@ -18,7 +19,7 @@ def noise_of(calibration: AttitudeCalibration, noise_sd_V: ArrayLike | None) -> 
         return Noise(calibration.sigma_V**2, of_fit=True)
     sd = np.broadcast_to(np.asarray(noise_sd_V, np.float64), (len(calibration.sensors),))
     if not np.all((sd > 0) & np.isfinite(sd)):
-        raise ValueError("noise_sd_V: the standard deviation of a reading is a positive number")
+        raise FitError("noise_sd_V: the standard deviation of a reading is a positive number")
     return Noise(sd**2, of_fit=False)
 
 
@@ -28,17 +29,17 @@ def near_of(
     """(n,) pitch and (n,) roll in rad on the side to look; `free` where roll is sought, too.
 
     Raises:
-        ValueError: two sensors' solutions are equally near, or none is the ordinary one.
+        FitError: two sensors' solutions are equally near, or none is the ordinary one.
 
     """
     if near_deg is not None:
         pitch, roll = (np.radians(each("near_deg", value, n)) for value in near_deg)
         if not (np.isfinite(pitch).all() and np.isfinite(roll).all()):
-            raise ValueError("near_deg: an attitude to look near is two finite numbers")
+            raise FitError("near_deg: an attitude to look near is two finite numbers")
         if free and len(matrix) == 2:
             beside = np.abs(normal(matrix) @ gravity(pitch, roll)) < 1e-6
             if beside.any():
-                raise ValueError("near_deg: it lies between the two solutions and tells neither")
+                raise FitError("near_deg: it lies between the two solutions and tells neither")
         return pitch, roll
     pitch_0, roll_0 = two_axis.default_near(matrix) if free and len(matrix) == 2 else (0.0, 0.0)
     return np.full(n, pitch_0), np.full(n, roll_0)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fitter.arrays import FloatArray
+from fitter.errors import FitError
 from fitter.inverse import two_axis
 from fitter.inverse.alternatives import cover
 from fitter.inverse.answer import (
@@ -86,7 +87,7 @@ def infer_attitude(
             to (108) are written.
 
     Raises:
-        ValueError: the arrays do not fit the calibration, or the sensors cannot tell what is asked.
+        FitError: the sensors cannot tell what is asked.
 
     """
     given: dict[str, Any] = {
@@ -132,18 +133,18 @@ def _as_named(
         raise ValueError(f"outputs are expected as (n, {len(calibration.sensors)}), {names}; found {outputs.shape}")
     n = len(outputs)
     if roll_deg is not None and not calibration.roll:
-        raise ValueError("the package was calibrated without roll: what roll does to its outputs is not known")
+        raise FitError("the package was calibrated without roll: what roll does to its outputs is not known")
     given = each("roll_deg", 0.0 if roll_deg is None else roll_deg, n)
     roll = np.radians(given) if roll_deg is not None or not calibration.roll else None
     if roll is None and len(calibration.sensors) == 1:
-        raise ValueError("one sensor does not tell roll: measured roll is needed")
+        raise FitError("one sensor does not tell roll: measured roll is needed")
     spread = np.radians(each("roll_sd_deg", roll_sd_deg, n))
     if not np.all((spread >= 0) & np.isfinite(spread)):
-        raise ValueError("roll_sd_deg: a standard deviation is a number that is not negative")
+        raise FitError("roll_sd_deg: a standard deviation is a number that is not negative")
     near_pitch, near_roll = near_of(calibration.matrix, near_deg, n, free=roll is None)
     degC = None if sensor_temperature_degC is None else each("sensor_temperature_degC", sensor_temperature_degC, n)
     if degC is None and calibration.needs_temperature:
-        raise ValueError("the calibration has temperature terms: the sensors' temperature is needed")
+        raise FitError("the calibration has temperature terms: the sensors' temperature is needed")
     warmth = np.zeros(n) if degC is None or calibration.reference_degC is None else degC - calibration.reference_degC
     noise = noise_of(calibration, noise_sd_V)
     weights = 1.0 / noise.variance if weighted else np.full(len(noise.variance), 1.0 / noise.variance.max())

@@ -9,6 +9,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.attitude import COLUMNS, sensitive_axis
+from fitter.errors import FitError
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,7 @@ class Term:
 
     def __post_init__(self) -> None:
         if len(self.powers) != 3 or min(*self.powers, self.degC) < 0:
-            raise ValueError(f"a term has three powers of gravity and one of temperature, none negative: {self}")
+            raise FitError(f"a term has three powers of gravity and one of temperature, none negative: {self}")
 
     def column(self, g: FloatArray, warmth: FloatArray) -> FloatArray:
         """(n,) of (3, n) gravity and (n,) temperature above the reference."""
@@ -68,15 +69,15 @@ class SensorModel:
         coefficients.flags.writeable = False
         object.__setattr__(self, "coefficients", coefficients)
         if self.axis not in ("x", "y", "z"):
-            raise ValueError(f"{self.name} is along {self.axis!r}, not x, y or z")
+            raise FitError(f"{self.name} is along {self.axis!r}, not x, y or z")
         if coefficients.shape != (len(COLUMNS) + len(self.terms),) or not np.all(np.isfinite(coefficients)):
-            raise ValueError(
+            raise FitError(
                 f"{self.name}: expected {len(COLUMNS)} coefficients and {len(self.terms)} of further terms, all finite"
             )
         if not (self.sigma_V > 0 and np.isfinite(self.sigma_V) and self.df > 0):
-            raise ValueError(f"{self.name}: the calibration leaves nothing to estimate its error from")
+            raise FitError(f"{self.name}: the calibration leaves nothing to estimate its error from")
         if not np.any(coefficients[1:4]):
-            raise ValueError(f"{self.name}: a sensor without sensitivity tells no attitude")
+            raise FitError(f"{self.name}: a sensor without sensitivity tells no attitude")
 
     @property
     def sensitive_axis(self) -> FloatArray:

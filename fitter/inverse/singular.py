@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from fitter.angles import sin_cos
 from fitter.arrays import FloatArray
+from fitter.errors import FitError
 from fitter.inverse.calibration import AttitudeCalibration
 from fitter.inverse.package import directions
 
@@ -18,13 +19,13 @@ def normal(matrix: FloatArray) -> FloatArray:
     """(3,) unit vector that two sensors, (2, 3) `matrix`, see nothing of.
 
     Raises:
-        ValueError: they are along one axis.
+        FitError: they are along one axis.
 
     """
     across = np.cross(matrix[0], matrix[1])
     length = float(np.linalg.norm(across))
     if length < 1e-6 * float(np.linalg.norm(matrix[0]) * np.linalg.norm(matrix[1])):
-        raise ValueError("the two sensors are along one axis: measured roll is needed")
+        raise FitError("the two sensors are along one axis: measured roll is needed")
     return np.asarray(across / length)
 
 
@@ -48,7 +49,7 @@ def singularity(calibration: AttitudeCalibration, pitch_deg: ArrayLike, roll_deg
     if len(matrix) == 2:
         return np.asarray(np.broadcast_to(cos_a, g.shape[1:]) * np.tensordot(normal(matrix), g, 1))
     if len(matrix) < 2:
-        raise ValueError("one sensor never tells pitch and roll")
+        raise FitError("one sensor never tells pitch and roll")
     up, along, c = directions(g.reshape(3, -1))
     f_up, f_along = matrix @ up, matrix @ along
     squares = (f_up**2).sum(0) * (f_along**2).sum(0) - (f_up * f_along).sum(0) ** 2

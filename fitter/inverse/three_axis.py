@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fitter.arrays import FloatArray
+from fitter.errors import FitError
 
 CHUNK = 8192
 """Readings that are worked on together: few enough for the cache nearest to the processor."""
@@ -69,7 +70,7 @@ class ThreeAxis:
         if len(matrix) < 3:
             raise ValueError(f"three sensors are expected, found {len(matrix)}")
         if np.linalg.cond(matrix / np.linalg.norm(matrix, axis=1)[:, None]) > 1e6:
-            raise ValueError("the sensitive axes of the three sensors lie in a plane")
+            raise FitError("the sensitive axes of the three sensors lie in a plane")
         left, root, axes = np.linalg.svd(matrix / sigma_V[:, None], full_matrices=False)
         variance = root**-2.0
         return ThreeAxis(offsets_V, left.T / root[:, None] / sigma_V, axes.T, variance / variance.max())

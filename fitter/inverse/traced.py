@@ -35,7 +35,7 @@ def calibrate_traced(
 
     Raises:
         fitter.linear.RankError: the points do not determine the model with the effects named.
-        ValueError: as `calibrate_package`.
+        FitError: as `calibrate_package`.
 
     """
     kept = _applied(data, effects, temperature=temperature)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitter.arrays import FloatArray
+from fitter.errors import FitError
 from fitter.inverse.package import angles
 from fitter.inverse.singular import normal
 
@@ -25,14 +26,14 @@ def default_near(matrix: FloatArray) -> tuple[float, float]:
     """(pitch, roll) in rad on the side where two sensors are ordinarily used: roll 0, or 90 deg for x and z.
 
     Raises:
-        ValueError: neither is on one side (y and z: their two solutions are pitch up and pitch down).
+        FitError: neither is on one side (y and z: their two solutions are pitch up and pitch down).
 
     """
     n = normal(matrix)
     for roll, component in ((0.0, -n[2]), (np.pi / 2, -n[1])):
         if abs(component) > 0.5:
             return 0.0, roll
-    raise ValueError("these two sensors cannot tell pitch up from pitch down: say near which attitude to look")
+    raise FitError("these two sensors cannot tell pitch up from pitch down: say near which attitude to look")
 
 
 def solve(matrix: FloatArray, y: FloatArray, near: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

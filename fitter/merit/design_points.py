@@ -10,6 +10,7 @@ import numpy as np
 from fitter.arrays import FloatArray
 from fitter.attitude import attitude_columns
 from fitter.checked import finite
+from fitter.errors import FitError
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +25,7 @@ class DesignPoints:
         replications: n, how often all of it is run.
 
     Raises:
-        ValueError: no points, angles that are no numbers, or fewer than one replication.
+        FitError: no points, angles that are no numbers, or fewer than one replication.
 
     """
 
@@ -37,9 +38,9 @@ class DesignPoints:
     def __post_init__(self) -> None:
         count = np.size(self.pitch_deg)
         if not count:
-            raise ValueError(f"{self.name}: a design needs at least one point")
+            raise FitError(f"{self.name}: a design needs at least one point")
         if self.replications < 1:
-            raise ValueError(f"{self.name}: a design is run at least once, not {self.replications} times")
+            raise FitError(f"{self.name}: a design is run at least once, not {self.replications} times")
         object.__setattr__(self, "pitch_deg", finite("pitch_deg", self.pitch_deg, count))
         object.__setattr__(self, "roll_deg", finite("roll_deg", self.roll_deg, count))
 
@@ -81,7 +82,7 @@ class Usage:
         roll_deg: lowest and highest roll; without meaning for a sensor calibrated without roll.
 
     Raises:
-        ValueError: a limit that is no number, or limits the wrong way round or more than a turn apart.
+        FitError: a limit that is no number, or limits the wrong way round or more than a turn apart.
 
     """
 
@@ -91,7 +92,7 @@ class Usage:
     def __post_init__(self) -> None:
         for what, (low, high) in (("pitch", self.pitch_deg), ("roll", self.roll_deg)):
             if not (np.isfinite(low) and np.isfinite(high) and 0.0 <= high - low <= 360.0):
-                raise ValueError(f"a usage range of {what} from {low:g} to {high:g} deg is none")
+                raise FitError(f"a usage range of {what} from {low:g} to {high:g} deg is none")
 
     @classmethod
     def within(cls, pitch_deg: float) -> Self:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from fitter.arrays import FloatArray
+from fitter.errors import FitError
 from fitter.formula import Formula
 from fitter.pressure import lack_of_fit
 from fitter.pressure.errors import Errors, Layout, estimate_errors
@@ -72,11 +73,11 @@ class PressureCalibration:
         """Read back what `to_dict` gave.
 
         Raises:
-            ValueError: it is not such a calibration; says what is wrong.
+            FitError: it is not such a calibration; says what is wrong.
 
         """
         if given.get("kind") != "pressure":
-            raise ValueError(f"this is not a calibration of pressure, its kind is {given.get('kind')!r}")
+            raise FitError(f"this is not a calibration of pressure, its kind is {given.get('kind')!r}")
         try:
             calibration = PressureCalibration(
                 output=str(given["output"]),
@@ -90,17 +91,17 @@ class PressureCalibration:
                 notes=tuple(str(note) for note in given.get("notes", ())),
             )
         except (KeyError, TypeError) as problem:
-            raise ValueError(f"a calibration of pressure lacks or garbles {problem}") from problem
+            raise FitError(f"a calibration of pressure lacks or garbles {problem}") from problem
         missing = IN_FLIGHT - set(calibration.ranges)
         if missing:
-            raise ValueError(f"a calibration of pressure lacks the range of {', '.join(sorted(missing))}")
+            raise FitError(f"a calibration of pressure lacks the range of {', '.join(sorted(missing))}")
         numbers = (calibration.coefficients, calibration.covariance, calibration.derivatives)
         if not all(np.all(np.isfinite(n)) for n in numbers):
-            raise ValueError("a calibration of pressure holds a number that is none")
+            raise FitError("a calibration of pressure holds a number that is none")
         k = len(calibration.formula.terms)
         shapes = calibration.coefficients.shape, calibration.covariance.shape, calibration.derivatives.shape[1:]
         if shapes != ((k,), (k, k), (k, k)):
-            raise ValueError(f"a calibration of {k} terms has numbers for {shapes[0]}, {shapes[1]} and {shapes[2]}")
+            raise FitError(f"a calibration of {k} terms has numbers for {shapes[0]}, {shapes[1]} and {shapes[2]}")
         return calibration
 
 
@@ -140,7 +141,7 @@ class PressureFit:
         for method in METHODS:
             try:
                 outcomes[method] = fit_method(self.problem, method, self.sensitivity_mV_per_psi)
-            except ValueError as problem:
+            except FitError as problem:
                 outcomes[method] = str(problem)
         return outcomes
 
@@ -168,24 +169,24 @@ class PressureFit:
         """What using the transducer needs, by one of the methods.
 
         Raises:
-            ValueError: the method is biased or not possible here, or the model has variables nobody knows in flight.
+            FitError: the method is biased or not possible here, or the model has variables nobody knows in flight.
 
         """
         if method not in METHODS:
-            raise ValueError(f"there is no method {method!r}, only {', '.join(METHODS)}")
+            raise FitError(f"there is no method {method!r}, only {', '.join(METHODS)}")
         fit = fit_method(self.problem, method, self.sensitivity_mV_per_psi)
         if fit.biased:
-            raise ValueError(f"{method} is {fit.note}, not a calibration to use")
+            raise FitError(f"{method} is {fit.note}, not a calibration to use")
         unknown = [name for name in self.formula.names if name not in IN_FLIGHT]
         if unknown:
-            raise ValueError(f"the model needs {', '.join(unknown)}; in flight P, T_sensor and T_SSE are all there is")
+            raise FitError(f"the model needs {', '.join(unknown)}; in flight P, T_sensor and T_SSE are all there is")
         if "P" not in self.formula.names:
-            raise ValueError("the model has no pressure in it")
+            raise FitError("the model has no pressure in it")
         table = self.problem.data.table
         try:
             self.formula.columns({**table, "P": np.zeros_like(table["P"])})
-        except ValueError as problem:
-            raise ValueError(f"the model has no value at zero pressure, where its zero is read: {problem}") from problem
+        except FitError as problem:
+            raise FitError(f"the model has no value at zero pressure, where its zero is read: {problem}") from problem
         return PressureCalibration(
             output=self.problem.output,
             method=method,
@@ -253,22 +254,22 @@ def fit_pressure(
         KeyError: there is no such output, or the formula names a variable the data have not.
         fitter.formula.FormulaError: the model is neither a name nor a formula.
         fitter.linear.RankError: the observations do not determine the model.
-        ValueError: they leave nothing to estimate the errors from, or the model has categories.
+        FitError: they leave nothing to estimate the errors from, or the model has categories.
 
     """
     if output not in data.outputs:
-        raise KeyError(f"there is no output {output}, only {', '.join(data.outputs)}")
+        raise FitError(f"there is no output {output}, only {', '.join(data.outputs)}")
     y = data.outputs[output]
     if np.ptp(y) == 0:
-        raise ValueError(f"{output} reads {y[0]:g} mV throughout: there is nothing to calibrate")
+        raise FitError(f"{output} reads {y[0]:g} mV throughout: there is nothing to calibrate")
     formula = named_formula(model, tuple(extra))
     if formula.has_categories:
-        raise ValueError("the model of a transducer has no categories; write steps as numbers: I(block)")
+        raise FitError("the model of a transducer has no categories; write steps as numbers: I(block)")
     check_determined(data, formula)
     several = bool(np.ptp(data.replicate) > 0)
     try:
         formula, reml = _fit(data, output, formula, model, nested=several if nested is None else nested)
-    except ValueError:
+    except FitError:
         if nested is not None or not several:
             raise
         formula, reml = _fit(data, output, formula, model, nested=False)

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
 from fitter.arrays import FloatArray
+from fitter.errors import FitError
 from fitter.pressure.calibration import PressureCalibration
 from fitter.pressure.zero import Departure, Zero, ZeroCorrection, departure, out_of_reach
 
@@ -97,9 +98,9 @@ def infer_pressure(
         at_zero = np.array([each.sensor_temperature_degC]), np.array([each.sse_temperature_degC])
         outside = _temperature_flags(calibration, *at_zero)[0]
         if outside:
-            raise ValueError(f"the zero was read where the {outside}")
+            raise FitError(f"the zero was read where the {outside}")
         if far := out_of_reach(calibration, each):
-            raise ValueError(far)
+            raise FitError(far)
     parts = [
         _infer(calibration, output[i : i + _CHUNK], sensor[i : i + _CHUNK], sse[i : i + _CHUNK], zeros)
         for i in range(0, max(len(output), 1), _CHUNK)

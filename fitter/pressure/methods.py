@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from fitter.arrays import FloatArray
+from fitter.errors import FitError
 from fitter.formula import Formula
 from fitter.linear import Triangle
 from fitter.pressure.errors import Errors, Layout
@@ -83,14 +84,14 @@ class Problem:
         """(n,) 1 / P^power (eq. 3); zero at P = 0 where such readings are left out.
 
         Raises:
-            ValueError: there are readings without pressure and they are not to be left out.
+            FitError: there are readings without pressure and they are not to be left out.
 
         """
         used = ~self.without_pressure
         rows = np.flatnonzero(~used)
         if rows.size and not self.exclude_zero:
             some = ", ".join(str(row) for row in rows[:5]) + (", ..." if rows.size > 5 else "")
-            raise ValueError(
+            raise FitError(
                 f"weights 1/P^{self.power:g} have no value at P = 0 (rows {some}): leave these readings out "
                 "(exclude_zero), or use a method without weights"
             )
@@ -221,7 +222,7 @@ def fit_method(problem: Problem, method: str, sensitivity_mV_per_psi: float | No
             at each reading.
 
     Raises:
-        ValueError: the method cannot be used on these readings.
+        FitError: the method cannot be used on these readings.
         fitter.linear.RankError: it cannot estimate all its coefficients from them.
 
     """

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitter.arrays import FloatArray
+from fitter.errors import FitError
 from fitter.pressure.calibration import PressureCalibration
 from fitter.quantiles import t_tail
 
@@ -52,13 +53,13 @@ class Zero:
 
     def __post_init__(self) -> None:
         if not np.all(np.isfinite([self.bridge_mV, self.sensor_temperature_degC, self.sse_temperature_degC])):
-            raise ValueError("the zero reading is not a finite number")
+            raise FitError("the zero reading is not a finite number")
         if self.readings < 1:
-            raise ValueError(f"a zero cannot be the mean of {self.readings} readings")
+            raise FitError(f"a zero cannot be the mean of {self.readings} readings")
         if not np.isfinite(self.pressure_psia):
-            raise ValueError("the pressure of the zero is not a finite number")
+            raise FitError("the pressure of the zero is not a finite number")
         if not (np.isfinite(self.pressure_sd_psia) and self.pressure_sd_psia >= 0.0):
-            raise ValueError("the standard deviation of the zero's pressure is no positive number")
+            raise FitError("the standard deviation of the zero's pressure is no positive number")
 
     def columns(self, calibration: PressureCalibration) -> FloatArray:
         """(1, k) row of the model at this zero."""

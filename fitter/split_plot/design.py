@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fitter.arrays import FloatArray, IntArray
+from fitter.errors import FitError
 from fitter.split_plot.batch import SplitPlotBatch
 from fitter.split_plot.fit import SplitPlotFit
 from fitter.split_plot.nested import NestedProfile
@@ -69,7 +70,7 @@ class SplitPlotDesign:
             replicate_of[index] = of_reading
             torn = self.whole_plots[index[replicate_of[index] != of_reading]]
             if torn.size:
-                raise ValueError(f"whole plot {torn[0]} has readings in more than one replication")
+                raise FitError(f"whole plot {torn[0]} has readings in more than one replication")
         self.nesting = Nesting(FixedPart.of(matrix, tuple(names)), index, replicate_of)
 
     @property
@@ -151,9 +152,9 @@ class SplitPlotDesign:
         """
         given = [sigma_wholeplot, sigma_subplot, sigma_replicate or 0.0]
         if not np.all(np.isfinite(given)) or min(given) < 0.0 or sigma_subplot == 0.0:
-            raise ValueError("standard deviations must be finite and not negative, and the subplot's above zero")
+            raise FitError("standard deviations must be finite and not negative, and the subplot's above zero")
         if sigma_replicate and self.replicates is None:
-            raise ValueError("a standard deviation is given for replications, but the design has none")
+            raise FitError("a standard deviation is given for replications, but the design has none")
         variances = Variances(sigma_subplot**2, sigma_wholeplot**2, (sigma_replicate or 0.0) ** 2)
         missing = self._not_estimable or (self._replicates_not_estimable if sigma_replicate else None)
         return forecast(self.nesting, variances, estimable=missing is None)
@@ -164,11 +165,11 @@ class SplitPlotDesign:
             raise ValueError(f"y has {len(responses)} readings, the design {self.n}")
         missing = self._not_estimable or self._replicates_not_estimable
         if missing is not None:
-            raise ValueError(missing)
+            raise FitError(missing)
         parts = self.nesting.wholeplot_spectrum.parts(responses)
         size, scatter = (np.einsum("n...,n...->...", each, each) for each in (responses, parts[2]))
         if np.any(scatter <= (30.0 * EPS) ** 2 * size):
-            raise ValueError("readings within whole plots show no error beyond rounding: there is nothing to estimate")
+            raise FitError("readings within whole plots show no error beyond rounding: there is nothing to estimate")
         return parts
 
     def _ratios(self, response: FloatArray, in_z: FloatArray, rest: FloatArray) -> tuple[float, float | None]:
@@ -260,7 +261,7 @@ def _finite(name: str, values: ArrayLike, dimensions: int) -> FloatArray:
     if array.ndim != dimensions:
         raise ValueError(f"{name}: {dimensions} dimensions are needed, not {array.ndim}")
     if not np.isfinite(array).all():
-        raise ValueError(f"{name}: a value is not finite (row {np.argwhere(~np.isfinite(array))[0][0]})")
+        raise FitError(f"{name}: a value is not finite (row {np.argwhere(~np.isfinite(array))[0][0]})")
     return array
 
 
@@ -272,6 +273,6 @@ def _identities(name: str, values: ArrayLike, count: int) -> tuple[IntArray, Int
     with np.errstate(invalid="ignore"):
         whole = given.astype(np.int64)
     if not np.array_equal(whole, given):
-        raise ValueError(f"{name}: identities must be whole numbers")
+        raise FitError(f"{name}: identities must be whole numbers")
     identities, index = np.unique(whole, return_inverse=True)
     return identities, index.astype(np.int64)

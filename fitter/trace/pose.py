@@ -37,7 +37,7 @@ def pose(data: AttitudeData, catalogue: Sequence[Effect], *, temperature: bool =
 
     Raises:
         fitter.linear.RankError: the points visited do not determine the declared model.
-        ValueError: the declared model has temperature, and none was recorded or it never changed.
+        FitError: the declared model has temperature, and none was recorded or it never changed.
 
     """
     fits = fit_all(data, temperature=temperature)

@@ -11,6 +11,7 @@ from fitter.arrays import FloatArray, IntArray
 from fitter.data import AttitudeData
 from fitter.effects import CATALOGUE, Effect
 from fitter.effects.unnamed import UNNAMED
+from fitter.errors import FitError
 from fitter.trace.agreement import supported
 from fitter.trace.alternatives import alternatives
 from fitter.trace.estimate import concerns, estimate
@@ -95,7 +96,7 @@ def trace(
 
     Raises:
         fitter.linear.RankError: the points visited do not determine the declared model.
-        ValueError: the declared model has temperature, and none was recorded or it never changed.
+        FitError: the declared model has temperature, and none was recorded or it never changed.
 
     """
     search = Search((*catalogue, *UNNAMED) if unnamed else tuple(catalogue), temperature, unnamed)
@@ -181,7 +182,7 @@ def left_out(
         rest, aside = data.take(np.flatnonzero(inside)), data.take(np.flatnonzero(~inside))
         try:
             problem = (search if anything else replace(search, catalogue=())).pose(rest)
-        except ValueError:
+        except FitError:
             return None
         squares += _squares_aside(problem, search, family, aside, anything=anything)
         del problem  # or the next one would be built beside it

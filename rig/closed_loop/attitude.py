@@ -14,6 +14,7 @@ from fitter import AttitudeData, fit_all, fit_attitude
 from fitter.arrays import FloatArray
 from fitter.calibration import AttitudeFit, at_temperature
 from fitter.effects.sizes import size_95
+from fitter.errors import FitError
 from fitter.gross import of_attitude
 from fitter.inverse import AttitudeCalibration
 from fitter.inverse.traced import Volts, calibrate_traced, covering_parameters
@@ -70,7 +71,7 @@ def fit_attitude_table(
             found = trace(data, attitude_catalogue(), temperature=warm, validate=False)  # no left-out error is told
         effects, others = ({}, []) if found is None else _effects(found, allowed)
         calibration = calibrate_traced(data, effects, others, temperature=warm)
-    except ValueError as error:
+    except FitError as error:
         raise UsageError(f"{table.source}: {error}") from error
     return {
         "data": {
@@ -294,12 +295,12 @@ def trace_attitude_table(table: Table, *, temperature: bool | None = None, unnam
         found = trace(data, attitude_catalogue(), temperature=warm, unnamed=unnamed)
         for name, sensor in found.sensors.items():
             if not np.isfinite(sensor.before.sigma_E):
-                raise ValueError(
+                raise FitError(
                     f"{name}: {len(table)} observations leave nothing to estimate the error of the declared model "
                     f"({sensor.declared}) from; measure more points than it has coefficients"
                 )
         return AttitudeTraced(table, data, found, warm)
-    except ValueError as error:
+    except FitError as error:
         raise UsageError(f"{table.source}: {error}") from error
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from fitter.errors import FitError
 from fitter.history import Between, Calibrated, Chart, Charted, chart
 from fitter.inverse import CurveCalibration
 from fitter.pressure import PressureFit
@@ -232,7 +233,7 @@ def chart_calibrations(
                 view = of_attitude(attitude, years, usage_deg)
             else:
                 view = of_curve(curves, years) if curves else of_pressure(pressure, years)
-        except ValueError as error:
+        except FitError as error:
             raise UsageError(f"{name}: {error}") from error
         remarks += [f"{name}: {remark}" for remark in view.remarks]
         found[name] = SensorChart(

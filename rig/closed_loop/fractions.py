@@ -16,6 +16,7 @@ from fitter import AttitudeData
 from fitter.arrays import FloatArray
 from fitter.attitude import sigma_deg
 from fitter.data import SAME_ANGLE_DEG
+from fitter.errors import FitError
 from fitter.fractions import Cell, MeasuredGrid, PartFit, fit_part
 from procedures import Design, fraction, grid, tumble
 from rig.closed_loop.attitude import with_temperature
@@ -83,7 +84,7 @@ def compare_fractions(table: Table, which: str, *, temperature: bool | None = No
         parts = _parts(measured, which, roll=data.has_roll)
         whole = {sensor: fit_part(data, sensor, temperature=warm) for sensor in data.sensors}
         judged = [_judged(data, part, measured, whole, temperature=warm) for part in parts]
-    except ValueError as error:
+    except FitError as error:
         raise UsageError(f"{table.source}: {error}") from error
     rows, columns = measured.visits.shape
     hours = float(np.ptp(data.elapsed_s)) / 3600.0
@@ -141,7 +142,7 @@ def family(measured: MeasuredGrid) -> list[Part]:
     """From most to fewest points: coarser grids decimated by 2 and 2, and the whole grid by 3 and 4 as in figure 21.
 
     Raises:
-        ValueError: the grid is too small for a fraction.
+        FitError: the grid is too small for a fraction.
 
     """
     every = _candidates(measured)
@@ -161,7 +162,7 @@ def nearest(measured: MeasuredGrid, points: int) -> Part:
     """The fraction with about so many points; of equals one decimated by 2 and 2, then the one with finest pitch.
 
     Raises:
-        ValueError: the grid is too small for a fraction.
+        FitError: the grid is too small for a fraction.
 
     """
     return min(
@@ -174,7 +175,7 @@ def tumble_of(measured: MeasuredGrid, *, roll: bool) -> Part:
     """Design T6, or T4 without roll, where its angles were visited.
 
     Raises:
-        ValueError: they were not; the message names those that are missing.
+        FitError: they were not; the message names those that are missing.
 
     """
     design = tumble(roll=roll)
@@ -183,7 +184,7 @@ def tumble_of(measured: MeasuredGrid, *, roll: bool) -> Part:
     missing = [f"pitch {angle:g}" for angle, at in rows.items() if at is None]
     missing += [f"roll {angle:g}" for angle, at in columns.items() if at is None]
     if missing:
-        raise ValueError(f"a tumble needs angles that were not visited: {', '.join(missing)} deg")
+        raise FitError(f"a tumble needs angles that were not visited: {', '.join(missing)} deg")
     found = ((rows[pitch], columns[angle]) for pitch, angle in design.points_deg())
     cells = tuple((row, column) for row, column in found if row is not None and column is not None)
     return Part(design.name, design, cells, (1, 1), measured.points_of(cells))
@@ -200,7 +201,7 @@ def _candidates(measured: MeasuredGrid) -> list[Part]:
         if part.points < measured.points
     ]
     if not found:
-        raise ValueError(
+        raise FitError(
             f"{n} pitch by {m} roll angles are too few for a fraction: it keeps both ends, every row or column that it "
             f"keeps is evenly spaced, and it has at least {_FEWEST_ROWS} by {_FEWEST_COLUMNS}"
         )

@@ -11,6 +11,7 @@ import numpy as np
 
 from fitter import LinearFit, least_squares
 from fitter.arrays import FloatArray, IntArray
+from fitter.errors import FitError
 from fitter.formula import Formula
 from fitter.gross import GrossErrors, of_table
 from fitter.inverse import CurveCalibration, Factored
@@ -47,7 +48,7 @@ def fit_general(
     """
     try:
         model = Formula.parse(formula)
-    except ValueError as error:
+    except FitError as error:
         raise UsageError(f"--formula: {error}") from error
     extra = [*whole_plot, *([replicate] if replicate else [])]
     table = read_any_csv(path, dict.fromkeys([response, *model.names, *extra]))
@@ -59,7 +60,7 @@ def fit_general(
         with rows_of_file(table):
             names, exact = model.exact_columns({**table.columns, **table.text})
         if not names:
-            raise ValueError(f"the formula {formula!r} has no terms: there is nothing to fit")
+            raise FitError(f"the formula {formula!r} has no terms: there is nothing to fit")
         plots = _identities(table, extra) if whole_plot else None
         blocks = _identities(table, [replicate]) if whole_plot and replicate else None
         every = _Rows(names, exact.hi, exact.lo, y, plots, blocks)
@@ -68,8 +69,8 @@ def fit_general(
         others = searched.with_the_others(lambda rows: every.take(rows).fitted())
         found = _of_rows(fit) if isinstance(fit, LinearFit) else _of_whole_plots(fit)
         uneven = _uneven(fit, every.take(searched.used), model, table, searched.used)
-    except (ValueError, KeyError) as error:
-        raise UsageError(f"{path}: {error.args[0] if error.args else error}") from error
+    except FitError as error:
+        raise UsageError(f"{path}: {error}") from error
     simulated = bool(np.any(table.columns.get("simulated", 0.0)))
     used = [response, *model.names, *extra, "simulated"]
     return {
@@ -123,7 +124,7 @@ class _Rows:
         return of_table(self.y, self.columns, plots)
 
     def fitted(self) -> LinearFit | SplitPlotFit:
-        """The model fitted to them. Raises `ValueError`."""
+        """The model fitted to them. Raises `FitError`."""
         if self.plots is None:
             return least_squares(self.columns, self.y, self.names, tails=self.tails)
         return fit_split_plot(self.columns, self.y, self.plots, self.names, replicate=self.blocks)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from fitter.errors import FitError
 from fitter.quantiles import t_limit
 from fitter.trace.tables import TableTrace, trace_general
 from rig.closed_loop.certificate import Change, Errors, certificate, with_words
@@ -99,7 +100,7 @@ def trace_general_table(path: Path, roles: Roles) -> GeneralTraced:
     table, data, taken = read_roles(path, roles)
     try:
         return GeneralTraced(table, roles, trace_general(data), taken, parts_played(data))
-    except ValueError as error:
+    except FitError as error:
         raise UsageError(f"{path}: {error}") from error
 
 

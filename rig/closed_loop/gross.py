@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
+from fitter.errors import FitError
 from fitter.gross import LEVEL, GrossErrors
 from rig.errors import UsageError
 
@@ -127,7 +128,7 @@ class Searched:
             return None
         try:
             return fitted(self.searched if self.left_out.gross else self.without)
-        except ValueError as error:
+        except FitError as error:
             return str(error)
 
     def of_sensor(

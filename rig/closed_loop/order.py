@@ -10,6 +10,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.effects.tables_scene import Timeline, seconds_per_unit
+from fitter.errors import FitError
 from rig.tables import Table
 
 _CLOCKS = re.compile(
@@ -49,9 +50,7 @@ def time_of(table: Table, parts: Parts, notes: list[str]) -> tuple[Timeline | No
     """
     if parts.time is not None:
         if parts.time not in table.columns:
-            raise ValueError(
-                f"--time: {parts.time} is text; give a column of numbers, such as seconds or decimal years"
-            )
+            raise FitError(f"--time: {parts.time} is text; give a column of numbers, such as seconds or decimal years")
         return Timeline(parts.time, table.columns[parts.time], seconds_per_unit(parts.time)), False
     for pattern in (_CLOCKS, _COUNTERS):
         for name in parts.free:

@@ -11,6 +11,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.effects.tables_scene import Grouping, TableScene
+from fitter.errors import FitError
 from fitter.formula import Formula
 from fitter.formula_text import Expression
 from fitter.trace.tables import TableData
@@ -76,14 +77,14 @@ def roles_of(table: Table, roles: Roles) -> tuple[TableData, tuple[str, ...]]:
     response = _parse("--response", f"0 + I({roles.response})")
     try:
         return _roles(table, roles, formula, response)
-    except (ValueError, KeyError) as error:
-        raise UsageError(f"{table.source}: {error.args[0] if error.args else error}") from error
+    except FitError as error:
+        raise UsageError(f"{table.source}: {error}") from error
 
 
 def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> tuple[TableData, tuple[str, ...]]:
     missing = [name for name in roles.ignore if name not in {**table.columns, **table.text}]
     if missing:
-        raise ValueError(
+        raise FitError(
             f"--ignore: there is no column {missing[0]!r} without gaps; the table has "
             f"{', '.join([*table.columns, *table.text])}"
         )
@@ -110,9 +111,9 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
     if roles.wrap is not None:
         y = (y + 0.5 * roles.wrap) % roles.wrap - 0.5 * roles.wrap
     if not names:
-        raise ValueError(f"the formula {roles.formula!r} has no terms: there is nothing to compare with")
+        raise FitError(f"the formula {roles.formula!r} has no terms: there is nothing to compare with")
     if len(y) <= len(names):
-        raise ValueError(f"{len(y)} rows are not enough for {len(names)} coefficients and an error")
+        raise FitError(f"{len(y)} rows are not enough for {len(names)} coefficients and an error")
     scene = TableScene(
         settings={
             **_settings(formula, columns),
@@ -153,7 +154,7 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
 def _parse(option: str, text: str) -> Formula:
     try:
         return Formula.parse(text)
-    except ValueError as error:
+    except FitError as error:
         raise UsageError(f"{option}: {error}") from error
 
 
@@ -162,7 +163,7 @@ def _free(table: Table, roles: Roles, used: Sequence[str]) -> list[str]:
     if roles.candidates is not None:
         text = [name for name in roles.candidates if name not in table.columns]
         if text:
-            raise ValueError(f"--candidates: {text[0]} is text; as a grouping it goes with --group")
+            raise FitError(f"--candidates: {text[0]} is text; as a grouping it goes with --group")
         return [name for name in roles.candidates if name not in used]
     taken = {*used, *roles.named, *roles.ignore}
     return [name for name in table.columns if name not in taken]
@@ -229,11 +230,11 @@ def _direction(roles: Roles, settings: Sequence[str], columns: Mapping[str, Any]
         return None
     v = columns[roles.direction]
     if v.dtype.kind not in "fiu":
-        raise ValueError(f"--direction: {roles.direction} is text; give +1 and -1, a velocity or a setting")
+        raise FitError(f"--direction: {roles.direction} is text; give +1 and -1, a velocity or a setting")
     if roles.direction not in settings:
         side = np.sign(v)
         if len(np.unique(side)) < 2:
-            raise ValueError(f"--direction: {roles.direction} has one sign only; there is nothing to compare")
+            raise FitError(f"--direction: {roles.direction} has one sign only; there is nothing to compare")
         return f"sign({roles.direction})", side
     change = np.sign(np.diff(v, prepend=v[:1]))
     for i in range(1, len(change)):

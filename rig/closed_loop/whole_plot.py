@@ -10,6 +10,7 @@ import numpy as np
 
 from fitter.arrays import IntArray
 from fitter.effects.sizes import size_95
+from fitter.errors import FitError
 from fitter.gross import GrossErrors, of_whole_plots
 from fitter.misfit import COVERED_BY_WHOLE_PLOTS
 from fitter.pressure import PressureFit, fit_transducers, variance_inflation
@@ -103,11 +104,11 @@ class WholePlotFitted:
         for name, fit in self.fits.items():
             try:
                 calibration = fit.calibration(self.method).to_dict()
-            except ValueError as error:
+            except FitError as error:
                 raise UsageError(f"{self.table.source}: {name}: {error}") from error
             try:
                 inflation = variance_inflation(fit.formula, self.data.table)
-            except ValueError:  # terms that coded variables cannot stand in, logarithms say, have none
+            except FitError:  # terms that coded variables cannot stand in, logarithms say, have none
                 inflation = {}
             calibration |= kept_with(self.searched, count)
             more: dict[str, Any] = {"calibration": calibration, "variance_inflation": inflation}
@@ -191,8 +192,8 @@ def fit_whole_plots(
         fits = fitted(searched.used)
         others = searched.with_the_others(fitted)
         return WholePlotFitted(table, data.take(searched.used), fits, method, dead, searched, declared, others)
-    except (ValueError, KeyError) as error:
-        raise UsageError(f"{table.source}: {error.args[0] if error.args else error}") from error
+    except FitError as error:
+        raise UsageError(f"{table.source}: {error}") from error
 
 
 def _alive(table: Table) -> tuple[WholePlotData, dict[str, str]]:
@@ -350,8 +351,8 @@ def trace_whole_plot_table(table: Table, model: str | None = None) -> WholePlotT
         with rows_of_file(table):
             found = trace_whole_plots(data, declared.model, pressure_catalogue())
         return WholePlotTraced(table, data, found, dead, declared)
-    except (ValueError, KeyError) as error:
-        raise UsageError(f"{table.source}: {error.args[0] if error.args else error}") from error
+    except FitError as error:
+        raise UsageError(f"{table.source}: {error}") from error
 
 
 def whole_plot_sentence(name: str, found: TransducerTrace) -> str:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fitter.errors import FitError
 from fitter.inverse import AttitudeCalibration, InferredAttitude, infer_attitude
 from rig.errors import UsageError
 from rig.inference.calibration_file import Inference
@@ -47,7 +48,7 @@ def infer_attitudes(
         raise UsageError("--roll-sd is of a roll that was measured: name its column with --roll")
     try:
         calibration = calibration if sensors is None else calibration.only(sensors)
-    except ValueError as error:
+    except FitError as error:
         raise UsageError(f"--sensors: {error}") from error
     needed = [*calibration.names, *([measured_roll] if measured_roll else [])]
     needed += [_TEMPERATURE] if calibration.needs_temperature else []
@@ -67,7 +68,7 @@ def infer_attitudes(
             near_deg=near_deg,
             sensor_temperature_degC=table.columns[_TEMPERATURE][complete] if _TEMPERATURE in needed else None,
         )
-    except ValueError as error:
+    except FitError as error:
         hint = "; name its column: --roll roll_deg" if len(calibration.sensors) == 1 else ""
         hint = ": --near PITCH ROLL" if "near which attitude" in str(error) else hint
         raise UsageError(f"{data}: {error}{hint}") from error

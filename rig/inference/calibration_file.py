@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from fitter.errors import FitError
 from fitter.inverse import AttitudeCalibration, CurveCalibration
 from fitter.pressure import PressureCalibration
 from rig.errors import UsageError
@@ -101,6 +102,6 @@ def calibration_of(given: Mapping[str, Any]) -> Calibration:
         return AttitudeCalibration.from_dict(given["calibration"])
     if given["data"]["kind"] == "general":
         if "calibration" not in given:
-            raise ValueError("it was written before tables of any kind could be inferred from; fit the table again")
+            raise FitError("it was written before tables of any kind could be inferred from; fit the table again")
         return CurveCalibration.from_dict(given["calibration"])
     return {n: PressureCalibration.from_dict(sensor["calibration"]) for n, sensor in given["sensors"].items()}

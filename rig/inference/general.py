@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from fitter.errors import FitError
 from fitter.inverse import CurveCalibration, infer_curve
 from rig.errors import UsageError
 from rig.inference.calibration_file import Inference
@@ -37,7 +38,7 @@ def infer_general(calibration: CurveCalibration, data: Path) -> Inference:
     complete = flag == ""
     try:
         found, variable = infer_curve(calibration, inputs[response][complete]), calibration.variable
-    except ValueError as error:
+    except FitError as error:
         raise UsageError(f"this calibration of {response} cannot be inverted: {error}") from error
     columns: dict[str, Any] = {**table.columns, **table.text}
     name = f"inferred_{variable}" if variable in columns else variable

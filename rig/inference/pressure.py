@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fitter.errors import FitError
 from fitter.pressure import PressureCalibration, Zero, infer_pressure
 from rig.errors import UsageError
 from rig.inference.calibration_file import Inference
@@ -137,7 +138,7 @@ def _of_output(
         try:
             output_mV, sensor, sse = (v[here] for v in inputs.values())
             found = infer_pressure(calibration, output_mV, sensor, sse, _in_flight(read))
-        except ValueError as error:
+        except FitError as error:
             raise UsageError(f"{source.source}: {output}: {error}") from error
         quantities = found.pressure_psia, found.sd_psia, found.lo95_psia, found.hi95_psia
         for end, quantity in zip(values, quantities, strict=True):

@@ -8,6 +8,7 @@ import numpy as np
 
 from fitter import AttitudeData
 from fitter.attitude import mounting_matrix
+from fitter.errors import FitError
 from fitter.whole_plot_data import WholePlotData
 from rig.columns import UNITS
 from rig.errors import UsageError
@@ -58,7 +59,7 @@ def attitude_data(table: Table) -> AttitudeData:
             mounting=_mounting(table),
             **known,
         )
-    except ValueError as error:
+    except FitError as error:
         raise UsageError(f"{table.source}: {error}") from error
 
 
@@ -112,7 +113,7 @@ def whole_plot_data(table: Table) -> WholePlotData:
             outputs=outputs,
             **given,
         )
-    except ValueError as error:
+    except FitError as error:
         raise UsageError(f"{table.source}: {error}") from error
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from fitter.arrays import FloatArray
 from fitter.effects.tables_kind import TableEffect
 from fitter.effects.tables_of_others import GROUP_GAIN, GROUP_OFFSET
+from fitter.errors import FitError
 from fitter.linear import orthonormal
 from fitter.split_plot import fit_split_plot
 from fitter.trace.aliases import DELTA
@@ -185,7 +186,7 @@ def _shared(data: TableData, judge: TableJudge, chosen: tuple[int, ...]) -> tupl
     basis = orthonormal(judge.problem.model(chosen))
     try:
         fit = fit_split_plot(basis, data.y, data.shared, [str(i) for i in range(basis.shape[1])])
-    except ValueError:
+    except FitError:
         return None
     return fit.sigma_subplot, fit.sigma_wholeplot
 

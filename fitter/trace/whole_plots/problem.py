@@ -173,7 +173,7 @@ def pose(
 
     Raises:
         fitter.linear.RankError: the observations do not determine the declared model.
-        ValueError: they do not determine its errors.
+        FitError: they do not determine its errors.
 
     """
     candidates = tuple(

@@ -9,7 +9,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.effects import PRESSURE_CATALOGUE, PressureEffect, PressureScene
-from fitter.linear import RankError
+from fitter.errors import FitError
 from fitter.pressure.models import HIERARCHICAL, check_determined, named_formula
 from fitter.split_plot import SplitPlotDesign
 from fitter.trace.refusals import refusals
@@ -50,7 +50,7 @@ def trace_whole_plots(
     Raises:
         fitter.linear.RankError: the observations do not determine the declared model.
         fitter.formula.FormulaError: the model is neither a name nor a formula.
-        ValueError: the observations do not determine the model's errors; the message says why.
+        FitError: the observations do not determine the model's errors; the message says why.
 
     """
     formula = named_formula(model)
@@ -121,7 +121,7 @@ def left_out(problem: Problem, family: Families, found: tuple[int, ...]) -> Floa
             coefficients = coefficients_of(rest, chosen)
             plain = design.fit_many(rest.outputs.T).coefficients
             beside_effects = design.fit_many((rest.outputs - contributed(rest, coefficients)).T).coefficients
-        except (RankError, ValueError):
+        except FitError:
             return None
         columns, outputs = problem.declared[aside], problem.outputs[:, aside]
         squares[0] += np.sum((outputs - plain @ columns.T) ** 2, axis=1)

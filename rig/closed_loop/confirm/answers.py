@@ -14,6 +14,7 @@ from fitter.arrays import FloatArray
 from fitter.confirm import Confirmation, Member, SensorError, confirm_all
 from fitter.confirm import Confirmed as Judged
 from fitter.confirm.judge import CHANGED
+from fitter.errors import FitError
 from fitter.whole_plot_data import WholePlotData
 from rig.closed_loop import AttitudeTraced
 from rig.closed_loop.confirm.first import First, read_later
@@ -119,7 +120,7 @@ def judge(first: First, later: Path) -> Confirmed:
     try:
         both = first.beside(data, after_s)
         judged = confirm_all(both, first.questions)
-    except ValueError as error:
+    except FitError as error:
         raise UsageError(f"{later}: {error}") from error
     return Confirmed(first, later, data, judged)
 
