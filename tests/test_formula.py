@@ -6,6 +6,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from fitter.errors import FitError
 from fitter.formula import Formula, FormulaError
 
 _RNG = np.random.default_rng(5)
@@ -152,8 +153,8 @@ def test_a_bad_formula_is_pointed_at(text, problem, at):
 @pytest.mark.parametrize(
     ("text", "error", "problem"),
     [
-        ("Q", KeyError, "no variable Q, only P, T"),
-        ("C(Q)", KeyError, "no variable Q"),
+        ("Q", FitError, "no variable Q, only P, T"),
+        ("C(Q)", FitError, "no variable Q"),
         ("c", ValueError, r"c is text; as a category it is C\(c\)"),
         ("log(T)", ValueError, r"log\(T\) is not a finite number in row 2, where T = -"),
         ("I(1 / (b - 2))", ValueError, "in row 3, where b = 2"),
