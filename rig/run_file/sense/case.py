@@ -7,7 +7,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Protocol
 
-from procedures import PitchRollProcedure, Procedure, RunList, WholePlotProcedure
+from procedures import Procedure
+from procedures.conduct import Conduct, EnvironmentSettings, SoakSettings
+from procedures.run_list import RunList
 from rig.config import BenchConfig, parse_bench, parse_procedure
 from rig.errors import ConfigurationError
 from rig.run_file.chain import Record
@@ -44,14 +46,20 @@ class Case:
         return cls(run.genesis(), run.run_list(), documents, _procedure(documents), _bench(documents))
 
     @cached_property
-    def whole_plots(self) -> WholePlotProcedure | None:
-        """The procedure, if it has whole plots."""
-        return self.procedure if isinstance(self.procedure, WholePlotProcedure) else None
+    def conduct(self) -> Conduct | None:
+        """How its points were to be approached and read; None where the procedure is not read."""
+        return None if self.procedure is None else self.procedure.conduct
 
-    @cached_property
-    def pitch_roll(self) -> PitchRollProcedure | None:
-        """The procedure, if it is one of pitch and roll."""
-        return self.procedure if isinstance(self.procedure, PitchRollProcedure) else None
+    @property
+    def soak(self) -> SoakSettings | None:
+        """When its whole plots are soaked; None where it has none."""
+        plots = None if self.conduct is None else self.conduct.whole_plots
+        return None if plots is None else plots.soak
+
+    @property
+    def environment(self) -> EnvironmentSettings | None:
+        """What was asked of its environment, if anything."""
+        return None if self.conduct is None else self.conduct.environment
 
     @property
     def about(self) -> Mapping[str, Any]:

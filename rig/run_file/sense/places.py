@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from procedures import Factor, Point
-from procedures.pitch_roll import EnvironmentSettings
-from procedures.whole_plot import SoakSettings
+from procedures.conduct import EnvironmentSettings, SoakSettings
+from procedures.run_list import Factor, Point
 from rig.run_file.chain import Record
 from rig.run_file.sense.case import Case
 from rig.run_file.state import RunState
@@ -31,7 +30,7 @@ class Places:
 
     def __init__(self, case: Case) -> None:
         self._case = case
-        self._settle = None if case.procedure is None else case.procedure.settle.judged()
+        self._settle = None if case.conduct is None else case.conduct.settle
         self._chambers = {} if case.bench is None else dict(case.bench.factors)
 
     def look(self, record: Record, data: Mapping[str, Any], _fold: RunState) -> Iterator[str]:
@@ -42,10 +41,10 @@ class Places:
             for factor, target, side in zip(self._case.run_list.factors, point.setpoints, point.sides, strict=True):
                 if not factor.hard:
                     yield from self._axis(factor, target, side, data)
-            if self._case.whole_plots is not None:
-                yield from self._whole_plot(point, data, self._case.whole_plots.soak)
-            elif self._case.pitch_roll is not None:
-                yield from self._environment(data, self._case.pitch_roll.environment)
+            if self._case.soak is not None:
+                yield from self._whole_plot(point, data, self._case.soak)
+            else:
+                yield from self._environment(data, self._case.environment)
         elif record.kind == "event" and record.status == "whole-plot":
             yield from self._soak(data)
         elif record.kind == "event" and record.status == "environment-settled":
@@ -114,9 +113,9 @@ class Places:
 
     def _soak(self, data: Mapping[str, Any]) -> Iterator[str]:
         """A whole plot begins where the run list has it."""
-        if self._case.whole_plots is None:
+        soak = self._case.soak
+        if soak is None:
             return
-        soak = self._case.whole_plots.soak
         try:
             first, _ = self._case.run_list.points.span(data["planned"])
         except KeyError:
@@ -133,8 +132,8 @@ class Places:
                     yield from _settled(name, settled, target, tolerance)
 
     def _chambers_settled(self, chambers: Mapping[str, Any]) -> Iterator[str]:
-        """Before a run of pitch and roll its environment has settled as asked for."""
-        wanted = None if self._case.pitch_roll is None else self._case.pitch_roll.environment
+        """Before the first point the environment has settled as asked for."""
+        wanted = self._case.environment
         if wanted is not None:
             for name, settled in chambers.items():
                 yield from _settled(name, settled, wanted.setpoint_degC, wanted.tolerance_degC)

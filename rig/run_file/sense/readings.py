@@ -29,9 +29,9 @@ class Readings:
     """
 
     def __init__(self, case: Case) -> None:
-        procedure, bench = case.procedure, case.bench
-        self._sweeps = None if procedure is None else procedure.measure.readings
-        self._most_V = None if procedure is None else procedure.max_sd_V
+        conduct, bench = case.conduct, case.bench
+        self._sweeps = None if conduct is None else conduct.readings
+        self._most_V = None if conduct is None else conduct.max_sd_V
         self._again = _Again()
         self._columns: dict[str, set[str]] = {}
         self._scales: dict[str, float] = {}
