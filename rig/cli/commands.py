@@ -82,7 +82,7 @@ COMMANDS = {
         "Confirm by a further run what a trace found: which of the confounded causes holds, on data that are new.",
     ),
     "verify": Entry(
-        _DATA, "rig.cli.verify", "Check that a run file is whole and unchanged; say what was changed, and where."
+        _DATA, "rig.cli.verify", "Check that a run file is whole and its contents make sense; say what was changed, and where."
     ),
     "demo": Entry(
         _TRYING,
