@@ -82,7 +82,9 @@ COMMANDS = {
         "Confirm by a further run what a trace found: which of the confounded causes holds, on data that are new.",
     ),
     "verify": Entry(
-        _DATA, "rig.cli.verify", "Check that a run file is whole and its contents make sense; say what was changed, and where."
+        _DATA,
+        "rig.cli.verify",
+        "Check that a run file is whole and its contents make sense; say what was changed, and where.",
     ),
     "demo": Entry(
         _TRYING,
@@ -106,6 +108,7 @@ class Commands(TyperGroup):
 
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)
+        self._loaded: set[str] = set()
         self.commands = {
             name: TyperCommand(name, help=entry.does, rich_help_panel=entry.heading, rich_markup_mode="markdown")
             for name, entry in COMMANDS.items()
@@ -113,8 +116,9 @@ class Commands(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """The command that the first argument names, and the arguments left for it."""
-        if args and args[0] in COMMANDS:
+        if args and args[0] in COMMANDS.keys() - self._loaded:
             self.commands[args[0]] = loaded(args[0])
+            self._loaded.add(args[0])
         return super().resolve_command(ctx, args)
 
 
