@@ -4,12 +4,18 @@
     (P + T_sensor + T_SSE)^2                   all of them and their products up to two at a time
     a * b                                      a + b + a:b
     C(block)                                   categories, each against the first (treatment coding)
-    I(P / (P + 0.1)), log(P)                   arithmetic: + - * / ^ numbers, names, log
+    `Load cell (kN)`                           a name that is more than letters, digits, _ and dots
+    log(P), max(P, 0.1), I(P / (P + 0.1))      functions of arithmetic, and arithmetic
 
 From loosest to tightest: `+ -`, `*`, `:`, `^`. As in R and its relatives a product of a variable with itself is that
 variable, and a sum to a power gives products, not squares. Unlike there, *one* variable to a power is its square, cube
 and so on: `P^2` means `I(P^2)`, which is what everybody who writes it intends. Terms are ordered by how many factors
 they have, then as written. A category loses its first level wherever the model already holds what that column says.
+
+Arithmetic, inside I() and functions and in the columns of a laboratory's own effects, has numbers, names, parentheses,
+the functions of one value `log exp sqrt abs sign sin cos` (rad) and of two `min max`, and from loosest to tightest
+`< <= > >= == !=` (1 where it holds, else 0; they do not follow each other), `+ -`, `* /`, a sign, `^` (from the right).
+Everywhere `**` is `^`. docs/formulas.md has all of it with examples.
 """
 
 from __future__ import annotations
@@ -23,10 +29,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fitter.arithmetic_text import FormulaError
 from fitter.arrays import FloatArray
 from fitter.double_double import DoubleDouble
 from fitter.errors import FitError
-from fitter.formula_text import Category, FormulaError, Numeric, Term, parse_terms
+from fitter.formula_text import Category, Numeric, Term, parse_terms
 
 __all__ = ["Formula", "FormulaError", "RowError", "Term"]
 

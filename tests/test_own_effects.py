@@ -50,7 +50,10 @@ def test_without_a_file_the_catalogue_is_ours(monkeypatch):
     [
         (("sin(3*roll)", "open('x')"), "not understood"),
         (("sin(3*roll)", "sin(3*rool)"), "rool"),
-        (("sin(3*roll)", "sin(3*"), "no formula"),
+        (("sin(3*roll)", "sin(3*"), "draught: a column is not understood: something is missing at the end"),
+        (("sin(3*roll)", "sin(roll, 3)"), r"sin\(\) takes one value"),
+        (("sin(3*roll)", "(" * 41 + "roll" + ")" * 41), "nested more than 40 deep"),
+        (("sin(3*roll)", "C(roll)"), "there is no function C here"),
         (("sin(3*roll)", "roll.real"), "roll.real"),
         (('scope = "sensor"', 'scope = "rig"'), "scope is sensor or package"),
         (('unit = "V"', ""), "missing or unknown: unit"),

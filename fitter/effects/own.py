@@ -17,7 +17,7 @@ a coefficient of one) or "line" (psi, in all transducers):
     unit = "mV"
     columns = ["sin(6.2832*P)"]
 
-A column may use the names in `NAMES`, for transducers `PRESSURE_NAMES`, numbers, + - * / ** and a few functions.
+A column may use the names in `NAMES`, for transducers `PRESSURE_NAMES`, and the arithmetic of `fitter.formula`.
 """
 
 from __future__ import annotations

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from fitter.arithmetic import Expression
 from fitter.arrays import FloatArray, IntArray
 from fitter.effects.tables_scene import Grouping, TableScene
 from fitter.errors import FitError
 from fitter.formula import Formula
-from fitter.formula_text import Expression
 from fitter.trace.tables import TableData
 from rig.closed_loop.file_rows import rows_of_file
 from rig.closed_loop.order import Parts, alike, codes, time_of
@@ -207,7 +207,7 @@ def _settings(formula: Formula, columns: Mapping[str, Any]) -> dict[str, FloatAr
             expression = _base(factor.expression)
             v = np.asarray(expression.value(columns), np.float64)
             if np.ptp(v) > 0:
-                found[str(expression)] = v
+                found[expression.of[0] if expression.operation == "name" else str(expression)] = v
     return found
 
 
