@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from nist import PROBLEMS, digits
 
 from fitter import Triangle, least_squares
+from fitter.arithmetic_text import parse_expression
 from fitter.double_double import DoubleDouble
 from fitter.formula import Formula
 from fitter.linear import CONDITION
@@ -199,7 +200,83 @@ def test_numpys_functions_take_it():
     np.testing.assert_allclose(np.log(x).hi, np.log([0.1, 0.2, 0.7]))
     np.testing.assert_allclose(np.power(x, 0.5).hi, np.sqrt([0.1, 0.2, 0.7]))
     with pytest.raises(TypeError):
-        np.sin(x)
+        np.tan(x)
+
+
+def decimal_sine(x: Decimal) -> Decimal:
+    """By its series, with digits to spare; from the recipes of Python's documentation."""
+    term, total, n = x, x, 1
+    while abs(term) > Decimal(10) ** -90:
+        term *= -x * x / ((n + 1) * (n + 2))
+        total, n = total + term, n + 2
+    return total
+
+
+PI = Decimal("3.14159265358979323846264338327950288419716939937510582097494459230781640628620899862803482534211706798")
+TO_80_DIGITS = {
+    "exp": Decimal.exp,
+    "log": lambda x: abs(x).ln(),
+    "sqrt": lambda x: abs(x).sqrt(),
+    "sin": lambda x: decimal_sine(x % (2 * PI)),
+    "cos": lambda x: decimal_sine((x + PI / 2) % (2 * PI)),
+}
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 100.0, 1e7])
+@pytest.mark.parametrize("name", TO_80_DIGITS)
+def test_functions_have_thirty_digits(name, scale):
+    """Against Python's decimal; an error of the argument's last digit, 1e-32 of it, is allowed for."""
+    rng = np.random.default_rng(7)
+    size = min(scale, 500.0) if name == "exp" else scale
+    x = DoubleDouble.of(rng.uniform(-size, size, 12)) * (1.0 + 1e-9) + rng.uniform(-1e-18, 1e-18, 12) * size
+    x = np.absolute(x) if name in ("log", "sqrt") else x
+    with localcontext(prec=100), np.errstate(all="raise"):
+        found = getattr(np, name)(x)
+        for i in range(12):
+            given = Decimal(float(x.hi[i])) + Decimal(float(x.lo[i]))
+            exact = TO_80_DIGITS[name](given)
+            error = abs(Decimal(float(found.hi[i])) + Decimal(float(found.lo[i])) - exact)
+            allowed = abs(exact) * max(1, abs(given)) if name == "exp" else max(abs(exact), Decimal(name == "log"))
+            assert error <= Decimal("1e-30") * allowed
+
+
+@pytest.mark.parametrize("exponent", [0.5, -2.5, 1 / 3, 100.0])
+def test_any_power_of_a_positive_number_has_thirty_digits(exponent):
+    x = np.array([0.1, 0.9, 3.0, 7.0])
+    with localcontext(prec=60):
+        found = np.power(DoubleDouble.of(x), exponent)
+        for hi, lo, each in zip(found.hi, found.lo, x, strict=True):
+            exact = Decimal(float(each)) ** Decimal(exponent)
+            assert abs(Decimal(float(hi)) + Decimal(float(lo)) - exact) <= Decimal("1e-29") * exact
+
+
+def test_what_a_double_cannot_tell_apart_is_compared():
+    table = {"x": DoubleDouble.of([1.0, 1.0, -1.0]) + np.array([2.0**-80, 0.0, -(2.0**-80)]), "y": DoubleDouble.of(1.0)}
+    expected = {
+        "x > y": [1, 0, 0],
+        "x <= y": [0, 1, 1],
+        "x == y": [0, 1, 0],
+        "x != y": [1, 0, 1],
+        "sign(x - y)": [1, 0, -1],
+        "max(x, y) - y": [2.0**-80, 0, 0],
+        "(min(x, y) - y) * (x > 0)": [0, 0, 0],
+        "abs(x) - y": [2.0**-80, 0, 2.0**-80],
+    }
+    for text, values in expected.items():
+        np.testing.assert_array_equal(parse_expression(text).value(table).hi, values)
+
+
+def test_exact_columns_of_functions_are_the_columns_with_more_digits():
+    """Also where there are none to add: at zero, above what a double holds, and far round the circle."""
+    text = "x + exp(x) + sqrt(x) + sin(x) + cos(x) + log(y) + abs(z) + sign(z) + max(x, y) + I(x > 1) + I(x^0.3)"
+    x = np.array([0.0, 1.0, 709.0, 70.0, 0.3])
+    table = {"x": x, "y": np.array([1e-310, 1e305, 1.0, 2.0, 3.0]), "z": np.array([-1e-100, 1e120, 3e99, -2.0, 1e-5])}
+    formula = Formula.parse(f"{text} + I(z^-2) + sin(w)")
+    table["w"] = np.array([0.0, 1e8, 1e15, 1e22, -3e300])
+    names, exact = formula.exact_columns(table)
+    assert (names, exact.hi.shape) == (formula.columns(table)[0], (5, 14))
+    np.testing.assert_allclose(exact.hi, formula.columns(table)[1], rtol=4e-15)
+    assert np.all(np.abs(exact.lo) <= 2.0**-52 * np.abs(exact.hi))
 
 
 def test_columns_beyond_the_reach_of_split_products_keep_their_rounded_values():
