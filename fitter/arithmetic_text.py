@@ -66,6 +66,12 @@ def parse_expression(text: str) -> Expression:
     return Arithmetic(text).expression()
 
 
+def column_name(text: str) -> str:
+    """The column that a text names: what stands in back-ticks, or all of it."""
+    tokens = [_token(m) for m in _TOKEN.finditer(text)]
+    return tokens[0].text if [token.kind for token in tokens] == ["quoted"] else text
+
+
 class Arithmetic:
     """Recursive descent, one method a level of the grammar."""
 
@@ -201,7 +207,9 @@ class Arithmetic:
         token = self._peek
         if token.kind == "end":
             return "something is missing at the end"
-        return _HINTS.get(token.text, f"{token.text!r} is not expected here")
+        words = token.kind == "name" and self._next > 0 and self._tokens[self._next - 1].kind == "name"
+        more = "; a name of several words stands in back-ticks" if words else ""
+        return _HINTS.get(token.text, f"{token.text!r} is not expected here") + more
 
     def _unexpected(self) -> FormulaError:
         return self._error(self._surprise())

@@ -135,24 +135,49 @@ def _calibration_path(material: Material) -> Path:
 
 
 _WORDS = ("P", "T", "1", "0", "I(", "C(", "log(", "(", ")", ")^2", "^", "*", ":", "+", "-", "/", "~", "1e999", "\u00b2")
-_MORE = ("sqrt(", "exp(", "9" * 400, "^9", "**", "P^2", "T:P", "\0", "\n", "'", ".", ",", "1_5", "\uff11", "e", "-1")
+_MORE = (
+    "sqrt(",
+    "exp(",
+    "max(",
+    "<",
+    "==",
+    "`P`",
+    "`",
+    "9" * 400,
+    "^9",
+    "**",
+    "P^2",
+    "T:P",
+    "\0",
+    "\n",
+    "'",
+    ".",
+    ",",
+    "1_5",
+    "\uff11",
+    "e",
+    "-1",
+)
+_AGAIN = ("P+", "P*", "-", "(P+T)*", "P:", "P<", "P^", "max(P,", "`")
 
 
 def formula(rng: random.Random, _: Material) -> Acts:
     """Models and effects of a user's own."""
     text = "".join(words(rng, _WORDS + _MORE if rng.random() < 0.3 else _WORDS, 25))
     if rng.random() < 0.03:
-        text = rng.choice(("I(", "log(", "(", "")) + rng.choice(("P+", "P*", "-", "(P+T)*", "P:")) * 2000 + "P)"
+        text = rng.choice(("I(", "log(", "(", "")) + rng.choice(_AGAIN) * 2000 + "P)"
     table: Mapping[str, Any] = {"P": np.linspace(1, 2, 5), "T": np.array([1.0, 1, 2, 2, 3])}
 
     def parse() -> None:
         with contextlib.suppress(FormulaError):
             found = Formula.parse(text)
-            str(found)
+            assert Formula.parse(str(found)) == found
             with contextlib.suppress(KeyError, ValueError):
                 found.columns(table)
 
-    effect = json.dumps("".join(words(rng, ("pitch", "+", "**", "sin(", ")", "9", "1e9", "-", "roll", "("), 20)))
+    effect = json.dumps(
+        "".join(words(rng, ("pitch", "+", "**", "sin(", ")", "9", "1e9", "-", "roll", "(", "min(", ",", "<"), 20))
+    )
     fields = dict.fromkeys(("name", "cause", "scope", "stratum", "unit", "separate_by", "usual_size"), '"x"')
     fields |= {"scope": '"sensor"', "stratum": '"between-point"', "columns": f"[{effect}]"}
     written = edited("[[effect]]\n" + "\n".join(f"{k} = {v}" for k, v in fields.items()), rng)

@@ -245,7 +245,7 @@ def test_levels_of_one_table_serve_another():
         ("P)", r"'\)' is not expected", 1),
         ("I(3)", "there is no variable", 0),
         ("P.__class__ @ T", "'@' is not expected", 12),
-        ("P T", "'T' is not expected", 2),
+        ("P T", "'T' is not expected here; a name of several words stands in back-ticks", 2),
         ("P > T", r"comparisons go inside I\(\)", 2),
         ("I(P = T)", "equality is written ==", 4),
         ("I(1 < P < T)", r"multiply them: \(a < b\) \* \(b < c\)", 8),

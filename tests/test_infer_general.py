@@ -47,6 +47,28 @@ def test_the_thermometer_of_graybill_and_iyer(fitted):
     assert json.loads(done.stdout)["unused"]["columns"] == [{"column": "who", "why": "plays no part"}]
 
 
+def test_columns_of_several_words_and_functions_of_them(fitted):
+    """A flow meter with a kink, in names as spreadsheets have them; exact, so what is inferred is what was set."""
+    flow = np.linspace(0.5, 10.0, 20)
+    read = 1.0 + 2.0 * np.sqrt(flow) + 0.3 * np.maximum(flow - 5.0, 0.0) + 1e-7 * (-1.0) ** np.arange(20)
+    table = '"Flow, set (l/min)",Meter `A` (mV)\n' + "".join(
+        f"{x:.17g},{y:.17g}\n" for x, y in zip(flow, read, strict=True)
+    )
+    formula = "1 + sqrt(`Flow, set (l/min)`) + max(`Flow, set (l/min)` - 5, 0)"
+    known = f"Meter `A` (mV)\n{1 + 2 * np.sqrt(3.0)}\n{1 + 2 * np.sqrt(8.0) + 0.9}\n"
+    done = fitted(table, known, formula, "`Meter ``A`` (mV)`")
+    assert done.returncode == 0, done.stderr
+    inferred = [float(row["Flow, set (l/min)"]) for row in fitted.rows()]
+    np.testing.assert_allclose(inferred, [3.0, 8.0], atol=1e-6)
+
+
+def test_a_power_that_is_no_whole_number_is_read_back():
+    x = np.linspace(1.0, 4.0, 9)
+    made = curve(x, x**1.5 + 1e-6 * np.cos(9 * x), "1 + I(x^1.5)")
+    again = CurveCalibration.from_dict(json.loads(json.dumps(made.to_dict())))
+    np.testing.assert_array_equal(infer_curve(again, np.array([3.0])).value, infer_curve(made, np.array([3.0])).value)
+
+
 def test_a_straight_line_is_fiellers():
     """Against the closed form, for rising and falling lines."""
     rng = np.random.default_rng(16)

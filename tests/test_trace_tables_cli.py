@@ -12,6 +12,7 @@ from fitter.trace.tables import family
 from rig.cli import main
 from rig.cli.effects import show_certificate
 from rig.cli.show import out
+from rig.report.words import units
 
 DECLARED = ("--response", "y", "--formula", "1 + x")
 EFFECT_KEYS = {
@@ -75,6 +76,20 @@ def test_json_report_and_keys(rig, table, tmp_path):
     text = page.read_text()
     assert text.count("data:image/png;base64,") == 1
     assert "drift:t_s" in text
+
+
+def test_columns_of_several_words(rig, table):
+    """Names in back-ticks; a comma in a name is no comma between units."""
+    header, rows = table.read_text().split("\n", 1)
+    names = {"x": '"Set, x (kN)"', "y": '"Read, y (mV)"'}
+    table.write_text(",".join(names.get(name, name) for name in header.split(",")) + "\n" + rows)
+    options = ("--response", "`Read, y (mV)`", "--formula", "1 + `Set, x (kN)`", "--time", "t_s")
+    code, printed, complaint = rig("trace", table, *options, "--json")
+    assert code == 0, complaint
+    found = json.loads(printed)["sensors"]["Read, y (mV)"]
+    assert found["effects"][0]["effect"].startswith("drift")
+    assert units(found["effects"][0]) == ["Read, y (mV) per unit of t_s"] * len(found["effects"][0]["terms"])
+    assert found["roles"]["settings"] == ["Set, x (kN)"]
 
 
 def test_text_tells_what_was_taken_for_what(rig, table):

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from fitter import LinearFit, least_squares
+from fitter.arithmetic_text import column_name
 from fitter.arrays import FloatArray, IntArray
 from fitter.errors import FitError
 from fitter.formula import Formula
@@ -36,7 +37,7 @@ def fit_general(
 
     Args:
         path: the table.
-        response: the column to be explained.
+        response: the column to be explained, in back-ticks or not.
         formula: the model; see `fitter.formula`.
         whole_plot: columns whose values together say which rows share a whole-plot error; none: all independent.
         replicate: column of replications that whole plots are nested in.
@@ -50,6 +51,7 @@ def fit_general(
         model = Formula.parse(formula)
     except FitError as error:
         raise UsageError(f"--formula: {error}") from error
+    response = column_name(response)
     extra = [*whole_plot, *([replicate] if replicate else [])]
     table = read_any_csv(path, dict.fromkeys([response, *model.names, *extra]))
     if response not in table.columns:

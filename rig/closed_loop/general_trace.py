@@ -48,7 +48,7 @@ class GeneralTraced:
         found["certificate"] = certificate(self.trace.response, found, _errors(self.trace))
         return {
             "data": {"file": Path(self.table.source).name, "points": len(self.table), "kind": "general"},
-            "sensors": {self.roles.response: found},
+            "sensors": {self.roles.label: found},
             "unused": unused_columns(self.table, used_columns(self.roles, self.parts), self._spared()).to_json(),
         }
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from fitter.arithmetic import Expression
+from fitter.arithmetic_text import column_name
 from fitter.arrays import FloatArray, IntArray
 from fitter.effects.tables_scene import Grouping, TableScene
 from fitter.errors import FitError
@@ -49,6 +50,11 @@ class Roles:
     candidates: tuple[str, ...] | None = None
     ignore: tuple[str, ...] = ()
     wrap: float | None = None
+
+    @property
+    def label(self) -> str:
+        """The response as it is printed: a column by its plain name."""
+        return column_name(self.response)
 
     @property
     def named(self) -> tuple[str, ...]:
@@ -136,7 +142,7 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
         names = (*names, *(f"C({roles.replicate})[{i + 1}]" for i in range(extra.shape[1])))
         hi, lo = np.hstack([hi, extra]), np.hstack([lo, np.zeros_like(extra)])
     data = TableData(
-        response=roles.response,
+        response=roles.label,
         y=np.asarray(y, np.float64),
         formula=str(formula),
         names=names,

@@ -107,8 +107,11 @@ def part(share: float) -> str:
 
 def units(effect: Mapping[str, Any]) -> list[str]:
     """Unit of each of an effect's coefficients."""
-    terms, given = effect["terms"], str(effect["unit"]).split(", ")
-    return given if len(given) == len(terms) else [str(effect["unit"])] * len(terms)
+    terms, unit = effect["terms"], str(effect["unit"])
+    if "columns" in effect:  # of a table of any kind: one unit, with names of columns in it
+        return [unit] * len(terms)
+    given = unit.split(", ")
+    return given if len(given) == len(terms) else [unit] * len(terms)
 
 
 def unnamed(sensor: Mapping[str, Any]) -> list[str]:
