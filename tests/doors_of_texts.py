@@ -135,29 +135,9 @@ def _calibration_path(material: Material) -> Path:
 
 
 _WORDS = ("P", "T", "1", "0", "I(", "C(", "log(", "(", ")", ")^2", "^", "*", ":", "+", "-", "/", "~", "1e999", "\u00b2")
-_MORE = (
-    "sqrt(",
-    "exp(",
-    "max(",
-    "<",
-    "==",
-    "`P`",
-    "`",
-    "9" * 400,
-    "^9",
-    "**",
-    "P^2",
-    "T:P",
-    "\0",
-    "\n",
-    "'",
-    ".",
-    ",",
-    "1_5",
-    "\uff11",
-    "e",
-    "-1",
-)
+_MORE = ("sqrt(", "exp(", "9" * 400, "^9", "**", "P^2", "T:P", "\0", "\n", "'", ".", ",", "1_5", "\uff11", "e", "-1")
+_MORE += ("max(", "<", "==", "`P`", "`")
+_EFFECT = ("pitch", "+", "**", "sin(", ")", "9", "1e9", "-", "roll", "(", "min(", ",", "<")
 _AGAIN = ("P+", "P*", "-", "(P+T)*", "P:", "P<", "P^", "max(P,", "`")
 
 
@@ -175,9 +155,7 @@ def formula(rng: random.Random, _: Material) -> Acts:
             with contextlib.suppress(KeyError, ValueError):
                 found.columns(table)
 
-    effect = json.dumps(
-        "".join(words(rng, ("pitch", "+", "**", "sin(", ")", "9", "1e9", "-", "roll", "(", "min(", ",", "<"), 20))
-    )
+    effect = json.dumps("".join(words(rng, _EFFECT, 20)))
     fields = dict.fromkeys(("name", "cause", "scope", "stratum", "unit", "separate_by", "usual_size"), '"x"')
     fields |= {"scope": '"sensor"', "stratum": '"between-point"', "columns": f"[{effect}]"}
     written = edited("[[effect]]\n" + "\n".join(f"{k} = {v}" for k, v in fields.items()), rng)
