@@ -15,6 +15,7 @@ from whole_plot_truth import simulate as simulate_whole_plots
 from fitter.effects import CATALOGUE, PRESSURE_CATALOGUE
 from fitter.effects.sizes import amplitude, each, relative, size_95
 from fitter.trace import trace, trace_whole_plots
+from fitter.trace.outcome import Finding, Outcome, Row
 from rig.closed_loop import AttitudeTraced, WholePlotTraced
 from rig.closed_loop.certificate import Change, Errors, certificate, with_words
 from rig.closed_loop.whole_plot import Declared
@@ -22,31 +23,33 @@ from rig.report.whole_plot_effects import effect_figures
 from rig.report.words import chance, part, percent
 from rig.tables import Table
 
-EFFECT = {
-    "effect": "creep",
-    "cause": "it gives way",
-    "stratum": "point-by-replication",
-    "coefficients": [2.0, -1.0],
-    "size": "2 ppm",
-    "p_adjusted": 0.003,
-    "p_adjusted_is_bound": False,
-    "share": 0.004,
-    "aliases": [],
-}
-
-
-NOISE = {**EFFECT, "stratum": "noise", "effect": "growing", "cause": "the scatter grows"}
+EFFECT = Finding(
+    kind="effect",
+    effect="creep",
+    cause="it gives way",
+    stratum="point-by-replication",
+    coefficients=(2.0, -1.0),
+    size="2 ppm",
+    p_adjusted=0.003,
+    share=0.004,
+)
+NOISE = replace(EFFECT, kind="noise", stratum="noise", effect="growing", cause="the scatter grows")
+REST = Finding("unnamed", "between points", "unnamed", 0.4)
 HELPS, LITTLE, HARMS = (Change("the error left out", 3e-4, after, "deg") for after in (2e-4, 2.9e-4, 3.1e-4))
 
 
 def worded(effect=EFFECT, size="1.9 to 2.1 ppm"):
-    return with_words("x_V", {**effect}, [0.1, None], size)
+    return with_words("x_V", effect, [0.1, None], size)
+
+
+def outcome(findings, after=()):
+    return Outcome("x_V", "1 + x", "", findings=findings, before=(), after=after, fitted=(), notes=())
 
 
 def paragraph(*effects, unnamed=(), left_out=HELPS, hides=""):
-    found = {"declared": "1 + x", "effects": [worded(effect) for effect in effects], "unnamed": list(unnamed)}
+    found = outcome((*(worded(effect) for effect in effects), *unnamed))
     changes = [Change("the error", 3e-4, 2e-4, "deg"), Change("that between them", 1.0, 0.5)]
-    return certificate("x_V", found, Errors(changes, left_out, hides, "1e-4 deg"))
+    return certificate(found, Errors(changes, left_out, hides, "1e-4 deg"))
 
 
 def test_a_size_has_the_interval_of_its_coefficients():
@@ -65,9 +68,10 @@ def test_an_amplitude_has_the_interval_of_both_phases_together():
 
 def test_an_effects_sentence_stands_alone():
     said = worded()
-    assert said["interval_95"] == [[1.9, 2.1], None]
-    assert said["size_95"] == "1.9 to 2.1 ppm"
-    assert said["sentence"] == (
+    assert said.interval_95 == ((1.9, 2.1), None)
+    assert said.size_95 == "1.9 to 2.1 ppm"
+    assert said.to_json()["interval_95"] == [[1.9, 2.1], None]
+    assert said.sentence == (
         "x_V: the declared model lacks creep (it gives way). Its size is 2 ppm (95 % interval 1.9 to 2.1 ppm); it "
         "explains less than 1 % of the error beyond scatter; the probability of anything so clear by chance is 0.003. "
         "Found and sized on the same data."
@@ -75,28 +79,28 @@ def test_an_effects_sentence_stands_alone():
 
 
 def test_a_sentence_names_what_looks_alike():
-    others = {"aliases": ["drift", "step", "lag", "cycle", "tilt"], "p_adjusted_is_bound": True}
-    said = worded({**EFFECT, **others}, size="")["sentence"]
+    alike = replace(EFFECT, aliases=("drift", "step", "lag", "cycle", "tilt"), p_adjusted_is_bound=True)
+    said = worded(alike, size="").sentence
     assert "(it gives way), or what these data cannot tell from it: drift, step, lag and 2 more. If it is the" in said
     assert "the former, its size is 2 ppm; it explains" in said
     assert "is below 0.003" in said
 
 
 def test_a_finding_about_the_noise_adds_nothing():
-    said = worded({**EFFECT, "stratum": "noise"}, size="")["sentence"]
+    said = worded(replace(EFFECT, kind="noise", stratum="noise"), size="").sentence
     assert said.startswith("x_V: it gives way (2 ppm); ")
     assert said.endswith("nothing is added to the model for it.")
 
 
 @pytest.mark.parametrize("entry", [*CATALOGUE, *PRESSURE_CATALOGUE], ids=lambda entry: entry.name)
 def test_no_effect_of_the_catalogues_makes_a_long_sentence(entry):
-    effect = {**EFFECT, "effect": entry.name, "cause": entry.cause, "aliases": ["one", "two", "three", "four"]}
-    assert max(len(text.split()) for text in worded(effect)["sentence"].split(". ")) < 60
-    assert len(worded({**effect, "aliases": []})["sentence"].split()) < 80
+    effect = replace(EFFECT, effect=entry.name, cause=entry.cause, aliases=("one", "two", "three", "four"))
+    assert max(len(text.split()) for text in worded(effect).sentence.split(". ")) < 60
+    assert len(worded(replace(effect, aliases=())).sentence.split()) < 80
 
 
 def test_a_certificate_says_once_what_all_effects_share():
-    said = paragraph(EFFECT, {**EFFECT, "effect": "drift", "share": 1.07}, NOISE)
+    said = paragraph(EFFECT, replace(EFFECT, effect="drift", share=1.07), NOISE)
     parts = (
         "x_V: the declared model (1 + x) lacks creep (it gives way). Its size is 2 ppm (95 % interval 1.9 to 2.1 ppm)",
         "It also lacks drift (it gives way). Its size is",
@@ -124,7 +128,7 @@ def test_a_certificate_says_what_speaks_against_it():
     assert "to 0.0002 deg, which cannot tell. " in paragraph(EFFECT, hides="which cannot tell")
     same = Change("the error left out", 3e-4, 3e-4, "deg")
     assert "to 0.0003 deg, this did not fall: the data left out do not" in paragraph(EFFECT, left_out=same)
-    said = paragraph(EFFECT, unnamed=[{"share": 0.4, "where": "between points", "added": False}], left_out=None)
+    said = paragraph(EFFECT, unnamed=[REST], left_out=None)
     assert ". Unexplained: 40 % of the error beyond scatter, between points. Readings" in said
     assert "Nothing else" not in said
 
@@ -138,11 +142,11 @@ def test_a_certificate_says_what_speaks_against_it():
 )
 def test_a_test_beyond_its_limit_is_reconciled_with_nothing_else_standing_out(p: float, said: str) -> None:
     after = {"T_bias": 1.16, "F_bias_95": 1.14, "p_bias": p, "T_b": 0.5, "T_S": 0.5, "F_bS_95": 2.0}
-    for effects in ([worded()], []):
-        found = {"declared": "1 + x", "effects": effects, "unnamed": [], "after": after}
-        assert said in certificate("x_V", found, Errors([HELPS], HELPS))
-        within = {**found, "after": {**after, "T_bias": 1.0}}
-        assert "T_bias" not in certificate("x_V", within, Errors([HELPS], HELPS))
+    for findings in ((worded(),), ()):
+        found = outcome(findings, tuple(Row(*pair) for pair in after.items()))
+        assert said in certificate(found, Errors([HELPS], HELPS))
+        within = outcome(findings, tuple(Row(*pair) for pair in {**after, "T_bias": 1.0}.items()))
+        assert "T_bias" not in certificate(within, Errors([HELPS], HELPS))
 
 
 def test_a_left_out_error_of_whole_plots_that_grows_is_noted() -> None:
@@ -163,13 +167,12 @@ def test_a_certificate_says_that_nothing_was_found():
     assert "stands out from the noise, which is not what the model assumes. The scatter grows (2 ppm); " in paragraph(
         NOISE
     )
-    rest = {"share": 0.4, "where": "between points", "added": False}
-    said = paragraph(unnamed=[rest])
+    said = paragraph(unnamed=[REST])
     assert said.startswith(
         "x_V: no effect that was looked for explains what the declared model (1 + x) leaves. The error is"
     )
     assert "Found and sized" not in said
-    said = paragraph(unnamed=[{**rest, "added": True}])
+    said = paragraph(unnamed=[replace(REST, added=True)])
     assert "With all that was found, the error goes from" in said
     assert "Without a name: 40 % of the error beyond scatter, between points." in said
 

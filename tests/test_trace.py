@@ -357,6 +357,6 @@ def test_errors_of_the_fitted_parameters_are_those_of_the_joint_fit():
     columns = np.column_stack([*h, effect.contribution_V / effect.coefficients[0]])
     rss = np.linalg.lstsq(columns, data.outputs[X], rcond=None)[1][0]
     stderr = np.sqrt(np.diag(np.linalg.inv(columns.T @ columns)) * rss / (len(data) - 5))
-    table = found.sensors[X].to_json()["fitted"]["coefficients"]
+    table = found.sensors[X].outcome().to_json()["fitted"]["coefficients"]
     np.testing.assert_allclose([e["stderr"] for e in list(table.values())[:4]], stderr[:4], rtol=0.05)
     assert next(iter(table.values()))["df"] == len(data) - 5

@@ -143,7 +143,7 @@ def test_effect_is_named(name):
     assert NUMBER.sub("#", effect.size) == NUMBER.sub("#", scenario.size)
     sizes = [[float(n) for n in NUMBER.findall(text)] for text in (effect.size, scenario.size)]
     np.testing.assert_allclose(*sizes, rtol=0.15)
-    assert effect.to_json()["size"] == effect.size
+    assert effect.finding().to_json()["size"] == effect.size
     if scenario.coefficient is not None:
         assert abs(effect.coefficients[0] - scenario.coefficient) < 5 * effect.stderr[0] + 0.01 * scenario.coefficient
 

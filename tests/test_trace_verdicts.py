@@ -62,12 +62,12 @@ def traced(kind, seed):
 def only_noise(kind, how, seed):
     rng = np.random.default_rng(seed)
     if kind == "table":
-        return [of_table(noisy_truth.table(how, rng), "load").to_json()]
+        return [of_table(noisy_truth.table(how, rng), "load").outcome().to_json()]
     if kind == "attitude":
         run = trace(noisy_truth.attitude(how, rng), validate=False)
     else:
         run = trace_whole_plots(noisy_truth.whole_plots(how, rng), model="full", validate=False)
-    return [sensor.to_json() for sensor in run.sensors.values()]
+    return [sensor.outcome().to_json() for sensor in run.sensors.values()]
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -85,8 +85,9 @@ def test_the_same_noise_has_one_name_and_one_verdict(kind, how, name):
 @pytest.mark.parametrize(("kind", "seed"), [(kind, seed) for kind, seeds in STRONG.items() for seed in seeds])
 def test_strong_nonlinearities_are_traced_and_what_is_said_of_them_adds_up(kind, seed):
     for sensor, before, after in traced(kind, seed):
-        found = json.loads(json.dumps(sensor.to_json(), allow_nan=False))
+        found = json.loads(json.dumps(sensor.outcome().to_json(), allow_nan=False))
         effects = [effect for effect in found["effects"] if effect["stratum"] != "noise"]
+        assert all(effect["doubtful"] is None for effect in found["effects"])
         every = [one["share"] for one in (*effects, *found["unnamed"])]
         assert all(0.0 <= share <= 1.0 for share in every)
         assert sum(every) <= 1.0 + 1e-9, [(e["effect"], e["share"]) for e in effects]
@@ -199,4 +200,4 @@ def test_columns_too_large_for_a_double_are_left_out_and_named():
     columns = noisy_truth.table("outliers", rng)
     found = of_table({**columns, "load": 1e60 * columns["load"]}, "load")
     assert "second-order:load was left out: its values are too large to be computed with" in found.notes
-    json.dumps(found.to_json(), allow_nan=False)
+    json.dumps(found.outcome().to_json(), allow_nan=False)

@@ -352,7 +352,7 @@ def test_units_are_those_of_the_terms_that_are_found():
     found = trace_whole_plots(bent, catalogue=(reference,), validate=False).sensors[ONE]
     assert (found.effects[0].terms, found.effects[0].unit) == (("P^3",), "psi/psi^3")
     assert found.effects[0].size.endswith(" psi/psi^3")
-    assert found.to_json()["fitted"]["coefficients"]["reference-nonlinearity: P^3"]["unit"] == "psi/psi^3"
+    assert found.outcome().to_json()["fitted"]["coefficients"]["reference-nonlinearity: P^3"]["unit"] == "psi/psi^3"
 
 
 def test_json_is_the_object_the_design_promises():
@@ -371,7 +371,18 @@ def test_json_is_the_object_the_design_promises():
         "whole-plot-drift",
         "noise-grows",
     }
-    promised = {"effect", "stratum", "term", "coefficients", "stderr", "unit", "p_adjusted", "share", "aliases"}
+    promised = {
+        "effect",
+        "stratum",
+        "term",
+        "coefficients",
+        "stderr",
+        "unit",
+        "p_adjusted",
+        "share",
+        "aliases",
+        "doubtful",
+    }
     for effect in one["effects"]:
         assert promised | {"separate_by", "lo95", "hi95", "peak_mV", "peak_psi"} <= set(effect)
         assert effect["lo95"][0] < effect["coefficients"][0] < effect["hi95"][0]
@@ -435,7 +446,7 @@ def test_a_reading_that_stands_out_is_pointed_at():
     assert effect.terms[0].startswith("order 17 at ")
     assert effect.coefficients[0] == pytest.approx(0.2, abs=4 * SUBPLOT)
     assert one.after.residual_mV[17] == pytest.approx(0.2, abs=4 * (SUBPLOT + WHOLE_PLOT))
-    json.dumps(effect.to_json(), allow_nan=False)
+    json.dumps(effect.finding().to_json(), allow_nan=False)
 
 
 def test_readings_that_stand_out_neither_hide_nor_make_an_effect():

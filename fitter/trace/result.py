@@ -20,6 +20,7 @@ from fitter.temperature import Temperature
 from fitter.trace.aliases import Rival
 from fitter.trace.alternatives import Alternative
 from fitter.trace.estimate import predict
+from fitter.trace.outcome import Finding, Outcome, Parameter, Row, WithError, run_json
 from fitter.trace.problem import Candidate, raw_columns
 from fitter.trace.signs import Refused
 
@@ -105,25 +106,38 @@ class Found:
             **more,
         )
 
-    def to_json(self) -> dict[str, JsonValue]:
-        """As `rig trace --json` prints it."""
-        return {
-            "effect": self.effect,
-            "cause": self.cause,
-            "stratum": self.stratum,
-            "term": ", ".join(self.terms),
-            "terms": list(self.terms),
-            "coefficients": list(self.coefficients),
-            "stderr": [error if np.isfinite(error) else None for error in self.stderr],
-            "unit": self.unit,
-            "size": self.size,
-            "p_adjusted": self.p_adjusted,
-            "p_adjusted_is_bound": self.p_adjusted_is_bound,
-            "share": self.share,
-            "aliases": list(self.aliases),
-            "separation_sigmas": dict(self.separation),
-            "separate_by": self.separate_by,
-        }
+    @property
+    def own_keys(self) -> dict[str, JsonValue]:
+        """Keys of JSON that only this kind of run has."""
+        return {}
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Its coefficients as rows beside those of the declared model."""
+        rows = zip(self.terms, self.coefficients, self.stderr, strict=True)
+        named = ((f"{self.effect}: {term}", WithError(value, error)) for term, value, error in rows)
+        return tuple(Parameter(name, estimate, unit=self.unit) for name, estimate in named)
+
+    def finding(self) -> Finding:
+        """The same in the form of every kind of run."""
+        return Finding(
+            kind="noise" if self.stratum == "noise" else "effect",
+            cause=self.cause,
+            stratum=self.stratum,
+            share=self.share,
+            effect=self.effect,
+            terms=self.terms,
+            coefficients=self.coefficients,
+            stderr=self.stderr,
+            unit=self.unit,
+            size=self.size,
+            p_adjusted=self.p_adjusted,
+            p_adjusted_is_bound=self.p_adjusted_is_bound,
+            aliases=self.aliases,
+            separation=self.separation,
+            separate_by=self.separate_by,
+            more=self.own_keys,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,9 +156,10 @@ class FoundEffect(Found):
         """(n,) what it adds to the output of each observation."""
         return np.asarray(self.columns_V.sum(axis=1))
 
-    def to_json(self) -> dict[str, JsonValue]:
-        """As `rig trace --json` prints it."""
-        return {**super().to_json(), "rms_V": float(np.sqrt(np.mean(self.contribution_V**2)))}
+    @property
+    def own_keys(self) -> dict[str, JsonValue]:
+        """Keys of JSON that only attitude sensors have."""
+        return {"rms_V": float(np.sqrt(np.mean(self.contribution_V**2)))}
 
 
 @dataclass(frozen=True)
@@ -166,9 +181,15 @@ class Unnamed:
     added: bool = field(default=False, kw_only=True)
     stratum: str = field(default="unnamed", kw_only=True)
 
-    def to_json(self) -> dict[str, JsonValue]:
-        """As `rig trace --json` prints it."""
-        return {"where": self.where, "share": self.share, "added": self.added, "stratum": self.stratum}
+    @property
+    def own_keys(self) -> dict[str, JsonValue]:
+        """Keys of JSON that only this kind of run has."""
+        return {}
+
+    def finding(self) -> Finding:
+        """The same in the form of every kind of run."""
+        more = self.own_keys
+        return Finding("unnamed", self.where, self.stratum, self.share, added=self.added, more=more)
 
 
 def verdict(*, found: bool, fell: bool, rest: Iterable[Unnamed]) -> str:
@@ -239,19 +260,22 @@ class SensorTrace:
     refused: tuple[Refused, ...] = ()
     keeping: tuple[str, ...] = ()
 
-    def to_json(self) -> dict[str, JsonValue]:
-        """As `rig trace --json` prints it."""
-        return {
-            "declared": self.declared,
-            "verdict": self.verdict,
-            "before": self._side(self.before, self.cv_rms_before, self.shared_attitude_before),
-            "effects": [effect.to_json() for effect in (*self.effects, *self.noise)],
-            "after": self._side(self.after, self.cv_rms_after, self.shared_attitude_after),
-            "unnamed": [rest.to_json() for rest in self.unnamed],
-            "notes": list(self.notes),
-            "refused": [one.to_json() for one in self.refused],
-            "fitted": {"coefficients": self._fitted()},
-        }
+    def outcome(self) -> Outcome:
+        """The same in the form of every kind of run."""
+        return Outcome(
+            sensor=self.sensor,
+            declared=self.declared,
+            verdict=self.verdict,
+            findings=(
+                *(effect.finding() for effect in (*self.effects, *self.noise)),
+                *(rest.finding() for rest in self.unnamed),
+            ),
+            before=self._side(self.before, self.cv_rms_before, self.shared_attitude_before),
+            after=self._side(self.after, self.cv_rms_after, self.shared_attitude_after),
+            fitted=self._fitted(),
+            notes=self.notes,
+            refused=tuple(one.to_json() for one in self.refused),
+        )
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -280,22 +304,28 @@ class SensorTrace:
             )
         return tuple(notes)
 
-    def _side(self, table: Replication, cv_rms: float | None, shared: FTest) -> dict[str, JsonValue]:
+    def _side(self, table: Replication, cv_rms: float | None, shared: FTest) -> tuple[Row, ...]:
         known = np.isfinite(shared.value)
-        return {
+        values = {
             **table_2(table, self.S_V),
             "cv_rms": cv_rms,
             "cv_rms_deg": None if cv_rms is None else float(np.degrees(cv_rms / self.S_V)),
             "T_shared_attitude": shared.value if known else None,
             "F_shared_attitude_95": shared.limit_95 if known else None,
         }
+        return tuple(Row(name, value, _unit(name)) for name, value in values.items())
 
-    def _fitted(self) -> dict[str, JsonValue]:
+    def _fitted(self) -> tuple[Parameter, ...]:
         table = coefficient_table(self.fit) | temperature_table(self.temperature, self.S_V, self.fit.df)
-        for effect in (*self.effects, *self.smooth):
-            for term, value, error in zip(effect.terms, effect.coefficients, effect.stderr, strict=True):
-                table[f"{effect.effect}: {term}"] = {"estimate": value, "stderr": error, "unit": effect.unit}
-        return table
+        own = (Parameter(name, WithError.of_json(row)) for name, row in table.items())
+        return (*own, *(one for effect in (*self.effects, *self.smooth) for one in effect.parameters))
+
+
+def _unit(name: str) -> str:
+    """Unit of a row by its name; sigmas and left-out errors are in volts, and in degrees where their name ends so."""
+    if name.endswith("_deg"):
+        return "deg"
+    return "V" if name.startswith(("sigma_", "cv_rms")) else ""
 
 
 @dataclass(frozen=True)
@@ -351,6 +381,20 @@ class Trace:
     explanations: Mapping[str, tuple[Explanation, ...]] = field(default_factory=dict)
     alternatives: tuple[Alternative, ...] = ()
 
+    @property
+    def about(self) -> dict[str, JsonValue]:
+        """What the run is, for JSON."""
+        return {"points": self.points, "kind": "pitch-roll"}
+
+    @property
+    def reference(self) -> dict[str, JsonValue]:
+        """Where the effects' columns are zero, for JSON."""
+        return {"temperature_degC": self.scene.temperature_degC, "elapsed_s": self.scene.elapsed_s}
+
+    def outcomes(self) -> tuple[Outcome, ...]:
+        """What is said of each sensor, in the form of every kind of run."""
+        return tuple(found.outcome() for found in self.sensors.values())
+
     def predict(self, data: AttitudeData) -> dict[str, FloatArray]:
         """(n,) outputs in volts of each sensor for other observations, effects included."""
         extra = raw_columns(self.scene.on(data), self.chosen) @ self.gamma
@@ -359,8 +403,4 @@ class Trace:
 
     def to_json(self, file: str | None = None) -> dict[str, JsonValue]:
         """The object `rig trace --json` prints; numbers that do not exist are None, never NaN."""
-        return {
-            "data": {"file": file, "points": self.points, "kind": "pitch-roll"},
-            "reference": {"temperature_degC": self.scene.temperature_degC, "elapsed_s": self.scene.elapsed_s},
-            "sensors": {name: found.to_json() for name, found in self.sensors.items()},
-        }
+        return run_json({"file": file, **self.about}, self.outcomes(), reference=self.reference)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from types import MappingProxyType
 from typing import Any
@@ -20,8 +20,9 @@ from fitter.inverse import AttitudeCalibration
 from fitter.inverse.traced import Volts, calibrate_traced, covering_parameters
 from fitter.quantiles import t_limit
 from fitter.trace import SensorTrace, Trace, trace
+from fitter.trace.outcome import Finding, Outcome, run_json
 from fitter.trace.result import FoundEffect
-from rig.closed_loop.certificate import Change, Errors, certificate, with_words
+from rig.closed_loop.certificate import Change, Errors, certified, with_words
 from rig.closed_loop.gross import FitSummary, LeaveOut, Searched, kept_with, search
 from rig.effects import attitude_catalogue
 from rig.errors import UsageError
@@ -215,16 +216,26 @@ class AttitudeTraced:
 
     def to_json(self) -> dict[str, Any]:
         """What `rig trace --json` prints."""
-        result: dict[str, Any] = self.trace.to_json(self.table.source)
-        result["data"] |= {"simulated": self.table.simulated, **self.table.provenance, "file": self.table.source}
-        for name, sensor in self.trace.sensors.items():
-            shown = result["sensors"][name]
-            shown["sentence"] = attitude_sentence(name, sensor)
-            shown["effects"] = [_worded(self.trace, sensor, effect) for effect in shown["effects"]]
-            shown["at_degC_sentence"] = self.at_words(name)
-            shown["certificate"] = certificate(name, shown, _errors(sensor))
-            shown["depends_on"] = list(self.depends_on(name))
-        return {**result, "unused": unused_in_fit(self.table).to_json()}
+        data = {**self.trace.about, "simulated": self.table.simulated, **self.table.provenance}
+        data["file"] = self.table.source
+        unused = unused_in_fit(self.table).to_json()
+        return run_json(data, self.outcomes, reference=self.trace.reference, unused=unused)
+
+    @cached_property
+    def outcomes(self) -> tuple[Outcome, ...]:
+        """What is said of each sensor."""
+        return tuple(self._outcome(name) for name in self.trace.sensors)
+
+    def _outcome(self, name: str) -> Outcome:
+        sensor = self.trace.sensors[name]
+        outcome = sensor.outcome()
+        return certified(
+            replace(outcome, findings=tuple(_worded(self.trace, sensor, one) for one in outcome.findings)),
+            attitude_sentence(name, sensor),
+            _errors(sensor),
+            at_degC_sentence=self.at_words(name),
+            depends_on=list(self.depends_on(name)),
+        )
 
     def depends_on(self, sensor: str) -> tuple[str, ...]:
         """Sentences about the parameters of a sensor whose value depends on which of several causes holds."""
@@ -244,13 +255,15 @@ class AttitudeTraced:
         return calibrate_traced(self.data, *_effects(self.trace, {}), temperature=self.temperature)
 
 
-def _worded(found: Trace, sensor: SensorTrace, effect: dict[str, Any]) -> dict[str, Any]:
-    """An effect's JSON with intervals and a sentence."""
-    of = next((e for e in sensor.effects if e.effect == effect["effect"]), None)
+def _worded(found: Trace, sensor: SensorTrace, effect: Finding) -> Finding:
+    """An effect or a finding about the noise with intervals and a sentence."""
+    if effect.kind == "unnamed":
+        return effect
+    of = next((e for e in sensor.effects if e.effect == effect.effect), None)
     t = t_limit(0.95, sensor.fit.df)
-    if effect["stratum"] == "replication" and of is not None:
+    if effect.stratum == "replication" and of is not None:
         t = t_limit(0.95, max(found.scene.data.replicates.size - 2, 1))
-    halves = [None if error is None else t * error for error in effect["stderr"]]
+    halves = [t * error for error in effect.stderr]
     return with_words(sensor.sensor, effect, halves, "" if of is None else _size(found, sensor, of, t))
 
 

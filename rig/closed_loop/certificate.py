@@ -7,10 +7,11 @@ is the interval of that effect if it is the one; what the data cannot tell from 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
 from typing import Any
 
+from fitter.trace.outcome import Finding, Outcome
 from fitter.trace.result import CONFIRMED
 from rig.report.words import SMALLEST, TESTS, capitalised, chance, part, significant, unnamed
 
@@ -72,8 +73,8 @@ def intervals(coefficients: Iterable[float], halves: Iterable[float | None]) -> 
     return [None if half is None or not isfinite(half) else (value - half, value + half) for value, half in pairs]
 
 
-def with_words(sensor: str, effect: dict[str, Any], halves: Iterable[float | None], size: str) -> dict[str, Any]:
-    """An effect's JSON with `interval_95` of its coefficients, `size_95` and a `sentence` that stands alone.
+def with_words(sensor: str, effect: Finding, halves: Iterable[float | None], size: str) -> Finding:
+    """A finding with intervals of its coefficients and of its size, and a sentence that stands alone.
 
     Args:
         sensor: name of the output or response.
@@ -82,23 +83,37 @@ def with_words(sensor: str, effect: dict[str, Any], halves: Iterable[float | Non
         size: 95 % interval of its size in words, "" where there is none.
 
     """
-    pairs = [None if pair is None else list(pair) for pair in intervals(effect["coefficients"], halves)]
-    worded = {**effect, "interval_95": pairs, "size_95": size or None}
-    if effect["stratum"] == "noise":
-        return {**worded, "sentence": f"{sensor}: {_of_noise(worded)}."}
-    lacks = f"{sensor}: the declared model lacks {_lacking(worded)}. Found and sized on the same data."
-    return {**worded, "sentence": lacks}
+    pairs = tuple(intervals(effect.coefficients, halves))
+    worded = replace(effect, interval_95=pairs, size_95=size or None)
+    told = worded.to_json()
+    if effect.kind == "noise":
+        return replace(worded, sentence=f"{sensor}: {_of_noise(told)}.")
+    lacks = f"{sensor}: the declared model lacks {_lacking(told)}. Found and sized on the same data."
+    return replace(worded, sentence=lacks)
 
 
-def certificate(sensor: str, found: Mapping[str, Any], errors: Errors) -> str:
+def certified(outcome: Outcome, sentence: str, errors: Errors, **more: Any) -> Outcome:
+    """A sensor's outcome with its sentence, the paragraph for a certificate, and `more` keys of its kind.
+
+    Args:
+        outcome: its findings as `with_words` has them.
+        sentence: what was found, in brief.
+        errors: before and after.
+        more: keys of JSON that only its kind has.
+
+    """
+    return replace(outcome, sentence=sentence, certificate=certificate(outcome, errors), more=more)
+
+
+def certificate(outcome: Outcome, errors: Errors) -> str:
     """What was found in one sensor, a paragraph: every effect, errors before and after, what remains unexplained.
 
     Args:
-        sensor: name of the output or response.
-        found: its JSON: `declared`, `effects` as `with_words` has them, `unnamed`.
+        outcome: its findings as `with_words` has them.
         errors: before and after.
 
     """
+    sensor, found = outcome.sensor, outcome.to_json()
     added = [effect for effect in found["effects"] if effect["stratum"] != "noise"]
     noise = [effect for effect in found["effects"] if effect["stratum"] == "noise"]
     rest = [text.removesuffix(".") for text in unnamed(found)]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +11,10 @@ import numpy as np
 
 from fitter.errors import FitError
 from fitter.quantiles import t_limit
+from fitter.trace.outcome import Finding, Outcome, run_json
 from fitter.trace.tables import TableTrace, trace_general
-from rig.closed_loop.certificate import Change, Errors, certificate, with_words
+from fitter.trace.tables.result import FoundTableEffect
+from rig.closed_loop.certificate import Change, Errors, certified, with_words
 from rig.closed_loop.roles import Roles, parts_played, read_roles, used_columns
 from rig.errors import UsageError
 from rig.report.words import noise_of, part, verdict
@@ -40,17 +43,17 @@ class GeneralTraced:
 
     def to_json(self) -> dict[str, Any]:
         """What `rig trace --json` prints."""
-        found: dict[str, Any] = self.trace.to_json()
-        found["roles"] = self.parts
-        found["notes"] = [*self.taken, *self.trace.notes]
-        found["sentence"] = general_sentence(self.trace)
-        found["effects"] = [_worded(self.trace, effect, self._df(effect)) for effect in found["effects"]]
-        found["certificate"] = certificate(self.trace.response, found, _errors(self.trace))
-        return {
-            "data": {"file": Path(self.table.source).name, "points": len(self.table), "kind": "general"},
-            "sensors": {self.roles.label: found},
-            "unused": unused_columns(self.table, used_columns(self.roles, self.parts), self._spared()).to_json(),
-        }
+        data = {"file": Path(self.table.source).name, "points": len(self.table), "kind": "general"}
+        unused = unused_columns(self.table, used_columns(self.roles, self.parts), self._spared()).to_json()
+        return run_json(data, [self.outcome], unused=unused)
+
+    @cached_property
+    def outcome(self) -> Outcome:
+        """What is said of the response."""
+        plain = self.trace.outcome()
+        worded = (_worded(self.trace, effect, self._df(effect)) for effect in self.trace.effects)
+        told = replace(plain, sensor=self.roles.label, findings=(*worded, *plain.unnamed), notes=(*self.taken, *plain.notes))
+        return certified(told, general_sentence(self.trace), _errors(self.trace), roles=self.parts)
 
     def _spared(self) -> dict[str, str]:
         """Why columns that were free to be looked at were not."""
@@ -60,26 +63,27 @@ class GeneralTraced:
             reasons |= {n: "not among --candidates" for n in self.table.names if n not in self.roles.candidates}
         return reasons | dict.fromkeys(self.roles.ignore, "named with --ignore")
 
-    def _df(self, effect: dict[str, Any]) -> int:
+    def _df(self, effect: FoundTableEffect) -> int:
         """Degrees of freedom of an effect's standard errors: of what is constant in whole plots, whole plots count."""
         sharing = self.roles.whole_plot or ((self.roles.replicate,) if self.roles.replicate else ())
-        if effect["stratum"] != "whole-plot" or not sharing:
+        if effect.stratum != "whole-plot" or not sharing:
             return self.trace.after.fit.df
         every: dict[str, Any] = {**self.table.columns, **self.table.text}
         plots = set(zip(*(np.asarray(every[name]).tolist() for name in sharing), strict=True))
-        return max(len(plots) - 1 - len(effect["coefficients"]), 1)
+        return max(len(plots) - 1 - len(effect.coefficients), 1)
 
 
-def _worded(found: TableTrace, effect: dict[str, Any], df: int) -> dict[str, Any]:
-    """An effect's JSON with intervals and a sentence; `df` of its standard errors."""
+def _worded(found: TableTrace, effect: FoundTableEffect, df: int) -> Finding:
+    """An effect or a finding about the noise with intervals and a sentence; `df` of its standard errors."""
     t = t_limit(0.95, df)
-    halves = [None if error is None else t * error for error in effect["stderr"]]
-    size, known = "", [(c, e) for c, e in zip(effect["coefficients"], effect["stderr"], strict=True) if e]
-    if known and effect["stratum"] != "noise":  # of several columns as if they were at right angles
-        part, rms = t / float(np.sqrt(sum((c / e) ** 2 for c, e in known))), effect["rms"]
+    halves = [t * error for error in effect.stderr]
+    size, pairs = "", zip(effect.coefficients, effect.stderr, strict=True)
+    known = [(c, e) for c, e in pairs if np.isfinite(e) and e > 0]
+    if known and effect.stratum != "noise":  # of several columns as if they were at right angles
+        part, rms = t / float(np.sqrt(sum((c / e) ** 2 for c, e in known))), effect.rms
         about = "about " if len(known) > 1 else ""
         size = f"{about}{rms * max(1.0 - part, 0.0):.3g} to {rms * (1.0 + part):.3g} rms"
-    return with_words(found.response, effect, halves, size)
+    return with_words(found.response, effect.finding(), halves, size)
 
 
 def _errors(found: TableTrace) -> Errors:

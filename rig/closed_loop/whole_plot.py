@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -16,9 +17,10 @@ from fitter.misfit import COVERED_BY_WHOLE_PLOTS
 from fitter.pressure import PressureFit, fit_transducers, variance_inflation
 from fitter.pressure.models import FULL, named_formula
 from fitter.trace import TransducerTrace, WholePlotTrace, trace_whole_plots
+from fitter.trace.outcome import Finding, Outcome, run_json
 from fitter.trace.whole_plots.result import FoundPressureEffect
 from fitter.whole_plot_data import WholePlotData
-from rig.closed_loop.certificate import Change, Errors, certificate, with_words
+from rig.closed_loop.certificate import Change, Errors, certified, with_words
 from rig.closed_loop.file_rows import rows_of_file
 from rig.closed_loop.gross import FitSummary, LeaveOut, Searched, kept_with, search
 from rig.effects import pressure_catalogue
@@ -304,28 +306,30 @@ class WholePlotTraced:
 
     def to_json(self) -> dict[str, Any]:
         """What `rig trace --json` prints."""
-        result: dict[str, Any] = self.trace.to_json(self.table.source)
-        result["data"] |= {"simulated": self.table.simulated, **self.table.provenance, "file": self.table.source}
-        result["data"]["model"] = self.declared.to_dict()
-        for name, found in self.trace.sensors.items():
-            shown = result["sensors"][name]
-            shown["sentence"] = whole_plot_sentence(name, found)
-            pairs = zip(found.effects, shown["effects"], strict=True)
-            shown["effects"] = [_worded(self.trace, found, effect, of) for effect, of in pairs]
-            shown["certificate"] = certificate(name, shown, _errors(found))
-        return {**result, "left_out": dict(self.dead), "unused": unused_in_fit(self.table).to_json()}
+        data = {**self.trace.about, "simulated": self.table.simulated, **self.table.provenance}
+        data |= {"file": self.table.source, "model": self.declared.to_dict()}
+        beside = {"left_out": dict(self.dead), "unused": unused_in_fit(self.table).to_json()}
+        return run_json(data, self.outcomes, reference=self.trace.reference, **beside)
+
+    @cached_property
+    def outcomes(self) -> tuple[Outcome, ...]:
+        """What is said of each transducer."""
+        return tuple(self._outcome(found) for found in self.trace.sensors.values())
+
+    def _outcome(self, found: TransducerTrace) -> Outcome:
+        outcome, sentence = found.outcome(), whole_plot_sentence(found.sensor, found)
+        worded = (_worded(self.trace, found, effect) for effect in found.effects)
+        return certified(replace(outcome, findings=(*worded, *outcome.unnamed)), sentence, _errors(found))
 
 
-def _worded(
-    trace: WholePlotTrace, found: TransducerTrace, effect: FoundPressureEffect, result: dict[str, Any]
-) -> dict[str, Any]:
-    """An effect's JSON with intervals and a sentence."""
+def _worded(trace: WholePlotTrace, found: TransducerTrace, effect: FoundPressureEffect) -> Finding:
+    """An effect or a finding about the noise with intervals and a sentence."""
     size, entry = "", next((c.effect for c in trace.chosen if c.effect.name == effect.effect), None)
     if entry is not None:
         values = dict(zip(effect.terms, effect.coefficients, strict=True))
         halves = dict(zip(effect.terms, effect.half_width_95, strict=True))
         size = size_95(entry.size, values, halves, found.sensitivity)
-    return with_words(found.sensor, result, effect.half_width_95, size)
+    return with_words(found.sensor, effect.finding(), effect.half_width_95, size)
 
 
 _HIDES = "the whole plots' own errors included, which effects within them do not change"

@@ -9,6 +9,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.calibration import JsonValue
+from fitter.trace.outcome import Outcome, Parameter, Row, WithError, absent
 from fitter.trace.result import CONFIRMED, Found
 from fitter.trace.tables.estimate import Estimate
 from fitter.trace.tables.smooth import Smooth
@@ -38,14 +39,19 @@ class FoundTableEffect(Found):
     contribution: FloatArray
     intervals: Mapping[str, float] = field(default_factory=dict)
 
-    def to_json(self) -> dict[str, JsonValue]:
-        """As `rig trace --json` prints it."""
+    @property
+    def rms(self) -> float:
+        """Root mean square of what it adds."""
+        return float(np.sqrt(np.mean(self.contribution**2)))
+
+    @property
+    def own_keys(self) -> dict[str, JsonValue]:
+        """Keys of JSON that only tables have."""
         return {
-            **super().to_json(),
             "family": self.family,
             "columns": list(self.columns),
             "intervals": dict(self.intervals),
-            "rms": float(np.sqrt(np.mean(self.contribution**2))),
+            "rms": self.rms,
         }
 
 
@@ -66,20 +72,19 @@ class TableSide:
     sigma_pure: float | None
     shared: tuple[float, float] | None
 
-    def to_json(self) -> dict[str, JsonValue]:
-        """As `rig trace --json` prints it, with the keys of other kinds of runs as null."""
+    def rows(self) -> tuple[Row, ...]:
+        """The same in the form of every kind of run, with the keys of other kinds as null."""
         within, between = self.shared or (None, None)
-        return {
-            **dict.fromkeys(OF_ATTITUDE),
-            "sigma_E": self.fit.sigma_E,
-            "df_E": self.fit.df,
-            "sigma_pure": self.sigma_pure,
-            "sigma_subplot": within,
-            "sigma_wholeplot": between,
-            "sigma_replicate": None,
-            "reading_error_pct": None,
-            "cv_rms": self.cv_rms,
-        }
+        return (
+            Row("sigma_E", self.fit.sigma_E),
+            *absent(OF_ATTITUDE[1:]),
+            Row("df_E", self.fit.df),
+            Row("sigma_pure", self.sigma_pure),
+            Row("sigma_subplot", within),
+            Row("sigma_wholeplot", between),
+            *absent(("sigma_replicate", "reading_error_pct")),
+            Row("cv_rms", self.cv_rms),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,24 +144,21 @@ class TableTrace:
             notes.append(f"cv_rms: {self.left_out} in turn left out, the search repeated without them")
         return tuple(notes)
 
-    def to_json(self) -> dict[str, JsonValue]:
-        """As `rig trace --json` prints it."""
-        return {
-            "declared": self.declared,
-            "verdict": self.verdict,
-            "before": self.before.to_json(),
-            "effects": [effect.to_json() for effect in self.effects],
-            "after": self.after.to_json(),
-            "unnamed": [rest.to_json() for rest in self.unnamed],
-            "notes": list(self.notes),
-            "fitted": {"coefficients": self._fitted()},
-        }
+    def outcome(self) -> Outcome:
+        """The same in the form of every kind of run."""
+        return Outcome(
+            sensor=self.response,
+            declared=self.declared,
+            verdict=self.verdict,
+            findings=(*(one.finding() for one in self.effects), *(rest.finding() for rest in self.unnamed)),
+            before=self.before.rows(),
+            after=self.after.rows(),
+            fitted=self._fitted(),
+            notes=self.notes,
+        )
 
-    def _fitted(self) -> dict[str, JsonValue]:
-        fit, table = self.after.fit, dict[str, JsonValue]()
-        for name, value, error in zip(self.names, fit.coefficients, fit.stderr, strict=False):
-            table[name] = {"estimate": float(value), "stderr": float(error), "df": float(fit.df)}
-        for effect in self.added:
-            for term, value, error in zip(effect.terms, effect.coefficients, effect.stderr, strict=True):
-                table[f"{effect.effect}: {term}"] = {"estimate": value, "stderr": error, "unit": effect.unit}
-        return table
+    def _fitted(self) -> tuple[Parameter, ...]:
+        fit = self.after.fit
+        declared = zip(self.names, fit.coefficients, fit.stderr, strict=False)  # effects come after them
+        own = (Parameter(name, WithError(float(v), float(e), float(fit.df))) for name, v, e in declared)
+        return (*own, *(one for effect in self.added for one in effect.parameters))

@@ -38,10 +38,10 @@ class Smooth(Unnamed):
     sigma_E: tuple[float, float]
     left_out: tuple[float, float]
 
-    def to_json(self) -> dict[str, JsonValue]:
-        """As `rig trace --json` prints it."""
+    @property
+    def own_keys(self) -> dict[str, JsonValue]:
+        """Keys of JSON that only tables have."""
         return {
-            **super().to_json(),
             "variable": self.variable,
             "order": self.order,
             "period": self.period,

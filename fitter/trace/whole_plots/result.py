@@ -13,6 +13,7 @@ from fitter.effects import PressureScene
 from fitter.effects.noise import AUTOCORRELATION, NOISE_GROWS, OUTLIERS
 from fitter.formula import Formula
 from fitter.split_plot import SplitPlotFit
+from fitter.trace.outcome import Outcome, Parameter, Row, WithError, absent, run_json
 from fitter.trace.result import CONFIRMED, Explanation, Found, Unnamed
 from fitter.trace.signs import Refused
 from fitter.trace.whole_plots.noise import Noise
@@ -51,11 +52,20 @@ class FoundPressureEffect(Found):
         given = tuple(self.unit.split(", "))
         return given if len(given) == len(self.terms) else (self.unit,) * len(self.terms)
 
-    def to_json(self) -> dict[str, JsonValue]:
-        """As `rig trace --json` prints it."""
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Its coefficients as rows beside those of the declared model."""
+        rows = zip(self.terms, self.coefficients, self.stderr, self.df, self.units, strict=True)
+        return tuple(
+            Parameter(f"{self.effect}: {term}", WithError(value, error, df), unit=unit)
+            for term, value, error, df, unit in rows
+        )
+
+    @property
+    def own_keys(self) -> dict[str, JsonValue]:
+        """Keys of JSON that only pressure transducers have."""
         pairs = [(c, h if np.isfinite(h) else None) for c, h in zip(self.coefficients, self.half_width_95, strict=True)]
         return {
-            **super().to_json(),
             "formulas": list(self.formulas),
             "df": [df if np.isfinite(df) else None for df in self.df],
             "lo95": [None if half is None else value - half for value, half in pairs],
@@ -86,16 +96,16 @@ class Side:
     cv_rms: float | None
     residual_mV: FloatArray
 
-    def to_json(self) -> dict[str, JsonValue]:
-        """As `rig trace --json` prints it, with the keys of pitch-roll runs as null."""
-        return {
-            **dict.fromkeys(OF_ATTITUDE),
-            "sigma_subplot": self.fit.sigma_subplot,
-            "sigma_wholeplot": self.fit.sigma_wholeplot,
-            "sigma_replicate": self.fit.sigma_replicate,
-            "reading_error_pct": dict(self.reading_error_pct),
-            "cv_rms": self.cv_rms,
-        }
+    def rows(self) -> tuple[Row, ...]:
+        """The same in the form of every kind of run, with the keys of pitch-roll runs as null."""
+        return (
+            *absent(OF_ATTITUDE),
+            Row("sigma_subplot", self.fit.sigma_subplot, "mV"),
+            Row("sigma_wholeplot", self.fit.sigma_wholeplot, "mV"),
+            Row("sigma_replicate", self.fit.sigma_replicate, "mV"),
+            Row("reading_error_pct", dict(self.reading_error_pct), "%"),
+            Row("cv_rms", self.cv_rms, "mV"),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,19 +141,19 @@ class TransducerTrace:
     refused: tuple[Refused, ...] = ()
     keeping: tuple[str, ...] = ()
 
-    def to_json(self) -> dict[str, JsonValue]:
-        """As `rig trace --json` prints it."""
-        return {
-            "declared": self.declared,
-            "verdict": self.verdict,
-            "before": self.before.to_json(),
-            "effects": [effect.to_json() for effect in self.effects],
-            "after": self.after.to_json(),
-            "unnamed": [rest.to_json() for rest in self.unnamed],
-            "notes": list(self.notes),
-            "refused": [one.to_json() for one in self.refused],
-            "fitted": {"coefficients": self._fitted()},
-        }
+    def outcome(self) -> Outcome:
+        """The same in the form of every kind of run."""
+        return Outcome(
+            sensor=self.sensor,
+            declared=self.declared,
+            verdict=self.verdict,
+            findings=(*(one.finding() for one in self.effects), *(rest.finding() for rest in self.unnamed)),
+            before=self.before.rows(),
+            after=self.after.rows(),
+            fitted=self._fitted(),
+            notes=self.notes,
+            refused=tuple(one.to_json() for one in self.refused),
+        )
 
     @property
     def added(self) -> tuple[FoundPressureEffect, ...]:
@@ -188,19 +198,12 @@ class TransducerTrace:
             notes.append("cv_rms: each whole plot in turn left out of selection and fit, its error predicted as zero")
         return tuple(notes)
 
-    def _fitted(self) -> dict[str, JsonValue]:
+    def _fitted(self) -> tuple[Parameter, ...]:
         fit = self.after.fit
         adjusted = fit.kenward_roger()
-        table: dict[str, JsonValue] = {}
         declared = zip(fit.names, self.after.declared, adjusted.stderr, fit.df, strict=False)  # effects come after them
-        for name, value, error, df in declared:
-            table[name] = {"estimate": float(value), "stderr": float(error), "df": float(df)}
-        for effect in self.added:
-            rows = zip(effect.terms, effect.coefficients, effect.stderr, effect.df, effect.units, strict=True)
-            for term, value, error, df, unit in rows:
-                entry: dict[str, JsonValue] = {"estimate": value, "stderr": error, "df": df, "unit": unit}
-                table[f"{effect.effect}: {term}"] = entry
-        return table
+        own = (Parameter(name, WithError(float(v), float(e), float(df))) for name, v, e, df in declared)
+        return (*own, *(one for effect in self.added for one in effect.parameters))
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,6 +229,24 @@ class WholePlotTrace:
     points: int
     explanations: Mapping[str, tuple[Explanation, ...]] = field(default_factory=dict)
 
+    @property
+    def about(self) -> dict[str, JsonValue]:
+        """What the run is, for JSON."""
+        return {"points": self.points, "kind": "whole-plot"}
+
+    @property
+    def reference(self) -> dict[str, JsonValue]:
+        """Where the effects' columns are zero, for JSON."""
+        return {
+            "sensor_temperature_degC": self.scene.sensor_degC,
+            "sse_temperature_degC": self.scene.sse_degC,
+            "elapsed_s": self.scene.elapsed_s,
+        }
+
+    def outcomes(self) -> tuple[Outcome, ...]:
+        """What is said of each transducer, in the form of every kind of run."""
+        return tuple(found.outcome() for found in self.sensors.values())
+
     def predict(self, data: WholePlotData) -> dict[str, FloatArray]:
         """(n,) outputs of each transducer for other readings, effects included, whole-plot errors zero, mV."""
         _, columns = self.formula.columns(data.table, self.formula.levels(self.scene.data.table))
@@ -235,12 +256,4 @@ class WholePlotTrace:
 
     def to_json(self, file: str | None = None) -> dict[str, JsonValue]:
         """The object `rig trace --json` prints; numbers that do not exist are None, never NaN."""
-        return {
-            "data": {"file": file, "points": self.points, "kind": "whole-plot"},
-            "reference": {
-                "sensor_temperature_degC": self.scene.sensor_degC,
-                "sse_temperature_degC": self.scene.sse_degC,
-                "elapsed_s": self.scene.elapsed_s,
-            },
-            "sensors": {name: found.to_json() for name, found in self.sensors.items()},
-        }
+        return run_json({"file": file, **self.about}, self.outcomes(), reference=self.reference)
