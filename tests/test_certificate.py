@@ -19,8 +19,8 @@ from fitter.trace.outcome import Finding, Outcome, Row
 from rig.closed_loop import AttitudeTraced, WholePlotTraced
 from rig.closed_loop.certificate import Change, Errors, certificate, with_words
 from rig.closed_loop.whole_plot import Declared
-from rig.report.whole_plot_effects import effect_figures
-from rig.report.words import chance, part, percent
+from rig.present.words import chance, part, percent
+from rig.report.effect_plots import drawn
 from rig.tables import Table
 
 EFFECT = Finding(
@@ -213,5 +213,5 @@ def test_an_effect_of_a_transducer_has_interval_sentence_and_figure():
     before, after = (found[side]["cv_rms"] for side in ("before", "after"))
     assert ("this grew: the data left out do not confirm" in found["certificate"]) == (after > before)
     assert "bear it out" not in found["certificate"]
-    (figure,) = effect_figures(traced, "bridge_1_mV").values()
+    (figure,) = drawn(traced.outcomes[0].figures).values()
     assert base64.b64decode(figure).startswith(b"\x89PNG")

@@ -14,7 +14,6 @@ from test_signs import table_of
 
 from fitter.inverse import AttitudeCalibration
 from rig.closed_loop.attitude import fit_attitude_table, trace_attitude_table
-from rig.report.parameters import parameters
 from rig.tables import Table
 
 BENCH = Bench(sensors=(Sensor("x"),))
@@ -62,10 +61,11 @@ def test_intervals_hold_the_model_error_that_is_left(result: dict) -> None:
 
 def test_trace_and_fit_print_the_same_standard_errors(kinked: Table, result: dict) -> None:
     """Every term of an effect has a coefficient of its own, and the parameters pay for it."""
-    after = {p.name: p.after for p in parameters(trace_attitude_table(kinked), "x_V")}
+    (outcome,) = (one for one in trace_attitude_table(kinked).outcomes if one.sensor == "x_V")
+    after = {one.name: one.after for one in outcome.parameters}
     kept = result["kept"]["x_V"]["parameters"]["S_V"]
-    assert float(after["S / (V/g)"][0]) == pytest.approx(kept["estimate"], abs=kept["stderr"])
-    assert float(after["S / (V/g)"][1]) == pytest.approx(kept["stderr"], rel=0.05)
+    assert after["S_V"].value == pytest.approx(kept["estimate"], abs=kept["stderr"])
+    assert after["S_V"].stderr == pytest.approx(kept["stderr"], rel=0.05)
 
 
 def test_the_terminal_says_it_where_something_is_lacking_and_only_there(kinked: Table, tmp_path: Path) -> None:

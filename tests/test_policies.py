@@ -25,8 +25,8 @@ from rig.engine.guard import Guard
 from rig.engine.session import Outcome
 from rig.errors import ConfigurationError
 from rig.examples import example
+from rig.present.words import incomplete
 from rig.report.story import story
-from rig.report.words import incomplete
 from rig.run_file.reader import RunReader
 from rig.simulated.dry_run import DryBench
 from rig.tables import run_table

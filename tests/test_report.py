@@ -13,10 +13,11 @@ from few_sensors import with_sensors
 from markupsafe import escape
 
 from fitter.trace import trace
+from fitter.trace.outcome import Parameter
 from rig.closed_loop import AttitudeTraced, fit_table, trace_table
+from rig.present.parameters import with_error
+from rig.present.words import chance, incomplete, little_help, unnamed
 from rig.report import report as render
-from rig.report.parameters import parameters, with_error
-from rig.report.words import chance, incomplete, little_help, unnamed
 from rig.tables import Table, run_table
 
 SCRIPT = "<script>alert(1)</script>"
@@ -44,6 +45,10 @@ def only_x(traced: AttitudeTraced) -> AttitudeTraced:
     return replace(traced, trace=replace(traced.trace, sensors={"x_V": traced.trace.sensors["x_V"]}))
 
 
+def parameters(traced: AttitudeTraced, name: str) -> tuple[Parameter, ...]:
+    return next(one.parameters for one in traced.outcomes if one.sensor == name)
+
+
 def test_names_are_not_taken_for_markup(html):
     assert "<script" not in html
     assert f"<title>{SCRIPT.replace('<', '&lt;').replace('>', '&gt;')}</title>" in html
@@ -54,9 +59,9 @@ def test_every_number_before_and_after_is_there(traced, html):
         for side in ("before", "after"):
             for key in ("sigma_E_deg", "sigma_bias_deg", "sigma_prec_deg", "cv_rms_deg"):
                 assert f">{sensor[side][key] * 1e4:.3g}</td>" in html, (name, side, key)
-        for parameter in parameters(traced, name):
-            for text in (*parameter.before, *parameter.after):
-                assert f">{text}</td>" in html
+        for one in parameters(traced, name):
+            for side in (one.before, one.after):
+                assert all(f">{text}</td>" in html for text in with_error(side.value, side.stderr))
 
 
 def test_notes_are_shown(traced, html):
@@ -109,11 +114,10 @@ def test_a_table_without_temperatures_makes_a_report_too(traced):
 
 def test_parameters_before_are_those_of_the_fit(traced):
     fitted = fit_table(traced.table)["sensors"]["x_V"]["parameters"]
-    assert [p.name for p in parameters(traced, "x_V")] == ["b / V", "S / (V/g)", "Omega / deg", "A / deg"]
+    assert [one.label for one in parameters(traced, "x_V")] == ["b / V", "S / (V/g)", "Omega / deg", "A / deg"]
     for parameter, value in zip(parameters(traced, "x_V"), fitted.values(), strict=False):
-        estimate, error = parameter.before
-        assert float(error) == pytest.approx(value["stderr"], rel=0.06)
-        assert float(estimate) == pytest.approx(value["estimate"], abs=value["stderr"])
+        assert parameter.before.stderr == value["stderr"]
+        assert parameter.before.value == value["estimate"]
 
 
 def test_standard_errors_after_include_the_effects_own_uncertainty():
@@ -142,10 +146,10 @@ def test_standard_errors_after_include_the_effects_own_uncertainty():
     both = np.column_stack([np.ones(n), np.sin(a), np.cos(a) * np.sin(r), np.cos(a) * np.cos(r), effect])
     expected = found.after.sigma_E * np.sqrt(np.diag(np.linalg.inv(both.T @ both)))
     b, S, *_ = parameters(traced, "x_V")
-    assert float(b.after[1]) == pytest.approx(expected[0], rel=0.06)
-    assert float(S.after[1]) == pytest.approx(expected[1], rel=0.06)
+    assert b.after.stderr == pytest.approx(expected[0], rel=0.06)
+    assert S.after.stderr == pytest.approx(expected[1], rel=0.06)
     alone = found.after.sigma_E * np.sqrt(np.diag(np.linalg.inv(both[:, :4].T @ both[:, :4])))
-    assert float(S.after[1]) > 1.1 * alone[1]
+    assert S.after.stderr > 1.1 * alone[1]
     assert found.fit.stderr[1] == pytest.approx(expected[1], rel=0.06)
 
 

@@ -25,7 +25,7 @@ from fitter.trace.tables import family, trace_general
 from fitter.trace.tables.run import LEVEL
 from fitter.trace.whole_plots import trace_whole_plots
 from rig.closed_loop.roles import Roles, roles_of
-from rig.report.words import verdict_of
+from rig.present.words import verdict_of
 from rig.tables import Table
 
 pytestmark = pytest.mark.usefixtures("few_draws")

@@ -8,11 +8,13 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table as RichTable
 
+from fitter.trace.outcome import Outcome
 from rig.cli.effects import paragraph, show_certificate, show_effect
 from rig.cli.gross import show_gross, show_left_out
 from rig.cli.show import headline, number, out
 from rig.closed_loop import AttitudeTraced
-from rig.report.words import TESTS, little_help, misfit_in_words, significant, unnamed, verdict_of
+from rig.present.parameters import LABELS, NO_DIRECTION, shown, with_error, with_interval
+from rig.present.words import TESTS, little_help, misfit_in_words, significant, unnamed, verdict_of
 
 
 def show_attitude_fit(result: Mapping[str, Any]) -> None:
@@ -84,8 +86,6 @@ def _show_sensor(name: str, sensor: Mapping[str, Any]) -> None:
 
 
 def _show_parameters_of(heading: str, parameters: Mapping[str, Any]) -> None:
-    from rig.report.parameters import LABELS, NO_DIRECTION, shown, with_interval  # noqa: PLC0415
-
     table = RichTable("parameter", "estimate", "standard error", "95 % interval", title=heading, title_justify="left")
     for parameter in (rows := shown(parameters)):
         table.add_row(LABELS[parameter], *with_interval(parameters[parameter]))
@@ -107,7 +107,7 @@ _BEFORE_AFTER = (
 
 def show_attitude_trace(traced: AttitudeTraced) -> None:
     """A short table a sensor: error before and after, and the effects found."""
-    result = traced.to_json()
+    result, outcomes = traced.to_json(), {one.sensor: one for one in traced.outcomes}
     headline(result["data"]["file"], traced.table)
     for name, sensor in result["sensors"].items():
         out.print(f"\n[bold]{name}[/] ({sensor['declared']}): [bold]{escape(verdict_of(sensor))}[/]")
@@ -117,7 +117,7 @@ def show_attitude_trace(traced: AttitudeTraced) -> None:
         out.print(table)
         if any(significant(sensor[side], test) for side in ("before", "after") for test in _MARKED):
             out.print("  * above its 95 % limit")
-        _show_parameters(traced, name)
+        _show_parameters(outcomes[name])
         _say(sensor["depends_on"])
         for effect in sensor["effects"]:
             show_effect(effect)
@@ -135,14 +135,13 @@ def _cell(side: Mapping[str, Any], key: str, scale: float) -> str:
     return f"[yellow]{text} *[/]" if key in _MARKED and significant(side, key) else text
 
 
-def _show_parameters(traced: AttitudeTraced, sensor: str) -> None:
-    from rig.report.parameters import parameters  # noqa: PLC0415
-
+def _show_parameters(outcome: Outcome) -> None:
     table = RichTable("parameter", "before", "standard error", "after", "standard error")
-    for parameter in parameters(traced, sensor):
-        table.add_row(parameter.name, *parameter.before, *parameter.after)
+    for one in outcome.parameters:
+        sides = (one.before or one.after, one.after)
+        table.add_row(one.label, *(text for side in sides for text in with_error(side.value, side.stderr)))
     out.print(table)
-    out.print(f"  {traced.at_words(sensor)}", soft_wrap=True)
+    out.print(f"  {outcome.more['at_degC_sentence']}", soft_wrap=True)
 
 
 def degrees(value: float | None) -> str:

@@ -108,7 +108,7 @@ def _today(given: str | None) -> datetime:
 
 def _show_sensor(name: str, usage: str, found: Mapping[str, Any]) -> None:
     from rig.closed_loop.chart_words import due_date, label  # noqa: PLC0415
-    from rig.report.parameters import with_error  # noqa: PLC0415
+    from rig.present.parameters import with_error  # noqa: PLC0415
 
     rows = found["calibrations"]
     table = RichTable("date", *rows[0]["parameters"], "outside", title=f"\n{name}, {found['model']}")

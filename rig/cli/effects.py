@@ -9,7 +9,7 @@ from rich.markup import escape
 from rich.padding import Padding
 
 from rig.cli.show import out
-from rig.report.words import chance, share, units, with_error
+from rig.present.words import chance, share, units, with_error
 
 _SHOWN = 6
 """Coefficients of an effect that are shown; the others are in the JSON and the report."""

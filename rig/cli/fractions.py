@@ -12,7 +12,8 @@ from rich.table import Table as RichTable
 from rig.cli.show import headline, number, out
 from rig.closed_loop.fractions import FAMILY
 from rig.durations import duration
-from rig.report.words import TESTS, significant
+from rig.present.parameters import LABELS, shown
+from rig.present.words import TESTS, significant
 from rig.tables import Table
 
 
@@ -27,8 +28,8 @@ def show_fractions(name: str, table: Table, result: Mapping[str, Any], which: st
     rows = [{**full, "share": 1.0}, *result["fractions"]]
     for sensor in full["sensors"]:
         out.print(f"[bold]{escape(sensor)}[/]")
-        for shown in (_tests(sensor, rows), _precision(sensor, rows)):
-            out.print(shown)
+        for one in (_tests(sensor, rows), _precision(sensor, rows)):
+            out.print(one)
             out.print()
         if which != FAMILY:
             out.print(_parameters(sensor, *rows))
@@ -97,8 +98,6 @@ def _shifts(sensor: Mapping[str, Any]) -> list[float]:
 
 def _parameters(sensor: str, full: Mapping[str, Any], part: Mapping[str, Any]) -> RichTable:
     """The paper's parameters of the whole run and of the fraction, beside each other."""
-    from rig.report.parameters import LABELS, shown  # noqa: PLC0415 - as in rig.cli.attitude
-
     names = (full["name"], part["name"])
     headings = [text for name in names for text in (escape(name), "standard error")]
     table = _table("parameter", *headings)

@@ -14,7 +14,7 @@ from rig.cli.effects import paragraph, show_certificate, show_effect
 from rig.cli.gross import show_gross, show_left_out
 from rig.cli.show import err, number, out, print_json, show_unused
 from rig.errors import UsageError
-from rig.report.words import unnamed, verdict_of
+from rig.present.words import unnamed, verdict_of
 
 
 def _columns(text: str) -> Any:

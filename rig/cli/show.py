@@ -18,7 +18,7 @@ from rich.text import Text
 from drivers.clock import RealClock
 from rig.durations import duration
 from rig.engine.session import Progress as News
-from rig.report.words import incomplete
+from rig.present.words import incomplete
 
 if TYPE_CHECKING:
     from rig.tables import Table

@@ -13,7 +13,7 @@ from rig.cli.gross import show_gross, show_left_out
 from rig.cli.show import headline, number, out
 from rig.closed_loop import WholePlotTraced
 from rig.closed_loop.whole_plot import IN_USE, errors_in_words, in_use_words, low_pressure
-from rig.report.words import unnamed, verdict_of
+from rig.present.words import unnamed, verdict_of
 
 _MEASURES = (
     ("in_use", "max_pct", "largest reading error in use / %"),

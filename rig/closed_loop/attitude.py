@@ -22,11 +22,12 @@ from fitter.quantiles import t_limit
 from fitter.trace import SensorTrace, Trace, trace
 from fitter.trace.outcome import Finding, Outcome, run_json
 from fitter.trace.result import FoundEffect
+from rig.closed_loop.attitude_rows import effect_figures, parameter_rows
 from rig.closed_loop.certificate import Change, Errors, certified, with_words
 from rig.closed_loop.gross import FitSummary, LeaveOut, Searched, kept_with, search
 from rig.effects import attitude_catalogue
 from rig.errors import UsageError
-from rig.report.words import noise_of, part, verdict
+from rig.present.words import noise_of, part, verdict
 from rig.tables import Table, attitude_data
 from rig.tables.unused import unused_in_fit
 
@@ -212,7 +213,12 @@ class AttitudeTraced:
 
     def at_words(self, sensor: str) -> str:
         """At which temperature a sensor's parameters hold, in words."""
-        return fit_attitude(self.data, sensor, temperature=self.temperature).at_words
+        return self.declared[sensor].at_words
+
+    @cached_property
+    def declared(self) -> Mapping[str, AttitudeFit]:
+        """Fit of the declared model alone, by sensor."""
+        return {s: fit_attitude(self.data, s, temperature=self.temperature) for s in self.trace.sensors}
 
     def to_json(self) -> dict[str, Any]:
         """What `rig trace --json` prints."""
@@ -228,9 +234,14 @@ class AttitudeTraced:
 
     def _outcome(self, name: str) -> Outcome:
         sensor = self.trace.sensors[name]
-        outcome = sensor.outcome()
+        outcome, declared = sensor.outcome(), self.declared[name]
         return certified(
-            replace(outcome, findings=tuple(_worded(self.trace, sensor, one) for one in outcome.findings)),
+            replace(
+                outcome,
+                findings=tuple(_worded(self.trace, sensor, one) for one in outcome.findings),
+                parameters=parameter_rows(declared, sensor, lambda: self.calibration),
+                figures=effect_figures(self.data, declared, sensor, self.trace.outliers),
+            ),
             attitude_sentence(name, sensor),
             _errors(sensor),
             at_degC_sentence=self.at_words(name),

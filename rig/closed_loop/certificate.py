@@ -13,7 +13,7 @@ from typing import Any
 
 from fitter.trace.outcome import Finding, Outcome
 from fitter.trace.result import CONFIRMED
-from rig.report.words import SMALLEST, TESTS, capitalised, chance, part, significant, unnamed
+from rig.present.words import SMALLEST, TESTS, capitalised, chance, part, significant, unnamed
 
 Interval = tuple[float, float] | None
 _NAMED = 3

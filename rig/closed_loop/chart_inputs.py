@@ -21,8 +21,8 @@ from rig.closed_loop.attitude import with_temperature
 from rig.closed_loop.whole_plot import fit_whole_plots
 from rig.errors import UsageError
 from rig.inference import read_calibration
+from rig.present.words import incomplete
 from rig.regular import read_regular_text
-from rig.report.words import incomplete
 from rig.run_file.bodies import TEXTS
 from rig.tables import Table, attitude_data, read_table
 from rig.tables.unused import Unused, sentences, unused_in_fit

@@ -17,7 +17,7 @@ from fitter.trace.tables.result import FoundTableEffect
 from rig.closed_loop.certificate import Change, Errors, certified, with_words
 from rig.closed_loop.roles import Roles, parts_played, read_roles, used_columns
 from rig.errors import UsageError
-from rig.report.words import noise_of, part, verdict
+from rig.present.words import noise_of, part, verdict
 from rig.tables import Table
 from rig.tables.unused import TEXT, unused_columns
 
@@ -52,7 +52,9 @@ class GeneralTraced:
         """What is said of the response."""
         plain = self.trace.outcome()
         worded = (_worded(self.trace, effect, self._df(effect)) for effect in self.trace.effects)
-        told = replace(plain, sensor=self.roles.label, findings=(*worded, *plain.unnamed), notes=(*self.taken, *plain.notes))
+        told = replace(
+            plain, sensor=self.roles.label, findings=(*worded, *plain.unnamed), notes=(*self.taken, *plain.notes)
+        )
         return certified(told, general_sentence(self.trace), _errors(self.trace), roles=self.parts)
 
     def _spared(self) -> dict[str, str]:

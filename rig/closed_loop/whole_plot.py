@@ -23,9 +23,10 @@ from fitter.whole_plot_data import WholePlotData
 from rig.closed_loop.certificate import Change, Errors, certified, with_words
 from rig.closed_loop.file_rows import rows_of_file
 from rig.closed_loop.gross import FitSummary, LeaveOut, Searched, kept_with, search
+from rig.closed_loop.whole_plot_figures import effect_figures
 from rig.effects import pressure_catalogue
 from rig.errors import UsageError
-from rig.report.words import noise_of, verdict
+from rig.present.words import noise_of, verdict
 from rig.tables import Table, whole_plot_data
 from rig.tables.unused import unused_in_fit
 
@@ -319,7 +320,9 @@ class WholePlotTraced:
     def _outcome(self, found: TransducerTrace) -> Outcome:
         outcome, sentence = found.outcome(), whole_plot_sentence(found.sensor, found)
         worded = (_worded(self.trace, found, effect) for effect in found.effects)
-        return certified(replace(outcome, findings=(*worded, *outcome.unnamed)), sentence, _errors(found))
+        figures = effect_figures(self.data, self.trace, found)
+        told = replace(outcome, findings=(*worded, *outcome.unnamed), figures=figures)
+        return certified(told, sentence, _errors(found))
 
 
 def _worded(trace: WholePlotTrace, found: TransducerTrace, effect: FoundPressureEffect) -> Finding:

@@ -12,8 +12,8 @@ from fitter.errors import FitError
 from fitter.inverse import AttitudeCalibration, CurveCalibration
 from fitter.pressure import PressureCalibration
 from rig.errors import UsageError
+from rig.present.words import incomplete
 from rig.regular import read_regular_text
-from rig.report.words import incomplete
 from rig.tables.unused import Unused
 
 

@@ -6,16 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fitter import fit_attitude
-from fitter.effects.noise import OUTLIERS
-from fitter.linear import orthonormal
-from fitter.trace.result import FoundEffect
-from rig.report.attitude_plots import SCALE, UNIT, Picture, residual_map, residuals_against
-from rig.report.effect_plots import EffectView, effect_plot, noise_plot
+from fitter.trace.outcome import Outcome, WithError
+from rig.present.parameters import NO_DIRECTION, with_error
+from rig.present.words import TESTS, little_help, significant
+from rig.report.attitude_plots import Picture, residual_map, residuals_against
+from rig.report.effect_plots import drawn
 from rig.report.effects import effects_part
 from rig.report.frame import render
-from rig.report.parameters import LABELS, NO_DIRECTION, parameters
-from rig.report.words import TESTS, little_help, significant
 
 if TYPE_CHECKING:
     from rig.closed_loop import AttitudeTraced
@@ -40,13 +37,12 @@ def attitude_report(traced: AttitudeTraced) -> str:
         "attitude.html.j2",
         traced.table,
         span_s=float(np.ptp(traced.data.elapsed_s)),
-        sensors=[_sensor(name, result["sensors"][name], traced) for name in traced.trace.sensors],
+        sensors=[_sensor(one, result["sensors"][one.sensor], traced) for one in traced.outcomes],
     )
 
 
-def _sensor(name: str, result: dict[str, Any], traced: AttitudeTraced) -> dict[str, Any]:
-    before, after = result["before"], result["after"]
-    estimates, plots = parameters(traced, name), _effect_plots(traced, name)
+def _sensor(outcome: Outcome, result: dict[str, Any], traced: AttitudeTraced) -> dict[str, Any]:
+    name, before, after = outcome.sensor, result["before"], result["after"]
     return {
         **result,
         "name": name,
@@ -60,51 +56,16 @@ def _sensor(name: str, result: dict[str, Any], traced: AttitudeTraced) -> dict[s
             }
             for key, label, scale, what in _ROWS
         ],
-        "parameters": estimates,
+        "parameters": [
+            {"name": one.label, "before": _text(one.before), "after": _text(one.after)} for one in outcome.parameters
+        ],
         "at_words": traced.at_words(name),
-        "no_direction": NO_DIRECTION if LABELS["mx_V"] in {p.name for p in estimates} else "",
-        **effects_part(result, plots),
+        "no_direction": NO_DIRECTION if "mx_V" in {one.name for one in outcome.parameters} else "",
+        **effects_part(result, drawn(outcome.figures)),
         "little_help": little_help(result),
         "notes": result.get("notes", []),
         "plots": _plots(name, _picture(traced, name)),
     }
-
-
-_VARIABLES = {
-    "pitch_deg": ("pitch / deg", 1.0),
-    "roll_deg": ("roll / deg", 1.0),
-    "elapsed_s": ("bench time / h", 1 / 3600.0),
-    "sensor_temperature_degC": ("sensor temperature / degC", 1.0),
-}
-"""Label and scale of the fields of the data that effects are looked at against."""
-
-
-def _effect_plots(traced: AttitudeTraced, name: str) -> dict[str, str]:
-    """A figure for every effect and finding of one sensor, by its name."""
-    data, found = traced.data, traced.trace.sensors[name]
-    to_unit = np.degrees(1.0 / found.S_V) * SCALE
-    residual = found.residual_after_V * to_unit
-    fit = fit_attitude(data, name, temperature=traced.temperature)
-    basis = orthonormal(np.column_stack([fit.columns(data.pitch_deg, data.roll_deg), fit.beside(data)]))
-    every = np.arange(len(data))
-    kept = np.setdiff1d(every, traced.trace.outliers)
-    plots = {}
-    for effect in (*found.effects, *found.noise):
-        name, (label, scale) = _variable(effect.against)
-        rows = every if effect.effect == OUTLIERS else kept
-        x, left = getattr(data, name)[rows] * scale, residual[rows]
-        if isinstance(effect, FoundEffect):
-            adds = (effect.contribution_V - basis @ (basis.T @ effect.contribution_V)) * to_unit
-            plots[effect.effect] = effect_plot(EffectView(x, label, adds[rows], left, UNIT))
-        else:
-            plots[effect.effect] = noise_plot(x, label, left, UNIT)
-    return plots
-
-
-def _variable(against: str) -> tuple[str, tuple[str, float]]:
-    """Field of the data to plot an effect against, with label and scale; the time for one that has no label here."""
-    name = against if against in _VARIABLES else "elapsed_s"
-    return name, _VARIABLES[name]
 
 
 def _picture(traced: AttitudeTraced, name: str) -> Picture:
@@ -144,3 +105,7 @@ def _plots(name: str, picture: Picture) -> list[dict[str, str]]:
 
 def _number(value: float | None, scale: float) -> str:
     return "-" if value is None else f"{value * scale:.3g}"
+
+
+def _text(one: WithError | None) -> tuple[str, str]:
+    return ("-", "-") if one is None else with_error(one.value, one.stderr)

@@ -8,13 +8,11 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
+from rig.present.parameters import SCALE, UNIT
 from rig.report.pictures import colour_scale, legend_below, png, side_by_side
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
-SCALE = 1e4
-"""From degrees to the unit of the plots."""
-UNIT = "1e-4 deg"
 _MARKS = "osD^v<>ph*"
 
 

@@ -10,10 +10,10 @@ from rig.atomic import write_whole
 from rig.closed_loop.chart import ControlCharts, SensorChart
 from rig.closed_loop.chart_inputs import as_table
 from rig.closed_loop.chart_words import change_scale, due_date, label, probability, with_error
+from rig.present.parameters import with_error as estimate_and_error
+from rig.present.words import capitalised
 from rig.report.chart_plots import error_chart, parameter_charts
 from rig.report.frame import render
-from rig.report.parameters import with_error as estimate_and_error
-from rig.report.words import capitalised
 
 
 def write_chart_report(path: Path, charted: ControlCharts) -> None:

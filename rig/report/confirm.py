@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from fitter.confirm import Confirmation
+from fitter.trace.outcome import Figure
 from rig.atomic import write_whole
 from rig.closed_loop.confirm import Confirmed, chance, sentences, sizes
-from rig.report.attitude_plots import SCALE, UNIT
-from rig.report.effect_plots import EffectView, effect_plot
+from rig.present.parameters import SCALE, UNIT
+from rig.report.effect_plots import draw
 from rig.report.frame import render
 from rig.tables import run_table
 
@@ -88,4 +89,4 @@ def _plot(confirmed: Confirmed, answer: Confirmation, sensor: str) -> str:
     error = judged.errors[sensor]
     unit, scale = (UNIT, SCALE) if confirmed.unit == "deg" else ("mpsi", 1e3)
     adds = confirmed.inferred(error, judged.adds[answer.effect, sensor]) * scale
-    return effect_plot(EffectView(values, label, adds, confirmed.inferred(error, error.residual_after) * scale, unit))
+    return draw(Figure(values, label, confirmed.inferred(error, error.residual_after) * scale, adds, unit))

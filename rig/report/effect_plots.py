@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 
+from fitter.trace.outcome import Figure
 from rig.report.pictures import png, three_panels
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
@@ -20,27 +21,17 @@ _OWN = 0.5
 """Share of an effect that its own variable must show when all else is averaged; below, it is shown on both sides."""
 
 
-@dataclass(frozen=True)
-class EffectView:
-    """What is drawn of one effect in one sensor.
-
-    Attributes:
-        x: (n,) its own variable.
-        label: of that, with unit.
-        adds: (n,) what it adds, beyond what the declared model takes up.
-        after: (n,) residual with all effects found.
-        unit: of both, for the axis.
-
-    """
-
-    x: Array
-    label: str
-    adds: Array
-    after: Array
-    unit: str
+def drawn(figures: Mapping[str, Figure]) -> dict[str, str]:
+    """Base64 PNG for every effect and finding about the noise, by its name."""
+    return {name: draw(figure) for name, figure in figures.items()}
 
 
-def effect_plot(view: EffectView) -> str:
+def draw(figure: Figure) -> str:
+    """An effect or a finding about the noise; base64 PNG."""
+    return _noise_plot(figure) if figure.adds is None else _effect_plot(figure, figure.adds)
+
+
+def _effect_plot(view: Figure, adds: Array) -> str:
     """Residual without and with an effect over its own variable, and over what the effect adds; base64 PNG.
 
     Dots are observations; marks their means with 95 % intervals; lines what was fitted. An effect that cancels in the
@@ -49,23 +40,23 @@ def effect_plot(view: EffectView) -> str:
     """
     figure, (without, having, added) = three_panels(3.1)
     bins = _bins(view.x)
-    series = _series(view, bins)
-    left = view.after + view.adds
+    series = _series(adds, bins)
+    left = view.left + adds
     for axis, residual, title in (
         (without, left, "without this effect"),
-        (having, view.after, "with it"),
+        (having, view.left, "with it"),
     ):
         axis.plot(view.x, residual, ".", ms=2, alpha=0.25, color="0.6", zorder=1)
         for rows, colour, name in series:
             _means(axis, view.x[rows], residual[rows], bins[rows], colour, name)
             if axis is without:
-                axis.plot(*_averaged(view.x[rows], view.adds[rows], bins[rows])[:2], "-", lw=1.2, color=colour)
+                axis.plot(*_averaged(view.x[rows], adds[rows], bins[rows])[:2], "-", lw=1.2, color=colour)
         _dress(axis, title, view.label)
     if len(series) > 1:
         without.legend(fontsize=7, frameon=False)
-    added.plot(view.adds, left, ".", ms=2, alpha=0.25, color="0.6", zorder=1)
-    _means(added, view.adds, left, _bins(view.adds), "C0", "")
-    ends = np.array([view.adds.min(), view.adds.max()])
+    added.plot(adds, left, ".", ms=2, alpha=0.25, color="0.6", zorder=1)
+    _means(added, adds, left, _bins(adds), "C0", "")
+    ends = np.array([adds.min(), adds.max()])
     added.plot(ends, ends, "-", color="C0", lw=1.2)
     _dress(added, "without it, over what it adds", f"what the effect adds / {view.unit}")
     added.locator_params(axis="x", nbins=5)
@@ -75,8 +66,9 @@ def effect_plot(view: EffectView) -> str:
     return png(figure)
 
 
-def noise_plot(x: Array, label: str, residual: Array, unit: str) -> str:
+def _noise_plot(view: Figure) -> str:
     """Residual over the variable that a finding about the noise goes by: readings, means and scatter; base64 PNG."""
+    x, residual = view.x, view.left
     figure, (readings, means, scatter) = three_panels(2.9, share_y=False)
     bins = _bins(x)
     readings.plot(x, residual, ".", ms=2.5, alpha=0.5, color="C0")
@@ -88,8 +80,8 @@ def noise_plot(x: Array, label: str, residual: Array, unit: str) -> str:
     scatter.errorbar(at[several], sd[several], yerr=half[several], fmt="o", ms=3, lw=0.9, color="C0")
     scatter.set_ylim(bottom=0)
     for axis, title in ((readings, "readings"), (means, "their means"), (scatter, "their standard deviation")):
-        _dress(axis, title, label)
-    readings.set_ylabel(f"residual / {unit}", fontsize=9)
+        _dress(axis, title, view.label)
+    readings.set_ylabel(f"residual / {view.unit}", fontsize=9)
     return png(figure)
 
 
@@ -102,13 +94,13 @@ def _bins(x: Array) -> Groups:
     return np.asarray(np.unique(index, return_inverse=True)[1], np.int64)
 
 
-def _series(view: EffectView, bins: Groups) -> list[tuple[np.ndarray[Any, np.dtype[np.bool_]], str, str]]:
+def _series(adds: Array, bins: Groups) -> list[tuple[np.ndarray[Any, np.dtype[np.bool_]], str, str]]:
     """(rows, colour, name): all, or those where the effect adds and those where it takes away."""
-    mean = (np.bincount(bins, view.adds) / np.bincount(bins))[bins]
+    mean = (np.bincount(bins, adds) / np.bincount(bins))[bins]
     everything = np.ones(len(bins), np.bool_)
-    if np.sum(mean**2) >= _OWN * np.sum(view.adds**2):
+    if np.sum(mean**2) >= _OWN * np.sum(adds**2):
         return [(everything, "C0", "")]
-    less = view.adds < 0
+    less = adds < 0
     return [(~less, "C0", "where it adds"), (less, "C1", "where it takes away")]
 
 

@@ -9,8 +9,8 @@ from typing import Any
 
 import jinja2
 
+from rig.present.words import incomplete
 from rig.report.story import story
-from rig.report.words import incomplete
 from rig.tables import Table
 from rig.tables.unused import unused_in_fit
 

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fitter.trace.outcome import Outcome
+from rig.report.effect_plots import drawn
 from rig.report.effects import effects_part
 from rig.report.frame import render
-from rig.report.whole_plot_effects import effect_figures
 from rig.report.whole_plot_plots import Residuals, between_whole_plots, reading_errors, within_whole_plots
 
 if TYPE_CHECKING:
@@ -29,13 +30,13 @@ def whole_plot_report(traced: WholePlotTraced) -> str:
         traced.table,
         span_s=float(np.ptp(traced.data.elapsed_s)),
         whole_plots=len(traced.data.whole_plots),
-        sensors=[_transducer(name, result["sensors"][name], traced) for name in traced.trace.sensors],
+        sensors=[_transducer(one, result["sensors"][one.sensor], traced) for one in traced.outcomes],
     )
 
 
-def _transducer(name: str, result: dict[str, Any], traced: WholePlotTraced) -> dict[str, Any]:
+def _transducer(outcome: Outcome, result: dict[str, Any], traced: WholePlotTraced) -> dict[str, Any]:
+    name, before, after = outcome.sensor, result["before"], result["after"]
     found = traced.trace.sensors[name]
-    before, after, figures = result["before"], result["after"], effect_figures(traced, name)
     residuals = Residuals(traced.data, found.before.residual_mV, found.after.residual_mV, found.sensitivity)
     return {
         **result,
@@ -56,7 +57,7 @@ def _transducer(name: str, result: dict[str, Any], traced: WholePlotTraced) -> d
             | {"df": _number(value["df"], 3)}
             for term, value in result["fitted"]["coefficients"].items()
         ],
-        **effects_part(result, figures),
+        **effects_part(result, drawn(outcome.figures)),
         "plots": [
             {"alt": f"{name}: reading error over pressure, before and after", "png": reading_errors(residuals)},
             {"alt": f"{name}: residuals within whole plots over pressure", "png": within_whole_plots(residuals)},

@@ -19,7 +19,7 @@ from fitter.whole_plot_data import WholePlotData
 from rig.closed_loop import AttitudeTraced
 from rig.closed_loop.confirm.first import First, read_later
 from rig.errors import UsageError
-from rig.report.words import SMALLEST
+from rig.present.words import SMALLEST
 
 Value = TypeVar("Value", float, FloatArray)
 

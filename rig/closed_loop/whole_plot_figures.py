@@ -1,19 +1,17 @@
-"""A figure for every effect that was found in a pressure transducer, before and after, over its own variable."""
+"""What every effect that was found in a pressure transducer looks like over its own variable."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
 
 import numpy as np
 
+from fitter.arrays import FloatArray
 from fitter.linear import orthonormal
+from fitter.trace import TransducerTrace, WholePlotTrace
+from fitter.trace.outcome import Figure
 from fitter.trace.whole_plots.result import FoundPressureEffect
-from rig.report.effect_plots import EffectView, effect_plot, noise_plot
-
-if TYPE_CHECKING:
-    from rig.closed_loop import WholePlotTraced
-
-Array = np.ndarray[Any, np.dtype[np.float64]]
+from fitter.whole_plot_data import WholePlotData
 
 _VARIABLES = {
     "pressure_psia": ("pressure / psia", 1.0),
@@ -27,43 +25,42 @@ _VARIABLES = {
 """Label and scale of the fields of the data that effects are looked at against."""
 
 
-def effect_figures(traced: WholePlotTraced, name: str) -> dict[str, str]:
-    """Base64 PNG for every effect and finding of one transducer, by its name.
+def effect_figures(data: WholePlotData, trace: WholePlotTrace, found: TransducerTrace) -> Mapping[str, Figure]:
+    """What every effect and finding about the noise of one transducer looks like, by its name.
 
     What varies within whole plots is shown less their means, which errors of their own hide; what varies between them,
     by the means.
     """
-    data, found = traced.data, traced.trace.sensors[name]
     residual = found.after.residual_mV
-    _, columns = traced.trace.formula.columns(data.table, traced.trace.formula.levels(data.table))
+    _, columns = trace.formula.columns(data.table, trace.formula.levels(data.table))
     basis = orthonormal(columns)
     first = np.unique(data.whole_plot_index, return_index=True)[1]
     figures = {}
     for effect in found.effects:
-        x, label = _variable(traced, effect)
+        x, label = _variable(data, effect)
         rows = first if effect.stratum == "whole-plot" else np.flatnonzero(np.isfinite(x))
         if effect.stratum == "noise":
-            figures[effect.effect] = noise_plot(x[rows], label, (residual - _means(traced, residual))[rows], "mV")
+            figures[effect.effect] = Figure(x[rows], label, (residual - _means(data, residual))[rows], None, "mV")
             continue
         contribution = effect.contribution_mV - basis @ (basis.T @ effect.contribution_mV)
-        adds, left = (_shown(traced, values, effect.stratum)[rows] for values in (contribution, residual))
-        figures[effect.effect] = effect_plot(EffectView(x[rows], label, adds, left, "mV"))
+        adds, left = (_shown(data, values, effect.stratum)[rows] for values in (contribution, residual))
+        figures[effect.effect] = Figure(x[rows], label, left, adds, "mV")
     return figures
 
 
-def _shown(traced: WholePlotTraced, values: Array, stratum: str) -> Array:
+def _shown(data: WholePlotData, values: FloatArray, stratum: str) -> FloatArray:
     """(n,) what of values stands in the effect's stratum."""
-    means = _means(traced, values)
+    means = _means(data, values)
     return means if stratum == "whole-plot" else values - means
 
 
-def _variable(traced: WholePlotTraced, effect: FoundPressureEffect) -> tuple[Array, str]:
+def _variable(data: WholePlotData, effect: FoundPressureEffect) -> tuple[FloatArray, str]:
     name = effect.against if effect.against in _VARIABLES else "elapsed_s"
     label, scale = _VARIABLES[name]
-    return np.asarray(getattr(traced.data, name), np.float64) * scale, label
+    return np.asarray(getattr(data, name), np.float64) * scale, label
 
 
-def _means(traced: WholePlotTraced, values: Array) -> Array:
+def _means(data: WholePlotData, values: FloatArray) -> FloatArray:
     """(n,) mean of the whole plot each reading is in."""
-    index = traced.data.whole_plot_index
+    index = data.whole_plot_index
     return np.asarray((np.bincount(index, values) / np.bincount(index))[index])

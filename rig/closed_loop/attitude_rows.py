@@ -1,0 +1,107 @@
+"""Attitude sensors: the calibration's parameters before and after the effects, and what each effect looks like."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.attitude import AttitudeParameters, NoRollParameters, attitude_parameters, no_roll_parameters
+from fitter.calibration import AttitudeFit, parameter_table, temperature_table
+from fitter.data import AttitudeData
+from fitter.effects.noise import OUTLIERS
+from fitter.inverse import AttitudeCalibration
+from fitter.linear import RankError, orthonormal
+from fitter.temperature import Temperature
+from fitter.trace import SensorTrace
+from fitter.trace.outcome import Figure, Parameter, WithError
+from fitter.trace.result import FoundEffect
+from rig.present.parameters import LABELS, SCALE, UNIT, shown
+
+_VARIABLES = {
+    "pitch_deg": ("pitch / deg", 1.0),
+    "roll_deg": ("roll / deg", 1.0),
+    "elapsed_s": ("bench time / h", 1 / 3600.0),
+    "sensor_temperature_degC": ("sensor temperature / degC", 1.0),
+}
+"""Label and scale of the fields of the data that effects are looked at against."""
+
+
+def parameter_rows(
+    declared: AttitudeFit, found: SensorTrace, calibration: Callable[[], AttitudeCalibration]
+) -> tuple[Parameter, ...]:
+    """Every parameter of one sensor, of the declared model alone and beside the effects found.
+
+    Those beside the effects are those of the calibration that `rig fit --traced` keeps. Where the points do not
+    determine the model with the effects they have no standard errors.
+
+    Args:
+        declared: fit of the declared model alone.
+        found: what was found in the sensor.
+        calibration: with the effects; asked only where there are any.
+
+    """
+    alone = _table(declared.parameters, declared.parameters_df, declared.temperature, declared.linear.df)
+    beside = alone  # what other sensors' effects do to this one is too little to name
+    if found.effects:
+        warm = temperature_table(found.temperature, declared.parameters.S_V, found.fit.df)
+        try:
+            beside = {**parameter_table(*calibration().parameters(found.sensor)), **warm}
+        except RankError:
+            unknown = np.full((len(found.fit.coefficients),) * 2, np.nan)
+            converted = _converted(declared, found.fit.coefficients, unknown)
+            beside = {**parameter_table(converted, found.fit.df), **warm}
+    return tuple(
+        Parameter(name, WithError.of_json(beside[name]), WithError.of_json(alone[name]), label=LABELS[name])
+        for name in shown(alone)
+    )
+
+
+def _converted(
+    declared: AttitudeFit, coefficients: FloatArray, covariance: FloatArray
+) -> AttitudeParameters | NoRollParameters:
+    if isinstance(declared.parameters, NoRollParameters):
+        return no_roll_parameters(coefficients, covariance)
+    return attitude_parameters(declared.parameters.axis, coefficients, covariance)
+
+
+def _table(
+    parameters: AttitudeParameters | NoRollParameters, df: int, temperature: Temperature | None, df_temperature: int
+) -> Mapping[str, Any]:
+    return parameter_table(parameters, df) | temperature_table(temperature, parameters.S_V, df_temperature)
+
+
+def effect_figures(
+    data: AttitudeData, declared: AttitudeFit, found: SensorTrace, outliers: Iterable[int]
+) -> dict[str, Figure]:
+    """What every effect and finding about the noise of one sensor looks like, by its name.
+
+    Args:
+        data: the run.
+        declared: fit of the declared model alone.
+        found: what was found in the sensor.
+        outliers: rows that were left out of the search; only the finding about them shows them.
+
+    """
+    to_unit = np.degrees(1.0 / found.S_V) * SCALE
+    residual = found.residual_after_V * to_unit
+    basis = orthonormal(np.column_stack([declared.columns(data.pitch_deg, data.roll_deg), declared.beside(data)]))
+    every = np.arange(len(data))
+    kept = np.setdiff1d(every, tuple(outliers))
+    figures = {}
+    for effect in (*found.effects, *found.noise):
+        name, (label, scale) = _variable(effect.against)
+        rows = every if effect.effect == OUTLIERS else kept
+        x, left, adds = getattr(data, name)[rows] * scale, residual[rows], None
+        if isinstance(effect, FoundEffect):
+            adds = ((effect.contribution_V - basis @ (basis.T @ effect.contribution_V)) * to_unit)[rows]
+        figures[effect.effect] = Figure(x, label, left, adds, UNIT)
+    return figures
+
+
+def _variable(against: str) -> tuple[str, tuple[str, float]]:
+    """Field of the data to look at an effect against, with label and scale; the time for one that has no label here."""
+    name = against if against in _VARIABLES else "elapsed_s"
+    return name, _VARIABLES[name]
