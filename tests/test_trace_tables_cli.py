@@ -12,7 +12,7 @@ from fitter.trace.tables import family
 from rig.cli import main
 from rig.cli.effects import show_certificate
 from rig.cli.show import out
-from rig.report.words import units
+from rig.present.words import units
 
 DECLARED = ("--response", "y", "--formula", "1 + x")
 EFFECT_KEYS = {
