@@ -30,7 +30,7 @@ def test_a_saturated_sensor_is_no_gear_with_an_error_of_degrees() -> None:
     assert "no cause of that name reaches more than 10 % of the sensitivity at 1 g: refused" in (
         refused["sensor-third-order"].sentence
     )
-    shown = {one["effect"]: one for one in found.to_json()["refused"]}
+    shown = {one["effect"]: one for one in found.outcome().to_json()["refused"]}
     assert shown["sensor-third-order"]["largest"] == "10 % of the sensitivity at 1 g"
     assert any(one.sentence in found.notes for one in found.refused)
     assert found.unnamed
