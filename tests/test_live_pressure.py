@@ -14,7 +14,7 @@ from rig.examples import example
 from rig.run_file.reader import RunReader
 
 LAB = example("pressure-lab")
-SPEED = 2000
+SPEED = 1000
 EACH = 5
 
 PROCEDURE = """
@@ -28,7 +28,6 @@ repeated_psia = [0.5]
 [model]
 formula = "1 + P"
 [soak]
-poll_s = 60
 tolerance_degC = 1.0
 sensor_tolerance_degC = 2.0
 dwell_s = 120
