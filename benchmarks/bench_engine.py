@@ -25,7 +25,7 @@ import ideal_bench
 
 from benchmarks.load import commits
 from benchmarks.scratch import RUNS
-from procedures import PitchRollProcedure
+from procedures.attitude.settings import PitchRollProcedure
 from rig.run_file.chain import Record, encode
 from rig.run_file.writer import RunWriter
 

@@ -25,10 +25,16 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 
 from attitude_truth import D1, Bench, Plan, Sensor, rows_of, simulate
 
-from fitter import AttitudeData, attitude_columns
-from fitter.attitude import attitude_parameters, fit_columns, linear_coefficients, sensitive_axis
-from fitter.inverse import ThreeAxis, calibrate_package, infer_attitude
 from fitter.quantiles import t_limit
+from procedures.attitude.data import AttitudeData
+from procedures.attitude.infer import ThreeAxis, calibrate_package, infer_attitude
+from procedures.attitude.model import (
+    attitude_columns,
+    attitude_parameters,
+    fit_columns,
+    linear_coefficients,
+    sensitive_axis,
+)
 
 BENCH = Bench()
 NAMES = ("x_V", "y_V", "z_V")

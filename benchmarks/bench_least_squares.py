@@ -32,11 +32,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 from attitude_truth import D1, Bench, simulate
 from nist import PROBLEMS, digits
 
-from fitter import AttitudeData, attitude_columns, fit_attitude, fit_stream, least_squares
-from fitter.attitude import COLUMNS, attitude_parameters, fit_columns
 from fitter.formula import Formula
-from fitter.linear import Triangle
+from fitter.linear import Triangle, least_squares
 from fitter.refine import refine
+from procedures.attitude.data import AttitudeData
+from procedures.attitude.fit import fit_attitude
+from procedures.attitude.model import COLUMNS, attitude_columns, attitude_parameters, fit_columns
+from procedures.attitude.stream import fit_stream
 
 NIGHT = D1(180, 37, 13)
 ROUNDS, CALLS = 40, 5

@@ -22,8 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from fitter.confirm import NOTHING, Separation
-from fitter.confirm.judge import Confirmation
+from fitter.confirm import NOTHING, Confirmation, Separation
 from rig.closed_loop.confirm import consider, judge, open_traced, plan_for, propose
 from rig.config import parse_toml
 from rig.controller import start_run

@@ -27,8 +27,9 @@ from table_truth import simulate as simulate_table
 from whole_plot_truth import Bench, Run, Transducer
 from whole_plot_truth import simulate as simulate_whole_plots
 
-from fitter.trace import trace, trace_whole_plots
-from fitter.trace.tables import trace_general
+from procedures.attitude.trace import trace
+from procedures.general.trace import trace_general
+from procedures.pressure.trace import trace_whole_plots
 from rig.closed_loop import AttitudeTraced, WholePlotTraced
 from rig.closed_loop.general_trace import GeneralTraced
 from rig.closed_loop.roles import Roles, roles_of

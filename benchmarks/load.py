@@ -32,7 +32,7 @@ from typing import Any
 from benchmarks.load_bench import BODY, Head, UnsyncedVFS, ideal, planned
 from benchmarks.load_journal import JournalTimes, Turns, compared
 from benchmarks.scratch import RUNS
-from procedures import Factor, Point, RunList
+from procedures.run_list import Factor, Point, RunList
 from rig.controller import Result, Site, resume_run, start_run
 from rig.engine.session import Outcome, Progress, Signals
 from rig.plans import Plan

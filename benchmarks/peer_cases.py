@@ -15,13 +15,13 @@ from attitude_truth import simulate as simulate_night
 from table_truth import MISSING, Lab, options
 from table_truth import simulate as simulate_table
 
-from fitter.effects import CATALOGUE
 from fitter.linear import orthonormal
-from fitter.trace import trace
-from fitter.trace.pose import pose
-from fitter.trace.tables import search_table
-from fitter.trace.tables.estimate import estimate
-from fitter.trace.tables.run import problem_of
+from procedures.attitude.effects import CATALOGUE
+from procedures.attitude.trace import trace
+from procedures.attitude.trace.pose import pose
+from procedures.general.trace import search_table
+from procedures.general.trace.estimate import estimate
+from procedures.general.trace.run import problem_of
 from rig.closed_loop.roles import Roles, roles_of
 from rig.tables import Table
 

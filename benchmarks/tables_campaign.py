@@ -28,7 +28,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 import numpy as np
 from table_truth import MISSING, Lab, options, simulate
 
-from fitter.trace.tables import search_table, trace_general
+from procedures.general.trace import search_table, trace_general
 from rig.closed_loop.general_trace import trace_general_table
 from rig.closed_loop.roles import Roles, roles_of
 from rig.tables import Table

@@ -16,8 +16,8 @@ import numpy as np
 from scipy import optimize, special, stats
 
 from benchmarks.tables_campaign import found_or_alike, roles_of
-from fitter.trace.tables import search_table
-from fitter.trace.tables.estimate import estimate
+from procedures.general.trace import search_table
+from procedures.general.trace.estimate import estimate
 from rig.closed_loop.roles import Roles
 from rig.tables import Table
 

@@ -1,29 +1,9 @@
-"""What the data say: models, least squares, analysis of variance, and the trace from a residual to its cause.
+"""What data of any laboratory say: least squares, split plots, analysis of variance, what a trace is made of.
 
-Pure functions: arrays in, frozen dataclasses out. No files, no clocks, no instruments.
-
-    data = AttitudeData(replicate=..., order=..., ..., outputs={"x_V": ...})
-    fit_attitude(data, "x_V").to_dict()
-    fitter.trace.trace(data).to_json()
+Pure functions: arrays in, frozen dataclasses out. No files, no clocks, no instruments. What only one kind of
+calibration knows is in that kind's folder (`procedures`).
 """
 
-from fitter.attitude import attitude_columns, variance_function
-from fitter.calibration import AttitudeFit, fit_all, fit_attitude
-from fitter.data import AttitudeData
 from fitter.linear import LinearFit, RankError, Triangle, least_squares
-from fitter.stream import StreamFit, fit_stream
 
-__all__ = [
-    "AttitudeData",
-    "AttitudeFit",
-    "LinearFit",
-    "RankError",
-    "StreamFit",
-    "Triangle",
-    "attitude_columns",
-    "fit_all",
-    "fit_attitude",
-    "fit_stream",
-    "least_squares",
-    "variance_function",
-]
+__all__ = ["LinearFit", "RankError", "Triangle", "least_squares"]

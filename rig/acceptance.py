@@ -9,7 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from procedures import PitchRollProcedure, Procedure, WholePlotProcedure
+from procedures.attitude.settings import PitchRollProcedure
+from procedures.kind import Procedure
+from procedures.pressure.settings import WholePlotProcedure
 from rig.closed_loop import fit_table, fit_whole_plots
 from rig.closed_loop.whole_plot import largest_words
 from rig.declared import ACCEPTED_BY

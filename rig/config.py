@@ -16,7 +16,10 @@ from typing import Any, Literal, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from procedures import WHOLE_PLOT_FACTORS, PitchRollProcedure, Procedure, WholePlotProcedure
+from procedures.attitude.settings import PitchRollProcedure
+from procedures.kind import Procedure
+from procedures.pressure.settings import FACTORS as WHOLE_PLOT_FACTORS
+from procedures.pressure.settings import WholePlotProcedure
 from procedures.settings import Name
 from rig.columns import UNITS
 from rig.errors import ConfigurationError

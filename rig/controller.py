@@ -19,7 +19,7 @@ from typing import Any
 
 from drivers.clock import Clock, RealClock, ScaledClock, boot_id
 from drivers.errors import DriverError
-from procedures import Procedure
+from procedures.kind import Procedure
 from rig.bench import Bench, check_options, identities, open_bench
 from rig.engine.axes import own_limits
 from rig.engine.gap import Gap, gap_since

@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from fitter.errors import FitError
-from procedures import Procedure, WholePlotProcedure
+from procedures.kind import Procedure
+from procedures.pressure.settings import WholePlotProcedure
 from procedures.run_list import RunList
 from rig.errors import ConfigurationError
 
@@ -29,9 +30,9 @@ def check_declared(procedure: Procedure, run_list: RunList, where: str) -> None:
     """
     if not isinstance(procedure, WholePlotProcedure):
         return
-    from fitter.pressure import fit_pressure, named_formula  # noqa: PLC0415 - few runs need the fitter
-    from fitter.pressure.models import check_determined  # noqa: PLC0415
-    from fitter.whole_plot_data import WholePlotData  # noqa: PLC0415
+    from procedures.pressure.data import WholePlotData  # noqa: PLC0415
+    from procedures.pressure.fit import fit_pressure, named_formula  # noqa: PLC0415
+    from procedures.pressure.fit.models import check_determined  # noqa: PLC0415
 
     model = procedure.declared_model
     points = run_list.points

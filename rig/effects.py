@@ -2,8 +2,8 @@
 
 A laboratory adds effects without touching this project, by either or both of
 
-- an installed package with entry points of the group `rig.effects`, each an `fitter.effects.Effect` (of attitude
-  sensors) or `PressureEffect` (of transducers in whole plots), or a tuple of them;
+- an installed package with entry points of the group `rig.effects`, each an `Effect` of `procedures.attitude.effects`
+  or a `PressureEffect` of `procedures.pressure.effects.scene`, or a tuple of them;
 - a TOML file named by the environment variable `RIG_EFFECTS` (`fitter/effects/own.py` says how it is written).
 """
 
@@ -14,14 +14,20 @@ from collections import Counter
 from importlib.metadata import entry_points
 from pathlib import Path
 
-from fitter.effects import CATALOGUE, PRESSURE_CATALOGUE, Effect, PressureEffect
+from fitter.effects.entry import Entry
 from fitter.effects.own import own_effects
 from fitter.errors import FitError
+from procedures.attitude.effects import CATALOGUE, Effect
+from procedures.attitude.effects import own as own_of_attitude
+from procedures.pressure.effects import PRESSURE_CATALOGUE
+from procedures.pressure.effects import own as own_of_pressure
+from procedures.pressure.effects.scene import PressureEffect
 from rig.errors import ConfigurationError
 from rig.regular import read_regular_text
 
 GROUP = "rig.effects"
 VARIABLE = "RIG_EFFECTS"
+GRAMMARS = (own_of_attitude.GRAMMAR, own_of_pressure.GRAMMAR)
 
 
 def attitude_catalogue() -> tuple[Effect, ...]:
@@ -49,12 +55,12 @@ def _check_names(names: list[str]) -> None:
         raise ConfigurationError(f"two effects are called {twice[0]}: rename the one of your own ({GROUP}, {VARIABLE})")
 
 
-def _own() -> tuple[Effect | PressureEffect, ...]:
+def _own() -> tuple[Entry, ...]:
     return (*_installed(), *_written())
 
 
-def _installed() -> tuple[Effect | PressureEffect, ...]:
-    found: list[Effect | PressureEffect] = []
+def _installed() -> tuple[Entry, ...]:
+    found: list[Entry] = []
     for point in entry_points(group=GROUP):
         given = point.load()
         effects = given if isinstance(given, tuple) else (given,)
@@ -69,11 +75,11 @@ def _installed() -> tuple[Effect | PressureEffect, ...]:
 _MOST_TEXT = 1 << 20
 
 
-def _written() -> tuple[Effect | PressureEffect, ...]:
+def _written() -> tuple[Entry, ...]:
     path = os.environ.get(VARIABLE)
     if not path:
         return ()
     try:
-        return own_effects(read_regular_text(Path(path), _MOST_TEXT))
+        return own_effects(read_regular_text(Path(path), _MOST_TEXT), GRAMMARS)
     except (OSError, UnicodeDecodeError, FitError) as error:
         raise ConfigurationError(f"{VARIABLE}={path}: {error}") from error

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from procedures import RunList
+from procedures.run_list import RunList
 from rig.config import FOLLOWS_S
 from rig.controller import start_run
 from rig.engine.pace import Pace

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from drivers.roles import Chamber, PressureController
-from procedures import Procedure, RunList, WholePlotProcedure
+from procedures.kind import Procedure
+from procedures.pressure.settings import WholePlotProcedure
+from procedures.run_list import RunList
 from rig.bench import playing
 from rig.config import BenchConfig
 from rig.engine.guard import Guard

@@ -9,7 +9,8 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from procedures import Procedure, RunList
+from procedures.kind import Procedure
+from procedures.run_list import RunList
 from rig.bench import check_options
 from rig.config import BenchConfig, parse_bench, parse_procedure, parse_toml, read_text
 from rig.contracts import files_beside, read_bench, with_contracts, with_files

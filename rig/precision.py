@@ -8,10 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from fitter import attitude_columns, variance_function
 from fitter.errors import FitError
 from fitter.quantiles import t_limit
-from procedures import PitchRollProcedure, Procedure, RunList, WholePlotProcedure
+from procedures.attitude.model import attitude_columns, variance_function
+from procedures.attitude.settings import PitchRollProcedure
+from procedures.kind import Procedure
+from procedures.pressure.settings import WholePlotProcedure
+from procedures.run_list import RunList
 from rig.errors import ConfigurationError
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
@@ -82,8 +85,8 @@ def _of_angles(procedure: PitchRollProcedure, run_list: RunList) -> Precision:
 
 def _of_terms(procedure: WholePlotProcedure, run_list: RunList) -> Precision:
     """Of each term of the pressure model, as what it changes from the middle of the design to its end."""
-    from fitter.pressure import named_formula  # noqa: PLC0415 - not needed where nothing is in whole plots
     from fitter.split_plot import plan_precision  # noqa: PLC0415
+    from procedures.pressure.fit import named_formula  # noqa: PLC0415
 
     expect = procedure.expect
     set_to = np.array([p.setpoints for p in run_list.points])

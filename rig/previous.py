@@ -13,10 +13,11 @@ import numpy as np
 from scipy import special
 
 from fitter.arrays import FloatArray
-from fitter.attitude import attitude_columns, mounting_matrix
 from fitter.errors import FitError
-from fitter.inverse import AttitudeCalibration, CurveCalibration
-from fitter.pressure import PressureCalibration
+from procedures.attitude.infer import AttitudeCalibration
+from procedures.attitude.model import attitude_columns, mounting_matrix
+from procedures.general.infer.curve import CurveCalibration
+from procedures.pressure.fit import PressureCalibration
 from rig.errors import UsageError
 from rig.inference.calibration_file import Calibration, calibration_of, read_calibration
 from rig.quantities import PITCH, PRESSURE, ROLL, SENSOR, SSE

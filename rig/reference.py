@@ -15,7 +15,8 @@ from annotated_types import Ge, Gt, Le, Lt
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from procedures import PitchRollProcedure, WholePlotProcedure
+from procedures.attitude.settings import PitchRollProcedure
+from procedures.pressure.settings import WholePlotProcedure
 from rig.bench import driver_class
 from rig.config import BenchConfig
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fitter import AttitudeData
+from procedures.attitude.data import AttitudeData
 
 GRAVITY = np.array([0.0, 0.0, -1.0])
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from attitude_truth import D1, Bench, Sensor, simulate
 
-from fitter.history import attitude_charted, calibrated
+from procedures.attitude.history import attitude_charted, calibrated
 
 KINDS = ("none", "scatter", "walk", "together", "step", "linear")
 BENCH = Bench(sensors=(Sensor("x"),), degC_daily=0.0, offset_sd=0.5)

@@ -17,7 +17,7 @@ from typing import Any, ClassVar
 
 from hostile import VALUES, Material, Seeded, check_json, command, damaged, edited, mutated
 
-from procedures import Factor, rows_sha256
+from procedures.run_list import Factor, rows_sha256
 from rig.report.story import story
 from rig.run_file.chain import GENESIS, Record, encode, link
 from rig.watch.feed import RunFeed, encoded

@@ -14,11 +14,13 @@ import numpy as np
 from crashes import PROCEDURES
 from hostile import Material, command, damaged, edited, mutated, words
 
+from fitter.arithmetic_text import FormulaError
 from fitter.effects.own import own_effects
-from fitter.formula import Formula, FormulaError
+from fitter.formula import Formula
 from rig.config import parse_bench, parse_procedure
 from rig.contracts import _CONTRACTS, _text
 from rig.controller import opened
+from rig.effects import GRAMMARS
 from rig.examples import example
 from rig.plans import plan_of
 
@@ -162,7 +164,7 @@ def formula(rng: random.Random, _: Material) -> Acts:
 
     def effects() -> None:
         with contextlib.suppress(ValueError):
-            own_effects(written)
+            own_effects(written, GRAMMARS)
 
     yield effects if rng.random() < 0.25 else parse
 

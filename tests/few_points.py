@@ -7,7 +7,8 @@ import itertools
 import ideal_pressure_bench as pressure
 from ideal_bench import PROCEDURE, new_run, run_session
 
-from procedures import PitchRollProcedure, WholePlotProcedure
+from procedures.attitude.settings import PitchRollProcedure
+from procedures.pressure.settings import WholePlotProcedure
 from rig.engine.session import Outcome
 from rig.run_file.reader import RunReader
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.roles import AxisState, Identity
-from procedures import PitchRollProcedure
+from procedures.attitude.settings import PitchRollProcedure
 from rig.bench import Bench
 from rig.config import BenchConfig
 from rig.engine.sequencer import Sequencer

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.roles import ChamberState, Identity, PressureState
-from procedures import WholePlotProcedure
+from procedures.pressure.settings import WholePlotProcedure
 from rig.bench import Bench
 from rig.config import BenchConfig
 from rig.engine.sequencer import Sequencer

@@ -15,7 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from procedures import RunList
+from procedures.run_list import RunList
 from rig.examples import example
 from rig.run_file.reader import RunReader
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from fitter.data import AttitudeData
-from fitter.whole_plot_data import WholePlotData
+from procedures.attitude.data import AttitudeData
+from procedures.pressure.data import WholePlotData
 
 KINDS = ("attitude", "whole plots", "table")
 

@@ -10,10 +10,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitter.pressure import Zero, fit_pressure, infer_pressure
-from fitter.pressure.methods import fit_method
 from fitter.quantiles import t_limit
-from fitter.whole_plot_data import WholePlotData
+from procedures.pressure.data import WholePlotData
+from procedures.pressure.fit import fit_pressure
+from procedures.pressure.fit.methods import fit_method
+from procedures.pressure.infer import Zero, infer_pressure
 
 PRESSURES_PSIA = (0.01, 0.01, 0.12, 0.50, 0.79, 1.00, 2.50, 2.50, 4.00, 5.00, 5.00)
 UNIT_MV = 0.00453

@@ -10,7 +10,7 @@ import pytest
 from attitude_truth import D1, Bench, Sensor, simulate
 from command import rig
 
-from fitter import fit_attitude
+from procedures.attitude.fit import fit_attitude
 from rig.tables import write_csv
 
 BENCH = Bench(sensors=(Sensor("x"),), sigma_deg=3e-4)

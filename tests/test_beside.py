@@ -10,7 +10,7 @@ import pytest
 from command import rig
 from test_run_file import RUN_LIST
 
-from procedures import Point, RunList
+from procedures.run_list import Point, RunList
 from rig.errors import RunFileError
 from rig.run_file.beside import ForeignFileError
 from rig.run_file.chain import Record, encode

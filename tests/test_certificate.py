@@ -12,10 +12,12 @@ from scipy.stats import t as student
 from whole_plot_truth import Bench, Run, Transducer
 from whole_plot_truth import simulate as simulate_whole_plots
 
-from fitter.effects import CATALOGUE, PRESSURE_CATALOGUE
 from fitter.effects.sizes import amplitude, each, relative, size_95
-from fitter.trace import trace, trace_whole_plots
 from fitter.trace.outcome import Finding, Outcome, Row
+from procedures.attitude.effects import CATALOGUE
+from procedures.attitude.trace import trace
+from procedures.pressure.effects import PRESSURE_CATALOGUE
+from procedures.pressure.trace import trace_whole_plots
 from rig.closed_loop import AttitudeTraced, WholePlotTraced
 from rig.closed_loop.certificate import Change, Errors, certificate, with_words
 from rig.closed_loop.whole_plot import Declared

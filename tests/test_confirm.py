@@ -12,10 +12,11 @@ import pytest
 from command import rig
 from dry import SHORT
 
-from fitter.attitude import mounting_matrix
 from fitter.confirm import NOTHING, Separation, confirm, confirm_all, separation
-from procedures.pitch_roll import MountingSettings
-from procedures.separating import Variation, variations
+from procedures.attitude.further_runs import further_runs
+from procedures.attitude.model import mounting_matrix
+from procedures.attitude.settings import MountingSettings
+from procedures.further_runs import Variation, possible
 from rig.closed_loop.confirm import (
     Inseparable,
     Proposal,
@@ -147,7 +148,7 @@ def test_what_cannot_be_confirmed_is_refused(tmp_path: Path, sagging: Path) -> N
 def test_a_further_dry_run_is_made_in_the_same_worlds_next_night(tmp_path: Path) -> None:
     """Interrupted and resumed too: the world goes on where it was, and a drift is not begun again."""
     first = open_traced(make(tmp_path, {"offset_drift": {"uV_per_h": 100.0}}))
-    every = variations(first.procedure, first.bench.limits, chamber=True)
+    every = possible(further_runs(first.procedure, first.bench.limits, chamber=True), first.bench.limits)
     plan = plan_for(first, next(v for v in every if v.what == "the same again"), dry=True)
     signals, paths = Signals(), []
 
@@ -210,7 +211,7 @@ def test_effects_are_judged_beside_what_holds_of_the_others(tmp_path: Path) -> N
     pads, cube = asked.values() if "isolation-pad" in next(iter(asked)) else reversed(asked.values())
     head = next(m for m in pads.members if m.effect == "head-once-per-turn")
     wrong = replace(pads, members=(head, pads.members[0]), terms=head.terms)
-    every = variations(first.procedure, first.bench.limits, chamber=True)
+    every = possible(further_runs(first.procedure, first.bench.limits, chamber=True), first.bench.limits)
     variation = next(v for v in every if v.what.endswith("turned half a turn about its own x axis"))
     later = run(plan_for(first, variation, dry=True), tmp_path, world_start_s=first.world_s + first.later_s)
     both = first.beside(attitude_data(run_table(later)), first.later_s)
@@ -249,7 +250,7 @@ def test_a_turn_is_about_the_packages_own_axis_however_it_stands() -> None:
     standing = MountingSettings(y_deg=90.0, z_deg=180.0)
     procedure = parse_procedure((LAB / "night.toml").read_text(), "night").model_copy(update={"mounting": standing})
     before = mounting_matrix(0.0, 90.0, 180.0)
-    turned = {v.what: v.procedure.mounting for v in variations(procedure, {}, chamber=True) if v.turned}
+    turned = {v.what: v.procedure.mounting for v in further_runs(procedure, {}, chamber=True) if v.turned}
     for words, turn in (
         ("half a turn about its own x axis", (180, 0, 0)),
         ("a quarter turn about its own y axis", (0, 90, 0)),

@@ -15,8 +15,9 @@ from few_sensors import with_sensors
 from ideal_pressure_bench import PROCEDURE
 from whole_plot_truth import Bench, Run, Transducer, simulate
 
-from fitter.confirm import NOTHING, WholePlotTogether, confirm, confirm_all, questions_of, separation
-from fitter.trace import trace_whole_plots
+from fitter.confirm import NOTHING, confirm, confirm_all, questions_of, separation
+from procedures.pressure.together import WholePlotTogether
+from procedures.pressure.trace import trace_whole_plots
 from rig.closed_loop.confirm import confirmed_by, fit_whole_plots_confirmed
 from rig.closed_loop.confirm.proposals import otherwise
 

@@ -12,8 +12,8 @@ import pytest
 from pressure_truth import HOMOSCEDASTIC, SENSOR_CENTRE_DEGC, SSE_CENTRE_DEGC, simulate
 from scipy import stats
 
-from fitter.history import pressure_charted
-from fitter.pressure import fit_pressure
+from procedures.pressure.fit import fit_pressure
+from procedures.pressure.history import pressure_charted
 from rig.closed_loop import fit_table
 from rig.closed_loop.chart import chart_calibrations
 from rig.closed_loop.chart_together import read_all

@@ -10,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import special
 
-from fitter import RankError
-from fitter.merit import DesignPoints, Usage, compare, recommend, smallest_offset_drift
-from procedures import PitchRollProcedure
-from procedures.advice import advise, design_points
-from procedures.package_advice import Package, inferred_sd
+from fitter.linear import RankError
+from procedures.attitude.advice import advise, design_points
+from procedures.attitude.merit import DesignPoints, Usage, compare, recommend, smallest_offset_drift
+from procedures.attitude.package_advice import Package, inferred_sd
+from procedures.attitude.settings import PitchRollProcedure
 
 SEED = 20260512
 

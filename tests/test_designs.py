@@ -10,9 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from procedures import fraction, grid, random_order, serpentine, tumble
-from procedures.designs import Design, roll_circle, uniform
-from procedures.orders import reversed_pass
+from procedures.attitude.designs import Design, fraction, grid, roll_circle, tumble, uniform
+from procedures.attitude.orders import random_order, reversed_pass, serpentine
 
 
 @pytest.mark.parametrize(

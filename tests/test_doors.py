@@ -16,7 +16,8 @@ from doors_of_runs import Image
 from doors_of_wires import Page
 from hostile import Seeded
 
-from fitter.formula import Formula, FormulaError
+from fitter.arithmetic_text import FormulaError
+from fitter.formula import Formula
 from rig.atomic import check_writable
 from rig.config import parse_bench, parse_procedure, parse_toml, read_text
 from rig.contracts import _text

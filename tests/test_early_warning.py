@@ -15,7 +15,7 @@ from command import rig
 from dry import SHORT, write_short
 from ideal_bench import PROCEDURE, new_run, run_session
 
-from procedures import PitchRollProcedure
+from procedures.attitude.settings import PitchRollProcedure
 from rig.engine.early_warning import EarlyWarnings, in_unit, warnings_of
 from rig.engine.session import Outcome
 from rig.engine.warning_tests import NoiseTest, Number, PreviousTest, RepeatTest, StillTest

@@ -8,15 +8,19 @@ from attitude_truth import D1, Bench, Sensor, simulate
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fitter import AttitudeData, RankError, attitude_columns, fit_attitude, least_squares, variance_function
-from fitter.attitude import (
+from fitter.linear import RankError, least_squares
+from procedures.attitude.data import AttitudeData
+from procedures.attitude.fit import fit_attitude
+from procedures.attitude.model import (
     COLUMNS,
     COLUMNS_NO_ROLL,
+    attitude_columns,
     attitude_parameters,
     linear_coefficients,
     no_roll_parameters,
     nominal_axis,
     sigma_deg,
+    variance_function,
 )
 
 angles = st.floats(-180, 180)

@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 from attitude_truth import D1, Bench, Sensor, simulate
 
-from fitter import attitude_columns, fit_attitude, least_squares
+from fitter.linear import least_squares
 from fitter.misfit import lacks_fit
 from fitter.replication import analyse
 from fitter.sums_of_squares import FTest
+from procedures.attitude.fit import fit_attitude
+from procedures.attitude.model import attitude_columns
 
 X_ONLY = Bench(sensors=(Sensor("x"),))
 

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 from attitude_truth import D1, Bench, Plan, Sensor, simulate
 
-from fitter import RankError, Triangle, fit_attitude, fit_stream
+from fitter.linear import RankError, Triangle
+from procedures.attitude.fit import fit_attitude
+from procedures.attitude.stream import fit_stream
 
 
 def blocks_of(data, sizes):

@@ -14,9 +14,9 @@ import pytest
 from attitude_truth import D1, Bench, Plan, Sensor, simulate
 from command import rig
 
-from fitter import AttitudeData
-from fitter.fractions import MeasuredGrid, fit_part
-from procedures import PitchRollProcedure
+from procedures.attitude.data import AttitudeData
+from procedures.attitude.fractions import MeasuredGrid, fit_part
+from procedures.attitude.settings import PitchRollProcedure
 from rig.closed_loop.fraction_advice import advised, sentence
 from rig.closed_loop.fractions import compare_fractions, family, nearest, tumble_of
 from rig.errors import UsageError

@@ -14,8 +14,11 @@ import whole_plot_truth
 from command import rig
 
 from fitter.formula import Formula
-from fitter.gross import gross_errors, of_attitude, of_table, of_whole_plots
-from fitter.pressure.models import named_formula
+from fitter.gross import gross_errors
+from procedures.attitude.gross import of_attitude
+from procedures.general.gross import of_table
+from procedures.pressure.fit import named_formula
+from procedures.pressure.gross import of_whole_plots
 from rig.tables import write_csv
 
 FULL = named_formula("full", ())

@@ -9,7 +9,8 @@ import pytest
 from command import rig
 from pressure_truth import HOMOSCEDASTIC, simulate
 
-from fitter.pressure import Zero, departure, fit_pressure, infer_pressure
+from procedures.pressure.fit import fit_pressure
+from procedures.pressure.infer import Zero, departure, infer_pressure
 from rig.tables import write_csv
 
 SENSOR, SSE = -70.0, 20.0

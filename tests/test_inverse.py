@@ -8,8 +8,10 @@ import pytest
 from attitude_truth import D1, Bench, Sensor, simulate
 from scipy.optimize import brentq, least_squares
 
-from fitter import AttitudeData, attitude_columns, fit_attitude
-from fitter.inverse import AttitudeCalibration, SensorModel, calibrate_package, infer_attitude
+from procedures.attitude.data import AttitudeData
+from procedures.attitude.fit import fit_attitude
+from procedures.attitude.infer import AttitudeCalibration, SensorModel, calibrate_package, infer_attitude
+from procedures.attitude.model import attitude_columns
 
 SEED = 41
 BENCH = Bench()

@@ -8,9 +8,10 @@ import pytest
 from attitude_truth import D1, Bench, Sensor, simulate
 from test_inverse import volts
 
-from fitter import AttitudeData, fit_attitude
-from fitter.inverse import AttitudeCalibration, calibrate_package, infer_attitude
-from fitter.trace import trace
+from procedures.attitude.data import AttitudeData
+from procedures.attitude.fit import fit_attitude
+from procedures.attitude.infer import AttitudeCalibration, calibrate_package, infer_attitude
+from procedures.attitude.trace import trace
 
 NAMES = ("x_V", "y_V", "z_V")
 SEED = 3

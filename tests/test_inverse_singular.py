@@ -7,7 +7,7 @@ import pytest
 from attitude_truth import D1, simulate
 from test_inverse import BENCH, PACKAGES, true_calibration, turn, volts
 
-from fitter.inverse import calibrate_package, infer_attitude, singularity
+from procedures.attitude.infer import calibrate_package, infer_attitude, singularity
 
 SIGMA_V = 2e-5
 SEED = 7

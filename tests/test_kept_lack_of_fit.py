@@ -12,7 +12,7 @@ from attitude_truth import Bench, Plan, Sensor, simulate
 from command import rig
 from test_signs import table_of
 
-from fitter.inverse import AttitudeCalibration
+from procedures.attitude.infer import AttitudeCalibration
 from rig.closed_loop.attitude import fit_attitude_table, trace_attitude_table
 from rig.tables import Table
 

@@ -6,7 +6,7 @@ import random
 
 import pytest
 
-from procedures import PitchRollProcedure
+from procedures.attitude.settings import PitchRollProcedure
 from rig.engine.liveness import Liveness
 from rig.engine.measuring import Channel, Observation
 

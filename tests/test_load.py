@@ -17,7 +17,9 @@ import ideal_bench
 import pytest
 from night_procedure import procedure
 
-from procedures import Factor, PitchRollProcedure, Point, RunList, WholePlotProcedure, rows_sha256
+from procedures.attitude.settings import PitchRollProcedure
+from procedures.pressure.settings import WholePlotProcedure
+from procedures.run_list import Factor, Point, RunList, rows_sha256
 from rig.engine.queue import PointQueue
 from rig.engine.session import Outcome, Signals
 from rig.run_file.chain import GENESIS, Record, followed, link

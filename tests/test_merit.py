@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import integrate, special
 
-from fitter import RankError
-from fitter.merit import (
+from fitter.linear import RankError
+from procedures.attitude.merit import (
     T4_VARIANCE,
     T6_VARIANCE,
     DesignPoints,

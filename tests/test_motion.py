@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from procedures import Factor, Point
+from procedures.run_list import Factor, Point
 from rig.engine.motion import Arrival, arrived, plan_legs, recovery_legs
 
 FACTORS = (Factor("pitch_deg", "pitch", 2.0), Factor("roll_deg", "roll", 2.0))

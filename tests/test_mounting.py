@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from command import rig
 
-from fitter.attitude import mounting_matrix
+from procedures.attitude.model import mounting_matrix
 from rig.examples import example
 from rig.tables import attitude_data, read_table
 from sims.physics.rotations import apply, pitch_matrix, roll_matrix

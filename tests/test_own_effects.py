@@ -7,11 +7,13 @@ import pytest
 from attitude_truth import D1, Bench, simulate
 from whole_plot_truth import simulate as simulate_pressure
 
-from fitter.effects import CATALOGUE, PRESSURE_CATALOGUE
-from fitter.effects.effect import Largest
+from fitter.effects.entry import Largest
 from fitter.effects.own import own_effects
-from fitter.trace import trace, trace_whole_plots
-from rig.effects import attitude_catalogue, pressure_catalogue
+from procedures.attitude.effects import CATALOGUE
+from procedures.attitude.trace import trace
+from procedures.pressure.effects import PRESSURE_CATALOGUE
+from procedures.pressure.trace import trace_whole_plots
+from rig.effects import GRAMMARS, attitude_catalogue, pressure_catalogue
 from rig.errors import ConfigurationError
 
 DRAUGHT = """
@@ -71,7 +73,7 @@ def test_what_is_wrong_with_a_file_is_said(tmp_path, monkeypatch, change, says):
     monkeypatch.setenv("RIG_EFFECTS", str(file))
     with pytest.raises(ConfigurationError, match=says):
         attitude_catalogue()
-    assert own_effects(DRAUGHT)[0].name == "draught"
+    assert own_effects(DRAUGHT, GRAMMARS)[0].name == "draught"
 
 
 STICKING = """
@@ -101,12 +103,12 @@ def test_an_effect_of_transducers_can_be_added_too(tmp_path, monkeypatch):
     assert effect.effect == "sticking-diaphragm"
     assert effect.coefficients[0] == pytest.approx(0.03, abs=4 * effect.stderr[0])
     with pytest.raises(ValueError, match="scope is sensor or line"):
-        own_effects(STICKING.replace('scope = "sensor"', 'scope = "package"'))
+        own_effects(STICKING.replace('scope = "sensor"', 'scope = "package"'), GRAMMARS)
 
 
 @pytest.mark.parametrize("formula", ["0/0", "9**9**9**9*pitch", "(-1)**0.5*pitch", "1/(roll-roll)"])
 def test_a_column_that_is_no_number_is_refused_by_its_text(formula):
-    (effect,) = own_effects(DRAUGHT.replace("exp(cos(pitch))*sin(3*roll)", formula))
+    (effect,) = own_effects(DRAUGHT.replace("exp(cos(pitch))*sin(3*roll)", formula), GRAMMARS)
     data, _ = simulate(Bench(), D1(180, 5, 5, replications=2), seed=1)
     with pytest.raises(ValueError, match="effect's column"):
         trace(data, (effect,), validate=False)

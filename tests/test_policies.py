@@ -15,8 +15,10 @@ from ideal_pressure_bench import EACH, IN_ALL, PressureBench
 
 from drivers.errors import BadReply, InstrumentError, NoReply, Unreachable
 from drivers.roles import ChamberState, Identity
-from procedures import PitchRollProcedure
-from procedures.faults import PitchRollFaults, Step, WholePlotFaults, step_at
+from procedures.attitude.faults import PitchRollFaults
+from procedures.attitude.settings import PitchRollProcedure
+from procedures.faults import Step, step_at
+from procedures.pressure.faults import WholePlotFaults
 from rig.bench import check_options, open_bench
 from rig.config import parse_bench, parse_procedure
 from rig.engine.actions import BenchActions

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pressure_truth import HOMOSCEDASTIC, simulate
 
-from fitter.whole_plot_data import WholePlotData
+from procedures.pressure.data import WholePlotData
 
 
 def rows(**changes):

@@ -12,7 +12,7 @@ from command import rig
 from dry_pressure import EACH, IN_ALL, LAB, SHORT, Killed, dry
 from few_sensors import with_sensors
 
-from procedures import whole_plot
+from procedures.pressure import settings as whole_plot
 from rig.acceptance import judge
 from rig.closed_loop import fit_whole_plots
 from rig.controller import resume_run, start_run

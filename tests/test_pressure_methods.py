@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from pressure_truth import GROWING, GROWING_AND_CUBIC, HOMOSCEDASTIC, simulate
 
-from fitter import RankError
 from fitter.errors import FitError
-from fitter.pressure import METHODS, PAPER_SENSITIVITY_MV_PER_PSI, fit_pressure, named_formula
-from fitter.pressure.methods import fit_method
-from fitter.whole_plot_data import WholePlotData
+from fitter.linear import RankError
+from procedures.pressure.data import WholePlotData
+from procedures.pressure.fit import METHODS, PAPER_SENSITIVITY_MV_PER_PSI, fit_pressure, named_formula
+from procedures.pressure.fit.methods import fit_method
 
 DATA, ERROR = simulate(HOMOSCEDASTIC, 3)
 FIT = fit_pressure(DATA, "bridge_mV", growth=False)

@@ -10,7 +10,7 @@ import pytest
 from command import rig
 from whole_plot_truth import SUBPLOT, Bench, simulate
 
-from fitter.pressure import fit_pressure
+from procedures.pressure.fit import fit_pressure
 from rig.tables import write_csv
 
 AT = 0.12

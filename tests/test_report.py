@@ -12,8 +12,8 @@ from dry import LAB, SHORT, dry, write_short
 from few_sensors import with_sensors
 from markupsafe import escape
 
-from fitter.trace import trace
 from fitter.trace.outcome import Parameter
+from procedures.attitude.trace import trace
 from rig.closed_loop import AttitudeTraced, fit_table, trace_table
 from rig.present.parameters import with_error
 from rig.present.words import chance, incomplete, little_help, unnamed

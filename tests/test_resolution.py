@@ -10,11 +10,11 @@ from attitude_truth import D1, Bench
 from attitude_truth import simulate as attitude
 from whole_plot_truth import simulate as whole_plots
 
-from fitter.gross import of_table
-from fitter.pressure.models import named_formula
 from fitter.resolution import least_sd, resolution, robust_sd
-from fitter.trace.outliers import outliers
-from fitter.trace.tables.robust import excess, scale
+from procedures.attitude.trace.outliers import outliers
+from procedures.general.gross import of_table
+from procedures.general.trace.robust import excess, scale
+from procedures.pressure.fit import named_formula
 from rig.closed_loop.general_trace import trace_general_table
 from rig.closed_loop.roles import Roles
 from rig.tables import write_csv
@@ -113,8 +113,8 @@ def test_rounded_readings_of_attitude_are_no_outliers(sd):
 
 @pytest.mark.parametrize("sd", SDS)
 def test_rounded_readings_of_whole_plots_are_no_outliers(sd):
-    from fitter.gross import of_whole_plots  # noqa: PLC0415
-    from fitter.trace import trace_whole_plots  # noqa: PLC0415
+    from procedures.pressure.gross import of_whole_plots  # noqa: PLC0415
+    from procedures.pressure.trace import trace_whole_plots  # noqa: PLC0415
 
     data = whole_plots(seed=9)
     step = 0.0049 / sd

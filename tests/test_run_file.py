@@ -13,7 +13,7 @@ from pathlib import Path
 import apsw
 import pytest
 
-from procedures import Factor, Point, RunList
+from procedures.run_list import Factor, Point, RunList
 from rig.errors import BusyError, RunFileError, StorageError, UsageError
 from rig.run_file import storage, wal
 from rig.run_file.chain import Record, encode

@@ -16,11 +16,13 @@ from whole_plot_truth import Bench as PressureBench
 from whole_plot_truth import Transducer
 from whole_plot_truth import simulate as simulate_pressure
 
-from fitter import fit_all
 from fitter.confirm import Member
-from fitter.effects import CATALOGUE, PRESSURE_CATALOGUE
-from fitter.inverse import AttitudeCalibration, calibrate_package, infer_attitude
-from fitter.trace import Trace, trace, trace_whole_plots
+from procedures.attitude.effects import CATALOGUE
+from procedures.attitude.fit import fit_all
+from procedures.attitude.infer import AttitudeCalibration, calibrate_package, infer_attitude
+from procedures.attitude.trace import Trace, trace
+from procedures.pressure.effects import PRESSURE_CATALOGUE
+from procedures.pressure.trace import trace_whole_plots
 from rig.closed_loop.attitude import fit_attitude_table, trace_attitude_table
 from rig.closed_loop.confirm import (
     Confirmed,

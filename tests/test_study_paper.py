@@ -15,9 +15,9 @@ import pytest
 from attitude_truth import GRAVITY, Sensor, turn_pitch, turn_roll
 from typer.testing import CliRunner
 
-from fitter import AttitudeData
-from fitter.inverse import singularity
-from procedures.designs import grid, tumble
+from procedures.attitude.data import AttitudeData
+from procedures.attitude.designs import grid, tumble
+from procedures.attitude.infer import singularity
 from proving.paper import computed_sections, measure, section_markdown, without_experiments
 from proving.paper.capture import at_points, temperature_corrected
 from proving.paper.checks import checks, ranges

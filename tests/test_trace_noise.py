@@ -8,9 +8,9 @@ import pytest
 from attitude_hidden import CLEAN, sized
 from attitude_truth import D1, Bench, simulate
 
-from fitter.effects.head import periods
-from fitter.effects.thermal import lagged
-from fitter.trace import trace
+from procedures.attitude.effects.head import periods
+from procedures.attitude.effects.thermal import lagged
+from procedures.attitude.trace import trace
 
 X = "x_V"
 PLAN = D1(180, 13, 7)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fitter.trace.offsets import slopes
+from procedures.attitude.trace.offsets import slopes
 
 RUNS, SENSORS, N = 1500, 3, 6
 TREND = np.arange(N) - 2.5

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from table_truth import CLOCKED, MISSING, Lab, options, simulate
 
-from fitter.trace.tables import family, search_table, trace_general
+from procedures.general.trace import family, search_table, trace_general
 from rig.closed_loop.roles import Roles, roles_of
 from rig.errors import UsageError
 from rig.tables import Table

@@ -8,7 +8,7 @@ import json
 import pytest
 from table_truth import MISSING, simulate
 
-from fitter.trace.tables import family
+from procedures.general.trace import family
 from rig.cli import main
 from rig.cli.effects import show_certificate
 from rig.cli.show import out

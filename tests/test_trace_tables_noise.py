@@ -7,15 +7,15 @@ import pytest
 from scipy.special import fdtrc
 from table_truth import MISSING, Lab, options, simulate
 
-from fitter.effects.tables_scene import TableScene
-from fitter.trace.tables import search_table
-from fitter.trace.tables.family import family_of
-from fitter.trace.tables.likelihood import Grid
-from fitter.trace.tables.noise import Wandering
-from fitter.trace.tables.problem import Problem, candidates_of
-from fitter.trace.tables.robust import excess
-from fitter.trace.tables.score import View, score
-from fitter.trace.tables.shared import RATIOS, Shared
+from procedures.general.effects.scene import TableScene
+from procedures.general.trace import search_table
+from procedures.general.trace.family import family_of
+from procedures.general.trace.likelihood import Grid
+from procedures.general.trace.noise import Wandering
+from procedures.general.trace.problem import Problem, candidates_of
+from procedures.general.trace.robust import excess
+from procedures.general.trace.score import View, score
+from procedures.general.trace.shared import RATIOS, Shared
 from rig.closed_loop.roles import Roles, roles_of
 from rig.tables import Table
 

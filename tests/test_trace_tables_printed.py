@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from table_truth import MISSING, options, simulate
 
-from fitter.effects.tables import effects_of
-from fitter.trace.tables import family, trace_general
+from procedures.general.effects import effects_of
+from procedures.general.trace import family, trace_general
 from rig.closed_loop.general_trace import GeneralTraced
 from rig.closed_loop.roles import Roles, parts_played, roles_of
 from rig.errors import UsageError

@@ -10,20 +10,21 @@ import numpy as np
 import pytest
 import strong_truth
 
-from fitter.effects import CATALOGUE
-from fitter.trace import trace
-from fitter.trace.estimate import estimate
-from fitter.trace.family import ALPHA, family_of
-from fitter.trace.judge import AttitudeJudge
+from fitter.trace.chance import ALPHA
+from fitter.trace.found import Unnamed, verdict
 from fitter.trace.keep import kept
-from fitter.trace.pose import pose
-from fitter.trace.result import Unnamed, verdict
-from fitter.trace.run import stays
-from fitter.trace.score import score
 from fitter.trace.shares import of_rest, shares
-from fitter.trace.tables import family, trace_general
-from fitter.trace.tables.run import LEVEL
-from fitter.trace.whole_plots import trace_whole_plots
+from procedures.attitude.effects import CATALOGUE
+from procedures.attitude.trace import trace
+from procedures.attitude.trace.estimate import estimate
+from procedures.attitude.trace.family import family_of
+from procedures.attitude.trace.judge import AttitudeJudge
+from procedures.attitude.trace.pose import pose
+from procedures.attitude.trace.run import stays
+from procedures.attitude.trace.score import score
+from procedures.general.trace import family, trace_general
+from procedures.general.trace.run import LEVEL
+from procedures.pressure.trace import trace_whole_plots
 from rig.closed_loop.roles import Roles, roles_of
 from rig.present.words import verdict_of
 from rig.tables import Table

@@ -18,17 +18,17 @@ from whole_plot_truth import (
     simulate,
 )
 
-from fitter.effects import PRESSURE_CATALOGUE, separate_pressure
-from fitter.formula import FormulaError
+from fitter.arithmetic_text import FormulaError
 from fitter.linear import RankError
-from fitter.pressure.models import named_formula
-from fitter.trace import trace_whole_plots
-from fitter.trace.family import ALPHA
-from fitter.trace.whole_plots import null
-from fitter.trace.whole_plots.null import family_of
-from fitter.trace.whole_plots.problem import pose
-from fitter.trace.whole_plots.run import scene_of
-from fitter.trace.whole_plots.score import score
+from fitter.trace.chance import ALPHA
+from procedures.pressure.effects import PRESSURE_CATALOGUE
+from procedures.pressure.effects.separation import separate_pressure
+from procedures.pressure.fit import named_formula
+from procedures.pressure.trace import null, trace_whole_plots
+from procedures.pressure.trace.null import family_of
+from procedures.pressure.trace.problem import pose
+from procedures.pressure.trace.run import scene_of
+from procedures.pressure.trace.score import score
 
 ONE = "bridge_1_mV"
 # the truth's coefficient at the amplitude in HIDDEN, where it has one in the unit of the effect

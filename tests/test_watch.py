@@ -20,7 +20,7 @@ from dry import dry
 from ideal_bench import PROCEDURE, new_run, run_session
 
 from drivers.clock import RealClock
-from procedures import Factor, Point, RunList
+from procedures.run_list import Factor, Point, RunList
 from rig.closed_loop import fit_table
 from rig.engine.settling import Criteria, Settling
 from rig.previous import read_previous

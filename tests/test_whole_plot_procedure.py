@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from procedures import WholePlotProcedure
-from procedures.whole_plot import WholePlotDesign
+from procedures.pressure.settings import WholePlotDesign, WholePlotProcedure
 from rig.precision import precision
 
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from whole_plot_truth import SUBPLOT, WHOLE_PLOT, Bench, Run, Transducer, simulate
 
-from fitter.whole_plot_data import WholePlotData
+from procedures.pressure.data import WholePlotData
 
 ORDINARY, NIGHT = Bench(), Run()
 WARM = ("P:T_sensor", "P:T_SSE")

@@ -1,17 +1,14 @@
 """A further run beside one that was traced: which explanation holds, and what a run could tell before it is made."""
 
-from fitter.confirm.attitude import AttitudeTogether
 from fitter.confirm.compare import CARRIED_ON
 from fitter.confirm.judge import Confirmation, Confirmed, Member, SensorError, confirm, confirm_all
 from fitter.confirm.predict import NOTHING, Pair, Separation, separation
 from fitter.confirm.question import Hypothesis, Question, questions_of
 from fitter.confirm.together import Together
-from fitter.confirm.whole_plots import WholePlotTogether
 
 __all__ = [
     "CARRIED_ON",
     "NOTHING",
-    "AttitudeTogether",
     "Confirmation",
     "Confirmed",
     "Hypothesis",
@@ -21,7 +18,6 @@ __all__ = [
     "SensorError",
     "Separation",
     "Together",
-    "WholePlotTogether",
     "confirm",
     "confirm_all",
     "questions_of",

@@ -2,10 +2,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
-from fitter.trace import Trace, WholePlotTrace
+from fitter.trace.found import Explanation, Found
+
+
+class Judged(Protocol):
+    """What was found in one sensor."""
+
+    @property
+    def effects(self) -> Sequence[Found]:
+        """Largest share first."""
+
+
+class Traced(Protocol):
+    """What was found in a run of any kind."""
+
+    @property
+    def sensors(self) -> Mapping[str, Judged]:
+        """By column name."""
+
+    @property
+    def chosen(self) -> Sequence[Any]:
+        """Terms in the model."""
+
+    @property
+    def explanations(self) -> Mapping[str, Sequence[Explanation]]:
+        """All of them for each effect found."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +70,7 @@ class Question:
         return self.members[0].effect
 
 
-def questions_of(found: Trace | WholePlotTrace) -> tuple[Question, ...]:
+def questions_of(found: Traced) -> tuple[Question, ...]:
     """One for every effect that was found, in the order of its size."""
     shares: dict[str, float] = {}
     for sensor in found.sensors.values():

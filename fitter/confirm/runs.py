@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import fields
-from typing import Any, TypeVar
+from typing import Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
 
-from fitter.data import AttitudeData
+from fitter.arrays import FloatArray
 from fitter.errors import FitError
-from fitter.whole_plot_data import WholePlotData
 
-Data = TypeVar("Data", AttitudeData, WholePlotData)
+
+class Observations(Protocol):
+    """Observations of any kind, a dataclass of arrays as long as one another."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+
+    @property
+    def outputs(self) -> Mapping[str, FloatArray]:
+        """(n,) by sensor."""
+
+
+Data = TypeVar("Data", bound=Observations)
 
 _NUMBERED = ("replicate", "order", "block", "whole_plot")
 _APART = ("outputs", "axes", "mounting")

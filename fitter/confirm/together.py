@@ -16,7 +16,7 @@ from fitter.linear import orthonormal
 from fitter.trace.aliases import NOTHING_LEFT
 
 Candidates = Sequence[Any]
-"""Terms of effects: `fitter.trace.problem.Candidate`, or that of whole plots; they meet in effect, term and sensor."""
+"""Terms of effects, each of a kind's own class; the classes meet in effect, term and sensor."""
 
 
 def solve(columns: FloatArray, outputs: FloatArray) -> FloatArray:

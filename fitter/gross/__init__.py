@@ -1,6 +1,5 @@
 """Gross errors: readings that no scatter of the others explains. Found by one method in every kind of data."""
 
-from fitter.gross.kinds import of_attitude, of_table, of_whole_plots
 from fitter.gross.search import LEVEL, GrossErrors, gross_errors
 
-__all__ = ["LEVEL", "GrossErrors", "gross_errors", "of_attitude", "of_table", "of_whole_plots"]
+__all__ = ["LEVEL", "GrossErrors", "gross_errors"]

@@ -26,7 +26,7 @@ from scipy.linalg import cho_factor, cho_solve
 from fitter.arrays import FloatArray, IntArray
 from fitter.gross.rows import NO_GROUP, Rows
 from fitter.resolution import least_sd, robust_sd
-from fitter.trace.tables.spread import growth_of
+from fitter.trace.growing_noise import growth_of
 
 LEVEL = 0.005
 """Probability that a clean table has any row named, were the sd of its rows known to be in proportion."""

@@ -15,7 +15,7 @@ from typing import Protocol
 import numpy as np
 
 from fitter.arrays import FloatArray
-from fitter.effects import Entry
+from fitter.effects.entry import Entry
 from fitter.trace.signs import Impossible, impossible
 from fitter.trace.whitened import Whitened
 

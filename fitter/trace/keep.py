@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-from fitter.trace.family import ALPHA
+from fitter.trace.chance import ALPHA
 from fitter.trace.not_kept import NotKept
 from fitter.trace.search import Judge, prune
 

@@ -13,7 +13,7 @@ from math import isfinite
 from typing import Any, Literal, Self
 
 from fitter.arrays import FloatArray
-from fitter.calibration import JsonValue
+from fitter.json_values import JsonValue
 
 Kind = Literal["effect", "noise", "unnamed"]
 
@@ -47,6 +47,10 @@ class Row:
     where_known: bool = False
 
 
+OF_REPLICATIONS = ("sigma_E", "sigma_bias", "sigma_prec", "T_bias", "F_bias_95", "T_b", "T_S", "F_bS_95")
+"""Keys that only a run with an analysis of variance over replications fills in."""
+
+
 def absent(names: Iterable[str]) -> tuple[Row, ...]:
     """Rows of other kinds of runs: their keys are null in JSON, and no table shows them."""
     return tuple(Row(name) for name in names)
@@ -71,7 +75,7 @@ class WithError:
 
     @classmethod
     def of_json(cls, row: Any) -> Self:
-        """From a row of a table of coefficients or parameters (`fitter.calibration`)."""
+        """From a row of a table of coefficients or parameters (`procedures.attitude.fit`)."""
         ends = row.get("interval95")
         return cls(row["estimate"], row["stderr"], row.get("df"), None if ends is None else (ends[0], ends[1]))
 

@@ -8,7 +8,7 @@ from typing import Protocol, TypeVar
 import numpy as np
 
 from fitter.trace.aliases import Named, Rival, simplest
-from fitter.trace.family import ALPHA
+from fitter.trace.chance import ALPHA
 
 MOST = 16
 """Terms after which a search is given up: the declared model is not a model of these data."""

@@ -16,7 +16,7 @@ from typing import TypeVar
 import numpy as np
 
 from fitter.arrays import FloatArray
-from fitter.trace.result import Unnamed
+from fitter.trace.found import Unnamed
 
 SAME = 1e-12
 """Of a squared length: what is left of it beside others, if not more, is rounding."""

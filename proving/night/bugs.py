@@ -14,7 +14,7 @@ from unittest.mock import patch
 from drivers.keysight_34970a import Keysight34970A
 from drivers.scpi import ScpiMeter
 from drivers.wires.serial_line import SerialLine
-from procedures import Factor, Point
+from procedures.run_list import Factor, Point
 from rig.engine import at_point, sequencer
 from rig.engine.guard import Guard
 from rig.engine.holes import WatchedClock

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from math import inf
 
-from procedures import Point, RunList
+from procedures.run_list import Point, RunList
 from proving.night.play import Played
 from rig.run_file.chain import Record
 from sims.tape import Reading, Tape

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from math import sqrt
 from operator import attrgetter
 
-from procedures import Point
+from procedures.run_list import Point
 from proving.night.judged import Night
 from rig.run_file.chain import Record
 from sims.physics.pressure_truth import TransducerTruth

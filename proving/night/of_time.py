@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from procedures import WholePlotProcedure
+from procedures.pressure.settings import WholePlotProcedure
 from proving.night.judged import Night
 
 _NOTICED_S = 20.0

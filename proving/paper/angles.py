@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitter import AttitudeData, AttitudeFit
 from fitter.arrays import FloatArray
-from fitter.inverse import AttitudeCalibration, InferredAttitude, infer_attitude
+from procedures.attitude.data import AttitudeData
+from procedures.attitude.fit import AttitudeFit
+from procedures.attitude.infer import AttitudeCalibration, InferredAttitude, infer_attitude
 from proving.paper.table_2 import Measured
 
 _CERTAIN = 1e-6

@@ -9,10 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from fitter import AttitudeData
-from fitter.data import SAME_ANGLE_DEG
-from fitter.inverse import calibrate_package
-from procedures.designs import Design
+from procedures.attitude.data import SAME_ANGLE_DEG, AttitudeData
+from procedures.attitude.designs import Design
+from procedures.attitude.infer import calibrate_package
 from proving.paper.nights import Night
 from rig.atomic import write_whole
 from rig.controller import start_run

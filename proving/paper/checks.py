@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from fitter.angles import sin_cos
 from fitter.arrays import FloatArray
+from procedures.attitude.angles import sin_cos
 from proving.paper import printed
 from proving.paper.angles import Package
 from proving.paper.printed import Row

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitter import AttitudeData
 from fitter.arrays import FloatArray, IntArray
+from procedures.attitude.data import AttitudeData
 from proving.paper.angles import Package
 from proving.paper.plots import PITCH, ROLL, Figure, Line, Panel
 from proving.paper.table_2 import SCALE, UNDER, Measured

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from procedures.designs import Design, fraction, grid, uniform
+from procedures.attitude.designs import Design, fraction, grid, uniform
 from proving.paper.plots import PITCH, ROLL, Figure, Line, Panel
 from proving.paper.statement import Statement, digits
 from proving.paper.table_2 import FRACTION_53, FRACTION_73

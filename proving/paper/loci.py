@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitter.angles import sin_cos
 from fitter.arrays import FloatArray
-from fitter.inverse import singularity
-from fitter.inverse.singular import normal
+from procedures.attitude.angles import sin_cos
+from procedures.attitude.infer import singularity
+from procedures.attitude.infer.singular import normal
 from proving.paper.packages import Mounting, off_grid, package
 from proving.paper.plots import PITCH, ROLL, Field, Figure, Line, Panel
 from proving.paper.statement import Statement, above, below

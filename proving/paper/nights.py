@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from procedures.designs import uniform
+from procedures.attitude.designs import uniform
 from rig.config import parse_toml, read_text
 from rig.examples import example
 from rig.toml_text import toml_text

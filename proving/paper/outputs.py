@@ -4,18 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitter.angles import sin_cos
 from fitter.arrays import FloatArray
-from fitter.merit import (
-    T4_VARIANCE,
-    T6_VARIANCE,
-    DesignPoints,
-    Usage,
-    curve,
-    d1_variance,
-    figure_of_merit,
-)
-from procedures.designs import uniform
+from procedures.attitude.angles import sin_cos
+from procedures.attitude.designs import uniform
+from procedures.attitude.merit import T4_VARIANCE, T6_VARIANCE, DesignPoints, Usage, curve, d1_variance, figure_of_merit
 from proving.paper.plots import NORMALISED, PITCH, Figure, Line, Panel
 from proving.paper.statement import SMALL, Statement, about, above, below, digits
 from proving.paper.table_1 import M, N, d1, designs, merit, no_roll

@@ -1,7 +1,8 @@
 """Packages of figures 6 to 20: sensors of unit sensitivity, perfectly calibrated, and the errors of their angles.
 
-Everything is asked of `fitter.inverse`, which is what a calibrated package is inferred with. Its errors are of first
-order as those of the paper; noise is made so small that no attitude is left open for being near a singular one.
+Everything is asked of `procedures.attitude.infer`, which is what a calibrated package is inferred with. Its errors are
+of first order as those of the paper. Noise is made so small that no attitude is left open for being near a singular
+one.
 """
 
 from __future__ import annotations
@@ -11,10 +12,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fitter.angles import sin_cos
 from fitter.arrays import FloatArray
-from fitter.attitude import AXES, COLUMNS, linear_coefficients
-from fitter.inverse import AttitudeCalibration, InferredAttitude, SensorModel, infer_attitude
+from procedures.attitude.angles import sin_cos
+from procedures.attitude.infer import AttitudeCalibration, InferredAttitude, SensorModel, infer_attitude
+from procedures.attitude.model import AXES, COLUMNS, linear_coefficients
 
 NOISE = 1e-8
 """Standard deviation of the x sensor, in g."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitter.merit import DesignPoints, Usage, figure_of_merit
-from procedures.designs import roll_circle, uniform
+from procedures.attitude.designs import roll_circle, uniform
+from procedures.attitude.merit import DesignPoints, Usage, figure_of_merit
 from proving.paper import printed
 from proving.paper.statement import Statement, digits
 

@@ -8,11 +8,12 @@ from functools import cached_property
 
 import numpy as np
 
-from fitter import AttitudeData, AttitudeFit, fit_attitude
 from fitter.arrays import FloatArray
-from fitter.attitude import sigma_deg
 from fitter.quantiles import f_limit
-from procedures.designs import Design, fraction, grid, tumble, uniform
+from procedures.attitude.data import AttitudeData
+from procedures.attitude.designs import Design, fraction, grid, tumble, uniform
+from procedures.attitude.fit import AttitudeFit, fit_attitude
+from procedures.attitude.model import sigma_deg
 from proving.paper import printed
 from proving.paper.capture import at_points, temperature_corrected
 from proving.paper.printed import Row

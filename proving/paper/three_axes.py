@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitter.angles import sin_cos
 from fitter.arrays import FloatArray
-from fitter.inverse import AttitudeCalibration
+from procedures.attitude.angles import sin_cos
+from procedures.attitude.infer import AttitudeCalibration
 from proving.paper.packages import normalised_sd, off_grid, package, percent, worst
 from proving.paper.plots import PITCH, ROLL, Figure, Line, Panel
 from proving.paper.statement import SMALL, Statement, about, below, digits

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.markup import escape
 
-from procedures import Procedure
+from procedures.kind import Procedure
 from rig.errors import RigError
 from rig.plans import has_plan, stored_plan
 from rig.run_file.reader import RunReader

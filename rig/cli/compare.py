@@ -11,9 +11,9 @@ from rich import box
 from rich.markup import escape
 from rich.table import Table
 
-from fitter.merit import Comparison, Usage, compare, curve, recommend
-from procedures import PitchRollProcedure
-from procedures.advice import design_points, usage_of
+from procedures.attitude.advice import design_points, usage_of
+from procedures.attitude.merit import Comparison, Usage, compare, curve, recommend
+from procedures.attitude.settings import PitchRollProcedure
 from rig.atomic import check_not_input, check_writable, write_whole_bytes
 from rig.cli.show import err, number, out, print_json, run_progress
 from rig.errors import ConfigurationError, UsageError

@@ -11,7 +11,7 @@ import typer
 from rich.markup import escape
 from rich.table import Column, Table
 
-from procedures import PitchRollProcedure
+from procedures.attitude.settings import PitchRollProcedure
 from rig.atomic import check_not_input, check_writable, write_whole
 from rig.cli import app
 from rig.cli.run import JsonOption, RunArgument, conclude, signals

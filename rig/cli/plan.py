@@ -13,7 +13,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from drivers.roles import Chamber
-from procedures import PitchRollProcedure
+from procedures.attitude.settings import PitchRollProcedure
 from rig.bench import driver_class
 from rig.cli import app
 from rig.cli.run import BenchOption, JsonOption, ProcedureArgument
@@ -153,7 +153,7 @@ def _advice(planned: Plan, usage_deg: float | None) -> list[dict[str, Any]]:
         if usage_deg is not None:
             raise UsageError("--usage is for attitude sensors; this procedure is of kind " + planned.procedure.kind)
         return []
-    from procedures.advice import advise, package_of, usage_of  # noqa: PLC0415
+    from procedures.attitude.advice import advise, package_of, usage_of  # noqa: PLC0415
 
     package = package_of(planned.procedure, [s.axis for s in planned.bench.sensors.values() if s.axis is not None])
     return [

@@ -10,18 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from fitter import AttitudeData, fit_all, fit_attitude
 from fitter.arrays import FloatArray
-from fitter.calibration import AttitudeFit, at_temperature
 from fitter.effects.sizes import size_95
 from fitter.errors import FitError
-from fitter.gross import of_attitude
-from fitter.inverse import AttitudeCalibration
-from fitter.inverse.traced import Volts, calibrate_traced, covering_parameters
 from fitter.quantiles import t_limit
-from fitter.trace import SensorTrace, Trace, trace
 from fitter.trace.outcome import Finding, Outcome, run_json
-from fitter.trace.result import FoundEffect
+from procedures.attitude.data import AttitudeData
+from procedures.attitude.fit import AttitudeFit, at_temperature, fit_all, fit_attitude
+from procedures.attitude.gross import of_attitude
+from procedures.attitude.infer import AttitudeCalibration
+from procedures.attitude.infer.traced import Volts, calibrate_traced, covering_parameters
+from procedures.attitude.trace import FoundEffect, SensorTrace, Trace, trace
 from rig.closed_loop.attitude_rows import effect_figures, parameter_rows
 from rig.closed_loop.certificate import Change, Errors, certified, with_words
 from rig.closed_loop.gross import FitSummary, LeaveOut, Searched, kept_with, search

@@ -8,16 +8,15 @@ from typing import Any
 import numpy as np
 
 from fitter.arrays import FloatArray
-from fitter.attitude import AttitudeParameters, NoRollParameters, attitude_parameters, no_roll_parameters
-from fitter.calibration import AttitudeFit, parameter_table, temperature_table
-from fitter.data import AttitudeData
 from fitter.effects.noise import OUTLIERS
-from fitter.inverse import AttitudeCalibration
 from fitter.linear import RankError, orthonormal
-from fitter.temperature import Temperature
-from fitter.trace import SensorTrace
 from fitter.trace.outcome import Figure, Parameter, WithError
-from fitter.trace.result import FoundEffect
+from procedures.attitude.data import AttitudeData
+from procedures.attitude.fit import AttitudeFit, parameter_table, temperature_table
+from procedures.attitude.infer import AttitudeCalibration
+from procedures.attitude.model import AttitudeParameters, NoRollParameters, attitude_parameters, no_roll_parameters
+from procedures.attitude.temperature import Temperature
+from procedures.attitude.trace import FoundEffect, SensorTrace
 from rig.present.parameters import LABELS, SCALE, UNIT, shown
 
 _VARIABLES = {

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from math import isfinite
 from typing import Any
 
+from fitter.trace.found import CONFIRMED
 from fitter.trace.outcome import Finding, Outcome
-from fitter.trace.result import CONFIRMED
 from rig.present.words import SMALLEST, TESTS, capitalised, chance, part, significant, unnamed
 
 Interval = tuple[float, float] | None

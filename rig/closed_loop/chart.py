@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from fitter.errors import FitError
-from fitter.history import Between, Calibrated, Chart, Charted, chart
-from fitter.inverse import CurveCalibration
-from fitter.pressure import PressureFit
+from fitter.history import Between, Chart, Charted, chart
+from procedures.attitude.history import Calibrated
+from procedures.general.infer.curve import CurveCalibration
+from procedures.pressure.fit import PressureFit
 from rig.closed_loop.chart_inputs import Given, notes
 from rig.closed_loop.chart_json import quantity_json
 from rig.closed_loop.chart_together import LeftOut

@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from fitter.history import Calibrated, calibrated
-from fitter.history.stored import calibrated_from
-from fitter.inverse import CurveCalibration
-from fitter.inverse.calibrate import OFFSET, SENSITIVITY
-from fitter.pressure import PressureFit
+from procedures.attitude.history import Calibrated, calibrated
+from procedures.attitude.history_of_files import calibrated_from
+from procedures.attitude.infer.calibrate import OFFSET, SENSITIVITY
+from procedures.general.infer.curve import CurveCalibration
+from procedures.pressure.fit import PressureFit
 from rig.closed_loop.attitude import with_temperature
 from rig.closed_loop.whole_plot import fit_whole_plots
 from rig.errors import UsageError

@@ -8,8 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from fitter.history import Calibrated
-from fitter.inverse import CurveCalibration
+from procedures.attitude.history import Calibrated
+from procedures.general.infer.curve import CurveCalibration
 from rig.closed_loop.chart_inputs import Given, Sensor, path_of, read
 from rig.errors import UsageError
 

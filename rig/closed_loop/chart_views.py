@@ -8,10 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitter.arrays import FloatArray
-from fitter.history import AttitudeCharted, Calibrated, Charted, attitude_charted, curve_charted, pressure_charted
-from fitter.inverse import CurveCalibration
-from fitter.pressure import PressureFit
+from fitter.history import Charted
 from fitter.quantiles import t_limit
+from procedures.attitude.history import AttitudeCharted, Calibrated, attitude_charted
+from procedures.general.history import curve_charted
+from procedures.general.infer.curve import CurveCalibration
+from procedures.pressure.fit import PressureFit
+from procedures.pressure.history import pressure_charted
 from rig.tables.unused import unit_of
 
 _NO_ROLL = "attitude-no-roll"

@@ -12,13 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from fitter import AttitudeData
 from fitter.arrays import FloatArray
-from fitter.attitude import sigma_deg
-from fitter.data import SAME_ANGLE_DEG
 from fitter.errors import FitError
-from fitter.fractions import Cell, MeasuredGrid, PartFit, fit_part
-from procedures import Design, fraction, grid, tumble
+from procedures.attitude.data import SAME_ANGLE_DEG, AttitudeData
+from procedures.attitude.designs import Design, fraction, grid, tumble
+from procedures.attitude.fractions import Cell, MeasuredGrid, PartFit, fit_part
+from procedures.attitude.model import sigma_deg
 from rig.closed_loop.attitude import with_temperature
 from rig.closed_loop.fraction_advice import advised, sentence, settings
 from rig.errors import UsageError

@@ -9,15 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from fitter import LinearFit, least_squares
 from fitter.arithmetic_text import column_name
 from fitter.arrays import FloatArray, IntArray
 from fitter.errors import FitError
 from fitter.formula import Formula
-from fitter.gross import GrossErrors, of_table
-from fitter.inverse import CurveCalibration, Factored
+from fitter.gross import GrossErrors
+from fitter.linear import LinearFit, least_squares
 from fitter.scatter import uneven_scatter
 from fitter.split_plot import SplitPlotFit, fit_split_plot
+from procedures.general.gross import of_table
+from procedures.general.infer.curve import CurveCalibration
+from procedures.general.infer.factored import Factored
 from rig.closed_loop.file_rows import rows_of_file
 from rig.closed_loop.gross import FitSummary, LeaveOut, Searched, Where, kept_with, search
 from rig.errors import UsageError

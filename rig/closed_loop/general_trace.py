@@ -12,8 +12,7 @@ import numpy as np
 from fitter.errors import FitError
 from fitter.quantiles import t_limit
 from fitter.trace.outcome import Finding, Outcome, run_json
-from fitter.trace.tables import TableTrace, trace_general
-from fitter.trace.tables.result import FoundTableEffect
+from procedures.general.trace import FoundTableEffect, TableTrace, trace_general
 from rig.closed_loop.certificate import Change, Errors, certified, with_words
 from rig.closed_loop.roles import Roles, parts_played, read_roles, used_columns
 from rig.errors import UsageError

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
-from fitter.effects.tables_scene import Timeline, seconds_per_unit
 from fitter.errors import FitError
+from procedures.general.effects.scene import Timeline, seconds_per_unit
 from rig.tables import Table
 
 _CLOCKS = re.compile(

@@ -12,10 +12,10 @@ import numpy as np
 from fitter.arithmetic import Expression
 from fitter.arithmetic_text import column_name
 from fitter.arrays import FloatArray, IntArray
-from fitter.effects.tables_scene import Grouping, TableScene
 from fitter.errors import FitError
 from fitter.formula import Formula
-from fitter.trace.tables import TableData
+from procedures.general.effects.scene import Grouping, TableScene
+from procedures.general.trace import TableData
 from rig.closed_loop.file_rows import rows_of_file
 from rig.closed_loop.order import Parts, alike, codes, time_of
 from rig.errors import UsageError

@@ -12,14 +12,14 @@ import numpy as np
 from fitter.arrays import IntArray
 from fitter.effects.sizes import size_95
 from fitter.errors import FitError
-from fitter.gross import GrossErrors, of_whole_plots
+from fitter.gross import GrossErrors
 from fitter.misfit import COVERED_BY_WHOLE_PLOTS
-from fitter.pressure import PressureFit, fit_transducers, variance_inflation
-from fitter.pressure.models import FULL, named_formula
-from fitter.trace import TransducerTrace, WholePlotTrace, trace_whole_plots
 from fitter.trace.outcome import Finding, Outcome, run_json
-from fitter.trace.whole_plots.result import FoundPressureEffect
-from fitter.whole_plot_data import WholePlotData
+from procedures.pressure.data import WholePlotData
+from procedures.pressure.fit import PressureFit, fit_transducers, named_formula, variance_inflation
+from procedures.pressure.fit.models import FULL
+from procedures.pressure.gross import of_whole_plots
+from procedures.pressure.trace import FoundPressureEffect, TransducerTrace, WholePlotTrace, trace_whole_plots
 from rig.closed_loop.certificate import Change, Errors, certified, with_words
 from rig.closed_loop.file_rows import rows_of_file
 from rig.closed_loop.gross import FitSummary, LeaveOut, Searched, kept_with, search

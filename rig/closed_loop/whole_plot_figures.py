@@ -8,10 +8,9 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.linear import orthonormal
-from fitter.trace import TransducerTrace, WholePlotTrace
 from fitter.trace.outcome import Figure
-from fitter.trace.whole_plots.result import FoundPressureEffect
-from fitter.whole_plot_data import WholePlotData
+from procedures.pressure.data import WholePlotData
+from procedures.pressure.trace import FoundPressureEffect, TransducerTrace, WholePlotTrace
 
 _VARIABLES = {
     "pressure_psia": ("pressure / psia", 1.0),

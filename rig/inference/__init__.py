@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fitter.inverse import AttitudeCalibration, CurveCalibration
+from procedures.attitude.infer import AttitudeCalibration
+from procedures.general.infer.curve import CurveCalibration
 from rig.errors import UsageError
 from rig.inference.attitude import infer_attitudes
 from rig.inference.calibration_file import CalibrationFile, Inference, read_calibration

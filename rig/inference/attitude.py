@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitter.errors import FitError
-from fitter.inverse import AttitudeCalibration, InferredAttitude, infer_attitude
+from procedures.attitude.infer import AttitudeCalibration, InferredAttitude, infer_attitude
 from rig.errors import UsageError
 from rig.inference.calibration_file import Inference
 from rig.inference.missing import empty_rows, incomplete_rows

@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from fitter.errors import FitError
-from fitter.inverse import AttitudeCalibration, CurveCalibration
-from fitter.pressure import PressureCalibration
+from procedures.attitude.infer import AttitudeCalibration
+from procedures.general.infer.curve import CurveCalibration
+from procedures.pressure.fit import PressureCalibration
 from rig.errors import UsageError
 from rig.present.words import incomplete
 from rig.regular import read_regular_text

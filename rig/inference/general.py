@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from fitter.errors import FitError
-from fitter.inverse import CurveCalibration, infer_curve
+from procedures.general.infer.curve import CurveCalibration, infer_curve
 from rig.errors import UsageError
 from rig.inference.calibration_file import Inference
 from rig.inference.missing import empty_rows, incomplete_rows

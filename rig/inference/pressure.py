@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitter.errors import FitError
-from fitter.pressure import PressureCalibration, Zero, infer_pressure
+from procedures.pressure.fit import PressureCalibration
+from procedures.pressure.infer import Zero, infer_pressure
 from rig.errors import UsageError
 from rig.inference.calibration_file import Inference
 from rig.inference.missing import empty_rows, incomplete_rows

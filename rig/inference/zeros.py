@@ -9,7 +9,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from fitter.pressure import STOOD_DEGC, Departure, PressureCalibration, Zero
+from procedures.pressure.fit import PressureCalibration
+from procedures.pressure.infer import STOOD_DEGC, Departure, Zero
 from rig.errors import UsageError
 from rig.tables import Table
 

@@ -18,7 +18,7 @@ LABELS = {
     "my_V": "m_y / (V/g)",
     "mz_V": "m_z / (V/g)",
 }
-"""What the parameters of `fitter.calibration.parameter_table` are called where people read them."""
+"""What the parameters of `procedures.attitude.fit.parameter_table` are called where people read them."""
 SCALE, UNIT = 1e4, "1e-4 deg"
 """Errors of angles are shown in the unit of Table 2."""
 NO_DIRECTION = "the sensitive axis leans too little to say where to: Omega and A have no intervals, its components m do"

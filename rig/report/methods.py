@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fitter.pressure import METHODS, PressureFit
+from procedures.pressure.fit import METHODS, PressureFit
 from rig.closed_loop.whole_plot import HOLD_AT, IN_USE, errors_in_words, in_use_words, low_pressure
 from rig.report.frame import render
 from rig.report.pictures import grid, png

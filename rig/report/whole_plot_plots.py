@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from fitter.whole_plot_data import WholePlotData
+from procedures.pressure.data import WholePlotData
 from rig.report.pictures import colour_scale, png, side_by_side
 
 Array = np.ndarray[Any, np.dtype[np.float64]]

@@ -14,7 +14,7 @@ from typing import Any, Protocol
 
 import apsw
 
-from procedures import RunList
+from procedures.run_list import RunList
 from rig import __version__
 from rig.errors import RunFileError
 from rig.run_file.bodies import COUNT

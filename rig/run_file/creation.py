@@ -11,7 +11,7 @@ from typing import Any
 
 import apsw
 
-from procedures import RunList
+from procedures.run_list import RunList
 from rig.errors import RunFileError, StorageError
 from rig.run_file.chain import GENESIS, Record, encode, link
 from rig.run_file.schema import APPLICATION_ID, INSERT_RECORD, SCHEMA_VERSION, statements, write_run_list

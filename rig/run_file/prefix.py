@@ -17,7 +17,7 @@ from typing import Any
 
 import apsw
 
-from procedures import Factor, Point, RunList
+from procedures.run_list import Factor, Point, RunList
 from rig.errors import RunFileError, StorageError, UsageError
 from rig.run_file.audit import findings
 from rig.run_file.last_word import head_path, read_last_word

@@ -14,7 +14,7 @@ from typing import Any, Self
 
 import apsw
 
-from procedures import Factor, Point, RunList, rows_sha256
+from procedures.run_list import Factor, Point, RunList, rows_sha256
 from rig.errors import RunFileError, UsageError
 from rig.run_file.audit import findings
 from rig.run_file.beside import Alone, ForeignFileError, check_journal, check_log, foreign_log, has_log

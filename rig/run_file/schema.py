@@ -16,7 +16,7 @@ from typing import Any
 
 import apsw
 
-from procedures import RunList
+from procedures.run_list import RunList
 
 APPLICATION_ID = 0x52494721
 SCHEMA_VERSION = 2

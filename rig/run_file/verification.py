@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from procedures import RunList
+from procedures.run_list import RunList
 from rig.config import parse_procedure
 from rig.errors import RigError, RunFileError, UsageError
 from rig.run_file import wal

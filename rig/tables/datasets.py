@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from fitter import AttitudeData
-from fitter.attitude import mounting_matrix
 from fitter.errors import FitError
-from fitter.whole_plot_data import WholePlotData
+from procedures.attitude.data import AttitudeData
+from procedures.attitude.model import mounting_matrix
+from procedures.pressure.data import WholePlotData
 from rig.columns import UNITS
 from rig.errors import UsageError
 from rig.tables.table import MOUNTING, PITCH_ROLL, WHOLE_PLOT, Table

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from procedures import RunList
+from procedures.run_list import RunList
 from rig.errors import RunFileError
 from rig.run_file.bodies import ContentsError
 from rig.run_file.chain import Record

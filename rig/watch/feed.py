@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from procedures import Factor
+from procedures.run_list import Factor
 from rig.errors import RigError
 from rig.previous import Previous
 from rig.run_file.documents import declared_model, mounting_of

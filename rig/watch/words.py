@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from procedures import Factor
+from procedures.run_list import Factor
 from rig.run_file.bodies import NUMBER
 from rig.run_file.state import RunState
 

@@ -9,13 +9,13 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from fitter import AttitudeData
 from fitter.arrays import FloatArray
 from fitter.confirm import Confirmation, Member, SensorError, confirm_all
 from fitter.confirm import Confirmed as Judged
 from fitter.confirm.judge import CHANGED
 from fitter.errors import FitError
-from fitter.whole_plot_data import WholePlotData
+from procedures.attitude.data import AttitudeData
+from procedures.pressure.data import WholePlotData
 from rig.closed_loop import AttitudeTraced
 from rig.closed_loop.confirm.first import First, read_later
 from rig.errors import UsageError

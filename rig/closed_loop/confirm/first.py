@@ -8,10 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from fitter import AttitudeData
-from fitter.confirm import AttitudeTogether, Question, Together, WholePlotTogether, questions_of
-from fitter.whole_plot_data import WholePlotData
-from procedures import Procedure
+from fitter.confirm import Question, Together, questions_of
+from procedures.attitude.data import AttitudeData
+from procedures.attitude.together import AttitudeTogether
+from procedures.kind import Procedure
+from procedures.pressure.data import WholePlotData
+from procedures.pressure.together import WholePlotTogether
 from rig.closed_loop import AttitudeTraced, Traced, trace_table
 from rig.config import BenchConfig
 from rig.controller import WORLD_START

@@ -8,12 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from fitter import AttitudeData
-from fitter.attitude import mounting_matrix
 from fitter.confirm import CARRIED_ON, Together
-from fitter.whole_plot_data import WholePlotData
-from procedures import PitchRollProcedure, Procedure, RunList
-from procedures.separating import Variation
+from procedures.attitude.data import AttitudeData
+from procedures.attitude.model import mounting_matrix
+from procedures.attitude.settings import PitchRollProcedure
+from procedures.further_runs import Variation
+from procedures.kind import Procedure
+from procedures.pressure.data import WholePlotData
+from procedures.run_list import RunList
 from rig.closed_loop import AttitudeTraced
 from rig.closed_loop.confirm.first import First
 from rig.config import parse_toml

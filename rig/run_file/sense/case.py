@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Protocol
 
-from procedures import Procedure
 from procedures.conduct import Conduct, EnvironmentSettings, SoakSettings
+from procedures.kind import Procedure
 from procedures.run_list import RunList
 from rig.config import BenchConfig, parse_bench, parse_procedure
 from rig.errors import ConfigurationError

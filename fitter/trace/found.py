@@ -1,0 +1,201 @@
+"""What a trace says of any kind of run: an effect found, what is left without a name, the verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Self
+
+from fitter.json_values import JsonValue
+from fitter.trace.aliases import Rival
+from fitter.trace.outcome import Finding, Parameter, WithError
+
+CONFIRMED = 0.8
+"""Left-out error after over before, above which the effects found do not carry over to what was not fitted."""
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """An effect as it shows in one sensor, whatever kind of run it was found in.
+
+    Attributes:
+        effect: name in the catalogue.
+        cause: what happens physically.
+        stratum: where it was found.
+        terms: its terms as formulas, without those that do not show in this sensor.
+        coefficients: of the formulas, in `unit`.
+        stderr: of the coefficients; conditional on the effect having been selected on the same data.
+        unit: of the coefficients.
+        size: of the cause, in physical terms: "1.50e-3 deg/g", "45 ppm/degC", "1.2 arcsec".
+        p_adjusted: probability of finding the like by chance, over all candidates, sensors and steps of the run.
+        p_adjusted_is_bound: the null was not simulated often enough to say how much smaller than `p_adjusted` it is.
+        share: of the sensor's whole error beyond scatter, how much it explains; those of all effects add up to one at
+            most (`fitter.trace.shares`).
+        aliases: other effects the data cannot tell from it.
+        separation: standard errors by which every other explanation falls behind, by effect.
+        separate_by: the measurement that would tell it from its aliases, with the size it would show.
+        against: field of the data to plot it against.
+
+    """
+
+    effect: str
+    cause: str
+    stratum: str
+    terms: tuple[str, ...]
+    coefficients: tuple[float, ...]
+    stderr: tuple[float, ...]
+    unit: str
+    size: str
+    p_adjusted: float
+    p_adjusted_is_bound: bool
+    share: float
+    aliases: tuple[str, ...]
+    separation: Mapping[str, float]
+    separate_by: str
+    against: str
+
+    @classmethod
+    def of_noise(
+        cls,
+        *,
+        effect: str,
+        cause: str,
+        terms: tuple[str, ...],
+        coefficients: tuple[float, ...],
+        unit: str,
+        size: str,
+        p_adjusted: float,
+        separate_by: str,
+        against: str,
+        **more: Any,
+    ) -> Self:
+        """A finding about the noise: no column of the model, so no share, alias or standard errors.
+
+        Arguments are the attributes of these names, and what a kind of run has `more` of.
+        """
+        return cls(
+            effect=effect,
+            cause=cause,
+            stratum="noise",
+            terms=terms,
+            coefficients=coefficients,
+            stderr=(float("nan"),) * len(coefficients),
+            unit=unit,
+            size=size,
+            p_adjusted=p_adjusted,
+            p_adjusted_is_bound=False,
+            share=0.0,
+            aliases=(),
+            separation={},
+            separate_by=separate_by,
+            against=against,
+            **more,
+        )
+
+    @property
+    def own_keys(self) -> dict[str, JsonValue]:
+        """Keys of JSON that only this kind of run has."""
+        return {}
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Its coefficients as rows beside those of the declared model."""
+        rows = zip(self.terms, self.coefficients, self.stderr, strict=True)
+        named = ((f"{self.effect}: {term}", WithError(value, error)) for term, value, error in rows)
+        return tuple(Parameter(name, estimate, unit=self.unit) for name, estimate in named)
+
+    def finding(self) -> Finding:
+        """The same in the form of every kind of run."""
+        return Finding(
+            kind="noise" if self.stratum == "noise" else "effect",
+            cause=self.cause,
+            stratum=self.stratum,
+            share=self.share,
+            effect=self.effect,
+            terms=self.terms,
+            coefficients=self.coefficients,
+            stderr=self.stderr,
+            unit=self.unit,
+            size=self.size,
+            p_adjusted=self.p_adjusted,
+            p_adjusted_is_bound=self.p_adjusted_is_bound,
+            aliases=self.aliases,
+            separation=self.separation,
+            separate_by=self.separate_by,
+            more=self.own_keys,
+        )
+
+
+@dataclass(frozen=True)
+class Unnamed:
+    """What no effect of the catalogue explains: where it lives, and its share of what is left.
+
+    In a finished trace the share is of the whole error beyond scatter, beside the shares of the effects.
+
+    Attributes:
+        where: it lives.
+        share: see above.
+        added: whether a smooth term without a cause was added for it.
+        stratum: "noise" where what remains is noise that wanders; else "unnamed".
+
+    """
+
+    where: str
+    share: float
+    added: bool = field(default=False, kw_only=True)
+    stratum: str = field(default="unnamed", kw_only=True)
+
+    @property
+    def own_keys(self) -> dict[str, JsonValue]:
+        """Keys of JSON that only this kind of run has."""
+        return {}
+
+    def finding(self) -> Finding:
+        """The same in the form of every kind of run."""
+        more = self.own_keys
+        return Finding("unnamed", self.where, self.stratum, self.share, added=self.added, more=more)
+
+
+def verdict(*, found: bool, fell: bool, rest: Iterable[Unnamed]) -> str:
+    """One word or two for a sensor, by one rule in every kind of run.
+
+    Findings about the noise are no effects: they explain nothing, and leave nothing to be added to the model.
+
+    Args:
+        found: whether effects were, findings about the noise apart.
+        fell: whether the error is smaller with them.
+        rest: what is left.
+
+    """
+    remains = any(one.stratum != "noise" for one in rest)
+    if found:
+        return "explained" if fell and not remains else "partly explained"
+    return "unexplained" if remains else "nothing to add"
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """One explanation of something that was found.
+
+    Attributes:
+        effect: name in the catalogue.
+        terms: candidates of the effect that it takes, of the kind of run.
+        sigmas: standard errors by which it falls behind the best explanation.
+        alias: whether the data cannot tell it from the best.
+
+    """
+
+    effect: str
+    terms: tuple[Any, ...]
+    sigmas: float
+    alias: bool
+
+
+def explanations_of(
+    classes: Mapping[str, Sequence[Rival]], candidates: Sequence[Any]
+) -> dict[str, tuple[Explanation, ...]]:
+    """Explanations of every effect found, by its name, from what a search knows by index."""
+    return {
+        name: tuple(Explanation(r.effect, tuple(candidates[j] for j in r.terms), r.sigmas, r.alias) for r in rivals)
+        for name, rivals in classes.items()
+    }

@@ -1,0 +1,95 @@
+"""The catalogue of effects an attitude calibration may lack, each a declarative entry.
+
+The order is the order in which equally good explanations are named: simplest and most usual cause first.
+"""
+
+from procedures.attitude.effects.effect import Effect, Term
+from procedures.attitude.effects.head import (
+    AXES_NOT_SQUARE,
+    BACKLASH_PITCH,
+    BACKLASH_ROLL,
+    GEAR_PITCH,
+    GEAR_ROLL,
+    HEAD_ONCE,
+    HEAD_TILT,
+    HEAD_TWICE,
+    INDEX_ERROR,
+    ROLL_HEAD_ONCE,
+    ROLL_HEAD_TWICE,
+    ROLL_WOBBLE,
+)
+from procedures.attitude.effects.memory import CREEP, HYSTERESIS_PITCH, HYSTERESIS_ROLL, SETTLING_PITCH, SETTLING_ROLL
+from procedures.attitude.effects.package import ISOLATION_PADS, MOUNTING_SLIP
+from procedures.attitude.effects.scene import Scene
+from procedures.attitude.effects.sensor import (
+    CROSS_AXIS,
+    DAILY_CYCLE,
+    OFFSET_DRIFT,
+    SECOND_ORDER,
+    SENSITIVITY_DRIFT,
+    THIRD_ORDER,
+)
+from procedures.attitude.effects.separation import separate
+from procedures.attitude.effects.steps import INDEX_SHIFT, OFFSET_STEP, OFFSET_STEP_UNRECORDED, SENSITIVITY_STEP
+from procedures.attitude.effects.thermal import (
+    ALIGNMENT_TEMPERATURE,
+    OFFSET_TEMPERATURE,
+    SENSITIVITY_TEMPERATURE,
+    THERMAL_GRADIENT,
+    THERMAL_LAG,
+)
+from procedures.attitude.effects.voltmeter import (
+    VOLTMETER_GAIN_DRIFT,
+    VOLTMETER_NONLINEARITY,
+    VOLTMETER_RANGE,
+    VOLTMETER_ZERO_DRIFT,
+)
+
+CATALOGUE: tuple[Effect, ...] = (
+    ISOLATION_PADS,
+    OFFSET_TEMPERATURE,
+    SENSITIVITY_TEMPERATURE,
+    ALIGNMENT_TEMPERATURE,
+    OFFSET_STEP,
+    SENSITIVITY_STEP,
+    OFFSET_DRIFT,
+    SENSITIVITY_DRIFT,
+    BACKLASH_PITCH,
+    BACKLASH_ROLL,
+    HYSTERESIS_PITCH,
+    HYSTERESIS_ROLL,
+    SETTLING_PITCH,
+    SETTLING_ROLL,
+    CREEP,
+    SECOND_ORDER,
+    THIRD_ORDER,
+    VOLTMETER_NONLINEARITY,
+    HEAD_ONCE,
+    HEAD_TWICE,
+    ROLL_HEAD_ONCE,
+    ROLL_HEAD_TWICE,
+    INDEX_ERROR,
+    HEAD_TILT,
+    AXES_NOT_SQUARE,
+    ROLL_WOBBLE,
+    CROSS_AXIS,
+    VOLTMETER_ZERO_DRIFT,
+    VOLTMETER_GAIN_DRIFT,
+    THERMAL_GRADIENT,
+    THERMAL_LAG,
+    DAILY_CYCLE,
+    INDEX_SHIFT,
+    MOUNTING_SLIP,
+    VOLTMETER_RANGE,
+    GEAR_PITCH,
+    GEAR_ROLL,
+    OFFSET_STEP_UNRECORDED,
+)
+
+__all__ = [
+    "CATALOGUE",
+    "Effect",
+    "Scene",
+    "Term",
+    "separate",
+]

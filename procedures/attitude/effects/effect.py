@@ -1,0 +1,84 @@
+"""What an effect is: a physical cause, and the columns it would add to the model of each sensor."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.effects.entry import Entry
+from procedures.attitude.data import AttitudeData
+from procedures.attitude.effects.scene import Scene
+
+Column = Callable[[Scene, str], FloatArray]
+
+
+@dataclass(frozen=True)
+class Term:
+    """One column of an effect.
+
+    Attributes:
+        name: unique within its effect.
+        column: (n,) volts for a coefficient of one, for a given sensor.
+        shown: for a given sensor, the term as a formula and the factor from the coefficient to that formula's, in
+            the effect's unit; without it the name is the formula and the factor is one.
+        group: terms of one effect with the same group are judged together, as sine and cosine of one frequency are;
+            a term without one is judged by itself.
+        finer: where a constant in the column is searched: groups of terms that try it about this one's value, more
+            closely than the catalogue does.
+
+    """
+
+    name: str
+    column: Column
+    shown: Callable[[Scene, str], tuple[str, float]] | None = None
+    group: str = ""
+    finer: Callable[[AttitudeData], tuple[tuple[Term, ...], ...]] | None = None
+
+    def as_formula(self, scene: Scene, sensor: str) -> tuple[str, float]:
+        """Formula and factor for one sensor; on a turned package the name, since formulas are in angles of the head."""
+        text, factor = self.shown(scene, sensor) if self.shown else (self.name, 1.0)
+        return (text, factor) if scene.data.mounting is None else (self.name, factor)
+
+
+@dataclass(frozen=True)
+class Effect(Entry):
+    """An entry of the attitude catalogue. Adding an effect to the tracer is adding one of these.
+
+    Attributes:
+        terms: its columns, given the observations (an effect may have as many as there were interruptions).
+        needs: what the observations must have: a key of `PREREQUISITES` each.
+        searched: whether its terms are one another's alternatives, for as many values of a constant that is searched.
+            A value counts as a coefficient in comparisons with other effects.
+
+    """
+
+    terms: Callable[[AttitudeData], tuple[Term, ...]]
+    needs: tuple[str, ...] = ()
+    searched: bool = False
+
+    def applies_to(self, data: AttitudeData) -> bool:
+        """Whether these observations have what it takes to look for it."""
+        return all(PREREQUISITES[need](data) for need in self.needs)
+
+
+PREREQUISITES: Mapping[str, Callable[[AttitudeData], bool]] = {
+    "roll": lambda data: data.has_roll,
+    "temperature": lambda data: (
+        data.sensor_temperature_degC is not None and bool(np.ptp(data.sensor_temperature_degC) > 1e-3)
+    ),
+    "time": lambda data: bool(np.ptp(data.elapsed_s) > 0),
+    "pitch sides": lambda data: bool(np.ptp(data.pitch_side) > 0),
+    "roll sides": lambda data: bool(np.ptp(data.roll_side) > 0) and data.has_roll,
+    "blocks": lambda data: bool(np.ptp(data.block) > 0),
+    "starts": lambda data: data.replicates.size > 1 or bool(np.ptp(data.block) > 0),
+    "several sensors": lambda data: len(data.sensors) > 1,
+    "a night": lambda data: bool(np.ptp(data.elapsed_s) > 6 * 3600.0),
+}
+
+
+def fixed(*terms: Term) -> Callable[[AttitudeData], tuple[Term, ...]]:
+    """Terms that are the same whatever the observations."""
+    return lambda _data: terms

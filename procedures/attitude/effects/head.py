@@ -1,0 +1,329 @@
+"""Errors of the head: its angles are not what it says, for a reason that stays with the head.
+
+An error of an angle changes an output by dv/d(angle) times the error: one coefficient, in degrees, for all sensors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from fitter.arrays import FloatArray, IntArray
+from fitter.effects.entry import Alias, Largest, Signed
+from fitter.effects.sizes import amplitude, arcsec
+from procedures.attitude.data import AttitudeData
+from procedures.attitude.data import settings as settings_of
+from procedures.attitude.effects.effect import Effect, Term, fixed
+from procedures.attitude.effects.scene import Scene
+
+_BOTH_SIDES = "visit some points twice in one replication, once from each side"
+_OTHER_INDEX = (
+    "start the scale from another index, turned a quarter turn against the sensor: an error of the head moves"
+)
+REVERSED = (
+    "mount the package reversed, turned half a turn about its own x axis: what the pads add to the x output in sin 2a "
+    "changes sign, what the head adds does not"
+)
+_REMOUNTED = "remount the package turned by a known roll angle: an error of the head stays with the head"
+_LEVEL = "put a spirit level on the base of the head, and read its zero against an autocollimator"
+_DEGREE = np.radians(1.0)
+
+_ONE_DEGREE = Largest(1.0, "1 deg")
+"""Heads and gears that are worth a calibration are hundreds of times better: docs/trace.md."""
+
+Error = Callable[[Scene], FloatArray]
+
+
+def pitch_error(name: str, error: Error, group: str = "") -> Term:
+    """The head stands at another pitch than it says, by `error` (n,) degrees for a coefficient of one."""
+    return Term(f"dv/dpitch*{name}", lambda scene, sensor: scene.per_pitch(sensor) * error(scene), group=group)
+
+
+def roll_error(name: str, error: Error, group: str = "") -> Term:
+    """The head stands at another roll than it says, by `error` (n,) degrees for a coefficient of one."""
+    return Term(f"dv/droll*{name}", lambda scene, sensor: scene.per_roll(sensor) * error(scene), group=group)
+
+
+def _waves(of: Callable[..., Term], angle: str, k: float) -> tuple[Term, Term]:
+    """Sine and cosine of k periods a turn in "pitch" or "roll", judged together."""
+    text = angle if k == 1 else f"{k:g}*{angle}"
+
+    def turned(scene: Scene) -> FloatArray:
+        return k * (scene.pitch if angle == "pitch" else scene.rolled)
+
+    return (
+        of(f"sin({text})", lambda scene: np.sin(turned(scene)), group=text),
+        of(f"cos({text})", lambda scene: np.cos(turned(scene)), group=text),
+    )
+
+
+def periods(angle_deg: FloatArray) -> tuple[float, ...]:
+    """Periods a turn that a search over the angles visited tries: halves and whole numbers but 1 and 2.
+
+    Up to where half a period is one step of the design; errors of more periods look like one of fewer. Where less than
+    a turn is visited, no closer than half a period over what is.
+    """
+    setting = settings_of(angle_deg)
+    at = np.bincount(setting, angle_deg) / np.bincount(setting)
+    if at.size < 5:
+        return ()
+    step, turn = float(np.median(np.diff(at))), float(at[-1] - at[0])
+    spacing = max(0.5, np.ceil(2 * 180.0 / turn) / 2)
+    return tuple(k for k in np.arange(spacing, 180.0 / step + 1e-6, spacing).tolist() if k not in (1.0, 2.0))
+
+
+_PLAY = Signed(
+    "backlash",
+    +1,
+    "an axis that goes beyond where it was sent, as one does whose controller corrects backlash by too much",
+)
+
+
+def _late(side: IntArray) -> FloatArray:
+    """(n,) error of an angle for a backlash of one: the axis stops short of where it was sent."""
+    return np.asarray(side / -2.0)
+
+
+BACKLASH_PITCH = Effect(
+    name="backlash-pitch",
+    cause="the pitch axis stops short by half the backlash, on the side it arrived from",
+    source="pitch axis",
+    scope="package",
+    stratum="point-by-replication",
+    unit="deg",
+    size=arcsec,
+    against="pitch_deg",
+    terms=fixed(pitch_error("(-side/2)", lambda scene: _late(scene.data.pitch_side))),
+    signed=_PLAY,
+    largest=_ONE_DEGREE,
+    separate_by=_BOTH_SIDES,
+    usual_size="arc seconds, 1e-3 deg",
+    known_aliases={
+        "offset-drift": Alias("where direction alternates with the replication and there is no roll", _BOTH_SIDES),
+        "hysteresis-pitch": Alias(
+            "without roll, near zero pitch",
+            "read both sides where the output hardly depends on pitch: backlash is gone there, hysteresis is not",
+        ),
+    },
+    needs=("pitch sides",),
+)
+
+BACKLASH_ROLL = Effect(
+    name="backlash-roll",
+    cause="the roll axis stops short by half the backlash, on the side it arrived from",
+    source="roll axis",
+    scope="package",
+    stratum="point-by-replication",
+    unit="deg",
+    size=arcsec,
+    against="roll_deg",
+    terms=fixed(roll_error("(-side/2)", lambda scene: _late(scene.data.roll_side))),
+    signed=_PLAY,
+    largest=_ONE_DEGREE,
+    separate_by=_BOTH_SIDES,
+    usual_size="arc seconds, 1e-3 deg",
+    known_aliases={"roll-head-once-per-turn": Alias("where every replication walks the same path", _BOTH_SIDES)},
+    needs=("roll sides",),
+)
+
+HEAD_ONCE = Effect(
+    name="head-once-per-turn",
+    cause="eccentric scale of the pitch axis, or an overhung load or an off-centre mass that bends it: an error with "
+    "one period a turn",
+    source="pitch axis",
+    scope="package",
+    stratum="between-point",
+    unit="deg",
+    size=amplitude,
+    against="pitch_deg",
+    terms=fixed(*_waves(pitch_error, "pitch", 1)),
+    largest=_ONE_DEGREE,
+    separate_by="compare commands that share an attitude, (a, R) and (180 - a, R + 180), or two sensors on the head",
+    usual_size="seconds of arc, 5e-4 deg",
+    known_aliases={
+        "sensor-second-order": Alias(
+            "the cosine phase, for an x sensor by itself",
+            "mount the package end for end: a sensor's own square keeps its sign in the output, an error of the head "
+            "changes it with the slope",
+        ),
+        "isolation-pad-deflection": Alias(
+            "the sine phase without roll; the cosine phase is two equal deflections of the pads",
+            f"{REVERSED}; lock the pads",
+        ),
+    },
+)
+
+HEAD_TWICE = Effect(
+    name="head-twice-per-turn",
+    cause="elliptic scale of the pitch axis: an error with two periods a turn",
+    source="pitch axis",
+    scope="package",
+    stratum="between-point",
+    unit="deg",
+    size=amplitude,
+    against="pitch_deg",
+    terms=fixed(*_waves(pitch_error, "pitch", 2)),
+    largest=_ONE_DEGREE,
+    separate_by=_OTHER_INDEX,
+    usual_size="seconds of arc, 5e-4 deg",
+    known_aliases={"sensor-third-order": Alias("the sine phase, for an x sensor by itself", _OTHER_INDEX)},
+)
+
+ROLL_HEAD_ONCE = Effect(
+    name="roll-head-once-per-turn",
+    cause="eccentric scale of the roll axis: an error with one period a turn",
+    source="roll axis",
+    scope="package",
+    stratum="between-point",
+    unit="deg",
+    size=amplitude,
+    against="roll_deg",
+    terms=fixed(*_waves(roll_error, "roll", 1)),
+    largest=_ONE_DEGREE,
+    separate_by=_REMOUNTED,
+    usual_size="seconds of arc, 5e-4 deg",
+    known_aliases={"cross-axis": Alias("for a y or z sensor near zero pitch", _REMOUNTED)},
+    needs=("roll",),
+)
+
+ROLL_HEAD_TWICE = Effect(
+    name="roll-head-twice-per-turn",
+    cause="elliptic scale of the roll axis: an error with two periods a turn",
+    source="roll axis",
+    scope="package",
+    stratum="between-point",
+    unit="deg",
+    size=amplitude,
+    against="roll_deg",
+    terms=fixed(*_waves(roll_error, "roll", 2)),
+    largest=_ONE_DEGREE,
+    separate_by=_REMOUNTED,
+    usual_size="seconds of arc, 5e-4 deg",
+    known_aliases={"sensor-third-order": Alias("for a y or z sensor near zero pitch", _REMOUNTED)},
+    needs=("roll",),
+)
+
+
+def _gear_terms(of: Callable[..., Term], angle: str) -> Callable[[AttitudeData], tuple[Term, ...]]:
+    def terms(data: AttitudeData) -> tuple[Term, ...]:
+        visited = data.pitch_deg if angle == "pitch" else data.roll_deg
+        return tuple(term for k in periods(visited) for term in _waves(of, angle, k))
+
+    return terms
+
+
+GEAR_PITCH = Effect(
+    name="gear-pitch",
+    cause="teeth of the gear or lines of the scale of the pitch axis: an error with so many periods a turn",
+    source="pitch axis",
+    scope="package",
+    stratum="between-point",
+    unit="deg",
+    size=amplitude,
+    against="pitch_deg",
+    terms=_gear_terms(pitch_error, "pitch"),
+    largest=_ONE_DEGREE,
+    separate_by="visit pitches between those of the design: the period of the teeth shows",
+    usual_size="seconds of arc, 3e-4 deg",
+    known_aliases={},
+    searched=True,
+)
+
+GEAR_ROLL = Effect(
+    name="gear-roll",
+    cause="teeth of the gear or lines of the scale of the roll axis: an error with so many periods a turn",
+    source="roll axis",
+    scope="package",
+    stratum="between-point",
+    unit="deg",
+    size=amplitude,
+    against="roll_deg",
+    terms=_gear_terms(roll_error, "roll"),
+    largest=_ONE_DEGREE,
+    separate_by="visit rolls between those of the design: the period of the teeth shows",
+    usual_size="seconds of arc, 3e-4 deg",
+    known_aliases={},
+    needs=("roll",),
+    searched=True,
+)
+
+INDEX_ERROR = Effect(
+    name="index-error",
+    cause="the head's zero of pitch is not where gravity has it: the scale's index or the base is off along pitch",
+    source="pitch axis",
+    scope="package",
+    stratum="between-point",
+    unit="deg",
+    size=arcsec,
+    against="pitch_deg",
+    terms=fixed(pitch_error("1", lambda scene: np.ones(len(scene.data)))),
+    largest=_ONE_DEGREE,
+    separate_by=_LEVEL,
+    usual_size="1e-3 deg",
+    known_aliases={},
+    needs=("roll",),
+)
+
+
+def _sideways(name: str, arm: Callable[[Scene], FloatArray]) -> Term:
+    """Gravity seems to lean along the pitch axis by `arm` (n,) degrees for a coefficient of one."""
+
+    def column(scene: Scene, sensor: str) -> FloatArray:
+        return np.asarray(_DEGREE * arm(scene) * (scene.sideways @ scene.axes[sensor]))
+
+    return Term(name, column)
+
+
+HEAD_TILT = Effect(
+    name="head-tilt",
+    cause="the pitch axis is not level: the base of the head leans sideways",
+    source="pitch axis",
+    scope="package",
+    stratum="between-point",
+    unit="deg",
+    size=arcsec,
+    against="roll_deg",
+    terms=fixed(_sideways("m_y*cos(roll) - m_z*sin(roll)", lambda scene: np.ones(len(scene.data)))),
+    largest=_ONE_DEGREE,
+    separate_by="put a spirit level along the pitch axis",
+    usual_size="1e-3 deg",
+    known_aliases={},
+    needs=("roll",),
+)
+
+AXES_NOT_SQUARE = Effect(
+    name="axes-not-square",
+    cause="the roll axis is not at right angles to the pitch axis",
+    source="roll axis",
+    scope="package",
+    stratum="between-point",
+    unit="deg",
+    size=arcsec,
+    against="pitch_deg",
+    terms=fixed(_sideways("(m_z*sin(roll) - m_y*cos(roll))*sin(pitch)", lambda scene: -np.sin(scene.pitch))),
+    largest=_ONE_DEGREE,
+    separate_by="sight the roll axis with an autocollimator while the pitch axis turns",
+    usual_size="1e-3 deg",
+    known_aliases={},
+    needs=("roll",),
+)
+
+ROLL_WOBBLE = Effect(
+    name="roll-wobble",
+    cause="the bearing of the roll axis wobbles: pitch errs with one or two periods a turn of roll",
+    source="roll axis",
+    scope="package",
+    stratum="between-point",
+    unit="deg",
+    size=amplitude,
+    against="roll_deg",
+    terms=fixed(
+        *(term for k in (1, 2) for term in _waves(pitch_error, "roll", k)),
+    ),
+    largest=_ONE_DEGREE,
+    separate_by=_REMOUNTED,
+    usual_size="seconds of arc, 3e-4 deg",
+    known_aliases={},
+    needs=("roll",),
+)

@@ -1,0 +1,68 @@
+"""Moments of a run from which on something is different: interruptions, starts of replications, or searched ones."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from procedures.attitude.data import AttitudeData
+from procedures.attitude.effects.scene import Scene
+
+SEARCHED = 64
+"""Moments tried over a run; what is found is then placed between two observations."""
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A moment of a run.
+
+    Attributes:
+        name: "from block 2", "from replication 3" or "from 4.251 h".
+        field: of the data that counts up to it.
+        value: of the field from which on it has passed.
+
+    """
+
+    name: str
+    field: str
+    value: float
+
+    def passed(self, scene: Scene) -> FloatArray:
+        """(n,) one for observations after the moment, zero before."""
+        return np.asarray(getattr(scene.data, self.field) >= self.value, np.float64)
+
+
+def blocks(data: AttitudeData) -> tuple[Moment, ...]:
+    """Every recorded interruption."""
+    return tuple(Moment(f"from block {block}", "block", float(block)) for block in np.unique(data.block)[1:])
+
+
+def starts(data: AttitudeData) -> tuple[Moment, ...]:
+    """Every recorded interruption, and the start of every replication but the first."""
+    begun = (Moment(f"from replication {r}", "replicate", float(r)) for r in data.replicates[1:])
+    return (*blocks(data), *begun)
+
+
+def evenly(data: AttitudeData) -> tuple[Moment, ...]:
+    """`SEARCHED` moments spread evenly over the observations."""
+    between = _between(data)
+    at = np.linspace(0, between.size, SEARCHED + 2)[1:-1]
+    return tuple(_at(t) for t in dict.fromkeys(between[at.astype(np.int64)].tolist()))
+
+
+def near(data: AttitudeData, moment: Moment) -> tuple[Moment, ...]:
+    """Every moment between two observations, closer to a searched one than its neighbours."""
+    between = _between(data)
+    middle, reach = int(np.searchsorted(between, moment.value)), between.size // (SEARCHED + 1) + 1
+    return tuple(_at(t) for t in between[max(middle - reach, 0) : middle + reach + 1].tolist())
+
+
+def _between(data: AttitudeData) -> FloatArray:
+    at = np.unique(data.elapsed_s)
+    return np.asarray((at[1:] + at[:-1]) / 2)
+
+
+def _at(elapsed_s: float) -> Moment:
+    return Moment(f"from {elapsed_s / 3600.0:.3f} h", "elapsed_s", elapsed_s)

@@ -1,0 +1,120 @@
+"""Effects that turn the package in its mounting, so that all its sensors see them together.
+
+A small rotation w of the package, in package axes, changes gravity there by -w x g and a sensor's output by
+-m . (w x g). One coefficient, in degrees, holds for all sensors at once.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.effects.entry import Alias, Largest, Signed
+from fitter.effects.sizes import arcsec, each
+from procedures.attitude.data import AttitudeData
+from procedures.attitude.effects.effect import Effect, Term, fixed
+from procedures.attitude.effects.head import REVERSED
+from procedures.attitude.effects.moments import Moment, starts
+from procedures.attitude.effects.scene import Scene
+
+_DEGREE = np.radians(1.0)
+
+_PRODUCTS = {
+    (0, 0): ("sin(pitch)^2", 1.0),
+    (1, 1): ("cos(pitch)^2*sin(roll)^2", 1.0),
+    (2, 2): ("cos(pitch)^2*cos(roll)^2", 1.0),
+    (0, 1): ("sin(2*pitch)*sin(roll)", -0.5),
+    (0, 2): ("sin(2*pitch)*cos(roll)", -0.5),
+    (1, 2): ("cos(pitch)^2*sin(2*roll)", 0.5),
+}
+_PRODUCTS_NO_ROLL = {(0, 0): ("sin(pitch)^2", 1.0), (2, 2): ("cos(pitch)^2", 1.0), (0, 2): ("sin(2*pitch)", -0.5)}
+
+
+def product_formula(i: int, j: int, *, roll: bool) -> tuple[str, float]:
+    """g_i g_j of gravity's components in package axes as a formula in pitch and roll, and its factor."""
+    table = _PRODUCTS if roll else _PRODUCTS_NO_ROLL
+    return table.get((min(i, j), max(i, j)), ("0", 0.0))
+
+
+def _sag(about: int, along: int) -> Term:
+    """The package turns about one of its axes in proportion to its weight along another (or the same)."""
+    axis = np.eye(3)[about]
+
+    def column(scene: Scene, sensor: str) -> FloatArray:
+        turned = np.cross(axis, scene.g) @ scene.axes[sensor]
+        return np.asarray(-_DEGREE * turned * scene.g[:, along])
+
+    def shown(scene: Scene, sensor: str) -> tuple[str, float]:
+        m = np.where(np.arange(3) == about, 0.0, scene.axes[sensor])
+        main = int(np.argmax(np.abs(m)))
+        other = 3 - main - about
+        text, factor = product_formula(other, along, roll=scene.roll)
+        return text, float(-_DEGREE * m[main] * np.cross(axis, np.eye(3)[other])[main] * factor)
+
+    return Term(f"about {'xyz'[about]} by weight along {'xyz'[along]}", column, shown)
+
+
+ISOLATION_PADS = Effect(
+    name="isolation-pad-deflection",
+    cause="the isolation pads give way under the weight of the package, or the roll axis under an off-centre mass: the "
+    "package turns by compliance times the component of its weight along one of its own axes",
+    source="package",
+    scope="package",
+    stratum="between-point",
+    unit="V",
+    size=each("deg/g"),
+    against="pitch_deg",
+    # about y first: the sag in the pitch plane that the paper shows, sin 2a cos R on an x sensor
+    terms=fixed(*(_sag(about, along) for about in (1, 2, 0) for along in range(3))),
+    # a centre of mass above the pads: the package leans further the way it leans; what stands off to a side, either way
+    signed=Signed(
+        "compliance",
+        {"about y by weight along x": +1, "about x by weight along y": -1},
+        "a package that hangs below its pads or is mounted otherwise than declared, or a mass below the roll axis",
+    ),
+    largest=Largest(1.0, "1 deg/g"),
+    separate_by="lock the pads and repeat a few points: the deflection disappears",
+    usual_size="4e-4 deg",
+    known_aliases={
+        "cross-axis": Alias(
+            "always, if each sensor has the products of gravity's components that the pads would give it",
+            "lock the pads and repeat a few points: a deflection of the pads disappears, a sensor's own product stays",
+        ),
+        "head-once-per-turn": Alias(
+            "without roll, exactly (sin 2a); with roll its cosine phase is two equal deflections of the pads",
+            REVERSED,
+        ),
+        "sensor-third-order": Alias("without roll, within +-30 deg of pitch", "go beyond +-60 deg of pitch"),
+    },
+)
+
+
+def _turns(data: AttitudeData) -> tuple[Term, ...]:
+    return tuple(_turn(axis, since) for since in starts(data) for axis in range(3))
+
+
+def _turn(axis: int, since: Moment) -> Term:
+    """The package stands turned about one of its axes from some moment on; all three axes are judged together."""
+
+    def column(scene: Scene, sensor: str) -> FloatArray:
+        return np.asarray(-_DEGREE * (np.cross(np.eye(3)[axis], scene.g) @ scene.axes[sensor]) * since.passed(scene))
+
+    return Term(f"about {'xyz'[axis]} {since.name}", column, group=since.name)
+
+
+MOUNTING_SLIP = Effect(
+    name="mounting-slip",
+    cause="the package slipped in its mounting between two replications or at an interruption, and stands turned since",
+    source="package",
+    scope="package",
+    stratum="replication",
+    unit="deg",
+    size=arcsec,
+    against="elapsed_s",
+    terms=_turns,
+    separate_by="read an autocollimator on the package before and after the run",
+    usual_size="1e-3 deg",
+    known_aliases={},
+    needs=("starts",),
+    searched=True,
+)

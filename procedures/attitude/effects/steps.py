@@ -1,0 +1,101 @@
+"""Something is different from a moment on: recorded interruptions are given, other moments are searched."""
+
+from __future__ import annotations
+
+from fitter.arrays import FloatArray
+from fitter.effects.entry import Alias
+from fitter.effects.sizes import arcsec, micro, relative
+from procedures.attitude.data import AttitudeData
+from procedures.attitude.effects.effect import Effect, Term
+from procedures.attitude.effects.head import pitch_error
+from procedures.attitude.effects.moments import Moment, blocks, evenly, near, starts
+from procedures.attitude.effects.scene import Scene
+
+_EARLIER = "repeat a few points of the earlier block"
+
+
+def _step(since: Moment) -> Term:
+    return Term(since.name, lambda scene, _sensor: since.passed(scene))
+
+
+def _gain(since: Moment) -> Term:
+    def column(scene: Scene, sensor: str) -> FloatArray:
+        return since.passed(scene) * scene.along(sensor)
+
+    return Term(f"gravity {since.name}", column)
+
+
+def _sought(since: Moment) -> Term:
+    def finer(data: AttitudeData) -> tuple[tuple[Term, ...], ...]:
+        return tuple((_sought(moment),) for moment in near(data, since))
+
+    return Term(since.name, lambda scene, _sensor: since.passed(scene), finer=finer)
+
+
+OFFSET_STEP = Effect(
+    name="offset-step",
+    cause="the offset changed at an interruption of the run or when an instrument was replaced",
+    source="interruption",
+    scope="sensor",
+    stratum="point-by-replication",
+    unit="V",
+    size=micro("uV"),
+    against="elapsed_s",
+    terms=lambda data: tuple(map(_step, blocks(data))),
+    separate_by=_EARLIER,
+    usual_size="whatever the interruption did",
+    known_aliases={
+        "offset-drift": Alias("where there are few points on one side", "repeat points of the earlier block")
+    },
+    needs=("blocks",),
+)
+
+SENSITIVITY_STEP = Effect(
+    name="sensitivity-step",
+    cause="the sensitivity changed at an interruption of the run or when an instrument was replaced",
+    source="interruption",
+    scope="sensor",
+    stratum="point-by-replication",
+    unit="V/g",
+    size=relative("ppm"),
+    against="elapsed_s",
+    terms=lambda data: tuple(map(_gain, blocks(data))),
+    separate_by=_EARLIER,
+    usual_size="whatever the interruption did",
+    known_aliases={},
+    needs=("blocks",),
+)
+
+OFFSET_STEP_UNRECORDED = Effect(
+    name="offset-step-unrecorded",
+    cause="the offset changed at a moment of which nothing is recorded",
+    source="interruption",
+    scope="sensor",
+    stratum="point-by-replication",
+    unit="V",
+    size=micro("uV"),
+    against="elapsed_s",
+    terms=lambda data: tuple(map(_sought, evenly(data))),
+    separate_by="look up what happened in the laboratory then, and repeat a few points of before",
+    usual_size="whatever happened",
+    known_aliases={},
+    needs=("time",),
+    searched=True,
+)
+
+INDEX_SHIFT = Effect(
+    name="index-shift",
+    cause="the head's zero of pitch is elsewhere since it was homed again, at an interruption or between replications",
+    source="pitch axis",
+    scope="package",
+    stratum="point-by-replication",
+    unit="deg",
+    size=arcsec,
+    against="elapsed_s",
+    terms=lambda data: tuple(pitch_error(since.name, since.passed) for since in starts(data)),
+    separate_by="home the head several times and read the outputs at one point after each",
+    usual_size="arc seconds, 5e-4 deg",
+    known_aliases={},
+    needs=("starts",),
+    searched=True,
+)

@@ -1,0 +1,49 @@
+"""Gross errors of a pitch-roll calibration.
+
+Readings of one point are compared over replications, with a model for each replication. What a point has in common
+(pads, head errors) and what a replication has (drift) is no gross error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from fitter.gross import GrossErrors, gross_errors
+from fitter.gross.rows import NO_GROUP
+from fitter.resolution import resolution
+from procedures.attitude.data import AttitudeData
+from procedures.attitude.model import attitude_columns, fit_columns
+
+REPEATS = 3
+"""Readings of one point from which they are compared with one another rather than with the model."""
+
+
+STEP_DEG = 0.1
+
+
+def of_attitude(data: AttitudeData) -> Mapping[str, GrossErrors]:
+    """By sensor of a pitch-roll calibration."""
+    columns = attitude_columns(data.pitch_deg, data.roll_deg, roll=data.has_roll)
+    by_replication = [columns * (data.replicate_index == r)[:, None] for r in range(data.replicates.size)]
+    visits = np.bincount(data.point)[data.point]
+    own = visits >= REPEATS
+    group = np.full(len(data), NO_GROUP, np.int64)
+    group[own] = np.unique(data.point[own], return_inverse=True)[1]
+    found = {}
+    for name, y in data.outputs.items():
+        fit = fit_columns(columns, y)
+        ahead = attitude_columns(data.pitch_deg + STEP_DEG, data.roll_deg, roll=data.has_roll)
+        aside = attitude_columns(data.pitch_deg, data.roll_deg + STEP_DEG, roll=data.has_roll)
+        slope = np.hypot(*(fit.predict(moved) - fit.predict(columns) for moved in (ahead, aside)))
+        found[name] = gross_errors(
+            y,
+            np.column_stack(by_replication),
+            group=group,
+            step=resolution(y),
+            responses=len(data.outputs),
+            drivers={"slope": slope, "output": np.abs(fit.predict(columns))},
+            designed=True,
+        )
+    return found

@@ -1,0 +1,145 @@
+"""Calibrations whose value depends on which of several indistinguishable causes holds: intervals that cover all.
+
+Each class of causes has one member in the calibration that is kept. What another member would have made of it moves an
+interval's ends; of several classes these moves add up, as small effects do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from procedures.attitude.infer.answer import InferredAttitude
+
+MATTERS = 0.1
+"""Of the half-width: by less than this part an interval is not said to depend on the cause."""
+
+
+@dataclass(frozen=True)
+class Covering:
+    """An interval that holds whichever member of each class is the cause.
+
+    Attributes:
+        low: its lower end.
+        high: its upper end.
+        depends_on: for each class on which it depends, its members, the one that was named first.
+
+    """
+
+    low: float
+    high: float
+    depends_on: tuple[tuple[str, ...], ...]
+
+
+def covering(named: tuple[float, float], others: Sequence[tuple[str, str, tuple[float, float]]]) -> Covering:
+    """The interval that covers all members of all classes.
+
+    Args:
+        named: 95 % interval with the effects that were named.
+        others: for every other member the effect in whose place it stands, its name, and its 95 % interval.
+
+    """
+    room = MATTERS * (named[1] - named[0]) / 2.0
+    low, high, depends = 0.0, 0.0, []
+    for effect in dict.fromkeys(effect for effect, _, _ in others):
+        of = [(member, ends) for name, member, ends in others if name == effect]
+        down = min(0.0, *(ends[0] - named[0] for _, ends in of))
+        up = max(0.0, *(ends[1] - named[1] for _, ends in of))
+        low, high = low + down, high + up
+        if max(-down, up) > room:
+            depends.append((effect, *(member for member, _ in of)))
+    return Covering(named[0] + low, named[1] + high, tuple(depends))
+
+
+def cover_rows(
+    table: Mapping[str, Mapping[str, Any]], others: Sequence[tuple[str, str, Mapping[str, Mapping[str, Any]]]]
+) -> dict[str, dict[str, Any]]:
+    """A parameter table whose intervals cover every member of every class.
+
+    Rows keep their keys: `interval95` then holds whichever member is the cause. Where it is wider for that,
+    `interval95_as_named` is what it is if the effects are those that were named, `depends_on` names the classes, and
+    `sentence` says so.
+
+    Args:
+        table: with the effects that were named, as `procedures.attitude.fit.parameter_table` gives it.
+        others: the same with every other member: effect in whose place it stands, its name, table.
+
+    """
+    out = {name: dict(row) for name, row in table.items()}
+    for name, row in out.items():
+        ends = [(effect, member, _ends(other.get(name))) for effect, member, other in others]
+        own = _ends(row)
+        known = [(effect, member, pair) for effect, member, pair in ends if pair is not None]
+        if own is None or not known:
+            continue
+        wide = covering(own, known)
+        if wide.depends_on:
+            row["interval95_as_named"] = list(own)
+            row["interval95"] = [wide.low, wide.high]
+            row["depends_on"] = [list(members) for members in wide.depends_on]
+            row["sentence"] = depends(name, wide)
+    return out
+
+
+def depends(parameter: str, wide: Covering) -> str:
+    """That a parameter depends on the cause, and from where to where it may be."""
+    which = " and on ".join(f"which of {_listed(members)} holds" for members in wide.depends_on)
+    name, _, unit = parameter.partition("_")
+    span = wide.high - wide.low
+    places = max(0, 2 - int(np.floor(np.log10(span)))) if span > 0 else 6
+    ends = f"from {wide.low:.{places}f} to {wide.high:.{places}f}"
+    return f"{name} depends on {which}: {ends} {unit.replace('_per_', '/')} (95 %, whichever holds)"
+
+
+def widened(
+    value: FloatArray, ends: tuple[FloatArray, FloatArray], others: Sequence[tuple[str, FloatArray, FloatArray]]
+) -> tuple[FloatArray, FloatArray]:
+    """(n,) ends of intervals of angles that cover every member of every class, in degrees.
+
+    Args:
+        value: (n,) with the effects that were named.
+        ends: (n,) each, of its interval.
+        others: for every other member the effect in whose place it stands, and the ends that it gives.
+
+    Where a member gives no interval it moves nothing.
+
+    """
+    low, high = (np.array(end, np.float64) for end in ends)
+    for effect in dict.fromkeys(effect for effect, _, _ in others):
+        down, up = np.zeros_like(value), np.zeros_like(value)
+        for _, lower, upper in (other for other in others if other[0] == effect):
+            turns = 360.0 * np.round(((lower + upper) / 2.0 - value) / 360.0)
+            down = np.fmin(down, lower - turns - ends[0])
+            up = np.fmax(up, upper - turns - ends[1])
+        low, high = low + down, high + up
+    return low, high
+
+
+def cover(out: InferredAttitude, found: Sequence[tuple[str, InferredAttitude]], angle: str) -> None:
+    """Widen the intervals of "pitch" or "roll", in place, to what every other member of each class gives."""
+    if not found:
+        return
+    value, low, high = (getattr(out, f"{angle}{which}_deg") for which in ("", "_lo95", "_hi95"))
+    others = [
+        (named, getattr(other, f"{angle}_lo95_deg"), getattr(other, f"{angle}_hi95_deg")) for named, other in found
+    ]
+    low[:], high[:] = widened(value, (low.copy(), high.copy()), others)
+
+
+def by_class(pairs: Sequence[tuple[str, str]]) -> Iterator[tuple[str, ...]]:
+    """Members of every class, the one that was named first, from (named, other member) pairs."""
+    for effect in dict.fromkeys(effect for effect, _ in pairs):
+        yield (effect, *(member for name, member in pairs if name == effect))
+
+
+def _ends(row: Mapping[str, Any] | None) -> tuple[float, float] | None:
+    pair = None if row is None else row["interval95"]
+    return None if pair is None or None in pair else (float(pair[0]), float(pair[1]))
+
+
+def _listed(names: Sequence[str]) -> str:
+    return " or ".join(names) if len(names) < 3 else ", ".join(names[:-1]) + " or " + names[-1]

@@ -1,0 +1,141 @@
+"""What is answered for each reading: value, standard deviation, interval, and a flag where something is wrong."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitter.arrays import FloatArray
+from procedures.attitude.infer.calibration import AttitudeCalibration
+from procedures.attitude.infer.known_roll import wrap
+
+HALF_TURN = 180.0
+RANGE_ROOM_DEG = 0.1
+"""How far outside the calibrated range an angle may be: readbacks of the head are not exact, nor is the angle found."""
+
+FAR_FROM_1_G = 0.1
+"""Part of 1 g that three axes may be off and be answered, flagged; further off there is no attitude to speak of."""
+
+BAD_READING = "not a finite number"
+NO_ATTITUDE = "no attitude gives these outputs"
+NOT_1_G = "the outputs do not make 1 g: the package accelerates, or a sensor has changed"
+ROLL_OPEN = "roll is undetermined: pitch is at +-90 deg"
+PITCH_OPEN = "pitch is undetermined: the outputs hardly change with it here"
+TWO_FIT = "pitch is undetermined: measured roll is too uncertain to tell two attitudes apart"
+BOTH_OPEN = "pitch and roll are undetermined: the part of gravity that neither sensor sees is near zero"
+
+
+@dataclass(frozen=True, eq=False)
+class InferredAttitude:
+    """Attitudes, one for each reading.
+
+    Where an angle is undetermined it is NaN, its standard deviation infinite, its interval as wide as what is known,
+    and `flag` says why. Intervals may be longer than the range an angle has; roll's may go through +-180 deg.
+
+    Attributes:
+        pitch_deg: (n,).
+        pitch_sd_deg: (n,) standard deviation: calibration, new reading and measured roll together.
+        pitch_lo95_deg: (n,) 95 % interval.
+        pitch_hi95_deg: (n,).
+        roll_deg: (n,), as given where roll was measured.
+        roll_sd_deg: (n,).
+        roll_lo95_deg: (n,).
+        roll_hi95_deg: (n,).
+        df: (n,) degrees of freedom of `pitch_sd_deg` (Satterthwaite).
+        assumed: (n,) the outputs fit another attitude as well, and the one given is that on the side of `near_deg`.
+        flag: (n,) empty where all is well.
+
+    """
+
+    pitch_deg: FloatArray
+    pitch_sd_deg: FloatArray
+    pitch_lo95_deg: FloatArray
+    pitch_hi95_deg: FloatArray
+    roll_deg: FloatArray
+    roll_sd_deg: FloatArray
+    roll_lo95_deg: FloatArray
+    roll_hi95_deg: FloatArray
+    df: FloatArray
+    assumed: NDArray[np.bool_]
+    flag: NDArray[Any]
+
+
+def empty(n: int) -> InferredAttitude:
+    """Room for n answers, nothing flagged."""
+    numbers = {f.name: np.empty(n) for f in fields(InferredAttitude) if f.name not in ("assumed", "flag")}
+    return InferredAttitude(**numbers, assumed=np.zeros(n, bool), flag=np.full(n, "", dtype=object))
+
+
+def reason(flag: NDArray[np.object_], where: NDArray[np.bool_], text: str) -> None:
+    """Add a reason to the flags of some rows, in place."""
+    if where.any():
+        flag[where] = [f"{old}; {text}" if old else text for old in flag[where]]
+
+
+def put(out: InferredAttitude, angle: str, value: FloatArray, sd: FloatArray, limit: FloatArray) -> None:
+    """Value, sd and interval of one angle, given in rad."""
+    value_deg, sd_deg = np.degrees(value), np.degrees(sd)
+    half = limit * sd_deg
+    getattr(out, f"{angle}_deg")[:] = value_deg
+    getattr(out, f"{angle}_sd_deg")[:] = sd_deg
+    getattr(out, f"{angle}_lo95_deg")[:] = value_deg - half
+    getattr(out, f"{angle}_hi95_deg")[:] = value_deg + half
+
+
+def leave_open(
+    out: InferredAttitude, angle: str, rows: NDArray[np.bool_], low: FloatArray | float, high: FloatArray | float
+) -> None:
+    """One angle of some rows is undetermined between `low` and `high` deg."""
+    getattr(out, f"{angle}_deg")[rows] = np.nan
+    getattr(out, f"{angle}_sd_deg")[rows] = np.inf
+    getattr(out, f"{angle}_lo95_deg")[rows] = low
+    getattr(out, f"{angle}_hi95_deg")[rows] = high
+
+
+def nowhere(out: InferredAttitude, rows: NDArray[np.bool_], text: str = NO_ATTITUDE) -> None:
+    """Nothing is known of the attitude of some rows."""
+    if rows.any():
+        leave_open(out, "pitch", rows, -np.inf, np.inf)
+        leave_open(out, "roll", rows, -np.inf, np.inf)
+        out.flag[rows] = text
+
+
+def turn_over(out: InferredAttitude, over: NDArray[np.bool_]) -> None:
+    """The same attitudes with pitch beyond +-90 deg."""
+    half_turn = np.where(out.pitch_deg[over] >= 0, HALF_TURN, -HALF_TURN)
+    low, high = half_turn - out.pitch_hi95_deg[over], half_turn - out.pitch_lo95_deg[over]
+    out.pitch_deg[over] = half_turn - out.pitch_deg[over]
+    out.pitch_lo95_deg[over], out.pitch_hi95_deg[over] = low, high
+    shift = np.where(out.roll_deg[over] > 0, -HALF_TURN, HALF_TURN)
+    known = np.isfinite(out.roll_deg[over])
+    for name in ("roll_deg", "roll_lo95_deg", "roll_hi95_deg"):
+        getattr(out, name)[over] += np.where(known, shift, 0.0)
+
+
+def flag_ranges(calibration: AttitudeCalibration, out: InferredAttitude, degC: FloatArray | None) -> None:
+    """Flag what is outside the range calibrated; an attitude is inside if one of its two pairs of angles is."""
+    (low, high), (left, right) = calibration.pitch_range_deg, calibration.roll_range_deg
+    all_rolls = not calibration.roll or right - left >= 2 * HALF_TURN - 2 * RANGE_ROOM_DEG
+    if not (all_rolls and low <= -90.0 and high >= 90.0 and calibration.roll):
+        inside = np.zeros(len(out.flag), bool)
+        ways = ((0.0, 1.0),) if not calibration.roll else ((0.0, 1.0), (HALF_TURN, -1.0))
+        for turn, sign in ways:
+            pitch = _degrees(turn + sign * out.pitch_deg)
+            pitched = (pitch >= low - RANGE_ROOM_DEG) & (pitch <= high + RANGE_ROOM_DEG)
+            rolled = np.mod(out.roll_deg + turn - left + RANGE_ROOM_DEG, 360.0) <= right - left + 2 * RANGE_ROOM_DEG
+            inside |= pitched & (all_rolls | rolled | np.isnan(out.roll_deg))
+        text = f"outside the calibrated {low:g} to {high:g} deg of pitch"
+        text += f" and {left:g} to {right:g} deg of roll" if not all_rolls else ""
+        reason(out.flag, ~inside & np.isfinite(out.pitch_deg), text)
+    if degC is not None and calibration.degC_range is not None:
+        cold, warm = calibration.degC_range
+        room = max(0.02 * (warm - cold), 0.1)
+        text = f"sensor temperature is outside the calibrated {cold:g} to {warm:g} degC"
+        reason(out.flag, ~((degC >= cold - room) & (degC <= warm + room)), text)
+
+
+def _degrees(angle: FloatArray) -> FloatArray:
+    return np.asarray(np.degrees(wrap(np.radians(angle))))

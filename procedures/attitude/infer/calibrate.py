@@ -1,0 +1,292 @@
+"""The calibration of a package from one run, with the effects that a trace found and temperature, if asked for.
+
+What belongs to the package (sag, sensor nonlinearity, temperature) is there in use as well and is carried into
+inference. What belongs to the head or the night (backlash, the head's scale, drift, steps) is fitted, so that it does
+not spoil the coefficients, and left behind: a note says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.errors import FitError
+from fitter.linear import LinearFit, RankError, least_squares
+from fitter.misfit import lacks_fit, reach_beside
+from fitter.replication import Replication, analyse, replication_spread
+from procedures.attitude.data import AttitudeData
+from procedures.attitude.effects import CATALOGUE
+from procedures.attitude.fit import drifting, moved_by
+from procedures.attitude.infer.calibration import AttitudeCalibration, Drift, with_roll
+from procedures.attitude.infer.misfit import Misfit
+from procedures.attitude.infer.sensor_model import SensorModel, Term
+from procedures.attitude.model import (
+    AXES,
+    COLUMNS,
+    attitude_columns,
+    attitude_parameters,
+    fit_columns,
+    no_roll_parameters,
+    nominal_axis,
+    sensitive_axis,
+    sigma_deg,
+)
+from procedures.attitude.temperature import Temperature
+
+OFFSET, SENSITIVITY = "offset-temperature", "sensitivity-temperature"
+_LEFT_BEHIND = {e.name for e in CATALOGUE if e.source not in ("package", "sensor", "temperature")}
+_SECOND = tuple((i, j, k) for k in (0, 1) for j in range(3) for i in range(3) if i + j + k <= 2)
+_THIRD = tuple((i, j, k) for k in (0, 1) for j in range(4) for i in range(4) if i + j + k <= 3)
+_FIRST = ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))
+# no power of g_z above one: the squares add up to one, so these are all polynomials on the sphere, each once
+_BASES = (
+    tuple((powers, 0) for powers in _SECOND),
+    tuple((powers, 0) for powers in _THIRD),
+    tuple((powers, 1) for powers in _FIRST),
+    tuple((powers, 1) for powers in _SECOND),
+)
+_EXACT = 1e-7
+
+
+class NotApplicable(FitError):
+    """An effect of the package that is no function of gravity and temperature, so that no use can apply it."""
+
+    def __init__(self, effect: str) -> None:
+        """Take the effect's name."""
+        super().__init__(f"{effect} is no function of gravity in the package and its temperature: it cannot be applied")
+        self.effect = effect
+
+
+def calibrate_package(
+    data: AttitudeData,
+    sensors: Sequence[str] | None = None,
+    *,
+    effects: Mapping[str, Mapping[str, FloatArray]] | None = None,
+    temperature: bool = False,
+    left_behind: Collection[str] = (),
+) -> AttitudeCalibration:
+    """Fit the sensors of one run, with the correlation of their coefficients: a head that shakes moves all of them.
+
+    Args:
+        data: the run.
+        sensors: names of the outputs to use, in the order they will be given; None for all.
+        effects: by name and sensor, (n,) volts each adds to the observations, or (n, q) those of its terms, as
+            `FoundEffect.columns_V`. Its size is fitted again beside the model, so that its uncertainty is in the
+            covariance; so is that of each term by itself, if they are given.
+        temperature: fit offset and sensitivity as linear in the sensor temperature (section 9, row 28(b) of Table 2).
+        left_behind: effects that are fitted and not applied in use, besides those of the head and the night.
+
+    Raises:
+        KeyError: there is no such output.
+        fitter.linear.RankError: the points do not determine the model with its effects.
+        NotApplicable: an effect of the package cannot be carried over to other attitudes.
+        FitError: no sensor temperature was recorded or it never changed, or an effect has another number of
+            observations.
+
+    """
+    chosen = data.sensors if sensors is None else tuple(sensors)
+    degC = data.sensor_temperature_degC
+    reference = None if degC is None else float(np.mean(degC))
+    warmth = np.zeros(len(data)) if degC is None else degC - np.mean(degC)
+    base = attitude_columns(data.pitch_deg, data.roll_deg, roll=data.has_roll)
+    g = data.g_M.T if data.has_roll else np.stack([base[:, 1], np.zeros(len(data)), -base[:, 2]])
+    models, maps, fits, solvers, residuals = [], [], [], [], []
+    tables, spreads = [], []
+    left: set[str] = set()
+    misfits: dict[str, Misfit] = {}
+    for name in chosen:
+        y = data.outputs[name]
+        plain = fit_columns(base, y)
+        shapes = {e: _columns(by[name]) for e, by in (effects or {}).items() if name in by}
+        if temperature:
+            own = Temperature.of(data, base, y, plain).columns(base, data)
+            shapes |= {OFFSET: own[:, :1], SENSITIVITY: own[:, 1:]}
+        shapes = {e: v for e, v in shapes.items() if np.any(v)}
+        wrong = [e for e, v in shapes.items() if len(v) != len(data)]
+        if wrong:
+            raise ValueError(f"{wrong[0]} of {name}: expected {len(data)} observations, found {shapes[wrong[0]].shape}")
+        fit, columns, owners = _beside(base, plain.names, y, shapes)
+        behind = (_LEFT_BEHIND | set(left_behind)) & set(shapes)
+        left |= behind
+        own_columns = list(zip(owners, columns[:, base.shape[1] :].T, strict=True))
+        terms, to_model = _model_of(own_columns, behind, g, warmth, base.shape[1])
+        letter = _axis_letter(name, data, fit, base.shape[1])
+        models.append(SensorModel(name, letter, to_model @ fit.coefficients, fit.sigma, fit.df, terms))
+        maps.append(to_model)
+        fits.append(fit)
+        solvers.append(fit.root @ (fit.root.T @ columns.T))
+        residuals.append(y - fit.predict(columns))
+        alone, extra = fit.first(base.shape[1]), columns[:, base.shape[1] :]
+        corrected = residuals[-1] + alone.predict(base)
+        tables.append(
+            analyse(alone, base, corrected, data.point, data.replicate_index, extra, extra.shape[1], data.order)
+        )
+        misfits[name] = _misfit(alone, tables[-1], letter if data.has_roll else None)
+        spreads.append(replication_spread(base, corrected, data.replicate_index, alone))
+    notes = [f"fitted beside the model and not applied in use: {', '.join(sorted(left))}"] if left else []
+    lacking = [one.sentence(name) for name, one in misfits.items() if one.model_error is not None]
+    if lacking:
+        notes.append(
+            f"{'; '.join(lacking)}; model error, which repeats in every replication, is not in standard deviations, "
+            "nor in the intervals of angles"
+        )
+    covariance, drift = _joint(fits, maps, solvers, np.array(residuals)), None
+    if any(drifting(table) for table in tables):
+        drift = Drift(
+            covariance=_as_it_drifts(covariance, spreads, models),
+            df=len(spreads[0]) - 1,
+            sigma_V=np.array([table.sigma_w for table in tables]),
+            sigma_df=np.array([table.drift_b.df_below for table in tables]),
+        )
+        notes.append(
+            "the parameters drift between replications: intervals are for a use that is as far from the calibration "
+            "as its replications are from one another"
+        )
+    return AttitudeCalibration(
+        sensors=tuple(models),
+        covariance=covariance,
+        drift=drift,
+        pitch_range_deg=(float(data.pitch_deg.min()), float(data.pitch_deg.max())),
+        roll_range_deg=(float(data.roll_deg.min()), float(data.roll_deg.max())),
+        roll=data.has_roll,
+        degC_range=None if degC is None else (float(degC.min()), float(degC.max())),
+        reference_degC=reference,
+        notes=tuple(notes),
+        misfits=misfits,
+    )
+
+
+def _columns(volts: FloatArray) -> FloatArray:
+    """(n, q) columns of an effect, from those or from their sum (n,)."""
+    given = np.asarray(volts, np.float64)
+    return given[:, None] if given.ndim == 1 else given[:, np.any(given != 0, axis=0)]
+
+
+def _beside(
+    base: FloatArray, names: Sequence[str], y: FloatArray, shapes: Mapping[str, FloatArray]
+) -> tuple[LinearFit, FloatArray, list[str]]:
+    """The model with its effects: the fit, its columns, and the effect that each of those beyond the model belongs to.
+
+    Estimates take the terms of an effect in the proportion that the trace found, over all sensors together. Errors do
+    not take that proportion as known: every term has a column of its own, wherever the points determine it.
+
+    Raises:
+        RankError: the points do not determine the model with the effects as they are.
+
+    """
+    # the plain fit has seen that no column of the model is empty; those of effects are volts and may be small
+    one_each = np.column_stack([base, *(columns.sum(axis=1) for columns in shapes.values())])
+    fit = least_squares(one_each, y, (*names, *shapes))
+    owners = [effect for effect, columns in shapes.items() for _ in range(columns.shape[1])]
+    if len(owners) == len(shapes):
+        return fit, one_each, owners
+    every = np.column_stack([base, *shapes.values()])
+    try:
+        free = least_squares(every, y, (*names, *(f"{effect} {k}" for k, effect in enumerate(owners))))
+    except RankError:
+        return fit, one_each, list(shapes)
+    size = dict(zip(shapes, fit.coefficients[base.shape[1] :], strict=True))
+    coefficients = np.array([*fit.coefficients[: base.shape[1]], *(size[effect] for effect in owners)])
+    return replace(free, coefficients=coefficients, rss=fit.rss), every, owners
+
+
+def _misfit(alone: LinearFit, table: Replication, axis: str | None) -> Misfit:
+    """Lack of fit that is left in one sensor, and how far it can move its parameters."""
+    error = None
+    if lacks_fit(table):
+        reach = reach_beside(alone, table.sigma_bias)
+        p = (
+            no_roll_parameters(alone.coefficients, reach)
+            if axis is None
+            else attitude_parameters(AXES[axis], alone.coefficients, reach)
+        )
+        error = moved_by(p)
+    blind = "" if table.blind is None else table.blind.sentence
+    S_V = float(np.linalg.norm(alone.coefficients[1:]))
+    degrees = sigma_deg(table.sigma_bias, S_V) if S_V > 0 else float("nan")
+    return Misfit(table.bias.value, table.bias.limit_95, degrees, error, drifting(table), blind)
+
+
+def _as_it_drifts(covariance: FloatArray, spreads: Sequence[FloatArray], models: Sequence[SensorModel]) -> FloatArray:
+    """(K, K) covariance with that of the models' own coefficients replaced by that between replications and a use.
+
+    A use is one more draw of what the n replications are draws of: their covariance about the mean, and the mean's.
+    """
+    n = len(spreads[0])
+    own = np.concatenate([with_roll(spread.T) for spread in spreads])
+    at = np.concatenate([[0], np.cumsum([model.coefficients.size for model in models])[:-1]])
+    rows = np.concatenate([start + np.arange(len(COLUMNS)) for start in at])
+    out = covariance.copy()
+    out[rows, :] = out[:, rows] = 0.0
+    out[np.ix_(rows, rows)] = (n + 1) * own @ own.T / (n - 1)
+    return out
+
+
+def _joint(
+    fits: Sequence[LinearFit], maps: Sequence[FloatArray], solvers: Sequence[FloatArray], residuals: FloatArray
+) -> FloatArray:
+    """(K, K) covariance of all coefficients; `solvers` (k, n) turn outputs into them, `maps` then into the model's."""
+    length = np.linalg.norm(residuals, axis=1)
+    correlation = residuals @ residuals.T / np.outer(length, length)
+    np.fill_diagonal(correlation, 1.0)
+    blocks = [
+        [
+            fits[i].sigma * fits[j].sigma * correlation[i, j] * (maps[i] @ (solvers[i] @ solvers[j].T) @ maps[j].T)
+            for j in range(len(fits))
+        ]
+        for i in range(len(fits))
+    ]
+    covariance = np.block(blocks)
+    return np.asarray((covariance + covariance.T) / 2)
+
+
+def _model_of(
+    shapes: Sequence[tuple[str, FloatArray]], behind: Collection[str], g: FloatArray, warmth: FloatArray, k: int
+) -> tuple[tuple[Term, ...], FloatArray]:
+    """Terms of all effects, and the (4 + q, k + p) matrix from fitted coefficients to the model's.
+
+    Args:
+        shapes: (n,) column of each coefficient beyond the model, with the effect that it belongs to.
+        behind: effects that are not applied in use.
+        g: (3, n) gravity in the package.
+        warmth: (n,) temperature above the reference.
+        k: coefficients of the model.
+
+    """
+    terms: list[Term] = []
+    columns = []
+    for effect, shape in shapes:
+        weights = {} if effect in behind else _as_terms(effect, shape, g, warmth)
+        for term in weights:
+            if term not in terms:
+                terms.append(term)
+        columns.append(weights)
+    to_model = np.zeros((len(COLUMNS) + len(terms), k + len(shapes)))
+    to_model[: len(COLUMNS), :k] = with_roll(np.eye(k))
+    for column, weights in enumerate(columns, start=k):
+        for term, weight in weights.items():
+            to_model[len(COLUMNS) + terms.index(term), column] = weight
+    return tuple(terms), to_model
+
+
+def _as_terms(effect: str, shape: FloatArray, g: FloatArray, warmth: FloatArray) -> dict[Term, float]:
+    """An effect as a polynomial in gravity and temperature, the lowest that is exact."""
+    scale = float(np.linalg.norm(shape))
+    for basis in _BASES:
+        terms = [Term(powers, d, effect) for powers, d in basis]
+        columns = np.column_stack([t.column(g, warmth) for t in terms])
+        weights = np.linalg.lstsq(columns, shape, rcond=1e-10)[0]
+        if np.linalg.norm(shape - columns @ weights) <= _EXACT * scale:
+            reach = np.abs(weights) * np.linalg.norm(columns, axis=0)
+            kept = reach > _EXACT * scale
+            return {t: float(w) for t, w, keep in zip(terms, weights, kept, strict=True) if keep}
+    raise NotApplicable(effect)
+
+
+def _axis_letter(name: str, data: AttitudeData, fit: LinearFit, k: int) -> str:
+    if data.has_roll:
+        return "xyz"[nominal_axis(name, fit.coefficients[:k], data.axes)]
+    return "xyz"[int(np.argmax(np.abs(sensitive_axis(fit.coefficients[:k]))))]

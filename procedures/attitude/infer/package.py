@@ -1,0 +1,169 @@
+"""Gravity on the sphere, and how errors of outputs become errors of angles; arrays are (3, n) and (S, n) throughout.
+
+Uncertainty is computed along two directions that are square to each other at every attitude: up the meridian (pitch)
+and along the parallel (roll times the cosine of pitch). Roll alone has a pole at +-90 deg of pitch, these have none.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from fitter.arrays import FloatArray
+from procedures.attitude.infer.calibration import AttitudeCalibration
+
+NORMAL_95 = 1.959963984540054
+_MANY = 20.0
+_Z = NORMAL_95
+_T_1 = (_Z**3 + _Z) / 4.0
+_T_2 = (5.0 * _Z**5 + 16.0 * _Z**3 + 3.0 * _Z) / 96.0
+_T_3 = (3.0 * _Z**7 + 19.0 * _Z**5 + 17.0 * _Z**3 - 15.0 * _Z) / 384.0
+_T_4 = (79.0 * _Z**9 + 776.0 * _Z**7 + 1482.0 * _Z**5 - 1920.0 * _Z**3 - 945.0 * _Z) / 92160.0
+
+
+def gravity(pitch: FloatArray, roll: FloatArray) -> FloatArray:
+    """(3, n) gravity in package axes at (n,) angles in rad (eq. 113)."""
+    cos_a = np.cos(pitch)
+    return np.stack([np.sin(pitch), -np.sin(roll) * cos_a, -np.cos(roll) * cos_a])
+
+
+def angles(g: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Pitch within +-90 deg, and roll, in rad, of (3, n) gravity of any length."""
+    return np.arctan2(g[0], np.sqrt(g[1] * g[1] + g[2] * g[2])), np.arctan2(-g[1], -g[2])
+
+
+def directions(g: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(3, n) up the meridian, (3, n) along the parallel, (n,) cosine of pitch, of (3, n) gravity of unit length.
+
+    At the pole itself, where every direction is up, roll is taken as zero.
+    """
+    c = np.sqrt(g[1] * g[1] + g[2] * g[2])
+    pole = c == 0.0
+    safe = np.where(pole, 1.0, c)
+    sin_r, cos_r = -g[1] / safe, np.where(pole, 1.0, -g[2] / safe)
+    up = np.stack([c, sin_r * g[0], cos_r * g[0]])
+    return up, np.stack([np.zeros_like(c), -cos_r, sin_r]), c
+
+
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """Of new readings.
+
+    Attributes:
+        variance: (S,) V^2.
+        of_fit: whether it is the calibration's own sigma_E^2, with its degrees of freedom, or was given as known.
+
+    """
+
+    variance: FloatArray
+    of_fit: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Spread:
+    """Variance of something that moves with the outputs by known gains.
+
+    Attributes:
+        variance: (n,) all of it.
+        df: (n,) degrees of freedom.
+
+    """
+
+    variance: FloatArray
+    df: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Propagation:
+    """From the errors of calibration and readings to those of angles at given attitudes (eqs. 73, 74, 81, 90, 104).
+
+    Attributes:
+        calibration: of the package.
+        noise: of new readings.
+        rows: S arrays (k_s, n), the columns of each sensor's model at the attitudes.
+
+    """
+
+    calibration: AttitudeCalibration
+    noise: Noise
+    rows: tuple[FloatArray, ...]
+
+    @staticmethod
+    def at(calibration: AttitudeCalibration, noise: Noise, g: FloatArray, warmth: FloatArray) -> Propagation:
+        """At (3, n) gravity of unit length and (n,) temperature above the reference."""
+        plain = all(not s.terms for s in calibration.sensors)
+        base = calibration.sensors[0].rows(g, warmth) if plain else None
+        rows = tuple(s.rows(g, warmth) if base is None else base for s in calibration.sensors)
+        return Propagation(calibration, noise, rows)
+
+    def spread(self, gains: FloatArray, of_roll: FloatArray | None = None, *, weighed: bool = False) -> Spread:
+        """Of gains @ errors of outputs.
+
+        Args:
+            gains: (S, n) change per volt of each output.
+            of_roll: (n,) further variance, known, from measured roll.
+            weighed: whether the gains are those of weights that were estimated with the noise. They favour the sensor
+                whose noise came out too small, so the variance is larger by 1 + 4 sum p (1 - p) / df, p being each
+                sensor's share of it (P. Meier, Biometrics 9, 59, 1953).
+
+        """
+        noise = gains * gains * self.noise.variance[:, None]
+        moved = np.concatenate([k * h for k, h in zip(gains, self.rows, strict=True)])
+        turned = self.calibration.root.T @ moved
+        calibrated = np.einsum("kn,kn->n", turned, turned)
+        total = noise.sum(axis=0)
+        if weighed and self.noise.of_fit:
+            with np.errstate(invalid="ignore", divide="ignore"):
+                share = noise / total
+                more = 1.0 + 4.0 * np.einsum("sn,s->n", share * (1.0 - share), 1.0 / self.calibration.sigma_df)
+            noise, total, calibrated = noise * more, total * more, calibrated * more
+        variance = total + calibrated
+        from_fit = variance if self.noise.of_fit else calibrated
+        df, drift = self.calibration.sigma_df, self.calibration.drift
+        if of_roll is not None:
+            variance = variance + of_roll
+        if drift is not None:
+            with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+                inverse = (calibrated / variance) ** 2 / drift.df
+                if self.noise.of_fit:
+                    inverse = inverse + np.einsum("sn,s->n", (noise / variance) ** 2, 1.0 / df)
+                return Spread(variance, 1.0 / inverse)
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            # sigma_E^2 of each sensor scales its noise and its calibration alike: their shares are those of the noise
+            share = from_fit / (total * variance)
+            return Spread(variance, 1.0 / np.einsum("sn,s->n", (noise * share) ** 2, 1.0 / df))
+
+
+def tangent(
+    matrix: FloatArray, weights: FloatArray, up: FloatArray, along: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """(S, n) gains of weighted least squares, up the meridian and along the parallel, rad/V (eqs. 89, 103).
+
+    Args:
+        matrix: (S, 3) V/g.
+        weights: (S,) inverse variances of the outputs.
+        up: (3, n).
+        along: (3, n).
+
+    """
+    f_up, f_along = matrix @ up, matrix @ along
+    w_up, w_along = weights[:, None] * f_up, weights[:, None] * f_along
+    a, b, d = (np.einsum("sn,sn->n", p, q) for p, q in ((w_up, f_up), (w_up, f_along), (w_along, f_along)))
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        determinant = a * d - b * b
+        return (d * w_up - b * w_along) / determinant, (a * w_along - b * w_up) / determinant
+
+
+def t_limits(df: FloatArray) -> FloatArray:
+    """(n,) limits that Student's t stays between with 95 % probability, for (n,) degrees of freedom, infinite ones too.
+
+    By its expansion in 1/df (Fisher and Cornish), to 2e-7 of the value; as `fitter.quantiles.t_limit` for few.
+    """
+    x = 1.0 / df
+    limits = NORMAL_95 + x * (_T_1 + x * (_T_2 + x * (_T_3 + x * _T_4)))
+    few = ~(df >= _MANY)
+    if few.any():
+        limits[few] = special.stdtrit(df[few], 0.975)
+    return np.asarray(limits)

@@ -1,0 +1,92 @@
+"""The calibration with what a trace found, and with every other cause that the data cannot separate from it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from fitter.arrays import FloatArray
+from fitter.linear import RankError
+from procedures.attitude.data import AttitudeData
+from procedures.attitude.fit import parameter_table
+from procedures.attitude.infer.alternatives import by_class, cover_rows
+from procedures.attitude.infer.calibrate import NotApplicable, calibrate_package
+from procedures.attitude.infer.calibration import AttitudeCalibration
+
+Volts = Mapping[str, Mapping[str, FloatArray]]
+"""(n,) V that effects add, or (n, q) that their terms add, by effect and sensor."""
+
+
+def calibrate_traced(
+    data: AttitudeData,
+    effects: Volts,
+    others: Sequence[tuple[str, str, Volts]],
+    *,
+    temperature: bool = False,
+) -> AttitudeCalibration:
+    """A package's calibration with effects, and its alternatives.
+
+    Args:
+        data: the run.
+        effects: as they were named: (n,) volts by name and sensor.
+        others: all effects with another member of a class in the place of the one named: (named, member, effects).
+        temperature: whether the declared model has temperature in it.
+
+    Raises:
+        fitter.linear.RankError: the points do not determine the model with the effects named.
+        FitError: as `calibrate_package`.
+
+    """
+    kept = _applied(data, effects, temperature=temperature)
+    found, open_ = [], []
+    for named, member, volts in others:
+        one = _with(data, volts, temperature=temperature)
+        if one is None:
+            open_.append(f"{member} in the place of {named}")
+        else:
+            found.append((named, member, one))
+    notes = list(kept.notes)
+    if found:
+        classes = "; ".join(" or ".join(members) for members in by_class([(n, m) for n, m, _ in found]))
+        notes.append(
+            f"these data cannot separate {classes}: 95 % intervals cover all of them, values and standard deviations "
+            "are those of the first"
+        )
+    if open_:
+        notes.append(f"intervals leave out {', '.join(open_)}: these data do not determine the model with it")
+    return replace(kept, alternatives=tuple(found), notes=tuple(notes))
+
+
+def _with(data: AttitudeData, volts: Volts, *, temperature: bool) -> AttitudeCalibration | None:
+    """None where the points do not determine the model with these effects."""
+    try:
+        return _applied(data, volts, temperature=temperature)
+    except RankError:
+        return None
+
+
+def _applied(data: AttitudeData, effects: Volts, *, temperature: bool) -> AttitudeCalibration:
+    """The calibration, what cannot be applied in use fitted and left behind; a note of it says so."""
+    behind: tuple[str, ...] = ()
+    while True:
+        try:
+            return calibrate_package(data, effects=effects, temperature=temperature, left_behind=behind)
+        except NotApplicable as error:
+            behind = (*behind, error.effect)
+
+
+def covering_parameters(calibration: AttitudeCalibration, name: str) -> dict[str, Any]:
+    """The paper's parameters of a sensor, each with an interval that covers every cause the data cannot separate.
+
+    See `procedures.attitude.infer.alternatives.cover_rows` for the keys.
+    """
+    others = [(named, member, _table(other, name)) for named, member, other in calibration.alternatives]
+    return cover_rows(_table(calibration, name), others)
+
+
+def _table(calibration: AttitudeCalibration, name: str) -> dict[str, Any]:
+    """Parameters of a sensor; intervals with the model error, where lack of fit is left."""
+    table = parameter_table(*calibration.parameters(name))
+    misfit = calibration.misfits.get(name)
+    return dict(table) if misfit is None else misfit.widened(table)

@@ -1,0 +1,37 @@
+"""How good a design is, before anything is measured: NASA/TP-1999-209835, sections 3.3, 3.4, 4 and 5.3.
+
+Pure functions, as everywhere in the fitter; the designs come in as arrays of angles.
+
+design = DesignPoints("D1 +-45", pitch_deg, roll_deg, replications=6)
+figure_of_merit(design, Usage.within(30.0))
+compare([design, other], Usage.within(30.0), sigma_deg=2e-4)
+"""
+
+from procedures.attitude.merit.closed_forms import T4_VARIANCE, T6_VARIANCE, d1_no_roll_variance, d1_variance
+from procedures.attitude.merit.comparison import Comparison, Curve, Recommendation, compare, curve, recommend
+from procedures.attitude.merit.design_points import DesignPoints, Usage
+from procedures.attitude.merit.merit import figure_of_merit, mean_variance, variance, worst_variance
+from procedures.attitude.merit.visibility import Visibility, pad_visibility, smallest_offset_drift, visibility
+
+__all__ = [
+    "T4_VARIANCE",
+    "T6_VARIANCE",
+    "Comparison",
+    "Curve",
+    "DesignPoints",
+    "Recommendation",
+    "Usage",
+    "Visibility",
+    "compare",
+    "curve",
+    "d1_no_roll_variance",
+    "d1_variance",
+    "figure_of_merit",
+    "mean_variance",
+    "pad_visibility",
+    "recommend",
+    "smallest_offset_drift",
+    "variance",
+    "visibility",
+    "worst_variance",
+]

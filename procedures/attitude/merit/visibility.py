@@ -1,0 +1,91 @@
+"""Which undeclared effects a design could show at all.
+
+Precision is not everything a design is for: an effect the declared model can imitate over the calibrated range leaves
+no residual, is taken up by the coefficients, and is wrong outside that range. What is left of it after the model has
+had its share is what T_bias, the test of lack of fit, has to work with.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from fitter.arrays import FloatArray
+from fitter.linear import orthonormal
+from fitter.quantiles import f_limit
+from procedures.attitude.angles import sin_cos
+from procedures.attitude.merit.design_points import DesignPoints
+from procedures.attitude.model import fit_columns
+
+POWER = 0.9
+"""Probability with which the smallest visible effect is found."""
+
+
+@dataclass(frozen=True)
+class Visibility:
+    """How much of an effect the residuals would show.
+
+    Attributes:
+        rms: root mean square of the residual an effect of amplitude one leaves.
+        share: that over the effect's own root mean square; 0 where the effect is zero at every point.
+        smallest: amplitude, in standard deviations of one observation, that T_bias at 5 % finds nine times in ten;
+            infinite where nothing is left or nothing is replicated, since then there is no pure error to judge by.
+
+    """
+
+    rms: float
+    share: float
+    smallest: float
+
+
+def visibility(design: DesignPoints, effect: FloatArray) -> Visibility:
+    """What of an undeclared effect remains in the residuals of the declared model.
+
+    Args:
+        design: where it is calibrated.
+        effect: (K,) the effect at its points, for an amplitude of one.
+
+    """
+    basis = orthonormal(design.columns())
+    left = effect - basis @ (basis.T @ effect)
+    size, rest = float(np.linalg.norm(effect)), float(np.linalg.norm(left))
+    if rest <= 1e-9 * np.sqrt(design.points):
+        return Visibility(0.0, 0.0, float("inf"))
+    df_lof, df_pe = design.points - design.parameters, design.observations - design.points
+    smallest = float("inf")
+    if df_lof > 0 and df_pe > 0:
+        needed = float(special.ncfdtrinc(df_lof, df_pe, 1.0 - POWER, f_limit(0.95, df_lof, df_pe)))
+        smallest = float(np.sqrt(needed / design.replications)) / rest
+    return Visibility(rest / float(np.sqrt(design.points)), rest / size, smallest)
+
+
+def pad_visibility(design: DesignPoints) -> Visibility:
+    """The same for isolation pads that give way under the package: sin 2a cos R in an x sensor, section 9.1.
+
+    Without roll it is sin 2a, which within +-30 deg of pitch the model [1, sin a, cos a] imitates to 4 %.
+    """
+    sin, cos = sin_cos(design.pitch_deg)
+    upright = sin_cos(design.roll_deg)[1] if design.roll else np.ones(design.points)
+    return visibility(design, 2.0 * sin * cos * upright)
+
+
+def smallest_offset_drift(design: DesignPoints) -> float:
+    """Smallest variation of the offset between replications that the drift test T_b at 5 % finds nine times in ten.
+
+    As a standard deviation, in standard deviations of one observation. With it the mean square between replications is
+    1 + drift^2 / c times what it is without, c sigma^2 being the variance of one replication's own offset.
+    Infinite where there is one replication, or no degree of freedom within any.
+
+    Raises:
+        fitter.linear.RankError: the design does not determine the model.
+
+    """
+    df_between = design.replications - 1
+    df_within = design.replications * (design.points - design.parameters)
+    if df_between <= 0 or df_within <= 0:
+        return float("inf")
+    own = float(np.sum(fit_columns(design.columns(), np.zeros(design.points)).root[0] ** 2))
+    needed = f_limit(0.95, df_between, df_within) / f_limit(1.0 - POWER, df_between, df_within)
+    return float(np.sqrt(own * (needed - 1.0)))

@@ -1,0 +1,94 @@
+"""In which order a design is visited, and from which side each angle is approached.
+
+What a night can tell apart depends on the order. With the same path in every replication, time and direction are
+functions of the point and hide in the lack of fit; so the path is walked forwards and backwards in the pattern
+A B B A, which balances both against the replications. A random order breaks every such tie, but only if the side
+of approach is random too and controlled, not left to wherever the axis came from.
+"""
+
+from __future__ import annotations
+
+import random
+from array import array
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from procedures.attitude.designs import Design
+
+
+@dataclass(frozen=True, slots=True)
+class Visit:
+    """One stop of a pass over a design: the cell, and the side each axis is to arrive from (+1 upwards)."""
+
+    row: int
+    column: int
+    pitch_side: int
+    roll_side: int
+
+
+def reversed_pass(replication: int, pattern: str) -> bool:
+    """Whether replication 1, 2, 3, ... walks the path backwards.
+
+    Args:
+        replication: from 1.
+        pattern: "abba" (forwards, backwards, backwards, forwards, and again), "alternate" (a, b, a, b) or
+            "same" (never).
+
+    """
+    if pattern == "same":
+        return False
+    if pattern == "alternate":
+        return replication % 2 == 0
+    if pattern == "abba":
+        return replication % 4 in (2, 3)
+    raise ValueError(f"unknown pattern {pattern!r}: use abba, alternate or same")
+
+
+def serpentine(design: Design, *, backwards: bool, up_and_down: bool) -> list[Visit]:
+    """Boustrophedon pass: pitch row after row, roll to and fro (recommendation 4 of the paper).
+
+    Args:
+        design: what to visit.
+        backwards: walk the same path from its end, every axis then arriving from the other side.
+        up_and_down: return to the first row, visiting every point a second time, each on its own side; without
+            it one pass goes up and the reversed replications bring it down. Walked backwards it is the same path.
+
+    """
+    return list(walk(design, backwards=backwards, up_and_down=up_and_down))
+
+
+def walk(design: Design, *, backwards: bool, up_and_down: bool) -> Iterator[Visit]:
+    """The visits of a `serpentine` one by one."""
+    if up_and_down or not backwards:
+        yield from _sweep(design, 1)
+    if up_and_down or backwards:
+        yield from _sweep(design, -1)
+
+
+def _sweep(design: Design, way: int) -> Iterator[Visit]:
+    """From the first row to the last (way 1), or the same path from its end (way -1)."""
+    by_row: dict[int, array[int]] = {}
+    for row, column in design.cells:
+        by_row.setdefault(row, array("L")).append(column)
+    rows: list[tuple[int, bool]] = []
+    right = True
+    for row in sorted(by_row):
+        rows.append((row, right))
+        right ^= len(by_row[row]) > 1
+    for row, right in rows[::way]:
+        forwards = right == (way == 1)
+        side = 1 if forwards else -1
+        for column in sorted(by_row[row], reverse=not forwards):
+            yield Visit(row, column, way, side)
+
+
+def random_order(design: Design, rng: random.Random) -> Iterator[Visit]:
+    """Every point once in random order, each axis approached from a random side, as many from one as the other."""
+    cells = array("L", range(len(design)))
+    rng.shuffle(cells)
+    pitch_sides, roll_sides = (array("b", (1 if i % 2 else -1 for i in range(len(cells)))) for _ in range(2))
+    rng.shuffle(pitch_sides)
+    rng.shuffle(roll_sides)
+    for number, pitch_side, roll_side in zip(cells, pitch_sides, roll_sides, strict=True):
+        row, column = design.cells[number]
+        yield Visit(row, column, pitch_side, roll_side)

@@ -1,0 +1,272 @@
+"""The pitch-roll procedure: `procedure.toml` with `kind = "pitch-roll"`, checked and expanded to a run list.
+
+Field by field this is also the reference of the file format: `docs/files.md` is made from it.
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterable, Iterator
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from procedures.attitude.designs import Design, fraction, grid, roll_circle, tumble, uniform
+from procedures.attitude.faults import PitchRollFaults
+from procedures.attitude.orders import Visit, random_order, reversed_pass, walk
+from procedures.conduct import Conduct, EnvironmentSettings
+from procedures.run_list import Factor, Point, RunList, Settle
+from procedures.settings import Name, Positive, Strict, WarningSettings
+
+_PASS_KEPT = 10_000
+"""A pass over a larger design than this is not kept for the next replication, but made again."""
+
+MOST_POINTS = 1_000_000
+"""Of a run; at half a minute each it takes a year."""
+Side = Annotated[list[float], Field(min_length=1, max_length=10_000)]
+
+
+class FractionSettings(Strict):
+    """Decimation of the grid's interior, eq. (109)."""
+
+    pitch_every: int = Field(ge=1, description="keep every K_alpha-th pitch row whole")
+    roll_every: int = Field(ge=1, description="keep every K_R-th roll column whole")
+
+
+class DesignSettings(Strict):
+    """Which angles to visit.
+
+    D1: `pitch_max_deg` and `pitch_count`, uniform and symmetric; roll uniform over the circle.
+    D0: any `pitch_deg` list; roll uniform over the circle. D: lists of both. T6, T4: nothing more.
+    """
+
+    type: Literal["D", "D0", "D1", "T6", "T4"]
+    pitch_max_deg: Positive | None = Field(None, le=180, description="D1: pitch goes from minus to plus this")
+    pitch_count: int | None = Field(None, ge=2, le=10_000, description="D1: number of pitch angles N")
+    pitch_deg: Side | None = Field(None, description="D and D0: the pitch angles")
+    roll_count: int | None = Field(None, ge=1, le=10_000, description="D0 and D1: number of roll angles M")
+    roll_repeat_180: bool = Field(True, description="D0 and D1: end at +180 deg, repeating -180 deg")
+    roll_deg: Side | None = Field(None, description="D: the roll angles; [0] for a sensor without roll")
+    fraction: FractionSettings | None = Field(None, description="decimate the interior of the grid")
+
+    @model_validator(mode="after")
+    def _fields_fit_the_type(self) -> Self:
+        needs = {
+            "D": {"pitch_deg", "roll_deg"},
+            "D0": {"pitch_deg", "roll_count"},
+            "D1": {"pitch_max_deg", "pitch_count", "roll_count"},
+            "T6": set(),
+            "T4": set(),
+        }[self.type]
+        optional = {"type", "roll_repeat_180", "fraction"} if needs else {"type"}
+        missing = sorted(name for name in needs if getattr(self, name) is None)
+        extra = sorted(self.model_fields_set - needs - optional)
+        if missing:
+            raise ValueError(f"design {self.type} needs {', '.join(missing)}")
+        if extra:
+            raise ValueError(f"design {self.type} does not use {', '.join(extra)}")
+        self.build()
+        return self
+
+    def build(self) -> Design:
+        """The design these settings describe. Raises ValueError where they cannot be built."""
+        if self.type in ("T6", "T4"):
+            return tumble(roll=self.type == "T6")
+        if self.type == "D1":
+            assert self.pitch_max_deg is not None
+            assert self.pitch_count is not None
+            pitch = uniform(-self.pitch_max_deg, self.pitch_max_deg, self.pitch_count)
+        else:
+            assert self.pitch_deg is not None
+            pitch = tuple(self.pitch_deg)
+        if self.type == "D":
+            assert self.roll_deg is not None
+            roll = tuple(self.roll_deg)
+        else:
+            assert self.roll_count is not None
+            roll = roll_circle(self.roll_count, repeat_180=self.roll_repeat_180 and self.roll_count > 1)
+        full = grid(self.type, pitch, roll)
+        if len(full) > MOST_POINTS:
+            raise ValueError(f"the full grid has {len(full):,} points, more than {MOST_POINTS:,}")
+        if self.fraction is None:
+            return full
+        return fraction(full, pitch_every=self.fraction.pitch_every, roll_every=self.fraction.roll_every)
+
+
+class OrderSettings(Strict):
+    """In which order the points are visited."""
+
+    type: Literal["serpentine", "up-and-down", "random"] = Field(
+        "serpentine",
+        description="serpentine: every point once a replication; up-and-down: to the last row and back, every "
+        "point twice; random: shuffled within each replication, sides of approach balanced",
+    )
+    replications: Literal["abba", "alternate", "same"] = Field(
+        "abba", description="which replications walk the path backwards (serpentine and up-and-down)"
+    )
+
+
+class ApproachSettings(Strict):
+    """How an axis is brought to the side it is to arrive from."""
+
+    overtravel_deg: Positive = Field(2.0, le=45, description="beyond backlash and hysteresis together")
+
+
+class SettleSettings(Strict):
+    """When an angle counts as reached."""
+
+    band_deg: Positive = Field(0.0005, le=1, description="readback within this of the setpoint")
+    dwell_s: float = Field(3.0, ge=0, le=1e6, description="for this long")
+    drift_deg_per_s: Positive = Field(0.001, description="and drifting slower than this")
+    poll_s: Positive = Field(0.5, le=60, description="time between readbacks")
+    timeout_s: Positive = Field(120.0, description="then the settling has failed")
+
+    def judged(self) -> Settle:
+        """What the sequencer needs of these settings."""
+        return Settle(self.band_deg, self.dwell_s, self.drift_deg_per_s, self.timeout_s)
+
+
+class MeasureSettings(Strict):
+    """What is read at a point."""
+
+    readings: int = Field(10, ge=1, le=50_000, description="sweeps over all channels; their mean is the observation")
+    max_sd_V: Positive | None = Field(None, description="noisier than this: read again")
+    repeats: int = Field(2, ge=0, le=10, description="how often to read again before accepting it, flagged")
+
+
+class RecoverySettings(Strict):
+    """What an interruption costs."""
+
+    max_gap_s: Positive = Field(1800.0, description="after a longer gap the environment is settled again")
+    hold_max_s: Positive = Field(12 * 3600.0, description="a hold nobody releases ends the session after this")
+
+
+class ExpectSettings(Strict):
+    """What is expected of the sensors; used by `rig plan` and never by a fit."""
+
+    sigma_deg: Positive = Field(2e-4, description="standard error of one observation")
+    sigma_y_deg: Positive | None = Field(None, description="that of a y sensor, where it is another")
+    sigma_z_deg: Positive | None = Field(None, description="that of a z sensor, where it is another")
+    coning_deg: float = Field(1.0, ge=0, lt=90, description="largest coning angle Omega of the sensors")
+
+
+class UsageSettings(Strict):
+    """How the calibrated package will be used; `rig plan` advises and compares by it."""
+
+    pitch_deg: Positive | None = Field(None, le=180, description="pitch from minus to plus this")
+    roll_deg: Positive = Field(180.0, le=180, description="roll from minus to plus this")
+    roll_sd_deg: Positive | None = Field(
+        None, description="one sensor: standard deviation of a roll measured otherwise"
+    )
+    pitch_sd_deg: Positive | None = Field(None, description="standard deviation wanted of inferred pitch")
+
+
+class MountingSettings(Strict):
+    """How the package is turned on the head's table against its usual mounting; a person turns it before the run.
+
+    Turned first about its own x axis, then about its y axis, then about its z axis. Errors of the head stay with the
+    head, those of package and sensors turn along: that is what tells them apart (`rig confirm`).
+    """
+
+    x_deg: float = Field(0.0, gt=-180, le=180, description="about its x axis: the package sees this much more roll")
+    y_deg: float = Field(
+        0.0, gt=-180, le=180, description="about its y axis: at zero roll it sees this much more pitch"
+    )
+    z_deg: float = Field(0.0, gt=-180, le=180, description="about its z axis; 180 is end for end")
+
+    @property
+    def turned(self) -> bool:
+        """Whether it is another mounting than the usual one."""
+        return bool(self.x_deg or self.y_deg or self.z_deg)
+
+
+class ModelSettings(Strict):
+    """What the declared model has beside attitude; `rig fit` and `rig trace` take it from the run file."""
+
+    temperature: bool = Field(False, description="offset and sensitivity follow the sensor temperature")
+
+
+class AcceptanceSettings(Strict):
+    """When a finished calibration is fit for use; outside it `rig run` ends with exit code 3."""
+
+    sigma_E_deg: Positive | None = Field(None, description="largest standard error of the fit")
+
+
+class PitchRollProcedure(Strict):
+    """A whole `procedure.toml` of kind pitch-roll."""
+
+    kind: Literal["pitch-roll"]
+    name: Name
+    seed: int = Field(0, ge=0, le=2**63 - 1, description="of every random choice in the order")
+    replications: int = Field(6, ge=1, le=1000)
+    design: DesignSettings
+    order: OrderSettings = OrderSettings()
+    approach: ApproachSettings = ApproachSettings()
+    settle: SettleSettings = SettleSettings()
+    measure: MeasureSettings = MeasureSettings()
+    environment: EnvironmentSettings | None = None
+    recovery: RecoverySettings = RecoverySettings()
+    faults: PitchRollFaults = PitchRollFaults()
+    warnings: WarningSettings = WarningSettings()
+    mounting: MountingSettings = MountingSettings()
+    model: ModelSettings = ModelSettings()
+    expect: ExpectSettings = ExpectSettings()
+    usage: UsageSettings = UsageSettings()
+    acceptance: AcceptanceSettings = AcceptanceSettings()
+
+    @model_validator(mode="after")
+    def _can_be_run(self) -> Self:
+        points = self.replications * len(self.design.build())
+        if points > MOST_POINTS:
+            raise ValueError(
+                f"{self.replications} replications of the design are {points:,} points, more than {MOST_POINTS:,}"
+            )
+        return self
+
+    @property
+    def conduct(self) -> Conduct:
+        """How the run is carried out."""
+        return Conduct(
+            settle=self.settle.judged(),
+            poll_s=self.settle.poll_s,
+            readings=self.measure.readings,
+            repeats=self.measure.repeats,
+            max_sd_V=self.measure.max_sd_V,
+            faults=self.faults,
+            warnings=self.warnings,
+            hold_max_s=self.recovery.hold_max_s,
+            environment=self.environment,
+            max_gap_s=self.recovery.max_gap_s,
+            mounting=self.mounting.model_dump(),
+        )
+
+    def expand(self) -> RunList:
+        """Every point of the run, in order."""
+        overtravel = self.approach.overtravel_deg
+        factors = (Factor("pitch_deg", "pitch", overtravel), Factor("roll_deg", "roll", overtravel))
+        return RunList(factors, self._points(), self.seed)
+
+    def _points(self) -> Iterator[Point]:
+        design = self.design.build()
+        rng = random.Random(self.seed)
+        passes: dict[bool, list[Visit]] = {}
+        index = 0
+        for replication in range(1, self.replications + 1):
+            for visit in self._visits(design, replication, rng, passes):
+                setpoints = (design.pitch_deg[visit.row], design.roll_deg[visit.column])
+                yield Point(index, replication, None, setpoints, (visit.pitch_side, visit.roll_side))
+                index += 1
+
+    def _visits(
+        self, design: Design, replication: int, rng: random.Random, passes: dict[bool, list[Visit]]
+    ) -> Iterable[Visit]:
+        """One pass over the design; `passes` keeps those that are walked more than once, by direction."""
+        if self.order.type == "random":
+            return random_order(design, rng)
+        backwards = reversed_pass(replication, self.order.replications)
+        visits = walk(design, backwards=backwards, up_and_down=self.order.type == "up-and-down")
+        if len(design) > _PASS_KEPT:
+            return visits
+        if backwards not in passes:
+            passes[backwards] = list(visits)
+        return passes[backwards]

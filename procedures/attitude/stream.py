@@ -1,0 +1,91 @@
+"""Attitude calibrations of any length in the memory of one block: rows come in, a triangle of five columns stays.
+
+What is kept grows with the number of sensors, not of rows; the answer is that of all rows at once, to rounding. Table 2
+is not part of it: to tell scatter from lack of fit, readings at one point have to be met again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fitter.checked import finite
+from fitter.errors import FitError
+from fitter.linear import LinearFit, Triangle
+from procedures.attitude.model import (
+    COLUMNS,
+    COLUMNS_NO_ROLL,
+    LEAST,
+    AttitudeParameters,
+    NoRollParameters,
+    attitude_columns,
+    attitude_parameters,
+    no_roll_parameters,
+    nominal_axis,
+)
+
+Block = tuple[ArrayLike, ArrayLike, Mapping[str, ArrayLike]]
+"""(m,) pitch and (m,) roll in degrees, and (m,) volts by output; m may differ from block to block."""
+
+_ROWS = 8192
+"""Rows that are taken in at a time, whatever the blocks: they fit a processor's cache."""
+
+
+@dataclass(frozen=True, eq=False)
+class StreamFit:
+    """One sensor, calibrated without its rows having been kept.
+
+    Attributes:
+        sensor: name of the output.
+        linear: least squares of `procedures.attitude.model.COLUMNS`, or `COLUMNS_NO_ROLL`, in volts.
+        parameters: the paper's parameters of it.
+
+    """
+
+    sensor: str
+    linear: LinearFit
+    parameters: AttitudeParameters | NoRollParameters
+
+
+def fit_stream(
+    blocks: Iterable[Block], *, roll: bool = True, axes: Mapping[str, str] | None = None
+) -> dict[str, StreamFit]:
+    """Calibrate every output: eqs. (2), (4), (5) of NASA/TP-1999-209835, or eq. (1) without roll.
+
+        fit_stream(((pitch, roll, {"x_V": volts}) for pitch, roll, volts in reader))
+
+    Args:
+        blocks: rows, a block at a time; read once.
+        roll: whether there is roll to calibrate with.
+        axes: "x", "y" or "z" by output, where the first letter of a name does not tell.
+
+    Raises:
+        fitter.linear.RankError: the rows do not determine the model.
+        FitError: there are no rows, a value is not finite, or a block has other outputs or other lengths.
+
+    """
+    names: tuple[str, ...] | None = None
+    triangle = Triangle(COLUMNS if roll else COLUMNS_NO_ROLL)
+    for pitch_deg, roll_deg, outputs in blocks:
+        names = tuple(outputs) if names is None else names
+        if set(outputs) != set(names):
+            raise FitError(f"a block has {', '.join(outputs)} where the first had {', '.join(names)}")
+        count = np.size(pitch_deg)
+        pitch, rolled = finite("pitch_deg", pitch_deg, count), finite("roll_deg", roll_deg, count)
+        volts = np.column_stack([finite(name, outputs[name], count) for name in names])
+        for start in range(0, count, _ROWS):
+            rows = slice(start, start + _ROWS)
+            triangle = triangle.add(attitude_columns(pitch[rows], rolled[rows], roll=roll), volts[rows])
+    if names is None or not triangle.n:
+        raise FitError("there are no observations")
+    return {name: _fitted(name, triangle.of(i).solve(LEAST), axes, roll=roll) for i, name in enumerate(names)}
+
+
+def _fitted(sensor: str, linear: LinearFit, axes: Mapping[str, str] | None, *, roll: bool) -> StreamFit:
+    c, covariance = linear.coefficients, linear.covariance
+    if not roll:
+        return StreamFit(sensor, linear, no_roll_parameters(c, covariance))
+    return StreamFit(sensor, linear, attitude_parameters(nominal_axis(sensor, c, axes), c, covariance))

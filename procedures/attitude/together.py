@@ -1,0 +1,187 @@
+"""Two pitch-roll runs as one problem: the declared model again for every mounting, replications that drift."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitter.arrays import FloatArray, IntArray
+from fitter.confirm import Together
+from fitter.confirm.runs import join
+from fitter.confirm.together import Candidates, Own
+from procedures.attitude.data import AttitudeData
+from procedures.attitude.effects.scene import Scene
+from procedures.attitude.model import attitude_columns
+from procedures.attitude.temperature import Temperature
+from procedures.attitude.trace.problem import raw_columns
+from procedures.attitude.trace.result import SensorTrace, Trace
+
+
+@dataclass(frozen=True, eq=False)
+class SensorNoise:
+    """How readings and replications of one sensor scatter beside the effects found.
+
+    Attributes:
+        sigma_V: standard deviation of one reading.
+        df: degrees of freedom it is known with.
+        spread: (k,) variance of a replication's own parameters, each over `sigma_V`^2; zero where they do not drift.
+        temperature: what temperature adds in the declared model; None where that has none.
+
+    """
+
+    sigma_V: float
+    df: int
+    spread: FloatArray
+    temperature: Temperature | None
+
+    @classmethod
+    def of(cls, sensor: SensorTrace, data: AttitudeData, kept: IntArray) -> SensorNoise:
+        """From the run that was traced, without outliers.
+
+        The variance of a replication's own parameters is what their scatter is beyond that of readings. It is no
+        better known than a variance on a few degrees of freedom; zero with a single replication.
+        """
+        table = sensor.after
+        known = np.isfinite(table.sigma_pr)
+        sigma = table.sigma_pr if known else table.sigma_E
+        df = (table.n_replications - 1) * (table.n_points - len(sensor.fit.names)) if known else sensor.fit.df
+        h = attitude_columns(data.pitch_deg, data.roll_deg, roll=data.has_roll)[kept]
+        rest, replicate = sensor.residual_after_V[kept], data.replicate_index[kept]
+        own, spread = [], []
+        for index in np.unique(replicate):
+            rows = h[replicate == index]
+            if rows.shape[0] > rows.shape[1]:
+                inverse = np.linalg.pinv(rows)
+                own.append(inverse @ rest[replicate == index])
+                spread.append(np.sum(inverse**2, axis=1))
+        beyond = np.zeros(h.shape[1])
+        if len(own) > 1:
+            beyond = np.maximum(np.var(np.array(own), axis=0, ddof=1) / sigma**2 - np.mean(spread, axis=0), 0.0)
+        return cls(float(sigma), max(int(df), 1), beyond, sensor.temperature)
+
+
+@dataclass(frozen=True, eq=False)
+class AttitudeTogether(Together):
+    """See `Together`.
+
+    Attributes:
+        scene: of all observations; its references are those of the first run's trace.
+        noise: by sensor.
+
+    """
+
+    scene: Scene
+    noise: Mapping[str, SensorNoise]
+
+    @classmethod
+    def of(cls, found: Trace, first: AttitudeData, later: AttitudeData, after_s: float) -> Self:
+        """A run, what was traced in it, and a later run, `after_s` after the first's zero of elapsed time.
+
+        Raises:
+            FitError: the later run lacks a sensor of the first.
+
+        """
+        kept = np.setdiff1d(np.arange(len(first)), found.outliers)
+        runs = first.take(kept), later
+        mounting = np.concatenate([mountings(run) for run in runs])
+        both = join(*runs, after_s, mounting=mounting, axes=first.axes)
+        noise = {name: SensorNoise.of(sensor, first, kept) for name, sensor in found.sensors.items()}
+        return cls(np.arange(len(both)) >= kept.size, replace(found.scene, data=both, roll=both.has_roll), noise)
+
+    @property
+    def data(self) -> AttitudeData:
+        """Observations of both runs."""
+        return self.scene.data
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """See `Together`."""
+        return self.data.sensors
+
+    @property
+    def df(self) -> int:
+        """See `Together`."""
+        return min(noise.df for noise in self.noise.values())
+
+    @cached_property
+    def realigned(self) -> bool:
+        """Whether the package was mounted again, or the first run had no roll and the later has."""
+        turned = mountings(self.data)
+        if not np.allclose(turned[self.fresh], turned[~self.fresh][0], atol=1e-9):
+            return True
+        return bool(self.data.has_roll and not self.data.take(np.flatnonzero(~self.fresh)).has_roll)
+
+    @property
+    def loose(self) -> FloatArray:
+        """(n, 0) or, where the package sits again, (n, 4) its offset and axes."""
+        return self._h if self.realigned else np.empty((len(self.data), 0))
+
+    @property
+    def raw_outputs(self) -> FloatArray:
+        """(S, n) V."""
+        return np.stack([self.data.outputs[s] for s in self.sensors])
+
+    @property
+    def sigma(self) -> FloatArray:
+        """(S, n) V."""
+        return np.stack([np.full(len(self.data), self.noise[s].sigma_V) for s in self.sensors])
+
+    @property
+    def slope(self) -> FloatArray:
+        """(S,) V/g; of a sensor that the first run, without roll, hardly saw, by the later one."""
+        out = []
+        for name, volts in zip(self.sensors, self.raw_outputs, strict=True):
+            later = np.linalg.lstsq(self._h[self.fresh], volts[self.fresh], rcond=1e-6)[0][1:]
+            out.append(max(float(np.linalg.norm(self.scene.axes[name])), float(np.linalg.norm(later))))
+        return np.array(out)
+
+    @cached_property
+    def declared(self) -> tuple[FloatArray, ...]:
+        """For each sensor (n, d) the declared model: again for every mounting, since a package sits as it sits."""
+        h, turned = self._h, np.round(mountings(self.data).reshape(len(self.data), 9), 9)
+        which = np.ravel(np.unique(turned, axis=0, return_inverse=True)[1])
+        columns = np.column_stack([np.where((which == k)[:, None], h, 0.0) for k in range(int(which.max()) + 1)])
+        out = []
+        for sensor in self.sensors:
+            warm = self.noise[sensor].temperature
+            beside = [] if warm is None else [warm.columns(_narrow(h, warm.direction.size + 1), self.data)]
+            out.append(np.column_stack([columns, *beside]))
+        return tuple(out)
+
+    @cached_property
+    def own(self) -> tuple[tuple[Own, ...], ...]:
+        """For each sensor and replication its own parameters, where replications drift."""
+        replications = [np.flatnonzero(self.data.replicate_index == k) for k in range(self.data.replicates.size)]
+        out = []
+        for sensor in self.sensors:
+            spread = self.noise[sensor].spread
+            columns = _narrow(self._h, spread.size) * np.sqrt(spread)
+            out.append(tuple(Own.of(rows, columns[rows]) for rows in replications) if spread.any() else ())
+        return tuple(out)
+
+    def raw(self, terms: Candidates) -> FloatArray:
+        """(S, n, q) V per unit coefficient."""
+        return raw_columns(self.scene, terms)
+
+    def only(self, rows: NDArray[np.bool_]) -> Self:
+        """See `Together`."""
+        return replace(self, scene=self.scene.on(self.data.take(np.flatnonzero(rows))), fresh=self.fresh[rows])
+
+    @cached_property
+    def _h(self) -> FloatArray:
+        return attitude_columns(self.data.pitch_deg, self.data.roll_deg, roll=self.scene.roll)
+
+
+def mountings(data: AttitudeData) -> FloatArray:
+    """(n, 3, 3) from table to package, the usual mounting written out."""
+    return np.broadcast_to(np.eye(3), (len(data), 3, 3)) if data.mounting is None else data.mounting
+
+
+def _narrow(h: FloatArray, width: int) -> FloatArray:
+    """(n, width) rows `h` for what was fitted without roll, where the later run has some."""
+    return h if h.shape[1] == width else h[:, [0, 1, 3]]

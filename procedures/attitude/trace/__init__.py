@@ -1,0 +1,6 @@
+"""From the residual of an attitude sensor to the physical effect behind it. How it works: docs/trace.md."""
+
+from procedures.attitude.trace.result import FoundEffect, SensorTrace, Trace
+from procedures.attitude.trace.run import trace
+
+__all__ = ["FoundEffect", "SensorTrace", "Trace", "trace"]

@@ -1,0 +1,135 @@
+"""The coefficients of the effects found, fitted together with the declared model of every sensor."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.linear import LinearFit, RankError, least_squares
+from fitter.replication import Replication, analyse
+from fitter.trace.aliases import NOTHING_LEFT
+from fitter.trace.not_kept import independent
+from procedures.attitude.data import AttitudeData
+from procedures.attitude.model import attitude_columns
+from procedures.attitude.temperature import Temperature
+from procedures.attitude.trace.levels import Level
+from procedures.attitude.trace.problem import Problem, raw_columns
+from procedures.attitude.trace.robust import walked
+from procedures.attitude.trace.score import errors
+
+DRIFTS = 0.01
+"""Replications are given parameters of their own where the joint drift test falls below this."""
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """Declared model and effects, fitted together.
+
+    Attributes:
+        chosen: indices of the candidates in the model.
+        told_apart: those of them that are no combinations of those before; the others have coefficients of zero.
+        level: "declared" if all observations were fitted as one, "replications" if each replication was given
+            parameters of its own because they drift beyond what the effects explain.
+        gamma: (q,) their coefficients.
+        covariance: (q, q) of them, conditional on their having been chosen.
+        corrected: (S, n) outputs less the effects, and less what the declared model makes of temperature, V.
+        fits: of the declared model to the corrected outputs.
+        temperatures: what temperature adds in the declared model of each sensor; None where that has none in it.
+        tables: Table 2 of each sensor, effects taken out.
+
+    """
+
+    chosen: tuple[int, ...]
+    told_apart: tuple[int, ...]
+    level: Level
+    gamma: FloatArray
+    covariance: FloatArray
+    corrected: FloatArray
+    fits: tuple[LinearFit, ...]
+    temperatures: tuple[Temperature | None, ...]
+    tables: tuple[Replication, ...]
+
+
+def estimate(problem: Problem, chosen: tuple[int, ...]) -> Estimate:
+    """Fit the `chosen` candidates."""
+    together = _estimate_at(problem, chosen, "declared")
+    p = [table.drift.p for table in together.tables]
+    drifts = any(value * len(p) < DRIFTS for value in p)
+    if not chosen or not drifts or not _left(problem, chosen):
+        return together
+    return _estimate_at(problem, chosen, "replications")
+
+
+def _joint(fit: LinearFit, h: FloatArray, effects: FloatArray, covariance: FloatArray) -> LinearFit:
+    """A fit to outputs less effects (n, q), its errors with what those of the effects' coefficients add to them."""
+    if not effects.shape[1] or fit.sigma == 0.0:
+        return fit
+    taken = np.linalg.lstsq(h, effects, rcond=None)[0]
+    whole = fit.root @ fit.root.T + taken @ covariance @ taken.T / fit.sigma**2
+    return replace(fit, root=np.asarray(np.linalg.cholesky(whole)), beside=fit.beside + effects.shape[1])
+
+
+def coefficients(problem: Problem, chosen: tuple[int, ...], level: Level) -> tuple[FloatArray, FloatArray]:
+    """(q,) coefficients of the `chosen` candidates, fitted at one level, and their (q, q) covariance.
+
+    A candidate whose column is a combination of those of the candidates before it has a coefficient of zero.
+    """
+    if not chosen:
+        return np.zeros(0), np.zeros((0, 0))
+    picked, sigma = list(chosen), errors(problem, chosen)[:, None]
+    white = problem.columns_at(level, picked) / sigma[:, :, None]
+    columns = white.reshape(-1, len(picked))
+    names = [f"{problem.candidates[j].effect.name} {problem.candidates[j].term.name}" for j in picked]
+    y, kept = (problem.outputs_at(level) / sigma).reshape(-1), list(range(len(picked)))
+    try:
+        solved = least_squares(columns, y, names)
+    except RankError:
+        kept = independent(columns)
+        solved = least_squares(columns[:, kept], y, [names[k] for k in kept])
+    spread, gamma = np.zeros((len(picked), len(picked))), np.zeros(len(picked))
+    spread[np.ix_(kept, kept)], gamma[kept] = solved.root @ solved.root.T, solved.coefficients
+    return gamma, spread + spread @ walked(problem, white) @ spread
+
+
+def concerns(problem: Problem, j: int) -> FloatArray:
+    """(S,) share of the information about candidate `j` that each sensor holds."""
+    sigma = errors(problem, ())
+    length2 = problem.products["declared"].columns[:, j, j] / sigma**2
+    return np.asarray(length2 / length2.sum())
+
+
+def predict(h: FloatArray, data: AttitudeData, fit: LinearFit, temperature: Temperature | None) -> FloatArray:
+    """(n,) outputs in volts of the declared model for observations with rows `h` (n, k)."""
+    volts = fit.predict(h)
+    return volts if temperature is None else volts + temperature.volts(h, data)
+
+
+def _left(problem: Problem, chosen: tuple[int, ...]) -> bool:
+    left2 = np.einsum("sjj->j", problem.products["replications"].columns)[list(chosen)]
+    return bool(np.all(left2 > NOTHING_LEFT**2 * np.sum(problem.length[:, list(chosen)] ** 2, axis=0)))
+
+
+def _estimate_at(problem: Problem, chosen: tuple[int, ...], level: Level) -> Estimate:
+    picked = list(chosen)
+    gamma, covariance = coefficients(problem, chosen, level)
+    data = problem.scene.data
+    effects = raw_columns(problem.scene, [problem.candidates[j] for j in picked])
+    corrected = np.stack([data.outputs[s] for s in problem.sensors]) - effects @ gamma
+    h = attitude_columns(data.pitch_deg, data.roll_deg, roll=problem.scene.roll)
+    fits, temperatures, tables = [], [], []
+    for i, sensor in enumerate(problem.sensors):
+        declared = problem.fits[sensor]
+        fit, temperature = declared.refitted(data, corrected[i])
+        if temperature is not None:
+            corrected[i] -= temperature.volts(h, data)
+        own = [k for k, j in enumerate(picked) if concerns(problem, j)[i] > 0.01]
+        extra = np.column_stack([declared.beside(data), effects[i][:, own]])
+        tables.append(
+            analyse(fit, h, corrected[i], data.point, data.replicate_index, extra, extra.shape[1], data.order)
+        )
+        fits.append(_joint(fit, h, effects[i][:, own], covariance[np.ix_(own, own)]))
+        temperatures.append(temperature)
+    apart = tuple(j for j, error in zip(chosen, np.diag(covariance), strict=True) if error > 0)
+    return Estimate(chosen, apart, level, gamma, covariance, corrected, tuple(fits), tuple(temperatures), tuple(tables))

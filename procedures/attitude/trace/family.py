@@ -1,0 +1,133 @@
+"""What the best of all candidates scores when there is nothing to find.
+
+The family is every unit of candidates on every sensor at every level and step of one run, with every value of a
+constant that is searched. Three percent of runs are for the largest score of all, simulated under the fitted null.
+Tests between replications have few degrees of freedom and are counted, as so many independent ones as have the same
+chance: three are for them (`judge.py`), and another half for what is found of the noise. p are scaled so that all of
+them are significant below `ALPHA`. Together that is 5 % and not 6.5, because second thoughts take some back: 1 % of
+clean runs is what is measured.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import special
+
+from fitter.arrays import FloatArray, IntArray
+from fitter.trace.aliases import NOTHING_LEFT
+from fitter.trace.chance import DRAWS, Family
+from procedures.attitude.trace.problem import Problem
+from procedures.attitude.trace.replications import slow_of
+from procedures.attitude.trace.score import Scores, errors
+
+AT_ONCE = 1_000
+COUNTED_DRAWS = 10_000
+STANDS_OUT = 3.3
+"""Standard deviations at which correlated tests are counted."""
+
+
+def family_of(problem: Problem, scores: Scores, seed: int) -> Family:
+    """Simulate the family's smallest p under the null.
+
+    Scores of one run are correlated as their columns are. They are drawn as normal, sensor by sensor, each level's over
+    its own estimate of the error.
+    """
+    units, products = _orthonormal_units(problem)
+    if not units:
+        return Family(np.ones(1))
+    rng = np.random.default_rng(seed)
+    roots = [_root(one) for one in products]
+    groups = _alike(problem, units, scores)
+    smallest = []
+    for first in range(0, DRAWS, AT_ONCE):
+        count = min(AT_ONCE, DRAWS - first)
+        drawn = np.zeros((products.shape[1], count), np.float32)  # whole rows are picked far quicker than columns
+        for own, root in roots:
+            drawn[own] += (rng.standard_normal((count, root.shape[0]), dtype=np.float32) @ root).T
+        np.square(drawn, out=drawn)
+        best = np.ones(count)
+        estimated = {df: rng.chisquare(df, count) / df for df in {df for df, _ in groups}}
+        for (df, rank), starts in groups.items():
+            square = drawn[starts]
+            for k in range(1, rank):
+                square += drawn[starts + k]
+            f = np.max(square, axis=0) / rank / estimated[df]
+            best = np.minimum(best, special.fdtrc(rank, df, f))
+        smallest.append(best)
+    slow = slow_of(problem)
+    given, sought = (_independent(problem, slow.columns[slow.searched == searched], rng) for searched in (False, True))
+    return Family(np.sort(np.concatenate(smallest)), (max(given + len(slow.slips), 1.0), max(sought, 1.0)))
+
+
+def _independent(problem: Problem, columns: IntArray, rng: np.random.Generator) -> float:
+    """As many independent tests as have the chance of those of some columns that one of them stands out.
+
+    A coefficient is judged by what its column does between replications and within them, and correlations are those of
+    both together.
+    """
+    if not columns.size:
+        return 0.0
+    weight, own = errors(problem, ()) ** -2.0, problem.own[..., columns]
+    together = np.einsum("s,sjk->jk", weight, problem.products["points"].columns[:, columns[:, None], columns])
+    together += np.einsum("s,nslj,nslk->jk", weight, own, own, optimize=True)
+    length = np.sqrt(np.diag(together))
+    picked, root = _root(together / np.outer(length, length))
+    out = 0
+    for _ in range(COUNTED_DRAWS // AT_ONCE):
+        drawn = rng.standard_normal((AT_ONCE, root.shape[0]), dtype=np.float32) @ root
+        out += int(np.sum(np.max(np.abs(drawn, out=drawn), axis=1) > STANDS_OUT))
+    alone = 2.0 * special.ndtr(-STANDS_OUT)
+    return float(np.clip(out / COUNTED_DRAWS / alone, 1.0, picked.size))
+
+
+def _alike(problem: Problem, units: list[tuple[int, int, int]], scores: Scores) -> dict[tuple[float, int], np.ndarray]:
+    """First columns of units that have one level's degrees of freedom and as many columns, by both."""
+    groups: dict[tuple[float, int], list[int]] = {}
+    most = {
+        level: max(float(scores.df[u]) for u, _, _ in units if problem.judged_at[problem.units[u][0]] == level)
+        for level in {problem.judged_at[problem.units[u][0]] for u, _, _ in units}
+    }
+    for u, start, rank in units:
+        groups.setdefault((most[problem.judged_at[problem.units[u][0]]], rank), []).append(start)
+    return {key: np.array(starts) for key, starts in groups.items()}
+
+
+def _orthonormal_units(problem: Problem) -> tuple[list[tuple[int, int, int]], FloatArray]:
+    """Units that can be judged, as (unit, first column, columns), and what their columns' products are.
+
+    The columns are combined, unit by unit, to ones that are orthonormal over all sensors together.
+
+    Returns:
+        The units, and (S, m, m) products of each sensor's share of their m columns.
+
+    """
+    weight = errors(problem, ()) ** -2.0
+    points = np.array([level == "points" for level in problem.judged_at], np.bool_)
+    products = np.where(
+        points[:, None] | points, problem.products["points"].columns, problem.products["replications"].columns
+    )
+    products = products * weight[:, None, None]
+    pooled, length2 = products.sum(axis=0), np.sum(problem.length**2 * weight[:, None], axis=0)
+    units, mix, start = [], [], 0
+    for u, unit in enumerate(map(list, problem.units)):
+        scale = 1.0 / np.sqrt(np.maximum(length2[unit], np.finfo(float).tiny))
+        values, vectors = np.linalg.eigh(pooled[np.ix_(unit, unit)] * np.outer(scale, scale))
+        kept = values > NOTHING_LEFT**2
+        if np.any(kept):
+            block = np.zeros((len(problem.candidates), int(kept.sum())))
+            block[unit] = scale[:, None] * vectors[:, kept] / np.sqrt(values[kept])
+            mix.append(block)
+            units.append((u, start, int(kept.sum())))
+            start += int(kept.sum())
+    if not units:
+        return [], products
+    combined = np.concatenate(mix, axis=1)
+    return units, np.swapaxes(combined, 0, 1) @ products @ combined
+
+
+def _root(products: FloatArray) -> tuple[np.ndarray, np.ndarray]:
+    """Columns that a sensor has a share in, and (r, q) whose square their products are, in single precision."""
+    own = np.flatnonzero(np.diag(products) > 1e-9)
+    values, vectors = np.linalg.eigh(products[np.ix_(own, own)])
+    kept = values > 1e-6
+    return own, (vectors[:, kept] * np.sqrt(values[kept])).T.astype(np.float32)

@@ -1,0 +1,261 @@
+"""What is reported of each sensor: effects as they show in it, what remains, and its noise."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+
+from fitter.arrays import FloatArray, IntArray
+from fitter.linear import orthonormal
+from fitter.replication import Replication
+from fitter.trace.aliases import Rival, separation
+from fitter.trace.found import Found, Unnamed, verdict
+from fitter.trace.not_kept import NotKept, for_others
+from fitter.trace.shares import of_rest, shares, unnamed_part
+from procedures.attitude.data import AttitudeData
+from procedures.attitude.effects.effect import Effect
+from procedures.attitude.effects.separation import separate
+from procedures.attitude.effects.unnamed import NAMELESS
+from procedures.attitude.fit import AttitudeFit
+from procedures.attitude.model import attitude_columns
+from procedures.attitude.trace.estimate import Estimate, concerns, predict
+from procedures.attitude.trace.judge import AttitudeJudge
+from procedures.attitude.trace.noise import noise_findings, outlier_finding
+from procedures.attitude.trace.outliers import outliers
+from procedures.attitude.trace.problem import Problem, raw_columns
+from procedures.attitude.trace.remainder import shared_attitude, strongest_wave
+from procedures.attitude.trace.result import FoundEffect, SensorTrace
+from procedures.attitude.trace.score import RESOLVED
+
+UNEXPLAINED = 1e-3
+"""Lack of fit or drift below this probability is something that remains."""
+SHOWS = 3.0
+"""An effect on the package is reported for the sensors in which it amounts to this many standard errors, or for the one
+in which it amounts to most."""
+
+
+def sensor_trace(
+    judge: AttitudeJudge,
+    whole: AttitudeData,
+    aside: IntArray,
+    not_kept: tuple[NotKept, ...],
+    before: Estimate,
+    after: Estimate,
+    classes: dict[str, tuple[Rival, ...]],
+    i: int,
+    cv: FloatArray | None,
+) -> SensorTrace:
+    """What was found in sensor `i`.
+
+    Args:
+        judge: of the run without its outliers, after the search.
+        whole: the run.
+        aside: rows of the outliers.
+        not_kept: candidates that were not kept, of any sensor.
+        before: the declared model.
+        after: the same with what was found.
+        classes: all explanations of each effect found, by its name.
+        i: the sensor.
+        cv: (2,) rms errors left out, before and after.
+
+    """
+    problem = judge.problem
+    sensor = problem.sensors[i]
+    declared: AttitudeFit = problem.fits[sensor]
+    rest = _unnamed(problem, after, i)
+    shown = [e for name in classes if (e := _found(judge, whole, after, classes[name], name, i)) is not None]
+    divided = _shares(problem, after, [effect.effect for effect in shown], unnamed_part(rest), i)
+    every = sorted(
+        (replace(effect, share=float(share)) for effect, share in zip(shown, divided, strict=True)),
+        key=lambda effect: -effect.share,
+    )
+    fell = after.tables[i].sigma_E < before.tables[i].sigma_E
+    smooth = tuple(effect for effect in every if effect.effect in NAMELESS)
+    effects = tuple(effect for effect in every if effect.effect not in NAMELESS)
+    unnamed = (*(_added(problem, after, one, i) for one in smooth), *of_rest(divided, rest))
+    return SensorTrace(
+        sensor=sensor,
+        declared=declared.declared,
+        verdict=verdict(found=bool(effects), fell=fell, rest=unnamed),
+        before=before.tables[i],
+        after=after.tables[i],
+        cv_rms_before=None if cv is None else float(cv[0]),
+        cv_rms_after=None if cv is None else float(cv[1]),
+        effects=effects,
+        unnamed=unnamed,
+        shared_attitude_before=shared_attitude(problem, before.corrected[i]),
+        shared_attitude_after=shared_attitude(problem, after.corrected[i]),
+        fit=after.fits[i],
+        temperature=after.temperatures[i],
+        S_V=declared.parameters.S_V,
+        residual_before_V=residual_of(problem, before, whole)[i],
+        residual_after_V=residual_of(problem, after, whole)[i],
+        temperature_recorded=problem.scene.temperature_degC is not None,
+        smooth=smooth,
+        keeping=(
+            *(one.sentence for one in not_kept if one.sensor in (None, sensor)),
+            *(() if fell else (for_others(effect.effect) for effect in effects)),
+        ),
+        noise=(*noise_findings(problem, after, i), *_outliers(problem, whole, aside, after, i)),
+    )
+
+
+def _outliers(problem: Problem, whole: AttitudeData, aside: IntArray, after: Estimate, i: int) -> tuple[Found, ...]:
+    """The readings of sensor `i` that were left out, and what the fit would be with them."""
+    if not aside.size:
+        return ()
+    sd = outliers(whole, residual_of(problem, after, whole))[1][i]
+    own = aside[np.abs(sd[aside]) > SHOWS]
+    if not own.size:
+        return ()
+    h = problem.fits[problem.sensors[i]].columns(whole.pitch_deg, whole.roll_deg)
+    effects = raw_columns(problem.scene.on(whole), [problem.candidates[j] for j in after.chosen])[i]
+    columns = np.column_stack([h, effects[:, np.any(effects != 0, axis=0)]])
+    kept = np.setdiff1d(np.arange(len(whole)), aside)
+    spread = np.linalg.pinv(columns[kept].T @ columns[kept])
+    y = whole.outputs[problem.sensors[i]]
+    with_all = np.linalg.lstsq(columns, y, rcond=None)[0]
+    without = np.linalg.lstsq(columns[kept], y[kept], rcond=None)[0]
+    error = np.sqrt(_pure_variance(after.tables[i]) * np.maximum(np.diag(spread), np.finfo(float).tiny))
+    return (outlier_finding(problem, whole, own, sd, float(np.max(np.abs(with_all - without) / error)), i),)
+
+
+def _found(
+    judge: AttitudeJudge,
+    whole: AttitudeData,
+    after: Estimate,
+    explanations: tuple[Rival, ...],
+    name: str,
+    i: int,
+) -> FoundEffect | None:
+    """The effect as sensor `i` shows it; None where it does not."""
+    problem = judge.problem
+    sensor, picked = problem.sensors[i], list(after.chosen)
+    mine = [k for k, j in enumerate(picked) if problem.candidates[j].effect.name == name]
+    sizes = np.array([[_size(problem, after, k, one) for k in mine] for one in range(len(problem.sensors))])
+    shown = [k for k, size in zip(mine, sizes[i], strict=True) if size >= min(SHOWS, float(sizes.max()))]
+    if not shown:
+        return None
+    effect = problem.candidates[picked[shown[0]]].effect
+    contribution = raw_columns(problem.scene, [problem.candidates[picked[k]] for k in mine])[i] @ after.gamma[mine]
+    formulas = [problem.candidates[picked[k]].term.as_formula(problem.scene, sensor) for k in shown]
+    parts = {k: problem.candidates[picked[k]] for k in mine}
+    own = {part.term.name: float(after.gamma[k]) for k, part in parts.items() if part.sensor in (None, sensor)}
+    stratum = judge.stratum_of(after.chosen, picked[shown[0]])
+    stderr = np.sqrt(np.diag(after.covariance)) * (_apart(problem, after, mine) if stratum == "replication" else 1.0)
+    shape = [problem.candidates[picked[k]] for k in mine]
+    p = min(judge.p_adjusted(after.chosen, picked[k]) for k in shown)
+    alike = [problem.candidates[r.terms[0]].effect for r in explanations if r.alias and r.effect != name]
+    peak = float(np.max(np.abs(contribution)))
+    return FoundEffect(
+        effect=name,
+        cause=effect.cause,
+        stratum=stratum,
+        terms=tuple(text for text, _ in formulas),
+        coefficients=tuple(float(after.gamma[k] * f) for k, (_, f) in zip(shown, formulas, strict=True)),
+        stderr=tuple(float(stderr[k] * abs(f)) for k, (_, f) in zip(shown, formulas, strict=True)),
+        unit=effect.unit,
+        size=effect.size(own, problem.fits[sensor].parameters.S_V),
+        p_adjusted=p,
+        p_adjusted_is_bound=p == judge.family.least,
+        share=0.0,  # of all together: `_shares`
+        aliases=tuple(other.name for other in alike),
+        separation=separation(explanations, name),
+        separate_by=f"{_experiments(effect, alike)}; it reaches {peak:.2g} V "
+        f"({np.degrees(peak / problem.fits[sensor].parameters.S_V):.2g} deg) here",
+        columns_V=raw_columns(problem.scene.on(whole), shape)[i] * after.gamma[mine],
+        against=effect.against,
+    )
+
+
+def _shares(problem: Problem, after: Estimate, names: list[str], unnamed: float, i: int) -> FloatArray:
+    """Share of each effect in the error of sensor `i` beyond scatter; `unnamed`: part of what is left that is none."""
+    data, table = problem.scene.data, after.tables[i]
+    declared = problem.fits[problem.sensors[i]]
+    columns = np.column_stack([declared.columns(data.pitch_deg, data.roll_deg), declared.beside(data)])
+    basis = orthonormal(columns)
+    effects = [problem.candidates[j] for j in after.chosen]
+    parts = raw_columns(problem.scene, effects)[i] * after.gamma
+    added = [parts[:, [k for k, c in enumerate(effects) if c.effect.name == name]].sum(axis=1) for name in names]
+    every = np.column_stack([*added, data.outputs[problem.sensors[i]]])
+    *beyond, residual = (every - basis @ (basis.T @ every)).T
+    known = np.isfinite(table.sigma_pr)
+    variance = table.sigma_pr**2 if known else table.sigma_E**2 * (1.0 - unnamed)
+    return shares(beyond, residual, after.fits[i].df * float(variance))
+
+
+def _apart(problem: Problem, after: Estimate, mine: list[int]) -> float:
+    """How many times as much replications differ along an effect as readings would have them, one at least.
+
+    What is constant within replications is known no better than replications agree, however many readings they hold.
+    """
+    data = problem.scene.data
+    if any(table.sigma_E == 0.0 for table in after.tables):
+        return 1.0
+    shape = raw_columns(problem.scene, [problem.candidates[after.chosen[k]] for k in mine]) @ after.gamma[mine]
+    count = data.replicates.size
+    moved, expected = np.zeros(count), 0.0
+    for i, table in enumerate(after.tables):
+        both = np.column_stack([shape[i], after.corrected[i]])
+        column, residual = problem.left(i, both, "declared").T / table.sigma_E
+        moved += np.bincount(data.replicate_index, column * residual, count)
+        expected += float(column @ column)
+    return max(1.0, float(np.sqrt(moved @ moved * count / max(count - 2, 1) / expected)))
+
+
+def _experiments(effect: Effect, aliases: Iterable[Effect]) -> str:
+    """What to measure: against each alias if there are any, else to confirm the effect."""
+    return "; ".join(dict.fromkeys(separate(effect, alias) for alias in aliases)) or effect.separate_by
+
+
+def _size(problem: Problem, after: Estimate, k: int, i: int) -> float:
+    """Standard errors that term `k` of the model amounts to in sensor `i` by itself."""
+    j = after.chosen[k]
+    length = np.sqrt(problem.products["declared"].columns[i, j, j])
+    sigma = np.sqrt(_pure_variance(after.tables[i]))
+    return float(abs(after.gamma[k]) * length / sigma) if concerns(problem, after.chosen[k])[i] else 0.0
+
+
+def _pure_variance(table: Replication) -> float:
+    return table.sigma_pr**2 if np.isfinite(table.sigma_pr) else table.sigma_E**2
+
+
+def _unnamed(problem: Problem, after: Estimate, i: int) -> tuple[Unnamed, ...]:
+    table, rest = after.tables[i], []
+    if table.sigma_E < RESOLVED * np.ptp(after.corrected[i]):
+        return ()
+    if table.bias.p < UNEXPLAINED:
+        rest.append(strongest_wave(problem, after.corrected[i]))
+    if problem.wander[i] > 0:
+        walk = "along the run: the offset takes a random walk"
+        rest.append(Unnamed(walk, _walk_share(problem, i), stratum="noise"))
+    elif table.drift.p < UNEXPLAINED:
+        share = 1.0 - _pure_variance(table) / table.sigma_E**2
+        rest.append(Unnamed("between replications: the parameters drift", float(np.clip(share, 0.0, 1.0))))
+    return tuple(rest)
+
+
+def _added(problem: Problem, after: Estimate, smooth: FoundEffect, i: int) -> Unnamed:
+    """Where a term without a cause that was added to sensor `i` lives."""
+    own = (problem.candidates[j] for j in after.chosen)
+    groups = dict.fromkeys(c.term.group for c in own if c.cause == (smooth.effect, problem.sensors[i]))
+    level = "along the run" if smooth.against == "elapsed_s" else "between points"
+    return Unnamed(f"{level}, {'; '.join(groups)}: taken up by a smooth term without a cause", smooth.share, added=True)
+
+
+def _walk_share(problem: Problem, i: int) -> float:
+    """Share of the variance of a sensor's residual that the walk holds, within a replication."""
+    data = problem.scene.data
+    spread = problem.wander[i] * len(data) / data.replicates.size / 6
+    return float(spread / (1.0 + spread))
+
+
+def residual_of(problem: Problem, fitted: Estimate, data: AttitudeData) -> FloatArray:
+    """(S, n) outputs less what was fitted, V, of any observations."""
+    chosen = [problem.candidates[j] for j in fitted.chosen]
+    h = attitude_columns(data.pitch_deg, data.roll_deg, roll=problem.scene.roll)
+    model = [predict(h, data, *pair) for pair in zip(fitted.fits, fitted.temperatures, strict=True)]
+    effects = raw_columns(problem.scene.on(data), chosen) @ fitted.gamma
+    return np.stack([data.outputs[s] for s in data.sensors]) - effects - np.stack(model)

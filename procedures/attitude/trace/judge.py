@@ -1,0 +1,247 @@
+"""What stands out of an attitude run, over both of its tests: of single observations, and between replications."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from fitter.arrays import FloatArray
+from fitter.effects.entry import Stratum
+from fitter.trace.aliases import Products, Rival, rivals
+from fitter.trace.chance import ALPHA, Family
+from fitter.trace.signs import SURE, Impossible, Refused
+from procedures.attitude.effects.unnamed import NAMELESS
+from procedures.attitude.trace.estimate import coefficients, concerns, estimate
+from procedures.attitude.trace.limits import limits
+from procedures.attitude.trace.problem import Candidate, Problem
+from procedures.attitude.trace.refine import refined
+from procedures.attitude.trace.replications import Between, Slow, between_replications, slow_of
+from procedures.attitude.trace.robust import second_thoughts
+from procedures.attitude.trace.score import Scores, beside, errors, score
+
+BETWEEN = 5 / 7, 1 / 7
+"""Of ALPHA, for tests between replications without and with a constant that is searched: 2.5 % and 0.5 % of runs,
+beside the 3 % of all others. Second thoughts let less than half of either through."""
+
+
+@dataclass(frozen=True, eq=False)
+class AttitudeJudge:
+    """A `procedures.attitude.trace.search.Judge` of pitch-roll runs.
+
+    Attributes:
+        problem: the run.
+        family: what chance does in it.
+        shut: effects that may not be added: first of all terms without a cause. These never stand in for a cause.
+        oversized: what was refused because it would need an impossible size.
+
+    """
+
+    problem: Problem
+    family: Family
+    shut: frozenset[str] = NAMELESS
+    oversized: tuple[Refused, ...] = ()
+
+    @property
+    def candidates(self) -> tuple[Candidate, ...]:
+        """All there are, in catalogue order."""
+        return self.problem.candidates
+
+    @cached_property
+    def searched(self) -> frozenset[str]:
+        """Effects whose units are values of one constant."""
+        return frozenset(c.effect.name for c in self.candidates if c.effect.searched)
+
+    def unit(self, j: int) -> tuple[int, ...]:
+        """Candidates that are judged together with `j`, itself among them."""
+        return self.problem.units[self.problem.unit_of[j]]
+
+    def refined(self, chosen: tuple[int, ...]) -> AttitudeJudge:
+        """With the searched constants of what is `chosen` placed more closely."""
+        problem = refined(self.problem, chosen)
+        return self if problem is self.problem else replace(self, problem=problem)
+
+    @cached_property
+    def signs(self) -> FloatArray:
+        """(J,) sign that each candidate's coefficient has physically; 0 where either is possible."""
+        return np.array([c.effect.sign(c.term.name) for c in self.candidates], np.float64)
+
+    @cached_property
+    def _unit_signs(self) -> FloatArray:
+        """(U,) the same of units of one column; those of several have none."""
+        return np.array([self.signs[unit[0]] if len(unit) == 1 else 0.0 for unit in self.problem.units])
+
+    def possible(self, scores: Scores) -> NDArray[np.bool_]:
+        """(U,) units whose coefficient has no sign that physics does not leave it."""
+        return np.asarray(scores.sign * self._unit_signs >= 0)
+
+    def best(self, chosen: tuple[int, ...]) -> tuple[int, ...]:
+        """The unit that removes most beside those `chosen`, of those that stand out."""
+        if not self.candidates:
+            return ()
+        scores = score(self.problem, chosen)
+        able = self._open & self.possible(scores)
+        found = np.flatnonzero((scores.p <= self.family.critical) & able)
+        for u in found[np.argsort(-scores.gain[found])].tolist():
+            if self._again(chosen, u, scores) <= ALPHA:
+                return self.problem.units[u]
+        between = np.where(self._open, self._between(chosen), 1.0)
+        best = int(np.argmin(between))
+        return self.problem.units[best] if between[best] <= ALPHA else ()
+
+    def p_adjusted(self, chosen: tuple[int, ...], j: int) -> float:
+        """Probability that the best of the family looks as good as `j`'s unit beside the other `chosen` by chance."""
+        p = self._p_here(chosen, j)
+        return p if p <= ALPHA else min(p, float(self._between(self._others(chosen, j))[self.problem.unit_of[j]]))
+
+    def stratum_of(self, chosen: tuple[int, ...], j: int) -> Stratum:
+        """The stratum in which `j` stands out beside the other `chosen`."""
+        if self._p_here(chosen, j) > ALPHA:
+            return "replication"
+        return "point-by-replication" if self.problem.judged_at[j] == "points" else "between-point"
+
+    def rivals(self, chosen: tuple[int, ...], effect: str) -> tuple[Rival, ...]:
+        """All explanations of what the terms of `effect` among `chosen` explain, where coefficients are estimated."""
+        problem = self.problem
+        group = tuple(j for j in chosen if problem.candidates[j].effect.name == effect)
+        rest = tuple(j for j in chosen if j not in group)
+        every = np.arange(len(problem.candidates))
+        sigma = errors(problem, chosen)
+        left = beside(problem, estimate(problem, chosen).level, rest, every, sigma)
+        length2 = np.sum((problem.length / sigma[:, None]) ** 2, axis=0)
+        products = Products(left.columns.sum(axis=0), left.outputs.sum(axis=0), self.signs).without(length2)
+        sensors = {problem.sensors[i] for j in group for i in np.flatnonzero(concerns(problem, j) > 0.01)}
+        barred = (self.shut | NAMELESS) - {effect}
+        named = [unit for unit in problem.units if self._may(unit, frozenset(barred))]
+        found = rivals(problem.candidates, products, group, rest, sensors, named, self.searched)
+        able = [r for r in found if r.effect == effect or self._reachable(products, r)]
+        best = min(r.sigmas for r in able if not r.refused)
+        return tuple(replace(r, sigmas=float(np.sqrt(max(r.sigmas**2 - best**2, 0.0)))) for r in able)
+
+    def _reachable(self, products: Products, rival: Rival) -> bool:
+        """Whether an explanation needs no coefficient that is impossibly large."""
+        picked = list(rival.terms)
+        gram, dot = products.columns[np.ix_(picked, picked)], products.outputs[picked]
+        length = np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
+        spread = np.linalg.pinv(gram / np.outer(length, length), rcond=1e-10)
+        value, stderr = spread @ (dot / length) / length, np.sqrt(np.maximum(np.diag(spread), 0.0)) / length
+        return bool(np.all(np.abs(value) - SURE * stderr <= limits(self.problem)[picked]))
+
+    @cached_property
+    def _open(self) -> NDArray[np.bool_]:
+        """(U,) units that may be added."""
+        return np.array([self._may(unit, self.shut) for unit in self.problem.units], np.bool_)
+
+    def _may(self, unit: tuple[int, ...], shut: frozenset[str]) -> bool:
+        first = self.candidates[unit[0]]
+        return first.effect.name not in shut and (first.effect.name, first.sensor) not in self.closed
+
+    @cached_property
+    def closed(self) -> frozenset[tuple[str, str | None]]:
+        """Effects refused for their size, with the sensor; None where one coefficient is for all sensors."""
+        scopes = {c.effect.name: c.sensor is None for c in self.candidates}
+        return frozenset(
+            (one.effect, sensor)
+            for one in self.oversized
+            for sensor in ([None] if scopes.get(one.effect) else one.sensors)
+        )
+
+    def too_large(self, found: Refused) -> AttitudeJudge:
+        """A judge that may not add this either."""
+        return replace(self, oversized=(*self.oversized, found))
+
+    def without(self, names: frozenset[str]) -> AttitudeJudge:
+        """A judge that may not add effects of these names either."""
+        return replace(self, shut=self.shut | names)
+
+    def with_unnamed(self) -> AttitudeJudge:
+        """A judge that may add terms without a cause."""
+        return replace(self, shut=self.shut - NAMELESS)
+
+    def _others(self, chosen: tuple[int, ...], j: int) -> tuple[int, ...]:
+        return tuple(k for k in chosen if k not in self.unit(j))
+
+    def _p_here(self, chosen: tuple[int, ...], j: int) -> float:
+        others, u = self._others(chosen, j), self.problem.unit_of[j]
+        if (frozenset(others), u) in self._known:
+            return self._known[frozenset(others), u]
+        scores = score(self.problem, others, (u,))
+        if scores.sign[u] * self._unit_signs[u] < 0:
+            return 1.0
+        if scores.p[u] > self.family.critical:
+            return float(self.family.adjust(scores.p[u]))
+        return self._again(others, u, scores)
+
+    def _again(self, chosen: tuple[int, ...], u: int, scores: Scores) -> float:
+        key = frozenset(chosen), u
+        if key not in self._known:
+            p = second_thoughts(self.problem, chosen, u, scores, self.family.critical)
+            self._known[key] = float(self.family.adjust(p))
+        return self._known[key]
+
+    @cached_property
+    def _known(self) -> dict[tuple[frozenset[int], int], float]:
+        return {}
+
+    @cached_property
+    def _slow(self) -> Slow:
+        return slow_of(self.problem)
+
+    def _between(self, chosen: tuple[int, ...]) -> FloatArray:
+        """(U,) p of what replications say, multiplied by the number of tests over their share of the family.
+
+        What varies within replications too says something there, of which what it does between them knows nothing: the
+        two are put together, each with the weight of what it knows of the coefficient.
+        """
+        gamma = coefficients(self.problem, chosen, "declared")[0]
+        between = between_replications(self.problem, self._slow, chosen, gamma)
+        tested = np.flatnonzero(between.p < 1.0).tolist()
+        both = [u for u in tested if self.problem.judged_at[self.problem.units[u][0]] == "points"]
+        scores, price = score(self.problem, chosen, both), self._price
+        p, sign = between.p.copy(), between.sign.copy()
+        for u in both:
+            p[u], sign[u] = _together(between, u, scores.p[u], scores.sign[u])
+            if p[u] * price[u] <= ALPHA:
+                again = second_thoughts(self.problem, chosen, u, scores, 1.0)
+                p[u], sign[u] = _together(between, u, again, scores.sign[u])
+        p = np.where(sign * self._unit_signs < 0, 1.0, p)
+        return np.asarray(np.minimum(p * price, 1.0))
+
+    def alone(self, chosen: tuple[int, ...]) -> tuple[Impossible, ...]:
+        """Candidates that stand out beside those `chosen`, but for the sign that they would need."""
+        if not np.any(self._unit_signs):
+            return ()
+        problem, scores = self.problem, score(self.problem, chosen)
+        wrong = np.flatnonzero((scores.p <= self.family.critical) & ~self.possible(scores) & self._open)
+        out = []
+        for u in wrong.tolist():
+            if self._again(chosen, u, scores) <= ALPHA:
+                (j,) = problem.units[u]
+                left = beside(problem, problem.judged_at[j], chosen, np.array([j]), errors(problem, chosen))
+                value = float(left.outputs.sum() / left.columns.sum())
+                out.append(Impossible(j, value, abs(value) / float(np.sqrt(scores.f[u]))))
+        return tuple(out)
+
+    @cached_property
+    def _price(self) -> FloatArray:
+        """(U,) number of tests of a unit's kind over their share of the family."""
+        given, sought = (count / share for count, share in zip(self.family.between, BETWEEN, strict=True))
+        effects = [self.candidates[unit[0]].effect for unit in self.problem.units]
+        return np.array([sought if e.searched and e.stratum != "replication" else given for e in effects])
+
+
+def _together(between: Between, u: int, within: float, sign: float) -> tuple[float, float]:
+    """P and sign of what a unit does between and within replications: by weight and sign; of several columns Fisher's.
+
+    Several columns have no sign: 0.
+    """
+    p = np.clip([between.p[u], within], np.finfo(float).tiny, 1.0)
+    if between.sign[u] == 0.0:
+        log_product = float(np.sum(np.log(p)))  # the product itself may be too small for a double
+        return float(np.exp(log_product)) * (1.0 - log_product), 0.0
+    z = -special.ndtri(0.5 * p) * np.sqrt([between.share[u], 1.0 - between.share[u]])
+    signed = z[0] * between.sign[u] + z[1] * sign
+    return float(min(2.0 * special.ndtr(-signed * between.sign[u]), 1.0)), float(np.sign(signed))

@@ -1,0 +1,157 @@
+"""The levels of a replicated run: how much is taken out of an output before an effect is looked for.
+
+declared       the declared model
+replications   the declared model again in every replication, so that whatever a replication has of its own is gone
+points         that, and the mean of every point, so that only what varies point by replication is left
+
+What varies between points is judged at `replications`, what varies with time, temperature or direction at `points`:
+no offset of a replication, however it wanders from one to the next, and no lack of fit can then pass for it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+
+from fitter.arrays import FloatArray, IntArray
+from fitter.linear import orthonormal
+from fitter.sums_of_squares import centred, own_parameters
+from procedures.attitude.data import AttitudeData
+from procedures.attitude.model import attitude_columns
+from procedures.attitude.trace.walks import Walks, walks_of
+
+Level = Literal["declared", "replications", "points"]
+LEVELS: tuple[Level, ...] = ("declared", "replications", "points")
+
+
+@dataclass(frozen=True, eq=False)
+class Levels:
+    """Projections onto what each level leaves.
+
+    Attributes:
+        declared: (n, L) orthonormal basis of the declared model.
+        replications: (n, n_rep L) of the model in every replication.
+        points: (n, rank) of the same less the points' means.
+        point: (n,) point of the design.
+        stretch: (n,) which stretch of consecutive observations, a quarter of a replication, a row belongs to.
+        executed: (n,) rows in the order of running, replication by replication.
+        replicate: (n,) replication of each row, from 0.
+        alone: for each replication, (L, n_r) from its rows to the parameters of its own fit, scaled so that scatter of
+            readings gives all of them its own standard deviation.
+        beside: further columns of the declared model that are taken out for each sensor; they cost degrees of freedom.
+
+    """
+
+    declared: FloatArray
+    replications: FloatArray
+    points: FloatArray
+    point: IntArray
+    stretch: IntArray
+    executed: IntArray
+    replicate: IntArray
+    alone: tuple[FloatArray, ...]
+    beside: int = 0
+
+    @property
+    def n_points(self) -> int:
+        """K, points of the design."""
+        return int(self.point.max()) + 1
+
+    def df(self, level: Level) -> int:
+        """Degrees of freedom left at a level."""
+        taken = int(self._basis(level).shape[1]) + (self.n_points if level == "points" else 0)
+        return len(self.point) - taken - self.beside
+
+    def leave(self, columns: FloatArray, level: Level) -> FloatArray:
+        """(n, q) what is left of `columns` (n, q) at a level."""
+        basis = self._basis(level)
+        if level == "points":
+            columns = centred(columns, self.point)
+        return np.asarray(columns - basis @ (basis.T @ columns))
+
+    def leave_beside(self, columns: FloatArray, beside: FloatArray, level: Level) -> FloatArray:
+        """(n, q) what is left of `columns` (n, q) at a level, one sensor's further columns (n, p) taken out too."""
+        left = self.leave(columns, level)
+        if not beside.shape[1]:
+            return left
+        basis = orthonormal(self.leave(beside, level), np.linalg.norm(beside, axis=0))
+        return np.asarray(left - basis @ (basis.T @ left))
+
+    def products(self, columns: FloatArray, beside: FloatArray) -> dict[Level, FloatArray]:
+        """(q, q) products of what each level leaves of `columns` (n, q), one sensor's further columns (n, p) taken out.
+
+        From products of the columns themselves, less those of what is taken out: nothing is projected.
+        """
+        whole, out = columns.T @ columns, dict[Level, FloatArray]()
+        for level in LEVELS:
+            taken = [self._basis(level).T @ columns]
+            if level == "points":
+                visits = np.sqrt(self._visits)[:, None]
+                taken.append(np.stack([np.bincount(self.point, one) for one in columns.T], axis=1) / visits)
+            if beside.shape[1]:
+                taken.append(orthonormal(self.leave(beside, level), np.linalg.norm(beside, axis=0)).T @ columns)
+            basis = np.concatenate(taken)
+            out[level] = whole - basis.T @ basis
+        return out
+
+    def own(self, columns: FloatArray) -> FloatArray:
+        """(n_rep, L, q) parameters of each replication's own fit to `columns` (n, q), less their means."""
+        each = np.stack([fit @ columns[self.replicate == r] for r, fit in enumerate(self.alone)])
+        return np.asarray(each - each.mean(axis=0))
+
+    def walks(self, level: Level) -> Walks:
+        """Likelihoods, of what a level leaves, under random walks of the offset."""
+        if level not in self._walks:
+            self._walks[level] = walks_of(
+                self.executed, self.replicate, self._basis(level), float(max(self.df(level), 1))
+            )
+        return self._walks[level]
+
+    @cached_property
+    def _walks(self) -> dict[Level, Walks]:
+        return {}
+
+    @cached_property
+    def _visits(self) -> IntArray:
+        return np.bincount(self.point)
+
+    def _basis(self, level: Level) -> FloatArray:
+        return {"declared": self.declared, "replications": self.replications, "points": self.points}[level]
+
+
+def levels_of(data: AttitudeData, beside: int = 0) -> Levels:
+    """The levels of a pitch-roll run whose declared model has so many columns beside those of attitude."""
+    h = attitude_columns(data.pitch_deg, data.roll_deg, roll=data.has_roll)
+    own = own_parameters(h, data.replicate_index)
+    return Levels(
+        declared=orthonormal(h),
+        replications=orthonormal(own),
+        points=orthonormal(centred(own, data.point), np.linalg.norm(own, axis=0)),
+        point=data.point,
+        stretch=stretches(data, -(-len(data) // (4 * data.replicates.size))),
+        executed=np.lexsort((data.order, data.replicate_index)),
+        replicate=data.replicate_index,
+        alone=_alone(h, data.replicate_index),
+        beside=beside,
+    )
+
+
+def _alone(h: FloatArray, replicate: IntArray) -> tuple[FloatArray, ...]:
+    count = int(replicate.max()) + 1
+    metric = np.linalg.qr(h, mode="r") / np.sqrt(count)
+    return tuple(metric @ np.linalg.pinv(h[replicate == r]) for r in range(count))
+
+
+def stretches(data: AttitudeData, length: int) -> IntArray:
+    """(n,) which stretch of about `length` consecutive observations of one replication each row belongs to."""
+    stretch = np.empty(len(data), np.int64)
+    first = 0
+    for index in range(data.replicates.size):
+        rows = np.flatnonzero(data.replicate_index == index)
+        count = max(round(rows.size / length), 1)
+        stretch[rows[np.argsort(data.order[rows])]] = first + np.arange(rows.size) * count // rows.size
+        first += count
+    return stretch

@@ -1,0 +1,54 @@
+"""Sizes that no cause of that name can have: the search goes on without it, and says so."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fitter.trace.search import prune, search_and_name
+from fitter.trace.signs import SURE, Refused
+from procedures.attitude.trace.estimate import estimate
+from procedures.attitude.trace.judge import AttitudeJudge
+from procedures.attitude.trace.limits import limits
+from procedures.attitude.trace.problem import Problem
+
+
+def plausible(judge: AttitudeJudge, chosen: tuple[int, ...]) -> tuple[AttitudeJudge, tuple[int, ...]]:
+    """Search on without what would need an impossible size, the worst first: others may shrink without it."""
+    while chosen:
+        worst = _worst(judge.problem, chosen)
+        if worst is None:
+            break
+        judge = judge.too_large(worst)
+        out = judge.closed
+        rest = tuple(j for j in chosen if (judge.candidates[j].effect.name, judge.candidates[j].sensor) not in out)
+        judge, chosen = search_and_name(judge, prune(judge, rest))
+    return judge, chosen
+
+
+def _worst(problem: Problem, chosen: tuple[int, ...]) -> Refused | None:
+    """The effect that is furthest beyond what it can be, for certain."""
+    fitted = estimate(problem, chosen)
+    most = limits(problem)[list(chosen)]
+    stderr = np.sqrt(np.diag(fitted.covariance))
+    over = np.maximum(np.abs(fitted.gamma) - SURE * stderr, 0.0) / most
+    k = int(np.argmax(over))
+    if over[k] <= 1.0:
+        return None
+    term = problem.candidates[chosen[k]]
+    concerned = tuple(problem.sensors) if term.sensor is None else (term.sensor,)
+    slope = problem.fits[concerned[0]].parameters.S_V
+    value, error = (
+        term.effect.size({term.term.name: number}, slope) for number in (float(fitted.gamma[k]), float(stderr[k]))
+    )
+    assert term.effect.largest is not None
+    return Refused(
+        effect=term.effect.name,
+        instead_of="",
+        sensors=concerned,
+        quantity="size",
+        value=float(fitted.gamma[k]),
+        stderr=float(stderr[k]),
+        size=f"{value} +- {error}",
+        otherwise="",
+        largest=term.effect.largest.text,
+    )

@@ -1,0 +1,149 @@
+"""From a run to the problem of its search."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitter.arrays import FloatArray, IntArray
+from fitter.trace.aliases import NOTHING_LEFT
+from fitter.trace.not_kept import NotKept, overflows
+from procedures.attitude.data import AttitudeData
+from procedures.attitude.effects.effect import Effect
+from procedures.attitude.fit import fit_all
+from procedures.attitude.trace.levels import LEVELS, Level, levels_of
+from procedures.attitude.trace.problem import Candidate, Problem, Products, columns_of, scene_of
+
+KEPT = 0.05
+"""A candidate is judged point by replication if this share of what replications leave of it varies there. In other
+orders of running time and direction are functions of the point, and it is judged between points: by so small a share
+an effect could only be found when it is large enough to have been given other names between points before."""
+IS_THE_MODEL = 1e-4
+"""A column of which no larger share than this is left beside the declared model adds nothing to it."""
+REACHES = 0.05
+"""A term must move the sensors by this share of what the strongest term of its effect does. Others reach them only
+through small misalignments and would need absurd coefficients."""
+
+
+def pose(data: AttitudeData, catalogue: Sequence[Effect], *, temperature: bool = False) -> Problem:
+    """Prepare a run for the search.
+
+    Args:
+        data: the run.
+        catalogue: effects to look for.
+        temperature: whether offset and sensitivity follow the sensor's temperature in the declared model.
+
+    Raises:
+        fitter.linear.RankError: the points visited do not determine the declared model.
+        FitError: the declared model has temperature, and none was recorded or it never changed.
+
+    """
+    fits = fit_all(data, temperature=temperature)
+    scene = scene_of(data, fits)
+    beside = [fits[s].beside(data) for s in data.sensors]
+    levels = levels_of(data, beside[0].shape[1])
+    every = _candidates(data, catalogue)
+    length = np.zeros((len(data.sensors), len(every)))
+    left = np.zeros_like(length)
+    moves = np.zeros((data.replicates.size, len(data.sensors), levels.declared.shape[1], len(every) + 1))
+    outputs, owns, known, overflowing = [], [], [], set[int]()
+    for i, sensor in enumerate(data.sensors):
+        own = np.array([j for j, c in enumerate(every) if c.sensor in (None, sensor)], np.int64)
+        both = np.empty((len(data), own.size + 1), order="F")
+        both[:, -1] = data.outputs[sensor]
+        with np.errstate(over="ignore", invalid="ignore"):
+            columns_of(scene, [every[j] for j in own], sensor, both)
+        large = [k for k in range(own.size) if overflows(both[:, k])]
+        both[:, large] = 0.0
+        overflowing |= set(own[large].tolist())
+        length[i, own] = np.linalg.norm(both[:, :-1], axis=0)
+        both = levels.leave_beside(both, beside[i], level="declared")
+        left[i, own] = np.linalg.norm(both[:, :-1], axis=0)
+        moves[:, i][..., [*own, -1]] = levels.own(both)
+        outputs.append(both[:, -1].copy())
+        owns.append(own)
+        known.append(levels.products(both, beside[i]))
+    useful = _useful(every, length, left)
+    useful[list(overflowing)] = False
+    candidates = tuple(c for c, use in zip(every, useful, strict=True) if use)
+    products = _products(known, owns, useful)
+    length, units = length[:, useful], _units(candidates)
+    return Problem(
+        scene=scene,
+        fits=fits,
+        candidates=candidates,
+        units=units,
+        levels=levels,
+        concerned=tuple((np.cumsum(useful) - 1)[own[useful[own]]] for own in owns),
+        outputs=np.stack(outputs),
+        products=products,
+        own=moves[..., :-1][..., useful],
+        own_outputs=moves[..., -1],
+        length=length,
+        judged_at=_judged_at(candidates, units, products, length),
+        wander=np.zeros(len(data.sensors)),
+        left_out=tuple(dict.fromkeys(NotKept(*every[j].cause, "overflow") for j in sorted(overflowing))),
+    )
+
+
+def _products(
+    known: list[dict[Level, FloatArray]], owns: Sequence[IntArray], useful: NDArray[np.bool_]
+) -> dict[Level, Products]:
+    """Of the useful ones of all candidates, from products of each sensor's own with its output last."""
+    sensors, count, number = len(known), int(useful.sum()), np.cumsum(useful) - 1
+    out = {
+        level: Products(np.zeros((sensors, count, count)), np.zeros((sensors, count)), np.zeros(sensors))
+        for level in LEVELS
+    }
+    for i, own in enumerate(owns):
+        kept = np.flatnonzero(useful[own])
+        at = number[own[kept]]
+        for level in LEVELS:
+            both = known[i].pop(level)
+            out[level].columns[i][np.ix_(at, at)] = both[np.ix_(kept, kept)]
+            out[level].outputs[i, at], out[level].square[i] = both[kept, -1], max(float(both[-1, -1]), 0.0)
+    return out
+
+
+def _units(candidates: Sequence[Candidate]) -> tuple[tuple[int, ...], ...]:
+    units: dict[tuple[str, str | None, str], list[int]] = {}
+    for j, candidate in enumerate(candidates):
+        units.setdefault((*candidate.cause, candidate.term.group or candidate.term.name), []).append(j)
+    return tuple(map(tuple, units.values()))
+
+
+def _judged_at(
+    candidates: Sequence[Candidate],
+    units: Sequence[tuple[int, ...]],
+    products: Mapping[Level, Products],
+    length: FloatArray,
+) -> tuple[Level, ...]:
+    within, both = (np.einsum("sjj->j", products[level].columns) for level in ("points", "replications"))
+    least = np.maximum(KEPT * both, NOTHING_LEFT**2 * np.sum(length**2, axis=0))
+    level: list[Level] = ["replications"] * len(candidates)
+    for unit in map(list, units):
+        if candidates[unit[0]].effect.stratum != "between-point" and np.any(within[unit] > least[unit]):
+            for j in unit:
+                level[j] = "points"
+    return tuple(level)
+
+
+def _useful(candidates: Sequence[Candidate], length: FloatArray, left: FloatArray) -> NDArray[np.bool_]:
+    """(J,) whether a candidate adds something to the declared model, and moves the sensors directly."""
+    own = np.linalg.norm(length, axis=0)
+    strongest: dict[tuple[str, str | None], float] = {}
+    for candidate, size in zip(candidates, own, strict=True):
+        strongest[candidate.cause] = max(float(size), strongest.get(candidate.cause, 0.0))
+    least = np.array([REACHES * strongest[c.cause] if c.effect.scope == "package" else -1.0 for c in candidates])
+    return np.asarray((np.linalg.norm(left, axis=0) > IS_THE_MODEL * own) & (own > least))
+
+
+def _candidates(data: AttitudeData, catalogue: Sequence[Effect]) -> tuple[Candidate, ...]:
+    found = []
+    for effect in catalogue:
+        if effect.applies_to(data):
+            where = data.sensors if effect.scope == "sensor" else (None,)
+            found += [Candidate(effect, term, sensor) for sensor in where for term in effect.terms(data)]
+    return tuple(found)

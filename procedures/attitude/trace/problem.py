@@ -1,0 +1,197 @@
+"""A run made ready for the search: every candidate's column for every sensor, and their products at every level.
+
+Products are all that least squares needs, whatever is in the model: a search over hundreds of columns then never
+touches the observations again, except for the few candidates that come near to standing out. Their columns are computed
+again when they are wanted, which is quicker than it sounds and takes a third of the memory of keeping all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from fitter.arrays import FloatArray, IntArray
+from fitter.trace.not_kept import NotKept
+from procedures.attitude.data import AttitudeData
+from procedures.attitude.effects.effect import Effect, Term
+from procedures.attitude.effects.scene import Scene
+from procedures.attitude.fit import AttitudeFit
+from procedures.attitude.trace.levels import LEVELS, Level, Levels
+
+AT_ONCE = 64
+"""Columns that are computed at a time where only their products are wanted."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One term of one effect, on one sensor or (None) on all of them."""
+
+    effect: Effect
+    term: Term
+    sensor: str | None
+
+    @property
+    def cause(self) -> tuple[str, str | None]:
+        """What candidates of one physical cause have in common."""
+        return self.effect.name, self.sensor
+
+
+@dataclass(frozen=True, eq=False)
+class Products:
+    """Of what a level leaves of J columns and the output of each of S sensors.
+
+    Attributes:
+        columns: (S, J, J).
+        outputs: (S, J).
+        square: (S,) outputs with themselves.
+
+    """
+
+    columns: FloatArray
+    outputs: FloatArray
+    square: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Arrays over S sensors, n observations and J candidates.
+
+    Attributes:
+        scene: the observations and their references.
+        fits: the declared model of each sensor.
+        candidates: J of them, in catalogue order.
+        units: candidates that are judged together, by index; every candidate is in one.
+        levels: projections.
+        concerned: for each sensor, indices of the candidates that concern it.
+        outputs: (S, n) what it leaves of the outputs.
+        products: of both, by level.
+        own: (n_rep, S, L, J) what each column does to the parameters of each replication's own fit, centred.
+        own_outputs: (n_rep, S, L) these parameters.
+        length: (S, J) length of each column as it is.
+        judged_at: for each candidate, the level it is tested at.
+        wander: (S,) mean square step, a row, of the random walk in each sensor's offset, over its error's variance;
+            zero where the residual shows none.
+        left_out: candidates that cannot be computed with.
+
+    """
+
+    scene: Scene
+    fits: Mapping[str, AttitudeFit]
+    candidates: tuple[Candidate, ...]
+    units: tuple[tuple[int, ...], ...]
+    levels: Levels
+    concerned: tuple[IntArray, ...]
+    outputs: FloatArray
+    products: Mapping[Level, Products]
+    own: FloatArray
+    own_outputs: FloatArray
+    length: FloatArray
+    judged_at: tuple[Level, ...]
+    wander: FloatArray
+    left_out: tuple[NotKept, ...] = ()
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Names of the outputs, in the order of the first axis."""
+        return self.scene.data.sensors
+
+    @cached_property
+    def unit_of(self) -> tuple[int, ...]:
+        """(J,) index of the unit each candidate is in."""
+        where = {j: u for u, unit in enumerate(self.units) for j in unit}
+        return tuple(where[j] for j in range(len(self.candidates)))
+
+    def columns_at(self, level: Level, picked: Sequence[int]) -> FloatArray:
+        """(S, n, q) what a level leaves of some candidates' columns, V per unit coefficient."""
+        raw = raw_columns(self.scene, [self.candidates[j] for j in picked])
+        for i, columns in enumerate(raw):
+            own = np.flatnonzero(np.any(columns != 0.0, axis=0))
+            left = self.left(i, columns[:, own], "declared")
+            columns[:, own] = left if level == "declared" else self.left(i, left, level)
+        return raw
+
+    def outputs_at(self, level: Level) -> FloatArray:
+        """(S, n) what a level leaves of the outputs, V."""
+        return self._outputs[level]
+
+    @cached_property
+    def _outputs(self) -> dict[Level, FloatArray]:
+        return {
+            level: np.stack([self.left(i, y[:, None], level)[:, 0] for i, y in enumerate(self.outputs)])
+            for level in LEVELS
+        }
+
+    def left(self, i: int, columns: FloatArray, level: Level) -> FloatArray:
+        """(n, q) what a level leaves of columns (n, q) of sensor `i`, or of what the declared model leaves of them."""
+        return self.levels.leave_beside(columns, self.fits[self.sensors[i]].beside(self.scene.data), level=level)
+
+    def with_terms(self, unit: int, terms: Sequence[Term]) -> Problem:
+        """The problem with other terms, other values of a constant that is searched, in the place of a unit's."""
+        picked = list(self.units[unit])
+        candidates = list(self.candidates)
+        for j, term in zip(picked, terms, strict=True):
+            candidates[j] = replace(candidates[j], term=term)
+        raw = raw_columns(self.scene, [candidates[j] for j in picked])
+        length, moves = self.length.copy(), self.own.copy()
+        length[:, picked] = np.linalg.norm(raw, axis=1)
+        products = {level: _copied(self.products[level]) for level in LEVELS}
+        for i, own in enumerate(self.concerned):
+            if picked[0] not in own:
+                continue
+            columns = self.left(i, raw[i], "declared")
+            moves[:, i][..., picked] = self.levels.own(columns)
+            left = np.concatenate([self.left(i, columns, level) for level in LEVELS], axis=1)
+            sensor, every = self.sensors[i], [candidates[j] for j in own]
+            across = np.concatenate([columns_of(self.scene, some, sensor).T @ left for some in _batches(every)])
+            for level, cross in zip(LEVELS, np.split(across, len(LEVELS), axis=1), strict=True):
+                to = products[level]
+                to.columns[i][own[:, None], picked] = cross
+                to.columns[i][np.array(picked)[:, None], own] = cross.T
+                to.outputs[i, picked] = self.outputs[i] @ self.left(i, columns, level)
+        return replace(self, candidates=tuple(candidates), products=products, own=moves, length=length)
+
+
+def _copied(products: Products) -> Products:
+    return Products(products.columns.copy(), products.outputs.copy(), products.square)
+
+
+def columns_of(scene: Scene, candidates: Sequence[Candidate], sensor: str, out: FloatArray | None = None) -> FloatArray:
+    """(n, q) columns of one sensor, in the first q columns of `out` if it is given."""
+    out = np.empty((len(scene.data), len(candidates)), order="F") if out is None else out
+    for k, candidate in enumerate(candidates):
+        out[:, k] = candidate.term.column(scene, sensor)
+    return out
+
+
+def _batches(candidates: Sequence[Candidate]) -> Iterator[Sequence[Candidate]]:
+    return (candidates[k : k + AT_ONCE] for k in range(0, len(candidates), AT_ONCE))
+
+
+def scene_of(data: AttitudeData, fits: Mapping[str, AttitudeFit]) -> Scene:
+    """References of a run: mean temperature, middle of the time, each sensor's axis as the declared model has it."""
+    turn = data.mounting if data.has_roll else data.turned
+    turned = np.eye(3) if turn is None else turn[0]
+    axes, temperature = {s: turned @ fit.sensitive_axis for s, fit in fits.items()}, data.sensor_temperature_degC
+    return Scene(
+        data=data,
+        axes=axes,
+        offsets={s: fit.parameters.b_V for s, fit in fits.items()},
+        nominal={s: "xyz".index(fit.model[-1]) if fit.has_roll else 0 for s, fit in fits.items()},
+        roll=data.has_roll,
+        temperature_degC=None if temperature is None else float(np.mean(temperature)),
+        elapsed_s=float(np.mean(data.elapsed_s)),
+    )
+
+
+def raw_columns(scene: Scene, candidates: Sequence[Candidate]) -> FloatArray:
+    """(S, n, J) columns of `candidates`: zero for the sensors a candidate does not concern."""
+    sensors = scene.data.sensors
+    out = np.zeros((len(sensors), len(scene.data), len(candidates)))
+    for j, candidate in enumerate(candidates):
+        for i, sensor in enumerate(sensors):
+            if candidate.sensor in (None, sensor):
+                out[i, :, j] = candidate.term.column(scene, sensor)
+    return out

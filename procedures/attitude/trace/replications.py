@@ -1,0 +1,186 @@
+"""The stratum of replications: effects that are nearly constant within one and vary from one to the next.
+
+Each replication's own parameters are one observation here, and there are only n of them. What a candidate would do
+to them is a direction in the space of parameters and a size for each replication; the parameters along that direction
+are regressed on that size. Beside the scatter that readings give them, which is known, replications may differ
+independently and may take a random walk (`offsets.py`): a trend in six offsets that a random walk explains is no trend.
+
+A package that slips turns all sensors alike. What their axes do beside that, 9 numbers a replication for three sensors,
+is error enough to judge it by.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitter.arrays import FloatArray, IntArray
+from fitter.linear import orthonormal
+from fitter.quantiles import f_tail
+from procedures.attitude.trace.offsets import slopes
+from procedures.attitude.trace.problem import Problem
+from procedures.attitude.trace.score import errors
+
+FEWEST = 4
+"""Replications without which nothing can be said at this level."""
+SHOWS = 0.25
+"""What a column does between replications, in squares of the errors there, over what it does within them: below this
+share nothing is gained by asking."""
+REACHES = 0.05
+"""Share of what a column does that it must do to a sensor, for that sensor to have a part in it."""
+MOVES = 1e-4
+"""Share of a column's square that must be a move of replications' own parameters."""
+
+
+@dataclass(frozen=True, eq=False)
+class Slow:
+    """What candidates do to the own parameters of n replications of S sensors: Q columns that show there, and slips.
+
+    Attributes:
+        columns: (Q,) the candidates.
+        searched: (Q,) whether they have a constant that is searched.
+        x: (S, n, Q) size of the move along the direction in which a column moves a sensor's parameters most, centred;
+            for the sensors that a column does not concern, that of the same term on them.
+        direction: (S, L, Q) these directions.
+        tested: (S, Q) sensors that the column concerns.
+        others: (S, Q) sensors that the same term concerns, and this column does not.
+        share: (Q,) of what is known of a column's coefficient, how much is known from between replications.
+        slips: units of stratum "replication".
+
+    """
+
+    columns: IntArray
+    searched: NDArray[np.bool_]
+    x: FloatArray
+    direction: FloatArray
+    tested: NDArray[np.bool_]
+    others: NDArray[np.bool_]
+    share: FloatArray
+    slips: tuple[int, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Between:
+    """What replications say of each unit, (U,); p is one where there is nothing to test.
+
+    Attributes:
+        p: probability of so good a relation by chance.
+        sign: of the coefficient; zero for units of several columns.
+        share: see `Slow`.
+
+    """
+
+    p: FloatArray
+    sign: FloatArray
+    share: FloatArray
+
+
+def slow_of(problem: Problem) -> Slow:
+    """What is tested between replications: what is not between points, and shows there enough to be worth asking."""
+    n, sensors, size = problem.own.shape[:3]
+    picked = [j for j, c in enumerate(problem.candidates) if c.effect.stratum not in ("between-point", "replication")]
+    if n < FEWEST:
+        picked = []
+    sigma = errors(problem, ())
+    own = problem.own[..., picked] / sigma[:, None, None]
+    moved = np.sum(own**2, axis=(0, 2))
+    both = np.moveaxis(own, 0, 2).transpose(0, 3, 2, 1)
+    direction = np.linalg.svd(both, full_matrices=False)[2][:, :, 0] if picked else np.zeros((sensors, 0, size))
+    x = np.einsum("sqnl,sql->snq", both, direction)
+    within = np.einsum("sjj,s->j", problem.products["points"].columns[:, picked][:, :, picked], sigma**-2.0)
+    length2 = np.einsum("sj,s->j", problem.length[:, picked] ** 2, sigma**-2.0)
+    between = moved.sum(axis=0)
+    tested = moved > REACHES * between
+    shows = (between > MOVES * length2) & (between > SHOWS * within)
+    others = np.zeros_like(tested)
+    named = [(problem.candidates[j].effect.name, problem.candidates[j].term.name) for j in picked]
+    alike: dict[tuple[str, str], list[int]] = {}
+    for q, name in enumerate(named):
+        alike.setdefault(name, []).append(q)
+    for q, name in enumerate(named):
+        for other in alike[name]:
+            if other != q and np.sum(tested[:, q]) == 1:
+                at = tested[:, other] & ~tested[:, q]
+                others[at, q], x[at, :, q], direction[at, q] = True, x[at, :, other], direction[at, other]
+    slips = tuple(
+        u
+        for u, unit in enumerate(problem.units)
+        if n >= FEWEST
+        and problem.candidates[unit[0]].effect.stratum == "replication"
+        and problem.judged_at[unit[0]] == "replications"
+        and np.sum((problem.own[..., unit] / sigma[:, None, None]) ** 2)
+        > MOVES * np.max(problem.length[:, unit] ** 2 / sigma[:, None] ** 2)
+    )
+    kept = np.flatnonzero(shows)
+    columns = np.array(picked, np.int64)[kept]
+    return Slow(
+        columns=columns,
+        searched=np.array([problem.candidates[j].effect.searched for j in columns], np.bool_),
+        x=x[..., kept],
+        direction=np.moveaxis(direction, 1, 2)[..., kept],
+        tested=tested[:, kept],
+        others=others[:, kept],
+        share=between[kept] / (between + within)[kept],
+        slips=slips,
+    )
+
+
+def between_replications(problem: Problem, slow: Slow, chosen: tuple[int, ...], gamma: FloatArray) -> Between:
+    """What replications say of every unit beside the `chosen` candidates.
+
+    Args:
+        problem: the run.
+        slow: what is tested.
+        chosen: candidates already in the model.
+        gamma: their coefficients.
+
+    """
+    out = Between(*(np.full(len(problem.units), value) for value in (1.0, 0.0, 0.0)))
+    sigma = errors(problem, chosen)
+    own = (problem.own_outputs - problem.own[..., list(chosen)] @ gamma) / sigma[:, None]
+    in_model = {problem.unit_of[j] for j in chosen}
+    known = errors(problem, ())
+    scale = (known / sigma)[:, None, None]
+    values = np.einsum("nsl,slq->snq", own, slow.direction)
+    # only the offset walks, the first of the parameters; a row's step, in squares of a replication's own error
+    walk = slow.direction[:, 0] ** 2 * problem.wander[:, None] * (len(problem.scene.data) / len(own)) ** 2
+    p, sign = slopes(slow.x * scale, values, slow.tested, slow.others, walk)
+    for q, j in enumerate(slow.columns.tolist()):
+        u = problem.unit_of[j]
+        columns = len(problem.units[u])
+        if u not in in_model and columns * p[q] <= out.p[u]:
+            out.p[u], out.share[u] = min(columns * p[q], 1.0), slow.share[q]
+            out.sign[u] = sign[q] if columns == 1 else 0.0
+    for u in slow.slips:
+        if u not in in_model:
+            moves = problem.own[..., problem.units[u]] / sigma[:, None, None]
+            out.p[u] = _p_turn(moves.reshape(len(own), -1, moves.shape[3]), own.reshape(len(own), -1))
+            out.share[u] = 1.0
+    return out
+
+
+def _p_turn(moves: FloatArray, y: FloatArray) -> float:
+    """P of a unit that moves several parameters of all sensors in a common proportion from one replication on.
+
+    What else those parameters do is the error, if it is more than the scatter of readings explains. Tested on the
+    parameters themselves, as if replications differed independently, and on their changes, as if they took a random
+    walk; the worse counts.
+
+    Args:
+        moves: (n_rep, m, q) what each of the unit's columns does to the m parameters, centred.
+        y: (n_rep, m) the parameters, over the scatter that readings give them, centred.
+
+    """
+    moved = np.linalg.norm(moves, axis=(0, 2))
+    concerned = moved > 0.05 * moved.max()
+    worst, each = 0.0, len(y) - 1
+    for columns, values in ((moves, y), (np.diff(moves, axis=0) / np.sqrt(2), np.diff(y, axis=0) / np.sqrt(2))):
+        basis, v = orthonormal(columns[:, concerned].reshape(-1, columns.shape[2])), values[:, concerned].reshape(-1)
+        explained, df = float(np.sum((basis.T @ v) ** 2)), each * int(concerned.sum()) - basis.shape[1]
+        if df <= 0 or not basis.shape[1]:
+            return 1.0
+        error = max((float(v @ v) - explained) / df, 1.0)
+        worst = max(worst, f_tail(explained / basis.shape[1] / error, basis.shape[1], df))
+    return worst

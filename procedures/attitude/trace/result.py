@@ -1,0 +1,216 @@
+"""What a trace found, ready to print or to plot."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.json_values import JsonValue
+from fitter.linear import LinearFit
+from fitter.replication import Replication
+from fitter.sums_of_squares import FTest
+from fitter.trace.found import CONFIRMED, Explanation, Found, Unnamed
+from fitter.trace.outcome import Outcome, Parameter, Row, WithError, run_json
+from fitter.trace.signs import Refused
+from procedures.attitude.data import AttitudeData
+from procedures.attitude.effects.scene import Scene
+from procedures.attitude.fit import coefficient_table, table_2, temperature_table
+from procedures.attitude.model import attitude_columns
+from procedures.attitude.temperature import Temperature
+from procedures.attitude.trace.alternatives import Alternative
+from procedures.attitude.trace.estimate import predict
+from procedures.attitude.trace.problem import Candidate, raw_columns
+
+
+@dataclass(frozen=True, eq=False)
+class FoundEffect(Found):
+    """An effect as it shows in one attitude sensor.
+
+    Attributes:
+        columns_V: (n, q) what each of its terms adds to the output of each observation.
+
+    """
+
+    columns_V: FloatArray
+
+    @property
+    def contribution_V(self) -> FloatArray:  # noqa: N802 - the unit is part of the name
+        """(n,) what it adds to the output of each observation."""
+        return np.asarray(self.columns_V.sum(axis=1))
+
+    @property
+    def own_keys(self) -> dict[str, JsonValue]:
+        """Keys of JSON that only attitude sensors have."""
+        return {"rms_V": float(np.sqrt(np.mean(self.contribution_V**2)))}
+
+
+@dataclass(frozen=True, eq=False)
+class SensorTrace:
+    """What was found in one sensor.
+
+    Attributes:
+        sensor: column name of its output.
+        declared: the declared model.
+        verdict: "explained", "nothing to add", "partly explained" or "unexplained".
+        before: Table 2 with the declared model.
+        after: Table 2 with the effects taken out.
+        cv_rms_before: rms error on replications left out, V; None with a single replication.
+        cv_rms_after: the same after, with the search repeated without the replication left out.
+        effects: found, largest share first.
+        unnamed: what remains, if it is more than error.
+        shared_attitude_before: do commands that share an attitude agree? Only the head, not gravity, can part them.
+        shared_attitude_after: the same with the effects taken out.
+        fit: the declared model beside the effects.
+        temperature: what temperature adds in it; None where the declared model has none in it.
+        S_V: sensitivity, to express volts in degrees.
+        residual_before_V: (n,) residual of the declared model, in the data's order of rows.
+        residual_after_V: (n,) residual with the effects.
+        temperature_recorded: whether effects of temperature could be tested at all.
+        noise: what was found of the noise; in JSON these are effects of stratum "noise".
+        smooth: terms without a cause that were added.
+        refused: causes that would fit, but for the sign that they would need.
+        keeping: sentences about what was not kept, and what was kept for the sake of other sensors.
+
+    """
+
+    sensor: str
+    declared: str
+    verdict: str
+    before: Replication
+    after: Replication
+    cv_rms_before: float | None
+    cv_rms_after: float | None
+    effects: tuple[FoundEffect, ...]
+    unnamed: tuple[Unnamed, ...]
+    shared_attitude_before: FTest
+    shared_attitude_after: FTest
+    fit: LinearFit
+    temperature: Temperature | None
+    S_V: float
+    residual_before_V: FloatArray
+    residual_after_V: FloatArray
+    temperature_recorded: bool
+    noise: tuple[Found, ...] = ()
+    smooth: tuple[FoundEffect, ...] = ()
+    refused: tuple[Refused, ...] = ()
+    keeping: tuple[str, ...] = ()
+
+    def outcome(self) -> Outcome:
+        """The same in the form of every kind of run."""
+        return Outcome(
+            sensor=self.sensor,
+            declared=self.declared,
+            verdict=self.verdict,
+            findings=(
+                *(effect.finding() for effect in (*self.effects, *self.noise)),
+                *(rest.finding() for rest in self.unnamed),
+            ),
+            before=self._side(self.before, self.cv_rms_before, self.shared_attitude_before),
+            after=self._side(self.after, self.cv_rms_after, self.shared_attitude_after),
+            fitted=self._fitted(),
+            notes=self.notes,
+            refused=tuple(one.to_json() for one in self.refused),
+        )
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences that stand beside the numbers before and after."""
+        notes = [*(one.sentence for one in self.refused), *self.keeping]
+        if self.after.blind is not None:
+            notes.append(self.after.blind.sentence)
+        if not self.temperature_recorded:
+            notes.append("no sensor temperature was recorded: temperature effects could not be tested")
+        if self.effects and self.after.drift_b.value > self.before.drift_b.value:
+            notes.append(
+                "T_b rose because the lack of fit that was removed stood in its denominator; p_drift is free of that"
+            )
+        if self.effects:
+            notes.append("standard errors of the effects are conditional on their having been selected on these data")
+        if self.smooth:
+            notes.append("smooth terms without a cause are in the fit: they describe these points and explain nothing")
+        if self.cv_rms_before is not None and self.cv_rms_after is not None:
+            if (self.effects or self.smooth) and self.cv_rms_after > CONFIRMED * self.cv_rms_before:
+                notes.append(
+                    "not confirmed by left-out replications: with the effects found the error on those left out "
+                    f"is {self.cv_rms_after / self.cv_rms_before:.0%} of what it is without them"
+                )
+            notes.append(
+                "cv_rms: each replication in turn left out of selection and fit, its own offset predicted as zero"
+            )
+        return tuple(notes)
+
+    def _side(self, table: Replication, cv_rms: float | None, shared: FTest) -> tuple[Row, ...]:
+        known = np.isfinite(shared.value)
+        values = {
+            **table_2(table, self.S_V),
+            "cv_rms": cv_rms,
+            "cv_rms_deg": None if cv_rms is None else float(np.degrees(cv_rms / self.S_V)),
+            "T_shared_attitude": shared.value if known else None,
+            "F_shared_attitude_95": shared.limit_95 if known else None,
+        }
+        return tuple(Row(name, value, _unit(name)) for name, value in values.items())
+
+    def _fitted(self) -> tuple[Parameter, ...]:
+        table = coefficient_table(self.fit) | temperature_table(self.temperature, self.S_V, self.fit.df)
+        own = (Parameter(name, WithError.of_json(row)) for name, row in table.items())
+        return (*own, *(one for effect in (*self.effects, *self.smooth) for one in effect.parameters))
+
+
+def _unit(name: str) -> str:
+    """Unit of a row by its name; sigmas and left-out errors are in volts, and in degrees where their name ends so."""
+    if name.endswith("_deg"):
+        return "deg"
+    return "V" if name.startswith(("sigma_", "cv_rms")) else ""
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """What was found in a run.
+
+    Attributes:
+        sensors: by column name.
+        scene: references of the effects' columns.
+        chosen: the terms in the model.
+        gamma: (q,) their coefficients, in the terms' own units.
+        points: number of observations.
+        outliers: rows that stand out and were left out of search and fit.
+        explanations: all of them for each effect found, best first.
+        alternatives: the effects with another member of a class in the place of the one named, one for every member.
+
+    """
+
+    sensors: Mapping[str, SensorTrace]
+    scene: Scene
+    chosen: tuple[Candidate, ...]
+    gamma: FloatArray
+    points: int
+    outliers: tuple[int, ...] = ()
+    explanations: Mapping[str, tuple[Explanation, ...]] = field(default_factory=dict)
+    alternatives: tuple[Alternative, ...] = ()
+
+    @property
+    def about(self) -> dict[str, JsonValue]:
+        """What the run is, for JSON."""
+        return {"points": self.points, "kind": "pitch-roll"}
+
+    @property
+    def reference(self) -> dict[str, JsonValue]:
+        """Where the effects' columns are zero, for JSON."""
+        return {"temperature_degC": self.scene.temperature_degC, "elapsed_s": self.scene.elapsed_s}
+
+    def outcomes(self) -> tuple[Outcome, ...]:
+        """What is said of each sensor, in the form of every kind of run."""
+        return tuple(found.outcome() for found in self.sensors.values())
+
+    def predict(self, data: AttitudeData) -> dict[str, FloatArray]:
+        """(n,) outputs in volts of each sensor for other observations, effects included."""
+        extra = raw_columns(self.scene.on(data), self.chosen) @ self.gamma
+        h = attitude_columns(data.pitch_deg, data.roll_deg, roll=self.scene.roll)
+        return {s: predict(h, data, t.fit, t.temperature) + extra[i] for i, (s, t) in enumerate(self.sensors.items())}
+
+    def to_json(self, file: str | None = None) -> dict[str, JsonValue]:
+        """The object `rig trace --json` prints; numbers that do not exist are None, never NaN."""
+        return run_json({"file": file, **self.about}, self.outcomes(), reference=self.reference)

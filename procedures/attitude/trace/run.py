@@ -1,0 +1,203 @@
+"""From the residual to the effect: the whole of a trace."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fitter.arrays import FloatArray, IntArray
+from fitter.errors import FitError
+from fitter.trace.chance import Family
+from fitter.trace.found import explanations_of
+from fitter.trace.keep import groups_of, kept
+from fitter.trace.not_kept import NotKept
+from fitter.trace.refusals import refusals
+from fitter.trace.search import ROUNDS, names_of, prune, search_and_name
+from procedures.attitude.data import AttitudeData
+from procedures.attitude.effects import CATALOGUE
+from procedures.attitude.effects.effect import Effect
+from procedures.attitude.effects.unnamed import UNNAMED
+from procedures.attitude.trace.agreement import supported
+from procedures.attitude.trace.alternatives import alternatives
+from procedures.attitude.trace.estimate import concerns, estimate
+from procedures.attitude.trace.family import family_of
+from procedures.attitude.trace.findings import residual_of, sensor_trace
+from procedures.attitude.trace.judge import AttitudeJudge
+from procedures.attitude.trace.outliers import outliers
+from procedures.attitude.trace.plausible import plausible
+from procedures.attitude.trace.pose import pose
+from procedures.attitude.trace.problem import Problem
+from procedures.attitude.trace.restarts import search_with_restarts
+from procedures.attitude.trace.result import Trace
+from procedures.attitude.trace.score import score
+from procedures.attitude.trace.wander import expected, with_wander
+
+SEED = 20260115
+
+
+@dataclass(frozen=True)
+class Search:
+    """What is searched, and how.
+
+    Attributes:
+        catalogue: effects to look for.
+        temperature: whether offset and sensitivity follow the sensor's temperature in the declared model.
+        unnamed: whether smooth terms without a cause may be added at the end.
+
+    """
+
+    catalogue: tuple[Effect, ...]
+    temperature: bool
+    unnamed: bool
+
+    def pose(self, data: AttitudeData) -> Problem:
+        """`data` made ready; raises as `trace` does."""
+        return pose(data, self.catalogue, temperature=self.temperature)
+
+    def settle(
+        self, problem: Problem, family: Family, *, restarts: bool = True
+    ) -> tuple[AttitudeJudge, tuple[int, ...]]:
+        """Search; then judge what was found against the random walk that is left, until nothing changes.
+
+        A walk is looked for beside the effects and not before them: an effect of temperature not yet in the model
+        looks like one, and would be judged against itself. Terms without a cause come last.
+        """
+        judge, chosen = plausible(
+            *supported(*(search_with_restarts if restarts else search_and_name)(AttitudeJudge(problem, family)))
+        )
+        by = expected(problem)
+        for _ in range(ROUNDS if by is not None else 0):
+            assert by is not None
+            walking = with_wander(judge.problem, chosen, by)
+            if np.all((walking.wander > 0) == (judge.problem.wander > 0)):
+                break
+            judge = replace(judge, problem=walking)
+            judge, chosen = plausible(*supported(*search_and_name(judge, prune(judge, chosen))))
+        return search_and_name(judge.with_unnamed(), chosen) if self.unnamed else (judge, chosen)
+
+
+def trace(
+    data: AttitudeData,
+    catalogue: Sequence[Effect] = CATALOGUE,
+    seed: int = SEED,
+    *,
+    temperature: bool = False,
+    validate: bool = True,
+    unnamed: bool = False,
+) -> Trace:
+    """Find what the declared attitude model lacks.
+
+    Args:
+        data: a pitch-roll run; any number of sensors, judged together.
+        catalogue: effects to look for.
+        seed: of the simulated null; the same data and seed give the same answer.
+        temperature: whether offset and sensitivity follow the sensor's temperature in the declared model.
+        validate: repeat the search without each replication for the left-out error, which takes most of the time.
+        unnamed: whether what no effect explains may be taken up by smooth terms without a cause, by the same rule.
+
+    Raises:
+        fitter.linear.RankError: the points visited do not determine the declared model.
+        FitError: the declared model has temperature, and none was recorded or it never changed.
+
+    """
+    search = Search((*catalogue, *UNNAMED) if unnamed else tuple(catalogue), temperature, unnamed)
+    aside, judge, found, family, not_kept = _without_outliers(data, search, seed)
+    problem = judge.problem
+    before, after = estimate(problem, ()), estimate(problem, found)
+    classes = {name: judge.rivals(found, name) for name in names_of(problem.candidates, found)}
+    cv = None
+    if validate:
+        cv = left_out(problem.scene.data, search, family, anything=bool(found))
+    wrong = refusals(judge, found, classes, {name: fit.parameters.S_V for name, fit in problem.fits.items()})
+    wrong = (*judge.oversized, *wrong)
+    sensors = {
+        sensor: replace(
+            sensor_trace(judge, data, aside, not_kept, before, after, classes, i, None if cv is None else cv[:, i]),
+            refused=tuple(one for one in wrong if sensor in one.sensors),
+        )
+        for i, sensor in enumerate(problem.sensors)
+    }
+    chosen = tuple(problem.candidates[j] for j in after.chosen)
+    explanations = explanations_of(classes, problem.candidates)
+    others = alternatives(problem, after, classes, data)
+    rows = tuple(aside.tolist())
+    return Trace(sensors, problem.scene, chosen, after.gamma, len(data), rows, explanations, others)
+
+
+def stays(judge: AttitudeJudge, chosen: tuple[int, ...]) -> tuple[tuple[int, ...], tuple[NotKept, ...]]:
+    """Those of the `chosen` candidates that stay, by the standard error of the sensors they concern."""
+    problem = judge.problem
+    fitted = estimate(problem, chosen)
+    same = [j for j in chosen if j not in fitted.told_apart]
+    dependent = tuple(NotKept(name, sensor, "dependent") for name, sensor in groups_of(judge, same))
+
+    def helps(chosen: tuple[int, ...], own: tuple[int, ...]) -> bool:
+        fitted, without = estimate(problem, chosen), estimate(problem, tuple(j for j in chosen if j not in own))
+        share = concerns(problem, own[0])
+        pairs = zip(fitted.tables, without.tables, share.tolist(), strict=True)
+        ratio = [one.sigma_E / other.sigma_E if other.sigma_E > 0 else 1.0 for one, other, _ in pairs]
+        return float(np.dot(share, np.square(ratio))) < 1.0
+
+    stay, idle = kept(judge, fitted.told_apart, helps, "the standard error of an observation")
+    return stay, (*problem.left_out, *dependent, *idle)
+
+
+def _without_outliers(
+    data: AttitudeData, search: Search, seed: int
+) -> tuple[IntArray, AttitudeJudge, tuple[int, ...], Family, tuple[NotKept, ...]]:
+    """Search; again without the readings that stand out beside what was found; until none is to be added.
+
+    A reading that stood out only of what was not yet in the model comes back.
+    """
+    aside = np.zeros(0, np.int64)
+    for last in (False, False, True):
+        kept = data if not aside.size else data.take(np.setdiff1d(np.arange(len(data)), aside))
+        problem = search.pose(kept)
+        family = family_of(problem, score(problem, ()), seed)
+        judge, found = search.settle(problem, family)
+        found, not_kept = stays(judge, found)
+        again = outliers(data, residual_of(judge.problem, estimate(judge.problem, found), data))[0]
+        if last or np.array_equal(again, aside):
+            break
+        aside = again
+    return aside, judge, found, family, not_kept
+
+
+def left_out(
+    data: AttitudeData,
+    search: Search,
+    family: Family,
+    *,
+    anything: bool = True,
+) -> FloatArray | None:
+    """(2, S) rms error on replications left out, V, before and after; None where fewer than two can be.
+
+    The search is repeated without the replication that is left out, whose own offset is predicted as zero. Where
+    nothing was found in the whole, there is nothing to repeat.
+    """
+    if data.replicates.size < 2:
+        return None
+    squares = np.zeros((2, len(data.sensors)))
+    for replicate in data.replicates:
+        inside = data.replicate != replicate
+        rest, aside = data.take(np.flatnonzero(inside)), data.take(np.flatnonzero(~inside))
+        try:
+            problem = (search if anything else replace(search, catalogue=())).pose(rest)
+        except FitError:
+            return None
+        squares += _squares_aside(problem, search, family, aside, anything=anything)
+        del problem  # or the next one would be built beside it
+    return np.asarray(np.sqrt(squares / len(data)))
+
+
+def _squares_aside(
+    problem: Problem, search: Search, family: Family, aside: AttitudeData, *, anything: bool
+) -> FloatArray:
+    """(2, S) sums of squared errors on data that were set `aside`, before and after a search of the rest."""
+    found: tuple[int, ...] = ()
+    if anything:
+        judge, found = search.settle(problem, family, restarts=False)
+        problem = judge.problem
+    return np.stack([np.sum(residual_of(problem, estimate(problem, one), aside) ** 2, axis=1) for one in ((), found)])

@@ -1,0 +1,257 @@
+"""How much each unit of candidates removes beyond the present model, against the error of its own stratum.
+
+Outputs are divided by their own point-by-replication error, so that sensors count alike. A unit is one column, or
+several that are judged together (sine and cosine of one frequency). Its score is Wald's F, the square of Student's t
+for one column, with the largest of several errors:
+
+- the point-by-replication error; between points the lack of fit instead, wherever more than error is left there after
+  the unit, so that an unknown cause cannot bring in whatever slightly resembles it;
+- for those that come near to standing out, also what `robust.py` has to say.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from fitter.arrays import FloatArray, IntArray
+from fitter.quantiles import f_limit
+from fitter.trace.aliases import NOTHING_LEFT
+from fitter.trace.whitened import Whitened
+from procedures.attitude.trace.levels import Level
+from procedures.attitude.trace.problem import Problem
+
+RESOLVED = 1e-12
+"""Of an output's swing: what is smaller than this is rounding, and data without noise are not tested against it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scores:
+    """One entry a unit, (U,); zero and one where a unit is in the model or cannot be judged.
+
+    Attributes:
+        f: score, in squares of standard errors a column.
+        rank: columns that can be told apart beside the model.
+        df: degrees of freedom of the error it was judged against.
+        p: probability of a larger score by chance, this unit taken alone.
+        gain: fall of the residual sum of squares, in units of the error's variance.
+        sign: of the coefficient; zero for units of several columns.
+
+    """
+
+    f: FloatArray
+    rank: IntArray
+    df: FloatArray
+    p: FloatArray
+    gain: FloatArray
+    sign: FloatArray
+
+
+def errors(problem: Problem, chosen: Sequence[int]) -> FloatArray:
+    """(S,) point-by-replication standard error of each sensor beside the `chosen` candidates, V.
+
+    Without replications the residual of the model stands in for it.
+    """
+    level: Level = "points" if problem.levels.df("points") > 0 else "declared"
+    known, picked = problem.products[level], np.array(chosen, np.int64)
+    left, df = known.square.copy(), np.full(len(problem.sensors), float(problem.levels.df(level)))
+    if picked.size:
+        taken, own = known.columns[:, picked[:, None], picked], known.outputs[:, picked]
+        known_apart = inverse(taken, problem.length[:, picked] ** 2)
+        left -= np.einsum("sj,sjk,sk->s", own, known_apart, own)
+        df -= np.rint(np.einsum("sjk,skj->s", known_apart, taken))
+    sigma = np.sqrt(np.maximum(left, 0.0) / np.where(df > 0, df, np.nan))
+    return np.asarray(np.fmax(sigma, rounding(problem)))
+
+
+def rounding(problem: Problem) -> FloatArray:
+    """(S,) volts below which a residual is rounding and no error."""
+    swing = np.array([np.ptp(problem.scene.data.outputs[s]) for s in problem.sensors])
+    return np.asarray(RESOLVED * np.maximum(swing, 1.0))
+
+
+def whiten(
+    problem: Problem, level: Level, chosen: Sequence[int], sigma: FloatArray, of: Sequence[int] = ()
+) -> Whitened:
+    """Outputs and columns over `sigma` (S,), with the `chosen` candidates fitted and taken out of both.
+
+    Args:
+        problem: the run.
+        level: what else is taken out.
+        chosen: candidates in the model.
+        sigma: (S,) error of each sensor, V.
+        of: the candidates whose columns are wanted.
+
+    """
+    picked, scale = list(chosen), sigma[:, None]
+    length = np.linalg.norm(problem.length[:, picked] / scale, axis=0)
+    taken, columns = (problem.columns_at(level, which) / scale[:, :, None] for which in (picked, list(of)))
+    return Whitened(problem.outputs_at(level) / scale, columns).beside(taken, length)
+
+
+@dataclass(frozen=True, eq=False)
+class Beside:
+    """Products at one level over the sensors' errors, with chosen candidates taken out of all sensors together.
+
+    Attributes:
+        columns: (S, h, h) of h candidates.
+        outputs: (S, h).
+        square: (S,).
+
+    """
+
+    columns: FloatArray
+    outputs: FloatArray
+    square: FloatArray
+
+
+def beside(problem: Problem, level: Level, chosen: Sequence[int], here: IntArray, sigma: FloatArray) -> Beside:
+    """Products of the candidates `here` and of the outputs beside the `chosen` ones."""
+    known, weight = problem.products[level], sigma**-2.0
+    columns = known.columns[:, here[:, None], here] * weight[:, None, None]
+    outputs, square = known.outputs[:, here] * weight[:, None], known.square * weight
+    picked = np.array(chosen, np.int64)
+    if not picked.size:
+        return Beside(columns, outputs, square)
+    across = known.columns[:, picked[:, None], here] * weight[:, None, None]
+    taken = known.columns[:, picked[:, None], picked] * weight[:, None, None]
+    own = known.outputs[:, picked] * weight[:, None]
+    length2 = np.sum(problem.length[:, picked] ** 2 * weight[:, None], axis=0)
+    spread = inverse(taken.sum(axis=0), length2)
+    share, fitted = spread @ across.sum(axis=0), spread @ own.sum(axis=0)
+    for i, over in enumerate(across):
+        cross = over.T @ share - share.T @ (0.5 * taken[i] @ share)
+        columns[i] -= cross
+        columns[i] -= cross.T
+    return Beside(
+        columns,
+        outputs - np.swapaxes(across, 1, 2) @ fitted - (own - taken @ fitted) @ share,
+        np.maximum(square - 2 * own @ fitted + (taken @ fitted) @ fitted, 0.0),
+    )
+
+
+def inverse(products: FloatArray, length2: FloatArray, rank: int | None = None) -> FloatArray:
+    """(..., q, q) inverse of products of columns, of what can be told apart of them.
+
+    Args:
+        products: (..., q, q).
+        length2: (..., q) squared lengths that columns are measured by; a column without length says nothing.
+        rank: how many combinations of columns are told apart; without it those of which `NOTHING_LEFT` is left.
+
+    """
+    scale = np.where(length2 > 0.0, 1.0 / np.sqrt(np.where(length2 > 0.0, length2, 1.0)), 0.0)
+    values, vectors = np.linalg.eigh(products * scale[..., :, None] * scale[..., None, :])
+    least = np.finfo(float).tiny if rank is not None else NOTHING_LEFT**2
+    kept = values > least
+    if rank is not None:
+        kept &= np.arange(values.shape[-1]) >= values.shape[-1] - rank
+    inverted = np.where(kept, 1.0 / np.maximum(values, least), 0.0)
+    out = (vectors * inverted[..., None, :]) @ np.swapaxes(vectors, -1, -2)
+    return np.asarray(out * scale[..., :, None] * scale[..., None, :])
+
+
+def score(problem: Problem, chosen: Sequence[int], of: Sequence[int] | None = None) -> Scores:
+    """Score units (those `of` interest, or all) beside the `chosen` candidates, each at the level it is judged at."""
+    count = len(problem.units)
+    scores = Scores(
+        f=np.zeros(count),
+        rank=np.zeros(count, np.int64),
+        df=np.ones(count),
+        p=np.ones(count),
+        gain=np.zeros(count),
+        sign=np.zeros(count),
+    )
+    sigma = errors(problem, chosen)
+    levels: tuple[Level, ...] = ("replications", "points")
+    wanted = [u for u in (range(count) if of is None else of) if not set(problem.units[u]) & set(chosen)]
+    for level in levels:
+        units = [u for u in wanted if problem.judged_at[problem.units[u][0]] == level]
+        if not units or problem.levels.df(level) <= len(chosen) + 1:
+            continue
+        here = np.array([j for u in units for j in problem.units[u]], np.int64)
+        left = beside(problem, level, chosen, here, sigma)
+        length2 = np.sum((problem.length[:, here] / sigma[:, None]) ** 2, axis=0)
+        within = beside(problem, "points", chosen, here[:0], sigma).square
+        at = np.cumsum([0] + [len(problem.units[u]) for u in units])
+        for size in {len(problem.units[u]) for u in units}:
+            same = [k for k, u in enumerate(units) if len(problem.units[u]) == size]
+            _judge(
+                problem,
+                level,
+                len(chosen),
+                scores,
+                np.array([units[k] for k in same]),
+                _of_units(left, length2, at[same][:, None] + np.arange(size)),
+                within,
+            )
+    return scores
+
+
+@dataclass(frozen=True, eq=False)
+class _Units:
+    """Products of the q columns of each of U units: (S, U, q, q), (S, U, q), (S,), and lengths squared (U, q)."""
+
+    columns: FloatArray
+    outputs: FloatArray
+    square: FloatArray
+    length2: FloatArray
+
+
+def _of_units(left: Beside, length2: FloatArray, at: IntArray) -> _Units:
+    return _Units(left.columns[:, at[:, :, None], at[:, None, :]], left.outputs[:, at], left.square, length2[at])
+
+
+def _judge(
+    problem: Problem, level: Level, chosen: int, scores: Scores, units: IntArray, of: _Units, within: FloatArray
+) -> None:
+    """Fill in the scores of `units` that have as many columns each."""
+    spread = inverse(of.columns.sum(axis=0), of.length2)
+    d = of.outputs.sum(axis=0)
+    gamma = (spread @ d[:, :, None])[:, :, 0]
+    norm2 = np.einsum("sujj->su", of.columns)
+    rank = np.rint(np.einsum("ujk,ukj->u", spread, of.columns.sum(axis=0))).astype(np.int64)
+    can = rank > 0
+    after = of.square[:, None] - 2 * np.einsum("suj,uj->su", of.outputs, gamma)
+    after += np.einsum("uj,sujk,uk->su", gamma, of.columns, gamma)
+    inflation, df = _lack_of_fit(problem, level, chosen, after, norm2, within)
+    meat = np.einsum("su,sujk->ujk", inflation, of.columns)
+    wald = np.einsum("uj,ujk,uk->u", d, inverse(meat, of.length2), d)
+    gain = np.where(can, np.einsum("uj,uj->u", gamma, d), 0.0)
+    f = np.where(can, np.minimum(wald, gain) / np.maximum(rank, 1), 0.0)
+    scores.f[units], scores.rank[units], scores.df[units] = f, rank, df
+    scores.gain[units] = gain
+    scores.sign[units] = np.sign(d[:, 0]) if d.shape[1] == 1 else 0.0
+    scores.p[units] = np.where(can, special.fdtrc(np.maximum(rank, 1), df, np.maximum(f, 0.0)), 1.0)
+
+
+def _lack_of_fit(
+    problem: Problem, level: Level, chosen: int, after: FloatArray, norm2: FloatArray, within: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """What units are judged against: pure error, or the lack of fit where more than error is left.
+
+    Args:
+        problem: the run.
+        level: at which they are judged.
+        chosen: how many candidates are in the model.
+        after: (S, U) residual sum of squares beside each unit, over each sensor's error.
+        norm2: (S, U) squared length of the units' columns.
+        within: (S,) residual sum of squares point by replication.
+
+    Returns:
+        (S, U) mean square of that error over the pure error's, and (U,) its degrees of freedom.
+
+    """
+    count, units = norm2.shape
+    pure, plain = problem.levels.df("points"), np.ones((count, units))
+    if pure <= 0:
+        return plain, np.full(units, float(problem.levels.df(level) - chosen - 1))
+    lof = problem.levels.n_points - problem.levels.declared.shape[1] - chosen - 1
+    if level == "points" or lof <= 0:
+        return plain, np.full(units, float(pure * count))
+    ratio = (after - within[:, None]) / lof
+    inflation = np.where(ratio > f_limit(0.95, lof, pure), ratio, 1.0)
+    concerned = norm2 > 0.05 * norm2.sum(axis=0)
+    return inflation, np.where(np.any((inflation > 1.0) & concerned, axis=0), float(lof), float(pure * count))

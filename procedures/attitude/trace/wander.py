@@ -1,0 +1,106 @@
+"""Noise that wanders: an offset that takes a random walk through the run, beside the scatter of the readings.
+
+A random walk looks like temperature, like drift, like direction, and over a serpentine path even like the design.
+Where the residual shows one, every candidate is judged against it too; the effects that remain are those a random
+walk does not explain.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import special
+
+from fitter.arrays import FloatArray, IntArray
+from procedures.attitude.trace.levels import stretches
+from procedures.attitude.trace.problem import Problem
+from procedures.attitude.trace.score import errors, whiten
+from procedures.attitude.trace.walks import STEPS
+
+OBSERVATIONS = 24
+"""In one stretch: long enough for a slow walk to stand out of the scatter, short enough to have many."""
+STRETCHES = 4
+"""At least, in a replication, if it is long enough for that."""
+SHORTEST = 16
+"""Observations of a replication below which no walk is looked for."""
+SURE = 3.0
+"""Standard deviations of the null by which the sums over stretches must be too large."""
+DRAWS = 100
+AT_ONCE = 20
+SEED = 1
+
+
+@dataclass(frozen=True, eq=False)
+class Expected:
+    """What white noise and a random walk, both of unit size, leave at the level "points".
+
+    Attributes:
+        stretch: (n,) which stretch a row belongs to.
+        white: (2,) mean sum of squares, and mean sum of squared sums over stretches, of white noise.
+        walk: (2,) the same of a random walk that moves by one a row.
+        ratio_sd: sd of their quotient, for white noise.
+
+    """
+
+    stretch: IntArray
+    white: FloatArray
+    walk: FloatArray
+    ratio_sd: float
+
+
+def expected(problem: Problem) -> Expected | None:
+    """Simulate both kinds of noise through the projection that residuals went through.
+
+    None where no walk could be seen: without replications, or in very short ones.
+    """
+    data, rng = problem.scene.data, np.random.default_rng(SEED)
+    each = len(data) // data.replicates.size
+    if problem.levels.df("points") <= 0 or each < SHORTEST:
+        return None
+    stretch = stretches(data, min(OBSERVATIONS, each // STRETCHES))
+    white, walk = list[FloatArray](), list[FloatArray]()
+    for _ in range(DRAWS // AT_ONCE):
+        noise = rng.standard_normal((2, len(data), AT_ONCE))
+        noise[1, problem.levels.executed] = np.cumsum(noise[1], axis=0)
+        for out, one in zip((white, walk), noise, strict=True):
+            out.append(_sums(problem.levels.leave(one, "points"), stretch))
+    sums = np.concatenate(white, axis=1)
+    ratio = sums[1] / sums[0]
+    return Expected(stretch, sums.mean(axis=1), np.mean(walk, axis=(0, 2)), float(ratio.std(ddof=1)))
+
+
+def with_wander(problem: Problem, chosen: tuple[int, ...], by: Expected) -> Problem:
+    """The problem with the random walk that is left in each sensor beside the `chosen` candidates, if any is."""
+    left = whiten(problem, "points", chosen, errors(problem, chosen)).outputs
+    return replace(problem, wander=_walk(left, by))
+
+
+def walk_evidence(problem: Problem, left: FloatArray) -> tuple[float, float]:
+    """P of so likely a random walk in one sensor's residual by chance, and its mean square step over the scatter's.
+
+    Args:
+        problem: the run.
+        left: (n,) the residual at the level "points".
+
+    """
+    walks = problem.levels.walks("points")
+    likelihood = walks.log_likelihood(walks.products(left[:, None])[:, 0, 0])
+    best = int(np.argmax(likelihood))
+    return 0.5 * float(special.chdtrc(1, 2.0 * (likelihood[best] - likelihood[0]))), STEPS[best]
+
+
+def _walk(left: FloatArray, by: Expected) -> FloatArray:
+    """(S,) mean square step of the walk in what is left, zero where there may be none."""
+    squares, sums = _sums(left.T, by.stretch)
+    squares = np.maximum(squares, np.finfo(float).tiny)
+    standing_out = (sums / squares - by.white[1] / by.white[0]) / by.ratio_sd
+    mix = np.linalg.solve(np.column_stack([by.white, by.walk]), np.stack([squares, sums]))
+    return np.asarray(np.where(standing_out > SURE, np.maximum(mix[1], 0.0), 0.0))
+
+
+def _sums(noise: FloatArray, stretch: IntArray) -> FloatArray:
+    """(2, q) sum of squares, and sum of squared sums over stretches, of each column of `noise` (n, q)."""
+    by_stretch = np.zeros((int(stretch.max()) + 1, noise.shape[1]))
+    np.add.at(by_stretch, stretch, noise)
+    return np.stack([np.sum(noise**2, axis=0), np.sum(by_stretch**2, axis=0)])

@@ -1,0 +1,1 @@
+"""The kind "general": a table of anything, with a declared formula."""

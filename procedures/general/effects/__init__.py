@@ -1,0 +1,94 @@
+"""Every effect that can be looked for in a table: the catalogue's kinds in the table's columns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import combinations
+from typing import Any
+
+from fitter.effects.entry import Source
+from procedures.general.effects.catalogue import TABLE_CATALOGUE
+from procedures.general.effects.kind import Of, TableEffect, TableKind
+from procedures.general.effects.scene import TableScene, is_temperature
+
+__all__ = ["TABLE_CATALOGUE", "TableEffect", "TableKind", "effects_of"]
+
+
+def effects_of(scene: TableScene, response: str) -> Iterator[TableEffect]:
+    """Every effect that can be looked for in a table, in catalogue order."""
+    for kind in TABLE_CATALOGUE:
+        for names in _columns_for(kind.of, scene):
+            yield _effect(kind, names, response)
+
+
+def _effect(kind: TableKind, names: tuple[str, ...], response: str) -> TableEffect:
+    warm = bool(kind.warm) and is_temperature(names[0])
+    words: dict[str, Any] = {"y": response}
+    return TableEffect(
+        name=f"{kind.warm if warm else kind.name}:{','.join(names)}",
+        cause=kind.cause.format(*names, **words),
+        source=_SOURCES[kind.of],
+        scope="sensor",
+        stratum=kind.stratum,
+        unit=kind.unit.format(*names, **words),
+        size=lambda _values, _scale: "",
+        against=names[-1] if kind.of == "direction of setting" else names[0],
+        separate_by=kind.separate_by.format(*names, **words),
+        usual_size=kind.usual_size,
+        known_aliases={},
+        kind=kind,
+        columns=names,
+        family="temperature" if warm else kind.family,
+    )
+
+
+def _columns_for(of: Of, scene: TableScene) -> Iterator[tuple[str, ...]]:
+    """The columns, or pairs of them, that effects of a kind are looked for in."""
+    settings, covariates = tuple(scene.settings), tuple(scene.covariates)
+    groups = tuple(scene.groups)
+    time = () if scene.time is None else (scene.time.name,)
+    clock = () if scene.time is None or scene.time.presumed else time
+    side = () if scene.direction is None else (scene.direction[0],)
+    speed = () if scene.speed is None else (scene.speed[0],)
+    bits = (",".join(scene.bits),) if scene.bits else ()
+    pairs: dict[Of, Any] = {
+        "constant": (("1",) for _ in settings[:1]),
+        "group": ((g,) for g in groups),
+        "group of variable": ((g, v) for g in groups for v in (settings or covariates)),
+        "pair of groups": combinations(groups, 2),
+        "setting": ((s,) for s in settings),
+        "pair of settings": combinations(settings, 2),
+        "covariate": ((c,) for c in covariates),
+        "covariate of setting": ((c, s) for c in covariates for s in settings),
+        "time": ((t,) for t in time),
+        "clock": ((t,) for t in clock),
+        "setting by the clock": ((s,) for s in settings if clock),
+        "clock of setting": ((t, s) for t in clock for s in settings),
+        "direction": ((d,) for d in side),
+        "speed": ((v,) for v in speed),
+        "direction of setting": ((d, s) for d in side for s in settings),
+        "bits": ((b,) for b in bits),
+        "bits of group": ((b, g) for b in bits for g in groups),
+    }
+    return iter(pairs[of])
+
+
+_SOURCES: dict[Of, Source] = {
+    "constant": "setting",
+    "group": "group",
+    "group of variable": "group",
+    "pair of groups": "group",
+    "setting": "setting",
+    "pair of settings": "setting",
+    "covariate": "covariate",
+    "covariate of setting": "covariate",
+    "time": "time",
+    "clock": "time",
+    "setting by the clock": "time",
+    "clock of setting": "time",
+    "direction": "direction",
+    "speed": "direction",
+    "direction of setting": "direction",
+    "bits": "setting",
+    "bits of group": "group",
+}

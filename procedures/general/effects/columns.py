@@ -1,0 +1,253 @@
+"""Columns of the effects that are looked for in tables: powers, kinks, waves, directions.
+
+Each function gives the terms of one kind of effect; a constant that is searched gives a term for each of its values.
+Constants are rounded to what their label shows, so that a label computed literally gives the column.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from procedures.general.effects.scene import Profile, TableScene, TableTerm, is_angle
+
+KNOTS, DECAYS = 24, 5
+CYCLES_MOST, OVERSAMPLED, PER_CYCLE = 120, 2, 2.5
+"""Waves go up to so many periods over the span, in steps of 1/OVERSAMPLED of a period, at least PER_CYCLE values of
+the variable in each."""
+HARMONICS = 12
+MOVES_WITH = 0.9
+"""Correlation with the velocity distinguished from which a setting's rate is one."""
+FEWEST_FOR_KNOT, FEWEST_FOR_WAVE = 10, 24
+_ONE_WORD = re.compile(r"[\w.]+(\([^()]*\))?")
+
+Terms = Sequence[TableTerm]
+
+
+def power(order: int) -> Callable[[TableScene, str], Terms]:
+    """(v - c)^order, c the middle of the range, or zero where the values come near it; both for a cube and higher."""
+
+    def terms(scene: TableScene, name: str) -> Terms:
+        v = scene.of(name)
+        if len(np.unique(v)) <= order:
+            return ()
+        centres = dict.fromkeys((origin(v), middle(v)) if order > 2 else (origin(v),))
+        return [TableTerm((power_text(name, c, order),), ((v - c) ** order)[:, None]) for c in centres]
+
+    return terms
+
+
+def constant(scene: TableScene, name: str) -> Terms:
+    """One everywhere, for a declared model without an intercept."""
+    return (TableTerm((name,), np.ones((scene.n, 1))),)
+
+
+def linear(scene: TableScene, name: str) -> Terms:
+    """The variable itself, from the middle of its range."""
+    v = scene.of(name)
+    if np.ptp(v) == 0.0:
+        return ()
+    return (TableTerm((less(name, middle(v)),), (v - middle(v))[:, None]),)
+
+
+def product(scene: TableScene, first: str, second: str) -> Terms:
+    """The product of two variables, each from its origin."""
+    a, b = scene.of(first), scene.of(second)
+    if np.ptp(a) == 0.0 or np.ptp(b) == 0.0:
+        return ()
+    text = f"{power_text(first, origin(a), 1)} * {power_text(second, origin(b), 1)}"
+    return (TableTerm((text,), ((a - origin(a)) * (b - origin(b)))[:, None]),)
+
+
+def logarithm(scene: TableScene, name: str) -> Terms:
+    """log v, where all values are positive and span a factor of three."""
+    v = scene.of(name)
+    return (TableTerm((f"log({name})",), np.log(v)[:, None]),) if _spans(v) else ()
+
+
+def square_root(scene: TableScene, name: str) -> Terms:
+    """sqrt v, where no value is negative and they span a factor of three."""
+    v = scene.of(name)
+    spans = v.min() >= 0.0 and v.max() >= 3.0 * v.min() and len(np.unique(v)) > 2
+    return (TableTerm((f"sqrt({name})",), np.sqrt(v)[:, None]),) if spans else ()
+
+
+def reciprocal(scene: TableScene, name: str) -> Terms:
+    """1/v, where all values are positive and span a factor of three."""
+    v = scene.of(name)
+    return (TableTerm((f"1/{whole(name)}",), (1.0 / v)[:, None]),) if _spans(v) else ()
+
+
+def saturation(scene: TableScene, name: str) -> Terms:
+    """exp(-(v - lowest)/s) and exp(-(highest - v)/s) for a few s."""
+    v = scene.of(name)
+    if len(np.unique(v)) < FEWEST_FOR_KNOT:
+        return ()
+    span = float(np.ptp(v))
+    low, high = rounded(float(v.min()), span), rounded(float(v.max()), span)
+    scales = np.geomspace(0.06, 0.6, DECAYS) * span
+
+    def rising(s: float) -> TableTerm:
+        s = rounded(s, s)
+        return TableTerm((f"exp(-({less(name, low)})/{s:.15g})",), np.exp(-(v - low) / s)[:, None])
+
+    def falling(s: float) -> TableTerm:
+        s = rounded(s, s)
+        return TableTerm((f"exp(-({high:.15g} - {whole(name)})/{s:.15g})",), np.exp(-(high - v) / s)[:, None])
+
+    return [*searched(scales, rising, log=True), *searched(scales, falling, log=True)]
+
+
+def kink(scene: TableScene, name: str) -> Terms:
+    """max(v - k, 0) with at least three rows on either side of the knot k."""
+    v = scene.of(name)
+    distinct = np.unique(v)
+    if len(distinct) < 8 or len(v) < FEWEST_FOR_KNOT:
+        return ()
+    inner = distinct[2:-2]
+    wanted = np.linspace(0, len(inner) - 1, min(KNOTS, len(inner)))
+    knots = np.array([k for k in np.unique(np.interp(wanted, np.arange(len(inner)), inner)) if _both_sides(v, k)])
+
+    def at(k: float) -> TableTerm:
+        k = rounded(k, float(np.ptp(v)))
+        return TableTerm((f"max({less(name, k)}, 0)",), np.maximum(v - k, 0.0)[:, None])
+
+    return searched(knots, at)
+
+
+def wave(scene: TableScene, name: str) -> Terms:
+    """Sine and cosine of a searched period; not of an angle, which has `harmonic`."""
+    v = scene.of(name)
+    distinct = len(np.unique(v))
+    if len(v) < FEWEST_FOR_WAVE or distinct < 16 or is_angle(name, v):
+        return ()
+    span, most = float(np.ptp(v)), min(CYCLES_MOST, int(distinct / PER_CYCLE))
+    cycles = np.arange(OVERSAMPLED, most * OVERSAMPLED + 1) / OVERSAMPLED
+
+    start = rounded(float(v.min()), span)
+
+    def at(c: float) -> TableTerm:
+        period = rounded(span / c, span / c)
+        phase = 2.0 * np.pi * (v - start) / period
+        text = f"2 pi {power_text(name, start, 1)} / {period:.15g}"
+        return TableTerm((f"sin({text})", f"cos({text})"), np.column_stack([np.sin(phase), np.cos(phase)]))
+
+    return searched(cycles, at)
+
+
+def harmonic(scene: TableScene, name: str) -> Terms:
+    """Sine and cosine of once to `HARMONICS` times an angle in degrees."""
+    v = scene.of(name)
+    if not is_angle(name, v):
+        return ()
+    most = min(HARMONICS, len(np.unique(v)) // 3)
+    phases = [(k, np.radians(k * v)) for k in range(1, most + 1)]
+    return [
+        TableTerm((f"sin({k} {name})", f"cos({k} {name})"), np.column_stack([np.sin(p), np.cos(p)])) for k, p in phases
+    ]
+
+
+def side(scene: TableScene, name: str) -> Terms:
+    """The direction itself."""
+    return () if scene.direction is None else (TableTerm((name,), scene.direction[1][:, None]),)
+
+
+def speed(scene: TableScene, name: str) -> Terms:
+    """The velocity itself, and the rate of every setting that moves with it, from the row before and its time.
+
+    What comes late by less than a row is off by the way since then: at rest before the first row, as in `previous`.
+    """
+    if scene.speed is None:
+        return ()
+    velocity, time = scene.speed[1], scene.time
+    terms = [TableTerm((name,), velocity[:, None])]
+    gap = np.zeros(0) if time is None else np.diff(time.values)
+    if not len(gap) or np.any(gap <= 0):
+        return terms
+    for setting, v in scene.settings.items():
+        rate = np.concatenate([[0.0], np.diff(v) / gap])
+        if np.ptp(rate) > 0 and abs(np.corrcoef(rate, velocity)[0, 1]) > MOVES_WITH:
+            terms.append(TableTerm((f"rate({setting})",), rate[:, None]))
+    return terms
+
+
+def side_times(scene: TableScene, name: str, variable: str) -> Terms:
+    """The direction times a setting."""
+    if scene.direction is None:
+        return ()
+    v = scene.of(variable)
+    text = f"{name} * {power_text(variable, origin(v), 1)}"
+    return (TableTerm((text,), (scene.direction[1] * (v - origin(v)))[:, None]),)
+
+
+def loop(scene: TableScene, name: str, variable: str) -> Terms:
+    """The direction times a parabola that is zero at both ends of a setting's range: a hysteresis loop."""
+    if scene.direction is None:
+        return ()
+    v = scene.of(variable)
+    half = rounded(0.5 * float(np.ptp(v)), float(np.ptp(v)))
+    u = (v - middle(v)) / half
+    text = f"{name} * (1 - (({less(variable, middle(v))})/{half:.15g})^2)"
+    return (TableTerm((text,), (scene.direction[1] * (1.0 - u**2))[:, None]),)
+
+
+def searched(values: Sequence[float] | FloatArray, at: Callable[[float], TableTerm], *, log: bool = False) -> Terms:
+    """A term for each value, each responsible for the values up to its neighbours."""
+    grid = np.asarray(values, np.float64)
+    if not len(grid):
+        return ()
+
+    def held(value: float, low: float, high: float) -> TableTerm:
+        term = at(value)
+        return TableTerm(term.labels, term.columns, Profile(value, low, high, lambda v: held(v, low, high)))
+
+    scale = np.log(grid) if log else grid
+    padded = np.concatenate([scale[:1], scale, scale[-1:]])
+    bounds = np.exp(padded) if log else padded
+    return [held(float(g), float(bounds[i]), float(bounds[i + 2])) for i, g in enumerate(grid)]
+
+
+def _both_sides(v: FloatArray, knot: float) -> bool:
+    return min(int(np.sum(v > knot)), int(np.sum(v < knot))) >= 3
+
+
+def middle(v: FloatArray) -> float:
+    """Of a variable's range, to about a thousandth of it."""
+    return rounded(float(0.5 * (v.min() + v.max())), float(np.ptp(v)), 3)
+
+
+def rounded(value: float, span: float, places: int = 5) -> float:
+    """A number to so many decimal places of the power of ten that a span reaches; as it is for a span of zero."""
+    if not span > 0.0:
+        return value
+    return round(value, places - int(np.floor(np.log10(span))))
+
+
+def whole(name: str) -> str:
+    """A variable as a factor in a formula, in parentheses where it is a formula itself."""
+    return name if _ONE_WORD.fullmatch(name) else f"({name})"
+
+
+def less(name: str, centre: float) -> str:
+    """A variable from a centre, as a formula."""
+    if centre == 0.0:
+        return name
+    return f"{name} {'-' if centre > 0.0 else '+'} {abs(centre):.15g}"
+
+
+def origin(v: FloatArray) -> float:
+    """Zero where the values come near it, else the middle of their range: powers from afar are all alike."""
+    return 0.0 if abs(middle(v)) <= 0.75 * float(np.ptp(v)) else middle(v)
+
+
+def power_text(name: str, centre: float, order: int) -> str:
+    """A power of a variable from a centre, as a formula."""
+    base = whole(name) if centre == 0.0 else f"({less(name, centre)})"
+    return base if order == 1 else f"{base}^{order}"
+
+
+def _spans(v: FloatArray) -> bool:
+    return bool(v.min() > 0 and v.max() >= 3.0 * v.min() and len(np.unique(v)) > 2)

@@ -1,0 +1,127 @@
+"""Columns of the effects in time that are looked for in tables: cycles, curves that settle, steps, lags."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from procedures.general.effects.columns import FEWEST_FOR_KNOT, Terms, less, middle, rounded, searched, whole
+from procedures.general.effects.scene import CYCLES, TableScene, TableTerm
+
+STEPS, LAGS, SETTLINGS = 60, 10, 12
+FEWEST_BESIDE_STEP = 5
+
+
+def cycle(which: str) -> Callable[[TableScene, str], Terms]:
+    """The year's or the day's wave, where time covers one and a half of them."""
+
+    def terms(scene: TableScene, name: str) -> Terms:
+        time = scene.time
+        if time is None or time.unit_s is None or np.ptp(time.values) * time.unit_s < 1.5 * CYCLES[which]:
+            return ()
+        period = CYCLES[which] / time.unit_s
+        if np.median(np.diff(np.unique(time.values))) > period / 3.0:
+            return ()
+        phase = 2.0 * np.pi * time.values / period
+        text = f"2 pi {whole(name)} / {period:.15g}"
+        return (TableTerm((f"sin({text})", f"cos({text})"), np.column_stack([np.sin(phase), np.cos(phase)])),)
+
+    return terms
+
+
+def warm_up(scene: TableScene, name: str) -> Terms:
+    """exp(-t/tau) from the first row on, for a few tau."""
+
+    def column(since: FloatArray, tau: float) -> FloatArray:
+        return np.exp(-since / tau)
+
+    return _settling(scene, name, "exp(-({since})/{tau:.15g})", column, 0.5)
+
+
+def ageing(scene: TableScene, name: str) -> Terms:
+    """log(1 + t/tau) from the first row on, for a few tau."""
+
+    def column(since: FloatArray, tau: float) -> FloatArray:
+        return np.log1p(since / tau)
+
+    return _settling(scene, name, "log(1 + ({since})/{tau:.15g})", column, 1.0)
+
+
+def _settling(
+    scene: TableScene, name: str, text: str, column: Callable[[FloatArray, float], FloatArray], longest: float
+) -> Terms:
+    """A curve from the first row on for constants from a few rows to a part of the span."""
+    v = scene.of(name)
+    if len(np.unique(v)) < FEWEST_FOR_KNOT:
+        return ()
+    span = float(np.ptp(v))
+    start = rounded(float(v.min()), span)
+    if start > v.min():  # never before the start: log(1 + t/tau)
+        start = rounded(start - 10.0 ** (np.floor(np.log10(span)) - 5), span)
+    since = v - start
+    shortest = min(2.0 * span / len(v), 0.1 * span)
+    formula = less(name, start)
+
+    def at(tau: float) -> TableTerm:
+        tau = rounded(tau, tau)
+        return TableTerm((text.format(since=formula, tau=tau),), column(since, tau)[:, None])
+
+    return searched(np.geomspace(shortest, longest * span, SETTLINGS), at, log=True)
+
+
+def step(scene: TableScene, name: str) -> Terms:
+    """One from a searched time on, with at least five rows on either side."""
+    v = scene.of(name)
+    positions = np.flatnonzero(np.diff(v) > 0) + 1
+    positions = positions[(positions >= FEWEST_BESIDE_STEP) & (positions <= len(v) - FEWEST_BESIDE_STEP)]
+    if len(positions) > STEPS:
+        positions = positions[np.unique(np.linspace(0, len(positions) - 1, STEPS).round().astype(int))]
+    dates = 0.5 * (v[positions - 1] + v[positions])
+
+    def at(date: float) -> TableTerm:
+        date = rounded(date, float(np.ptp(v)), 6)
+        return TableTerm((f"({name} > {date:.15g})",), np.asarray(v > date, np.float64)[:, None])
+
+    return searched(dates, at)
+
+
+def lag(scene: TableScene, name: str) -> Terms:
+    """The variable through a first-order lag, for time constants from half a reading to a third of the time."""
+    v, time = scene.of(name), scene.time
+    if time is None or len(v) < 20 or np.ptp(v) == 0.0:
+        return ()
+    t = time.values
+    gap = np.diff(t)
+    if not np.any(gap > 0):
+        return ()
+    constants = np.geomspace(0.5 * float(np.median(gap[gap > 0])), float(np.ptp(t)) / 3.0, LAGS)
+
+    def at(tau: float) -> TableTerm:
+        tau = rounded(tau, tau)
+        return TableTerm((f"lag({less(name, middle(v))}, {tau:.15g})",), lagging(v - middle(v), gap, tau)[:, None])
+
+    return searched(constants, at, log=True)
+
+
+def previous(scene: TableScene, name: str) -> Terms:
+    """The setting before less this one, where the order of taking is known."""
+    v = scene.of(name)
+    if scene.time is None:
+        return ()
+    before = np.concatenate([v[:1], v[:-1]])
+    return (TableTerm((f"previous({name}) - {whole(name)}",), (before - v)[:, None]),)
+
+
+def lagging(v: FloatArray, gap: FloatArray, tau: float) -> FloatArray:
+    """(n,) v through a first-order lag, in equilibrium at the start and linear between rows."""
+    out, state = np.empty_like(v), float(v[0])
+    out[0] = state
+    for i, dt in enumerate(gap):
+        r = dt / tau
+        decay = float(np.exp(-r))
+        slope = (1.0 - decay) / r if r > 1e-9 else 1.0
+        state = decay * state + (slope - decay) * v[i] + (1.0 - slope) * v[i + 1]
+        out[i + 1] = state
+    return out

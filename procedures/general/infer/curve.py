@@ -1,0 +1,357 @@
+"""The abscissa of a fitted curve from a new reading of its response, with an interval: inverse prediction.
+
+The interval holds every x whose prediction interval for one new reading covers the reading y_0 (Graybill and Iyer,
+Regression Analysis, 1994, section 6; for a straight line it is Fieller's):
+
+    |y_0 - x(x) b| <= t(x) sqrt(sum of variances + x(x) C x(x)')
+
+Variances are those of one new reading in a whole plot not seen yet, where the fit has whole plots. Degrees of freedom
+are Satterthwaite's of the sum; those of a fit without whole plots are its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from fitter.arrays import FloatArray
+from fitter.errors import FitError
+from fitter.formula import Formula
+from procedures.general.infer.factored import EPS, LEAST_DIGITS, Factored
+
+BEYOND = 0.02
+"""How far outside the calibrated range a value may be, as a part of its width: settings are not exact."""
+
+REACH = 1.0
+"""How far outside the calibrated range the end of an interval is looked for, as a part of its width."""
+
+BAD_READING = "not a finite number"
+_EXACT = 1e-6  # of the curve's range: what counts as its error where the rows scatter less
+_GRID, _SLOPES, _STEPS, _CHUNK, _FLAT = 128, 513, 100, 8192, 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class CurveCalibration:
+    """A fitted formula with what inverting it needs.
+
+    Attributes:
+        response: name of the column that was explained.
+        formula: of c coefficients.
+        coefficients: (k,).
+        covariance: (k, k).
+        variances: (c,) of one reading: its own, and what it shares with its whole plot and replication; () where the
+            rows left nothing to estimate them from.
+        derivatives: (c, k, k) of the covariance by the variances.
+        spread: (c, c) covariance of the variances.
+        ranges: lowest and highest value calibrated of every variable of the formula.
+        factor: the covariance and its derivatives once more, factored so that rounding costs less; None in files that
+            were written without it.
+        notes: what the fit said of its intervals.
+
+    """
+
+    response: str
+    formula: Formula
+    coefficients: FloatArray
+    covariance: FloatArray
+    variances: FloatArray
+    derivatives: FloatArray
+    spread: FloatArray
+    ranges: Mapping[str, tuple[float, float]]
+    factor: Factored | None = None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def variable(self) -> str:
+        """The one variable that the response tells. Raises FitError, saying why there is none."""
+        if self.formula.has_categories or len(self.formula.names) != 1:
+            names = ", ".join(self.formula.names) or "no column"
+            raise FitError(
+                f"its formula has {names}; a curve is inverted where it has one column of numbers, as in '1 + x + x^2'"
+            )
+        if not len(self.variances):
+            raise FitError(
+                "it was fitted to as many rows as it has coefficients, so its error is unknown; fit more rows"
+            )
+        return self.formula.names[0]
+
+    @property
+    def factored(self) -> Factored:
+        """The covariance and its derivatives: factored where the file has them so, else as they are."""
+        return self.factor or Factored.plain(self.covariance, self.derivatives)
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON; `from_dict` reads it back exactly."""
+        return {
+            "kind": "general",
+            "response": self.response,
+            "formula": str(self.formula),
+            "coefficients": self.coefficients.tolist(),
+            "covariance": self.covariance.tolist(),
+            "variances": self.variances.tolist(),
+            "derivatives": self.derivatives.tolist(),
+            "spread": self.spread.tolist(),
+            "ranges": {name: list(pair) for name, pair in self.ranges.items()},
+            "notes": list(self.notes),
+            **({} if self.factor is None else {"covariance_factor": self.factor.to_dict()}),
+        }
+
+    @staticmethod
+    def from_dict(given: Mapping[str, Any]) -> CurveCalibration:
+        """Read back what `to_dict` gave. Raises FitError for anything else."""
+        if given.get("kind") != "general":
+            raise FitError(f"this is not a calibration of a general table, its kind is {given.get('kind')!r}")
+        try:
+            numbers = {name: np.array(given[name], np.float64) for name in _NUMBERS}
+            formula = Formula.parse(given["formula"])
+            ranges = {str(name): (float(low), float(high)) for name, (low, high) in given["ranges"].items()}
+            response = str(given["response"])
+            notes = tuple(str(note) for note in given.get("notes", ()))
+            factor = Factored.from_dict(given["covariance_factor"]) if "covariance_factor" in given else None
+        except (KeyError, TypeError) as problem:
+            raise FitError(f"a calibration of a general table lacks or garbles {problem}") from problem
+        k, c = len(numbers["coefficients"]), len(numbers["variances"])
+        wanted = dict(zip(_NUMBERS, ((k,), (k, k), (c,), (c, k, k), (c, c)), strict=True))
+        for name, values in numbers.items():
+            if (c and values.shape != wanted[name]) or not np.isfinite(values).all():
+                raise FitError(f"a calibration of a general table garbles {name}")
+        if factor is not None and c and not factor.fits(k, c):
+            raise FitError("a calibration of a general table garbles covariance_factor")
+        return CurveCalibration(response, formula, **numbers, ranges=ranges, factor=factor, notes=notes)
+
+
+_NUMBERS = ("coefficients", "covariance", "variances", "derivatives", "spread")
+
+
+@dataclass(frozen=True, eq=False)
+class InferredCurve:
+    """Values of the variable, one for each reading; NaN with a reason in `flag` where there is none to be had.
+
+    Attributes:
+        value: (n,).
+        sd: (n,) standard deviation, to first order.
+        lo95: (n,) 95 % interval; NaN where it has no end.
+        hi95: (n,).
+        flag: (n,) empty where all is well.
+
+    """
+
+    value: FloatArray
+    sd: FloatArray
+    lo95: FloatArray
+    hi95: FloatArray
+    flag: NDArray[Any]
+
+
+def infer_curve(calibration: CurveCalibration, response: FloatArray) -> InferredCurve:
+    """The variable of (n,) new readings of the response.
+
+    Raises:
+        FitError: the formula has no variable, several or categories; the error is unknown; or the curve is not
+            monotonic over the calibrated range.
+
+    """
+    band = _Band.of(calibration)
+    parts = [band.infer(response[i : i + _CHUNK]) for i in range(0, max(len(response), 1), _CHUNK)]
+    names = ("value", "sd", "lo95", "hi95", "flag")
+    return InferredCurve(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
+
+
+@dataclass(frozen=True, eq=False)
+class _Band:
+    """The curve made to rise: `sign` times it, with the half-width of its prediction interval."""
+
+    calibration: CurveCalibration
+    factor: Factored
+    sign: float
+    inner: tuple[float, float]
+    grid: FloatArray
+
+    @staticmethod
+    def of(calibration: CurveCalibration) -> _Band:
+        name = calibration.variable
+        low, high = calibration.ranges[name]
+        if not high > low:
+            raise FitError(f"{name} had one value only when it was calibrated, {low:g}: there is no curve to invert")
+        if few := too_few_digits(calibration, low, high):
+            raise FitError(few)
+        sign = _direction(calibration, low, high)
+        if sign == 0.0:
+            raise FitError(
+                f"{calibration.response} does not rise or fall all the way from {name} = {low:g} to {high:g}: a "
+                f"reading has several values of {name}, and which is meant cannot be told"
+            )
+        room = BEYOND * (high - low)
+        first = low - room if _direction(calibration, low - room, low) == sign else low
+        last = high + room if _direction(calibration, high, high + room) == sign else high
+        return _Band(calibration, calibration.factored, sign, (first, last), _grid(calibration, low, high))
+
+    def infer(self, response: FloatArray) -> InferredCurve:
+        name, n = self.calibration.variable, len(response)
+        low, high = self.calibration.ranges[name]
+        flag = np.full(n, "", dtype=object)
+        flag[~np.isfinite(response)] = BAD_READING
+        ends = self.curve(np.array(self.inner))
+        y = self.sign * response
+        outside = (flag == "") & ~((y >= ends[0]) & (y <= ends[1]))
+        flag[outside] = f"{name} is outside the calibrated {low:g} to {high:g}"
+        usable = flag == ""
+        value, sd, low95, high95 = (np.full(n, np.nan) for _ in range(4))
+        found = InferredCurve(value, sd, low95, high95, flag)
+        if not usable.any():
+            return found
+        y = y[usable]
+        at = _root(np.full(len(y), self.inner[0]), np.full(len(y), self.inner[1]), lambda x: self.curve(x) - y)
+        found.value[usable], found.sd[usable] = at, self.sd(at)
+        found.lo95[usable], found.hi95[usable] = self.lower(at, y), self.upper(at, y)
+        for limits, side in ((found.lo95, "lower"), (found.hi95, "upper")):
+            open_ = usable & np.isnan(limits)
+            words = f"the 95 % interval has no {side} end near the calibrated range"
+            flag[open_] = [f"{each}; {words}" if each else words for each in flag[open_]]
+        return found
+
+    def curve(self, x: FloatArray) -> FloatArray:
+        """(n,) rising curve."""
+        return np.asarray(self.sign * (_columns(self.calibration, x) @ self.calibration.coefficients))
+
+    def edge(self, x: FloatArray, side: float) -> FloatArray:
+        """(n,) upper (`side` 1) or lower (-1) end of the 95 % prediction interval of one new reading."""
+        h = _columns(self.calibration, x)
+        variance, df = self._variance(h)
+        half = special.stdtrit(df, 0.975) * np.sqrt(variance)
+        return np.asarray(self.sign * (h @ self.calibration.coefficients) + side * half)
+
+    def sd(self, x: FloatArray) -> FloatArray:
+        """(n,) standard deviation of x, to first order; NaN where the curve is level."""
+        slope = np.abs(_slope(self.calibration, x))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            sd = np.sqrt(self._variance(_columns(self.calibration, x))[0]) / slope
+        return np.where(np.isfinite(sd), sd, np.nan)
+
+    def _variance(self, h: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(n,) variance of a new reading less the curve at (n, k) rows of the model, and its degrees of freedom."""
+        c = self.calibration
+        variance = self.factor.variance(h) + c.variances.sum()
+        gradient = self.factor.gradient(h) + 1.0
+        plain, uncertain = gradient @ c.variances, np.einsum("nc,cd,nd->n", gradient, c.spread, gradient)
+        if not plain.all():  # the curve goes through every row: no width, whatever its degrees of freedom
+            return variance, np.ones(len(h))
+        return variance, 2.0 * plain**2 / uncertain
+
+    def lower(self, at: FloatArray, y: FloatArray) -> FloatArray:
+        """(n,) nearest x below `at` at which the reading leaves the prediction interval; NaN for none."""
+        past = self.edge(self.grid, 1.0)[None, :] < y[:, None]
+        past &= self.grid[None, :] < at[:, None]
+        last = past.shape[1] - 1 - np.argmax(past[:, ::-1], axis=1)
+        start, stop = self.grid[last], np.minimum(self.grid[np.minimum(last + 1, len(self.grid) - 1)], at)
+        return self._end(np.asarray(past.any(axis=1)), at, start, stop, lambda x: self.edge(x, 1.0) - y)
+
+    def upper(self, at: FloatArray, y: FloatArray) -> FloatArray:
+        """As `lower`, above."""
+        past = self.edge(self.grid, -1.0)[None, :] > y[:, None]
+        past &= self.grid[None, :] > at[:, None]
+        first = np.argmax(past, axis=1)
+        start, stop = np.maximum(self.grid[np.maximum(first - 1, 0)], at), self.grid[first]
+        return self._end(np.asarray(past.any(axis=1)), at, start, stop, lambda x: self.edge(x, -1.0) - y)
+
+    @staticmethod
+    def _end(closed: NDArray[np.bool_], at: FloatArray, start: FloatArray, stop: FloatArray, rise: _Rise) -> FloatArray:
+        found = _root(np.where(closed, start, at), np.where(closed, stop, at), rise)
+        return np.where(closed, found, np.nan)
+
+
+_Rise = Callable[[FloatArray], FloatArray]
+
+
+def _root(low: FloatArray, high: FloatArray, rise: _Rise) -> FloatArray:
+    """(n,) where `rise`, not above 0 at `low` and not below it at `high`, is 0: by the Illinois method.
+
+    Regula falsi in which the value at an end that stays is halved, so that both ends close in.
+    """
+    at_low, at_high = rise(low), rise(high)
+    x, kept = low, np.zeros(len(low))
+    for _ in range(_STEPS):
+        apart = at_high - at_low
+        before, x = x, np.clip(high - at_high * (high - low) / np.where(apart > 0.0, apart, 1.0), low, high)
+        value = rise(x)
+        under = value < 0.0
+        at_high = np.where(under & (kept > 0), 0.5 * at_high, at_high)
+        at_low = np.where(~under & (kept < 0), 0.5 * at_low, at_low)
+        low, at_low = np.where(under, x, low), np.where(under, value, at_low)
+        high, at_high = np.where(under, high, x), np.where(under, at_high, value)
+        kept = np.where(under, 1.0, -1.0)
+        if np.all(np.abs(x - before) <= 4.0 * np.finfo(float).eps * np.maximum(np.abs(low), np.abs(high))):
+            break
+    return np.asarray(x)
+
+
+def _direction(calibration: CurveCalibration, low: float, high: float) -> float:
+    """1 where the curve rises all the way, -1 where it falls, 0 where it does neither or is not defined."""
+    try:
+        x = np.linspace(low, high, _SLOPES)
+        _columns(calibration, x)  # it alone refuses what the formula is not defined for
+        slope = _slope(calibration, x)
+    except FitError:
+        return 0.0
+    steepest = np.abs(slope).max()
+    if steepest == 0.0 or not np.isfinite(steepest):
+        return 0.0
+    for sign in (1.0, -1.0):
+        if (sign * slope >= -_FLAT * steepest).all():
+            return sign
+    return 0.0
+
+
+def too_few_digits(calibration: CurveCalibration, low: float, high: float) -> str:
+    """Why rounding leaves too few digits of the interval or of the curve from `low` to `high`; "" where it does not."""
+    try:
+        h = _columns(calibration, np.linspace(low, high, _SLOPES))
+    except FitError:
+        return ""  # said elsewhere
+    factor = calibration.factored
+    variance = factor.variance(h) + calibration.variances.sum()
+    curve = h @ calibration.coefficients
+    off = EPS * (np.abs(h) @ np.abs(calibration.coefficients))
+    least = np.maximum(np.sqrt(np.maximum(variance, 0.0)), _EXACT * np.ptp(curve))
+    if (factor.rounding(h) <= LEAST_DIGITS * variance).all() and (off <= LEAST_DIGITS * least).all():
+        return ""
+    name, middle = calibration.variable, 0.5 * (low + high)
+    without = " and the file has no covariance_factor" if calibration.factor is None else ""
+    return (
+        f"{name} runs from {low:.9g} to {high:.9g}, and in the terms {calibration.formula}{without} rounding leaves "
+        f"too few digits of its interval; subtract about {middle:.7g} from {name} and fit again"
+        f"{', or fit again as it is' if calibration.factor is None else ''}"
+    )
+
+
+def _grid(calibration: CurveCalibration, low: float, high: float) -> FloatArray:
+    """Places at which the ends of intervals are looked for: as far beyond the range as the formula has values."""
+    first, last, step = low, high, REACH * (high - low)
+    for _ in range(30):
+        first = low - step if first == low and _defined(calibration, low - step) else first
+        last = high + step if last == high and _defined(calibration, high + step) else last
+        step *= 0.5
+    return np.unique(np.concatenate([np.linspace(*pair, _GRID) for pair in ((first, low), (low, high), (high, last))]))
+
+
+def _defined(calibration: CurveCalibration, x: float) -> bool:
+    try:
+        return bool(np.isfinite(_columns(calibration, np.array([x]))).all())
+    except FitError:
+        return False
+
+
+def _columns(calibration: CurveCalibration, x: FloatArray) -> FloatArray:
+    return calibration.formula.columns({calibration.formula.names[0]: x})[1]
+
+
+def _slope(calibration: CurveCalibration, x: FloatArray) -> FloatArray:
+    """(n,) derivative of the response."""
+    name = calibration.formula.names[0]
+    with np.errstate(all="ignore"):  # a logarithm at zero: the caller looks at what came of it
+        return np.asarray(calibration.formula.derivative({name: x}, name) @ calibration.coefficients)

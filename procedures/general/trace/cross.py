@@ -1,0 +1,79 @@
+"""The error on rows that neither search nor fit have seen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from fitter.arrays import IntArray
+from fitter.linear import orthonormal
+from fitter.trace.search import search_and_name
+from procedures.general.effects.scene import TableTerm
+from procedures.general.trace.estimate import estimate
+from procedures.general.trace.family import TableFamily
+from procedures.general.trace.judge import TableJudge
+from procedures.general.trace.noise import Wandering
+from procedures.general.trace.problem import Problem
+from procedures.general.trace.refine import refined
+from procedures.general.trace.rivalry import Rivalry
+from procedures.general.trace.shared import Shared
+
+SMALL, FOLDS, BLOCKS, SEED = 12, 5, 20, 5
+FEWEST_SPARE = 3
+
+
+def left_out(problem: Problem, judge: TableJudge, chosen: tuple[int, ...]) -> tuple[tuple[float, float], str] | None:
+    """Rms error before and after on rows left out of search and fit, and what was left out together.
+
+    Args:
+        problem: the table as it was before searched constants were refined.
+        judge: that ended the search; its noise, weights and simulated families are used again.
+        chosen: what it found.
+
+    Returns:
+        None where too few rows would be left.
+
+    """
+    at = judge.beside(chosen).best
+    fold, words = _folds(problem, at)
+    held = replace(problem, sd=judge.problem.sd, noise=problem.noise.only(at))
+    slow = judge.problem.noise.slow
+    rival: Rivalry = "fast" if np.any(slow) and not slow[at] else "any"
+    families: dict[tuple[int, Rivalry], TableFamily] = {(0, "any"): judge.family(at, rival)}
+    errors = np.zeros((2, problem.n))
+    for one in range(int(fold.max()) + 1):
+        kept, out = np.flatnonzero(fold != one), np.flatnonzero(fold == one)
+        if len(kept) - orthonormal(problem.declared[kept]).shape[1] < FEWEST_SPARE:
+            return None
+        own = TableJudge(held.rows(kept), families)
+        _, found = search_and_name(own, lead=own.lead)
+        fitted = TableJudge(refined(own, found), families)
+        moved = problem.with_terms({j: _whole(problem, fitted, j) for j in found})
+        for i, terms in enumerate(((), found)):
+            errors[i, out] = problem.y[out] - moved.model(terms)[out] @ estimate(fitted, terms).coefficients
+    before, after = np.sqrt(np.mean(errors**2, axis=1)).tolist()
+    return (before, after), words
+
+
+def _whole(problem: Problem, fitted: TableJudge, j: int) -> TableTerm:
+    """A term on all rows, its constant as a part of them gave it."""
+    own, part = problem.candidates[j].term, fitted.candidates[j].term.profile
+    return own if own.profile is None or part is None else own.profile.at(part.value)
+
+
+def _folds(problem: Problem, at: int) -> tuple[IntArray, str]:
+    """(n,) which rows are left out together, and in words."""
+    n, rng = problem.n, np.random.default_rng(SEED)
+    if isinstance(problem.noise, Shared):
+        group = problem.noise.group
+        count = int(group.max()) + 1
+        dealt = rng.permutation(np.arange(count) % min(count, 2 * FOLDS))
+        return dealt[group].astype(np.int64), "whole plots or replications"
+    if n <= SMALL:
+        return np.arange(n), "single rows"
+    folds = FOLDS if n > 60 else 2 * FOLDS
+    if isinstance(problem.noise, Wandering) and at > 0:
+        block = np.arange(n) * BLOCKS // n
+        return (block % FOLDS).astype(np.int64), "stretches of time"
+    return rng.permutation(np.arange(n) % folds).astype(np.int64), "random rows"

@@ -1,0 +1,94 @@
+"""Coefficients of a table's model, declared columns and effects together, with the noise that was found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.linear import LinearFit, RankError, least_squares, orthonormal
+from procedures.general.trace.judge import TableJudge
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """A fitted model.
+
+    Attributes:
+        chosen: candidates in it.
+        at: covariance of the noise it was fitted with.
+        coefficients: (k + d,) of the declared columns, then of the effects' columns.
+        stderr: (k + d,) theirs; NaN where the rows do not determine them.
+        fitted: (n,) response it gives.
+        left: (n,) residuals of ordinary least squares of the same columns, whose standard error is `sigma_E`.
+        sigma_E: standard error of one row, units of the response, each row counted alike.
+        df: degrees of freedom of that.
+
+    """
+
+    chosen: tuple[int, ...]
+    at: int
+    coefficients: FloatArray
+    stderr: FloatArray
+    fitted: FloatArray
+    left: FloatArray
+    sigma_E: float
+    df: int
+
+
+def estimate(judge: TableJudge, chosen: tuple[int, ...], tails: FloatArray | None = None) -> Estimate:
+    """Fit the declared columns and those of the `chosen` candidates to all rows.
+
+    Coefficients are generalised least squares with the noise found, readings that stand alone brought back to where
+    they count as three standard deviations; the standard error of a row is that of ordinary least squares, so that
+    before and after compare, and compare with anybody's.
+
+    Args:
+        judge: of the table.
+        chosen: candidates in the model.
+        tails: (n, k) what the doubles leave out of the true declared columns.
+
+    """
+    problem, at = judge.problem, judge.beside(chosen).best
+    model = problem.model(chosen)
+    plain = at == 0 and np.ptp(problem.sd) == 0.0
+    if plain:
+        fit = _solved(model, judge.held(chosen), tails)
+    else:
+        white = problem.noise.whiten(np.array([at]), model / problem.sd[:, None])[0]
+        fit = _solved(white, judge.white(at, chosen), None)
+    coefficients, stderr = fit if fit is not None else _smallest(model, problem.y)
+    left, df = _plain(judge, chosen)
+    sigma = float(np.sqrt(left @ left / df)) if df > 0 else float("nan")
+    return Estimate(chosen, at, coefficients, stderr, model @ coefficients, left, sigma, df)
+
+
+def error_of(judge: TableJudge, chosen: tuple[int, ...]) -> float:
+    """Standard error of one row beside the `chosen` candidates, as in `Estimate`."""
+    left, df = _plain(judge, chosen)
+    return float(np.sqrt(left @ left / df)) if df > 0 else float("nan")
+
+
+def _plain(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[FloatArray, int]:
+    """(n,) residuals of ordinary least squares, and their degrees of freedom."""
+    basis = orthonormal(judge.problem.model(chosen))
+    return judge.problem.y - basis @ (basis.T @ judge.problem.y), judge.problem.n - basis.shape[1]
+
+
+def _solved(model: FloatArray, y: FloatArray, tails: FloatArray | None) -> tuple[FloatArray, FloatArray] | None:
+    k = model.shape[1]
+    wide = None if tails is None else np.hstack([tails, np.zeros((len(y), k - tails.shape[1]))])
+    try:
+        fit: LinearFit = least_squares(model, y, [str(i) for i in range(k)], tails=wide)
+    except RankError:
+        return None
+    return fit.coefficients, fit.stderr
+
+
+def _smallest(model: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The shortest of all solutions, where columns cannot be told apart."""
+    length = np.linalg.norm(model, axis=0)
+    length[length == 0] = 1.0
+    coefficients = np.linalg.lstsq(model / length, y, rcond=1e-10)[0] / length
+    return coefficients, np.full(len(coefficients), np.nan)

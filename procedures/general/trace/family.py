@@ -1,0 +1,239 @@
+"""What the best of all candidates scores when there is nothing to find.
+
+The family is every effect with every value of a constant that is searched. Tables of normal errors are drawn with the
+noise that was fitted without any effect, and scored as the table itself is, the noise fitted again beside every
+candidate: a parametric bootstrap of the likelihood ratio (Davison and Hinkley, Bootstrap Methods, 1997, ch. 4). What
+the best term of each effect scores is calibrated on these draws by itself, so that neither many values of a constant
+nor effects that noise imitates hide the others; then the smallest of all p is (Westfall and Young, Resampling-Based
+Multiple Testing, 1993). Run at `fitter.trace.chance.ALPHA`, so that 5 % hold over steps.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from fitter.arrays import FloatArray, IntArray
+from fitter.linear import orthonormal
+from procedures.general.trace.noise import BoolArray
+from procedures.general.trace.problem import SPARED, Problem
+from procedures.general.trace.score import FEWEST_FOR_SCATTER, Blocks, View
+
+Single = NDArray[np.float32]
+
+WORK = 1.2e9
+"""Multiplications a simulation may take."""
+FEWEST, MOST = 400, 2000
+TRIED = 60
+"""Draws by which covariances are told that never come near the best."""
+BEHIND = 12.0
+"""Of twice the log-likelihood: a covariance that is further behind in all of `TRIED` draws is left out."""
+TAIL = 40
+"""Draws beyond which the tail of what an effect scores is continued as an exponential."""
+KEPT_BYTES = 50_000_000
+_TINY = np.finfo(np.float32).tiny
+_LEAST = 1e-290
+_MOST = 80.0
+
+
+@dataclass(frozen=True, eq=False)
+class Tail:
+    """Distribution of the best score of one effect, -log p, where there is nothing to find.
+
+    Attributes:
+        scores: of the draws, ascending.
+        weight: that its p is multiplied by before effects are compared.
+
+    """
+
+    scores: FloatArray
+    weight: float
+
+    @cached_property
+    def _beyond(self) -> tuple[int, float, float]:
+        """How many draws, from which score on, and by how much these exceed it on average."""
+        count = min(TAIL, len(self.scores) // 5)
+        start = float(self.scores[-count - 1])
+        return count, start, max(float(np.mean(self.scores[-count:])) - start, 1e-6)
+
+    def p(self, score: FloatArray) -> FloatArray:
+        """Probability of as high a score by chance, times the weight."""
+        size = len(self.scores)
+        count, start, mean = self._beyond
+        above = (1.0 + size - np.searchsorted(self.scores, score, side="left")) / (1.0 + size)
+        beyond = count / size * np.exp(-np.maximum(score - start, 0.0) / mean)
+        return self.weight * np.asarray(np.where(score > start, beyond, above))
+
+
+@dataclass(frozen=True, eq=False)
+class TableFamily:
+    """What is scored by chance.
+
+    Attributes:
+        tails: by effect; those that cannot be judged are missing.
+        smallest_p: of all effects in every draw, ascending.
+
+    """
+
+    tails: dict[str, Tail]
+    smallest_p: FloatArray
+
+    @property
+    def least(self) -> float:
+        """What `adjust` gives for p smaller than all simulated: a bound, the value is at most that."""
+        return self._rank(0.0)
+
+    def adjust(self, effect: str, score: float) -> float:
+        """Probability that the best of the family looks at least as good by chance as an effect of this score does."""
+        if effect not in self.tails:
+            return 1.0
+        return self._rank(float(self.tails[effect].p(np.array(score))))
+
+    def _rank(self, p: float) -> float:
+        rank = int(np.searchsorted(self.smallest_p, p, side="right"))
+        return min((1.0 + rank) / (1.0 + self.smallest_p.size), 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Bases:
+    """Orthonormal bases of a problem's columns under each covariance, made once while they fit into `KEPT_BYTES`.
+
+    Attributes:
+        problem: the table.
+
+    """
+
+    problem: Problem
+    _kept: dict[int, tuple[FloatArray, Blocks]] = field(default_factory=dict)
+
+    def of(self, at: int) -> tuple[FloatArray, Blocks]:
+        """(n, k) of the declared columns under covariance `at`; each candidate's beside them, in single precision."""
+        if at in self._kept:
+            return self._kept[at]
+        view = View.of(self.problem, at)
+        found = view.blocks(())
+        own = view.basis, Blocks(found.units.astype(np.float32), found.start)
+        if (len(self._kept) + 1) * own[1].units.nbytes <= KEPT_BYTES:
+            self._kept[at] = own
+        return own
+
+
+def evidence(ratio: FloatArray, rank: int, df: int) -> FloatArray:
+    """Score of an F of `rank` and `df` degrees of freedom: -log p; below zero where it is behind what it is held to."""
+    p = special.fdtrc(rank, df, np.maximum(ratio, 0.0))
+    return np.asarray(np.minimum(ratio, 0.0) - np.log(np.maximum(p, _LEAST)))
+
+
+def family_of(
+    problem: Problem,
+    at: int,
+    weight: FloatArray,
+    seed: int,
+    *,
+    without: BoolArray,
+    beside: BoolArray,
+    scatter: bool = True,
+    bases: Bases | None = None,
+) -> TableFamily:
+    """Simulate what candidates score beside the declared columns in tables with nothing but noise of covariance `at`.
+
+    Args:
+        problem: the table.
+        at: covariance of the noise.
+        weight: (J,) that the p of each candidate's effect is multiplied by before effects are compared.
+        seed: of the draws.
+        without: (G,) covariances that are fitted without a candidate.
+        beside: (G,) those that are fitted beside one.
+        scatter: whether scores are over what single rows contribute.
+        bases: of the same problem, where more than one family of it is simulated.
+
+    """
+    bases = bases or Bases(problem)
+    basis, found = bases.of(at)
+    n, df = problem.n, problem.n - basis.shape[1]
+    judged = np.flatnonzero((found.rank > 0) & (df - found.rank >= SPARED))
+    if not len(judged):
+        return TableFamily({}, np.ones(1))
+    rng = np.random.default_rng(seed)
+    near = [_near(problem, at, possible, rng) for possible in (without, beside)]
+    draws = int(np.clip(WORK / max(found.units.size * len(near[1]), 1), FEWEST, MOST))
+    errors = rng.standard_normal((n, draws))
+    ratio = _ratios(bases, near[0], near[1], problem.noise.colour(at, errors), found.rank, df)
+    if scatter and n >= FEWEST_FOR_SCATTER:
+        ratio /= _scatter(found, _off(basis, errors).astype(np.float32), df)
+    tails = {}
+    smallest = np.ones(draws)
+    for name in dict.fromkeys(problem.candidates[j].effect.name for j in judged):
+        mine = [j for j in judged if problem.candidates[j].effect.name == name]
+        score = np.full(draws, -np.inf)
+        for rank in set(found.rank[mine].tolist()):
+            best = ratio[[j for j in mine if found.rank[j] == rank]].max(axis=0).astype(np.float64)
+            score = np.maximum(score, evidence(best, rank, df - rank))
+        tails[name] = Tail(np.sort(score), float(weight[mine[0]]))
+        smallest = np.minimum(smallest, tails[name].p(score))
+    return TableFamily(tails, np.sort(smallest))
+
+
+def _near(problem: Problem, at: int, possible: BoolArray, rng: np.random.Generator) -> IntArray:
+    """Covariances, of those possible, that are ever near the best of these in tables drawn with covariance `at`."""
+    every = np.flatnonzero(possible)
+    if len(every) == 1:
+        return every
+    drawn = problem.noise.colour(at, rng.standard_normal((problem.n, TRIED)))
+    deviance = np.array([_deviance(problem, g, drawn) for g in every.tolist()])
+    behind = np.min(deviance - deviance.min(axis=0), axis=1)
+    return np.asarray(every[(behind < BEHIND) | (every == at)])
+
+
+def _deviance(problem: Problem, g: int, drawn: FloatArray) -> FloatArray:
+    """(m,) minus twice the log-likelihood of responses (n, m) under covariance `g`, declared columns fitted."""
+    which, k = np.array([g]), problem.declared.shape[1]
+    white = problem.noise.whiten(which, np.hstack([problem.declared / problem.sd[:, None], drawn]))[0]
+    left = _off(orthonormal(white[:, :k]), white[:, k:])
+    return np.asarray(problem.n * np.log(np.sum(left**2, axis=0)) + problem.noise.log_det[g])
+
+
+def _ratios(bases: Bases, without: IntArray, beside: IntArray, drawn: FloatArray, rank: IntArray, df: int) -> Single:
+    """(J, m) F that the likelihood ratio of every candidate amounts to, as `likelihood.ratio` has it."""
+    problem = bases.problem
+    n, log_det = problem.n, problem.noise.log_det
+    zero = log_det[beside[0]]
+    alone = np.full(drawn.shape[1], np.inf)
+    joined = np.full((len(rank), drawn.shape[1]), np.inf, np.float32)
+    for g in np.union1d(without, beside).tolist():
+        basis, found = bases.of(g)
+        left = _off(basis, problem.noise.whiten(np.array([g]), drawn)[0])
+        total = np.sum(left**2, axis=0)
+        deviance = n * np.log(total) + log_det[g] - zero
+        if g in without:
+            alone = np.minimum(alone, deviance)
+        if g not in beside:
+            continue
+        gains = found.gains((left / np.sqrt(total)).astype(np.float32))
+        np.log1p(-np.minimum(gains, np.float32(1.0 - 1e-6)), out=gains)
+        gains *= n
+        gains += deviance.astype(np.float32)
+        np.minimum(joined, gains, out=joined)
+    gained = (alone.astype(np.float32) - joined) / n
+    ranks = np.maximum(rank, 1)[:, None].astype(np.float32)
+    gained = np.where(gained > 0.0, np.expm1(np.minimum(gained, _MOST)), gained)
+    return np.asarray(gained * (np.maximum(df - ranks, 1.0) / ranks), np.float32)
+
+
+def _scatter(found: Blocks, noise: Single, df: int) -> Single:
+    """(J, m) what single rows contribute to the variance of a candidate's sums, as `score` has it; not below one."""
+    rank = np.maximum(found.rank, 1)[:, None].astype(np.float32)
+    variance = np.maximum(np.sum(noise**2, axis=0) - found.gains(noise), _TINY) / np.maximum(df - rank, 1)
+    dots, squares = found.units.T @ noise, found.squares
+    own = squares.T @ noise**2
+    own -= 2.0 * dots * ((squares * found.units).T @ noise)
+    own += dots**2 * np.sum(squares**2, axis=0)[:, None]
+    return np.asarray(np.maximum(found.sums(own) / rank / variance, 1.0))
+
+
+def _off(basis: FloatArray, columns: FloatArray) -> FloatArray:
+    return np.asarray(columns - basis @ (basis.T @ columns))

@@ -1,0 +1,161 @@
+"""Findings about the noise: rows that follow one another, rows whose scatter differs, rows that stand alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy import special
+
+from fitter.arrays import FloatArray
+from fitter.effects.noise import AUTOCORRELATION, NOISE_GROWS, OUTLIERS
+from fitter.trace.chance import ALPHA
+from fitter.trace.growing_noise import Growth
+from procedures.general.trace.intervals import in_words, moved, understated
+from procedures.general.trace.judge import TableJudge
+from procedures.general.trace.noise import Wandering
+from procedures.general.trace.result import FoundTableEffect
+from procedures.general.trace.robust import scale
+from procedures.general.trace.run import TableData
+
+SHOWN = 8
+"""Rows that are named where several stand alone."""
+CLEAR = 0.01
+
+
+def noise_findings(
+    judge: TableJudge, chosen: tuple[int, ...], growth: Growth | None, data: TableData
+) -> tuple[FoundTableEffect, ...]:
+    """What is to be said of the noise beside the `chosen` effects, and what it does to the intervals.
+
+    Args:
+        judge: that ended the search.
+        chosen: candidates in the model.
+        growth: of the noise, as it was used for weights.
+        data: the table.
+
+    """
+    every = (
+        _wander(judge, chosen, data),
+        _growing(judge, chosen, growth, data),
+        _alone(judge, chosen, data),
+    )
+    return tuple(finding for finding in every if finding is not None)
+
+
+def _wander(judge: TableJudge, chosen: tuple[int, ...], data: TableData) -> FoundTableEffect | None:
+    noise, beside = judge.problem.noise, judge.beside(chosen)
+    if not isinstance(noise, Wandering) or beside.best == 0:
+        return None
+    p = float(special.chdtrc(2, 2.0 * max(float(beside.reml.max() - beside.reml[0]), 0.0)))
+    if p > CLEAR:
+        return None
+    correlation = float(noise.correlation[beside.best])
+    walk = correlation == 1.0
+    size = "a random walk" if walk else f"neighbours correlate by {correlation:.2f}"
+    factor = understated(judge, chosen, at=beside.best, weighted=False)
+    cause = f"errors of neighbouring rows of {data.response} are alike: something wanders slowly that was not recorded"
+    if data.order_unknown:
+        cause += ", or the response is not smooth enough over the setting the rows are sorted by"
+    return _finding(
+        judge,
+        data,
+        AUTOCORRELATION,
+        cause,
+        {"correlation of neighbours": correlation},
+        "1",
+        size,
+        p,
+        "record what may wander (temperature, humidity, supply), or take rows in random order with longer pauses",
+        factor,
+    )
+
+
+def _growing(
+    judge: TableJudge, chosen: tuple[int, ...], growth: Growth | None, data: TableData
+) -> FoundTableEffect | None:
+    if growth is None:
+        return None
+    low, high = growth.noise.sd(np.array([0.0, 1.0])).tolist()
+    where = f"fitted {data.response}" if growth.driver == "fitted" else growth.driver
+    return _finding(
+        judge,
+        data,
+        NOISE_GROWS,
+        f"the scatter of {data.response} changes with {where}",
+        {f"sd at {growth.span[0]:.4g}": low, f"sd at {growth.span[1]:.4g}": high},
+        data.response,
+        f"sd {low:.3g} at {where} {growth.span[0]:.4g}, {high:.3g} at {growth.span[1]:.4g}",
+        growth.p,
+        f"repeat readings at both ends of {where}",
+        understated(judge, chosen, at=0, weighted=True),
+    )
+
+
+def _alone(judge: TableJudge, chosen: tuple[int, ...], data: TableData) -> FoundTableEffect | None:
+    problem, rows = judge.problem, data.rows
+    off = problem.y - judge.held(chosen)
+    alone = np.flatnonzero(off)
+    if not alone.size:
+        return None
+    view = judge.view(0)
+    taken = view.taken(chosen)
+    left = view.y - taken @ (taken.T @ view.y)
+    alone = alone[np.argsort(-np.abs(left[alone]))]
+    z = np.abs(left[alone]) / scale(left, problem.step)
+    p = float(min(2.0 * special.ndtr(-z.max()) * problem.n, 1.0))
+    if p > ALPHA:
+        return None
+    shown = alone[:SHOWN]
+    more = f" and {len(alone) - SHOWN} more" if len(alone) > SHOWN else ""
+    listed = ", ".join(str(rows[i]) for i in shown)
+    size = f"rows {listed}{more} of the file; they stay in the table and count as three sd"
+    moves = moved(judge, chosen)
+    if moves is not None:
+        worst = int(np.argmax(np.abs(moves[0])))
+        size += (
+            f"; least squares that counts them in full is moved by up to {abs(moves[0][worst]):.1f} standard errors "
+            f"({data.names[worst]}), and its intervals are {moves[1]:.2f} times as wide"
+        )
+    return _finding(
+        judge,
+        data,
+        OUTLIERS,
+        f"{len(alone)} of {problem.n} rows stand alone, by {z.min():.1f} to {z.max():.1f} sd",
+        {f"row {rows[i]}": float(left[i] * problem.sd[i]) for i in shown},
+        data.response,
+        size,
+        p,
+        "look in the log at these rows, and measure them again",
+        None,
+    )
+
+
+def _finding(
+    judge: TableJudge,
+    data: TableData,
+    name: str,
+    cause: str,
+    terms: Mapping[str, float],
+    unit: str,
+    size: str,
+    p: float,
+    separate_by: str,
+    factor: FloatArray | None,
+) -> FoundTableEffect:
+    words = in_words(data.names, factor)
+    return FoundTableEffect.of_noise(
+        effect=name,
+        cause=cause,
+        terms=tuple(terms),
+        coefficients=tuple(terms.values()),
+        unit=unit,
+        size=f"{size}; {words}" if words else size,
+        p_adjusted=p,
+        separate_by=separate_by,
+        against="",
+        family="noise",
+        columns=(),
+        contribution=np.zeros(judge.problem.n),
+        intervals={} if factor is None else dict(zip(data.names, factor.tolist(), strict=True)),
+    )

@@ -1,0 +1,88 @@
+"""What noise that was found does to the intervals of the declared model's coefficients."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.linear import orthonormal
+from procedures.general.trace.judge import TableJudge
+
+UNDETERMINED = 1e-10
+NOTABLE = 0.05
+"""Of a standard error: smaller changes are not told."""
+_TINY = np.finfo(float).tiny
+
+
+def understated(judge: TableJudge, chosen: tuple[int, ...], *, at: int, weighted: bool) -> FloatArray | None:
+    """(k,) true standard errors of least-squares coefficients over those that least squares states.
+
+    Least squares that counts all rows alike and as independent, of the declared model and the effects: its estimates
+    have the covariance A X'VX A, A = (X'X)^-1, and it states s^2 A with E s^2 = tr(MV)/(n - k).
+
+    Args:
+        judge: of the table.
+        chosen: effects in the model.
+        at: covariance of the errors that rows share.
+        weighted: whether each row has its own standard deviation besides.
+
+    Returns:
+        Of the declared columns; None where rows do not determine them.
+
+    """
+    problem = judge.problem
+    model = problem.model(chosen)
+    length = np.linalg.norm(model, axis=0)
+    if not length.all():
+        return None
+    scaled = model / length
+    values, vectors = np.linalg.eigh(scaled.T @ scaled)
+    if values[0] < UNDETERMINED * values[-1]:
+        return None
+    inverse = (vectors / values) @ vectors.T
+    sd = (problem.sd if weighted else np.ones(problem.n))[:, None]
+    sums = problem.noise.root(at, sd * (scaled @ inverse))
+    basis = orthonormal(model)
+    total = float(np.sum(problem.noise.variances(at) * sd[:, 0] ** 2))
+    taken = float(np.sum(problem.noise.root(at, sd * basis) ** 2))
+    stated = max(total - taken, _TINY) / (problem.n - basis.shape[1]) * np.diag(inverse)
+    k = problem.declared.shape[1]
+    return np.asarray(np.sqrt(np.sum(sums**2, axis=0) / stated)[:k])
+
+
+def moved(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[FloatArray, float] | None:
+    """What readings that stand alone do to least squares that counts them like others.
+
+    Returns:
+        (k,) by how many standard errors they move the declared coefficients, and by what factor they widen intervals;
+        None where rows do not determine the coefficients.
+
+    """
+    problem = judge.problem
+    model = problem.model(chosen)
+    length = np.linalg.norm(model, axis=0)
+    if not length.all() or problem.n <= model.shape[1]:
+        return None
+    scaled = model / length
+    solved, _, rank, _ = np.linalg.lstsq(scaled, np.column_stack([problem.y, judge.held(chosen)]), rcond=UNDETERMINED)
+    if rank < model.shape[1]:
+        return None
+    left = np.column_stack([problem.y, judge.held(chosen)]) - scaled @ solved
+    s = np.sqrt(np.sum(left**2, axis=0) / (problem.n - rank))
+    errors = s[1] * np.sqrt(np.diag(np.linalg.inv(scaled.T @ scaled)))
+    shift = (solved[:, 0] - solved[:, 1]) / np.maximum(errors, _TINY)
+    return shift[: problem.declared.shape[1]], float(s[0] / max(s[1], _TINY))
+
+
+def in_words(names: Sequence[str], factor: FloatArray | None) -> str:
+    """What `understated` says, as part of a sentence; "" if it says nothing."""
+    if factor is None or not len(factor):
+        return ""
+    far = np.flatnonzero(np.abs(factor - 1.0) > NOTABLE)
+    if not len(far):
+        return "least squares of independent rows of one scatter states standard errors right to 5 %"
+    few = [i for i in far.tolist() if names[i] != "1"][:3] if len(far) > 3 else far.tolist()
+    listed = ", ".join(f"{names[i] if names[i] != '1' else 'the intercept'} {factor[i]:.2g} times" for i in few)
+    return f"standard errors truly are what least squares of independent rows states, times: {listed}"

@@ -1,0 +1,291 @@
+"""What stands out of a table: candidates judged beside one another, each with the noise that is left beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.trace.aliases import PER_COLUMN, Rival
+from fitter.trace.chance import ALPHA
+from procedures.general.trace.family import Bases, TableFamily, evidence, family_of
+from procedures.general.trace.likelihood import Beside, Grid, ratio
+from procedures.general.trace.problem import Candidate, Problem
+from procedures.general.trace.rivalry import Rivalry, Trial, possible_of
+from procedures.general.trace.rivals import rivals
+from procedures.general.trace.robust import excess
+from procedures.general.trace.score import View, score
+
+SHORTLIST = 8
+"""Effects that are looked at more closely at each step, by what they remove."""
+
+CLOSE = 3.0 * ALPHA
+"""Up to this p the slowest plausible noise is asked too."""
+DOUBTFUL = 5.0
+"""Weight of p of a drift over an order that is not declared; others count as one (weighted family-wise error:
+Genovese, Roeder and Wasserman, Biometrika 93 (2006) 509)."""
+PAIRED = 3
+"""Effects in time beside which another is tried where none stands out by itself. Each of two has to stand out beside
+the other, one of them by so many times more, since so many are tried."""
+ALIKE = 4.0
+"""Difference of twice the log-likelihood up to which the order of the catalogue decides."""
+MOST_TERMS = 3
+"""Of one effect with a constant that is searched: more knots or waves are not a description."""
+
+Key = tuple[int, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class TableJudge:
+    """A `procedures.attitude.trace.search.Judge` of tables.
+
+    Attributes:
+        problem: the table.
+        families: simulated so far, by covariance and rival; parts of the table share them.
+
+    """
+
+    problem: Problem
+    families: dict[tuple[int, Rivalry], TableFamily] = field(default_factory=dict)
+    _views: dict[int, View] = field(default_factory=dict)
+    _held: dict[Key, FloatArray] = field(default_factory=dict)
+    _grids: dict[Key, Grid] = field(default_factory=dict)
+    _besides: dict[Key, Beside] = field(default_factory=dict)
+    _trials: dict[tuple[Key, int], Trial] = field(default_factory=dict)
+
+    @property
+    def candidates(self) -> tuple[Candidate, ...]:
+        """All there are, cheapest first."""
+        return self.problem.candidates
+
+    def unit(self, j: int) -> tuple[int, ...]:
+        """Every candidate by itself."""
+        return (j,)
+
+    def refined(self, chosen: tuple[int, ...]) -> TableJudge:
+        """Itself: searched constants are placed more closely once the search is through."""
+        return self
+
+    def best(self, chosen: tuple[int, ...]) -> tuple[int, ...]:
+        """The candidate with most evidence beside those `chosen`, of those that stand out."""
+        ranked = [j for j in self._ranked(chosen) if not self._crowded(chosen, j)]
+        single = next(((j,) for j in ranked if self._adjusted(chosen, j) <= ALPHA), ())
+        return single or self._pair(chosen, ranked)
+
+    def _pair(self, chosen: tuple[int, ...], ranked: Sequence[int]) -> tuple[int, ...]:
+        """Two effects in time that stand out beside each other only, of which either alone passes for a wander."""
+        if not self.problem.noise.slow[self.beside(chosen).best]:
+            return ()
+        for j in [j for j in ranked if self.candidates[j].effect.source == "time"][:PAIRED]:
+            for k in self._ranked((*chosen, j)):
+                other = self.candidates[k].effect
+                if other.source != "time" or other.name == self.candidates[j].effect.name:
+                    continue
+                p = self._adjusted((*chosen, j), k)
+                both = (p, self._adjusted((*chosen, k), j)) if p <= ALPHA else (p,)
+                if max(both) <= ALPHA and min(both) <= ALPHA / PAIRED:
+                    return (j, k)
+        return ()
+
+    def _crowded(self, chosen: tuple[int, ...], j: int) -> bool:
+        """Whether an effect has as many terms as can be believed, or one next to `j` on the grid of its constant."""
+        own, profile = self.candidates[j], self.candidates[j].term.profile
+        same = [self.candidates[k] for k in chosen if self.candidates[k].effect.name == own.effect.name]
+        if profile is None or not same:
+            return False
+        near = any(k.term.profile and profile.low <= k.term.profile.value <= profile.high for k in same)
+        return near or len(same) >= MOST_TERMS
+
+    def p_adjusted(self, chosen: tuple[int, ...], j: int) -> float:
+        """Probability that the best of the family looks as good as `j` beside the other `chosen` by chance."""
+        return self._adjusted(tuple(k for k in chosen if k != j), j)
+
+    def suspects(self, chosen: tuple[int, ...]) -> tuple[tuple[str, float], ...]:
+        """Effects that come nearest to standing out beside those `chosen`, with their p, nearest first."""
+        tried = [(self.candidates[j].effect.name, self._adjusted(chosen, j)) for j in self._ranked(chosen)]
+        best: dict[str, float] = {}
+        for name, p in tried:
+            best[name] = min(p, best.get(name, 1.0))
+        return tuple(sorted(best.items(), key=lambda item: item[1]))
+
+    def beats_wander(self, chosen: tuple[int, ...], effect: str) -> float | None:
+        """Twice the log-likelihood by which an effect found is ahead of a slow wander in its place, columns paid for.
+
+        None where no slow wander is possible.
+        """
+        slow = self.problem.noise.slow
+        if not np.any(slow) or np.all(slow):
+            return None
+        mine = [j for j in chosen if self.candidates[j].effect.name == effect]
+        rest = tuple(j for j in chosen if j not in mine)
+        price = float(np.log(self.problem.n)) * sum(self.candidates[j].term.price for j in mine)
+        return float(2.0 * (self.beside(chosen).ml.max() - self.beside(rest).ml[slow].max()) - price)
+
+    def is_bound(self, p: float) -> bool:
+        """Whether none of the simulated tables had the like."""
+        return any(p == family.least for family in self.families.values())
+
+    def rivals(self, chosen: tuple[int, ...], effect: str) -> tuple[Rival, ...]:
+        """All explanations of what the terms of `effect` among `chosen` explain, best first."""
+        at = self.beside(chosen).best
+        return rivals(self.candidates, self.view(at), self.white(at, chosen), chosen, effect)
+
+    def lead(self, found: Sequence[Rival]) -> Rival:
+        """Of the explanations the data cannot tell apart the most probable, columns paid for by Schwarz' criterion.
+
+        Of those about as probable the first in the catalogue.
+        """
+        extra = np.log(self.problem.n) - PER_COLUMN
+        cost = {r: r.sigmas**2 + extra * sum(self.candidates[j].term.price for j in r.terms) for r in found if r.alias}
+        least = min(cost.values())
+        return min((r for r in cost if cost[r] - least < ALIKE), key=lambda r: min(r.terms))
+
+    def beside(self, chosen: tuple[int, ...]) -> Beside:
+        """How much noise rows share beside the declared columns and those `chosen`."""
+        key = tuple(sorted(chosen))
+        if key not in self._besides:
+            if key not in self._grids:
+                self._grids[key] = self._grid(key, self.held(key))
+            self._besides[key] = self._grids[key].beside()
+        return self._besides[key]
+
+    @cached_property
+    def _bases(self) -> Bases:
+        return Bases(self.problem)
+
+    def view(self, at: int) -> View:
+        """The problem whitened by covariance `at`."""
+        if at not in self._views:
+            self._views[at] = View.of(self.problem, at)
+        return self._views[at]
+
+    def held(self, chosen: tuple[int, ...]) -> FloatArray:
+        """(n,) the response, readings that stand alone beside those `chosen` brought back."""
+        key = tuple(sorted(chosen))
+        if key not in self._held:
+            self._held[key] = self.problem.y - self._alone(key)
+        return self._held[key]
+
+    def _alone(self, chosen: tuple[int, ...]) -> FloatArray:
+        """(n,) by how much readings stand alone beside those `chosen`."""
+        view = self.view(0)
+        taken = view.taken(chosen)
+        return (
+            excess(view.y - taken @ (taken.T @ view.y), ordered=self.problem.ordered, step=self.problem.step)
+            * self.problem.sd
+        )
+
+    def white(self, at: int, chosen: tuple[int, ...]) -> FloatArray:
+        """(n,) `held`, whitened by covariance `at`."""
+        return self._white(at, self.held(chosen))
+
+    def _white(self, at: int, y: FloatArray) -> FloatArray:
+        return np.asarray(self.problem.noise.whiten(np.array([at]), (y / self.problem.sd)[:, None])[0, :, 0])
+
+    def family(self, at: int, rival: Rivalry = "any") -> TableFamily:
+        """What the best of all scores by chance under covariance `at`, held against a `rival`."""
+        if (at, rival) not in self.families:
+            without, beside = possible_of(self.problem, rival)
+            self.families[at, rival] = family_of(
+                self.problem,
+                at,
+                self._weight,
+                seed=1 + at,
+                without=without,
+                beside=beside,
+                scatter=rival != "slow",
+                bases=self._bases,
+            )
+        return self.families[at, rival]
+
+    def _adjusted(self, chosen: tuple[int, ...], j: int) -> float:
+        """Family-wise p of `j` beside those `chosen`.
+
+        It has to stand out from the noise that fits best without it, whatever that is. Or it has to be ahead of every
+        slow wander, with noise that forgets soon beside it, and to stand out both from noise that forgets soon and
+        from those slow wanders that are noise (a test of hypotheses of which neither contains the other: Cox, Proc.
+        4th Berkeley Symp. 1 (1961) 105, its distribution simulated).
+        """
+        trial = self._trial(chosen, j)
+        if trial.ahead > np.log(self.problem.n) * self.candidates[j].term.price:
+            p = max(self._against(trial, chosen, j, "fast"), self._against(trial, chosen, j, "slow"))
+            if p <= ALPHA:
+                return p
+        return self._against(trial, chosen, j, "any")
+
+    def _against(self, trial: Trial, chosen: tuple[int, ...], j: int, rival: Rivalry) -> float:
+        """Family-wise p of `j`, held against one rival; 0 where the noise of the table has no such rival.
+
+        The larger of two: with the noise that is most probable without it, and with the slowest that is plausible. How
+        alike neighbours are is underestimated in short tables (Berger and Boos, JASA 89 (1994) 1012).
+        """
+        possible = possible_of(self.problem, rival)
+        if not np.any(possible[0]):
+            return 0.0
+        at = trial.beside.best_of(possible[1])
+        scores, _ = score(self.view(at), self._white(at, trial.y), chosen, (j,))
+        if scores.ratio[0] <= 0.0:
+            return 1.0
+        rank, df = int(scores.rank[0]), int(scores.df[0])
+        f = ratio(trial.without, trial.beside, possible, rank, df)
+        if rival != "slow":
+            f /= float(scores.scatter[0])
+        name, own = self.candidates[j].effect.name, float(evidence(np.array(f), rank, df))
+        p = self.family(trial.without.best_of(possible[0]), rival).adjust(name, own)
+        if p > CLOSE or rival == "slow":
+            return p
+        return max(p, self.family(trial.without.slowest_of(possible[0]), rival).adjust(name, own))
+
+    def _ranked(self, chosen: tuple[int, ...]) -> Iterable[int]:
+        """The best term of each effect that promises anything, most evidence less the price of its columns first."""
+        if not self.candidates:
+            return ()
+        beside = self.beside(chosen)
+        per_column = float(np.log(self.problem.n))
+        shortlist: dict[int, float] = {}
+        for at in dict.fromkeys((0, beside.best)):
+            scores, _ = score(self.view(at), self.white(at, chosen), chosen)
+            worth = scores.evidence - per_column * self._price
+            best: dict[str, int] = {}
+            for j in np.argsort(-worth, kind="stable").tolist():
+                if scores.ratio[j] > 0 and len(best) < SHORTLIST:
+                    best.setdefault(self.candidates[j].effect.name, j)
+            shortlist.update({j: float(worth[j]) for j in best.values() if worth[j] > -per_column})
+        for j in shortlist:
+            shortlist[j] = self._trial(chosen, j).gained - per_column * float(self._price[j])
+        return sorted(shortlist, key=lambda j: -shortlist[j])
+
+    @property
+    def _weight(self) -> FloatArray:
+        """(J,) what p is multiplied by before effects are compared."""
+        doubtful = [self.problem.presumed and c.effect.source == "time" for c in self.candidates]
+        return np.where(doubtful, DOUBTFUL, 1.0)
+
+    @property
+    def _price(self) -> FloatArray:
+        return np.array([c.term.price for c in self.candidates], np.float64)
+
+    def _grid(self, key: Key, y: FloatArray) -> Grid:
+        return Grid.of(self.problem.noise, y / self.problem.sd, self.problem.model(key) / self.problem.sd[:, None])
+
+    def _trial(self, chosen: tuple[int, ...], j: int) -> Trial:
+        """`j` beside those `chosen`; a reading is held back only as far as it stands alone without `j` and with it."""
+        key = tuple(sorted(chosen))
+        if (key, j) not in self._trials:
+            held = self.held(key)
+            off = self.problem.y - held
+            if np.any(off):
+                with_j = self._alone((*key, j))
+                milder = np.where(off * with_j > 0, np.minimum(np.abs(off), np.abs(with_j)), 0.0) * np.sign(off)
+                held = held if np.array_equal(milder, off) else self.problem.y - milder
+            if held is self.held(key):
+                without, grid = self.beside(key), self._grids[key]
+            else:
+                grid = self._grid(key, held)
+                without = grid.beside()
+            columns = self.problem.of((j,)) / self.problem.sd[:, None]
+            self._trials[key, j] = Trial(held, without, grid.beside(columns))
+        return self._trials[key, j]

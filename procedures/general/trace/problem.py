@@ -1,0 +1,127 @@
+"""A table ready to be searched: response, declared columns, candidates' columns, and the noise rows may share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from fitter.arrays import FloatArray, IntArray
+from fitter.resolution import resolution
+from fitter.trace.not_kept import NotKept, overflows
+from procedures.general.effects import effects_of
+from procedures.general.effects.kind import TableEffect
+from procedures.general.effects.scene import TableScene, TableTerm
+from procedures.general.trace.noise import Noise
+
+SPARED = 2
+"""Degrees of freedom that a candidate has to leave."""
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """One term of an effect; the only response is its sensor."""
+
+    effect: TableEffect
+    term: TableTerm
+    sensor: None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What a search works on.
+
+    Attributes:
+        y: (n,) response.
+        declared: (n, k) columns of the declared model.
+        candidates: in catalogue order, cheapest first.
+        noise: that rows may share.
+        sd: (n,) standard deviation of each row's own error over the usual one.
+        ordered: whether rows stand in an order, that of taking or that of a setting.
+        presumed: whether that order is not declared.
+        left_out: candidates that cannot be computed with.
+
+    """
+
+    y: FloatArray
+    declared: FloatArray
+    candidates: tuple[Candidate, ...]
+    noise: Noise
+    sd: FloatArray
+    ordered: bool
+    presumed: bool = False
+    left_out: tuple[NotKept, ...] = ()
+
+    @property
+    def n(self) -> int:
+        """Number of rows."""
+        return len(self.y)
+
+    @cached_property
+    def step(self) -> FloatArray:
+        """(n,) what the response was rounded to, over each row's `sd`; zero where it does not seem to be."""
+        return np.asarray(resolution(self.y) / self.sd)
+
+    @cached_property
+    def columns(self) -> FloatArray:
+        """(n, D) columns of all candidates side by side."""
+        blocks = [c.term.columns for c in self.candidates]
+        return np.hstack(blocks) if blocks else np.empty((self.n, 0))
+
+    @cached_property
+    def start(self) -> IntArray:
+        """(J + 1,) where each candidate's columns begin."""
+        widths = [c.term.columns.shape[1] for c in self.candidates]
+        return np.concatenate([[0], np.cumsum(widths)]).astype(np.int64)
+
+    def of(self, terms: Sequence[int]) -> FloatArray:
+        """(n, d) columns of some candidates."""
+        blocks = [self.candidates[j].term.columns for j in terms]
+        return np.hstack(blocks) if blocks else np.empty((self.n, 0))
+
+    def model(self, chosen: Sequence[int]) -> FloatArray:
+        """(n, k + d) declared columns and those of some candidates."""
+        return np.hstack([self.declared, self.of(chosen)])
+
+    def rows(self, kept: IntArray) -> Problem:
+        """The same for some of the rows."""
+        candidates = tuple(replace(c, term=c.term.rows(kept)) for c in self.candidates)
+        return replace(
+            self,
+            y=self.y[kept],
+            declared=self.declared[kept],
+            candidates=candidates,
+            noise=self.noise.rows(kept),
+            sd=self.sd[kept],
+        )
+
+    def with_terms(self, terms: dict[int, TableTerm]) -> Problem:
+        """The same with other terms in the place of some candidates."""
+        candidates = list(self.candidates)
+        for j, term in terms.items():
+            candidates[j] = replace(candidates[j], term=term)
+        return replace(self, candidates=tuple(candidates))
+
+
+def candidates_of(scene: TableScene, response: str, left: int) -> tuple[tuple[Candidate, ...], tuple[NotKept, ...]]:
+    """All that can be looked for in a table, cheapest first, then in catalogue order; and what is too large for that.
+
+    Args:
+        scene: the table.
+        response: its name.
+        left: rows less columns of the declared model.
+
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        every = [Candidate(effect, term) for effect in effects_of(scene, response) for term in effect.terms(scene)]
+    large = [c for c in every if overflows(c.term.columns)]
+    found = [c for c in every if c.term.columns.shape[1] + SPARED <= left and c not in large]
+    cheapest: dict[str, int] = {}
+    for candidate in found:
+        name = candidate.effect.name
+        cheapest[name] = min(cheapest.get(name, candidate.term.price), candidate.term.price)
+    names = dict.fromkeys(c.effect.name for c in large)
+    ordered = tuple(sorted(found, key=lambda c: cheapest[c.effect.name]))
+    return ordered, tuple(NotKept(name, None, "overflow") for name in names)

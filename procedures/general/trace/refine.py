@@ -1,0 +1,54 @@
+"""Constants that were searched on a grid, moved to where they fit best between their neighbours on it."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from fitter.linear import orthonormal
+from procedures.general.effects.scene import Profile, TableTerm
+from procedures.general.trace.judge import TableJudge
+from procedures.general.trace.problem import Problem
+
+SWEEPS = 2
+
+
+def refined(judge: TableJudge, chosen: tuple[int, ...]) -> Problem:
+    """The problem with the searched constants of the `chosen` candidates at their best, the others held."""
+    problem, at = judge.problem, judge.beside(chosen).best
+    y = judge.white(at, chosen)
+    for _ in range(SWEEPS):
+        moved = False
+        for j in chosen:
+            profile = problem.candidates[j].term.profile
+            if profile is None or profile.low >= profile.high:
+                continue
+            others = problem.model([k for k in chosen if k != j])
+            basis = orthonormal(_white(problem, at, others))
+            left = y - basis @ (basis.T @ y)
+
+            def rss(value: float, profile: Profile = profile, problem: Problem = problem) -> float:
+                own = _white(problem, at, profile.at(value).columns)
+                units = orthonormal(own - basis @ (basis.T @ own), np.linalg.norm(own, axis=0), 1e-5)  # noqa: B023
+                return -float(np.sum((units.T @ left) ** 2))  # noqa: B023
+
+            best = minimize_scalar(
+                rss,
+                bounds=(profile.low, profile.high),
+                method="bounded",
+                options={"xatol": 1e-4 * (profile.high - profile.low)},
+            )
+            if best.fun < rss(profile.value) - 1e-9 * float(left @ left):
+                problem = problem.with_terms({j: _held(profile, float(best.x))})
+                moved = True
+        if not moved:
+            break
+    return problem
+
+
+def _held(profile: Profile, value: float) -> TableTerm:
+    return profile.at(value)
+
+
+def _white(problem: Problem, at: int, columns):  # type: ignore[no-untyped-def]
+    return problem.noise.whiten(np.array([at]), columns / problem.sd[:, None])[0]

@@ -1,0 +1,202 @@
+"""What was found in a table, put together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.errors import FitError
+from fitter.linear import orthonormal
+from fitter.split_plot import fit_split_plot
+from fitter.trace.aliases import DELTA
+from fitter.trace.found import verdict
+from fitter.trace.search import names_of
+from fitter.trace.shares import of_rest, shares, unnamed_part
+from procedures.general.effects.kind import TableEffect
+from procedures.general.effects.of_others import GROUP_GAIN, GROUP_OFFSET
+from procedures.general.trace.cross import left_out
+from procedures.general.trace.estimate import Estimate, estimate
+from procedures.general.trace.findings import noise_findings
+from procedures.general.trace.judge import TableJudge
+from procedures.general.trace.noise import Wandering
+from procedures.general.trace.remainder import pure_error, unnamed
+from procedures.general.trace.result import FoundTableEffect, TableSide, TableTrace
+from procedures.general.trace.run import Found, TableData, problem_of, search_table
+from procedures.general.trace.shared import Shared
+
+WANDER = "slow-wander"
+"""Alias of an effect that noise which remembers long explains as well."""
+CONSTANT = 0.99
+"""Share of a column that lies between whole plots from which it counts as constant in them."""
+
+
+def trace_general(data: TableData) -> TableTrace:
+    """Find what the declared model of a table lacks. How it decides: docs/trace_tables.md."""
+    found = search_table(data)
+    judge, chosen = found.judge, found.chosen
+    before, after = estimate(judge, (), data.tails), estimate(judge, chosen, data.tails)
+    crossed = left_out(problem_of(data), judge, chosen)
+    pure = [pure_error(data.y, data.points, judge.problem.of(terms)) for terms in ((), chosen)]
+    left = unnamed(judge, chosen, _variables(data))
+    shown = [_effect(judge, after, name, data) for name in names_of(judge.candidates, chosen)]
+    divided = _shares(judge, chosen, shown, unnamed_part(left))
+    effects = [replace(effect, share=float(share)) for effect, share in zip(shown, divided, strict=True)]
+    effects.sort(key=lambda effect: -effect.share)
+    rest = of_rest(divided, left)
+    cv = (None, None) if crossed is None else crossed[0]
+    noise = noise_findings(judge, chosen, found.growth, data)
+    return TableTrace(
+        response=data.response,
+        declared=data.formula,
+        names=data.names,
+        verdict=verdict(found=bool(effects), fell=after.sigma_E < before.sigma_E, rest=rest),
+        before=TableSide(before, cv[0], pure[0], _shared(data, judge, ())),
+        after=TableSide(after, cv[1], pure[1], _shared(data, judge, chosen)),
+        effects=(*effects, *noise),
+        unnamed=rest,
+        remarks=_remarks(found),
+        y=data.y,
+        variables=_variables(data) | _others(data),
+        levels={name: g.levels for name, g in data.scene.groups.items()},
+        left_out=None if crossed is None else crossed[1],
+    )
+
+
+def _variables(data: TableData) -> dict[str, FloatArray]:
+    scene = data.scene
+    time = {} if scene.time is None else {scene.time.name: scene.time.values}
+    return {**scene.variables, **time}
+
+
+def _others(data: TableData) -> dict[str, FloatArray]:
+    """Groups, direction and speed as numbers, for plots."""
+    scene = data.scene
+    parts = dict(part for part in (scene.direction, scene.speed) if part is not None)
+    return {name: g.index.astype(np.float64) for name, g in scene.groups.items()} | parts
+
+
+def _effect(judge: TableJudge, after: Estimate, name: str, data: TableData) -> FoundTableEffect:
+    problem, chosen = judge.problem, after.chosen
+    mine = [j for j in chosen if judge.candidates[j].effect.name == name]
+    effect = judge.candidates[mine[0]].effect
+    explanations = judge.rivals(chosen, name)
+    best = next(r for r in explanations if r.effect == name)
+    alike = [judge.candidates[r.terms[0]].effect for r in explanations if r.alias and r.effect != name]
+    spans = _spans(problem.declared.shape[1], judge, chosen)
+    picked = [i for j in mine for i in spans[j]]
+    labels = tuple(label for j in mine for label in judge.candidates[j].term.labels)
+    values, errors = after.coefficients[picked], after.stderr[picked]
+    basis = orthonormal(problem.declared)
+    whole = problem.of(mine) @ values
+    own = whole - basis @ (basis.T @ whole)
+    p = min(judge.p_adjusted(chosen, j) for j in mine)
+    experiments = dict.fromkeys((effect.separate_by, *(other.separate_by for other in alike[:2])))
+    aliases = tuple(other.name for other in alike)
+    separation = {r.effect: round(max(r.sigmas - best.sigmas, 0.0), 2) for r in explanations if r.effect != name}
+    ahead = judge.beats_wander(chosen, name)
+    if ahead is not None:
+        separation[WANDER] = round(float(np.sqrt(max(ahead, 0.0))), 2)
+        if ahead <= DELTA:
+            aliases = (*aliases, WANDER)
+            experiments["go on for as long again: a wander goes elsewhere"] = None
+    return FoundTableEffect(
+        effect=name,
+        cause=effect.cause,
+        stratum=_stratum(judge, mine, effect.stratum),
+        terms=labels,
+        coefficients=tuple(values.tolist()),
+        stderr=tuple(errors.tolist()),
+        unit=effect.unit,
+        size=_size(own, values, effect, data.response),
+        p_adjusted=p,
+        p_adjusted_is_bound=judge.is_bound(p),
+        share=0.0,  # of all together: `_shares`
+        aliases=aliases,
+        separation=separation,
+        separate_by="; ".join(experiments),
+        against=effect.against,
+        family=effect.family,
+        columns=effect.columns,
+        contribution=own,
+    )
+
+
+def _size(own: FloatArray, values: FloatArray, effect: TableEffect, response: str) -> str:
+    """How large an effect is beside the declared model; of levels of a group how far their coefficients differ."""
+    rms, ends = f"{np.sqrt(np.mean(own**2)):.3g} rms", f"{np.ptp(own):.3g} from end to end, in units of {response}"
+    apart = np.ptp(np.concatenate([[0.0], values]))
+    if effect.kind is GROUP_OFFSET:
+        return f"{rms}, levels up to {apart:.3g} apart, in units of {response}"
+    if effect.kind is GROUP_GAIN:
+        return f"{rms}, {ends}; slopes up to {apart:.3g} {effect.unit} apart"
+    return f"{rms}, {ends}"
+
+
+def _spans(declared: int, judge: TableJudge, chosen: tuple[int, ...]) -> dict[int, range]:
+    """Where the coefficients of each candidate stand."""
+    spans, start = {}, declared
+    for j in chosen:
+        width = judge.candidates[j].term.columns.shape[1]
+        spans[j] = range(start, start + width)
+        start += width
+    return spans
+
+
+def _stratum(judge: TableJudge, mine: list[int], usual: str) -> str:
+    noise = judge.problem.noise
+    if not isinstance(noise, Shared):
+        return usual
+    columns = judge.problem.of(mine) - judge.problem.of(mine).mean(axis=0)
+    sums = np.zeros((int(noise.group.max()) + 1, columns.shape[1]))
+    np.add.at(sums, noise.group, columns)
+    between = float(np.sum(sums**2 / np.bincount(noise.group)[:, None]))
+    return "whole-plot" if between > CONSTANT * float(np.sum(columns**2)) else "subplot"
+
+
+def _shares(
+    judge: TableJudge, chosen: tuple[int, ...], effects: Sequence[FoundTableEffect], unnamed: float
+) -> FloatArray:
+    """Share of each effect in the response beyond scatter, rows weighted by the scatter found.
+
+    Args:
+        judge: of the table.
+        chosen: candidates in the model.
+        effects: as they were estimated.
+        unnamed: part of what is left beside them that is no scatter.
+
+    """
+    view, white = judge.view(0), judge.white(0, chosen)
+    taken = view.taken(chosen)
+    left = white - taken @ (taken.T @ white)
+    df = len(white) - view.basis.shape[1]
+    variance = float(left @ left) / max(len(white) - taken.shape[1], 1)
+    parts = [effect.contribution / judge.problem.sd for effect in effects]
+    beyond = [part - view.basis @ (view.basis.T @ part) for part in parts]
+    residual = white - view.basis @ (view.basis.T @ white)
+    return shares(beyond, residual, df * variance * (1.0 - unnamed))
+
+
+def _shared(data: TableData, judge: TableJudge, chosen: tuple[int, ...]) -> tuple[float, float] | None:
+    """Standard deviations within whole plots and between them by REML, where the declared model has them."""
+    if data.shared is None:
+        return None
+    basis = orthonormal(judge.problem.model(chosen))
+    try:
+        fit = fit_split_plot(basis, data.y, data.shared, [str(i) for i in range(basis.shape[1])])
+    except FitError:
+        return None
+    return fit.sigma_subplot, fit.sigma_wholeplot
+
+
+def _remarks(found: Found) -> tuple[str, ...]:
+    judge, remarks = found.judge, [one.sentence for one in found.not_kept]
+    noise, at = judge.problem.noise, judge.beside(found.chosen).best
+    if found.growth is not None:
+        remarks.append("rows were weighted by the scatter found; sigma_E counts them alike")
+    if isinstance(noise, Wandering) and at > 0:
+        kind = "a random walk" if noise.correlation[at] == 1.0 else f"a correlation of {noise.correlation[at]:.2f}"
+        remarks.append(f"neighbouring rows are not independent: effects were judged against {kind}")
+    return tuple(remarks)

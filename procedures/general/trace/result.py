@@ -1,0 +1,163 @@
+"""What a trace of a table found, ready to print or to plot."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.json_values import JsonValue
+from fitter.trace.found import CONFIRMED, Found
+from fitter.trace.outcome import OF_REPLICATIONS, Outcome, Parameter, Row, WithError, absent
+from procedures.general.trace.estimate import Estimate
+from procedures.general.trace.smooth import Smooth
+
+UNBOUNDED = (
+    "no sign and no largest size is asked of an effect in tables of any kind: whether the named cause can be as large, "
+    "and have that sign, is for the reader to judge"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class FoundTableEffect(Found):
+    """An effect as it shows in a table.
+
+    Attributes:
+        family: coarser word: "nonlinearity", "periodic", "temperature", "drift", "group", ...
+        columns: of the table, that it is of.
+        contribution: (n,) what it adds to the response, beyond what the declared model takes up; zero for noise.
+        intervals: of a finding about the noise, what it does to intervals that take rows for independent and alike: by
+            coefficient of the declared model, its true standard error over the one that such least squares states.
+
+    """
+
+    family: str
+    columns: tuple[str, ...]
+    contribution: FloatArray
+    intervals: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of what it adds."""
+        return float(np.sqrt(np.mean(self.contribution**2)))
+
+    @property
+    def own_keys(self) -> dict[str, JsonValue]:
+        """Keys of JSON that only tables have."""
+        return {
+            "family": self.family,
+            "columns": list(self.columns),
+            "intervals": dict(self.intervals),
+            "rms": self.rms,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class TableSide:
+    """A table before the effects, or after.
+
+    Attributes:
+        fit: of the model.
+        cv_rms: rms error on rows left out of search and fit; None where too few would be left.
+        sigma_pure: of rows that repeat one setting, what the effects make of them taken out; None where none do.
+        shared: standard deviations within and between whole plots, where the declared model has them.
+
+    """
+
+    fit: Estimate
+    cv_rms: float | None
+    sigma_pure: float | None
+    shared: tuple[float, float] | None
+
+    def rows(self) -> tuple[Row, ...]:
+        """The same in the form of every kind of run, with the keys of other kinds as null."""
+        within, between = self.shared or (None, None)
+        return (
+            Row("sigma_E", self.fit.sigma_E),
+            *absent(OF_REPLICATIONS[1:]),
+            Row("df_E", self.fit.df),
+            Row("sigma_pure", self.sigma_pure),
+            Row("sigma_subplot", within),
+            Row("sigma_wholeplot", between),
+            *absent(("sigma_replicate", "reading_error_pct")),
+            Row("cv_rms", self.cv_rms),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class TableTrace:
+    """What was found in a table.
+
+    Attributes:
+        response: its name.
+        declared: the declared model.
+        names: of its columns.
+        verdict: "explained", "nothing to add", "partly explained" or "unexplained"; findings about the noise add
+            nothing to the model.
+        before: with the declared model.
+        after: with the effects.
+        effects: found, largest share first, findings about the noise last.
+        unnamed: what remains, if it is more than error.
+        remarks: about the noise and how the error was measured.
+        variables: (n,) columns to plot residuals against, by name.
+        levels: of those among them that are groups, whose values count them from zero.
+        left_out: what was left out together for `cv_rms`.
+
+    """
+
+    response: str
+    declared: str
+    names: tuple[str, ...]
+    verdict: str
+    before: TableSide
+    after: TableSide
+    effects: tuple[FoundTableEffect, ...]
+    unnamed: tuple[Smooth, ...]
+    remarks: tuple[str, ...]
+    y: FloatArray
+    variables: Mapping[str, FloatArray]
+    levels: Mapping[str, tuple[str, ...]]
+    left_out: str | None
+
+    @property
+    def added(self) -> tuple[FoundTableEffect, ...]:
+        """Effects that add to the model."""
+        return tuple(effect for effect in self.effects if effect.stratum != "noise")
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences that stand beside the numbers before and after."""
+        notes = list(self.remarks)
+        if self.added:
+            notes.append("standard errors of the effects are conditional on their having been selected on these data")
+            notes.append(UNBOUNDED)
+        before, after = self.before.cv_rms, self.after.cv_rms
+        if self.left_out and before is not None and after is not None:
+            if self.added and after > CONFIRMED * before:
+                notes.append(
+                    f"not confirmed by {self.left_out} left out: with the effects found the error on those is "
+                    f"{after / before:.0%} of what it is without them"
+                )
+            notes.append(f"cv_rms: {self.left_out} in turn left out, the search repeated without them")
+        return tuple(notes)
+
+    def outcome(self) -> Outcome:
+        """The same in the form of every kind of run."""
+        return Outcome(
+            sensor=self.response,
+            declared=self.declared,
+            verdict=self.verdict,
+            findings=(*(one.finding() for one in self.effects), *(rest.finding() for rest in self.unnamed)),
+            before=self.before.rows(),
+            after=self.after.rows(),
+            fitted=self._fitted(),
+            notes=self.notes,
+        )
+
+    def _fitted(self) -> tuple[Parameter, ...]:
+        fit = self.after.fit
+        declared = zip(self.names, fit.coefficients, fit.stderr, strict=False)  # effects come after them
+        own = (Parameter(name, WithError(float(v), float(e), float(fit.df))) for name, v, e in declared)
+        return (*own, *(one for effect in self.added for one in effect.parameters))

@@ -1,0 +1,98 @@
+"""Which other effects explain a table equally well; candidates are blocks of columns."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.trace.aliases import DELTA, PER_COLUMN, Rival
+from procedures.general.trace.problem import Candidate
+from procedures.general.trace.score import View
+
+CLOSEST = 6
+"""Effects that are tried with several terms, where the effect found has several."""
+
+
+def rivals(
+    candidates: Sequence[Candidate], view: View, y: FloatArray, chosen: tuple[int, ...], effect: str
+) -> tuple[Rival, ...]:
+    """All explanations of what the terms of `effect` among `chosen` explain, itself included, best first.
+
+    Args:
+        candidates: of the table.
+        view: the table whitened.
+        y: (n,) whitened response.
+        chosen: candidates in the model.
+        effect: name of one among them.
+
+    """
+    group = tuple(j for j in chosen if candidates[j].effect.name == effect)
+    rest = tuple(j for j in chosen if j not in group)
+    held = {candidates[j].effect.name for j in rest}
+    full = view.taken(chosen)
+    left = y - full @ (full.T @ y)
+    variance = max(float(left @ left) / max(len(y) - full.shape[1], 1), np.finfo(float).tiny)
+
+    taken = view.taken(rest)
+    beside = y - taken @ (taken.T @ y)
+    path = _Path(candidates, view, beside, variance, rest)
+    gains = view.blocks(rest).gains(beside)
+    single: dict[str, int] = {}
+    for j, candidate in enumerate(candidates):
+        name = candidate.effect.name
+        if name not in held and name != effect and gains[j] > (gains[single[name]] if name in single else 0.0):
+            single[name] = j
+    paths = {effect: [(group, path.price(group))]} | {name: [((j,), path.price((j,)))] for name, j in single.items()}
+    if len(group) > 1:
+        for name in sorted(single, key=lambda name: paths[name][0][1])[:CLOSEST]:
+            paths[name] += path.longer(single[name], len(group))
+    best = min(cost for steps in paths.values() for _, cost in steps)
+    found = []
+    for name, steps in paths.items():
+        near = [step for step in steps if step[1] - best <= DELTA]
+        terms, cost = near[0] if near else min(steps, key=lambda step: step[1])
+        found.append(Rival(name, terms, float(np.sqrt(max(cost - best, 0.0)))))
+    return tuple(sorted(found, key=lambda rival: rival.sigmas))
+
+
+@dataclass(frozen=True, eq=False)
+class _Path:
+    """Explanations by one effect: its best term, its best two and so on.
+
+    Attributes:
+        candidates: of the table.
+        view: the table whitened.
+        y: (n,) whitened response, the rest of the model taken out.
+        variance: of the whitened response's error.
+        rest: candidates in the model that stay.
+
+    """
+
+    candidates: Sequence[Candidate]
+    view: View
+    y: FloatArray
+    variance: float
+    rest: tuple[int, ...]
+
+    def price(self, terms: tuple[int, ...]) -> float:
+        """Residual sum of squares with `terms` less that without, plus the price of the columns."""
+        basis = self.view.taken((*self.rest, *terms))
+        columns = sum(self.candidates[j].term.price for j in terms)
+        return float(-np.sum((basis.T @ self.y) ** 2)) / self.variance + PER_COLUMN * columns
+
+    def longer(self, first: int, most: int) -> list[tuple[tuple[int, ...], float]]:
+        """Up to `most` terms of the effect that `first` is of, each the one that removes most, with their price."""
+        name = self.candidates[first].effect.name
+        terms = [j for j, c in enumerate(self.candidates) if c.effect.name == name]
+        steps: list[tuple[tuple[int, ...], float]] = []
+        held: tuple[int, ...] = (first,)
+        while len(held) < min(most, len(terms)):
+            taken = self.view.taken((*self.rest, *held))
+            others = [j for j in terms if j not in held]
+            gains = self.view.blocks((*self.rest, *held), others).gains(self.y - taken @ (taken.T @ self.y))
+            held = (*held, others[int(np.argmax(gains))])
+            steps.append((held, self.price(held)))
+        return steps

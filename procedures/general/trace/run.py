@@ -1,0 +1,206 @@
+"""From the residual to the effect, for tables of any kind: the whole of a trace."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fitter.arrays import FloatArray, IntArray
+from fitter.linear import orthonormal
+from fitter.trace.chance import ALPHA
+from fitter.trace.growing_noise import Growth, growth_of
+from fitter.trace.keep import kept
+from fitter.trace.not_kept import NotKept
+from fitter.trace.search import names_of, prune, search_and_name
+from procedures.general.effects.scene import TableScene
+from procedures.general.trace.estimate import error_of
+from procedures.general.trace.judge import TableJudge
+from procedures.general.trace.noise import Independent, Noise, Wandering
+from procedures.general.trace.problem import Problem, candidates_of
+from procedures.general.trace.refine import refined
+from procedures.general.trace.shared import Shared
+
+ROUNDS = 3
+ORDERS = ("second-order", "third-order", "fourth-order", "fifth-order")
+"""Kinds that lead their alias class as its simplest even if they just miss standing out by themselves."""
+LEVEL = 0.05
+"""Up to this probability, that of the whole run; another of the class is below `ALPHA`."""
+FEWEST_FOR_WANDER = 6
+
+
+@dataclass(frozen=True, eq=False)
+class TableData:
+    """A table to be traced.
+
+    Attributes:
+        response: name of the column to be explained.
+        y: (n,) its values, in the order of taking where that is known.
+        formula: the declared model.
+        names: of its k columns.
+        columns: (n, k).
+        tails: (n, k) what the doubles in `columns` leave out.
+        scene: the parts the other columns play.
+        shared: (n,) whole plot or replication whose error the declared model has; None without.
+        points: (n,) which rows repeat one setting; None where nothing is set.
+        order_unknown: rows are sorted by a setting and nobody knows whether they were taken in that order: neighbours
+            may be alike, but nothing can be said of time.
+        numbers: (n,) row of the file each stands in; None for 1, 2, 3.
+
+    """
+
+    response: str
+    y: FloatArray
+    formula: str
+    names: tuple[str, ...]
+    columns: FloatArray
+    tails: FloatArray
+    scene: TableScene
+    shared: IntArray | None = None
+    points: IntArray | None = None
+    order_unknown: bool = False
+    numbers: IntArray | None = None
+
+    @property
+    def rows(self) -> list[int]:
+        """Number of each row in the file."""
+        numbers = np.arange(len(self.y)) + 1 if self.numbers is None else self.numbers
+        return [int(number) for number in numbers]
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What a search ends with, with what stood out and was not kept."""
+
+    judge: TableJudge
+    chosen: tuple[int, ...]
+    growth: Growth | None
+    not_kept: tuple[NotKept, ...]
+
+
+def problem_of(data: TableData) -> Problem:
+    """The table ready to be searched."""
+    left = len(data.y) - orthonormal(data.columns).shape[1]
+    candidates, large = candidates_of(data.scene, data.response, left)
+    time = data.scene.time
+    return Problem(
+        y=data.y,
+        declared=data.columns,
+        candidates=candidates,
+        noise=_noise(data),
+        sd=np.ones(len(data.y)),
+        ordered=time is not None or data.order_unknown,
+        presumed=time is not None and time.presumed,
+        left_out=large,
+    )
+
+
+def search_table(data: TableData) -> Found:
+    """All that the declared model of a table lacks."""
+    return look(TableJudge(problem_of(data)), data)
+
+
+def drivers(data: TableData, fitted: FloatArray) -> dict[str, FloatArray]:
+    """(n,) what the noise may grow with."""
+    scene = data.scene
+    time = {} if scene.time is None else {scene.time.name: scene.time.values}
+    return {**scene.settings, **scene.covariates, **time, "fitted": np.abs(fitted)}
+
+
+def look(judge: TableJudge, data: TableData, rows: IntArray | None = None) -> Found:
+    """Search, refine what is searched, weigh rows by the noise beside the effects, and again until nothing moves.
+
+    Rows sorted by a setting, in an order of taking that nobody knows: once a nonlinearity stands out from errors that
+    are alike along the rows, what remains along them is far more likely to be the rest of it than a wander.
+    """
+    growth: Growth | None = None
+    _, chosen = search_and_name(judge, lead=judge.lead)
+    if data.order_unknown and any(judge.candidates[j].effect.source == "setting" for j in chosen):
+        judge = TableJudge(replace(judge.problem, noise=Independent(judge.problem.n)))
+        chosen = search_and_name(judge, prune(judge, chosen), judge.lead)[1]
+    for _ in range(ROUNDS):
+        problem = refined(judge, chosen)
+        judge = TableJudge(problem, judge.families) if problem is not judge.problem else judge
+        new = _growth(judge, chosen, data, rows)
+        settled = problem is judge.problem and (new is None) == (growth is None)
+        if new is not None:
+            sd = new.sd(_driver(judge, chosen, data, rows, new.driver))
+            weighted = replace(problem, sd=sd / np.exp(np.mean(np.log(sd))))
+            same = growth is not None and growth.driver == new.driver
+            judge = TableJudge(weighted, judge.families) if same else TableJudge(weighted)
+        growth = new
+        _, again = search_and_name(judge, prune(judge, chosen), judge.lead)
+        if set(again) == set(chosen) and settled:
+            break
+        chosen = again
+    chosen, not_kept = stays(judge, chosen)
+    return Found(judge, _simplest_orders(judge, chosen), growth, not_kept)
+
+
+def stays(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[tuple[int, ...], tuple[NotKept, ...]]:
+    """Those of the `chosen` candidates that stay."""
+
+    def helps(chosen: tuple[int, ...], own: tuple[int, ...]) -> bool:
+        return error_of(judge, chosen) < error_of(judge, tuple(j for j in chosen if j not in own))
+
+    stay, idle = kept(judge, chosen, helps, "the standard error of a row, every row counted alike,")
+    return stay, (*judge.problem.left_out, *idle)
+
+
+def _simplest_orders(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[int, ...]:
+    """`chosen` with the lead of each alias class that is a power of a setting and just fails to stand out by itself."""
+    for name in names_of(judge.candidates, chosen):
+        mine = [j for j in chosen if judge.candidates[j].effect.name == name]
+        first = judge.lead(judge.rivals(chosen, name))
+        kind = judge.candidates[first.terms[0]].effect.kind.name
+        if first.effect == name or kind not in ORDERS or judge.candidates[mine[0]].effect.source != "setting":
+            continue
+        trial = tuple(j for j in chosen if j not in mine) + first.terms
+        limit = [LEVEL if j in first.terms else ALPHA for j in trial]
+        stands_out = all(judge.p_adjusted(trial, j) <= most for j, most in zip(trial, limit, strict=True))
+        if stands_out and error_of(judge, trial) < error_of(judge, tuple(j for j in chosen if j not in mine)):
+            chosen = trial
+    return chosen
+
+
+def _growth(judge: TableJudge, chosen: tuple[int, ...], data: TableData, rows: IntArray | None) -> Growth | None:
+    left, kept, fitted = _left(judge, chosen)
+    every = drivers(data, np.zeros(1))
+    picked = {name: v if rows is None else v[rows] for name, v in every.items() if name != "fitted"}
+    return growth_of(left, kept, {**picked, "fitted": np.abs(fitted)})
+
+
+def _driver(
+    judge: TableJudge, chosen: tuple[int, ...], data: TableData, rows: IntArray | None, name: str
+) -> FloatArray:
+    if name == "fitted":
+        return np.abs(_left(judge, chosen)[2])
+    values = drivers(data, np.zeros(1))[name]
+    return values if rows is None else values[rows]
+
+
+def _left(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(n,) residuals free of what rows share, what the fit left in each, and the fitted response."""
+    problem, at = judge.problem, judge.beside(chosen).best
+    view = judge.view(at)
+    taken = view.taken(chosen)
+    white = judge.white(at, chosen)
+    left = (white - taken @ (taken.T @ white)) * problem.sd
+    basis = orthonormal(problem.model(chosen) / problem.sd[:, None])
+    scaled = problem.y / problem.sd
+    return left, 1.0 - np.sum(taken**2, axis=1), (basis @ (basis.T @ scaled)) * problem.sd
+
+
+def _noise(data: TableData) -> Noise:
+    n, time = len(data.y), data.scene.time
+    if data.shared is not None:
+        return Shared(data.shared)
+    if n < FEWEST_FOR_WANDER or (time is None and not data.order_unknown):
+        return Independent(n)
+    if time is None:
+        return Wandering(np.arange(n, dtype=np.float64))
+    gaps = np.diff(time.values)
+    usual = float(np.median(gaps[gaps > 0])) if np.any(gaps > 0) else 0.0
+    if usual == 0.0 or np.mean(gaps > 0) < 0.5:
+        return Wandering(np.arange(n, dtype=np.float64))
+    return Wandering(np.concatenate([[0.0], np.cumsum(np.clip(gaps / usual, 0.1, 50.0))]))

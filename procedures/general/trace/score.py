@@ -1,0 +1,234 @@
+"""How far each candidate stands out beside the declared columns and the candidates already in the model.
+
+A candidate is a block of columns. Its score is the F ratio of what it removes, exact for independent normal errors,
+over what single rows contribute to it if that is more than one (unequal variances; Eicker and White's estimate with
+leverage taken out, MacKinnon and White, J. Econometrics 29 (1985) 305).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitter.arrays import FloatArray, IntArray
+from fitter.linear import orthonormal
+from procedures.general.trace.problem import SPARED, Problem
+
+BoolArray = NDArray[np.bool_]
+Floats = NDArray[Any]
+"""Double or single precision: a simulation does with less than a score."""
+NOTHING_LEFT = 1e-3
+"""A column of which less than this is left beside the model cannot be judged."""
+RESOLVED = 1e-12
+"""Of the response's swing: what is smaller is rounding."""
+FEWEST_FOR_SCATTER = 20
+
+
+@dataclass(frozen=True, eq=False)
+class Blocks:
+    """Whitened candidates with the model's columns taken out, each an orthonormal basis of its own.
+
+    Attributes:
+        units: (n, D) the bases side by side.
+        start: (J + 1,) where each begins; an empty one cannot be judged.
+
+    """
+
+    units: Floats
+    start: IntArray
+
+    @property
+    def rank(self) -> IntArray:
+        """(J,) columns of each."""
+        return np.diff(self.start)
+
+    @cached_property
+    def squares(self) -> Floats:
+        """(n, D)."""
+        return np.asarray(self.units**2)
+
+    def gains(self, outputs: Floats) -> Floats:
+        """(J,) or (J, m): what each removes of the sum of squares of outputs (n,) or (n, m)."""
+        return self.sums((self.units.T @ outputs) ** 2)
+
+    def sums(self, values: Floats) -> Floats:
+        """(J,) or (J, m): sums over each block of values (D,) or (D, m) of its columns."""
+        rank, start = self.rank, self.start[:-1]
+        out = np.zeros((len(rank), *values.shape[1:]), values.dtype)
+        for k in range(int(rank.max(initial=0))):  # few are wide; `add.reduceat` takes three times as long
+            wide = rank > k
+            out[wide] += values[start[wide] + k]
+        return out
+
+
+def blocks(columns: FloatArray, start: IntArray, length: FloatArray, taken: FloatArray) -> Blocks:
+    """Orthonormal bases of candidates beside columns already in the model.
+
+    Args:
+        columns: (n, D) whitened.
+        start: (J + 1,) where each candidate's begin.
+        length: (D,) what they are measured by.
+        taken: (n, q) orthonormal basis of the model.
+
+    """
+    own = columns - taken @ (taken.T @ columns)
+    own -= taken @ (taken.T @ own)
+    norm = np.linalg.norm(own, axis=0)
+    kept = norm > NOTHING_LEFT * length
+    widths = np.diff(start)
+    unit = np.divide(own, norm, out=np.zeros_like(own), where=kept)
+    first = start[:-1][widths == 2]
+    unit[:, first], unit[:, first + 1], kept[first], kept[first + 1] = _pairs(own, length, first)
+    for j in np.flatnonzero(widths > 2):
+        span = slice(int(start[j]), int(start[j + 1]))
+        basis = orthonormal(own[:, span], length[span], NOTHING_LEFT)
+        kept[span] = np.arange(widths[j]) < basis.shape[1]
+        unit[:, start[j] : start[j] + basis.shape[1]] = basis
+    ranks = np.diff(np.concatenate([[0], np.cumsum(kept)])[start])
+    return Blocks(unit[:, kept], np.concatenate([[0], np.cumsum(ranks)]).astype(np.int64))
+
+
+def _pairs(own: FloatArray, length: FloatArray, first: IntArray) -> tuple[FloatArray, FloatArray, BoolArray, BoolArray]:
+    """Orthonormal bases of pairs of columns, the longer of each first, and which of the two add anything."""
+    scale = np.maximum(length, np.finfo(float).tiny)
+    a, b = own[:, first] / scale[first], own[:, first + 1] / scale[first + 1]
+    size_a, size_b = np.linalg.norm(a, axis=0), np.linalg.norm(b, axis=0)
+    swapped = size_b > size_a
+    long, short = np.where(swapped, b, a), np.where(swapped, a, b)
+    size = np.where(swapped, size_b, size_a)
+    long_kept = size > NOTHING_LEFT
+    long = np.divide(long, size, out=np.zeros_like(long), where=long_kept)
+    short = short - long * np.sum(long * short, axis=0)
+    size = np.linalg.norm(short, axis=0)
+    short_kept = long_kept & (size > NOTHING_LEFT)
+    return long, np.divide(short, size, out=np.zeros_like(short), where=short_kept), long_kept, short_kept
+
+
+@dataclass(frozen=True, eq=False)
+class Scores:
+    """One entry a candidate; zero and one where it is in the model or cannot be judged.
+
+    Attributes:
+        ratio: F, over the variance of independent rows.
+        scatter: what single rows contribute to the variance of its sums, over that; not below one.
+        rank: columns it adds.
+        df: degrees of freedom left beside it.
+
+    """
+
+    ratio: FloatArray
+    scatter: FloatArray
+    rank: IntArray
+    df: IntArray
+
+    @property
+    def evidence(self) -> FloatArray:
+        """(J,) twice the gain of the log-likelihood, each by itself, noise as it is."""
+        return np.asarray(self.df * np.log1p(self.ratio * self.rank / self.df))
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A problem under one covariance: everything whitened, the declared columns' basis, candidates' columns.
+
+    Attributes:
+        y: (n,) whitened response.
+        basis: (n, k) orthonormal, of the declared columns.
+        columns: (n, D) whitened candidates.
+        length: (D,) their lengths.
+        start: (J + 1,).
+
+    """
+
+    y: FloatArray
+    basis: FloatArray
+    columns: FloatArray
+    length: FloatArray
+    start: IntArray
+
+    @property
+    def rounding(self) -> float:
+        """Sum of squares that is rounding and no error."""
+        return len(self.y) * (RESOLVED * max(float(np.ptp(self.y)), np.finfo(float).tiny)) ** 2
+
+    @classmethod
+    def of(cls, problem: Problem, at: int) -> View:
+        """Whiten a problem by covariance `at` of its noise."""
+        k = problem.declared.shape[1]
+        every = np.column_stack([problem.y, problem.declared, problem.columns]) / problem.sd[:, None]
+        white = problem.noise.whiten(np.array([at]), every)[0]
+        basis, columns = orthonormal(white[:, 1 : 1 + k]), white[:, 1 + k :]
+        return cls(white[:, 0], basis, columns, _about(columns), problem.start)
+
+    def taken(self, chosen: Sequence[int]) -> FloatArray:
+        """(n, q) orthonormal basis of the declared columns and some candidates."""
+        if not chosen:
+            return self.basis
+        picked = self.picked(chosen)
+        own = self.columns[:, picked] - self.basis @ (self.basis.T @ self.columns[:, picked])
+        extra = orthonormal(own, self.length[picked], NOTHING_LEFT)
+        return np.hstack([self.basis, extra])
+
+    def picked(self, chosen: Sequence[int]) -> IntArray:
+        """Columns of some candidates."""
+        ranges = [np.arange(self.start[j], self.start[j + 1]) for j in chosen]
+        return np.concatenate(ranges) if ranges else np.empty(0, np.int64)
+
+    def blocks(self, chosen: Sequence[int], of: Sequence[int] | None = None) -> Blocks:
+        """Bases of candidates beside the declared columns and the `chosen`."""
+        if of is None:
+            return blocks(self.columns, self.start, self.length, self.taken(chosen))
+        picked = self.picked(of)
+        start = np.concatenate([[0], np.cumsum(np.diff(self.start)[list(of)])]).astype(np.int64)
+        return blocks(self.columns[:, picked], start, self.length[picked], self.taken(chosen))
+
+
+def score(view: View, y: FloatArray, chosen: Sequence[int], of: Sequence[int] | None = None) -> tuple[Scores, Blocks]:
+    """Score candidates beside the `chosen`; a whitened response `y` (n,) stands in for the view's own."""
+    taken = view.taken(chosen)
+    left = y - taken @ (taken.T @ y)
+    found = view.blocks(chosen, of)
+    rss, df = float(left @ left), len(y) - taken.shape[1]
+    gain, rank = found.gains(left), found.rank
+    floor = view.rounding
+    can = (rank > 0) & (df - rank >= SPARED) & (rss > floor)
+    after = np.maximum(rss - gain, floor)
+    df_after = np.where(can, df - rank, 1)
+    variance = np.maximum(after / df_after, max(1e-100 * rss, np.finfo(float).tiny))
+    scatter = _scatter(found, left, variance) if len(y) >= FEWEST_FOR_SCATTER else np.ones(len(rank))
+    ratio = np.where(can, gain / np.maximum(rank, 1) / variance, 0.0)
+    return Scores(ratio, scatter, rank, df_after), found
+
+
+def _scatter(found: Blocks, left: FloatArray, variance: FloatArray) -> FloatArray:
+    """(J,) variance of a block's sums from what single rows contribute, over that from the variance of all; not < 1."""
+    out = np.ones(len(found.rank))
+    single = np.flatnonzero(found.rank == 1)
+    at = found.start[:-1]
+    units = found.units[:, at[single]]
+    after = left[:, None] - units * (units.T @ left)
+    squares = found.squares[:, at[single]]
+    free = np.maximum(1.0 - squares, 0.2)
+    out[single] = np.sum(squares * after**2 / free, axis=0) / variance[single]
+    for j in np.flatnonzero(found.rank > 1):
+        span = slice(int(at[j]), int(at[j] + found.rank[j]))
+        block, squared = found.units[:, span], found.squares[:, span]
+        leverage = squared.sum(axis=1)
+        rest = left - block @ (block.T @ left)
+        own = rest**2 / np.maximum(1.0 - leverage, 0.2)
+        out[j] = float(leverage @ own) / found.rank[j] / variance[j]
+    return np.asarray(np.maximum(out, 1.0))
+
+
+def _about(columns: FloatArray) -> FloatArray:
+    """(D,) lengths of columns about their means: what a constant takes of them says nothing about them.
+
+    Of a constant itself a millionth of its length, or its rounding errors would pass for a column.
+    """
+    about = np.linalg.norm(columns - columns.mean(axis=0), axis=0)
+    return np.asarray(np.maximum(about, 1e-6 * np.linalg.norm(columns, axis=0)))

@@ -1,0 +1,95 @@
+"""Noise that rows of a group share: whole plots, or replications."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from fitter.arrays import FloatArray, IntArray
+from procedures.general.trace.noise import BoolArray
+
+RATIOS = (0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.2, 2.0, 4.0, 8.0, 16.0, 40.0, 100.0, 400.0)
+"""Variance that rows of a group share over that of a row in it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shared:
+    """Rows of a group share an error: whole plots, or replications.
+
+    Attributes:
+        group: (n,) group of each row, from zero.
+        picked: the only ratio of the grid there is; None for all.
+
+    """
+
+    group: IntArray
+    picked: int | None = None
+
+    @cached_property
+    def _ratio(self) -> FloatArray:
+        every = np.array([0.0, *RATIOS])
+        return every if self.picked is None else every[self.picked : self.picked + 1]
+
+    @cached_property
+    def _count(self) -> FloatArray:
+        return np.bincount(self.group).astype(np.float64)
+
+    @property
+    def prior(self) -> FloatArray:
+        """See `Noise`."""
+        return np.ones(len(self._ratio))
+
+    @property
+    def slow(self) -> BoolArray:
+        """See `Noise`."""
+        return np.zeros(len(self._ratio), np.bool_)
+
+    @property
+    def drifting(self) -> BoolArray:
+        """See `Noise`."""
+        return np.zeros(len(self._ratio), np.bool_)
+
+    @property
+    def memory(self) -> FloatArray:
+        """See `Noise`."""
+        return np.ones(len(self._ratio))
+
+    @cached_property
+    def log_det(self) -> FloatArray:
+        """See `Noise`."""
+        return np.asarray(np.sum(np.log1p(self._ratio[:, None] * self._count), axis=1))
+
+    def whiten(self, which: IntArray, columns: FloatArray) -> FloatArray:
+        """See `Noise`."""
+        means = self._means(columns)
+        shrink = 1.0 - 1.0 / np.sqrt(1.0 + self._ratio[which, None] * self._count)
+        return np.asarray(columns[None] - (shrink[:, :, None] * means[None])[:, self.group])
+
+    def colour(self, at: int, white: FloatArray) -> FloatArray:
+        """See `Noise`."""
+        stretch = np.sqrt(1.0 + self._ratio[at] * self._count)[:, None] - 1.0
+        return np.asarray(white + (stretch * self._means(white))[self.group])
+
+    def root(self, at: int, columns: FloatArray) -> FloatArray:
+        """See `Noise`."""
+        return self.colour(at, columns)
+
+    def variances(self, at: int) -> FloatArray:
+        """See `Noise`."""
+        return np.full(len(self.group), 1.0 + self._ratio[at])
+
+    def rows(self, kept: IntArray) -> Shared:
+        """See `Noise`."""
+        return Shared(np.asarray(np.unique(self.group[kept], return_inverse=True)[1], np.int64), self.picked)
+
+    def only(self, at: int) -> Shared:
+        """See `Noise`."""
+        return Shared(self.group, at)
+
+    def _means(self, columns: FloatArray) -> FloatArray:
+        """(groups, m)."""
+        sums = np.zeros((len(self._count), columns.shape[1]))
+        np.add.at(sums, self.group, columns)
+        return np.asarray(sums / self._count[:, None])

@@ -1,0 +1,129 @@
+"""A smooth curve without a name, for what no effect of the catalogue explains."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.json_values import JsonValue
+from fitter.linear import orthonormal
+from fitter.trace.found import Unnamed
+from procedures.general.trace.judge import TableJudge
+
+MOST_ORDERS, PER_ORDER, ROWS_PER_ORDER = 12, 3, 4
+"""Highest order of a curve, and how many distinct values and rows there are to be for each."""
+WAVES = 3
+"""Order from which a curve is told by its period too."""
+FOLDS, SEED = 10, 7
+
+
+@dataclass(frozen=True)
+class Smooth(Unnamed):
+    """What remains, with the curve that may be added for it.
+
+    Attributes:
+        variable: it lives over.
+        order: half waves of the curve over the variable's range.
+        period: of the curve's largest part, unit of the variable; None for fewer than `WAVES` half waves.
+        sigma_E: standard error of one row with the effects, and with the curve besides.
+        left_out: rms error at random rows left out of the fit of the same model, without the curve and with it.
+
+    """
+
+    variable: str
+    order: int
+    period: float | None
+    sigma_E: tuple[float, float]
+    left_out: tuple[float, float]
+
+    @property
+    def own_keys(self) -> dict[str, JsonValue]:
+        """Keys of JSON that only tables have."""
+        return {
+            "variable": self.variable,
+            "order": self.order,
+            "period": self.period,
+            "smooth": {
+                "term": f"s({self.variable}, {self.order})",
+                "sigma_E_before": self.sigma_E[0],
+                "sigma_E_after": self.sigma_E[1],
+                "left_out_before": self.left_out[0],
+                "left_out_after": self.left_out[1],
+            },
+        }
+
+
+def curve(v: FloatArray) -> FloatArray:
+    """(n, m) half waves over the range of a variable (n,), the slowest first; its order is where one stops."""
+    distinct = len(np.unique(v))
+    most = min(MOST_ORDERS, distinct // PER_ORDER, len(v) // ROWS_PER_ORDER)
+    if most < 1:
+        return np.empty((len(v), 0))
+    u = (v - v.min()) / np.ptp(v)
+    return np.asarray(np.cos(np.pi * np.arange(1, most + 1) * u[:, None]))
+
+
+def offered(
+    judge: TableJudge,
+    chosen: tuple[int, ...],
+    variable: str,
+    v: FloatArray,
+    share: float,
+    *,
+    where: str,
+    stratum: str = "unnamed",
+) -> Smooth:
+    """The curve over a variable (n,) of the order that Schwarz' criterion prefers, beside the effects found.
+
+    Args:
+        judge: of the table.
+        chosen: effects in the model.
+        variable: its name.
+        v: (n,) its values.
+        share: of what is left, that lives there.
+        where: it lives, in words.
+        stratum: see `Smooth`.
+
+    """
+    problem, waves = judge.problem, curve(v)
+    y, model = judge.held(chosen), problem.model(chosen)
+    basis = orthonormal(model)
+    extra = np.linalg.qr(waves - basis @ (basis.T @ waves))[0]
+    left = y - basis @ (basis.T @ y)
+    rss = np.sum(left**2) - np.concatenate([[0.0], np.cumsum((extra.T @ left) ** 2)])
+    rss = np.maximum(rss, np.finfo(float).tiny)
+    n = problem.n
+    order = int(np.argmin(n * np.log(rss) + np.log(n) * np.arange(len(rss))))
+    order = max(order, 1)
+    after = np.hstack([model, waves[:, :order]])
+    largest = 1 + int(np.argmax(np.abs(np.linalg.lstsq(after, y, rcond=None)[0][-order:])))
+    sigma = tuple(_sigma(problem.y, m) for m in (model, after))
+    return Smooth(
+        share=share,
+        variable=variable,
+        order=order,
+        period=2.0 * float(np.ptp(v)) / largest if largest >= WAVES else None,
+        sigma_E=(sigma[0], sigma[1]),
+        left_out=(_left_out(problem.y, model), _left_out(problem.y, after)),
+        where=where,
+        stratum=stratum,
+    )
+
+
+def _sigma(y: FloatArray, model: FloatArray) -> float:
+    basis = orthonormal(model)
+    left = y - basis @ (basis.T @ y)
+    return float(np.sqrt(left @ left / max(len(y) - basis.shape[1], 1)))
+
+
+def _left_out(y: FloatArray, model: FloatArray) -> float:
+    fold = np.random.default_rng(SEED).permutation(np.arange(len(y)) % FOLDS)
+    length = np.maximum(np.linalg.norm(model, axis=0), np.finfo(float).tiny)
+    errors = np.empty(len(y))
+    for one in range(FOLDS):
+        kept = fold != one
+        solved = np.linalg.lstsq(model[kept] / length, y[kept], rcond=1e-10)[0]
+        errors[~kept] = y[~kept] - (model[~kept] / length) @ solved
+    return float(np.sqrt(np.mean(errors**2)))

@@ -1,0 +1,139 @@
+"""Effects of what was before: of the last pressures, and of the last change of a temperature."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.effects.entry import Alias
+from fitter.effects.sizes import each, micro
+from procedures.pressure.effects.scene import (
+    AT_EASE,
+    SOAK,
+    PressureEffect,
+    PressureScene,
+    PressureTerm,
+    fixed,
+    settling,
+)
+
+LAGS_H = (0.25, 0.5, 1.0, 2.0, 4.0)
+"""Searched: shorter ones are over before the first reading, longer ones hardly fade within a whole plot."""
+CREEPS_H = (0.05, 0.15, 0.5, 1.5)
+"""Searched: faster ones remember the last step only, slower ones outlast the whole plot."""
+
+_TWICE = "visit a pressure twice in a whole plot, once from below and once from above, by steps of different height"
+
+
+def _lag(name: str, step: Callable[[PressureScene], FloatArray]) -> Callable[..., tuple[PressureTerm, ...]]:
+    """What is left of a step of temperature, for every time constant; all of it where that outlasts whole plots.
+
+    It moves the offset, and in so far as the sensitivity follows the temperature that too.
+    """
+
+    def left(tau_h: float) -> Callable[[PressureScene], FloatArray]:
+        return lambda scene: step(scene) * np.exp(-scene.since_h / tau_h)
+
+    def gain(tau_h: float) -> Callable[[PressureScene], FloatArray]:
+        return lambda scene: scene.p * left(tau_h)(scene)
+
+    of_offset = (PressureTerm(f"d{name}*exp(-t/{tau_h:g}h)", left(tau_h), unit="mV/degC") for tau_h in LAGS_H)
+    of_gain = (PressureTerm(f"P*d{name}*exp(-t/{tau_h:g}h)", gain(tau_h), unit="mV/psi/degC") for tau_h in LAGS_H)
+    terms = (*of_offset, *of_gain, PressureTerm(f"d{name}", step, unit="mV/degC"))
+    return lambda _data: terms
+
+
+def _lagging(values: Mapping[str, float], per_psi: float) -> str:
+    """Every coefficient in nanovolts for a degree of the step, and for a psi where the sensitivity lags."""
+    return ", ".join(
+        micro(f"nV{'/psi' if name.startswith('P*') else ''} per degC of the step")({name: value}, per_psi)
+        for name, value in values.items()
+    )
+
+
+HYSTERESIS = PressureEffect(
+    name="hysteresis",
+    cause="the output depends on whether the pressure was reached from below or from above",
+    source="sensor",
+    scope="sensor",
+    stratum="subplot",
+    unit="mV",
+    size=each("mV to each side"),
+    against="pressure_side",
+    separate_by=_TWICE,
+    usual_size="5e-4 of the range",
+    known_aliases={
+        "carry-over": Alias("where steps from below are mostly as high as those from above", AT_EASE),
+        "creep": Alias("where steps from below are mostly as high as those from above", AT_EASE),
+    },
+    terms=fixed(
+        ("side*loop(P)", lambda s: s.data.pressure_side * s.loop),
+        ("side", lambda s: np.asarray(s.data.pressure_side, np.float64)),
+    ),
+)
+CREEP = PressureEffect(
+    name="creep",
+    cause="the transducer still gives way to the last step of pressure when it is read",
+    source="sensor",
+    scope="sensor",
+    stratum="subplot",
+    unit="mV/psi",
+    size=each("mV per psi of the step"),
+    against="previous_pressure_psia",
+    separate_by=AT_EASE,
+    usual_size="3e-4 of the step",
+    known_aliases={},
+    terms=fixed(("P_before-P", lambda s: -s.change_psia), *map(settling, CREEPS_H)),
+    searched=True,
+)
+SENSOR_LAG = PressureEffect(
+    name="thermal-lag",
+    cause="the transducer still follows the last change of its temperature when a whole plot begins",
+    source="chamber",
+    scope="sensor",
+    stratum="subplot",
+    unit="mV/degC; with P mV/psi/degC",
+    size=_lagging,
+    against="since_s",
+    separate_by=SOAK,
+    usual_size="1e-4 mV/degC",
+    known_aliases={},
+    terms=_lag("T_sensor", lambda s: s.step(s.data.sensor_temperature_degC)),
+    searched=True,
+)
+SSE_LAG = PressureEffect(
+    name="sse-thermal-lag",
+    cause="the electronics still follow the last change of their temperature when a whole plot begins",
+    source="chamber",
+    scope="sensor",
+    stratum="subplot",
+    unit="mV/degC; with P mV/psi/degC",
+    size=_lagging,
+    against="since_s",
+    separate_by=SOAK,
+    usual_size="1e-4 mV/degC",
+    known_aliases={},
+    terms=_lag("T_SSE", lambda s: s.step(s.data.sse_temperature_degC)),
+    searched=True,
+)
+THERMAL_GRADIENT = PressureEffect(
+    name="thermal-gradient",
+    cause="while its temperature changes one side of the transducer, or of its electronics, is warmer than the other",
+    source="chamber",
+    scope="sensor",
+    stratum="subplot",
+    unit="mV/(degC/h)",
+    size=micro("nV per degC/h"),
+    against="since_s",
+    separate_by="let a temperature drift slowly at one pressure, up and then down",
+    usual_size="1e-3 mV/(degC/h)",
+    known_aliases={
+        "thermal-lag": Alias("where temperatures settle as they lag", "let a temperature drift slowly at one pressure")
+    },
+    terms=fixed(
+        ("dT_sensor/dt", lambda s: s.rate(s.data.sensor_temperature_degC)),
+        ("dT_SSE/dt", lambda s: s.rate(s.data.sse_temperature_degC)),
+    ),
+)

@@ -1,0 +1,227 @@
+"""What the columns of a whole-plot run's effects are computed from, and the physics that several of them share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.effects.entry import Entry
+from fitter.errors import FitError
+from procedures.pressure.data import WholePlotData
+
+AMBIENT_PSIA = 14.7
+_FOR_A_CUBIC = 6
+ROOM_K = 295.0
+"""Temperature of the pressure controller's end of the line."""
+_ZERO_DEGC_K = 273.15
+_TORR_PER_PSI = 51.7149
+_NITROGEN = 12e5, 10e2, 14.0
+"""Takaishi and Sensui's constants: K^2/(Torr mm)^2, K/(Torr mm), sqrt(K/(Torr mm))."""
+
+
+_WEIGHT_K_PER_M = 0.02896 * 9.80665 / 8.314463
+"""Of air: molar mass times gravity over the gas constant."""
+
+AT_EASE = "wait at one pressure of a whole plot and go on reading: what follows the last step fades, a loop stays"
+SOAK = "soak twice as long at a few temperatures: a lag is gone by then"
+SECOND_GAUGE = (
+    "read a second gauge at the transducers' end of the line: an error of the line shows in both, one of a transducer "
+    "does not"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class PressureScene:
+    """Observations of a whole-plot run and their references.
+
+    Attributes:
+        data: the observations.
+        sensor_degC: reference temperature of the transducers.
+        sse_degC: the same of the electronics.
+        elapsed_s: reference time; drifts are zero there.
+        sensitivity: of each transducer, mV/psi.
+        zero: its output at zero pressure, mV.
+
+    """
+
+    data: WholePlotData
+    sensor_degC: float
+    sse_degC: float
+    elapsed_s: float
+    sensitivity: Mapping[str, float]
+    zero: Mapping[str, float]
+
+    @property
+    def p(self) -> FloatArray:
+        """(n,) pressure, psia."""
+        return self.data.pressure_psia
+
+    @property
+    def sensor(self) -> FloatArray:
+        """(n,) sensor temperature above the reference, degC."""
+        return self.data.sensor_temperature_degC - self.sensor_degC
+
+    @property
+    def sse(self) -> FloatArray:
+        """(n,) temperature of the electronics above the reference, degC."""
+        return self.data.sse_temperature_degC - self.sse_degC
+
+    @cached_property
+    def hours(self) -> FloatArray:
+        """(n,) time since the reference, h."""
+        return (self.data.elapsed_s - self.elapsed_s) / 3600.0
+
+    @cached_property
+    def since_h(self) -> FloatArray:
+        """(n,) time since the first reading of the whole plot, h."""
+        return self.data.since_s / 3600.0
+
+    @cached_property
+    def change_psia(self) -> FloatArray:
+        """(n,) pressure less the one set before it; zero at the first of a whole plot, which nothing is known of."""
+        before = self.data.previous_pressure_psia
+        return np.where(np.isnan(before), 0.0, self.p - before)
+
+    @cached_property
+    def loop(self) -> FloatArray:
+        """(n,) width of a hysteresis loop over the pressures of the run: one in the middle, closed at both ends."""
+        low, high = float(self.p.min()), float(self.p.max())
+        return 4.0 * (self.p - low) * (high - self.p) / (high - low) ** 2 if high > low else np.zeros_like(self.p)
+
+    @cached_property
+    def waited_h(self) -> FloatArray:
+        """(n,) time between the reading before and this one, h; the usual one at the first of a whole plot."""
+        data = self.data
+        executed = np.lexsort((data.order, data.whole_plot_index))
+        wait = np.empty(len(data))
+        wait[executed] = np.diff(self.hours[executed], prepend=self.hours[executed][0])
+        first = np.isnan(data.previous_pressure_psia)
+        return np.where(first, np.median(wait[~first]) if np.any(~first) else 0.0, wait)
+
+    def behind(self, tau_h: float) -> FloatArray:
+        """(n,) what an element with this time constant still lacks of the pressure, psi.
+
+        It was at rest at the first pressure of a whole plot, and every pressure was set right after the reading before.
+        """
+        index, missing = self.data.whole_plot_index, np.zeros(len(self.data))
+        fading = np.exp(-np.maximum(self.waited_h, 0.0) / tau_h)
+        executed = np.lexsort((self.data.order, index))
+        for last, row in pairwise(executed.tolist()):
+            if index[last] == index[row]:
+                missing[row] = (missing[last] + self.p[last] - self.p[row]) * fading[row]
+        return missing
+
+    @property
+    def weight_per_m(self) -> FloatArray:
+        """(n,) error of the pressure for every metre of air between reference and transducers, psi.
+
+        The barometric formula's first order, P M g / (R T), with the air as cold as the transducers.
+        """
+        cold = np.maximum(self.data.sensor_temperature_degC + _ZERO_DEGC_K, 1.0)
+        return self.p * _WEIGHT_K_PER_M / cold
+
+    def rate(self, temperature: FloatArray) -> FloatArray:
+        """(n,) how fast a temperature changes, degC/h: slope of a cubic through each whole plot's readings."""
+        index, out = self.data.whole_plot_index, np.zeros(len(self.data))
+        for plot in range(int(index.max()) + 1):
+            rows = np.flatnonzero(index == plot)
+            if rows.size >= _FOR_A_CUBIC:
+                t = self.since_h[rows] - self.since_h[rows].mean()
+                slope = np.linalg.lstsq(np.column_stack([t**0, t, t**2, t**3]), temperature[rows], rcond=None)[0]
+                out[rows] = np.column_stack([0.0 * t, t**0, 2.0 * t, 3.0 * t**2]) @ slope
+        return out
+
+    @property
+    def pull(self) -> FloatArray:
+        """(n,) what drives air into the line, psi."""
+        return AMBIENT_PSIA - self.p
+
+    def step(self, temperature: FloatArray) -> FloatArray:
+        """(n,) change of a temperature from the whole plot before to this one, degC; zero in the first."""
+        mean = self._mean(temperature)
+        _, first, in_time = np.unique(
+            self._mean(self.data.order.astype(np.float64)), return_index=True, return_inverse=True
+        )
+        return np.diff(mean[first], prepend=mean[first[0]])[in_time]
+
+    def transpiration(self, bore_mm: float) -> FloatArray:
+        """(n,) error of the pressure at a cold transducer whose line of this bore begins in the room, psi.
+
+        In the molecular regime pressures are as the square roots of the temperatures; with rising pressure the
+        difference dies out: P1/P2 - 1 = (sqrt(T1/T2) - 1) / (1 + A X^2 + B X + C sqrt X), X = 2 P d / (T1 + T2), with
+        the constants of nitrogen (Takaishi and Sensui, Trans. Faraday Soc. 59 (1963) 2503).
+        """
+        cold = np.maximum(self.data.sensor_temperature_degC + _ZERO_DEGC_K, 0.0)
+        x = 2.0 * np.maximum(self.p, 0.0) * _TORR_PER_PSI * bore_mm / (cold + ROOM_K)
+        a, b, c = _NITROGEN
+        return self.p * (np.sqrt(cold / ROOM_K) - 1.0) / (1.0 + a * x**2 + b * x + c * np.sqrt(x))
+
+    def _mean(self, values: FloatArray) -> FloatArray:
+        """(n,) mean over the whole plot of each row."""
+        index = self.data.whole_plot_index
+        return (np.bincount(index, values) / np.bincount(index))[index]
+
+
+@dataclass(frozen=True)
+class PressureTerm:
+    """One column of an effect.
+
+    Attributes:
+        name: unique within its effect.
+        column: (n,) in the unit that makes the coefficient the effect's; of pressure, for what happens in the line.
+        formula: the same as a term of `fitter.formula`, up to terms of lower order; empty where there is none.
+        unit: of its coefficient, where the effect's terms have not all the same; else empty.
+
+    """
+
+    name: str
+    column: Callable[[PressureScene], FloatArray]
+    formula: str = ""
+    unit: str = ""
+
+
+@dataclass(frozen=True)
+class PressureEffect(Entry):
+    """An entry of the catalogue of whole-plot runs.
+
+    An effect of scope "line" is an error of the pressure: a coefficient of one makes an error of its column, in psi,
+    in all transducers, which each shows by its own sensitivity. One of scope "voltmeter" is a part of every
+    transducer's output. One of scope "sensor" is of one transducer, in mV.
+    Columns that are zero, or that the declared model holds already, are left out by the search.
+
+    Attributes:
+        terms: its columns, given the observations.
+        searched: whether its terms are one another's alternatives, for as many values of a constant that is searched:
+            together they have the share of the family's level that another effect's terms have each.
+        at_most: the largest coefficient that the cause can have; what would take a larger one is something else.
+        of_noise: whether it is reported as a finding about the noise, and predicts nothing.
+        on_suspicion: whether it is named only where nothing else explains the data, and else among the aliases.
+
+    """
+
+    terms: Callable[[WholePlotData], tuple[PressureTerm, ...]]
+    searched: bool = False
+    at_most: float = float("inf")
+    of_noise: bool = False
+    on_suspicion: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuse a bound that the search of whole-plot runs does not ask. Raises FitError."""
+        if self.largest is not None:
+            raise FitError(f"effect {self.name}: the bound of a PressureEffect is at_most, not largest")
+
+
+def settling(tau_h: float) -> tuple[str, Callable[[PressureScene], FloatArray]]:
+    """Name and column of what an element with this time constant still lacks of the pressure."""
+    return f"P({tau_h:g}h)-P", lambda scene: scene.behind(tau_h)
+
+
+def fixed(*terms: tuple[str, Callable[[PressureScene], FloatArray]]) -> Callable[..., tuple[PressureTerm, ...]]:
+    """The same terms whatever the observations."""
+    entries = tuple(PressureTerm(*term) for term in terms)
+    return lambda _data: entries

@@ -1,0 +1,216 @@
+"""Effects of time: drifts, steps at recorded and unrecorded moments, and the supply of the bridges."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.effects.entry import Alias
+from fitter.effects.sizes import each, micro
+from procedures.pressure.data import WholePlotData
+from procedures.pressure.effects.scene import SOAK, PressureEffect, PressureScene, PressureTerm, fixed
+
+MOMENTS = 24
+"""At most, tried for a step of which nothing is recorded."""
+EACH_SIDE = 3
+"""Whole plots before and after such a moment at least: a step of one or two is their own error."""
+
+MANY = 30
+"""Whole plots of which none is looked at by itself."""
+
+_REPEAT_FIRST = "repeat the first whole plots at the end of the run"
+_EARLIER = "repeat a few whole plots of the earlier block"
+
+
+def _supply(values: Mapping[str, float], volts: float) -> str:
+    """Every coefficient in ppm for what it goes with."""
+    return ", ".join(
+        micro("ppm/h" if name == "V*time" else "ppm/degC")({name: value}, volts) for name, value in values.items()
+    )
+
+
+def _recorded(
+    text: str, of: Callable[[PressureScene], FloatArray]
+) -> Callable[[WholePlotData], tuple[PressureTerm, ...]]:
+    """Something that is there from an interruption on."""
+
+    def term(block: int) -> PressureTerm:
+        return PressureTerm(f"{text}from block {block}", lambda scene: of(scene) * (scene.data.block >= block))
+
+    return lambda data: tuple(term(int(block)) for block in np.unique(data.block)[1:])
+
+
+def _each(data: WholePlotData) -> tuple[PressureTerm, ...]:
+    """Every whole plot by itself, unless they are so many that one that is off does no harm."""
+
+    def term(identity: int) -> PressureTerm:
+        return PressureTerm(
+            f"whole plot {identity}", lambda scene: np.asarray(scene.data.whole_plot == identity, np.float64)
+        )
+
+    return tuple(map(term, data.whole_plots.tolist())) if data.whole_plots.size <= MANY else ()
+
+
+def _unrecorded(text: str, of: Callable[[PressureScene], FloatArray], data: WholePlotData) -> tuple[PressureTerm, ...]:
+    """Something that is there from some whole plot on, wherever no interruption is recorded."""
+
+    def term(order: int, elapsed_h: float) -> PressureTerm:
+        return PressureTerm(f"{text}from {elapsed_h:.3g} h", lambda scene: of(scene) * (scene.data.order >= order))
+
+    begun = np.full(data.whole_plots.size, np.iinfo(np.int64).max)
+    np.minimum.at(begun, data.whole_plot_index, data.order)
+    at = np.sort(begun)[EACH_SIDE : -EACH_SIDE + 1 or None] if begun.size >= 2 * EACH_SIDE else begun[:0]
+    recorded = {int(data.order[data.block == block].min()) for block in np.unique(data.block)[1:]}
+    hours = dict(zip(data.order.tolist(), (data.elapsed_s / 3600.0).tolist(), strict=True))
+    free = [int(order) for order in at if order not in recorded]
+    picked = np.unique(np.linspace(0, len(free) - 1, min(MOMENTS, len(free))).round().astype(np.int64))
+    return tuple(term(free[k], hours[free[k]]) for k in picked)
+
+
+OFFSET_STEP = PressureEffect(
+    name="offset-step",
+    cause="the offset changed at an interruption of the run or when an instrument was replaced",
+    source="interruption",
+    scope="sensor",
+    stratum="whole-plot",
+    unit="mV",
+    size=each("mV"),
+    against="elapsed_s",
+    separate_by=_EARLIER,
+    usual_size="whatever the interruption did",
+    known_aliases={},
+    terms=_recorded("", lambda s: np.ones_like(s.p)),
+)
+ORDER_DRIFT = PressureEffect(
+    name="whole-plot-drift",
+    cause="the offset drifts through the run, from whole plot to whole plot",
+    source="time",
+    scope="sensor",
+    stratum="whole-plot",
+    unit="mV/h",
+    size=micro("nV/h"),
+    against="elapsed_s",
+    separate_by=_REPEAT_FIRST,
+    usual_size="1e-3 mV/h",
+    known_aliases={},
+    terms=fixed(("time", lambda s: s.hours)),
+)
+SUBPLOT_DRIFT = PressureEffect(
+    name="subplot-drift",
+    cause="the offset drifts within every whole plot, from its first reading on",
+    source="time",
+    scope="sensor",
+    stratum="subplot",
+    unit="mV/h",
+    size=micro("nV/h"),
+    against="since_s",
+    separate_by=SOAK,
+    usual_size="5e-3 mV/h",
+    known_aliases={},
+    terms=fixed(("time in the whole plot", lambda s: s.since_h)),
+)
+SENSITIVITY_DRIFT = PressureEffect(
+    name="sensitivity-drift",
+    cause="the sensitivity drifts through the run: the transducer's own, or its excitation",
+    source="time",
+    scope="sensor",
+    stratum="subplot",
+    unit="mV/psi/h",
+    size=micro("nV/psi/h"),
+    against="elapsed_s",
+    separate_by=_REPEAT_FIRST,
+    usual_size="1e-5 of the sensitivity per h",
+    known_aliases={
+        "reference-drift": Alias("with a single transducer", "have the pressure controller checked before and after")
+    },
+    terms=fixed(("P*time", lambda s: s.p * s.hours)),
+)
+SENSITIVITY_STEP = PressureEffect(
+    name="sensitivity-step",
+    cause="the sensitivity changed at an interruption of the run or when an instrument was replaced",
+    source="interruption",
+    scope="sensor",
+    stratum="subplot",
+    unit="mV/psi",
+    size=micro("nV/psi"),
+    against="elapsed_s",
+    separate_by=_EARLIER,
+    usual_size="whatever the interruption did",
+    known_aliases={},
+    terms=_recorded("P ", lambda s: s.p),
+)
+UNRECORDED_STEP = PressureEffect(
+    name="offset-step-unrecorded",
+    cause="the offset changed between two whole plots, at a moment of which nothing is recorded",
+    source="interruption",
+    scope="sensor",
+    stratum="whole-plot",
+    unit="mV",
+    size=each("mV"),
+    against="elapsed_s",
+    separate_by="look up what happened in the laboratory then, and repeat a few whole plots of before",
+    usual_size="whatever happened",
+    known_aliases={
+        "whole-plot-drift": Alias("near the middle of the run, if it is not many errors large", _REPEAT_FIRST)
+    },
+    terms=lambda data: _unrecorded("", lambda s: np.ones_like(s.p), data),
+    searched=True,
+)
+SENSITIVITY_STEP_UNRECORDED = PressureEffect(
+    name="sensitivity-step-unrecorded",
+    cause="the sensitivity changed between two whole plots, at a moment of which nothing is recorded",
+    source="interruption",
+    scope="sensor",
+    stratum="subplot",
+    unit="mV/psi",
+    size=micro("nV/psi"),
+    against="elapsed_s",
+    separate_by="look up what happened in the laboratory then, and repeat a few whole plots of before",
+    usual_size="whatever happened",
+    known_aliases={"sensitivity-drift": Alias("if it is not many errors large", _REPEAT_FIRST)},
+    terms=lambda data: _unrecorded("P ", lambda s: s.p, data),
+    searched=True,
+)
+EXCITATION = PressureEffect(
+    name="excitation",
+    cause="the supply of all bridges, or the gain of the voltmeter, changes with time or with the electronics' "
+    "temperature: outputs scale, zeros and all",
+    source="voltmeter",
+    scope="voltmeter",
+    stratum="subplot",
+    unit="1/h, 1/degC",
+    size=_supply,
+    against="elapsed_s",
+    separate_by="record the supply's voltage, and read a fixed bridge with the transducers",
+    usual_size="1e-5 of itself per h, 1e-5 per degC",
+    known_aliases={
+        "reference-drift": Alias(
+            "where the zeros are small beside the output", "record the supply's voltage through the run"
+        ),
+        "sensitivity-drift": Alias("with a single transducer", "record the supply's voltage through the run"),
+    },
+    terms=lambda _data: (
+        PressureTerm("V*time", lambda s: s.hours, unit="1/h"),
+        PressureTerm("V*T_SSE", lambda s: s.sse, unit="1/degC"),
+    ),
+    at_most=5e-3,
+)
+OUTLYING_WHOLE_PLOT = PressureEffect(
+    name="outlying-whole-plot",
+    cause="one whole plot stands apart from all others, and nothing that is recorded explains it; it is left out "
+    "of what whole plots' means say",
+    source="interruption",
+    scope="sensor",
+    stratum="whole-plot",
+    unit="mV",
+    size=each("mV"),
+    against="elapsed_s",
+    separate_by="look in the log at this whole plot, and repeat it",
+    usual_size="whatever happened",
+    known_aliases={},
+    terms=_each,
+    searched=True,
+    of_noise=True,
+)

@@ -1,0 +1,292 @@
+"""The paper's ways to calibrate, side by side on the same data (McCollum, Commo and Parker, sections II to V).
+
+Every method here is linear in the readings, b = A V, so its covariance under the estimated errors of the readings is
+A Cov(V) A' (`errors`), whatever weights or assumptions it was derived from: model-based, and honest for
+methods whose weights are a preference rather than the inverse of a variance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from fitter.arrays import FloatArray
+from fitter.errors import FitError
+from fitter.formula import Formula
+from fitter.linear import Triangle
+from fitter.split_plot import SplitPlotFit
+from procedures.pressure.data import WholePlotData
+from procedures.pressure.fit.errors import Errors, Layout
+from procedures.pressure.fit.in_use import InUse, in_use
+from procedures.pressure.fit.models import of_whole_plot
+from procedures.pressure.fit.reading_error import ReadingError, reading_error
+
+NO_PRESSURE = 1e-4
+"""A readback below this part of the highest pressure is none: weighted by 1/P it would outweigh all the others."""
+
+BIASED = "biased: it fits V/P by the terms of the model and so cannot follow V; shown as a warning"
+
+
+BoolArray = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """What a method makes of the readings V.
+
+    Attributes:
+        estimator: (k, n) A: the coefficients are A V.
+        hat: (n, n) H: the fitted outputs are H V. With indicators these include each whole plot's own intercept.
+        knows_whole_plot: whether `hat` follows the whole plots' errors, as after reading a zero in flight.
+
+    """
+
+    estimator: FloatArray
+    hat: FloatArray
+    knows_whole_plot: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Readings of one transducer and the model to fit to them.
+
+    Attributes:
+        data: the observations.
+        output: name of the transducer's output.
+        formula: the model, one column a term (no categories).
+        names: of its k columns.
+        columns: (n, k).
+        reml: the split-plot fit of it.
+        errors: of the readings.
+        layout: of the readings.
+        power: rows are weighted by 1 / P^power.
+        exclude_zero: whether weighted methods leave out readings at P = 0.
+
+    """
+
+    data: WholePlotData
+    output: str
+    formula: Formula
+    names: tuple[str, ...]
+    columns: FloatArray
+    reml: SplitPlotFit
+    errors: Errors
+    layout: Layout
+    power: float = 1.0
+    exclude_zero: bool = False
+
+    @property
+    def weight(self) -> FloatArray:
+        """(n,) 1 / P^power (eq. 3); zero at P = 0 where such readings are left out.
+
+        Raises:
+            FitError: there are readings without pressure and they are not to be left out.
+
+        """
+        used = ~self.without_pressure
+        rows = np.flatnonzero(~used)
+        if rows.size and not self.exclude_zero:
+            some = ", ".join(str(row) for row in rows[:5]) + (", ..." if rows.size > 5 else "")
+            raise FitError(
+                f"weights 1/P^{self.power:g} have no value at P = 0 (rows {some}): leave these readings out "
+                "(exclude_zero), or use a method without weights"
+            )
+        weight = np.zeros(len(used))
+        weight[used] = self.data.pressure_psia[used] ** -self.power
+        return weight
+
+    @property
+    def without_pressure(self) -> BoolArray:
+        """(n,) readings at P = 0: what was set, where recorded, else a readback that does not differ from it."""
+        read, told = self.data.pressure_psia, self.data.pressure_set_psia
+        at_zero = read <= NO_PRESSURE * float(read.max())
+        return np.asarray(at_zero if told is None else at_zero | (told <= 0), np.bool_)
+
+
+def gls(problem: Problem) -> Estimate:
+    """Generalised least squares at the REML variances (eq. 2)."""
+    v = problem.reml.variances
+    even = Errors(v.subplot, 0.0, v.wholeplot, v.replicate, np.zeros((4, 4)), float("nan"))
+    estimator = problem.reml.covariance @ problem.layout.solve(even, problem.columns).T
+    return Estimate(estimator, problem.columns @ estimator, knows_whole_plot=False)
+
+
+def weighted_response(problem: Problem) -> Estimate:
+    """Only the response times the weight (eq. 4 to 6): V/P = x b, so V is predicted by P x b. Biased."""
+    weight = problem.weight
+    used = problem.columns * (weight > 0)[:, None]
+    estimator = _pseudo_inverse(used, problem.names) * weight
+    predicted = problem.columns * np.maximum(problem.data.pressure_psia, 0.0)[:, None] ** problem.power
+    return Estimate(estimator, predicted @ estimator, knows_whole_plot=False)
+
+
+def weighted(problem: Problem) -> Estimate:
+    """Rows times 1/P^power (eq. 7 to 9), which is least squares with weights 1/P^(2 power)."""
+    weight = problem.weight
+    estimator = _pseudo_inverse(problem.columns * weight[:, None], problem.names) * weight
+    return Estimate(estimator, problem.columns @ estimator, knows_whole_plot=False)
+
+
+def in_flight_zero(problem: Problem) -> Estimate:
+    """An indicator for every whole plot in place of the constant and of terms in temperature alone (eq. 10)."""
+    return _with_indicators(problem, np.ones(len(problem.data)))
+
+
+def in_flight_zero_weighted(problem: Problem) -> Estimate:
+    """Indicators, and rows times 1/P^power."""
+    return _with_indicators(problem, problem.weight)
+
+
+METHODS: Mapping[str, Callable[[Problem], Estimate]] = {
+    "GLS": gls,
+    "weighted response": weighted_response,
+    "WLS": weighted,
+    "in-flight zero": in_flight_zero,
+    "in-flight zero + WLS": in_flight_zero_weighted,
+}
+"""In the order of the paper's figures 3 to 9."""
+
+
+@dataclass(frozen=True, eq=False)
+class MethodFit:
+    """One method's calibration.
+
+    Attributes:
+        method: its name in `METHODS`.
+        names: of the k coefficients.
+        coefficients: (k,) mV per unit of the column. With indicators, those of the constant and of temperature alone
+            are fitted to what the others leave, by generalised least squares, to complete the model.
+        covariance: (k, k).
+        derivatives: (p, k, k) of the covariance by the parameters of the errors.
+        df: (k,) degrees of freedom.
+        residuals_mV: (n,) marginal residuals.
+        reading_error: by pressure.
+        in_use: the same as it is in use: readings predicted by others, the in-flight zero's own error included.
+        note: what a reader must know; empty when there is nothing.
+
+    """
+
+    method: str
+    names: tuple[str, ...]
+    coefficients: FloatArray
+    covariance: FloatArray
+    derivatives: FloatArray
+    df: FloatArray
+    residuals_mV: FloatArray
+    reading_error: ReadingError
+    in_use: InUse
+    note: str
+
+    @property
+    def biased(self) -> bool:
+        """Whether its predictions are wrong on the average, whatever the data."""
+        return self.note == BIASED
+
+    @property
+    def stderr(self) -> FloatArray:
+        """(k,) standard errors."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    def to_dict(self) -> dict[str, object]:
+        """For JSON."""
+        return {
+            "coefficients": coefficient_table(self.names, self.coefficients, self.stderr, self.df),
+            "reading_error": self.reading_error.to_dict(),
+            "in_use": {"pressure_psia": self.reading_error.pressure_psia.tolist(), **self.in_use.to_dict()},
+            "biased": self.biased,
+            "note": self.note,
+        }
+
+
+def coefficient_table(
+    names: tuple[str, ...], estimates: FloatArray, stderr: FloatArray, df: FloatArray
+) -> dict[str, dict[str, float | None]]:
+    """Estimate, standard error and degrees of freedom by name; None where one does not exist."""
+    return {
+        name: {"estimate": float(b), "stderr": _known(s), "df": _known(d)}
+        for name, b, s, d in zip(names, estimates, stderr, df, strict=True)
+    }
+
+
+def fit_method(problem: Problem, method: str, sensitivity_mV_per_psi: float | None = None) -> MethodFit:
+    """Calibrate by one of `METHODS`.
+
+    Args:
+        problem: readings and model.
+        method: its name.
+        sensitivity_mV_per_psi: what turns mV into psi in reading errors (the paper uses 2); None for the fitted dV/dP
+            at each reading.
+
+    Raises:
+        FitError: the method cannot be used on these readings.
+        fitter.linear.RankError: it cannot estimate all its coefficients from them.
+
+    """
+    y, data, layout = problem.data.outputs[problem.output], problem.data, problem.layout
+    estimate = METHODS[method](problem)
+    if method == "GLS" and problem.errors.growth_per_psia == 0.0:
+        roger = problem.reml.kenward_roger()
+        covariance, df = roger.covariance, problem.reml.df
+        derivatives = layout.covariance(problem.errors, estimate.estimator)[1]
+    else:
+        covariance, derivatives = layout.covariance(problem.errors, estimate.estimator)
+        df = problem.errors.df(np.diag(covariance), np.diagonal(derivatives, axis1=1, axis2=2).T)
+    new, by_parameter = problem.errors.of_reading(data.pressure_psia, new_whole_plot=not estimate.knows_whole_plot)
+    fixed, fixed_by = layout.variances(problem.errors, estimate.hat, shared=not estimate.knows_whole_plot)
+    limit = special.stdtrit(problem.errors.df(new + fixed, by_parameter + fixed_by), 0.975).astype(np.float64)
+    if sensitivity_mV_per_psi is None:
+        slope = np.asarray(problem.formula.derivative(data.table, "P") @ problem.reml.coefficients)
+    else:
+        slope = np.full(len(data), sensitivity_mV_per_psi)
+    residuals = y - estimate.hat @ y
+    coefficients = estimate.estimator @ y
+    zeroed = (coefficients, covariance, derivatives) if estimate.knows_whole_plot else None
+    half = limit * np.sqrt(new + fixed)
+    return MethodFit(
+        method=method,
+        names=problem.names,
+        coefficients=coefficients,
+        covariance=covariance,
+        derivatives=derivatives,
+        df=df,
+        residuals_mV=residuals,
+        reading_error=reading_error(
+            residuals,
+            half,
+            np.where(problem.without_pressure, 0.0, data.pressure_psia),
+            slope,
+            data.pressure_levels,
+        ),
+        in_use=in_use(problem, estimate.hat, residuals, half, slope, zeroed),
+        note=BIASED if method == "weighted response" else "",
+    )
+
+
+def _with_indicators(problem: Problem, weight: FloatArray) -> Estimate:
+    alone = np.array([of_whole_plot(term) for term in problem.formula.terms])
+    inside, outside = problem.columns[:, ~alone], problem.columns[:, alone]
+    varying = [name for name, constant in zip(problem.names, alone, strict=True) if not constant]
+    labels = [*varying, *(f"whole plot {identity}" for identity in problem.data.whole_plots)]
+    both = np.column_stack([inside, problem.layout.wholeplot])
+    within = _pseudo_inverse(both * weight[:, None], labels) * weight
+    estimator = np.empty((len(alone), len(weight)))
+    estimator[~alone] = within[: len(varying)]
+    if np.any(alone):
+        solved = problem.layout.solve(problem.errors, outside)
+        left = np.eye(len(weight)) - inside @ estimator[~alone]
+        estimator[alone] = np.linalg.solve(outside.T @ solved, solved.T) @ left
+    return Estimate(estimator, both @ within, knows_whole_plot=True)
+
+
+def _pseudo_inverse(columns: FloatArray, names: Sequence[str]) -> FloatArray:
+    """(k, n) least-squares solution of `columns` as a matrix; RankError where there is none."""
+    root = Triangle(tuple(names)).add(columns, np.zeros(len(columns))).solve().root
+    return np.asarray(root @ (root.T @ columns.T))
+
+
+def _known(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,46 @@
+"""Further runs of a pressure calibration: the same temperatures or few of them, with other pressures."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+
+from procedures.further_runs import Variation
+from procedures.pressure.settings import WholePlotProcedure
+
+
+def further_runs(first: WholePlotProcedure) -> Iterator[Variation]:
+    """Runs to follow `first`: the temperatures of the design, few of them or all, with other pressures."""
+    pressures = sorted(first.design.pressures_psia)
+    between = [round((low + high) / 2, 6) for low, high in itertools.pairwise(pressures)]
+    for what, levels, repeated in (
+        ("the same pressures in another order", pressures, first.design.repeated_psia),
+        ("every pressure twice in a whole plot", pressures, pressures),
+        ("pressures between those of the first run too", sorted({*pressures, *between}), []),
+    ):
+        for pairs in _temperatures(first):
+            design = first.design.model_copy(
+                update={
+                    "type": "list",
+                    "temperatures_degC": pairs,
+                    "pressures_psia": levels,
+                    "repeated_psia": list(repeated),
+                }
+            )
+            run = first.model_copy(
+                update={
+                    "design": design,
+                    "replications": 1,
+                    "seed": first.seed + 1,
+                    "name": f"{first.name}: {what}"[:80],
+                }
+            )
+            yield Variation(what, run)
+
+
+def _temperatures(first: WholePlotProcedure) -> Iterator[list[tuple[float, float]]]:
+    """Centre and extremes twice, every temperature once, and the whole design again."""
+    every = sorted(set(first.design.pairs()))
+    ends = sorted({every[0], every[len(every) // 2], every[-1]})
+    for pairs in (2 * ends, every, 2 * every, first.design.pairs()):
+        yield list(pairs)

@@ -1,0 +1,39 @@
+"""Gross errors of a whole-plot calibration.
+
+Readings of one whole plot, and of one pressure, are compared. What a whole plot has in common is its own draw.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from fitter.formula import Formula
+from fitter.gross import GrossErrors, gross_errors
+from fitter.resolution import resolution
+from procedures.pressure.data import WholePlotData
+from procedures.pressure.fit.models import of_whole_plot
+
+REPEATS = 3
+"""Readings of one pressure from which each has a level of its own."""
+
+
+def of_whole_plots(data: WholePlotData, formula: Formula) -> Mapping[str, GrossErrors]:
+    """By transducer of a whole-plot calibration with this model."""
+    _, every = formula.columns(data.table)
+    alone = np.array([of_whole_plot(term) for term in formula.terms])
+    columns, level = every[:, ~alone], data.pressure_levels[1]
+    if np.bincount(level).min() >= REPEATS:  # else a pressure written wrong would be a level of its own, and fit
+        columns = np.column_stack([columns, np.eye(level.max() + 1)[level]])
+    return {
+        name: gross_errors(
+            y,
+            columns,
+            group=data.whole_plot_index,
+            step=resolution(y),
+            responses=len(data.outputs),
+            drivers={"P": data.pressure_psia},
+        )
+        for name, y in data.outputs.items()
+    }

@@ -1,0 +1,122 @@
+"""Two whole-plot runs as one problem: one declared model, an error of its own for every whole plot of either."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitter.arrays import FloatArray
+from fitter.confirm import Together
+from fitter.confirm.runs import join
+from fitter.confirm.together import Candidates, Own
+from procedures.pressure.data import WholePlotData
+from procedures.pressure.effects.scene import PressureScene
+from procedures.pressure.trace.problem import raw_columns
+from procedures.pressure.trace.result import WholePlotTrace
+
+
+@dataclass(frozen=True, eq=False)
+class WholePlotTogether(Together):
+    """See `Together`.
+
+    Attributes:
+        scene: of all observations; its references are those of the first run's trace.
+        found: in the first run.
+
+    """
+
+    scene: PressureScene
+    found: WholePlotTrace
+
+    @classmethod
+    def of(cls, found: WholePlotTrace, first: WholePlotData, later: WholePlotData, after_s: float) -> Self:
+        """A run, what was traced in it, and a later run, `after_s` after the first's zero of elapsed time.
+
+        Raises:
+            FitError: the later run lacks a transducer of the first.
+
+        """
+        both = join(first, later, after_s)
+        return cls(np.arange(len(both)) >= len(first), replace(found.scene, data=both), found)
+
+    @property
+    def data(self) -> WholePlotData:
+        """Observations of both runs."""
+        return self.scene.data
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """See `Together`."""
+        return self.data.transducers
+
+    @property
+    def df(self) -> int:
+        """See `Together`."""
+        return max(min(s.after.residual_mV.size - len(s.after.fit.names) for s in self.found.sensors.values()), 1)
+
+    @property
+    def realigned(self) -> bool:
+        """A transducer stays where it is: the first run's parameters hold."""
+        return False
+
+    @property
+    def loose(self) -> FloatArray:
+        """(n, W) an offset of every whole plot, as if each were zeroed once (the papers' in-flight zero)."""
+        return np.eye(self.data.whole_plots.size)[self.data.whole_plot_index]
+
+    @property
+    def again(self) -> FloatArray:
+        """(S n, 0): a transducer that stays where it is keeps its response; whole plots draw their errors anyway."""
+        return np.zeros((len(self.sensors) * len(self.data), 0))
+
+    @property
+    def raw_outputs(self) -> FloatArray:
+        """(S, n) mV."""
+        return np.stack([self.data.outputs[s] for s in self.sensors])
+
+    @cached_property
+    def sigma(self) -> FloatArray:
+        """(S, n) mV, growing with pressure where the trace found that it does."""
+        out = []
+        for name in self.sensors:
+            sensor = self.found.sensors[name]
+            grows = any(effect.stratum == "noise" for effect in sensor.effects)
+            same = np.full(len(self.data), sensor.after.fit.sigma_subplot)
+            out.append(sensor.noise.sd(self.data.pressure_psia) if grows else same)
+        return np.stack(out)
+
+    @property
+    def slope(self) -> FloatArray:
+        """(S,) mV/psi."""
+        return np.array([self.scene.sensitivity[s] for s in self.sensors])
+
+    @cached_property
+    def declared(self) -> tuple[FloatArray, ...]:
+        """For each transducer (n, d) the declared model."""
+        formula = self.found.formula
+        columns = formula.columns(self.data.table, formula.levels(self.found.scene.data.table))[1]
+        return (columns,) * len(self.sensors)
+
+    @cached_property
+    def own(self) -> tuple[tuple[Own, ...], ...]:
+        """For each transducer the error that every whole plot draws again."""
+        index = self.data.whole_plot_index
+        plots = [np.flatnonzero(index == k) for k in range(self.data.whole_plots.size)]
+        out = []
+        for i, name in enumerate(self.sensors):
+            spread = self.found.sensors[name].after.fit.sigma_wholeplot
+            out.append(tuple(Own.of(rows, (spread / self.sigma[i][rows])[:, None]) for rows in plots))
+        return tuple(out)
+
+    def raw(self, terms: Candidates) -> FloatArray:
+        """(S, n, q) mV per unit coefficient."""
+        return raw_columns(self.scene, self.sensors, terms)
+
+    def only(self, rows: NDArray[np.bool_]) -> Self:
+        """See `Together`."""
+        part = replace(self.scene, data=self.data.take(np.flatnonzero(rows)))
+        return replace(self, scene=part, fresh=self.fresh[rows])

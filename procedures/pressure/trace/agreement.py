@@ -1,0 +1,203 @@
+"""One coefficient of the line, or one of each transducer?
+
+An error of the pressure is one number in psi for all transducers. Where each of them could show the same column by
+itself, the line has to be supported by them: they agree, or the line and what some of them add to it explain the
+data better, at the price of the columns, than each by itself. The search cannot see to that: a column that all
+transducers share removes more than any one's own, is taken first, and what they disagree about is then put right one
+after the other.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fitter.arrays import IntArray
+from fitter.trace.aliases import DELTA, Products, Rival
+from fitter.trace.search import names_of, prune, search_and_name
+from fitter.trace.whitened import Whitened
+from procedures.pressure.trace.judge import WholePlotJudge
+from procedures.pressure.trace.problem import Problem
+from procedures.pressure.trace.score import beside
+
+SAME = 1e-3
+"""Of two columns, the sine of the angle between them below which they are the same: an excitation's output times time
+is pressure times time, but for a zero that is small."""
+ROUNDS = 3
+
+
+@dataclass(frozen=True)
+class Ways:
+    """Two explanations of one thing.
+
+    Attributes:
+        line: candidates of the line, each with the same column in every transducer.
+        corrections: of single transducers, with these columns, that stand beside the line.
+        own: of all transducers, with these columns.
+        rest: other candidates in the model.
+        behind: what `own` costs more than `line` and `corrections`, residual and columns, in the error's variance.
+
+    """
+
+    line: tuple[int, ...]
+    corrections: tuple[int, ...]
+    own: tuple[int, ...]
+    rest: tuple[int, ...]
+    behind: float
+
+
+def named(judge: WholePlotJudge, chosen: tuple[int, ...] = ()) -> tuple[int, ...]:
+    """The candidates that belong in the model, from those `chosen` on, by the names they are to have."""
+    for _ in range(ROUNDS):
+        chosen = search_and_name(judge, chosen, judge.lead)[1]
+        agreed = supported(judge, chosen)
+        if frozenset(agreed) == frozenset(chosen):
+            break
+        chosen = agreed
+    return chosen
+
+
+def supported(judge: WholePlotJudge, chosen: tuple[int, ...]) -> tuple[int, ...]:
+    """The transducers' own candidates in the place of those of the line that they do not bear out.
+
+    Where all of them agree, the line has fewer columns and stays unless the data can tell; with corrections to a few of
+    them the cheaper of both stays. A line that half of them or more do not bear out, or that is only suspected, gives
+    way as long as the transducers' own come within `DELTA`.
+    """
+    for name in names_of(judge.candidates, chosen):
+        ways = ways_of(judge, chosen, name)
+        if ways is None:
+            continue
+        allowed = 0.0 if ways.corrections else -DELTA
+        many = not _few(len(ways.corrections), judge.problem)
+        if many or judge.candidates[ways.line[0]].effect.on_suspicion:
+            allowed = DELTA
+        if ways.behind <= allowed:
+            chosen = (*ways.rest, *ways.own)
+    return chosen
+
+
+def ways_of(judge: WholePlotJudge, chosen: tuple[int, ...], name: str) -> Ways | None:
+    """Both explanations of an effect of the line among the `chosen`; None where there is only one.
+
+    The transducers' own have to stand out each by itself, or are left out.
+    """
+    line, every = _counterparts(judge.problem, [j for j in chosen if judge.candidates[j].effect.name == name])
+    if not line:
+        return None
+    corrections = tuple(j for j in chosen if j in every)
+    rest = tuple(j for j in chosen if j not in (*line, *corrections))
+    kept = prune(judge, (*rest, *every))
+    own = tuple(j for j in every if j in kept)
+    if not own:
+        return None
+    products = _products(judge.problem, line[0], rest, every)
+    behind = products.price(own) - products.price((*line, *corrections))
+    return Ways(line, corrections, own, rest, behind)
+
+
+def classes(judge: WholePlotJudge, chosen: tuple[int, ...]) -> dict[str, tuple[Rival, ...]]:
+    """Every explanation of each effect found, with a line that few transducers add to, and all by themselves."""
+    found = {name: judge.rivals(chosen, name) for name in names_of(judge.candidates, chosen)}
+    for name, rivals in found.items():
+        own = next(rival for rival in rivals if rival.effect == name)
+        found[name] = _ranked(
+            [*rivals, *_all_by_themselves(judge, chosen, own), *_corrected(judge, chosen, own, rivals)]
+        )
+    return found
+
+
+def _few(corrections: int, problem: Problem) -> bool:
+    """Whether most transducers agree: a line and a correction to all of them but one can explain whatever they show."""
+    return 2 * corrections < len(problem.sensors)
+
+
+def _all_by_themselves(judge: WholePlotJudge, chosen: tuple[int, ...], line: Rival) -> list[Rival]:
+    """The transducers' own in the place of a line that is in the model, beside the corrections that are."""
+    ways = ways_of(judge, chosen, line.effect)
+    if ways is None or not ways.corrections:
+        return []
+    terms = tuple(j for j in ways.own if j not in ways.corrections)
+    return _rival(judge, terms, line, ways.behind) if terms else []
+
+
+def _corrected(judge: WholePlotJudge, chosen: tuple[int, ...], own: Rival, rivals: tuple[Rival, ...]) -> list[Rival]:
+    """A line, and what few transducers add to it, in the place of transducers that all have their own in the model."""
+    found = []
+    for rival in rivals:
+        line, every = _counterparts(judge.problem, rival.terms)
+        if not line or any(judge.candidates[j].effect.name != own.effect for j in every):
+            continue
+        mine = tuple(j for j in chosen if j in every)
+        rest = tuple(j for j in chosen if j not in mine)
+        if len(mine) < len(judge.problem.sensors):
+            continue
+        products = _products(judge.problem, line[0], rest, every)
+        terms, price = line, products.price(line)
+        while _few(len(terms) - len(line) + 1, judge.problem):
+            left = [j for j in mine if j not in terms]
+            better = min(left, key=lambda j: products.price((*terms, j)))
+            if products.price((*terms, better)) >= price:
+                break
+            terms, price = (*terms, better), products.price((*terms, better))
+        if terms != line:
+            found += _rival(judge, terms, own, price - products.price(mine))
+    return found
+
+
+def _rival(judge: WholePlotJudge, terms: tuple[int, ...], than: Rival, behind: float) -> list[Rival]:
+    """An explanation so much dearer than another; its sigmas are the root of a price that may be below the best's."""
+    price = than.sigmas**2 + behind
+    return [Rival(judge.candidates[terms[0]].effect.name, terms, float(np.sign(price) * np.sqrt(abs(price))))]
+
+
+def _ranked(rivals: list[Rival]) -> tuple[Rival, ...]:
+    """The cheapest of every name, best first, behind the best of all."""
+    cheapest: dict[str, tuple[float, Rival]] = {}
+    for rival in rivals:
+        price = float(np.sign(rival.sigmas)) * rival.sigmas**2
+        if rival.effect not in cheapest or price < cheapest[rival.effect][0]:
+            cheapest[rival.effect] = price, rival
+    best = min(price for price, _ in cheapest.values())
+    ordered = sorted(cheapest.values(), key=lambda pair: pair[0])
+    return tuple(replace(rival, sigmas=float(np.sqrt(price - best))) for price, rival in ordered)
+
+
+def _counterparts(problem: Problem, of: list[int] | tuple[int, ...]) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Those of the line that every transducer could show by itself, and the candidates with which they could."""
+    line, every = list[int](), list[int]()
+    for j in of:
+        if problem.candidates[j].sensor is not None or len(problem.sensors) == 1:
+            continue
+        alike = defaultdict[tuple[str, str], list[int]](list)
+        for k in _alike(problem, j).tolist():
+            alike[problem.candidates[k].effect.name, problem.candidates[k].term.name].append(k)
+        whole = [same for same in alike.values() if len(same) == len(problem.sensors)]
+        if whole and (not line or problem.judged_at[j] == problem.judged_at[line[0]]):
+            line.append(j)
+            every += [k for k in whole[0] if k not in every]
+    return tuple(line), tuple(every)
+
+
+def _alike(problem: Problem, j: int) -> IntArray:
+    """Candidates of one transducer that there have the same column as `j`, beside the declared model."""
+    level, found = problem.judged_at[j], []
+    for k in problem.within(level).tolist():
+        sensor = problem.candidates[k].sensor
+        if sensor is None:
+            continue
+        columns = problem.at[level].columns[problem.sensors.index(sensor)]
+        lengths = np.linalg.norm(columns[:, j]) * np.linalg.norm(columns[:, k])
+        if lengths > 0 and abs(columns[:, j] @ columns[:, k]) > (1.0 - SAME**2 / 2) * lengths:
+            found.append(k)
+    return np.array(found, np.int64)
+
+
+def _products(problem: Problem, j: int, rest: tuple[int, ...], every: tuple[int, ...]) -> Products:
+    """Of all candidates beside the `rest` in the stratum of `j`, by the error beside all transducers' own."""
+    level = problem.judged_at[j]
+    stratum, error = beside(problem, level, rest), beside(problem, level, (*rest, *every), ()).sigma
+    scale = (stratum.sigma / error)[:, None]
+    return Products.of(Whitened(stratum.white.outputs * scale, stratum.white.columns * scale[:, :, None]))

@@ -1,0 +1,142 @@
+"""What stands out of a whole-plot run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitter.arrays import FloatArray
+from fitter.trace.aliases import PER_COLUMN, Products, Rival, rivals, simplest
+from fitter.trace.chance import ALPHA
+from fitter.trace.signs import SURE, Impossible
+from fitter.trace.whitened import Whitened
+from procedures.pressure.trace.null import Families
+from procedures.pressure.trace.problem import Candidate, Problem
+from procedures.pressure.trace.score import NOTHING_LEFT, Beside, Scores, beside, score
+from procedures.pressure.trace.strata import Level
+
+TRIED = 3
+"""Candidates at most that are tried as one of two that hide each other: what one leaves in whole plots, now up and now
+down, is what the other's standard error is then computed from."""
+
+
+@dataclass(frozen=True, eq=False)
+class WholePlotJudge:
+    """A `procedures.attitude.trace.search.Judge` of whole-plot runs."""
+
+    problem: Problem
+    family: Families
+
+    @property
+    def candidates(self) -> tuple[Candidate, ...]:
+        """All there are, in catalogue order."""
+        return self.problem.candidates
+
+    def unit(self, j: int) -> tuple[int, ...]:
+        """Every candidate by itself."""
+        return (j,)
+
+    def refined(self, chosen: tuple[int, ...]) -> WholePlotJudge:
+        """Itself: the constants searched are those of the catalogue."""
+        return self
+
+    def best(self, chosen: tuple[int, ...]) -> tuple[int, ...]:
+        """The candidate that removes most beside those `chosen`, of those that stand out; or two hiding each other."""
+        if not self.candidates:
+            return ()
+        scores = score(self.problem, chosen)
+        found = np.flatnonzero((self.family.adjust(scores.p) <= ALPHA) & self._possible(scores))
+        if found.size:
+            return (int(found[np.argmax(scores.gain[found])]),)
+        hidden = np.flatnonzero((self.family.adjust(scores.p_plain) <= ALPHA) & self._possible(scores))
+        for j in hidden[np.argsort(-scores.gain[hidden])][:TRIED].tolist():
+            beside_it = score(self.problem, (*chosen, j))
+            able = np.where(self._possible(beside_it), self.family.adjust(beside_it.p), 1.0)
+            other = int(np.argmin(able))
+            if able[other] <= ALPHA and self.p_adjusted((*chosen, j, other), j) <= ALPHA:
+                return j, other
+        return ()
+
+    def p_adjusted(self, chosen: tuple[int, ...], j: int) -> float:
+        """Probability that the best of the family looks as good as `j` beside the other `chosen` by chance."""
+        others = tuple(k for k in chosen if k != j)
+        scores = score(self.problem, others, (j,))
+        return 1.0 if self.wrong(scores)[j] else self.family.adjusted(float(scores.p[j]), j)
+
+    def alone(self, chosen: tuple[int, ...]) -> tuple[Impossible, ...]:
+        """Candidates that stand out beside those `chosen`, but for the sign that they would need."""
+        if not np.any(self.signs):
+            return ()
+        scores = score(self.problem, chosen)
+        wrong = np.flatnonzero((self.family.adjust(scores.p) <= ALPHA) & self.wrong(scores))
+        value, error = scores.gamma, np.abs(scores.gamma) / np.maximum(np.abs(scores.t), np.finfo(float).tiny)
+        return tuple(Impossible(j, float(value[j]), float(error[j])) for j in wrong.tolist())
+
+    def lead(self, explanations: Sequence[Rival]) -> Rival:
+        """The simplest of those the data cannot tell apart; what is only suspected leads if nothing else is left."""
+        suspected = {c.effect.name for c in self.candidates if c.effect.on_suspicion}
+        return simplest([r for r in explanations if r.alias and r.effect not in suspected] or explanations)
+
+    def rivals(self, chosen: tuple[int, ...], effect: str) -> tuple[Rival, ...]:
+        """All explanations of what the terms of `effect` among `chosen` explain, in the stratum they are judged in.
+
+        Terms of the effect that the other stratum bears out stay with every explanation.
+        """
+        problem, every = self.problem, np.arange(len(self.candidates))
+        named = tuple(j for j in chosen if problem.candidates[j].effect.name == effect)
+        level = problem.judged_at[named[0]]
+        group = tuple(j for j in named if problem.judged_at[j] == level)
+        rest = tuple(j for j in chosen if j not in group)
+        stratum, error = beside(problem, level, rest), beside(problem, level, chosen, ()).sigma
+        scale = (stratum.sigma / error)[:, None]
+        scores = score(problem, rest)
+        able = self._judged(level, stratum) & (self._possible(scores) | self.wrong(scores) | np.isin(every, group))
+        columns = np.where(able, stratum.white.columns * scale[:, :, None], 0.0)
+        white = Whitened(stratum.white.outputs * scale, columns)
+        line = any(problem.candidates[j].sensor is None for j in group)
+        sensors = problem.sensors if line else {str(problem.candidates[j].sensor) for j in group}
+        elsewhere = tuple(j for j in named if j not in group)
+        searched = {e.name for c in self.candidates if (e := c.effect).searched and (len(sensors) == 1 or not c.sensor)}
+        products = replace(Products.of(white), signs=self.signs)
+        found = rivals(problem.candidates, products, group, rest, sensors, searched=searched)
+        price = np.array([rival.sigmas**2 + self._tried(rival) for rival in found])
+        least = min(p for p, rival in zip(price.tolist(), found, strict=True) if not rival.refused)
+        price = np.maximum(price, least)
+        return tuple(
+            replace(found[k], terms=(*found[k].terms, *elsewhere), sigmas=float(np.sqrt(price[k] - least)))
+            for k in np.argsort(price, kind="stable")
+        )
+
+    def _tried(self, rival: Rival) -> float:
+        """What a searched constant is to pay beside a column's price: the best of m columns gains 2 ln m by chance."""
+        gained = -2.0 * float(np.log(self.family.share[rival.terms[0]]))
+        return max(gained - PER_COLUMN * rival.searched, 0.0)
+
+    def _possible(self, scores: Scores) -> NDArray[np.bool_]:
+        """(J,) candidates whose coefficient is of a size and sign that their cause can have, within three sd."""
+        most = np.array([c.effect.at_most for c in self.candidates])
+        size = np.abs(scores.gamma)
+        small = size - 3.0 * size / np.maximum(np.abs(scores.t), np.finfo(float).tiny) <= most
+        return np.asarray(small & ~self.wrong(scores))
+
+    def wrong(self, scores: Scores) -> NDArray[np.bool_]:
+        """(J,) candidates whose coefficient has, for certain, a sign that physics does not leave them."""
+        return np.asarray(self.signs * scores.t < -SURE)
+
+    @cached_property
+    def signs(self) -> FloatArray:
+        """(J,) sign that each candidate's coefficient has physically; 0 where either is possible.
+
+        A line's error is one of pressure, whatever the sensitivities; a transducer's own is a part of its output.
+        """
+        return np.array([c.effect.sign(c.term.name) for c in self.candidates], np.float64)
+
+    def _judged(self, level: Level, stratum: Beside) -> NDArray[np.bool_]:
+        """(J,) candidates of a level that enough is left of beside the others to explain something there."""
+        length = np.linalg.norm(self.problem.length_at[level] / stratum.sigma[:, None], axis=0)
+        left = np.linalg.norm(stratum.white.columns, axis=(0, 1)) > NOTHING_LEFT * length
+        return np.asarray(left & np.isin(np.arange(len(self.candidates)), self.problem.within(level)))

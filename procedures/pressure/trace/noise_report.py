@@ -1,0 +1,135 @@
+"""What is found of the noise of a whole-plot run: scatter that grows, errors that are remembered, single readings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fitter.arrays import IntArray
+from fitter.effects.noise import AUTOCORRELATION, OUTLIERS
+from fitter.quantiles import t_limit
+from fitter.trace.chance import ALPHA, COUNTED
+from procedures.pressure.data import WholePlotData
+from procedures.pressure.effects import GROWING_NOISE
+from procedures.pressure.trace.estimate import Estimate, estimate
+from procedures.pressure.trace.problem import Problem
+from procedures.pressure.trace.result import FoundPressureEffect
+from procedures.pressure.trace.settle import Look
+
+STANDS_OUT_HERE = 0.05
+"""Probability below which a reading that was left out is named as one that stands out in a transducer."""
+
+
+def noise_findings(
+    data: WholePlotData, whole: Problem, after: Estimate, look: Look, sensitivity: float, i: int
+) -> list[FoundPressureEffect]:
+    """Findings of stratum "noise" about transducer `i`.
+
+    Args:
+        data: the whole run.
+        whole: the same made ready.
+        after: model and effects, fitted without the readings that stand out.
+        look: at the noise beside the effects.
+        sensitivity: mV/psi.
+        i: the transducer.
+
+    """
+    about = _About(data, whole, after, look, sensitivity, i)
+    found = (about.growing(), about.remembered(), about.outliers())
+    return [finding for finding in found if finding is not None]
+
+
+@dataclass(frozen=True, eq=False)
+class _About:
+    data: WholePlotData
+    whole: Problem
+    after: Estimate
+    look: Look
+    sensitivity: float
+    i: int
+
+    def growing(self) -> FoundPressureEffect | None:
+        """Coefficients of sd = a + b P."""
+        if not self.look.grows[self.i]:
+            return None
+        noise, p = self.look.noise[self.i], self.data.pressure_psia
+        low, high = noise.sd(np.array([p.min(), p.max()])).tolist()
+        df = float(self.look.problem.at["subplot"].df[self.i])
+        found = self._of_noise(
+            effect=GROWING_NOISE.name,
+            cause=GROWING_NOISE.cause,
+            terms=("1", "P"),
+            coefficients=(noise.at_zero, noise.per_unit),
+            unit=GROWING_NOISE.unit,
+            size=f"sd {low:.2g} mV at the lowest pressure, {high:.2g} mV at the highest",
+            p=noise.p,
+            separate_by=GROWING_NOISE.separate_by,
+            against=GROWING_NOISE.against,
+            peak_mV=high,
+        )
+        half = tuple(t_limit(0.95, df) * error for error in noise.stderr)
+        return replace(found, stderr=noise.stderr, df=(df, df), half_width_95=half)
+
+    def remembered(self) -> FoundPressureEffect | None:
+        """Correlation of successive readings, if it is clear of chance."""
+        memory = self.look.memory[self.i]
+        if memory.p * len(self.whole.sensors) / COUNTED > ALPHA:
+            return None
+        return self._of_noise(
+            effect=AUTOCORRELATION,
+            cause="what a reading is off by stays with the next ones: something wanders within whole plots that was "
+            "not recorded",
+            terms=("correlation with the reading before",),
+            coefficients=(memory.rho,),
+            unit="1",
+            size=f"successive readings' errors correlate by {memory.rho:.2f}; effects were judged beside that",
+            p=memory.p,
+            separate_by="read one pressure for an hour, and record what may wander (temperatures, supply)",
+            against="since_s",
+            peak_mV=float(self.after.fits[self.i].sigma_subplot),
+        )
+
+    def outliers(self) -> FoundPressureEffect | None:
+        """Readings that stand out, and what they would do to the fit."""
+        aside = self.look.aside
+        own = np.flatnonzero(aside.p[self.i] < STANDS_OUT_HERE)
+        if not own.size:
+            return None
+        own = own[np.argsort(-np.abs(aside.sd[self.i][own]))]
+        rows, sd = aside.rows[own], np.abs(aside.sd[self.i][own])
+        off = tuple(aside.off_mV[self.i][own].tolist())
+        return self._of_noise(
+            effect=OUTLIERS,
+            cause="readings that no scatter of the others explains; they are left out of the search and of the fit",
+            terms=tuple(f"order {self.data.order[r]} at {self.data.pressure_psia[r]:.3g} psia" for r in rows),
+            coefficients=off,
+            unit="mV",
+            size=f"{own.size} of {len(self.data)} readings, up to {sd.max():.3g} sd; with them the fit moves by up to "
+            f"{self._moved(rows):.2g} of its standard errors",
+            p=float(aside.p[self.i][own].max()) * COUNTED / len(self.whole.sensors),
+            separate_by="look in the log at these readings, and repeat them",
+            against="elapsed_s",
+            peak_mV=float(np.max(np.abs(off))),
+        )
+
+    def _moved(self, rows: IntArray) -> float:
+        """How far `rows` of the whole run move the declared model's coefficients, in their standard errors."""
+        others = np.setdiff1d(self.look.aside.rows, rows)
+        with_them = self.whole.take(np.setdiff1d(np.arange(len(self.data)), others))
+        one, other = (e.fits[self.i] for e in (self.after, estimate(with_them, self.after.chosen)))
+        return float(np.max(np.abs(one.coefficients - other.coefficients) / one.stderr))
+
+    def _of_noise(self, *, p: float, peak_mV: float, **about: object) -> FoundPressureEffect:
+        count = len(about["coefficients"])  # type: ignore[arg-type]
+        unknown = (float("nan"),) * count
+        return FoundPressureEffect.of_noise(
+            **about,  # type: ignore[arg-type]
+            p_adjusted=min(p * len(self.whole.sensors) / COUNTED, 1.0),
+            formulas=(),
+            df=unknown,
+            half_width_95=unknown,
+            contribution_mV=np.zeros(len(self.data)),
+            peak_mV=peak_mV,
+            peak_psi=peak_mV / abs(self.sensitivity),
+        )

@@ -1,0 +1,141 @@
+"""What the best of all candidates scores on a whole-plot run when there is nothing to find.
+
+The two strata are a family each. Between whole plots there are few numbers to decide by, within them plenty: the former
+have two thirds of the level. Values of a constant that is searched share what another effect's term has for itself: the
+search for one cause need not cost all others their power.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from fitter.arrays import FloatArray
+from fitter.linear import orthonormal
+from fitter.trace.chance import DRAWS, Family
+from procedures.pressure.trace.problem import Problem
+from procedures.pressure.trace.score import NOTHING_LEFT, beside
+from procedures.pressure.trace.strata import LEVELS, Level
+
+_T = np.linspace(0.0, 40.0, 4001)
+"""Scores that p is interpolated between: 20,000 draws say no more of it."""
+OF_THE_LEVEL: Mapping[Level, float] = {"whole-plot": 2 / 3, "subplot": 1 / 3}
+
+
+@dataclass(frozen=True, eq=False)
+class Families:
+    """The families of a run, one a stratum.
+
+    Attributes:
+        of: the smallest of all p over their shares, in runs in which nothing is missing.
+        level: (J,) the stratum of each candidate.
+        share: (J,) of a candidate in its family's level, one where no constant is searched.
+
+    """
+
+    of: Mapping[Level, Family]
+    level: tuple[Level, ...]
+    share: FloatArray
+
+    def adjust(self, p: FloatArray) -> FloatArray:
+        """(J,) probability that the best of all candidates looks at least as good as each, by chance.
+
+        Args:
+            p: (J,) of each candidate taken alone.
+
+        """
+        out, level = np.ones(p.size), np.array(self.level)
+        for name, family in self.of.items():
+            here = level == name
+            out[here] = np.minimum(family.adjust(p[here] / self.share[here]) / self._part(name), 1.0)
+        return out
+
+    def adjusted(self, p: float, j: int) -> float:
+        """The same of candidate `j`."""
+        family = self.of.get(self.level[j])
+        return min(float(family.adjust(p / self.share[j])) / self._part(self.level[j]), 1.0) if family else 1.0
+
+    def _part(self, level: Level) -> float:
+        """Of the level, a stratum's part; all of it where the other has nothing to judge."""
+        return OF_THE_LEVEL[level] if len(self.of) > 1 else 1.0
+
+    def least(self, j: int) -> float:
+        """What `adjusted` gives where no simulated run had the like: a bound."""
+        return self.adjusted(0.0, j)
+
+
+def family_of(problem: Problem, seed: int) -> Families:
+    """Simulate the smallest p of both strata under the null, all transducers together.
+
+    What noise does to the candidates' columns and the noise beside them are drawn together, so that few degrees of
+    freedom for whole plots' errors are allowed for exactly. Transducers are drawn as independent: if they share errors
+    there are fewer chances, and the family holds less than its level.
+    """
+    rng, share = np.random.default_rng(seed), shares(problem)
+    drawn = {level: _smallest(problem, level, share, rng) for level in LEVELS}
+    of = {level: Family(np.sort(smallest)) for level, smallest in drawn.items() if smallest is not None}
+    return Families(of, problem.judged_at, share)
+
+
+def shares(problem: Problem) -> FloatArray:
+    """(J,) one over the values that are searched of a candidate's constant on its transducer, at its level."""
+    kind = [(c.effect.name, c.sensor, level) for c, level in zip(problem.candidates, problem.judged_at, strict=True)]
+    count = Counter(kind)
+    return np.array(
+        [1.0 / count[k] if c.effect.searched else 1.0 for c, k in zip(problem.candidates, kind, strict=True)]
+    )
+
+
+def _smallest(problem: Problem, level: Level, share: FloatArray, rng: np.random.Generator) -> FloatArray | None:
+    """(DRAWS,) smallest p over share of one stratum; None where there is nothing to judge."""
+    here, df = problem.within(level), problem.at[level].df
+    stratum = beside(problem, level, (), here)
+    columns, length = stratum.white.columns, problem.length_at[level][:, here] / stratum.sigma[:, None]
+    norm = np.linalg.norm(columns, axis=(0, 1))
+    judged = norm > NOTHING_LEFT * np.linalg.norm(length, axis=0)
+    if not np.any(judged) or np.min(df) <= 1:
+        return None
+    unit, share = columns[:, :, judged] / norm[judged], share[here][judged]
+    common = np.array([problem.candidates[j].sensor is None for j in here])[judged]
+    smallest, together, squares = np.ones(DRAWS), np.zeros((int(common.sum()), DRAWS), np.float32), np.zeros(DRAWS)
+    for i, every in enumerate(unit):
+        mine = np.flatnonzero(np.any(every != 0.0, axis=0))
+        basis = orthonormal(every[:, mine], tolerance=1e-6)
+        z = rng.standard_normal((basis.shape[1], DRAWS), dtype=np.float32)
+        drawn = (every[:, mine].T @ basis).astype(np.float32) @ z
+        rest = max(df[i] - basis.shape[1], 0.0)
+        square = np.asarray(np.sum(z**2, axis=0, dtype=np.float64))
+        if rest > 0:
+            square += rng.chisquare(rest, DRAWS)
+        own = ~common[mine]
+        smallest = np.minimum(smallest, _least(drawn[own], share[mine[own]], square, float(df[i]), float(df[i])))
+        together[np.isin(np.flatnonzero(common), mine[~own])] += drawn[~own]
+        squares += square
+    return np.minimum(smallest, _least(together, share[common], squares, float(df.sum()), float(df.min())))
+
+
+def _least(
+    drawn: NDArray[np.float32], share: FloatArray, square: FloatArray, df: float, judged_with: float
+) -> FloatArray:
+    """(DRAWS,) smallest p over share of columns that have the same error.
+
+    Args:
+        drawn: (q, DRAWS) products of unit columns with the noise.
+        share: (q,) of each column in the family's level.
+        square: (DRAWS,) of the noise.
+        df: degrees of freedom of that.
+        judged_with: those that p is worked out with.
+
+    """
+    smallest, log_p = np.zeros(len(square)), np.log(2.0 * special.stdtr(max(judged_with - 1.0, 1.0), -_T))
+    for part in np.unique(share):
+        of = drawn[share == part]
+        largest = np.maximum(of.max(axis=0), -of.min(axis=0)).astype(np.float64)
+        error = np.sqrt(np.maximum(square - largest**2, np.finfo(float).tiny) / (df - 1.0))
+        smallest = np.minimum(smallest, np.interp(largest / error, _T, log_p) - np.log(part))
+    return np.asarray(np.exp(smallest))

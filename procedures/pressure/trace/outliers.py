@@ -1,0 +1,79 @@
+"""Readings that stand out of their whole plot: pointed at, and left out of search and fit.
+
+They are looked for beside what is in the model, on the scale of a quantile of all that is left, which the few do not
+move; the worst of a whole plot first, because it moves the others.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from fitter.arrays import FloatArray, IntArray
+from fitter.resolution import resolution, robust_sd
+from procedures.pressure.trace.problem import Problem
+from procedures.pressure.trace.score import beside
+
+BY_CHANCE = 1e-3
+"""Probability that one of all readings of a clean run is pointed at, were their errors normal."""
+FEW = 0.03
+"""Of the readings at most; more are no outliers but noise with long tails, or an effect."""
+INSIDE = 0.95
+"""Share of what is left that the scale is taken from."""
+LONE = 0.05
+"""A reading of which no larger share than this is left has hardly another to be compared with."""
+
+
+@dataclass(frozen=True, eq=False)
+class Outliers:
+    """Readings that stand out.
+
+    Attributes:
+        rows: (k,) in which any transducer does.
+        sd: (S, k) by how many standard deviations in each.
+        off_mV: (S, k) the same in mV.
+        p: (S, k) probability that any reading of the run stands out as far.
+
+    """
+
+    rows: IntArray
+    sd: FloatArray
+    off_mV: FloatArray
+    p: FloatArray
+
+
+def outliers(problem: Problem, chosen: tuple[int, ...]) -> Outliers:
+    """The readings that stand out beside the `chosen` candidates, as they do once the others are out."""
+    count, n = len(problem.sensors), problem.outputs.shape[1]
+    kept = np.arange(n)
+    steps = np.array([resolution(output) for output in problem.outputs])
+    found: dict[int, tuple[FloatArray, FloatArray]] = {}
+    while len(found) <= FEW * n:
+        part = problem.take(kept)
+        stratum = beside(part, "subplot", chosen, ())
+        share = np.stack([strata.kept for strata in part.strata])
+        whole = np.sqrt(np.maximum(share, LONE))
+        alone = np.where(share > LONE, stratum.white.outputs / whole, 0.0)
+        rounded = steps[:, None] * np.sqrt(part.weight) / (stratum.sigma[:, None] * whole)
+        scale = np.array([robust_sd(one, step, INSIDE) for one, step in zip(alone, rounded, strict=True)])
+        sd = alone / np.maximum(scale, np.finfo(float).tiny)[:, None]
+        p = 2.0 * special.stdtr(np.maximum(stratum.df, 1.0)[:, None], -np.abs(sd)) * n * count
+        worst = np.max(np.abs(sd), axis=0)
+        over = np.flatnonzero(np.any(p < BY_CHANCE, axis=0))
+        if not over.size:
+            break
+        # a least square's residual over what is left of it is how far the reading is from all others' prediction
+        off = alone * stratum.sigma[:, None] / np.sqrt(part.weight) / whole
+        for plot in np.unique(part.whole_plot[over]):
+            mine = over[part.whole_plot[over] == plot]
+            row = int(mine[np.argmax(worst[mine])])
+            found[int(kept[row])] = (off[:, row], p[:, row])
+        kept = np.setdiff1d(np.arange(n), list(found))
+    if not found or len(found) > max(FEW * n, 1.0):
+        return Outliers(np.zeros(0, np.int64), *(np.zeros((count, 0)) for _ in range(3)))
+    rows = sorted(found)
+    ordinary = (scale * stratum.sigma)[:, None] / np.sqrt(problem.weight[:, rows])
+    off, p = (np.column_stack([found[row][k] for row in rows]) for k in range(2))
+    return Outliers(np.array(rows, np.int64), off / ordinary, off, p)

@@ -1,0 +1,226 @@
+"""A whole-plot run made ready for the search: every candidate's column for every transducer, in both strata."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from fitter.arrays import FloatArray, IntArray
+from fitter.linear import orthonormal
+from fitter.split_plot import SplitPlotDesign
+from fitter.trace.not_kept import NotKept, overflows
+from procedures.pressure.data import WholePlotData
+from procedures.pressure.effects.scene import PressureEffect, PressureScene, PressureTerm
+from procedures.pressure.trace.strata import LEVELS, Level, Strata
+
+IS_THE_MODEL = 1e-3
+"""A column of which no larger share than this is left beside the declared model adds nothing to it."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One term of one effect, on one transducer or (None) on the line or the supply, and with it on all."""
+
+    effect: PressureEffect
+    term: PressureTerm
+    sensor: str | None
+
+
+@dataclass(frozen=True, eq=False)
+class Stratum:
+    """What the declared model leaves at one level.
+
+    Attributes:
+        outputs: (S, m), m readings or whole plots.
+        columns: (S, m, J).
+        df: (S,) degrees of freedom.
+
+    """
+
+    outputs: FloatArray
+    columns: FloatArray
+    df: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Arrays over S transducers, n observations and J candidates.
+
+    Attributes:
+        sensors: names of the transducers.
+        names: of the declared model's columns.
+        declared: (n, k) declared model.
+        outputs: (S, n) mV.
+        raw: (S, n, J) columns as they are, mV per unit coefficient.
+        candidates: J of them, in catalogue order.
+        whole_plot: (n,) which whole plot, from 0.
+        replicate: (n,) which replication, from 0.
+        order: (n,) executed position.
+        weight: (S, n) of each reading, mean one: the inverse of its variance where that grows with pressure.
+        ratio: (S,) variance of the whole-plot error over that of a reading.
+        rho: (S,) correlation of a reading's error with that of the one before in its whole plot.
+        left_out: candidates that cannot be computed with.
+
+    """
+
+    sensors: tuple[str, ...]
+    names: tuple[str, ...]
+    declared: FloatArray
+    outputs: FloatArray
+    raw: FloatArray
+    candidates: tuple[Candidate, ...]
+    whole_plot: IntArray
+    replicate: IntArray
+    order: IntArray
+    weight: FloatArray
+    ratio: FloatArray
+    rho: FloatArray
+    left_out: tuple[NotKept, ...] = ()
+
+    @cached_property
+    def strata(self) -> tuple[Strata, ...]:
+        """Projections of each transducer; shared where weights are alike."""
+        made: list[Strata] = []
+        for weight, ratio, rho in zip(self.weight, self.ratio, self.rho, strict=True):
+            same = (s for s in made if np.array_equal(s.weight, weight) and (s.ratio, s.rho) == (ratio, rho))
+            made.append(next(same, None) or self.stratified(weight, float(ratio), float(rho)))
+        return tuple(made)
+
+    def stratified(self, weight: FloatArray, ratio: float, rho: float) -> Strata:
+        """Projections for readings of these weights that remember the one before."""
+        return Strata(self.declared, self.whole_plot, self.replicate, weight, ratio, self.before, rho)
+
+    @cached_property
+    def before(self) -> IntArray:
+        """(n,) row of the reading before in its whole plot, the row itself at the first."""
+        executed = np.lexsort((self.order, self.whole_plot))
+        behind = np.concatenate([executed[:1], executed[:-1]])
+        behind = np.where(self.whole_plot[behind] == self.whole_plot[executed], behind, executed)
+        return behind[np.argsort(executed)]
+
+    @cached_property
+    def at(self) -> Mapping[Level, Stratum]:
+        """Both strata of all transducers."""
+        return {level: self._at(level) for level in LEVELS}
+
+    @cached_property
+    def length_at(self) -> Mapping[Level, FloatArray]:
+        """(S, J) length of each raw column at each level: of readings by weight, or of whole plots' means."""
+        readings, means = np.zeros((2, len(self.sensors), len(self.candidates)))
+        for i, (strata, mine) in enumerate(zip(self.strata, self._concerned, strict=True)):
+            own = self.raw[i][:, mine]
+            readings[i, mine] = np.linalg.norm(strata.whiten(own), axis=0)
+            means[i, mine] = np.linalg.norm(strata.means(own) * strata.precision[:, None], axis=0)
+        return {"subplot": readings, "whole-plot": means}
+
+    @cached_property
+    def judged_at(self) -> tuple[Level, ...]:
+        """For each candidate the level it is tested at: its own stratum's, if it varies there."""
+        varies = np.zeros(len(self.candidates), bool)
+        for strata, raw, mine in zip(self.strata, self.raw, self._concerned, strict=True):
+            varies[mine] |= strata.varies_within(raw[:, mine])
+        return tuple(
+            "subplot" if varies[j] and c.effect.stratum == "subplot" else "whole-plot"
+            for j, c in enumerate(self.candidates)
+        )
+
+    def within(self, level: Level, of: Sequence[int] | None = None) -> IntArray:
+        """Indices of the candidates (of those given) that are judged at a level."""
+        every = range(len(self.candidates)) if of is None else of
+        return np.array([j for j in every if self.judged_at[j] == level], np.int64)
+
+    def take(self, rows: IntArray) -> Problem:
+        """The problem of some of the rows, its columns as they are in the whole."""
+        return replace(
+            self,
+            declared=self.declared[rows],
+            outputs=self.outputs[:, rows],
+            raw=self.raw[:, rows],
+            whole_plot=np.unique(self.whole_plot[rows], return_inverse=True)[1],
+            replicate=np.unique(self.replicate[rows], return_inverse=True)[1],
+            order=self.order[rows],
+            weight=self.weight[:, rows],
+        )
+
+    def _at(self, level: Level) -> Stratum:
+        count = self.outputs.shape[1] if level == "subplot" else int(self.whole_plot.max()) + 1
+        outputs, columns = np.zeros((len(self.sensors), count)), np.zeros((len(self.sensors), count, self.raw.shape[2]))
+        for i, (strata, mine) in enumerate(zip(self.strata, self._concerned, strict=True)):
+            left = strata.leave(np.column_stack([self.outputs[i], self.raw[i][:, mine]]), level)
+            outputs[i], columns[i][:, mine] = left[:, 0], left[:, 1:]
+        return Stratum(outputs, columns, np.array([float(strata.df(level)) for strata in self.strata]))
+
+    @cached_property
+    def _concerned(self) -> tuple[IntArray, ...]:
+        """For each transducer, the candidates that concern it."""
+        return tuple(
+            np.array([j for j, c in enumerate(self.candidates) if c.sensor in (None, sensor)], np.int64)
+            for sensor in self.sensors
+        )
+
+
+def pose(
+    data: WholePlotData,
+    names: tuple[str, ...],
+    declared: FloatArray,
+    scene: PressureScene,
+    catalogue: Sequence[PressureEffect],
+) -> Problem:
+    """Prepare a run for the search.
+
+    Raises:
+        fitter.linear.RankError: the observations do not determine the declared model.
+        FitError: they do not determine its errors.
+
+    """
+    candidates = tuple(
+        Candidate(effect, term, sensor)
+        for effect in catalogue
+        for sensor in (data.transducers if effect.scope == "sensor" else (None,))
+        for term in effect.terms(data)
+    )
+    with np.errstate(over="ignore", invalid="ignore"):
+        raw = raw_columns(scene, data.transducers, candidates)
+    large = [j for j in range(len(candidates)) if overflows(raw[:, :, j])]
+    raw[:, :, large] = 0.0
+    basis = orthonormal(declared)
+    left = np.linalg.norm(raw - np.einsum("nk,mk,smj->snj", basis, basis, raw, optimize=True), axis=(0, 1))
+    useful = np.flatnonzero(left > IS_THE_MODEL * np.linalg.norm(raw, axis=(0, 1)))
+    outputs = np.stack([data.outputs[s] for s in data.transducers])
+    fitted = SplitPlotDesign(declared, data.whole_plot, names).fit_many(outputs.T)
+    return Problem(
+        sensors=data.transducers,
+        names=names,
+        declared=declared,
+        outputs=outputs,
+        raw=raw[:, :, useful],
+        candidates=tuple(candidates[j] for j in useful),
+        whole_plot=data.whole_plot_index,
+        replicate=np.unique(data.replicate, return_inverse=True)[1].astype(np.int64),
+        order=data.order,
+        weight=np.ones_like(outputs),
+        ratio=fitted.ratio,
+        rho=np.zeros(len(outputs)),
+        left_out=tuple(NotKept(candidates[j].effect.name, candidates[j].sensor, "overflow") for j in large),
+    )
+
+
+def raw_columns(scene: PressureScene, sensors: Sequence[str], candidates: Sequence[Candidate]) -> FloatArray:
+    """(S, n, J) columns of `candidates`, mV: zero for the transducers a candidate does not concern."""
+    out = np.zeros((len(sensors), len(scene.data), len(candidates)))
+    made: dict[tuple[str, str], FloatArray] = {}
+    for j, candidate in enumerate(candidates):
+        key = candidate.effect.name, candidate.term.name
+        if key not in made:
+            made[key] = candidate.term.column(scene)
+        for i, sensor in enumerate(sensors):
+            if candidate.effect.scope == "voltmeter":
+                out[i, :, j] = made[key] * (scene.zero[sensor] + scene.sensitivity[sensor] * scene.p)
+            elif candidate.sensor is None:
+                out[i, :, j] = made[key] * scene.sensitivity[sensor]
+            elif candidate.sensor == sensor:
+                out[i, :, j] = made[key]
+    return out

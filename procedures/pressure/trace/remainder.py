@@ -1,0 +1,110 @@
+"""What is left in each stratum beyond pure error, and where it lives; reading error by pressure."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fitter.arrays import FloatArray, IntArray
+from fitter.sums_of_squares import FTest
+from fitter.trace.found import Unnamed
+from procedures.pressure.data import WholePlotData
+from procedures.pressure.trace.problem import Problem
+from procedures.pressure.trace.score import beside
+from procedures.pressure.trace.strata import Level
+
+SAME_TEMPERATURE_DEGC = 2.0
+"""Whole plots whose temperatures are closer than this repeat one another: chambers hold a degree, designs step many."""
+
+
+def lack_of_fit(problem: Problem, level: Level, chosen: tuple[int, ...], repeats: IntArray, i: int) -> FTest:
+    """Does what is left vary more between `repeats` than within them, in one stratum of transducer `i`?
+
+    Args:
+        problem: the run.
+        level: the stratum.
+        chosen: candidates in the model.
+        repeats: (m,) rows of the stratum that should agree but for its error carry one number.
+        i: the transducer.
+
+    """
+    stratum = beside(problem, level, chosen, ())
+    left, weight = stratum.white.outputs[i], _weight(problem, level, i)
+    count = np.bincount(repeats)
+    mean = np.bincount(repeats, left * weight) / np.maximum(np.bincount(repeats, weight**2), np.finfo(float).tiny)
+    pure = float(np.sum((left - mean[repeats] * weight) ** 2))
+    below = int(np.sum(np.maximum(count - 1, 0)))
+    above = int(stratum.df[i]) - below
+    if above <= 0 or below <= 0 or pure <= 0:
+        return FTest(float("nan"), max(above, 0), max(below, 0))
+    return FTest((float(left @ left) - pure) / above / (pure / below), above, below)
+
+
+def repeated_readings(data: WholePlotData) -> IntArray:
+    """(n,) readings at one pressure in one whole plot carry one number."""
+    level = data.pressure_levels[1]
+    return _numbered(data.whole_plot_index * (1 + level.max()) + level)
+
+
+def repeated_whole_plots(data: WholePlotData) -> IntArray:
+    """(W,) whole plots at one pair of temperatures carry one number."""
+    index = data.whole_plot_index
+    count = np.bincount(index)
+    pairs = []
+    for given in (data.sensor_temperature_degC, data.sse_temperature_degC):
+        mean = np.bincount(index, given) / count
+        order = np.argsort(mean)
+        setting = np.empty(len(mean), np.int64)
+        setting[order] = np.cumsum(np.diff(mean[order], prepend=mean[order[0]]) > SAME_TEMPERATURE_DEGC)
+        pairs.append(setting)
+    return _numbered(pairs[0] * (1 + pairs[1].max()) + pairs[1])
+
+
+def strongest_pressure(problem: Problem, chosen: tuple[int, ...], data: WholePlotData, i: int) -> Unnamed:
+    """The pressure at which what is left within whole plots stands out most in transducer `i`."""
+    stratum = beside(problem, "subplot", chosen, ())
+    left, levels = stratum.white.outputs[i], data.pressure_levels
+    sums, count = np.bincount(levels[1], left), np.bincount(levels[1])
+    most = int(np.argmax(np.abs(sums) / np.sqrt(count)))
+    plain = left * stratum.sigma[i] / _weight(problem, "subplot", i)
+    mean = float(np.mean(plain[levels[1] == most]))
+    share = float(np.sum(sums**2 / count) / np.sum(left**2))
+    return Unnamed(f"within whole plots, most at {levels[0][most]:g} psia: {mean:+.2g} mV on average", share)
+
+
+def strongest_whole_plot(problem: Problem, chosen: tuple[int, ...], data: WholePlotData, i: int) -> Unnamed:
+    """The temperatures at which what is left between whole plots stands out most in transducer `i`."""
+    left, repeats = beside(problem, "whole-plot", chosen, ()).white.outputs[i], repeated_whole_plots(data)
+    sums, count = np.bincount(repeats, left), np.bincount(repeats)
+    most = int(np.argmax(np.abs(sums) / np.sqrt(count)))
+    rows = np.isin(data.whole_plot_index, np.flatnonzero(repeats == most))
+    sensor, sse = (float(np.mean(t[rows])) for t in (data.sensor_temperature_degC, data.sse_temperature_degC))
+    share = float(np.sum(sums**2 / count) / np.sum(left**2))
+    return Unnamed(f"between whole plots, most at {sensor:.0f} degC with electronics at {sse:.0f} degC", share)
+
+
+def reading_error_pct(data: WholePlotData, residual: FloatArray, slope: FloatArray) -> dict[str, float | None]:
+    """Largest residual at each nominal pressure over the pressure read, in percent; None at zero pressure.
+
+    Args:
+        data: the run.
+        residual: (n,) of one transducer, whole-plot errors left in, mV.
+        slope: (n,) dV/dP there, mV/psi.
+
+    """
+    psia, level = data.pressure_levels
+    positive = data.pressure_psia > 0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        error = np.where(positive, np.abs(100.0 * residual / (slope * data.pressure_psia)), 0.0)
+    largest = np.zeros(psia.size)
+    np.maximum.at(largest, level, error)
+    names = (f"{round(float(p), 3):g}" for p in psia)  # levels are further apart than that
+    return {name: float(e) if p > 0 else None for name, p, e in zip(names, psia, largest, strict=True)}
+
+
+def _weight(problem: Problem, level: Level, i: int) -> FloatArray:
+    """(m,) root of the weight of each row of a stratum."""
+    return np.sqrt(problem.weight[i]) if level == "subplot" else problem.strata[i].precision
+
+
+def _numbered(code: IntArray) -> IntArray:
+    return np.asarray(np.unique(code, return_inverse=True)[1], np.int64)

@@ -1,0 +1,278 @@
+"""What was found, put together transducer by transducer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.special import chdtrc
+
+from fitter.arrays import FloatArray, IntArray
+from fitter.effects.entry import Entry
+from fitter.formula import Formula
+from fitter.linear import orthonormal
+from fitter.trace.aliases import Rival, separation
+from fitter.trace.found import Unnamed, verdict
+from fitter.trace.not_kept import NotKept, for_others
+from fitter.trace.shares import of_rest, shares, unnamed_part
+from procedures.pressure.data import WholePlotData
+from procedures.pressure.effects.scene import PressureEffect, PressureScene, PressureTerm
+from procedures.pressure.effects.separation import separate_pressure
+from procedures.pressure.trace.agreement import classes
+from procedures.pressure.trace.estimate import Estimate, error_of, residual_of
+from procedures.pressure.trace.judge import WholePlotJudge
+from procedures.pressure.trace.noise_report import noise_findings
+from procedures.pressure.trace.problem import Problem
+from procedures.pressure.trace.remainder import (
+    lack_of_fit,
+    reading_error_pct,
+    repeated_readings,
+    repeated_whole_plots,
+    strongest_pressure,
+    strongest_whole_plot,
+)
+from procedures.pressure.trace.result import FoundPressureEffect, Side, TransducerTrace
+from procedures.pressure.trace.settle import Look
+from procedures.pressure.trace.smooth import smoothest
+from procedures.pressure.trace.strata import Level
+
+UNEXPLAINED = 1e-3
+"""Lack of fit below this probability is something that remains."""
+DIFFERENT = 0.01
+"""Coefficients of all transducers that agree with more than this probability are called the same."""
+
+
+@dataclass(frozen=True, eq=False)
+class Finding:
+    """All that a trace knows of a run.
+
+    Attributes:
+        data: the observations without those that stand out.
+        whole: all of them.
+        model: the declared one, as it was asked for.
+        formula: its terms.
+        scene: references.
+        judge: of the search, with the weights it ended with.
+        before: the declared model.
+        after: the same beside the effects.
+        every: the whole run made ready.
+        look: at the noise beside the effects.
+        not_kept: candidates that were not kept, and why.
+        cv: (2, S) error on whole plots left out, before and after.
+
+    """
+
+    data: WholePlotData
+    whole: WholePlotData
+    model: str
+    formula: Formula
+    scene: PressureScene
+    judge: WholePlotJudge
+    before: Estimate
+    after: Estimate
+    every: Problem
+    look: Look
+    not_kept: tuple[NotKept, ...]
+    cv: FloatArray | None
+
+    @cached_property
+    def classes(self) -> dict[str, tuple[Rival, ...]]:
+        """Every explanation of each effect found."""
+        return classes(self.judge, self.after.chosen)
+
+
+def transducer(finding: Finding, i: int) -> TransducerTrace:
+    """What was found in transducer `i`."""
+    sensor = finding.judge.problem.sensors[i]
+    left = _unnamed(finding, i)
+    shown = [e for name in finding.classes if (e := _found(finding, name, i)) is not None]
+    divided = _shares(finding, [effect.effect for effect in shown], unnamed_part(left), i)
+    effects = [replace(effect, share=float(share)) for effect, share in zip(shown, divided, strict=True)]
+    effects.sort(key=lambda effect: -effect.share)
+    effects += noise_findings(
+        finding.whole, finding.every, finding.after, finding.look, finding.scene.sensitivity[sensor], i
+    )
+    rest = of_rest(divided, left)
+    idle = [effect.effect for effect in effects if not _falls(finding, effect, i)]
+    return TransducerTrace(
+        sensor=sensor,
+        declared=finding.model,
+        verdict=verdict(
+            found=any(e.stratum != "noise" for e in effects),
+            fell=not idle,
+            rest=rest,
+        ),
+        before=_side(finding, finding.before, i, 0),
+        after=_side(finding, finding.after, i, 1),
+        effects=tuple(effects),
+        unnamed=rest,
+        alike=tuple(
+            text for name in finding.classes for text in (_alike(finding, name), _mixed(finding, name)) if text
+        ),
+        noise=finding.look.noise[i],
+        sensitivity=finding.scene.sensitivity[sensor],
+        keeping=(
+            *(one.sentence for one in finding.not_kept if one.sensor in (None, sensor)),
+            *map(for_others, idle),
+        ),
+    )
+
+
+def _side(finding: Finding, fitted: Estimate, i: int, when: int) -> Side:
+    fit, formula = fitted.fits[i], finding.formula
+    if formula.has_categories or "P" not in formula.names:
+        slope = np.full(len(finding.data), finding.scene.sensitivity[finding.judge.problem.sensors[i]])
+    else:
+        slope = formula.derivative(finding.data.table, "P") @ fit.coefficients[: len(formula.terms)]
+    return Side(
+        fit=fit,
+        declared=fitted.declared[i],
+        reading_error_pct=reading_error_pct(finding.data, fitted.residual[i], slope),
+        cv_rms=None if finding.cv is None else float(finding.cv[when, i]),
+        residual_mV=residual_of(finding.every, fitted)[i],
+    )
+
+
+def _found(finding: Finding, name: str, i: int) -> FoundPressureEffect | None:
+    """The effect as transducer `i` shows it; None where it does not concern it."""
+    problem, after, explanations = finding.judge.problem, finding.after, finding.classes[name]
+    sensor = problem.sensors[i]
+    mine = [
+        j
+        for j in after.chosen
+        if problem.candidates[j].effect.name == name and problem.candidates[j].sensor in (None, sensor)
+    ]
+    if not mine:
+        return None
+    effect, level = problem.candidates[mine[0]].effect, problem.judged_at[mine[0]]
+    coefficients = {problem.candidates[j].term.name: after.coefficients[j] for j in mine}
+    values = np.array([c.value for c in coefficients.values()])
+    contribution = problem.raw[i][:, mine] @ values
+    p = min(finding.judge.p_adjusted(after.chosen, j) for j in mine)
+    alike = [problem.candidates[r.terms[0]].effect for r in explanations if r.alias and r.effect != name]
+    basis = orthonormal(problem.declared)
+    peak = float(np.max(np.abs(contribution - basis @ (basis.T @ contribution))))
+    psi = peak / abs(finding.scene.sensitivity[sensor])
+    return FoundPressureEffect(
+        effect=name,
+        cause=effect.cause,
+        stratum="noise" if effect.of_noise else level,
+        terms=tuple(coefficients),
+        coefficients=tuple(c.value for c in coefficients.values()),
+        stderr=tuple(c.stderr for c in coefficients.values()),
+        unit=_unit(effect, [problem.candidates[j].term for j in mine]),
+        size=effect.size({term: c.value for term, c in coefficients.items()}, finding.scene.sensitivity[sensor]),
+        p_adjusted=p,
+        p_adjusted_is_bound=p <= min(map(finding.judge.family.least, mine)),
+        share=0.0,  # of all together: `_shares`
+        aliases=tuple(other.name for other in alike),
+        separation=separation(explanations, name),
+        separate_by=f"{_experiments(effect, alike)}; {peak:.2g} mV ({psi:.2g} psi) of it are left beside the model",
+        against=effect.against,
+        formulas=tuple(filter(None, (problem.candidates[j].term.formula for j in mine))),
+        df=tuple(c.df for c in coefficients.values()),
+        half_width_95=tuple(c.half_width_95 for c in coefficients.values()),
+        contribution_mV=finding.every.raw[i][:, mine] @ values,
+        peak_mV=peak,
+        peak_psi=psi,
+    )
+
+
+def _unit(effect: PressureEffect, terms: Iterable[PressureTerm]) -> str:
+    """Of the coefficients: one for all of them, or one each, as they are printed."""
+    units = [term.unit or effect.unit for term in terms]
+    return ", ".join(units if len(set(units)) > 1 else units[:1])
+
+
+def _falls(finding: Finding, effect: FoundPressureEffect, i: int) -> bool:
+    """Whether the error of the stratum an effect was found in is smaller with all effects; so of findings of noise."""
+    if effect.stratum == "noise":
+        return True
+    level: Level = "whole-plot" if effect.stratum == "whole-plot" else "subplot"
+    return error_of(finding.after, level, i) < error_of(finding.before, level, i)
+
+
+def _shares(finding: Finding, names: list[str], unnamed: float, i: int) -> FloatArray:
+    """Share of each effect in what stands in both strata together beyond their errors, in mV^2 of all readings alike.
+
+    Args:
+        finding: of the run.
+        names: of the effects.
+        unnamed: part of what is left beside them that is no scatter.
+        i: the transducer.
+
+    """
+    problem, after = finding.judge.problem, finding.after
+    sensor, effects = problem.sensors[i], problem.candidates
+    strata = problem.stratified(np.ones(problem.outputs.shape[1]), float(problem.ratio[i]), 0.0)
+    mine = [
+        [j for j in after.chosen if effects[j].effect.name == n and effects[j].sensor in (None, sensor)] for n in names
+    ]
+    parts = [problem.raw[i][:, own] @ np.array([after.coefficients[j].value for j in own]) for own in mine]
+    every = np.column_stack([*parts, problem.outputs[i]])
+    of_mean = np.sqrt(strata.total) / strata.precision  # a whole plot's mean counts as often as it has readings
+    within, between = strata.leave(every, "subplot"), strata.leave(every, "whole-plot") * of_mean[:, None]
+    scatter = 0.0
+    levels: dict[Level, FloatArray] = {"subplot": within, "whole-plot": between}
+    for level, rows in levels.items():
+        used, df = sum(problem.judged_at[own[0]] == level for own in mine if own), float(strata.df(level))
+        left = float(np.sum((rows[:, -1] - rows[:, :-1].sum(axis=1)) ** 2))
+        scatter += left * (1.0 - unnamed) * df / max(df - used, 1.0)
+    *beyond, residual = np.vstack([within, between]).T
+    return shares(beyond, residual, scatter)
+
+
+def _alike(finding: Finding, name: str) -> str:
+    """What to think of an effect that is each transducer's own and yet the same in all of them."""
+    problem, after = finding.judge.problem, finding.after
+    mine = [j for j in after.chosen if problem.candidates[j].effect.name == name]
+    owners = [problem.candidates[j].sensor for j in mine]
+    terms = {problem.candidates[j].term.name for j in mine}
+    if len(problem.sensors) < 2 or len(terms) > 1 or set(owners) != set(problem.sensors):
+        return ""
+    per_psi = np.array([finding.scene.sensitivity[str(owner)] for owner in owners])
+    value = np.array([after.coefficients[j].value for j in mine]) / per_psi
+    weight = (per_psi / np.array([after.coefficients[j].stderr for j in mine])) ** 2
+    mean = float(value @ weight / weight.sum())
+    if chdtrc(len(mine) - 1, float(weight @ (value - mean) ** 2)) < DIFFERENT:
+        return ""
+    return (
+        f"{name} is the same in all {len(mine)} transducers, {mean:.3g} psi for one of {terms.pop()}: an error of the "
+        "pressure reference would look like that; have the controller checked, or read a second gauge on the line"
+    )
+
+
+def _mixed(finding: Finding, name: str) -> str:
+    """Which transducers need an effect of their own besides, for a line to explain what all of them show."""
+    every = finding.judge.problem.candidates
+    for rival in finding.classes[name]:
+        own = [every[j] for j in rival.terms if every[j].effect.name != rival.effect]
+        if rival.alias and rival.effect != name and own:
+            where = ", ".join(dict.fromkeys(str(candidate.sensor) for candidate in own))
+            return f"{rival.effect} explains as much as {name} only with {own[0].effect.name} in {where} besides"
+    return ""
+
+
+def _experiments(effect: Entry, aliases: Iterable[Entry]) -> str:
+    """What to measure: against each alias if there are any, else to confirm the effect."""
+    return "; ".join(dict.fromkeys(separate_pressure(effect, alias) for alias in aliases)) or effect.separate_by
+
+
+def _unnamed(finding: Finding, i: int) -> tuple[Unnamed, ...]:
+    """What is left in both strata beyond chance: where it varies smoothly, and where it is most."""
+    whitened, chosen, data = finding.judge.problem, finding.after.chosen, finding.data
+    plain = replace(whitened, rho=np.zeros_like(whitened.rho))  # repeats are compared as they were read
+    rest: list[Unnamed] = []
+    by_level: Mapping[Level, tuple[IntArray, Callable[..., Unnamed]]] = {
+        "subplot": (repeated_readings(data), strongest_pressure),
+        "whole-plot": (repeated_whole_plots(data), strongest_whole_plot),
+    }
+    for level, (repeats, strongest) in by_level.items():
+        smooth, p = smoothest(whitened, chosen, data, i, level)
+        if p * len(whitened.sensors) < UNEXPLAINED:
+            rest.append(smooth)
+        if lack_of_fit(plain, level, chosen, repeats, i).p < UNEXPLAINED:
+            rest.append(strongest(plain, chosen, data, i))
+    return tuple(rest)

@@ -1,0 +1,256 @@
+"""What a trace of a whole-plot run found, ready to print or to plot."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.effects.noise import AUTOCORRELATION, NOISE_GROWS, OUTLIERS
+from fitter.formula import Formula
+from fitter.json_values import JsonValue
+from fitter.split_plot import SplitPlotFit
+from fitter.trace.found import CONFIRMED, Explanation, Found, Unnamed
+from fitter.trace.growing_noise import Noise
+from fitter.trace.outcome import OF_REPLICATIONS, Outcome, Parameter, Row, WithError, absent, run_json
+from fitter.trace.signs import Refused
+from procedures.pressure.data import WholePlotData
+from procedures.pressure.effects.scene import PressureScene
+from procedures.pressure.trace.problem import Candidate, raw_columns
+
+
+@dataclass(frozen=True, eq=False)
+class FoundPressureEffect(Found):
+    """An effect as it shows in one transducer.
+
+    Attributes:
+        formulas: its terms as `fitter.formula` writes them, to be declared from now on; empty where it has no words for
+            them.
+        df: degrees of freedom of the coefficients' standard errors, those of the stratum.
+        half_width_95: of the coefficients' 95 % intervals.
+        contribution_mV: (n,) what it adds to the output of each reading; zero for a finding about the noise.
+        peak_mV: largest size of what the declared model, refitted, cannot take up of it; of the noise, its largest sd.
+        peak_psi: the same as pressure.
+
+    """
+
+    formulas: tuple[str, ...]
+    df: tuple[float, ...]
+    half_width_95: tuple[float, ...]
+    contribution_mV: FloatArray
+    peak_mV: float
+    peak_psi: float
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Of every coefficient."""
+        given = tuple(self.unit.split(", "))
+        return given if len(given) == len(self.terms) else (self.unit,) * len(self.terms)
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Its coefficients as rows beside those of the declared model."""
+        rows = zip(self.terms, self.coefficients, self.stderr, self.df, self.units, strict=True)
+        return tuple(
+            Parameter(f"{self.effect}: {term}", WithError(value, error, df), unit=unit)
+            for term, value, error, df, unit in rows
+        )
+
+    @property
+    def own_keys(self) -> dict[str, JsonValue]:
+        """Keys of JSON that only pressure transducers have."""
+        pairs = [(c, h if np.isfinite(h) else None) for c, h in zip(self.coefficients, self.half_width_95, strict=True)]
+        return {
+            "formulas": list(self.formulas),
+            "df": [df if np.isfinite(df) else None for df in self.df],
+            "lo95": [None if half is None else value - half for value, half in pairs],
+            "hi95": [None if half is None else value + half for value, half in pairs],
+            "rms_mV": float(np.sqrt(np.mean(self.contribution_mV**2))),
+            "peak_mV": self.peak_mV,
+            "peak_psi": self.peak_psi,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Side:
+    """One transducer before the effects, or after.
+
+    Attributes:
+        fit: of the declared model and the effects.
+        declared: coefficients of the declared model that go with the effects' own; see `Estimate`.
+        reading_error_pct: by pressure in psia, largest residual with whole-plot errors left in over pressure.
+        cv_rms: rms error on whole plots left out of selection and fit, mV, their own error predicted as zero; None
+            where they cannot be left out.
+        residual_mV: (n,) whole-plot errors left in, in the data's order of rows.
+
+    """
+
+    fit: SplitPlotFit
+    declared: FloatArray
+    reading_error_pct: Mapping[str, float | None]
+    cv_rms: float | None
+    residual_mV: FloatArray
+
+    def rows(self) -> tuple[Row, ...]:
+        """The same in the form of every kind of run, with the keys of pitch-roll runs as null."""
+        return (
+            *absent(OF_REPLICATIONS),
+            Row("sigma_subplot", self.fit.sigma_subplot, "mV"),
+            Row("sigma_wholeplot", self.fit.sigma_wholeplot, "mV"),
+            Row("sigma_replicate", self.fit.sigma_replicate, "mV"),
+            Row("reading_error_pct", dict(self.reading_error_pct), "%"),
+            Row("cv_rms", self.cv_rms, "mV"),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class TransducerTrace:
+    """What was found in one transducer.
+
+    Attributes:
+        sensor: column name of its output.
+        declared: the declared model.
+        verdict: "explained", "nothing to add", "partly explained" or "unexplained".
+        before: with the declared model.
+        after: with the effects taken out.
+        effects: found, largest share first, findings about the noise last.
+        unnamed: what remains, if it is more than error.
+        alike: sentences about effects that all transducers show alike.
+        noise: how the scatter within whole plots depends on pressure.
+        sensitivity: mV/psi.
+        refused: causes that would fit, but for the sign that they would need.
+        keeping: sentences about what was not kept, and what was kept for the sake of other sensors.
+
+    """
+
+    sensor: str
+    declared: str
+    verdict: str
+    before: Side
+    after: Side
+    effects: tuple[FoundPressureEffect, ...]
+    unnamed: tuple[Unnamed, ...]
+    alike: tuple[str, ...]
+    noise: Noise
+    sensitivity: float
+    refused: tuple[Refused, ...] = ()
+    keeping: tuple[str, ...] = ()
+
+    def outcome(self) -> Outcome:
+        """The same in the form of every kind of run."""
+        return Outcome(
+            sensor=self.sensor,
+            declared=self.declared,
+            verdict=self.verdict,
+            findings=(*(one.finding() for one in self.effects), *(rest.finding() for rest in self.unnamed)),
+            before=self.before.rows(),
+            after=self.after.rows(),
+            fitted=self._fitted(),
+            notes=self.notes,
+            refused=tuple(one.to_json() for one in self.refused),
+        )
+
+    @property
+    def added(self) -> tuple[FoundPressureEffect, ...]:
+        """Effects that add to the model."""
+        return tuple(effect for effect in self.effects if effect.stratum != "noise")
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences that stand beside the numbers before and after."""
+        notes = [*self.after.fit.notes, *self.alike, *self.keeping, *(one.sentence for one in self.refused)]
+        means = self.added
+        named = {effect.effect for effect in self.effects}
+        if NOISE_GROWS in named:
+            notes.append(
+                "noise grows with pressure: intervals that take one sd for all pressures are too wide at low pressure "
+                "and too narrow at high; readings were weighted by it here"
+            )
+        if AUTOCORRELATION in named:
+            notes.append(
+                "successive readings' errors are alike: intervals that take them for independent are too narrow for "
+                "what changes slowly within whole plots; effects were judged beside that here"
+            )
+        if OUTLIERS in named:
+            notes.append("readings that stand out are left out of everything here, before and after; they are listed")
+        if any(effect.stratum == "whole-plot" for effect in means):
+            count = len(self.after.fit.whole_plots)
+            notes.append(f"effects between whole plots were judged on {count} numbers, one a whole plot")
+        if means:
+            notes.append("standard errors of the effects are conditional on their having been selected on these data")
+        before, after = self.before.cv_rms, self.after.cv_rms
+        if before is not None and after is not None:
+            if any(effect.stratum == "whole-plot" for effect in means) and after > CONFIRMED * before:
+                notes.append(
+                    "not confirmed by left-out whole plots: with the effects found the error on those left out is "
+                    f"{after / before:.0%} of what it is without them"
+                )
+            elif means and after >= before:
+                notes.append(
+                    "the error on left-out whole plots does not fall with the effects found "
+                    f"({before:.3g} to {after:.3g} mV): the data left out do not confirm them"
+                )
+            notes.append("cv_rms: each whole plot in turn left out of selection and fit, its error predicted as zero")
+        return tuple(notes)
+
+    def _fitted(self) -> tuple[Parameter, ...]:
+        fit = self.after.fit
+        adjusted = fit.kenward_roger()
+        declared = zip(fit.names, self.after.declared, adjusted.stderr, fit.df, strict=False)  # effects come after them
+        own = (Parameter(name, WithError(float(v), float(e), float(df))) for name, v, e, df in declared)
+        return (*own, *(one for effect in self.added for one in effect.parameters))
+
+
+@dataclass(frozen=True, eq=False)
+class WholePlotTrace:
+    """What was found in a run.
+
+    Attributes:
+        sensors: by column name.
+        formula: of the declared model.
+        scene: references of the effects' columns.
+        chosen: the terms in the model.
+        gamma: (q,) their coefficients, in the terms' own units.
+        points: number of readings.
+        explanations: all of them for each effect found, best first.
+
+    """
+
+    sensors: Mapping[str, TransducerTrace]
+    formula: Formula
+    scene: PressureScene
+    chosen: tuple[Candidate, ...]
+    gamma: FloatArray
+    points: int
+    explanations: Mapping[str, tuple[Explanation, ...]] = field(default_factory=dict)
+
+    @property
+    def about(self) -> dict[str, JsonValue]:
+        """What the run is, for JSON."""
+        return {"points": self.points, "kind": "whole-plot"}
+
+    @property
+    def reference(self) -> dict[str, JsonValue]:
+        """Where the effects' columns are zero, for JSON."""
+        return {
+            "sensor_temperature_degC": self.scene.sensor_degC,
+            "sse_temperature_degC": self.scene.sse_degC,
+            "elapsed_s": self.scene.elapsed_s,
+        }
+
+    def outcomes(self) -> tuple[Outcome, ...]:
+        """What is said of each transducer, in the form of every kind of run."""
+        return tuple(found.outcome() for found in self.sensors.values())
+
+    def predict(self, data: WholePlotData) -> dict[str, FloatArray]:
+        """(n,) outputs of each transducer for other readings, effects included, whole-plot errors zero, mV."""
+        _, columns = self.formula.columns(data.table, self.formula.levels(self.scene.data.table))
+        scene = replace(self.scene, data=data)
+        extra = raw_columns(scene, tuple(self.sensors), self.chosen) @ self.gamma
+        return {s: columns @ t.after.declared + extra[i] for i, (s, t) in enumerate(self.sensors.items())}
+
+    def to_json(self, file: str | None = None) -> dict[str, JsonValue]:
+        """The object `rig trace --json` prints; numbers that do not exist are None, never NaN."""
+        return run_json({"file": file, **self.about}, self.outcomes(), reference=self.reference)

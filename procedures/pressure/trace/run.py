@@ -1,0 +1,131 @@
+"""From the residual to the effect, for whole plots: the whole of a trace."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.errors import FitError
+from fitter.split_plot import SplitPlotDesign
+from fitter.trace.found import explanations_of
+from fitter.trace.refusals import refusals
+from procedures.pressure.data import WholePlotData
+from procedures.pressure.effects import PRESSURE_CATALOGUE
+from procedures.pressure.effects.scene import PressureEffect, PressureScene
+from procedures.pressure.fit.models import HIERARCHICAL, check_determined, named_formula
+from procedures.pressure.trace.agreement import named
+from procedures.pressure.trace.estimate import coefficients_of, contributed, estimate
+from procedures.pressure.trace.judge import WholePlotJudge
+from procedures.pressure.trace.null import Families
+from procedures.pressure.trace.problem import Problem, pose
+from procedures.pressure.trace.report import Finding, transducer
+from procedures.pressure.trace.result import WholePlotTrace
+from procedures.pressure.trace.settle import settle
+
+SEED = 20260115
+FOLDS = 24
+"""Times at most that whole plots are left out."""
+
+
+def trace_whole_plots(
+    data: WholePlotData,
+    model: str = "full",
+    catalogue: Sequence[PressureEffect] = PRESSURE_CATALOGUE,
+    seed: int = SEED,
+    *,
+    validate: bool = True,
+) -> WholePlotTrace:
+    """Find what the declared model of pressure transducers lacks.
+
+    Args:
+        data: a whole-plot run; any number of transducers on one line, judged together.
+        model: a name of `procedures.pressure.fit.models`, or a formula; "hierarchical" is the full model, whose terms a
+            search could only put back.
+        catalogue: effects to look for.
+        seed: of the simulated null; the same data and seed give the same answer.
+        validate: repeat the search without each whole plot for the left-out error, which takes most of the time.
+
+    Raises:
+        fitter.linear.RankError: the observations do not determine the declared model.
+        fitter.formula.FormulaError: the model is neither a name nor a formula.
+        FitError: the observations do not determine the model's errors; the message says why.
+
+    """
+    formula = named_formula(model)
+    names, declared = formula.columns(data.table)
+    check_determined(data, formula)
+    scene = scene_of(data)
+    whole = pose(data, names, declared, scene, catalogue)
+    settled = settle(data.pressure_psia, whole, seed)
+    problem, found = settled.problem, settled.chosen
+    before, after = estimate(replace(problem, weight=np.ones_like(problem.weight)), ()), estimate(problem, found)
+    finding = Finding(
+        data=data.take(settled.kept),
+        whole=data,
+        model=model if model != HIERARCHICAL else f"full (where {HIERARCHICAL} starts)",
+        formula=formula,
+        scene=scene,
+        judge=WholePlotJudge(problem, settled.families),
+        before=before,
+        after=after,
+        every=whole,
+        look=settled.look,
+        not_kept=settled.not_kept,
+        cv=left_out(problem, settled.families, found) if validate else None,
+    )
+    wrong = refusals(finding.judge, found, finding.classes, scene.sensitivity)
+    sensors = {
+        sensor: replace(transducer(finding, i), refused=tuple(one for one in wrong if sensor in one.sensors))
+        for i, sensor in enumerate(problem.sensors)
+    }
+    lasting = [j for j in found if not problem.candidates[j].effect.of_noise]
+    chosen, gamma = tuple(problem.candidates[j] for j in lasting), [after.coefficients[j].value for j in lasting]
+    classes = {c.effect.name: finding.classes[c.effect.name] for c in chosen}
+    explanations = explanations_of(classes, problem.candidates)
+    return WholePlotTrace(sensors, formula, scene, chosen, np.array(gamma), len(data), explanations)
+
+
+def scene_of(data: WholePlotData) -> PressureScene:
+    """References of a run: mean temperatures, middle of the time, and each transducer's slope and zero."""
+    index = data.whole_plot_index
+    p = data.pressure_psia - (np.bincount(index, data.pressure_psia) / np.bincount(index))[index]
+    square = max(float(p @ p), np.finfo(float).tiny)
+    slope = {s: float(p @ y) / square for s, y in data.outputs.items()}
+    middle = float(np.mean(data.pressure_psia))
+    return PressureScene(
+        data=data,
+        sensor_degC=float(np.mean(data.sensor_temperature_degC)),
+        sse_degC=float(np.mean(data.sse_temperature_degC)),
+        elapsed_s=float(np.mean(data.elapsed_s)),
+        sensitivity=slope,
+        zero={s: float(np.mean(y)) - slope[s] * middle for s, y in data.outputs.items()},
+    )
+
+
+def left_out(problem: Problem, family: Families, found: tuple[int, ...]) -> FloatArray | None:
+    """(2, S) rms error on whole plots left out, mV, before and after; None where too few are left without one.
+
+    The search is repeated without the whole plots that are left out, whose own errors are predicted as zero: one at a
+    time, or `FOLDS` times several. Where nothing was found there is nothing to repeat.
+    """
+    squares = np.zeros((2, len(problem.sensors)))
+    fold = problem.whole_plot % FOLDS
+    for left in range(int(fold.max()) + 1):
+        inside, aside = np.flatnonzero(fold != left), np.flatnonzero(fold == left)
+        rest = problem.take(inside)
+        try:
+            design = SplitPlotDesign(rest.declared, rest.whole_plot, rest.names)
+            chosen = named(WholePlotJudge(rest, family)) if found else ()
+            coefficients = coefficients_of(rest, chosen)
+            plain = design.fit_many(rest.outputs.T).coefficients
+            beside_effects = design.fit_many((rest.outputs - contributed(rest, coefficients)).T).coefficients
+        except FitError:
+            return None
+        columns, outputs = problem.declared[aside], problem.outputs[:, aside]
+        squares[0] += np.sum((outputs - plain @ columns.T) ** 2, axis=1)
+        corrected = outputs - contributed(problem, coefficients, aside)
+        squares[1] += np.sum((corrected - beside_effects @ columns.T) ** 2, axis=1)
+    return np.asarray(np.sqrt(squares / problem.outputs.shape[1]))

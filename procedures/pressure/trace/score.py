@@ -1,0 +1,242 @@
+"""How much each candidate removes beyond the present model, against the error of its own stratum.
+
+A candidate's score is its coefficient over the largest of its standard errors:
+
+- from its stratum's residual beside it, which in a balanced design is the exact t test of that stratum;
+- within whole plots also from the scatter of each reading's own contribution, which holds for unequal variances, and
+  from that of whole plots' contributions, which holds where the sensitivity too is drawn again in each; and
+  from the scatter of whole plots' slopes with pressure, where that is more than readings explain, with as many degrees
+  of freedom as there are whole plots to know it by;
+- for what happens in the line also from the scatter of what all transducers together contribute, reading by reading or
+  whole plot by whole plot: they may share the error, and then are not so many witnesses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from fitter.arrays import FloatArray, IntArray
+from fitter.linear import orthonormal
+from fitter.trace.whitened import Whitened
+from procedures.pressure.trace.problem import Problem
+from procedures.pressure.trace.strata import LEVELS, Level
+
+NOTHING_LEFT = 0.02
+"""A candidate of which less than this share is left beside the others in its stratum cannot be judged there: as little
+as readbacks of temperatures scatter about what was set."""
+RESOLVED = 1e-12
+"""Of an output's swing: what is smaller than this is rounding, and data without noise are not tested against it."""
+
+
+CHANCE = 0.05
+"""Probability of so much scatter of whole plots' slopes, below which sensitivities are taken to be drawn again."""
+SLOPES = 3
+"""Terms of slopes that a declared model has: P, and P times both temperatures."""
+TINY = np.finfo(float).tiny
+
+
+@dataclass(frozen=True, eq=False)
+class Scores:
+    """One entry a candidate, (J,); zero and one where a candidate is in the model or cannot be judged.
+
+    Attributes:
+        gamma: coefficient, in the candidate's own unit.
+        t: the same over its standard error.
+        df: degrees of freedom of that.
+        p: probability of a larger score by chance, this candidate taken alone.
+        gain: fall of the residual sum of squares, in units of the stratum's error.
+        p_plain: as `p`, from the residual's own standard error alone.
+
+    """
+
+    gamma: FloatArray
+    t: FloatArray
+    df: FloatArray
+    p: FloatArray
+    gain: FloatArray
+    p_plain: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Beside:
+    """One stratum beside the candidates chosen.
+
+    Attributes:
+        white: what is left there, over each transducer's own error.
+        sigma: (S,) that error, mV.
+        df: (S,) degrees of freedom left.
+
+    """
+
+    white: Whitened
+    sigma: FloatArray
+    df: FloatArray
+
+
+def beside(problem: Problem, level: Level, chosen: Sequence[int], of: Sequence[int] | IntArray | None = None) -> Beside:
+    """The stratum with the `chosen` candidates taken out, those of the other stratum as they are known from there.
+
+    What is judged within whole plots enters their means with the coefficient it has within them; what is judged between
+    them, a drift say, goes on within them with the coefficient it has from one to the next.
+
+    Args:
+        problem: the run.
+        level: the stratum.
+        chosen: candidates in the model.
+        of: the candidates whose columns are wanted; all of them if left out.
+
+    """
+    stratum = problem.at[level]
+    wanted = np.arange(len(problem.candidates)) if of is None else np.asarray(of, np.int64)
+    here = problem.within(level, chosen)
+    if level == "whole-plot":
+        outputs, columns = _less_subplots(problem, chosen, np.concatenate([here, wanted]))
+    else:
+        outputs, columns = _less_whole_plots(problem, chosen), stratum.columns[:, :, np.concatenate([here, wanted])]
+    taken, columns = columns[:, :, : here.size], columns[:, :, here.size :]
+    sigma, df = _errors(problem, level, here, outputs, taken)
+    scale = sigma[:, None]
+    taken = taken / scale[:, :, None]
+    white = Whitened(outputs / scale, columns / scale[:, :, None])
+    return Beside(white.beside(taken, np.linalg.norm(taken, axis=(0, 1))), sigma, df)
+
+
+def score(problem: Problem, chosen: Sequence[int], of: Sequence[int] | None = None) -> Scores:
+    """Score candidates (those `of` interest, or all) beside the `chosen` ones, each in its own stratum."""
+    count = len(problem.candidates)
+    zero, one = np.zeros(count), np.ones(count)
+    scores = Scores(zero, zero.copy(), one, one.copy(), zero.copy(), one.copy())
+    for level in LEVELS:
+        here = problem.within(level, of)
+        if not here.size:
+            continue
+        stratum = beside(problem, level, chosen, here)
+        white, columns = stratum.white, stratum.white.columns
+        norm2, dot = np.sum(columns**2, axis=1), np.einsum("smj,sm->sj", columns, white.outputs)
+        total = norm2.sum(axis=0)
+        length2 = np.sum((problem.length_at[level][:, here] / stratum.sigma[:, None]) ** 2, axis=0)
+        concerned = norm2 > 1e-6 * total
+        df = np.min(np.where(concerned, stratum.df[:, None], np.inf), axis=0) - 1.0
+        can = (total > NOTHING_LEFT**2 * length2) & ~np.isin(here, list(chosen)) & (df > 0) & np.isfinite(df)
+        total, df = np.where(can, total, 1.0), np.where(can, df, 1.0)
+        gamma = np.where(can, dot.sum(axis=0), 0.0) / total
+        after = np.sum(white.outputs**2, axis=1)[:, None] - 2 * gamma * dot + gamma**2 * norm2
+        pooled = np.maximum(np.sum(np.where(concerned, stratum.df[:, None], 0.0), axis=0) - 1.0, 1.0)
+        plain = total * np.sum(np.where(concerned, after, 0.0), axis=0) / pooled
+        own = np.einsum("smj,sm->mj", columns, white.outputs) - gamma * np.sum(columns**2, axis=0)
+        single = np.sum(own**2, axis=0) * len(own) / df
+        if level == "whole-plot":
+            variance = np.maximum(plain, np.where(concerned.sum(axis=0) > 1, single, 0.0))
+        else:
+            slow = _by_whole_plot(problem, own, np.sum(columns**2, axis=0))
+            drawn, drawn_df = _of_slopes(problem, columns, white.outputs)
+            both = plain + drawn
+            spread = plain**2 / df + drawn**2 / np.maximum(drawn_df, 1.0)
+            df = np.where((drawn > 0) & (spread > 0), both**2 / np.where(spread > 0, spread, 1.0), df)
+            variance = np.maximum(np.maximum(both, single), slow)
+        t = np.where(can, gamma * total / np.sqrt(np.where(variance > 0, variance, np.inf)), 0.0)
+        scores.gamma[here], scores.t[here], scores.df[here] = gamma, t, df
+        scores.p[here] = np.where(can, 2.0 * special.stdtr(df, -np.abs(t)), 1.0)
+        alone = np.where(can, gamma * total / np.sqrt(np.where(plain > 0, plain, np.inf)), 0.0)
+        scores.p_plain[here] = np.where(can, 2.0 * special.stdtr(df, -np.abs(alone)), 1.0)
+        scores.gain[here] = np.where(can, gamma * dot.sum(axis=0), 0.0)
+    return scores
+
+
+def _errors(
+    problem: Problem, level: Level, here: IntArray, outputs: FloatArray, taken: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """(S,) error of each transducer with the columns `taken` (S, m, q) of candidates `here` fitted, mV, and its df."""
+    sigma, df = np.empty(len(problem.sensors)), np.empty(len(problem.sensors))
+    floor = RESOLVED * np.ptp(problem.outputs, axis=1)
+    for i, (y, own) in enumerate(zip(outputs, taken, strict=True)):
+        basis = orthonormal(own, problem.length_at[level][i, here], NOTHING_LEFT)
+        left = y - basis @ (basis.T @ y)
+        df[i] = problem.at[level].df[i] - basis.shape[1]
+        sigma[i] = max(np.sqrt(np.sum(left**2) / df[i]) if df[i] > 0 else 1.0, floor[i], np.finfo(float).tiny)
+    return sigma, df
+
+
+def _of_slopes(problem: Problem, columns: FloatArray, left: FloatArray) -> tuple[FloatArray, float]:
+    """What sensitivities that are drawn again in every whole plot add to the variance of columns' products, and its df.
+
+    Slopes of whole plots' residuals with pressure, beside what the candidate does to them, are held against the
+    readings' scatter; nothing is added where chance would do it.
+
+    Args:
+        problem: the run.
+        columns: (S, n, J) over each transducer's error.
+        left: (S, n) what is left of the outputs, over the same.
+
+    """
+    plots, added = int(problem.whole_plot.max()) + 1, np.zeros(columns.shape[2])
+    df = float(max(plots - SLOPES - 1, 1))
+    if "P" not in problem.names or plots <= SLOPES + 2:
+        return added, df
+    mine = (np.arange(plots)[:, None] == problem.whole_plot).astype(np.float64)
+    p = problem.declared[:, problem.names.index("P")]
+    p = p - ((mine @ p) / mine.sum(axis=1))[problem.whole_plot]
+    for i, strata in enumerate(problem.strata):
+        z = strata.whiten(p[:, None])[:, 0]
+        length = np.maximum(mine @ z**2, TINY)
+        slopes = (mine @ (z * left[i])) / np.sqrt(length)
+        own = (mine @ (z[:, None] * columns[i])) / np.sqrt(length)[:, None]
+        explained = (slopes @ own) ** 2 / np.maximum(np.sum(own**2, axis=0), TINY)
+        ratio = (slopes @ slopes - explained) / df
+        clear = special.fdtrc(df, problem.at["subplot"].df[i], ratio) < CHANCE
+        added += np.where(clear, (ratio - 1.0) * np.sum(own**2, axis=0), 0.0)
+    return added, df
+
+
+def _by_whole_plot(problem: Problem, own: FloatArray, norm2: FloatArray) -> FloatArray:
+    """(J,) variance of each column's product with the outputs from the scatter of whole plots' contributions.
+
+    Each contribution is corrected for the share of it that the fit has taken (Bell and McCaffrey, Survey Methodology 28
+    (2002) 169, for one column).
+
+    Args:
+        problem: the run.
+        own: (n, J) each reading's part in the products.
+        norm2: (n, J) the columns' squares.
+
+    """
+    plots = int(problem.whole_plot.max()) + 1
+    mine = (np.arange(plots)[:, None] == problem.whole_plot).astype(np.float64)
+    mass = mine @ norm2
+    share = mass / np.maximum(mass.sum(axis=0), TINY)
+    return np.asarray(np.sum((mine @ own) ** 2 / np.maximum(1.0 - share, 0.01), axis=0))
+
+
+def _less_subplots(problem: Problem, chosen: Sequence[int], of: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Whole plots' means of outputs (S, W) and of the columns `of` (S, W, q), less what subplots say of `chosen`."""
+    means, known = problem.at["whole-plot"], problem.within("subplot", chosen)
+    outputs, columns = means.outputs, means.columns[:, :, of]
+    if not known.size:
+        return outputs, columns
+    stratum = problem.at["subplot"]
+    both = np.concatenate([stratum.outputs[:, :, None], stratum.columns[:, :, of]], axis=2)
+    share = means.columns[:, :, known] @ _fitted(problem, "subplot", known, both)
+    return outputs - share[:, :, 0], columns - share[:, :, 1:]
+
+
+def _less_whole_plots(problem: Problem, chosen: Sequence[int]) -> FloatArray:
+    """(S, n) outputs within whole plots, less what whole plots' means say of `chosen`."""
+    stratum, known = problem.at["subplot"], problem.within("whole-plot", chosen)
+    if not known.size:
+        return stratum.outputs
+    means = _less_subplots(problem, chosen, known)[0]
+    share = stratum.columns[:, :, known] @ _fitted(problem, "whole-plot", known, means[:, :, None])
+    return np.asarray(stratum.outputs - share[:, :, 0])
+
+
+def _fitted(problem: Problem, level: Level, known: IntArray, to: FloatArray) -> FloatArray:
+    """(q, r) coefficients of the candidates `known` fitted to (S, m, r) at a level, all transducers together."""
+    taken = problem.at[level].columns[:, :, known]
+    scale = _errors(problem, level, known, to[:, :, 0], taken)[0][:, None, None]
+    count = to.shape[0] * to.shape[1]
+    solved = np.linalg.lstsq((taken / scale).reshape(count, -1), (to / scale).reshape(count, -1), rcond=1e-9)
+    return np.asarray(solved[0])

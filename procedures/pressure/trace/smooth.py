@@ -1,0 +1,87 @@
+"""Where what no effect explains varies smoothly: with pressure, with a temperature, with time; and to what order."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.polynomial.legendre import legvander
+
+from fitter.arrays import FloatArray
+from fitter.linear import orthonormal
+from fitter.quantiles import f_tail
+from fitter.trace.found import Unnamed
+from procedures.pressure.data import WholePlotData
+from procedures.pressure.trace.problem import Problem
+from procedures.pressure.trace.score import beside
+from procedures.pressure.trace.strata import Level
+
+HIGHEST = 6
+"""Order of the polynomials that are tried."""
+ADDS = 0.02
+"""Share of a term's length that must be left beside the others for it to count."""
+_WHERE: dict[Level, str] = {"subplot": "within whole plots", "whole-plot": "between whole plots"}
+
+
+def smoothest(
+    problem: Problem, chosen: tuple[int, ...], data: WholePlotData, i: int, level: Level
+) -> tuple[Unnamed, float]:
+    """The variable and order that hold most clearly what is left in a stratum of transducer `i`.
+
+    Returns:
+        Where it lives and the share of what is left, and the probability of so clear a one by chance, all orders of all
+        variables tried; one where there is nothing to try.
+
+    """
+    stratum, strata = beside(problem, level, chosen, ()), problem.strata[i]
+    left, df = stratum.white.outputs[i], float(stratum.df[i])
+    total, here = float(left @ left), problem.within(level, chosen)
+    taken = problem.at[level].columns[i][:, here]
+    tried, best = 0, (1.0, "", 0.0)
+    for name, columns in _variables(data, level):
+        length = np.linalg.norm(strata.whiten(columns), axis=0) if level == "subplot" else _length(problem, i, columns)
+        own = strata.leave(columns, level)
+        for order in range(1, columns.shape[1] + 1):
+            known = orthonormal(taken, problem.length_at[level][i, here], ADDS)
+            part = own[:, :order] - known @ (known.T @ own[:, :order])
+            basis = orthonormal(part, length[:order], ADDS)
+            q = basis.shape[1]
+            if q == 0 or df - q < 2:
+                continue
+            tried += 1
+            held = float(np.sum((basis.T @ left) ** 2))
+            p = f_tail(held / q / max((total - held) / (df - q), np.finfo(float).tiny), q, df - q)
+            if p < best[0]:
+                best = p, f"{_WHERE[level]}, with {name}, to order {order}", held / total
+    return Unnamed(best[1], best[2]), min(best[0] * max(tried, 1), 1.0)
+
+
+def _variables(data: WholePlotData, level: Level) -> Sequence[tuple[str, FloatArray]]:
+    """Names, and polynomials from the first order on, of what a stratum may vary with."""
+    p, sensor, sse = (_orders(v) for v in (data.pressure_psia, data.sensor_temperature_degC, data.sse_temperature_degC))
+    if level == "whole-plot":
+        return (
+            ("the transducer's temperature", sensor),
+            ("the electronics' temperature", sse),
+            ("time", _orders(data.elapsed_s)),
+        )
+    slope = p[:, :1]
+    return (
+        ("pressure", p),
+        ("pressure times the transducer's temperature", slope * sensor[:, :4]),
+        ("pressure times the electronics' temperature", slope * sse[:, :4]),
+        ("time since a whole plot began", _orders(data.since_s)[:, :4]),
+        ("pressure times the time of the run", slope * _orders(data.elapsed_s)[:, :4]),
+    )
+
+
+def _orders(value: FloatArray) -> FloatArray:
+    """(n, HIGHEST) Legendre polynomials over the range of a variable."""
+    low, high = float(value.min()), float(value.max())
+    x = (2.0 * value - low - high) / (high - low) if high > low else np.zeros_like(value)
+    return np.asarray(legvander(x, HIGHEST)[:, 1:])
+
+
+def _length(problem: Problem, i: int, columns: FloatArray) -> FloatArray:
+    strata = problem.strata[i]
+    return np.asarray(np.linalg.norm(strata.means(columns) * strata.precision[:, None], axis=0))

@@ -1,0 +1,65 @@
+"""Readings weighted by the noise that is found beside the effects."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.trace.chance import ALPHA, COUNTED
+from fitter.trace.growing_noise import Noise, noise_of
+from procedures.pressure.trace.problem import Problem
+from procedures.pressure.trace.score import beside
+
+REWEIGHTED = 3
+"""Times that weights and noise are worked out from each other."""
+
+
+def stands_out(noise: Noise, tests: int) -> bool:
+    """Whether noise grows with pressure, as one of so many transducers tested."""
+    return noise.per_unit > 0.0 and noise.p * tests / COUNTED <= ALPHA
+
+
+def weighted(
+    problem: Problem,
+    chosen: tuple[int, ...],
+    pressure_psia: FloatArray,
+    noise: tuple[Noise, ...],
+    grows: Sequence[bool],
+) -> tuple[Problem, tuple[Noise, ...]]:
+    """The problem with readings weighted where noise grows, and the noise as residuals so weighted show it.
+
+    Where all readings count alike, the noise of high pressures gets into the residuals of low ones.
+    """
+    if not any(grows):
+        return problem, noise
+    for _ in range(REWEIGHTED):
+        problem = replace(problem, weight=weights_of(noise, grows, pressure_psia))
+        again = noises(problem, chosen, pressure_psia)
+        noise = tuple(replace(new, p=old.p) for new, old in zip(again, noise, strict=True))
+    return problem, noise
+
+
+def weights_of(noise: Sequence[Noise], grows: Sequence[bool], pressure_psia: FloatArray) -> FloatArray:
+    """(S, n) weights of readings, mean one; one throughout where noise does not grow or is not known."""
+    weight = np.ones((len(grows), pressure_psia.size))
+    for i, one in enumerate(noise):
+        if grows[i]:
+            weight[i] = one.sd(pressure_psia) ** -2.0
+    return np.asarray(weight / weight.mean(axis=1, keepdims=True))
+
+
+def noises(problem: Problem, chosen: tuple[int, ...], pressure_psia: FloatArray) -> tuple[Noise, ...]:
+    """How each transducer's scatter within whole plots depends on pressure, beside the `chosen` candidates.
+
+    Args:
+        problem: the run.
+        chosen: candidates in the model.
+        pressure_psia: (n,).
+
+    """
+    stratum = beside(problem, "subplot", chosen, ())
+    residual = stratum.white.outputs * stratum.sigma[:, None] / np.sqrt(problem.weight)
+    return tuple(noise_of(e, strata.kept, pressure_psia) for e, strata in zip(residual, problem.strata, strict=True))
