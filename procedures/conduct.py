@@ -83,6 +83,9 @@ class Conduct:
         max_gap_s: after a longer gap the environment is settled again.
         whole_plots: of a run with hard-to-change factors; None for others.
         mounting: how the package is turned, "x_deg" and so on; empty where nothing can be.
+        output_unit: in which the sensors' outputs are recorded; "" for any.
+        sensor_axes: whether every sensor has a nominal axis, or none may have one; None where it does not matter.
+        package_temperature: whether the declared model needs a temperature in the package.
 
     """
 
@@ -98,3 +101,6 @@ class Conduct:
     max_gap_s: float = float("inf")
     whole_plots: WholePlotConduct | None = None
     mounting: Mapping[str, float] = field(default_factory=dict)
+    output_unit: str = ""
+    sensor_axes: bool | None = None
+    package_temperature: bool = False

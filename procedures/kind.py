@@ -1,7 +1,127 @@
-"""The kinds of calibration."""
+"""A kind of calibration: all that only it knows, behind one protocol. What is the same for every kind asks through it.
 
-from procedures.attitude.settings import PitchRollProcedure
-from procedures.pressure.settings import WholePlotProcedure
+A kind is a folder (here, or a third party's) and an entry point of the group `rig.kinds` that names an object with the
+members of `Kind`:
 
-Procedure = PitchRollProcedure | WholePlotProcedure
-"""A checked `procedure.toml` of any kind."""
+    [project.entry-points."rig.kinds"]
+    pitch-roll = "procedures.attitude.kind:KIND"
+
+Methods import what they need themselves: few commands need the fitter, and none should wait for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
+from importlib.metadata import entry_points
+from typing import Any, Protocol
+
+from pydantic import BaseModel
+
+from fitter.errors import FitError
+from procedures.advice import Advice
+from procedures.conduct import Conduct
+from procedures.further_runs import Limits, Variation
+from procedures.precision import Precision
+from procedures.run_list import RunList
+from procedures.settings import WarningSettings
+
+GROUP = "rig.kinds"
+
+
+class Procedure(Protocol):
+    """A checked `procedure.toml`, whatever its kind."""
+
+    @property
+    def kind(self) -> str:
+        """Name of its kind."""
+
+    @property
+    def name(self) -> str:
+        """What a person calls it."""
+
+    @property
+    def seed(self) -> int:
+        """Of every random choice in the order."""
+
+    @property
+    def replications(self) -> int:
+        """Passes over the design."""
+
+    @property
+    def warnings(self) -> WarningSettings:
+        """Early warnings while it runs."""
+
+    @property
+    def acceptance(self) -> BaseModel:
+        """When a finished calibration is fit for use."""
+
+    @property
+    def conduct(self) -> Conduct:
+        """How the run is carried out."""
+
+    def expand(self) -> RunList:
+        """Every point of the run, in order."""
+
+
+class Kind(Protocol):
+    """What is asked of a kind."""
+
+    @property
+    def name(self) -> str:
+        """As procedures and results name it."""
+
+    @property
+    def settings(self) -> type[BaseModel]:
+        """The procedure file; its instances are a `Procedure`."""
+
+    def check_design(self, procedure: Any, run_list: RunList) -> None:
+        """Refuse a design that cannot estimate what the procedure declares. Raises `FitError`."""
+
+    def precision(self, procedure: Any, run_list: RunList) -> Precision:
+        """Predicted precision of the calibration. Raises `FitError` where the design does not determine the model."""
+
+    def advice(self, procedure: Any, axes: Sequence[str], usage_deg: float | None) -> Sequence[Advice]:
+        """Recommendations held against a procedure, for sensors along these axes.
+
+        Raises:
+            FitError: a range of usage is given, and this kind knows of none.
+
+        """
+
+    def further_runs(self, procedure: Any, limits: Limits, *, chamber: bool) -> Iterator[Variation]:
+        """Runs to follow a procedure, grouped by what they change, each group from the smallest to the largest.
+
+        Args:
+            procedure: that of the run that was traced.
+            limits: of the bench, by quantity.
+            chamber: whether the bench holds the sensors' temperature.
+
+        """
+
+
+@cache
+def kinds() -> Mapping[str, Kind]:
+    """Every kind that is installed, by name, ours first.
+
+    Raises:
+        FitError: an entry point of `rig.kinds` cannot be loaded, or two have one name.
+
+    """
+    found: dict[str, Kind] = {}
+    points = sorted(entry_points(group=GROUP), key=lambda p: (not p.value.startswith("procedures."), p.name))
+    for point in points:
+        if point.name in found:
+            raise FitError(
+                f"two kinds of calibration are called {point.name} (entry points {GROUP}): remove one package"
+            )
+        try:
+            found[point.name] = point.load()
+        except (ImportError, AttributeError) as error:
+            raise FitError(f"entry point {point.name} of {GROUP} ({point.value}) cannot be loaded: {error}") from error
+    return found
+
+
+def kind_of(procedure: Procedure) -> Kind:
+    """The kind of a procedure."""
+    return kinds()[procedure.kind]

@@ -11,10 +11,10 @@ import numpy as np
 
 from procedures.attitude.settings import PitchRollProcedure
 from procedures.kind import Procedure
+from procedures.pressure.declared import ACCEPTED_BY
 from procedures.pressure.settings import WholePlotProcedure
 from rig.closed_loop import fit_table, fit_whole_plots
 from rig.closed_loop.whole_plot import largest_words
-from rig.declared import ACCEPTED_BY
 from rig.errors import UsageError
 from rig.tables import Table, run_table
 

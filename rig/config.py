@@ -12,14 +12,12 @@ from collections.abc import Mapping
 from datetime import date
 from math import isfinite
 from pathlib import Path
-from typing import Any, Literal, Self, TypeVar
+from typing import Any, Literal, Self, TypeVar, cast
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from procedures.attitude.settings import PitchRollProcedure
-from procedures.kind import Procedure
+from procedures.kind import Procedure, kinds
 from procedures.pressure.settings import FACTORS as WHOLE_PLOT_FACTORS
-from procedures.pressure.settings import WholePlotProcedure
 from procedures.settings import Name
 from rig.columns import UNITS
 from rig.errors import ConfigurationError
@@ -199,20 +197,14 @@ def parse_bench(text: str, where: str, *, strict: bool = True) -> BenchConfig:
     return validated(BenchConfig, parse_toml(text, where), where, strict=strict)
 
 
-_KINDS: dict[str, type[PitchRollProcedure] | type[WholePlotProcedure]] = {
-    "pitch-roll": PitchRollProcedure,
-    "whole-plot": WholePlotProcedure,
-}
-
-
 def parse_procedure(text: str, where: str, *, strict: bool = True) -> Procedure:
     """Check the text of a procedure file; `strict` as in `validated`."""
     values = parse_toml(text, where)
-    kind = values.get("kind")
-    if not isinstance(kind, str) or kind not in _KINDS:
-        known = ", ".join(f'"{k}"' for k in _KINDS)
-        raise ConfigurationError(f"{where}: kind = {kind!r:.80} is not a kind of procedure; known: {known}")
-    return validated(_KINDS[kind], values, where, strict=strict)
+    kind, known = values.get("kind"), kinds()
+    if not isinstance(kind, str) or kind not in known:
+        names = ", ".join(f'"{name}"' for name in known)
+        raise ConfigurationError(f"{where}: kind = {kind!r:.80} is not a kind of procedure; known: {names}")
+    return cast(Procedure, validated(known[kind].settings, values, where, strict=strict))
 
 
 def validated(

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from drivers.roles import Chamber, PressureController
+from procedures.conduct import Conduct, WholePlotConduct
 from procedures.kind import Procedure
-from procedures.pressure.settings import WholePlotProcedure
 from procedures.run_list import RunList
 from rig.bench import playing
 from rig.config import BenchConfig
@@ -28,38 +28,36 @@ def check_match(config: BenchConfig, procedure: Procedure, run_list: RunList, wh
         ConfigurationError: saying what does not fit, and what to do.
 
     """
-    guard = Guard(config.limits, config.factors)
+    guard, conduct = Guard(config.limits, config.factors), procedure.conduct
     guard.check_run_list(run_list, {})
-    if isinstance(procedure, WholePlotProcedure):
-        _check_whole_plots(config, procedure, run_list, guard, where)
-        return
-    _check_sensors(config, where, axis=True)
-    if procedure.model.temperature and not any(t.place == "package" for t in config.temperatures.values()):
+    _check_sensors(config, where, conduct)
+    if conduct.package_temperature and not any(t.place == "package" for t in config.temperatures.values()):
         raise ConfigurationError(
             f"{where}: the procedure's declared model has temperature (model.temperature), and no temperature in the "
             f"package is read: add one under [temperatures], or leave it out of the model"
         )
-    if procedure.environment is not None:
+    if conduct.environment is not None:
         anywhere = (float("-inf"), float("inf"))
-        guard.check_environment(procedure.environment.setpoint_degC, dict.fromkeys(playing(config, Chamber), anywhere))
+        guard.check_environment(conduct.environment.setpoint_degC, dict.fromkeys(playing(config, Chamber), anywhere))
+    if conduct.whole_plots is not None:
+        _check_factors(config, run_list, guard, where)
+        _check_renewal(conduct.whole_plots, run_list, guard, where)
 
 
-def _check_sensors(config: BenchConfig, where: str, *, axis: bool) -> None:
-    unit = "V" if axis else "mV"
+def _check_sensors(config: BenchConfig, where: str, conduct: Conduct) -> None:
+    unit = conduct.output_unit
     for name, sensor in config.sensors.items():
-        if (sensor.axis is not None) != axis:
-            needs = "needs its axis, x, y or z" if axis else "has an axis, which a pressure transducer has not"
+        if conduct.sensor_axes is not None and (sensor.axis is not None) != conduct.sensor_axes:
+            needs = "needs its axis, x, y or z" if conduct.sensor_axes else "has an axis, which it may not have"
             raise ConfigurationError(f"{where}: sensors.{name} {needs}, for this kind of procedure")
-        if sensor.unit != unit:
+        if unit and sensor.unit != unit:
             raise ConfigurationError(
                 f'{where}: sensors.{name}: this kind of procedure records it in {unit}: unit = "{unit}"'
             )
 
 
-def _check_whole_plots(
-    config: BenchConfig, procedure: WholePlotProcedure, run_list: RunList, guard: Guard, where: str
-) -> None:
-    _check_sensors(config, where, axis=False)
+def _check_factors(config: BenchConfig, run_list: RunList, guard: Guard, where: str) -> None:
+    """Every factor has an instrument of its own that can set it."""
     setting: dict[str, str] = {}
     for factor in run_list.factors:
         name = config.factors.get(factor.name)
@@ -73,16 +71,26 @@ def _check_whole_plots(
         role = Chamber if factor.hard else PressureController
         if name not in playing(config, role):
             raise ConfigurationError(f"{where}: {name} cannot set {factor.name}: it is no {role.__name__}")
-    low, high = guard.limits.get("pressure_psia", (0.0, ATMOSPHERE_PSIA + 1.0))
+        if role is PressureController:
+            _check_atmosphere(factor.name, guard, where)
+
+
+def _check_atmosphere(factor: str, guard: Guard, where: str) -> None:
+    """A pressure controller may vent its line."""
+    low, high = guard.limits.get(factor, (0.0, ATMOSPHERE_PSIA + 1.0))
     if not low <= ATMOSPHERE_PSIA <= high:
         raise ConfigurationError(
-            f"{where}: limits.pressure_psia = {low:g} to {high:g} does not hold the atmosphere, about "
+            f"{where}: limits.{factor} = {low:g} to {high:g} does not hold the atmosphere, about "
             f"{ATMOSPHERE_PSIA:g} psia, where a vented line is; keep setpoints low by the controller's own high_psia"
         )
+
+
+def _check_renewal(whole_plots: WholePlotConduct, run_list: RunList, guard: Guard, where: str) -> None:
+    """A temperature that stands is left before it is set again."""
     for factor in run_list.hard:
         low, high = guard.limits.get(factor.name, (float("-inf"), float("inf")))
         for target in run_list.levels(factor):
-            away = renewal(target, procedure.soak.renew_degC)
+            away = renewal(target, whole_plots.soak.renew_degC)
             if not low <= away <= high:
                 raise ConfigurationError(
                     f"{where}: {factor.name}: a temperature that stands is left for {away:g} degC first "

@@ -9,12 +9,12 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from procedures.kind import Procedure
+from fitter.errors import FitError
+from procedures.kind import Procedure, kind_of
 from procedures.run_list import RunList
 from rig.bench import check_options
 from rig.config import BenchConfig, parse_bench, parse_procedure, parse_toml, read_text
 from rig.contracts import files_beside, read_bench, with_contracts, with_files
-from rig.declared import check_declared
 from rig.errors import ConfigurationError, RigError, UsageError
 from rig.matching import check_match
 from rig.run_file.reader import RunReader
@@ -63,7 +63,10 @@ def load_plan(procedure: Path, bench: Path, *, dry: bool = False, world: Path | 
             what = f"{procedure}: warnings.against = {against!r}: {error}"
             raise ConfigurationError(f"{what}; name the last calibration, or leave the line out") from error
     plan = _plan(documents, dry, {"bench.toml": str(bench), "procedure.toml": str(procedure), "world.toml": str(world)})
-    check_declared(plan.procedure, plan.run_list, str(procedure))
+    try:
+        kind_of(plan.procedure).check_design(plan.procedure, plan.run_list)
+    except FitError as error:
+        raise ConfigurationError(f"{procedure}: {error}") from error
     return plan
 
 

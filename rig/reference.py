@@ -15,8 +15,7 @@ from annotated_types import Ge, Gt, Le, Lt
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from procedures.attitude.settings import PitchRollProcedure
-from procedures.pressure.settings import WholePlotProcedure
+from procedures.kind import kinds
 from rig.bench import driver_class
 from rig.config import BenchConfig
 
@@ -35,8 +34,8 @@ def document() -> str:
     for name in sorted({point.name for point in entry_points(group="rig.drivers")}):
         parts += [f'### `[instruments.NAME]` with `driver = "{name}"`, besides the above']
         parts += [_table(driver_class(name).Options)]
-    parts += ['## procedure.toml, `kind = "pitch-roll"`', *_tables(PitchRollProcedure, "")]
-    parts += ['## procedure.toml, `kind = "whole-plot"`', *_tables(WholePlotProcedure, "")]
+    for name, kind in kinds().items():
+        parts += [f'## procedure.toml, `kind = "{name}"`', *_tables(kind.settings, "")]
     return "\n\n".join(parts) + "\n"
 
 

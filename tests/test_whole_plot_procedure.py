@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from procedures.pressure.precision import precision
 from procedures.pressure.settings import WholePlotDesign, WholePlotProcedure
-from rig.precision import precision
 
 
 def procedure(**settings):

@@ -8,30 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fitter.arrays import FloatArray
+from procedures.advice import Advice
 from procedures.attitude.merit.design_points import Usage
 
 RATIO = 10.0
 """Uncertainty of roll over that wanted of pitch, and of y and z sensors over that of x, which is still good enough."""
-
-
-@dataclass(frozen=True)
-class Advice:
-    """One recommendation and what holds of it here.
-
-    Attributes:
-        number: of the recommendation, 1 to 10; 0 for what the paper's conclusions say without a number.
-        recommendation: in short.
-        holds: whether it is followed; true where it does not apply.
-        sentence: what this procedure does, with numbers.
-        applies: whether it concerns this procedure at all.
-
-    """
-
-    number: int
-    recommendation: str
-    holds: bool
-    sentence: str
-    applies: bool = True
 
 
 @dataclass(frozen=True)

@@ -238,6 +238,9 @@ class PitchRollProcedure(Strict):
             environment=self.environment,
             max_gap_s=self.recovery.max_gap_s,
             mounting=self.mounting.model_dump(),
+            output_unit="V",
+            sensor_axes=True,
+            package_temperature=self.model.temperature,
         )
 
     def expand(self) -> RunList:

@@ -253,6 +253,8 @@ class WholePlotProcedure(Strict):
             faults=self.faults,
             warnings=self.warnings,
             hold_max_s=recovery.hold_max_s,
+            output_unit="mV",
+            sensor_axes=False,
             whole_plots=WholePlotConduct(
                 soak=self.soak, continue_gap_s=recovery.continue_gap_s, repeats=recovery.whole_plot_repeats
             ),

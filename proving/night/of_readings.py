@@ -74,7 +74,7 @@ def _readback(night: Night, record: Record, column: str, values: list[float]) ->
     first = bisect_left(made, began - 1e-6, key=attrgetter("t_s"))
     bound = _SDS * night.played.bench.sim.plant.pressure_line(instrument).truth.reference_noise_psi + _DIGIT_PSI
     setpoint = night.run_list.setting(night.point(record))[column]
-    band = night.played.plan.procedure.settle.judged().band
+    band = night.played.plan.procedure.conduct.settle.band
     left = iter(range(first, len(made)))
     for value in values:
         at = next((i for i in left if abs(made[i].given - value) <= _DIGIT_PSI), None)

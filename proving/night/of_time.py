@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from procedures.pressure.settings import WholePlotProcedure
 from proving.night.judged import Night
 
 _NOTICED_S = 20.0
@@ -13,7 +12,7 @@ _NOTICED_S = 20.0
 
 def unbroken(night: Night) -> Iterator[str]:
     """Nothing that has to be of one piece has a hole in time in it."""
-    procedure = night.played.plan.procedure
+    conduct = night.played.plan.procedure.conduct
     accepted = list(night.accepted())
     prepared = [night.world_s(r.session, r.elapsed_s) for r in night.records if r.status == "prepared"]
     for began, ended in _holes(night):
@@ -26,11 +25,11 @@ def unbroken(night: Night) -> Iterator[str]:
         if not before or not after:
             continue
         again, following = after[0]
-        if isinstance(procedure, WholePlotProcedure):
+        if conduct.whole_plots is not None:
             same = before[-1].whole_plot == following.whole_plot
-            if same and ended - began > procedure.recovery.continue_gap_s:
+            if same and ended - began > conduct.whole_plots.continue_gap_s:
                 yield f"whole plot {following.whole_plot} went on over a hole of {ended - began:.0f} s"
-        elif ended - began > procedure.recovery.max_gap_s and not any(began < t < again for t in prepared):
+        elif ended - began > conduct.max_gap_s and not any(began < t < again for t in prepared):
             yield f"a hole of {ended - began:.0f} s, and nothing was prepared again"
 
 

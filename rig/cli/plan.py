@@ -13,7 +13,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from drivers.roles import Chamber
-from procedures.attitude.settings import PitchRollProcedure
+from fitter.errors import FitError
+from procedures.kind import kind_of
 from rig.bench import driver_class
 from rig.cli import app
 from rig.cli.run import BenchOption, JsonOption, ProcedureArgument
@@ -55,7 +56,6 @@ def plan(
     """
     from drivers.clock import RealClock  # noqa: PLC0415
     from rig.forecast import ALLOWANCE, SOAK_ALLOWANCE, rehearse  # noqa: PLC0415
-    from rig.precision import precision  # noqa: PLC0415
 
     if plot is not None and not compare:
         raise UsageError("--plot shows designs side by side: it goes with --compare")
@@ -66,9 +66,10 @@ def plan(
         return ExitCode.DONE
     planned = load_plan(procedure, bench)
     try:
-        precise = precision(planned.procedure, planned.run_list)
-    except ConfigurationError as error:
-        raise ConfigurationError(f"{procedure}: {error}") from error
+        precise = kind_of(planned.procedure).precision(planned.procedure, planned.run_list)
+    except FitError as error:
+        why = f"the design does not determine a sensor: {error}; visit more settings"
+        raise ConfigurationError(f"{procedure}: {why}") from error
     advice = _advice(planned, usage)
     with run_progress(simulated=True) as show:
         forecast = rehearse(planned, show)
@@ -148,18 +149,15 @@ def plan(
 
 
 def _advice(planned: Plan, usage_deg: float | None) -> list[dict[str, Any]]:
-    """What the paper recommends held against a pitch-roll procedure, with numbers; [] for other kinds."""
-    if not isinstance(planned.procedure, PitchRollProcedure):
-        if usage_deg is not None:
-            raise UsageError("--usage is for attitude sensors; this procedure is of kind " + planned.procedure.kind)
-        return []
-    from procedures.attitude.advice import advise, package_of, usage_of  # noqa: PLC0415
-
-    package = package_of(planned.procedure, [s.axis for s in planned.bench.sensors.values() if s.axis is not None])
+    """What is recommended for this kind of procedure, held against it with numbers."""
+    axes = [s.axis for s in planned.bench.sensors.values() if s.axis is not None]
+    try:
+        advice = kind_of(planned.procedure).advice(planned.procedure, axes, usage_deg)
+    except FitError as error:
+        raise UsageError(str(error)) from error
     return [
         {"number": a.number, "recommendation": a.recommendation, "holds": a.holds, "sentence": a.sentence}
-        for a in advise(planned.procedure, usage_of(planned.procedure, usage_deg), package)
-        if a.applies
+        for a in advice
     ]
 
 
@@ -187,7 +185,7 @@ def _zone(moment: datetime) -> str:
 
 def _environment(planned: Plan) -> str | None:
     """What the procedure asks of the environment, or that nothing on the bench can give it; None if not asked."""
-    wanted = planned.procedure.environment if isinstance(planned.procedure, PitchRollProcedure) else None
+    wanted = planned.procedure.conduct.environment
     if wanted is None:
         return None
     asked = f"{wanted.setpoint_degC:g} degC for {duration(wanted.dwell_s)}"

@@ -8,11 +8,10 @@ from typing import Any, NamedTuple
 
 from drivers.roles import Chamber
 from fitter.confirm import NOTHING, Pair, Separation, separation
-from procedures.attitude import further_runs as of_attitude
 from procedures.attitude.effects import separate
 from procedures.attitude.settings import PitchRollProcedure
 from procedures.further_runs import Variation, possible
-from procedures.pressure import further_runs as of_pressure
+from procedures.kind import kind_of
 from procedures.pressure.effects.separation import separate_pressure
 from procedures.pressure.settings import WholePlotProcedure
 from rig.bench import playing
@@ -163,9 +162,8 @@ class Proposal:
 
 def consider(first: First) -> tuple[Proposal, ...]:
     """Of every kind of run the one that would tell most for least; the best of all first."""
-    chamber = bool(playing(first.bench, Chamber))
     best: dict[str, Proposal] = {}
-    for variation in possible(_further_runs(first, chamber=chamber), first.bench.limits):
+    for variation in possible(_further_runs(first), first.bench.limits):
         known = best.get(variation.what)
         if known is not None and known.enough:
             continue  # the smallest that is enough
@@ -177,10 +175,9 @@ def consider(first: First) -> tuple[Proposal, ...]:
     return tuple(sorted(best.values(), key=lambda proposal: proposal.place))
 
 
-def _further_runs(first: First, *, chamber: bool) -> Iterator[Variation]:
-    if isinstance(first.procedure, WholePlotProcedure):
-        return of_pressure.further_runs(first.procedure)
-    return of_attitude.further_runs(first.procedure, first.bench.limits, chamber=chamber)
+def _further_runs(first: First) -> Iterator[Variation]:
+    chamber = bool(playing(first.bench, Chamber))
+    return kind_of(first.procedure).further_runs(first.procedure, first.bench.limits, chamber=chamber)
 
 
 def propose(considered: Sequence[Proposal]) -> tuple[Proposal, ...]:

@@ -9,10 +9,11 @@ from __future__ import annotations
 import numpy as np
 
 from fitter.errors import FitError
-from procedures.kind import Procedure
+from procedures.pressure.data import WholePlotData
+from procedures.pressure.fit import fit_pressure, named_formula
+from procedures.pressure.fit.models import check_determined
 from procedures.pressure.settings import WholePlotProcedure
 from procedures.run_list import RunList
-from rig.errors import ConfigurationError
 
 REHEARSED = 600
 """Points up to which the fit itself is rehearsed, on simulated readings; the time it takes grows with their cube."""
@@ -21,19 +22,13 @@ ACCEPTED_BY = "in-flight zero + WLS"
 """Method whose reading error acceptance judges."""
 
 
-def check_declared(procedure: Procedure, run_list: RunList, where: str) -> None:
+def check_declared(procedure: WholePlotProcedure, run_list: RunList) -> None:
     """Refuse a design that cannot estimate its declared model, or that acceptance could not judge.
 
     Raises:
-        ConfigurationError: naming the terms that cannot be estimated, and what to declare or to visit instead.
+        FitError: naming the terms that cannot be estimated, and what to declare or to visit instead.
 
     """
-    if not isinstance(procedure, WholePlotProcedure):
-        return
-    from procedures.pressure.data import WholePlotData  # noqa: PLC0415
-    from procedures.pressure.fit import fit_pressure, named_formula  # noqa: PLC0415
-    from procedures.pressure.fit.models import check_determined  # noqa: PLC0415
-
     model = procedure.declared_model
     points = run_list.points
     set_to = np.array([p.setpoints for p in points])
@@ -63,11 +58,11 @@ def check_declared(procedure: Procedure, run_list: RunList, where: str) -> None:
     except FitError as error:
         why = str(error).removesuffix("; fit a smaller model")
         if run_list.whole_plots < 2:
-            raise ConfigurationError(
-                f"{where}: {why}. Name the pair of temperatures twice or more in temperatures_degC, or set "
+            raise FitError(
+                f"{why}. Name the pair of temperatures twice or more in temperatures_degC, or set "
                 f"replications = 2: whole plots of the same temperatures tell how far they differ"
             ) from error
-        raise ConfigurationError(
-            f"{where}: the design cannot estimate the declared model ({model}): {why}; visit more settings, or declare "
+        raise FitError(
+            f"the design cannot estimate the declared model ({model}): {why}; visit more settings, or declare "
             f'a smaller model: [model] formula = "1 + P + P^2"'
         ) from error

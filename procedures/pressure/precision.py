@@ -1,0 +1,89 @@
+"""How precise a pressure calibration will be."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.split_plot import plan_precision
+from procedures.precision import Precision
+from procedures.pressure.fit.models import named_formula
+from procedures.pressure.settings import WholePlotProcedure
+from procedures.run_list import RunList
+
+
+def precision(procedure: WholePlotProcedure, run_list: RunList) -> Precision:
+    """Of each term of the pressure model, as what it changes from the middle of the design to its end."""
+    expect = procedure.expect
+    set_to = np.array([p.setpoints for p in run_list.points])
+    middle, half = (set_to.max(axis=0) + set_to.min(axis=0)) / 2.0, np.ptp(set_to, axis=0) / 2.0
+    half = np.where(half > 0, half, 1.0)
+    coded = (set_to - middle) / half
+    whole_plot = np.array([p.whole_plot for p in run_list.points])
+    formula = named_formula(procedure.declared_model)
+    names, columns = formula.columns(dict(zip(_VARIABLES, coded.T, strict=True)))
+    found = plan_precision(columns, whole_plot, expect.sigma_wholeplot_mV, expect.sigma_subplot_mV, names)
+    sensitivity = expect.sensitivity_mV_per_psi
+    rows = [
+        {
+            "term": name,
+            "stratum": "whole plot" if _shared(columns[:, i], whole_plot) else "subplot",
+            "sd_mV": float(found.stderr[i]),
+            "sd_psi": float(found.stderr[i]) / sensitivity,
+            "df": float(found.df[i]) if np.isfinite(found.df[i]) else None,
+        }
+        for i, name in enumerate(names)
+    ]
+    cells = [
+        (
+            str(row["term"]),
+            str(row["stratum"]),
+            f"{row['sd_mV']:.2e}",
+            f"{row['sd_psi']:.2e}",
+            "-" if row["df"] is None else f"{row['df']:.0f}",
+        )
+        for row in rows
+    ]
+    pressures = sorted({p for p in set_to[:, 0] if p > 0})[:3]
+    further = [
+        _known_to(psia, procedure, found.covariance, lambda p: formula.columns(_at(p, middle, half))[1][0])
+        for psia in pressures
+    ]
+    return Precision(
+        ("term", "stratum", "sd / mV", "sd / psi", "df"),
+        rows,
+        cells,
+        "each variable coded from -1 to 1 over the design; if temperature changes have an error of "
+        f"{expect.sigma_wholeplot_mV:g} mV and observations one of {expect.sigma_subplot_mV:g} mV: "
+        "expect.sigma_wholeplot_mV, sigma_subplot_mV",
+        tuple(further),
+    )
+
+
+_VARIABLES = ("P", "T_sensor", "T_SSE")
+
+
+def _at(psia: float, middle: FloatArray, half: FloatArray) -> dict[str, FloatArray]:
+    """One coded setting: a pressure at the middle of both temperatures."""
+    coded = (np.array([psia, middle[1], middle[2]]) - middle) / half
+    return {name: np.array([value]) for name, value in zip(_VARIABLES, coded, strict=True)}
+
+
+def _known_to(
+    psia: float, procedure: WholePlotProcedure, covariance: FloatArray, columns: Callable[[float], FloatArray]
+) -> str:
+    """How well a pressure will be known in use, with and without a zero read in vacuum first."""
+    expect, h, h_0 = procedure.expect, columns(psia), columns(0.0)
+    shared, own = expect.sigma_wholeplot_mV**2, expect.sigma_subplot_mV**2
+    plain = shared + own + float(h @ covariance @ h)
+    zeroed = 2.0 * own + float((h - h_0) @ covariance @ (h - h_0))
+    pct = [196.0 * np.sqrt(v) / expect.sensitivity_mV_per_psi / psia for v in (plain, zeroed)]
+    return f"{psia:g} psia in use: +-{pct[0]:.2g} %; after reading the zero in vacuum +-{pct[1]:.2g} % (95 % intervals)"
+
+
+def _shared(column: FloatArray, whole_plot: np.ndarray[Any, Any]) -> bool:
+    """Whether a column is constant in every whole plot."""
+    return all(float(np.ptp(column[whole_plot == w])) == 0.0 for w in np.unique(whole_plot))
