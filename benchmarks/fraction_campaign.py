@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 from attitude_truth import D1, simulate
 from test_fractions import PADS, table_of
 
-from rig.closed_loop.fractions import compare_fractions
+from procedures.attitude.fractions_compared import compare_fractions
 
 CASES = (
     ("13 x 25 over +-30 deg, 53 points", D1(30, 13, 25), "53", (26.2, 36.2, 1.005, 0.911)),

@@ -28,10 +28,11 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 import numpy as np
 from table_truth import MISSING, Lab, options, simulate
 
-from procedures.general.trace import search_table, trace_general
-from rig.closed_loop.general_trace import trace_general_table
-from rig.closed_loop.roles import Roles, roles_of
-from rig.tables import Table
+from procedures.general.evaluate import trace_general_table
+from procedures.general.roles import Roles, roles_of
+from procedures.general.trace.report import trace_general
+from procedures.general.trace.run import search_table
+from procedures.table import Table
 
 NOISE: dict[str, dict[str, Any]] = {
     "white": {},

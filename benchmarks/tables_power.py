@@ -16,10 +16,10 @@ import numpy as np
 from scipy import optimize, special, stats
 
 from benchmarks.tables_campaign import found_or_alike, roles_of
-from procedures.general.trace import search_table
+from procedures.general.roles import Roles
 from procedures.general.trace.estimate import estimate
-from rig.closed_loop.roles import Roles
-from rig.tables import Table
+from procedures.general.trace.run import search_table
+from procedures.table import Table
 
 from table_truth import MISSING, Missing, options, simulate  # isort: skip
 

@@ -11,20 +11,23 @@ Methods import what they need themselves: few commands need the fitter, and none
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import cache
 from importlib.metadata import entry_points
 from typing import Any, Protocol
 
 from pydantic import BaseModel
 
+from fitter.effects.own import Grammar
 from fitter.errors import FitError
+from procedures.acceptance import Verdict
 from procedures.advice import Advice
 from procedures.conduct import Conduct
 from procedures.further_runs import Limits, Variation
 from procedures.precision import Precision
 from procedures.run_list import RunList
 from procedures.settings import WarningSettings
+from procedures.table import Table
 
 GROUP = "rig.kinds"
 
@@ -75,6 +78,13 @@ class Kind(Protocol):
     def settings(self) -> type[BaseModel]:
         """The procedure file; its instances are a `Procedure`."""
 
+    @property
+    def own_effects(self) -> Grammar | None:
+        """How a laboratory writes effects of its own; None where it cannot."""
+
+    def recognises(self, columns: Collection[str]) -> bool:
+        """Whether a table with these columns is of this kind."""
+
     def check_design(self, procedure: Any, run_list: RunList) -> None:
         """Refuse a design that cannot estimate what the procedure declares. Raises `FitError`."""
 
@@ -88,6 +98,9 @@ class Kind(Protocol):
             FitError: a range of usage is given, and this kind knows of none.
 
         """
+
+    def judge(self, procedure: Any, table: Table) -> Sequence[Verdict]:
+        """Every sensor of a complete run against the procedure's limit; none without one. Raises `DataError`."""
 
     def further_runs(self, procedure: Any, limits: Limits, *, chamber: bool) -> Iterator[Variation]:
         """Runs to follow a procedure, grouped by what they change, each group from the smallest to the largest.
@@ -125,3 +138,8 @@ def kinds() -> Mapping[str, Kind]:
 def kind_of(procedure: Procedure) -> Kind:
     """The kind of a procedure."""
     return kinds()[procedure.kind]
+
+
+def kind_of_table(table: Table) -> Kind | None:
+    """The kind that a table's columns are of; None where no kind knows them."""
+    return next((kind for kind in kinds().values() if kind.recognises(table.columns.keys())), None)

@@ -19,7 +19,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from procedures.kind import Procedure, kinds
 from procedures.pressure.settings import FACTORS as WHOLE_PLOT_FACTORS
 from procedures.settings import Name
-from rig.columns import UNITS
+from procedures.table import UNITS
 from rig.errors import ConfigurationError
 from rig.explained import explain
 from rig.protection import InterlockConfig, SafetyConfig

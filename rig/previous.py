@@ -14,10 +14,10 @@ from scipy import special
 
 from fitter.arrays import FloatArray
 from fitter.errors import FitError
-from procedures.attitude.infer import AttitudeCalibration
+from procedures.attitude.infer.calibration import AttitudeCalibration
 from procedures.attitude.model import attitude_columns, mounting_matrix
 from procedures.general.infer.curve import CurveCalibration
-from procedures.pressure.fit import PressureCalibration
+from procedures.pressure.fit.calibration import PressureCalibration
 from rig.errors import UsageError
 from rig.inference.calibration_file import Calibration, calibration_of, read_calibration
 from rig.quantities import PITCH, PRESSURE, ROLL, SENSOR, SSE
@@ -114,8 +114,8 @@ def _content(path: Path) -> Any:
 
 
 def _fitted(path: Path) -> dict[str, Any]:
-    from rig.closed_loop import fit_table  # noqa: PLC0415 - a controller without an earlier run does not need it
-    from rig.tables import read_table  # noqa: PLC0415
+    from rig.closed_loop import fit_table
+    from rig.tables import read_table
 
     return fit_table(read_table(path))
 

@@ -24,7 +24,7 @@ from rig.run_file.documents import declared_model, mounting_of
 from rig.run_file.reader import RunReader
 from rig.run_file.state import read_state
 from rig.run_file.verification import verify_file
-from rig.tables import run_table
+from rig.tables.observations import run_table
 from rig.unattended.service import ServiceUnit
 from rig.watch.feed import RunFeed
 

@@ -15,15 +15,15 @@ from whole_plot_truth import simulate as simulate_whole_plots
 from fitter.effects.sizes import amplitude, each, relative, size_95
 from fitter.trace.outcome import Finding, Outcome, Row
 from procedures.attitude.effects import CATALOGUE
-from procedures.attitude.trace import trace
+from procedures.attitude.evaluate import AttitudeTraced
+from procedures.attitude.trace.run import trace
+from procedures.certificate import Change, Errors, certificate, with_words
 from procedures.pressure.effects import PRESSURE_CATALOGUE
-from procedures.pressure.trace import trace_whole_plots
-from rig.closed_loop import AttitudeTraced, WholePlotTraced
-from rig.closed_loop.certificate import Change, Errors, certificate, with_words
-from rig.closed_loop.whole_plot import Declared
-from rig.present.words import chance, part, percent
+from procedures.pressure.evaluate import Declared, WholePlotTraced
+from procedures.pressure.trace.run import trace_whole_plots
+from procedures.table import Table
+from procedures.words import chance, part, percent
 from rig.report.effect_plots import drawn
-from rig.tables import Table
 
 EFFECT = Finding(
     kind="effect",

@@ -14,13 +14,13 @@ from dry import LAB, SHORT, dry
 from few_sensors import with_sensors
 
 from rig.cli import app
-from rig.cli import chart as _registers  # noqa: F401
 from rig.closed_loop import fit_table
 from rig.closed_loop.chart import chart_calibrations
 from rig.closed_loop.chart_together import read_all
 from rig.errors import UsageError
 from rig.report.chart import chart_report
-from rig.tables import run_table, write_csv
+from rig.tables.csv_tables import write_csv
+from rig.tables.observations import run_table
 
 PROCEDURE = SHORT.replace("replications = 2", "replications = 4")
 PPM_PER_YEAR = -20.0

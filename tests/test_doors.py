@@ -24,12 +24,13 @@ from rig.contracts import _text
 from rig.controller import opened
 from rig.errors import ConfigurationError, RigError, RunFileError, UsageError
 from rig.examples import example
-from rig.inference import read_calibration
+from rig.inference.calibration_file import read_calibration
 from rig.plans import plan_of
 from rig.run_file.last_word import read_last_word
 from rig.run_file.live import controller_alive
 from rig.run_file.reader import RunReader
-from rig.tables import read_any_csv, read_gappy_csv, read_table
+from rig.tables import read_table
+from rig.tables.csv_tables import read_any_csv, read_gappy_csv
 from rig.unattended.happenings import one_line
 from rig.unattended.service import ServiceUnit
 from rig.watch.shelf import Shelf

@@ -15,12 +15,13 @@ from attitude_truth import D1, Bench, Plan, Sensor, simulate
 from command import rig
 
 from procedures.attitude.data import AttitudeData
+from procedures.attitude.fraction_advice import advised, sentence
 from procedures.attitude.fractions import MeasuredGrid, fit_part
+from procedures.attitude.fractions_compared import compare_fractions, family, nearest, tumble_of
 from procedures.attitude.settings import PitchRollProcedure
-from rig.closed_loop.fraction_advice import advised, sentence
-from rig.closed_loop.fractions import compare_fractions, family, nearest, tumble_of
+from procedures.table import Table
 from rig.errors import UsageError
-from rig.tables import Table, write_csv
+from rig.tables.csv_tables import write_csv
 
 DOCUMENT = Path(__file__).parent.parent / "docs" / "fractions.md"
 CLEAN = Bench()

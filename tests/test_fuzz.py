@@ -28,8 +28,8 @@ from rig.plans import plan_of
 from rig.run_file.reader import RunReader
 from rig.run_file.state import read_state
 from rig.run_file.verification import verify_file
-from rig.tables import run_table
 from rig.tables.csv_tables import read_any_csv, read_csv
+from rig.tables.observations import run_table
 
 LONG = os.environ.get("HYPOTHESIS_PROFILE") == "long"
 
@@ -221,7 +221,7 @@ def test_configuration_files_edited_at_random(what, which, changes):
     documents[f"{what}.toml"] = _edited(documents[f"{what}.toml"], changes)
     try:
         plan = plan_of(documents, dry=True)
-        from rig.simulated.dry_run import DryBench  # noqa: PLC0415
+        from rig.simulated.dry_run import DryBench
 
         DryBench(plan.bench, plan.truth).close()
     except RigError as error:

@@ -11,10 +11,10 @@ from scipy import optimize, stats
 
 from fitter.formula import Formula
 from fitter.linear import least_squares
-from fitter.split_plot import fit_split_plot
+from fitter.split_plot.design import fit_split_plot
+from procedures.general.fit import fit_general
 from procedures.general.history import curve_charted
 from procedures.general.infer.curve import CurveCalibration, infer_curve
-from rig.closed_loop.general import fit_general
 
 THERMOMETER = "temp,read\n96,95.71\n98,98.16\n100,99.52\n102,102.09\n104,103.79\n106,106.18\n108,108.14\n110,110.21\n"
 """Graybill and Iyer, Regression Analysis (1994), p. 431: a thermometer read at known temperatures."""

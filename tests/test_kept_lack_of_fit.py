@@ -12,9 +12,9 @@ from attitude_truth import Bench, Plan, Sensor, simulate
 from command import rig
 from test_signs import table_of
 
-from procedures.attitude.infer import AttitudeCalibration
-from rig.closed_loop.attitude import fit_attitude_table, trace_attitude_table
-from rig.tables import Table
+from procedures.attitude.evaluate import fit_attitude_table, trace_attitude_table
+from procedures.attitude.infer.calibration import AttitudeCalibration
+from procedures.table import Table
 
 BENCH = Bench(sensors=(Sensor("x"),))
 KNEE = -0.002

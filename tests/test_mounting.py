@@ -10,8 +10,9 @@ import pytest
 from command import rig
 
 from procedures.attitude.model import mounting_matrix
+from procedures.attitude.table import attitude_data
 from rig.examples import example
-from rig.tables import attitude_data, read_table
+from rig.tables import read_table
 from sims.physics.rotations import apply, pitch_matrix, roll_matrix
 
 pytestmark = pytest.mark.usefixtures("few_draws")

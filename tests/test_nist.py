@@ -18,7 +18,7 @@ from fitter.double_double import DoubleDouble
 from fitter.formula import Formula
 from fitter.linear import CONDITION, Triangle, least_squares
 from fitter.refine import refine
-from rig.closed_loop.general import fit_general
+from procedures.general.fit import fit_general
 
 EVERY = pytest.mark.parametrize("problem", PROBLEMS.values(), ids=PROBLEMS.keys())
 

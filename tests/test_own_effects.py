@@ -10,9 +10,9 @@ from whole_plot_truth import simulate as simulate_pressure
 from fitter.effects.entry import Largest
 from fitter.effects.own import own_effects
 from procedures.attitude.effects import CATALOGUE
-from procedures.attitude.trace import trace
+from procedures.attitude.trace.run import trace
 from procedures.pressure.effects import PRESSURE_CATALOGUE
-from procedures.pressure.trace import trace_whole_plots
+from procedures.pressure.trace.run import trace_whole_plots
 from rig.effects import GRAMMARS, attitude_catalogue, pressure_catalogue
 from rig.errors import ConfigurationError
 

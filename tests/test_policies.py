@@ -19,6 +19,7 @@ from procedures.attitude.faults import PitchRollFaults
 from procedures.attitude.settings import PitchRollProcedure
 from procedures.faults import Step, step_at
 from procedures.pressure.faults import WholePlotFaults
+from procedures.words import incomplete
 from rig.bench import check_options, open_bench
 from rig.config import parse_bench, parse_procedure
 from rig.engine.actions import BenchActions
@@ -27,11 +28,10 @@ from rig.engine.guard import Guard
 from rig.engine.session import Outcome
 from rig.errors import ConfigurationError
 from rig.examples import example
-from rig.present.words import incomplete
 from rig.report.story import story
 from rig.run_file.reader import RunReader
 from rig.simulated.dry_run import DryBench
-from rig.tables import run_table
+from rig.tables.observations import run_table
 
 POINTS = 18
 

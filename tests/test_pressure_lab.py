@@ -13,14 +13,16 @@ from dry_pressure import EACH, IN_ALL, LAB, SHORT, Killed, dry
 from few_sensors import with_sensors
 
 from procedures.pressure import settings as whole_plot
+from procedures.pressure.evaluate import fit_whole_plots
+from procedures.pressure.table import whole_plot_data
 from rig.acceptance import judge
-from rig.closed_loop import fit_whole_plots
 from rig.controller import resume_run, start_run
 from rig.engine.session import Outcome, Signals
 from rig.errors import ConfigurationError
 from rig.plans import load_plan
 from rig.run_file.reader import RunReader
-from rig.tables import run_table, whole_plot_data, write_csv
+from rig.tables.csv_tables import write_csv
+from rig.tables.observations import run_table
 
 HERE = (1, 7)
 """The transducers of most tests; all seven are on the line in that of the vacuum pump."""

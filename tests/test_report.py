@@ -13,12 +13,15 @@ from few_sensors import with_sensors
 from markupsafe import escape
 
 from fitter.trace.outcome import Parameter
-from procedures.attitude.trace import trace
-from rig.closed_loop import AttitudeTraced, fit_table, trace_table
+from procedures.attitude.evaluate import AttitudeTraced
+from procedures.attitude.trace.run import trace
+from procedures.attitude.words import little_help
+from procedures.table import Table
+from procedures.words import chance, incomplete, unnamed
+from rig.closed_loop import fit_table, trace_table
 from rig.present.parameters import with_error
-from rig.present.words import chance, incomplete, little_help, unnamed
 from rig.report import report as render
-from rig.tables import Table, run_table
+from rig.tables.observations import run_table
 
 SCRIPT = "<script>alert(1)</script>"
 

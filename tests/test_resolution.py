@@ -12,12 +12,12 @@ from whole_plot_truth import simulate as whole_plots
 
 from fitter.resolution import least_sd, resolution, robust_sd
 from procedures.attitude.trace.outliers import outliers
+from procedures.general.evaluate import trace_general_table
 from procedures.general.gross import of_table
+from procedures.general.roles import Roles
 from procedures.general.trace.robust import excess, scale
-from procedures.pressure.fit import named_formula
-from rig.closed_loop.general_trace import trace_general_table
-from rig.closed_loop.roles import Roles
-from rig.tables import write_csv
+from procedures.pressure.fit.models import named_formula
+from rig.tables.csv_tables import write_csv
 
 SDS = (0.3, 0.5, 1.0)
 """Of the noise, in steps of the resolution."""
@@ -113,8 +113,8 @@ def test_rounded_readings_of_attitude_are_no_outliers(sd):
 
 @pytest.mark.parametrize("sd", SDS)
 def test_rounded_readings_of_whole_plots_are_no_outliers(sd):
-    from procedures.pressure.gross import of_whole_plots  # noqa: PLC0415
-    from procedures.pressure.trace import trace_whole_plots  # noqa: PLC0415
+    from procedures.pressure.gross import of_whole_plots
+    from procedures.pressure.trace.run import trace_whole_plots
 
     data = whole_plots(seed=9)
     step = 0.0049 / sd

@@ -23,7 +23,9 @@ from rig.config import parse_bench
 from rig.engine.session import Outcome, Progress, Signals
 from rig.errors import ExitCode
 from rig.run_file.live import replace_json, request_path
-from rig.unattended import Kind, Listeners, ServiceManager
+from rig.unattended.happenings import Kind
+from rig.unattended.listeners import Listeners
+from rig.unattended.manager import ServiceManager
 from rig.unattended.service import FINAL, ServiceUnit, patience_s
 
 
@@ -279,7 +281,7 @@ def test_a_session_after_a_crash_says_so(tmp_path):
     seen = []
     listeners = Listeners(facts_of(path))
     listeners._log = seen.append
-    from rig.run_file.writer import RunWriter  # noqa: PLC0415
+    from rig.run_file.writer import RunWriter
 
     run_session(path)
     with RunWriter.open(path) as run:

@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 from table_truth import CLOCKED, MISSING, Lab, options, simulate
 
-from procedures.general.trace import family, search_table, trace_general
-from rig.closed_loop.roles import Roles, roles_of
+from procedures.general.roles import Roles, roles_of
+from procedures.general.trace import family
+from procedures.general.trace.report import trace_general
+from procedures.general.trace.run import search_table
+from procedures.table import Table
 from rig.errors import UsageError
-from rig.tables import Table
 
 NIST = json.loads((Path(__file__).parent / "reference/nist/linear.json").read_text())["sets"]
 

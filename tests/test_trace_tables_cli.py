@@ -9,10 +9,10 @@ import pytest
 from table_truth import MISSING, simulate
 
 from procedures.general.trace import family
+from procedures.words import units
 from rig.cli import main
 from rig.cli.effects import show_certificate
 from rig.cli.show import out
-from rig.present.words import units
 
 DECLARED = ("--response", "y", "--formula", "1 + x")
 EFFECT_KEYS = {

@@ -9,13 +9,14 @@ import pytest
 from table_truth import MISSING, options, simulate
 
 from procedures.general.effects import effects_of
-from procedures.general.trace import family, trace_general
-from rig.closed_loop.general_trace import GeneralTraced
-from rig.closed_loop.roles import Roles, parts_played, roles_of
+from procedures.general.evaluate import GeneralTraced
+from procedures.general.roles import Roles, parts_played, roles_of
+from procedures.general.trace import family
+from procedures.general.trace.report import trace_general
+from procedures.table import Table
 from rig.errors import UsageError
 from rig.report import general_plots
 from rig.report.general import general_report
-from rig.tables import Table
 
 
 @pytest.fixture(autouse=True)

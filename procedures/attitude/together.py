@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitter.arrays import FloatArray, IntArray
-from fitter.confirm import Together
 from fitter.confirm.runs import join
-from fitter.confirm.together import Candidates, Own
+from fitter.confirm.together import Candidates, Own, Together
 from procedures.attitude.data import AttitudeData
 from procedures.attitude.effects.scene import Scene
 from procedures.attitude.model import attitude_columns

@@ -12,7 +12,8 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.errors import FitError
-from fitter.history import Charted, Series
+from fitter.history.charted import Charted
+from fitter.history.series import Series
 from fitter.quantiles import t_limit
 from procedures.general.infer.curve import CurveCalibration, too_few_digits
 

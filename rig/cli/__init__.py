@@ -37,7 +37,7 @@ app = typer.Typer(
 
 def _version(asked: bool) -> None:
     if asked:
-        from rig import __version__  # noqa: PLC0415
+        from rig import __version__
 
         print(f"rig {__version__}")
         raise typer.Exit
@@ -59,7 +59,7 @@ def main() -> None:
     try:
         code = app(standalone_mode=False)
     except RigError as error:
-        from rig.cli.show import visible  # noqa: PLC0415
+        from rig.cli.show import visible
 
         print(f"rig: {visible(str(error))}", file=sys.stderr)
         code = error.exit_code

@@ -16,7 +16,7 @@ from rig.plans import has_plan, stored_plan
 from rig.run_file.reader import RunReader
 
 if TYPE_CHECKING:
-    from rig.acceptance import Verdict
+    from procedures.acceptance import Verdict
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Acceptance:
         limits = procedure.acceptance.model_dump(exclude={"at_psia"})
         if all(limit is None for limit in limits.values()):
             return cls()
-        from rig.acceptance import judge  # noqa: PLC0415
+        from rig.acceptance import judge
 
         try:
             return cls(judge(procedure, run_file))

@@ -9,12 +9,14 @@ from rich.markup import escape
 from rich.table import Table as RichTable
 
 from fitter.trace.outcome import Outcome
+from procedures.attitude.evaluate import AttitudeTraced
+from procedures.attitude.parameters import LABELS, NO_DIRECTION, shown
+from procedures.attitude.words import little_help, misfit_in_words
+from procedures.words import TESTS, significant, unnamed, verdict_of
 from rig.cli.effects import paragraph, show_certificate, show_effect
 from rig.cli.gross import show_gross, show_left_out
 from rig.cli.show import headline, number, out
-from rig.closed_loop import AttitudeTraced
-from rig.present.parameters import LABELS, NO_DIRECTION, shown, with_error, with_interval
-from rig.present.words import TESTS, little_help, misfit_in_words, significant, unnamed, verdict_of
+from rig.present.parameters import with_error, with_interval
 
 
 def show_attitude_fit(result: Mapping[str, Any]) -> None:

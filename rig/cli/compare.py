@@ -12,7 +12,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from procedures.attitude.advice import design_points, usage_of
-from procedures.attitude.merit import Comparison, Usage, compare, curve, recommend
+from procedures.attitude.merit.comparison import Comparison, compare, curve, recommend
+from procedures.attitude.merit.design_points import Usage
 from procedures.attitude.settings import PitchRollProcedure
 from rig.atomic import check_not_input, check_writable, write_whole_bytes
 from rig.cli.show import err, number, out, print_json, run_progress
@@ -29,7 +30,7 @@ def compare_files(
         ConfigurationError: one of the files is wrong.
 
     """
-    from rig.forecast import rehearse  # noqa: PLC0415
+    from rig.forecast import rehearse
 
     check_not_input([plot], [bench, *files])
     if plot is not None:
@@ -153,7 +154,7 @@ def _cells(row: Comparison, time_h: float) -> list[str]:
 
 def _plot(curves: Sequence[Any], path: Path) -> None:
     """Standard deviation over pitch, as the paper's figures 1 to 5, to a PNG file."""
-    from rig.report.pictures import side_by_side  # noqa: PLC0415 - plots take a second to import
+    from rig.report.pictures import side_by_side
 
     figure, (axis,) = side_by_side(3.6, 1, width=7.0)
     for one in curves:

@@ -26,7 +26,9 @@ SHOWN = 5
 """Proposals shown where nobody asked for all."""
 
 if TYPE_CHECKING:
-    from rig.closed_loop.confirm import Confirmed, First, Inseparable, Proposal
+    from rig.closed_loop.confirm.answers import Confirmed
+    from rig.closed_loop.confirm.first import First
+    from rig.closed_loop.confirm.proposals import Inseparable, Proposal
 
 
 @app.command()
@@ -68,15 +70,10 @@ def confirm(
 
     Examples: `rig confirm RUN --dry`, `rig confirm RUN --list`, `rig confirm RUN --by LATER_RUN`
     """
-    from rig.closed_loop.confirm import (  # noqa: PLC0415
-        consider,
-        inseparable,
-        judge,
-        open_traced,
-        plan_for,
-        procedure_text,
-        propose,
-    )
+    from rig.closed_loop.confirm.answers import judge
+    from rig.closed_loop.confirm.first import open_traced
+    from rig.closed_loop.confirm.plans import plan_for, procedure_text
+    from rig.closed_loop.confirm.proposals import consider, inseparable, propose
 
     check_not_input([write, report], [run_file, *filter(None, (bench, world, by))])
     if world is not None and not dry:
@@ -220,7 +217,7 @@ def _show_open(first: First, never: Sequence[Inseparable]) -> None:
 def _show_proposals(
     first: First, proposals: Sequence[Proposal], never: Sequence[Inseparable], take: int, *, every: bool
 ) -> None:
-    from rig.closed_loop.confirm import SURE, otherwise  # noqa: PLC0415
+    from rig.closed_loop.confirm.proposals import SURE, otherwise
 
     table = Table("", "run", "points", "bench time", "pairs separated", "nearest pair", "shown by")
     shown = proposals if every else proposals[: max(take, SHOWN)]
@@ -248,14 +245,14 @@ def _show_proposals(
 
 
 def _weakest(chance: float, sigmas: float) -> str:
-    from rig.closed_loop.confirm import SURE  # noqa: PLC0415
+    from rig.closed_loop.confirm.proposals import SURE
 
     text = f"{sigmas:.1f} ({chance:.0%})" if sigmas < 100 else f"{sigmas:.0f} ({chance:.0%})"
     return f"[green]{text}[/]" if chance >= SURE else text
 
 
 def _show(confirmed: Confirmed, listed: Mapping[str, Any], report: Path | None, *, as_json: bool) -> int:
-    from rig.closed_loop.confirm import chance, sentences, sizes  # noqa: PLC0415
+    from rig.closed_loop.confirm.answers import chance, sentences, sizes
 
     code = ExitCode.DONE if confirmed.settled else ExitCode.OUTSIDE_ACCEPTANCE
     if as_json:
@@ -299,7 +296,7 @@ def _show(confirmed: Confirmed, listed: Mapping[str, Any], report: Path | None, 
 def _write_report(confirmed: Confirmed, report: Path | None) -> None:
     if report is None:
         return
-    from rig.report.confirm import write_confirm_report  # noqa: PLC0415
+    from rig.report.confirm import write_confirm_report
 
     write_confirm_report(report, confirmed)
     err.print(f"report: {escape(str(report))}", soft_wrap=True)

@@ -29,8 +29,8 @@ from rig.cli.show import err, headline, out, print_json, show_unused
 from rig.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
+    from procedures.table import Table
     from rig.closed_loop import Traced
-    from rig.tables import Table
 
 DataArgument = Annotated[Path, typer.Argument(help="a run file, or a CSV table", show_default=False)]
 FormulaOption = Annotated[
@@ -202,8 +202,8 @@ def _general(
     replicate: str | None,
     leave_out: Sequence[str],
 ) -> Shown:
-    from rig.cli.general import show_general_fit  # noqa: PLC0415
-    from rig.closed_loop.general import fit_general  # noqa: PLC0415
+    from procedures.general.fit import fit_general
+    from rig.cli.general import show_general_fit
 
     if formula is None:
         raise UsageError("--response needs --formula, such as --formula '1 + x'")
@@ -213,9 +213,9 @@ def _general(
 
 
 def _fractions(data: Path, points: str, temperature: bool | None, others: Mapping[str, Any]) -> Shown:
-    from rig.cli.fractions import show_fractions  # noqa: PLC0415
-    from rig.closed_loop.fractions import compare_fractions  # noqa: PLC0415
-    from rig.tables import read_table  # noqa: PLC0415
+    from procedures.attitude.fractions_compared import compare_fractions
+    from rig.cli.fractions import show_fractions
+    from rig.tables import read_table
 
     for option, value in others.items():
         if value:
@@ -234,9 +234,9 @@ def _calibration(
     leave_out: Sequence[str],
     later: Path | None,
 ) -> Shown:
-    from rig.closed_loop import fit_whole_plots  # noqa: PLC0415
-    from rig.closed_loop.attitude import fit_attitude_table  # noqa: PLC0415
-    from rig.tables import read_table  # noqa: PLC0415
+    from procedures.attitude.evaluate import fit_attitude_table
+    from procedures.pressure.evaluate import fit_whole_plots
+    from rig.tables import read_table
 
     table = read_table(data)
     if table.kind == "pitch-roll":
@@ -253,7 +253,7 @@ def _calibration(
                 leave_out=leave_out,
             )
         else:
-            from rig.closed_loop.confirm import confirmed_by, fit_attitude_confirmed  # noqa: PLC0415
+            from rig.closed_loop.confirm.calibration import confirmed_by, fit_attitude_confirmed
 
             result = fit_attitude_confirmed(*confirmed_by(data, later, temperature=attitude["temperature"]))
         return result, lambda: show_fit(data.name, table, result)
@@ -266,14 +266,14 @@ def _calibration(
     if later is None:
         fitted, record = fit_whole_plots(table, formula, leave_out=leave_out, **chosen), {}
     else:
-        from rig.closed_loop.confirm import confirmed_by, fit_whole_plots_confirmed  # noqa: PLC0415
+        from rig.closed_loop.confirm.calibration import confirmed_by, fit_whole_plots_confirmed
 
         model = formula or table.declared.get("formula") or "full"
         fitted, told = fit_whole_plots_confirmed(*confirmed_by(data, later, formula), model, chosen)
         record = {"confirmed_by": told}
     result = fitted.to_json() | record
     if report is not None:
-        from rig.report import write_fit_report  # noqa: PLC0415
+        from rig.report import write_fit_report
 
         write_fit_report(report, fitted)
         err.print(f"report: {escape(str(report))}", soft_wrap=True)
@@ -282,8 +282,8 @@ def _calibration(
 
 def show_fit(name: str, table: Table, result: Mapping[str, Any]) -> None:
     """Show what `fit_table` found."""
-    from rig.cli.attitude import show_attitude_fit  # noqa: PLC0415
-    from rig.cli.whole_plot import show_whole_plot_fit  # noqa: PLC0415
+    from rig.cli.attitude import show_attitude_fit
+    from rig.cli.whole_plot import show_whole_plot_fit
 
     headline(name, table)
     if table.kind == "whole-plot":
@@ -334,8 +334,8 @@ def trace(
     Examples: `rig trace runs/20260115T180000-night-1a2b.sqlite --report night.html`,
     `rig trace table.csv --response y --formula "1 + x" --group batch --time t_s`
     """
-    from rig.closed_loop import trace_table  # noqa: PLC0415
-    from rig.tables import read_table  # noqa: PLC0415
+    from rig.closed_loop import trace_table
+    from rig.tables import read_table
 
     check_not_input([report], [data])
     parts: dict[str, Any] = {
@@ -361,7 +361,7 @@ def trace(
         raise UsageError(f"--unnamed is for attitude sensors; in {data} what remains is said with its curve anyway")
     traced = trace_table(table, formula, temperature=temperature, unnamed=unnamed)
     if report is not None:
-        from rig.report import write_report  # noqa: PLC0415
+        from rig.report import write_report
 
         write_report(report, traced)
         err.print(f"report: {escape(str(report))}", soft_wrap=True)
@@ -376,9 +376,9 @@ def trace(
 
 def show_trace(traced: Traced) -> None:
     """Show what `trace_table` found."""
-    from rig.cli.attitude import show_attitude_trace  # noqa: PLC0415
-    from rig.cli.whole_plot import show_whole_plot_trace  # noqa: PLC0415
-    from rig.closed_loop import WholePlotTraced  # noqa: PLC0415
+    from procedures.pressure.evaluate import WholePlotTraced
+    from rig.cli.attitude import show_attitude_trace
+    from rig.cli.whole_plot import show_whole_plot_trace
 
     if isinstance(traced, WholePlotTraced):
         show_whole_plot_trace(traced)

@@ -65,10 +65,11 @@ def demo(
 
     Example: `rig demo pressure`
     """
-    from rig.closed_loop import WholePlotTraced, fit_table, trace_table  # noqa: PLC0415
-    from rig.examples import example  # noqa: PLC0415
-    from rig.report import write_report  # noqa: PLC0415
-    from rig.tables import run_table  # noqa: PLC0415
+    from procedures.pressure.evaluate import WholePlotTraced
+    from rig.closed_loop import fit_table, trace_table
+    from rig.examples import example
+    from rig.report import write_report
+    from rig.tables.observations import run_table
 
     night = _NIGHTS[lab]
     folder = example(night.folder)
@@ -94,8 +95,8 @@ def demo(
     if as_json:
         print_json(traced.to_json())
     else:
-        from rig.cli.data import show_trace  # noqa: PLC0415
-        from rig.cli.whole_plot import show_whole_plot_findings, show_whole_plot_summary  # noqa: PLC0415
+        from rig.cli.data import show_trace
+        from rig.cli.whole_plot import show_whole_plot_findings, show_whole_plot_summary
 
         if isinstance(traced, WholePlotTraced):
             show_whole_plot_summary(fit_table(table))

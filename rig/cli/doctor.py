@@ -17,7 +17,7 @@ from rig.cli.unattended import NotifyFileOption
 from rig.errors import ExitCode
 
 if TYPE_CHECKING:
-    from rig.unattended.doctor import Finding, Level
+    from rig.unattended.doctor.findings import Finding, Level
 
 _STYLES: dict[Level, str] = {"ok": "green", "warning": "yellow", "problem": "bold red"}
 
@@ -45,7 +45,7 @@ def doctor(
 
     Example: `rig doctor --bench bench.toml --procedure night.toml`
     """
-    from rig.unattended.doctor import Visit, examine  # noqa: PLC0415
+    from rig.unattended.doctor import Visit, examine
 
     visit = Visit(bench, procedure, run_file, out_dir, dry, world, notify, notify_file)
     findings = list(examine(visit))

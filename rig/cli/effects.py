@@ -8,8 +8,8 @@ from typing import Any
 from rich.markup import escape
 from rich.padding import Padding
 
+from procedures.words import chance, share, units, with_error
 from rig.cli.show import out
-from rig.present.words import chance, share, units, with_error
 
 _SHOWN = 6
 """Coefficients of an effect that are shown; the others are in the JSON and the report."""

@@ -9,12 +9,12 @@ from rich import box
 from rich.markup import escape
 from rich.table import Table as RichTable
 
+from procedures.attitude.fractions_compared import FAMILY
+from procedures.attitude.parameters import LABELS, shown
+from procedures.table import Table
+from procedures.words import TESTS, significant
 from rig.cli.show import headline, number, out
-from rig.closed_loop.fractions import FAMILY
 from rig.durations import duration
-from rig.present.parameters import LABELS, shown
-from rig.present.words import TESTS, significant
-from rig.tables import Table
 
 
 def show_fractions(name: str, table: Table, result: Mapping[str, Any], which: str) -> None:

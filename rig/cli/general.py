@@ -10,11 +10,11 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
+from procedures.words import unnamed, verdict_of
 from rig.cli.effects import paragraph, show_certificate, show_effect
 from rig.cli.gross import show_gross, show_left_out
 from rig.cli.show import err, number, out, print_json, show_unused
 from rig.errors import UsageError
-from rig.present.words import unnamed, verdict_of
 
 
 def _columns(text: str) -> Any:
@@ -50,8 +50,8 @@ def trace_any(
     path: Path, response: str, formula: str | None, parts: Mapping[str, Any], *, as_json: bool, report: Path | None
 ) -> None:
     """Trace a table of any kind and show what was found."""
-    from rig.closed_loop.general_trace import trace_general_table  # noqa: PLC0415
-    from rig.closed_loop.roles import Roles  # noqa: PLC0415
+    from procedures.general.evaluate import trace_general_table
+    from procedures.general.roles import Roles
 
     if formula is None:
         raise UsageError("--response needs --formula, the declared model, such as --formula '1 + x'")
@@ -73,7 +73,7 @@ def trace_any(
     )
     result = traced.to_json()
     if report is not None:
-        from rig.report.general import write_general_report  # noqa: PLC0415
+        from rig.report.general import write_general_report
 
         write_general_report(report, traced)
         err.print(f"report: {escape(str(report))}", soft_wrap=True)

@@ -16,12 +16,12 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.text import Text
 
 from drivers.clock import RealClock
+from procedures.words import incomplete
 from rig.durations import duration
 from rig.engine.session import Progress as News
-from rig.present.words import incomplete
 
 if TYPE_CHECKING:
-    from rig.tables import Table
+    from procedures.table import Table
 
 
 _UNSEEN = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
@@ -76,7 +76,7 @@ def headline(file: str, table: Table, console: Console = out) -> None:
 
 def show_unused(unused: Mapping[str, Any]) -> None:
     """Which columns and rows play no part, and why."""
-    from rig.tables.unused import sentences  # noqa: PLC0415
+    from procedures.unused import sentences
 
     for sentence in sentences(unused):
         err.print(f"[yellow]{escape(sentence)}[/]", soft_wrap=True)

@@ -14,9 +14,11 @@ import typer
 from rig.engine.session import Progress
 from rig.errors import ConfigurationError, ExitCode
 from rig.run_file.reader import RunReader
-from rig.unattended import Listeners, Log, RunFacts, ServiceManager
 from rig.unattended.earlier import ended_without_a_word
-from rig.unattended.logs import LogFormat, default_log, file_writer, logged_by_journal, stderr_writer
+from rig.unattended.happenings import RunFacts
+from rig.unattended.listeners import Listeners
+from rig.unattended.logs import Log, LogFormat, default_log, file_writer, logged_by_journal, stderr_writer
+from rig.unattended.manager import ServiceManager
 from rig.unattended.places import find_settings
 
 LogOption = Annotated[
@@ -146,7 +148,9 @@ def _add_notifier(listeners: Listeners, asked: Listening, warn: Callable[[str], 
         if asked.notify:
             raise ConfigurationError("--notify: there is no notify.toml; docs/unattended.md shows one")
         return
-    from rig.unattended.notify import Notifier, read_settings, senders  # noqa: PLC0415 - mail and web take a while
+    from rig.unattended.notify.channels import senders
+    from rig.unattended.notify.notifier import Notifier
+    from rig.unattended.notify.settings import read_settings
 
     try:
         settings = read_settings(path)

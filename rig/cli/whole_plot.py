@@ -8,12 +8,11 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
+from procedures.pressure.evaluate import IN_USE, WholePlotTraced, errors_in_words, in_use_words, low_pressure
+from procedures.words import unnamed, verdict_of
 from rig.cli.effects import paragraph, show_certificate, show_effect
 from rig.cli.gross import show_gross, show_left_out
 from rig.cli.show import headline, number, out
-from rig.closed_loop import WholePlotTraced
-from rig.closed_loop.whole_plot import IN_USE, errors_in_words, in_use_words, low_pressure
-from rig.present.words import unnamed, verdict_of
 
 _MEASURES = (
     ("in_use", "max_pct", "largest reading error in use / %"),

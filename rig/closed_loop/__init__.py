@@ -7,10 +7,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from rig.closed_loop.attitude import AttitudeTraced, fit_attitude_table, trace_attitude_table
-from rig.closed_loop.whole_plot import WholePlotFitted, WholePlotTraced, fit_whole_plots, trace_whole_plot_table
+from procedures.attitude.evaluate import AttitudeTraced, fit_attitude_table, trace_attitude_table
+from procedures.attitude.table import PITCH_ROLL
+from procedures.pressure.evaluate import WholePlotFitted, WholePlotTraced, fit_whole_plots, trace_whole_plot_table
+from procedures.pressure.table import WHOLE_PLOT
+from procedures.table import Table
 from rig.errors import UsageError
-from rig.tables import PITCH_ROLL, WHOLE_PLOT, Table
 
 __all__ = [
     "AttitudeTraced",

@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 
 from fitter.errors import FitError
-from fitter.history import Between, Chart, Charted, chart
+from fitter.history.chart import Chart, chart
+from fitter.history.charted import Charted
+from fitter.history.components import Between
 from procedures.attitude.history import Calibrated
 from procedures.general.infer.curve import CurveCalibration
-from procedures.pressure.fit import PressureFit
+from procedures.pressure.fit.calibration import PressureFit
 from rig.closed_loop.chart_inputs import Given, notes
 from rig.closed_loop.chart_json import quantity_json
 from rig.closed_loop.chart_together import LeftOut

@@ -12,20 +12,22 @@ from typing import Any
 
 import numpy as np
 
+from procedures.attitude.evaluate import with_temperature
 from procedures.attitude.history import Calibrated, calibrated
 from procedures.attitude.history_of_files import calibrated_from
 from procedures.attitude.infer.calibrate import OFFSET, SENSITIVITY
+from procedures.attitude.table import attitude_data
 from procedures.general.infer.curve import CurveCalibration
-from procedures.pressure.fit import PressureFit
-from rig.closed_loop.attitude import with_temperature
-from rig.closed_loop.whole_plot import fit_whole_plots
+from procedures.pressure.evaluate import fit_whole_plots
+from procedures.pressure.fit.calibration import PressureFit
+from procedures.table import Table
+from procedures.unused import Unused, sentences, unused_in_fit
+from procedures.words import incomplete
 from rig.errors import UsageError
-from rig.inference import read_calibration
-from rig.present.words import incomplete
+from rig.inference.calibration_file import read_calibration
 from rig.regular import read_regular_text
 from rig.run_file.bodies import TEXTS
-from rig.tables import Table, attitude_data, read_table
-from rig.tables.unused import Unused, sentences, unused_in_fit
+from rig.tables import read_table
 
 _EARLIEST, _LATEST = 1900, 2200
 """Years between which a calibration may be dated; others are slips of the finger."""

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitter.arrays import FloatArray
-from fitter.history import Charted
+from fitter.history.charted import Charted
 from fitter.quantiles import t_limit
 from procedures.attitude.history import AttitudeCharted, Calibrated, attitude_charted
 from procedures.general.history import curve_charted
 from procedures.general.infer.curve import CurveCalibration
-from procedures.pressure.fit import PressureFit
+from procedures.pressure.fit.calibration import PressureFit
 from procedures.pressure.history import pressure_charted
-from rig.tables.unused import unit_of
+from procedures.unused import unit_of
 
 _NO_ROLL = "attitude-no-roll"
 _PITCHES, _ROLLS = 5, 12

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from fitter.history import Chart, QuantityChart
-from rig.tables.unused import unit_of
+from fitter.history.chart import Chart, QuantityChart
+from procedures.unused import unit_of
 
 _NAMES = {
     "b_V": ("offset", 1e6, "uV"),

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from drivers.clock import Clock
 from drivers.errors import DriverError
 from procedures.conduct import Conduct
+from procedures.faults import ABORT, HOLD, RE_HOME, RE_SOAK, SKIP
 from procedures.run_list import RunList
 from rig.bench import Bench, identities
 from rig.engine.actions import BenchActions
@@ -28,7 +29,7 @@ from rig.engine.interruptions import HoldRequested, Interrupted, Interruptions, 
 from rig.engine.journal import Journal, PointInHand
 from rig.engine.pace import Pace
 from rig.engine.parking import Parking
-from rig.engine.policies import ABORT, HOLD, RE_HOME, RE_SOAK, SKIP, Policies
+from rig.engine.policies import Policies
 from rig.engine.queue import PointQueue
 from rig.engine.safe_state import SafeState, make_safe
 from rig.engine.session import Outcome, Progress, Session, Signals

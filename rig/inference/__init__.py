@@ -8,14 +8,15 @@ from pathlib import Path
 
 import numpy as np
 
-from procedures.attitude.infer import AttitudeCalibration
+from procedures.attitude.infer.calibration import AttitudeCalibration
+from procedures.attitude.infer_table import infer_attitudes
 from procedures.general.infer.curve import CurveCalibration
+from procedures.general.infer_table import infer_general
+from procedures.inference import Inference
+from procedures.pressure.infer_table import infer_pressures
+from procedures.pressure.zeros import ZeroRows
 from rig.errors import UsageError
-from rig.inference.attitude import infer_attitudes
-from rig.inference.calibration_file import CalibrationFile, Inference, read_calibration
-from rig.inference.general import infer_general
-from rig.inference.pressure import infer_pressures
-from rig.inference.zeros import ZeroRows
+from rig.inference.calibration_file import CalibrationFile, read_calibration
 
 __all__ = ["CalibrationFile", "Inference", "ZeroRows", "infer", "read_calibration"]
 

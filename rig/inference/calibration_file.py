@@ -4,55 +4,17 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from fitter.errors import FitError
-from procedures.attitude.infer import AttitudeCalibration
+from procedures.attitude.infer.calibration import AttitudeCalibration
 from procedures.general.infer.curve import CurveCalibration
-from procedures.pressure.fit import PressureCalibration
+from procedures.pressure.fit.calibration import PressureCalibration
+from procedures.words import incomplete
 from rig.errors import UsageError
-from rig.present.words import incomplete
 from rig.regular import read_regular_text
-from rig.tables.unused import Unused
-
-
-@dataclass(frozen=True)
-class Inference:
-    """A table with what was inferred from it.
-
-    Attributes:
-        columns: the input's, and those that were added.
-        added: names of the latter.
-        notes: what a reader should know.
-        flagged: rows with something to say in a flag column.
-        quantities: names of what was inferred; each has columns with _sd, _lo95 and _hi95 after its name.
-        unused: columns and rows that play no part.
-        zeros: pressure: what was taken as zero, by output, ready for JSON.
-
-    """
-
-    columns: Mapping[str, Any]
-    added: tuple[str, ...]
-    notes: tuple[str, ...]
-    flagged: int
-    quantities: tuple[str, ...] = ()
-    unused: Unused = field(default_factory=Unused)
-    zeros: Mapping[str, Any] = field(default_factory=dict)
-
-    def to_json(self) -> dict[str, Any]:
-        """What `rig infer --json` prints; the numbers are in the CSV."""
-        return {
-            "rows": len(next(iter(self.columns.values()))),
-            "flagged": self.flagged,
-            "quantities": list(self.quantities),
-            "added": list(self.added),
-            "notes": list(self.notes),
-            "unused": self.unused.to_json(),
-            "zeros": dict(self.zeros),
-        }
-
 
 Calibration = AttitudeCalibration | CurveCalibration | Mapping[str, PressureCalibration]
 

@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING
 from rig.atomic import write_whole
 
 if TYPE_CHECKING:
-    from rig.closed_loop import Traced, WholePlotFitted
+    from procedures.pressure.evaluate import WholePlotFitted
+    from rig.closed_loop import Traced
 
 
 def report(traced: Traced) -> str:
     """The report of a traced run as HTML; everything that came from a file is escaped."""
-    from rig.closed_loop import WholePlotTraced  # noqa: PLC0415 - plots take a second to import
-    from rig.report.attitude import attitude_report  # noqa: PLC0415
-    from rig.report.whole_plot import whole_plot_report  # noqa: PLC0415
+    from procedures.pressure.evaluate import WholePlotTraced
+    from rig.report.attitude import attitude_report
+    from rig.report.whole_plot import whole_plot_report
 
     return whole_plot_report(traced) if isinstance(traced, WholePlotTraced) else attitude_report(traced)
 
@@ -28,7 +29,7 @@ def write_report(path: Path, traced: Traced) -> None:
 
 def write_fit_report(path: Path, fitted: WholePlotFitted) -> None:
     """Write the methods side by side as HTML, whole or not at all. Raises `UsageError` if the disk refuses."""
-    from rig.report.methods import fit_report  # noqa: PLC0415
+    from rig.report.methods import fit_report
 
     text = fit_report(fitted)
     write_whole(path, lambda file: file.write(text))

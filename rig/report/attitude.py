@@ -7,15 +7,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fitter.trace.outcome import Outcome, WithError
-from rig.present.parameters import NO_DIRECTION, with_error
-from rig.present.words import TESTS, little_help, significant
+from procedures.attitude.parameters import NO_DIRECTION
+from procedures.attitude.words import little_help
+from procedures.words import TESTS, significant
+from rig.present.parameters import with_error
 from rig.report.attitude_plots import Picture, residual_map, residuals_against
 from rig.report.effect_plots import drawn
 from rig.report.effects import effects_part
 from rig.report.frame import render
 
 if TYPE_CHECKING:
-    from rig.closed_loop import AttitudeTraced
+    from procedures.attitude.evaluate import AttitudeTraced
 
 _ROWS = (
     ("sigma_E_deg", "sigma_E / 1e-4 deg", 1e4, "standard error of one observation"),

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from rig.present.parameters import SCALE, UNIT
+from procedures.attitude.parameters import SCALE, UNIT
 from rig.report.pictures import colour_scale, legend_below, png, side_by_side
 
 Array = np.ndarray[Any, np.dtype[np.float64]]

@@ -9,7 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter, LinearLocator
 
-from fitter.history import Between, QuantityChart
+from fitter.history.chart import QuantityChart
+from fitter.history.components import Between
 from fitter.history.forecast import predict
 from fitter.quantiles import t_limit
 from rig.closed_loop.chart import DAYS, SensorChart

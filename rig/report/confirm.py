@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from fitter.confirm import Confirmation
+from fitter.confirm.judge import Confirmation
 from fitter.trace.outcome import Figure
+from procedures.attitude.parameters import SCALE, UNIT
 from rig.atomic import write_whole
-from rig.closed_loop.confirm import Confirmed, chance, sentences, sizes
-from rig.present.parameters import SCALE, UNIT
+from rig.closed_loop.confirm.answers import Confirmed, chance, sentences, sizes
 from rig.report.effect_plots import draw
 from rig.report.frame import render
-from rig.tables import run_table
+from rig.tables.observations import run_table
 
 _VARIABLES = {
     "pitch_deg": ("pitch / deg", 1.0),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from rig.present.words import capitalised, chance, share, units, unnamed, with_error
+from procedures.words import capitalised, chance, share, units, unnamed, with_error
 
 
 def effects_part(found: Mapping[str, Any], plots: Mapping[str, str]) -> dict[str, Any]:

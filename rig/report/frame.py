@@ -9,10 +9,10 @@ from typing import Any
 
 import jinja2
 
-from rig.present.words import incomplete
+from procedures.table import Table
+from procedures.unused import unused_in_fit
+from procedures.words import incomplete
 from rig.report.story import story
-from rig.tables import Table
-from rig.tables.unused import unused_in_fit
 
 
 @cache

@@ -11,7 +11,7 @@ from rig.report.frame import render
 from rig.report.general_plots import residuals_over
 
 if TYPE_CHECKING:
-    from rig.closed_loop.general_trace import GeneralTraced
+    from procedures.general.evaluate import GeneralTraced
 
 _ROWS = (
     ("sigma_E", "standard error of one row", "of least squares, every row counted alike"),

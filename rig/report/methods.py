@@ -6,13 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from procedures.pressure.fit import METHODS, PressureFit
-from rig.closed_loop.whole_plot import HOLD_AT, IN_USE, errors_in_words, in_use_words, low_pressure
+from procedures.pressure.evaluate import HOLD_AT, IN_USE, errors_in_words, in_use_words, low_pressure
+from procedures.pressure.fit.calibration import PressureFit
+from procedures.pressure.fit.methods import METHODS
 from rig.report.frame import render
 from rig.report.pictures import grid, png
 
 if TYPE_CHECKING:
-    from rig.closed_loop import WholePlotFitted
+    from procedures.pressure.evaluate import WholePlotFitted
 
 _MEASURES = (
     ("max_pct", "Largest residual / % (no error in use where a method fits whole plots as they come)"),

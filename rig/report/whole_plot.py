@@ -13,7 +13,7 @@ from rig.report.frame import render
 from rig.report.whole_plot_plots import Residuals, between_whole_plots, reading_errors, within_whole_plots
 
 if TYPE_CHECKING:
-    from rig.closed_loop import WholePlotTraced
+    from procedures.pressure.evaluate import WholePlotTraced
 
 _ROWS = (
     ("sigma_subplot", "within whole plots / mV", "standard deviation of one reading at constant temperature"),

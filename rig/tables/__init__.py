@@ -2,17 +2,17 @@
 
 from pathlib import Path
 
+from procedures.attitude.table import PITCH_ROLL, attitude_data
+from procedures.pressure.table import WHOLE_PLOT, whole_plot_data
+from procedures.table import Table
 from rig.errors import UsageError
 from rig.regular import open_regular
 from rig.tables.csv_tables import read_any_csv, read_csv, read_gappy_csv, write_csv
-from rig.tables.datasets import attitude_data, whole_plot_data
 from rig.tables.observations import run_table
-from rig.tables.table import PITCH_ROLL, WHOLE_PLOT, Kind, Table
 
 __all__ = [
     "PITCH_ROLL",
     "WHOLE_PLOT",
-    "Kind",
     "Table",
     "attitude_data",
     "read_any_csv",

@@ -14,10 +14,12 @@ from typing import IO, Any, BinaryIO
 import numpy as np
 
 from fitter.arrays import FloatArray
+from procedures.attitude.table import PITCH_ROLL
+from procedures.pressure.table import WHOLE_PLOT
+from procedures.table import Table
 from rig.atomic import write_whole
 from rig.errors import UsageError
 from rig.regular import open_regular
-from rig.tables.table import PITCH_ROLL, WHOLE_PLOT, Table
 
 _MOST_COLUMNS = 2000
 _LONGEST_LINE = 1 << 20

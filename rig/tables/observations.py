@@ -11,14 +11,15 @@ from typing import Any
 
 import numpy as np
 
+from procedures.attitude.table import MOUNTING
 from procedures.run_list import RunList
+from procedures.table import Table
 from rig.errors import RunFileError
 from rig.run_file.bodies import ContentsError
 from rig.run_file.chain import Record
 from rig.run_file.documents import Stored, declared_model, mounting_of
 from rig.run_file.reader import RunReader
 from rig.run_file.state import read_state
-from rig.tables.table import MOUNTING, Table
 from rig.who import told
 
 

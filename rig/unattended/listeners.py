@@ -22,7 +22,7 @@ from rig.unattended.logs import Log
 from rig.unattended.manager import ServiceManager
 
 if TYPE_CHECKING:  # mail and web are imported where somebody is to be told
-    from rig.unattended.notify import Failure, Notifier
+    from rig.unattended.notify.notifier import Failure, Notifier
 
 _PROGRESS_S = 3600.0
 _REASONS = 20

@@ -8,7 +8,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from procedures.attitude.model import attitude_columns
-from procedures.pressure.fit import named_formula
+from procedures.pressure.fit.models import named_formula
 from rig.quantities import PITCH, PRESSURE, ROLL, SENSOR, SSE
 from rig.watch.reading import Seen
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.linear import LinearFit
-from fitter.split_plot import SplitPlotFit
+from fitter.split_plot.fit import SplitPlotFit
 
 LEAST_DIGITS = 1e-3
 """Largest relative rounding error of a variance, and largest of a curve in standard deviations, that is accepted."""

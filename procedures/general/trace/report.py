@@ -10,7 +10,7 @@ import numpy as np
 from fitter.arrays import FloatArray
 from fitter.errors import FitError
 from fitter.linear import orthonormal
-from fitter.split_plot import fit_split_plot
+from fitter.split_plot.design import fit_split_plot
 from fitter.trace.aliases import DELTA
 from fitter.trace.found import verdict
 from fitter.trace.search import names_of

@@ -16,7 +16,8 @@ from fitter.formula import Formula
 from fitter.formula_text import Factor, Numeric, Term
 from fitter.linear import RankError, Triangle
 from fitter.quantiles import t_tail
-from fitter.split_plot import SplitPlotFit, fit_split_plot
+from fitter.split_plot.design import fit_split_plot
+from fitter.split_plot.fit import SplitPlotFit
 from procedures.pressure.data import WholePlotData
 
 FULL = "full"

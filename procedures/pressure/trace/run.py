@@ -9,7 +9,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.errors import FitError
-from fitter.split_plot import SplitPlotDesign
+from fitter.split_plot.design import SplitPlotDesign
 from fitter.trace.found import explanations_of
 from fitter.trace.refusals import refusals
 from procedures.pressure.data import WholePlotData

@@ -4,15 +4,7 @@ from rig.closed_loop.confirm.answers import Confirmed, chance, evidence, judge, 
 from rig.closed_loop.confirm.calibration import confirmed_by, fit_attitude_confirmed, fit_whole_plots_confirmed
 from rig.closed_loop.confirm.first import First, open_traced
 from rig.closed_loop.confirm.plans import plan_for, procedure_text, ways
-from rig.closed_loop.confirm.proposals import (
-    SURE,
-    Inseparable,
-    Proposal,
-    consider,
-    inseparable,
-    otherwise,
-    propose,
-)
+from rig.closed_loop.confirm.proposals import SURE, Inseparable, Proposal, consider, inseparable, otherwise, propose
 
 __all__ = [
     "SURE",

@@ -10,16 +10,15 @@ from typing import Any, TypeVar
 import numpy as np
 
 from fitter.arrays import FloatArray
-from fitter.confirm import Confirmation, Member, SensorError, confirm_all
-from fitter.confirm import Confirmed as Judged
-from fitter.confirm.judge import CHANGED
+from fitter.confirm.judge import CHANGED, Confirmation, Member, SensorError, confirm_all
+from fitter.confirm.judge import Confirmed as Judged
 from fitter.errors import FitError
 from procedures.attitude.data import AttitudeData
+from procedures.attitude.evaluate import AttitudeTraced
 from procedures.pressure.data import WholePlotData
-from rig.closed_loop import AttitudeTraced
+from procedures.words import SMALLEST
 from rig.closed_loop.confirm.first import First, read_later
 from rig.errors import UsageError
-from rig.present.words import SMALLEST
 
 Value = TypeVar("Value", float, FloatArray)
 

@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from fitter.confirm import Confirmation
-from rig.closed_loop import AttitudeTraced, WholePlotFitted, fit_whole_plots
-from rig.closed_loop.attitude import fit_attitude_table
+from fitter.confirm.judge import Confirmation
+from procedures.attitude.evaluate import AttitudeTraced, fit_attitude_table
+from procedures.pressure.evaluate import WholePlotFitted, fit_whole_plots
 from rig.closed_loop.confirm.answers import Confirmed, evidence, judge
 from rig.closed_loop.confirm.first import First, open_traced
 from rig.errors import UsageError
-from rig.tables import run_table
+from rig.tables.observations import run_table
 
 SETTLED = ("confirmed", "replaced")
 """Verdicts that leave one explanation, and show it."""

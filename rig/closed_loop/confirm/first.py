@@ -8,19 +8,23 @@ from pathlib import Path
 
 import numpy as np
 
-from fitter.confirm import Question, Together, questions_of
+from fitter.confirm.question import Question, questions_of
+from fitter.confirm.together import Together
 from procedures.attitude.data import AttitudeData
+from procedures.attitude.evaluate import AttitudeTraced
+from procedures.attitude.table import attitude_data
 from procedures.attitude.together import AttitudeTogether
 from procedures.kind import Procedure
 from procedures.pressure.data import WholePlotData
+from procedures.pressure.table import whole_plot_data
 from procedures.pressure.together import WholePlotTogether
-from rig.closed_loop import AttitudeTraced, Traced, trace_table
+from rig.closed_loop import Traced, trace_table
 from rig.config import BenchConfig
 from rig.controller import WORLD_START
 from rig.errors import UsageError
 from rig.plans import plan_of
 from rig.run_file.reader import RunReader
-from rig.tables import attitude_data, run_table, whole_plot_data
+from rig.tables.observations import run_table
 
 DAY_S = 86400.0
 

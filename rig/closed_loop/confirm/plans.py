@@ -8,15 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from fitter.confirm import CARRIED_ON, Together
+from fitter.confirm.compare import CARRIED_ON
+from fitter.confirm.together import Together
 from procedures.attitude.data import AttitudeData
+from procedures.attitude.evaluate import AttitudeTraced
 from procedures.attitude.model import mounting_matrix
 from procedures.attitude.settings import PitchRollProcedure
 from procedures.further_runs import Variation
 from procedures.kind import Procedure
 from procedures.pressure.data import WholePlotData
 from procedures.run_list import RunList
-from rig.closed_loop import AttitudeTraced
 from rig.closed_loop.confirm.first import First
 from rig.config import parse_toml
 from rig.plans import Plan, plan_of

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from drivers.roles import Chamber
-from fitter.confirm import NOTHING, Pair, Separation, separation
-from procedures.attitude.effects import separate
+from fitter.confirm.predict import NOTHING, Pair, Separation, separation
+from procedures.attitude.effects.separation import separate
 from procedures.attitude.settings import PitchRollProcedure
 from procedures.further_runs import Variation, possible
 from procedures.kind import kind_of

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from rig.present.words import significant
+from procedures.words import significant
 
 _AS_GOOD = 1.02
 """Standard error of all data under a fraction's coefficients over that under their own; the paper has 1.002 to 1.01."""

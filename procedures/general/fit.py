@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import PurePath
 from typing import Any
 
 import numpy as np
@@ -13,22 +13,23 @@ from fitter.arithmetic_text import column_name
 from fitter.arrays import FloatArray, IntArray
 from fitter.errors import FitError
 from fitter.formula import Formula
-from fitter.gross import GrossErrors
+from fitter.gross.search import GrossErrors
 from fitter.linear import LinearFit, least_squares
 from fitter.scatter import uneven_scatter
-from fitter.split_plot import SplitPlotFit, fit_split_plot
+from fitter.split_plot.design import fit_split_plot
+from fitter.split_plot.fit import SplitPlotFit
+from procedures.errors import DataError
+from procedures.file_rows import rows_of_file
 from procedures.general.gross import of_table
 from procedures.general.infer.curve import CurveCalibration
 from procedures.general.infer.factored import Factored
-from rig.closed_loop.file_rows import rows_of_file
-from rig.closed_loop.gross import FitSummary, LeaveOut, Searched, Where, kept_with, search
-from rig.errors import UsageError
-from rig.tables import Table, read_any_csv
-from rig.tables.unused import unused_columns
+from procedures.left_out import FitSummary, LeaveOut, Searched, Where, kept_with, search
+from procedures.table import Reader, Table
+from procedures.unused import unused_columns
 
 
 def fit_general(
-    path: Path,
+    read: Reader,
     response: str,
     formula: str,
     whole_plot: Sequence[str] = (),
@@ -38,7 +39,7 @@ def fit_general(
     """Fit a formula to a column of a CSV table; JSON-ready.
 
     Args:
-        path: the table.
+        read: the table.
         response: the column to be explained, in back-ticks or not.
         formula: the model; see `fitter.formula`.
         whole_plot: columns whose values together say which rows share a whole-plot error; none: all independent.
@@ -46,20 +47,20 @@ def fit_general(
         leave_out: "gross" for the rows that the search for gross errors names, or row numbers of the file.
 
     Raises:
-        UsageError: a column is missing, the formula cannot be read, or the rows do not determine it.
+        DataError: a column is missing, the formula cannot be read, or the rows do not determine it.
 
     """
     try:
         model = Formula.parse(formula)
     except FitError as error:
-        raise UsageError(f"--formula: {error}") from error
+        raise DataError(f"--formula: {error}") from error
     response = column_name(response)
     extra = [*whole_plot, *([replicate] if replicate else [])]
-    table = read_any_csv(path, dict.fromkeys([response, *model.names, *extra]))
+    table = read(dict.fromkeys([response, *model.names, *extra]))
     if response not in table.columns:
-        raise UsageError(f"{path}: the response {response} is not a column of numbers")
+        raise DataError(f"{table.source}: the response {response} is not a column of numbers")
     y = table.columns[response]
-    asked = LeaveOut.of(leave_out, str(path), len(y))
+    asked = LeaveOut.of(leave_out, table.source, len(y))
     try:
         with rows_of_file(table):
             names, exact = model.exact_columns({**table.columns, **table.text})
@@ -74,12 +75,12 @@ def fit_general(
         found = _of_rows(fit) if isinstance(fit, LinearFit) else _of_whole_plots(fit)
         uneven = _uneven(fit, every.take(searched.used), model, table, searched.used)
     except FitError as error:
-        raise UsageError(f"{path}: {error}") from error
+        raise DataError(f"{table.source}: {error}") from error
     simulated = bool(np.any(table.columns.get("simulated", 0.0)))
     used = [response, *model.names, *extra, "simulated"]
     return {
         "data": {
-            "file": path.name,
+            "file": PurePath(table.source).name,
             "points": len(searched.used),
             "rows_left_out": searched.rows_left_out(len(y)),
             "kind": "general",

@@ -2,29 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
-PITCH_ROLL = ("replicate", "order", "elapsed_s", "pitch_deg", "roll_deg", "sensor_temperature_degC")
-"""Columns every pitch-roll table has, besides one `NAME_V` for each sensor."""
-
-MOUNTING = ("mounting_x_deg", "mounting_y_deg", "mounting_z_deg")
-"""Columns of a pitch-roll table whose package was mounted turned: about x, then y, then z."""
-
-WHOLE_PLOT = (
-    "whole_plot",
-    "order",
-    "elapsed_s",
-    "pressure_psia",
-    "sensor_temperature_degC",
-    "sse_temperature_degC",
-)
-"""Columns every whole-plot table has, besides one `NAME_mV` for each transducer."""
-
-Kind = Literal["pitch-roll", "whole-plot", "other"]
+UNITS = {
+    "elapsed": "s",
+    "pitch": "deg",
+    "roll": "deg",
+    "sensor_temperature": "degC",
+    "sse_temperature": "degC",
+    "pressure": "psia",
+}
+"""Quantities that have a column of their own in tables, and the unit they are in."""
 
 
 @dataclass(frozen=True)
@@ -66,9 +58,6 @@ class Table:
         """Number in the file of observation `i`."""
         return self.rows[i] if self.rows else i + 2
 
-    @property
-    def kind(self) -> Kind:
-        """What kind of run the columns are of, by those that only one kind has."""
-        if {"whole_plot", "pressure_psia"} & set(self.columns):
-            return "whole-plot"
-        return "pitch-roll" if {"pitch_deg", "roll_deg"} & set(self.columns) else "other"
+
+Reader = Callable[[Collection[str]], Table]
+"""Reads a table of which these columns are needed."""

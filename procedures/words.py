@@ -11,8 +11,6 @@ TESTS = {"T_bias": "F_bias_95", "T_b": "F_bS_95", "T_S": "F_bS_95", "T_drift": "
 SMALLEST = 1e-6
 """Probabilities below it rest on tails of distributions that nobody has checked; they are told as below it."""
 
-_CARRIES_OVER = 0.8
-"""Left-out error after over before; above this the effects found are of little use to data not seen."""
 
 _ONE_PERCENT, _NEARLY_ALL = 0.01, 0.99
 _ROUNDING = 1e-9
@@ -123,32 +121,8 @@ def unnamed(sensor: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def misfit_in_words(sensor: Mapping[str, Any]) -> str:
-    """How far a model error as large as the significant lack of fit can move each parameter of a sensor."""
-    moves = [
-        f"{name.partition('_')[0]} by up to {value:.2g} {name.partition('_')[2]}"
-        for name, value in sensor["model_error"].items()
-    ]
-    return (
-        f"lack of fit is significant: a model error of the size that is left ({sensor['sigma_bias_deg']:.2g} deg rms) "
-        f"can move {', '.join(moves)} beyond the intervals; see rig trace"
-    )
 
 
-def little_help(sensor: Mapping[str, Any]) -> str:
-    """Warns where effects were found that hardly help at replications the fit has not seen."""
-    before, after = sensor["before"]["cv_rms_deg"], sensor["after"]["cv_rms_deg"]
-    if not sensor["effects"] or not before or after is None or after <= _CARRIES_OVER * before:
-        return ""
-    if after >= before:
-        return (
-            f"The effects found do not help at replications the fit has not seen: the left-out error goes from "
-            f"{before:.3g} to {after:.3g} deg. Measure again before relying on them."
-        )
-    return (
-        f"The effects found matter little at replications the fit has not seen: the left-out error goes from "
-        f"{before:.3g} to {after:.3g} deg."
-    )
 
 
 def with_error(value: float, error: float | None) -> tuple[str, str]:

@@ -12,13 +12,14 @@ import numpy as np
 from fitter.errors import FitError
 from fitter.quantiles import t_limit
 from fitter.trace.outcome import Finding, Outcome, run_json
-from procedures.general.trace import FoundTableEffect, TableTrace, trace_general
-from rig.closed_loop.certificate import Change, Errors, certified, with_words
-from rig.closed_loop.roles import Roles, parts_played, read_roles, used_columns
-from rig.errors import UsageError
-from rig.present.words import noise_of, part, verdict
-from rig.tables import Table
-from rig.tables.unused import TEXT, unused_columns
+from procedures.certificate import Change, Errors, certified, with_words
+from procedures.errors import DataError
+from procedures.general.roles import Roles, parts_played, read_roles, used_columns
+from procedures.general.trace.report import trace_general
+from procedures.general.trace.result import FoundTableEffect, TableTrace
+from procedures.table import Reader, Table
+from procedures.unused import TEXT, unused_columns
+from procedures.words import noise_of, part, verdict
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,18 +96,18 @@ def _errors(found: TableTrace) -> Errors:
     return Errors([of_one], left_out, floor="" if after.sigma_pure is None else f"{after.sigma_pure:.3g}")
 
 
-def trace_general_table(path: Path, roles: Roles) -> GeneralTraced:
+def trace_general_table(read: Reader, roles: Roles) -> GeneralTraced:
     """Trace what the declared model lacks in a CSV table of any kind.
 
     Raises:
-        UsageError: a column is missing, the formula cannot be read, or rows are too few for it.
+        DataError: a column is missing, the formula cannot be read, or rows are too few for it.
 
     """
-    table, data, taken = read_roles(path, roles)
+    table, data, taken = read_roles(read, roles)
     try:
         return GeneralTraced(table, roles, trace_general(data), taken, parts_played(data))
     except FitError as error:
-        raise UsageError(f"{path}: {error}") from error
+        raise DataError(f"{table.source}: {error}") from error
 
 
 def general_sentence(found: TableTrace) -> str:

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fitter.errors import FitError
-from procedures.pressure.fit import PressureCalibration
-from procedures.pressure.infer import Zero, infer_pressure
-from rig.errors import UsageError
-from rig.inference.calibration_file import Inference
-from rig.inference.missing import empty_rows, incomplete_rows
-from rig.inference.zeros import (
+from procedures.errors import DataError
+from procedures.inference import Inference
+from procedures.missing import empty_rows, incomplete_rows
+from procedures.pressure.fit.calibration import PressureCalibration
+from procedures.pressure.infer.in_flight import infer_pressure
+from procedures.pressure.infer.zero import Zero
+from procedures.pressure.zeros import (
     PRESSURE,
     PRESSURE_SD,
     TEMPERATURES,
@@ -27,16 +27,16 @@ from rig.inference.zeros import (
     read_zeros,
     zero_rows,
 )
-from rig.tables import Table, read_gappy_csv
-from rig.tables.unused import Unused, other_unit, why_unused
+from procedures.table import Reader, Table
+from procedures.unused import Unused, other_unit, why_unused
 
 _NUMBERS = (*TEMPERATURES, VACUUM)
 
 
 def infer_pressures(
     calibrations: Mapping[str, PressureCalibration],
-    data: Path,
-    zero: Path | None,
+    data: Reader,
+    zero: Reader | None,
     meaning: ZeroRows | None = None,
 ) -> Inference:
     """Infer pressure from every calibrated output in a CSV table.
@@ -48,12 +48,12 @@ def infer_pressures(
         meaning: of several rows read near zero pressure.
 
     Raises:
-        UsageError: a column is missing, or the zero cannot be used.
+        DataError: a column is missing, or the zero cannot be used.
 
     """
-    table = read_gappy_csv(data, [*calibrations, *_NUMBERS])
+    table = data([*calibrations, *_NUMBERS])
     outputs = _outputs(calibrations, table, data)
-    of_zero = None if zero is None else read_gappy_csv(zero, [*calibrations, *_NUMBERS, PRESSURE, PRESSURE_SD])
+    of_zero = None if zero is None else zero([*calibrations, *_NUMBERS, PRESSURE, PRESSURE_SD])
     columns: dict[str, Any] = {**table.columns, **table.text}
     given, flags = set(columns), np.zeros(len(table), bool)
     quantities, notes, without = [], [], []
@@ -75,13 +75,13 @@ def infer_pressures(
         if found.without:
             without.append(output if found.without == len(table) else f"{output} ({found.without} rows)")
     if meaning is not None and not zeros:
-        raise UsageError("--zero-rows says what rows read in vacuum are, and there are none: give --zero, or mark them")
+        raise DataError("--zero-rows says what rows read in vacuum are, and there are none: give --zero, or mark them")
     if without:
         notes.append(f"{', '.join(without)}: no zero was read in vacuum, so the whole-plot error is in the interval")
     marked = zero_rows(table)
     if of_zero is not None and marked is not None and marked.any():
-        notes.append(f"the rows of {data} that are marked {VACUUM} are not taken as zeros: --zero was given")
-    notes += [f"{name} is calibrated, but {data} has no such column" for name in calibrations if name not in outputs]
+        notes.append(f"the rows of {table.source} that are marked {VACUUM} are not taken as zeros: --zero was given")
+    notes += [f"{name} is calibrated, but {table.source} has no such column" for name in calibrations if name not in outputs]
     return Inference(
         columns,
         tuple(name for name in columns if name not in given),
@@ -93,19 +93,19 @@ def infer_pressures(
     )
 
 
-def _outputs(calibrations: Mapping[str, PressureCalibration], table: Table, data: Path) -> list[str]:
-    """Calibrated outputs that the table has. Raises `UsageError` if there is none, or a temperature is missing."""
+def _outputs(calibrations: Mapping[str, PressureCalibration], table: Table, data: Reader) -> list[str]:
+    """Calibrated outputs that the table has. Raises `DataError` if there is none, or a temperature is missing."""
     for name in TEMPERATURES:
         if name not in table.columns:
             like = next((n for n in table.names if other_unit(n, [name])), None)
             hint = f"; {like} is in another unit: convert it and name it {name}" if like else ""
-            raise UsageError(f"{data}: there is no column {name!r}; it has {', '.join(table.names)}{hint}")
+            raise DataError(f"{table.source}: there is no column {name!r}; it has {', '.join(table.names)}{hint}")
     outputs = [name for name in calibrations if name in table.columns]
     if not outputs:
         hints = [f"; {n}: {why_unused(n, calibrations)}" for n in table.names if other_unit(n, calibrations)]
         known = ", ".join(calibrations)
-        raise UsageError(
-            f"{data}: it has none of the calibrated outputs ({known}); name the columns as in calibration"
+        raise DataError(
+            f"{table.source}: it has none of the calibrated outputs ({known}); name the columns as in calibration"
             f"{''.join(hints)}"
         )
     return outputs
@@ -140,7 +140,7 @@ def _of_output(
             output_mV, sensor, sse = (v[here] for v in inputs.values())
             found = infer_pressure(calibration, output_mV, sensor, sse, _in_flight(read))
         except FitError as error:
-            raise UsageError(f"{source.source}: {output}: {error}") from error
+            raise DataError(f"{source.source}: {output}: {error}") from error
         quantities = found.pressure_psia, found.sd_psia, found.lo95_psia, found.hi95_psia
         for end, quantity in zip(values, quantities, strict=True):
             values[end][here] = quantity

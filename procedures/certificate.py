@@ -13,7 +13,7 @@ from typing import Any
 
 from fitter.trace.found import CONFIRMED
 from fitter.trace.outcome import Finding, Outcome
-from rig.present.words import SMALLEST, TESTS, capitalised, chance, part, significant, unnamed
+from procedures.words import SMALLEST, TESTS, capitalised, chance, part, significant, unnamed
 
 Interval = tuple[float, float] | None
 _NAMED = 3

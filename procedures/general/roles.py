@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,12 +13,12 @@ from fitter.arithmetic_text import column_name
 from fitter.arrays import FloatArray, IntArray
 from fitter.errors import FitError
 from fitter.formula import Formula
+from procedures.errors import DataError
+from procedures.file_rows import rows_of_file
 from procedures.general.effects.scene import Grouping, TableScene
-from procedures.general.trace import TableData
-from rig.closed_loop.file_rows import rows_of_file
-from rig.closed_loop.order import Parts, alike, codes, time_of
-from rig.errors import UsageError
-from rig.tables import Table, read_any_csv
+from procedures.general.order import Parts, alike, codes, time_of
+from procedures.general.trace.run import TableData
+from procedures.table import Reader, Table
 
 
 @dataclass(frozen=True)
@@ -63,17 +62,17 @@ class Roles:
         return (*self.group, *self.whole_plot, *(name for name in given if name is not None))
 
 
-def read_roles(path: Path, roles: Roles) -> tuple[Table, TableData, tuple[str, ...]]:
+def read_roles(read: Reader, roles: Roles) -> tuple[Table, TableData, tuple[str, ...]]:
     """A CSV table, the same ready to be traced, and sentences about what was taken for what.
 
     Raises:
-        UsageError: a column is missing, the formula cannot be read, or values do not fit their part.
+        DataError: a column is missing, the formula cannot be read, or values do not fit their part.
 
     """
     formula = _parse("--formula", roles.formula)
     response = _parse("--response", f"0 + I({roles.response})")
     needed = dict.fromkeys([*response.names, *formula.names, *roles.named, *(roles.candidates or ())])
-    table = read_any_csv(path, needed)
+    table = read(needed)
     return (table, *roles_of(table, roles))
 
 
@@ -84,7 +83,7 @@ def roles_of(table: Table, roles: Roles) -> tuple[TableData, tuple[str, ...]]:
     try:
         return _roles(table, roles, formula, response)
     except FitError as error:
-        raise UsageError(f"{table.source}: {error}") from error
+        raise DataError(f"{table.source}: {error}") from error
 
 
 def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> tuple[TableData, tuple[str, ...]]:
@@ -161,7 +160,7 @@ def _parse(option: str, text: str) -> Formula:
     try:
         return Formula.parse(text)
     except FitError as error:
-        raise UsageError(f"{option}: {error}") from error
+        raise DataError(f"{option}: {error}") from error
 
 
 def _free(table: Table, roles: Roles, used: Sequence[str]) -> list[str]:

@@ -6,21 +6,11 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from rig.tables.table import MOUNTING, PITCH_ROLL, WHOLE_PLOT, Table
+from procedures.table import Table
 
 NO_PART = "plays no part"
 TEXT = "holds text"
 _RECORDED = "recorded beside the readings; plays no part"
-_OPTIONAL = {
-    "pitch-roll": ("pitch_side", "roll_side", "block", *MOUNTING),
-    "whole-plot": (
-        "replicate",
-        "block",
-        "pressure_set_psia",
-        "sensor_temperature_set_degC",
-        "sse_temperature_set_degC",
-    ),
-}
 _UNITS = {
     "V",
     "mV",
@@ -90,13 +80,16 @@ def why_unused(name: str, known: Collection[str], use: str = "calibrated as") ->
     return NO_PART if other is None else f"{use} {other}: rename it, and convert its values if the unit is another"
 
 
-def unused_in_fit(table: Table) -> Unused:
-    """Columns of a pitch-roll or whole-plot table that fits and traces do not look at."""
-    kind = table.kind
-    if kind == "other":
-        return Unused()
-    wanted, unit = (PITCH_ROLL, "V") if kind == "pitch-roll" else (WHOLE_PLOT, "mV")
-    named = {*wanted, *_OPTIONAL[kind], "simulated"}
+def unused_in_fit(table: Table, known: Collection[str], unit: str) -> Unused:
+    """Columns that fits and traces of a kind do not look at.
+
+    Args:
+        table: as it was read.
+        known: columns that this kind of table has, or may have.
+        unit: of its outputs.
+
+    """
+    named = {*known, "simulated"}
     found = {}
     for name in table.names:
         if name in named or name.endswith(f"_{unit}"):

@@ -16,13 +16,14 @@ from fitter.arrays import FloatArray
 from fitter.errors import FitError
 from procedures.attitude.data import SAME_ANGLE_DEG, AttitudeData
 from procedures.attitude.designs import Design, fraction, grid, tumble
+from procedures.attitude.evaluate import with_temperature
+from procedures.attitude.fraction_advice import advised, sentence, settings
 from procedures.attitude.fractions import Cell, MeasuredGrid, PartFit, fit_part
 from procedures.attitude.model import sigma_deg
-from rig.closed_loop.attitude import with_temperature
-from rig.closed_loop.fraction_advice import advised, sentence, settings
-from rig.errors import UsageError
-from rig.tables import Table, attitude_data
-from rig.tables.unused import unused_in_fit
+from procedures.attitude.table import KNOWN, UNIT, attitude_data
+from procedures.errors import DataError
+from procedures.table import Table
+from procedures.unused import unused_in_fit
 
 FAMILY, TUMBLE = "fraction", "tumble"
 _DESIGN_T = ("T", "T6", "T4")
@@ -71,12 +72,12 @@ def compare_fractions(table: Table, which: str, *, temperature: bool | None = No
             procedure has it if None.
 
     Raises:
-        UsageError: the data are no full grid, it is too small, its angles have no tumble in them, or `which` is none
+        DataError: the data are no full grid, it is too small, its angles have no tumble in them, or `which` is none
             of these.
 
     """
     if table.kind != "pitch-roll":
-        raise UsageError(f"--points is for pitch-roll calibrations; {table.source} is none")
+        raise DataError(f"--points is for pitch-roll calibrations; {table.source} is none")
     data, warm = attitude_data(table), with_temperature(table, temperature)
     try:
         measured = MeasuredGrid.of(data)
@@ -84,7 +85,7 @@ def compare_fractions(table: Table, which: str, *, temperature: bool | None = No
         whole = {sensor: fit_part(data, sensor, temperature=warm) for sensor in data.sensors}
         judged = [_judged(data, part, measured, whole, temperature=warm) for part in parts]
     except FitError as error:
-        raise UsageError(f"{table.source}: {error}") from error
+        raise DataError(f"{table.source}: {error}") from error
     rows, columns = measured.visits.shape
     hours = float(np.ptp(data.elapsed_s)) / 3600.0
     full = {
@@ -108,7 +109,7 @@ def compare_fractions(table: Table, which: str, *, temperature: bool | None = No
             "sentence": sentence(full, chosen),
             "procedure": settings(chosen),
         },
-        "unused": unused_in_fit(table).to_json(),
+        "unused": unused_in_fit(table, KNOWN, UNIT).to_json(),
     }
 
 
@@ -118,9 +119,9 @@ def _parts(measured: MeasuredGrid, which: str, *, roll: bool) -> Sequence[Part]:
     if which == FAMILY:
         return family(measured)
     if not which.isdecimal() or not int(which):
-        raise UsageError(f"--points is a number of points, {FAMILY} or {TUMBLE}, not {which!r}")
+        raise DataError(f"--points is a number of points, {FAMILY} or {TUMBLE}, not {which!r}")
     if int(which) >= measured.points:
-        raise UsageError(f"--points {which}: the run itself has {measured.points}; name fewer")
+        raise DataError(f"--points {which}: the run itself has {measured.points}; name fewer")
     return [nearest(measured, int(which))]
 
 

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 from fitter.arrays import IntArray
 from fitter.formula import RowError
-from rig.tables import Table
+from procedures.table import Table
 
 
 @contextmanager

@@ -4,26 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import fields
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fitter.errors import FitError
-from procedures.attitude.infer import AttitudeCalibration, InferredAttitude, infer_attitude
-from rig.errors import UsageError
-from rig.inference.calibration_file import Inference
-from rig.inference.missing import empty_rows, incomplete_rows
-from rig.tables import Table, read_gappy_csv
-from rig.tables.unused import Unused, other_unit, why_unused
+from procedures.attitude.infer.answer import InferredAttitude
+from procedures.attitude.infer.calibration import AttitudeCalibration
+from procedures.attitude.infer.infer import infer_attitude
+from procedures.errors import DataError
+from procedures.inference import Inference
+from procedures.missing import empty_rows, incomplete_rows
+from procedures.table import Reader, Table
+from procedures.unused import Unused, other_unit, why_unused
 
 _TEMPERATURE = "sensor_temperature_degC"
 
 
 def infer_attitudes(
     calibration: AttitudeCalibration,
-    data: Path,
+    data: Reader,
     *,
     measured_roll: str | None,
     roll_sd_deg: float,
@@ -41,24 +42,24 @@ def infer_attitudes(
         sensors: those to infer from; all of the calibration if None.
 
     Raises:
-        UsageError: a column is missing, or the sensors cannot tell what is asked.
+        DataError: a column is missing, or the sensors cannot tell what is asked.
 
     """
     if roll_sd_deg and measured_roll is None:
-        raise UsageError("--roll-sd is of a roll that was measured: name its column with --roll")
+        raise DataError("--roll-sd is of a roll that was measured: name its column with --roll")
     try:
         calibration = calibration if sensors is None else calibration.only(sensors)
     except FitError as error:
-        raise UsageError(f"--sensors: {error}") from error
+        raise DataError(f"--sensors: {error}") from error
     needed = [*calibration.names, *([measured_roll] if measured_roll else [])]
     needed += [_TEMPERATURE] if calibration.needs_temperature else []
-    table = read_gappy_csv(data, needed)
+    table = data(needed)
     _check_columns(table, needed, calibration)
     inputs = {name: table.columns[name] for name in needed}
     flag = empty_rows(inputs)
     complete = flag == ""
     if not complete.any():
-        raise UsageError(f"{data}: in every row a value is missing; in row {table.row(0)}: {flag[0]}")
+        raise DataError(f"{table.source}: in every row a value is missing; in row {table.row(0)}: {flag[0]}")
     try:
         answer = infer_attitude(
             calibration,
@@ -71,7 +72,7 @@ def infer_attitudes(
     except FitError as error:
         hint = "; name its column: --roll roll_deg" if len(calibration.sensors) == 1 else ""
         hint = ": --near PITCH ROLL" if "near which attitude" in str(error) else hint
-        raise UsageError(f"{data}: {error}{hint}") from error
+        raise DataError(f"{table.source}: {error}{hint}") from error
     found = _in_all_rows(answer, complete)
     found.flag[~complete] = flag[~complete]
     added = _columns(
@@ -108,7 +109,7 @@ def infer_attitudes(
 
 
 def _check_columns(table: Table, needed: Sequence[str], calibration: AttitudeCalibration) -> None:
-    """Raises `UsageError` if a column is missing, with what to do about it."""
+    """Raises `DataError` if a column is missing, with what to do about it."""
     for name in needed:
         if name in table.columns:
             continue
@@ -116,7 +117,7 @@ def _check_columns(table: Table, needed: Sequence[str], calibration: AttitudeCal
         hint = f"; {like}: {why_unused(like, [name])}" if like else ""
         if name in calibration.names and len(calibration.names) > 1:
             hint += f"; to infer from fewer sensors name them: --sensors {calibration.names[0]},..."
-        raise UsageError(f"{table.source}: there is no column {name!r}; it has {', '.join(table.names)}{hint}")
+        raise DataError(f"{table.source}: there is no column {name!r}; it has {', '.join(table.names)}{hint}")
 
 
 def _in_all_rows(answer: InferredAttitude, complete: NDArray[np.bool_]) -> InferredAttitude:

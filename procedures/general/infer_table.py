@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from fitter.errors import FitError
+from procedures.errors import DataError
 from procedures.general.infer.curve import CurveCalibration, infer_curve
-from rig.errors import UsageError
-from rig.inference.calibration_file import Inference
-from rig.inference.missing import empty_rows, incomplete_rows
-from rig.tables import read_gappy_csv
-from rig.tables.unused import Unused, other_unit, why_unused
+from procedures.inference import Inference
+from procedures.missing import empty_rows, incomplete_rows
+from procedures.table import Reader
+from procedures.unused import Unused, other_unit, why_unused
 
 
-def infer_general(calibration: CurveCalibration, data: Path) -> Inference:
+def infer_general(calibration: CurveCalibration, data: Reader) -> Inference:
     """Infer the variable of a calibration's curve from every row of a CSV table.
 
     Args:
@@ -24,22 +23,22 @@ def infer_general(calibration: CurveCalibration, data: Path) -> Inference:
         data: the table, with a column for the response.
 
     Raises:
-        UsageError: the curve cannot be inverted, or the column is missing.
+        DataError: the curve cannot be inverted, or the column is missing.
 
     """
     response = calibration.response
-    table = read_gappy_csv(data, [response])
+    table = data([response])
     if response not in table.columns:
         like = next((name for name in table.names if other_unit(name, [response])), None)
         hint = f"; {like}: {why_unused(like, [response])}" if like else ""
-        raise UsageError(f"{data}: there is no column {response!r}; it has {', '.join(table.names)}{hint}")
+        raise DataError(f"{table.source}: there is no column {response!r}; it has {', '.join(table.names)}{hint}")
     inputs = {response: table.columns[response]}
     flag = empty_rows(inputs)
     complete = flag == ""
     try:
         found, variable = infer_curve(calibration, inputs[response][complete]), calibration.variable
     except FitError as error:
-        raise UsageError(f"this calibration of {response} cannot be inverted: {error}") from error
+        raise DataError(f"this calibration of {response} cannot be inverted: {error}") from error
     columns: dict[str, Any] = {**table.columns, **table.text}
     name = f"inferred_{variable}" if variable in columns else variable
     flag[complete] = found.flag

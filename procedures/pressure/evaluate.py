@@ -10,25 +10,30 @@ from typing import Any
 import numpy as np
 
 from fitter.arrays import IntArray
+from fitter.effects.entry import Entry
 from fitter.effects.sizes import size_95
 from fitter.errors import FitError
-from fitter.gross import GrossErrors
+from fitter.gross.search import GrossErrors
 from fitter.misfit import COVERED_BY_WHOLE_PLOTS
 from fitter.trace.outcome import Finding, Outcome, run_json
+from procedures.catalogue import with_own
+from procedures.certificate import Change, Errors, certified, with_words
+from procedures.errors import DataError
+from procedures.file_rows import rows_of_file
+from procedures.left_out import FitSummary, LeaveOut, Searched, kept_with, search
 from procedures.pressure.data import WholePlotData
-from procedures.pressure.fit import PressureFit, fit_transducers, named_formula, variance_inflation
-from procedures.pressure.fit.models import FULL
+from procedures.pressure.effects import PRESSURE_CATALOGUE
+from procedures.pressure.effects.scene import PressureEffect
+from procedures.pressure.figures import effect_figures
+from procedures.pressure.fit.calibration import PressureFit, fit_transducers
+from procedures.pressure.fit.models import FULL, named_formula, variance_inflation
 from procedures.pressure.gross import of_whole_plots
-from procedures.pressure.trace import FoundPressureEffect, TransducerTrace, WholePlotTrace, trace_whole_plots
-from rig.closed_loop.certificate import Change, Errors, certified, with_words
-from rig.closed_loop.file_rows import rows_of_file
-from rig.closed_loop.gross import FitSummary, LeaveOut, Searched, kept_with, search
-from rig.closed_loop.whole_plot_figures import effect_figures
-from rig.effects import pressure_catalogue
-from rig.errors import UsageError
-from rig.present.words import noise_of, verdict
-from rig.tables import Table, whole_plot_data
-from rig.tables.unused import unused_in_fit
+from procedures.pressure.table import KNOWN, UNIT, whole_plot_data
+from procedures.pressure.trace.result import FoundPressureEffect, TransducerTrace, WholePlotTrace
+from procedures.pressure.trace.run import trace_whole_plots
+from procedures.table import Table
+from procedures.unused import unused_in_fit
+from procedures.words import noise_of, verdict
 
 METHOD = "GLS"
 """By which a calibration is made unless another method is asked for: it takes no side between pressures."""
@@ -100,7 +105,7 @@ class WholePlotFitted:
         """What `rig fit --json` prints; with one transducer its keys stand at the top level too.
 
         Raises:
-            UsageError: the method cannot be used, or makes no calibration to use.
+            DataError: the method cannot be used, or makes no calibration to use.
 
         """
         sensors, count = {}, len(self.table)
@@ -108,7 +113,7 @@ class WholePlotFitted:
             try:
                 calibration = fit.calibration(self.method).to_dict()
             except FitError as error:
-                raise UsageError(f"{self.table.source}: {name}: {error}") from error
+                raise DataError(f"{self.table.source}: {name}: {error}") from error
             try:
                 inflation = variance_inflation(fit.formula, self.data.table)
             except FitError:  # terms that coded variables cannot stand in, logarithms say, have none
@@ -123,7 +128,7 @@ class WholePlotFitted:
         points["coefficients_hold_at"] = HOLD_AT
         data = {**points, "kind": "whole-plot", "simulated": table.simulated, **table.provenance}
         alone = next(iter(sensors.values())) if len(sensors) == 1 else {}
-        unused = unused_in_fit(table).to_json()
+        unused = unused_in_fit(table, KNOWN, UNIT).to_json()
         return {**alone, "data": data, "sensors": sensors, "left_out": dict(self.dead), "unused": unused}
 
     def gross(self, name: str) -> dict[str, Any]:
@@ -172,7 +177,7 @@ def fit_whole_plots(
         leave_out: "gross" for the rows that the search for gross errors names, or row numbers of the file.
 
     Raises:
-        UsageError: the table lacks something, or its rows do not determine the model or its errors.
+        DataError: the table lacks something, or its rows do not determine the model or its errors.
 
     """
     data, dead = _alive(table)
@@ -196,7 +201,7 @@ def fit_whole_plots(
         others = searched.with_the_others(fitted)
         return WholePlotFitted(table, data.take(searched.used), fits, method, dead, searched, declared, others)
     except FitError as error:
-        raise UsageError(f"{table.source}: {error}") from error
+        raise DataError(f"{table.source}: {error}") from error
 
 
 def _alive(table: Table) -> tuple[WholePlotData, dict[str, str]]:
@@ -205,7 +210,7 @@ def _alive(table: Table) -> tuple[WholePlotData, dict[str, str]]:
     dead = {n: f"reads {v[0]:g} mV throughout" for n, v in data.outputs.items() if float(np.ptp(v)) == 0.0}
     outputs = {name: values for name, values in data.outputs.items() if name not in dead}
     if not outputs:
-        raise UsageError(f"{table.source}: {'; '.join(f'{n} {why}' for n, why in dead.items())}: nothing to calibrate")
+        raise DataError(f"{table.source}: {'; '.join(f'{n} {why}' for n, why in dead.items())}: nothing to calibrate")
     return (replace(data, outputs=outputs) if dead else data), dead
 
 
@@ -309,7 +314,7 @@ class WholePlotTraced:
         """What `rig trace --json` prints."""
         data = {**self.trace.about, "simulated": self.table.simulated, **self.table.provenance}
         data |= {"file": self.table.source, "model": self.declared.to_dict()}
-        beside = {"left_out": dict(self.dead), "unused": unused_in_fit(self.table).to_json()}
+        beside = {"left_out": dict(self.dead), "unused": unused_in_fit(self.table, KNOWN, UNIT).to_json()}
         return run_json(data, self.outcomes, reference=self.trace.reference, **beside)
 
     @cached_property
@@ -350,16 +355,16 @@ def _errors(found: TransducerTrace) -> Errors:
     return Errors([Change(*within, "mV"), Change(*between, "mV")], left_out, "" if tells else _HIDES)
 
 
-def trace_whole_plot_table(table: Table, model: str | None = None) -> WholePlotTraced:
+def trace_whole_plot_table(table: Table, model: str | None = None, own: Sequence[Entry] = ()) -> WholePlotTraced:
     """Trace what the declared model lacks in a whole-plot table; errors as for `fit_whole_plots`."""
     data, dead = _alive(table)
     declared = Declared.of(table, model)
     try:
         with rows_of_file(table):
-            found = trace_whole_plots(data, declared.model, pressure_catalogue())
+            found = trace_whole_plots(data, declared.model, with_own(PRESSURE_CATALOGUE, own, PressureEffect))
         return WholePlotTraced(table, data, found, dead, declared)
     except FitError as error:
-        raise UsageError(f"{table.source}: {error}") from error
+        raise DataError(f"{table.source}: {error}") from error
 
 
 def whole_plot_sentence(name: str, found: TransducerTrace) -> str:

@@ -11,24 +11,28 @@ from typing import Any
 import numpy as np
 
 from fitter.arrays import FloatArray
+from fitter.effects.entry import Entry
 from fitter.effects.sizes import size_95
 from fitter.errors import FitError
 from fitter.quantiles import t_limit
 from fitter.trace.outcome import Finding, Outcome, run_json
 from procedures.attitude.data import AttitudeData
+from procedures.attitude.effects import CATALOGUE, Effect
 from procedures.attitude.fit import AttitudeFit, at_temperature, fit_all, fit_attitude
 from procedures.attitude.gross import of_attitude
-from procedures.attitude.infer import AttitudeCalibration
+from procedures.attitude.infer.calibration import AttitudeCalibration
 from procedures.attitude.infer.traced import Volts, calibrate_traced, covering_parameters
-from procedures.attitude.trace import FoundEffect, SensorTrace, Trace, trace
-from rig.closed_loop.attitude_rows import effect_figures, parameter_rows
-from rig.closed_loop.certificate import Change, Errors, certified, with_words
-from rig.closed_loop.gross import FitSummary, LeaveOut, Searched, kept_with, search
-from rig.effects import attitude_catalogue
-from rig.errors import UsageError
-from rig.present.words import noise_of, part, verdict
-from rig.tables import Table, attitude_data
-from rig.tables.unused import unused_in_fit
+from procedures.attitude.rows import effect_figures, parameter_rows
+from procedures.attitude.table import KNOWN, UNIT, attitude_data
+from procedures.attitude.trace.result import FoundEffect, SensorTrace, Trace
+from procedures.attitude.trace.run import trace
+from procedures.catalogue import with_own
+from procedures.certificate import Change, Errors, certified, with_words
+from procedures.errors import DataError
+from procedures.left_out import FitSummary, LeaveOut, Searched, kept_with, search
+from procedures.table import Table
+from procedures.unused import unused_in_fit
+from procedures.words import noise_of, part, verdict
 
 ABSOLUTE_ZERO_DEGC = -273.15
 
@@ -42,6 +46,7 @@ def fit_attitude_table(
     leave_out: Sequence[str] = (),
     found: Trace | None = None,
     allowed: Mapping[str, Sequence[str]] = MappingProxyType({}),
+    own: Sequence[Entry] = (),
 ) -> dict[str, Any]:
     """Fit the declared model to every sensor of a pitch-roll table; JSON-ready.
 
@@ -55,9 +60,10 @@ def fit_attitude_table(
         found: what a trace of the table found, where it was made already.
         allowed: members that a follow-up run leaves of an effect's class, by the name the trace gave it; the first is
             kept and the others widen its intervals. All members of a class that is not in it.
+        own: effects of the laboratory, beside the catalogue.
 
     Raises:
-        UsageError: the table lacks something, or its rows do not determine the model.
+        DataError: the table lacks something, or its rows do not determine the model.
 
     """
     every, warm = attitude_data(table), with_temperature(table, temperature)
@@ -69,11 +75,11 @@ def fit_attitude_table(
         fits = fit_all(data, temperature=warm, at_degC=at_degC)
         without = searched.with_the_others(lambda rows: fit_all(every.take(rows), temperature=warm, at_degC=at_degC))
         if traced and found is None:
-            found = trace(data, attitude_catalogue(), temperature=warm, validate=False)  # no left-out error is told
+            found = trace(data, with_own(CATALOGUE, own, Effect), temperature=warm, validate=False)  # no left-out error is told
         effects, others = ({}, []) if found is None else _effects(found, allowed)
         calibration = calibrate_traced(data, effects, others, temperature=warm)
     except FitError as error:
-        raise UsageError(f"{table.source}: {error}") from error
+        raise DataError(f"{table.source}: {error}") from error
     return {
         "data": {
             "points": len(data),
@@ -87,7 +93,7 @@ def fit_attitude_table(
         },
         "kept": {name: _kept(calibration, name, effects, fits[name]) for name in calibration.names} if effects else {},
         "calibration": calibration.to_dict() | kept_with(searched, len(every)),
-        "unused": unused_in_fit(table).to_json(),
+        "unused": unused_in_fit(table, KNOWN, UNIT).to_json(),
     }
 
 
@@ -133,17 +139,17 @@ def _check_at(at_degC: float | None, source: str, *, warm: bool, traced: bool) -
     if at_degC is None:
         return
     if not warm:
-        raise UsageError(
+        raise DataError(
             f"--at-degC: the declared model of {source} has no temperature in it, so its parameters hold at the run's "
             f"own temperature alone; fit with --temperature"
         )
     if traced:
-        raise UsageError(
+        raise DataError(
             "--at-degC gives the declared model's parameters; with effects beside it (--traced) they are given at the "
             "run's mean temperature: leave one of the two away"
         )
     if not np.isfinite(at_degC) or at_degC < ABSOLUTE_ZERO_DEGC:
-        raise UsageError(f"--at-degC {at_degC:g} is no temperature")
+        raise DataError(f"--at-degC {at_degC:g} is no temperature")
 
 
 def with_temperature(table: Table, asked: bool | None) -> bool:
@@ -223,7 +229,7 @@ class AttitudeTraced:
         """What `rig trace --json` prints."""
         data = {**self.trace.about, "simulated": self.table.simulated, **self.table.provenance}
         data["file"] = self.table.source
-        unused = unused_in_fit(self.table).to_json()
+        unused = unused_in_fit(self.table, KNOWN, UNIT).to_json()
         return run_json(data, self.outcomes, reference=self.trace.reference, unused=unused)
 
     @cached_property
@@ -311,11 +317,13 @@ def _size(found: Trace, sensor: SensorTrace, effect: FoundEffect, t: float) -> s
     return size_95(of.size, values, {n: halves.get(n, widest) for n in values}, sensor.S_V)
 
 
-def trace_attitude_table(table: Table, *, temperature: bool | None = None, unnamed: bool = False) -> AttitudeTraced:
+def trace_attitude_table(
+    table: Table, *, temperature: bool | None = None, unnamed: bool = False, own: Sequence[Entry] = ()
+) -> AttitudeTraced:
     """Trace what the declared model lacks in a pitch-roll table; arguments and errors as for `fit_attitude_table`."""
     data, warm = attitude_data(table), with_temperature(table, temperature)
     try:
-        found = trace(data, attitude_catalogue(), temperature=warm, unnamed=unnamed)
+        found = trace(data, with_own(CATALOGUE, own, Effect), temperature=warm, unnamed=unnamed)
         for name, sensor in found.sensors.items():
             if not np.isfinite(sensor.before.sigma_E):
                 raise FitError(
@@ -324,7 +332,7 @@ def trace_attitude_table(table: Table, *, temperature: bool | None = None, unnam
                 )
         return AttitudeTraced(table, data, found, warm)
     except FitError as error:
-        raise UsageError(f"{table.source}: {error}") from error
+        raise DataError(f"{table.source}: {error}") from error
 
 
 def attitude_sentence(name: str, found: SensorTrace) -> str:

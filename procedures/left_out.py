@@ -10,8 +10,8 @@ import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.errors import FitError
-from fitter.gross import LEVEL, GrossErrors
-from rig.errors import UsageError
+from fitter.gross.search import LEVEL, GrossErrors
+from procedures.errors import DataError
 
 GROSS = "gross"
 """What `--leave-out` takes for the rows that the search names."""
@@ -44,18 +44,18 @@ class LeaveOut:
         """From `--leave-out` options: "gross", or row numbers with commas between.
 
         Raises:
-            UsageError: neither, or the table has no such row.
+            DataError: neither, or the table has no such row.
 
         """
         words = [word.strip() for text in asked for word in text.split(",") if word.strip()]
         numbers = sorted({word for word in words if word != GROSS})
         wrong = [word for word in numbers if not word.isdecimal()]
         if wrong:
-            raise UsageError(f"--leave-out {wrong[0]}: say gross, or row numbers of the file such as 12,31")
+            raise DataError(f"--leave-out {wrong[0]}: say gross, or row numbers of the file such as 12,31")
         rows = np.array(sorted(int(word) - HEADER for word in numbers), np.int64)
         outside = rows[(rows < 0) | (rows >= count)]
         if outside.size:
-            raise UsageError(
+            raise DataError(
                 f"--leave-out {outside[0] + HEADER}: {source} has observations in rows {HEADER} to {count + 1}"
             )
         return LeaveOut(GROSS in words, rows)
@@ -176,7 +176,7 @@ def search(count: int, left_out: LeaveOut, look: Callable[[IntArray], Mapping[st
     """Look for gross errors in the rows of a table that are not left out by number; `look` searches rows (k,)."""
     searched = np.setdiff1d(np.arange(count), left_out.rows)
     if not searched.size:
-        raise UsageError("--leave-out leaves no row to fit")
+        raise DataError("--leave-out leaves no row to fit")
     return Searched(look(searched), searched, left_out)
 
 

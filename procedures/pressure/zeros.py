@@ -9,10 +9,11 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from procedures.pressure.fit import PressureCalibration
-from procedures.pressure.infer import STOOD_DEGC, Departure, Zero
-from rig.errors import UsageError
-from rig.tables import Table
+from procedures.errors import DataError
+from procedures.pressure.fit.calibration import PressureCalibration
+from procedures.pressure.infer.in_flight import STOOD_DEGC
+from procedures.pressure.infer.zero import Departure, Zero
+from procedures.table import Table
 
 TEMPERATURES = ("sensor_temperature_degC", "sse_temperature_degC")
 VACUUM = "vacuum"
@@ -97,11 +98,11 @@ class Zeros:
 
 
 def zero_rows(table: Table) -> NDArray[np.bool_] | None:
-    """(n,) rows marked as read in vacuum; None where there is no such column. Raises `UsageError`."""
+    """(n,) rows marked as read in vacuum; None where there is no such column. Raises `DataError`."""
     if VACUUM not in table.columns:
         return None
     if not np.isin(table.columns[VACUUM], (0, 1)).all():
-        raise UsageError(f"{table.source}, column {VACUUM}: it is 1 for rows read in vacuum and 0 for the others")
+        raise DataError(f"{table.source}, column {VACUUM}: it is 1 for rows read in vacuum and 0 for the others")
     return np.asarray(table.columns[VACUUM] == 1)
 
 
@@ -118,19 +119,19 @@ def read_zeros(
         meaning: of several rows; None where a column `whole_plot` tells, or there is one row.
 
     Raises:
-        UsageError: a column is missing, the rows do not make a zero, or what several are is not told.
+        DataError: a column is missing, the rows do not make a zero, or what several are is not told.
 
     """
     for name in (output, *TEMPERATURES):
         if name not in table.columns:
-            raise UsageError(f"{table.source}: there is no column {name!r}; it has {', '.join(table.names)}")
+            raise DataError(f"{table.source}: there is no column {name!r}; it has {', '.join(table.names)}")
     of_row = {name: table.columns[name] for name in (output, *TEMPERATURES)}
     incomplete = tuple(
         (table.row(int(i)), name) for name, v in of_row.items() for i in np.flatnonzero(rows & ~np.isfinite(v))
     )
     rows = rows & np.all([np.isfinite(v) for v in of_row.values()], axis=0)
     if not rows.any():
-        raise UsageError(f"{table.source}: no row read in vacuum has {output} and both temperatures")
+        raise DataError(f"{table.source}: no row read in vacuum has {output} and both temperatures")
     pressure, sd = _pressure(table, rows), _pressure_sd(table, rows)
     sittings, words = _sittings(table, rows, meaning)
     zeros = []
@@ -161,12 +162,12 @@ def _sittings(table: Table, rows: NDArray[np.bool_], meaning: ZeroRows | None) -
         values = np.unique(plots[index])
         told = f"{table.source}, column {WHOLE_PLOT}: its rows are of {len(values)} whole plot(s)"
         if meaning == INDEPENDENT and len(values) < len(index):
-            raise UsageError(f"{told}, so they are not all independent; leave --zero-rows {meaning} away")
+            raise DataError(f"{told}, so they are not all independent; leave --zero-rows {meaning} away")
         if meaning == ONE_SITTING and len(values) > 1:
-            raise UsageError(f"{told}, so they are not of one sitting; leave --zero-rows {meaning} away")
+            raise DataError(f"{told}, so they are not of one sitting; leave --zero-rows {meaning} away")
         sittings = [index[plots[index] == value] for value in values]
     elif meaning is None:
-        raise UsageError(
+        raise DataError(
             f"{table.source}: {len(index)} rows were read in vacuum. Say what they are: --zero-rows {ONE_SITTING} (one "
             f"after another at the temperatures of the readings to infer, whose whole-plot error they share) or "
             f"--zero-rows {INDEPENDENT} (temperatures set again before each and before the readings to infer); or give "
@@ -189,13 +190,13 @@ def _check_one(table: Table, sitting: NDArray[np.intp], pressure: Any, highest: 
     for name in TEMPERATURES:
         spread = float(np.ptp(table.columns[name][sitting]))
         if spread > STOOD_DEGC:
-            raise UsageError(
+            raise DataError(
                 f"{table.source}: {name} varies by {spread:.3g} degC over the readings in vacuum; a zero is of one "
                 f"stay at one temperature: give one at a time, or --zero-rows {INDEPENDENT} if that is what they are"
             )
     spread = 0.0 if pressure is None else float(np.ptp(pressure[sitting]))
     if spread > SPREAD * highest:
-        raise UsageError(
+        raise DataError(
             f"{table.source}, column {PRESSURE}: it varies by {spread:.3g} psia over one zero; leave the rows out that "
             f"were not read near zero pressure"
         )
@@ -206,7 +207,7 @@ def _pressure(table: Table, rows: NDArray[np.bool_]) -> Any:
     for name in table.names:
         stem, _, unit = name.rpartition("_")
         if name != PRESSURE and (stem.casefold() == "pressure" or name.casefold() == "pressure"):
-            raise UsageError(
+            raise DataError(
                 f"{table.source}, column {name}: the pressure of a zero is stated in psia, absolute; convert it "
                 f"{f'from {unit} ' if stem else ''}and name it {PRESSURE}"
             )
@@ -216,19 +217,19 @@ def _pressure(table: Table, rows: NDArray[np.bool_]) -> Any:
 def _pressure_sd(table: Table, rows: NDArray[np.bool_]) -> Any:
     sd = _complete(table, rows, PRESSURE_SD)
     if sd is not None and (sd[rows] < 0).any():
-        raise UsageError(f"{table.source}, column {PRESSURE_SD}: a standard deviation is not negative")
+        raise DataError(f"{table.source}, column {PRESSURE_SD}: a standard deviation is not negative")
     return sd
 
 
 def _complete(table: Table, rows: NDArray[np.bool_], name: str) -> Any:
-    """A column, if it is there. Raises `UsageError` if one of the rows has no value in it."""
+    """A column, if it is there. Raises `DataError` if one of the rows has no value in it."""
     if name in table.text and any(table.text[name][rows]):
-        raise UsageError(f"{table.source}, column {name}: not all of its values are numbers")
+        raise DataError(f"{table.source}, column {name}: not all of its values are numbers")
     values = np.full(len(table), np.nan) if name in table.text else table.columns.get(name)  # text: blank cells only
     if values is None:
         return None
     missing = np.flatnonzero(rows & ~np.isfinite(values))
     if missing.size:
         row = table.row(int(missing[0]))
-        raise UsageError(f"{table.source}, row {row}, column {name}: the value is missing; fill it in")
+        raise DataError(f"{table.source}, row {row}, column {name}: the value is missing; fill it in")
     return values

@@ -11,7 +11,7 @@ import numpy as np
 from fitter.arrays import FloatArray, IntArray
 from fitter.errors import FitError
 from procedures.general.effects.scene import Timeline, seconds_per_unit
-from rig.tables import Table
+from procedures.table import Table
 
 _CLOCKS = re.compile(
     r"time|elapsed|date|^years?$|^t$|^t_?(s|sec|min|h|hours|days)$|^t_start|^hours?$|^days?$", re.IGNORECASE

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitter.arrays import FloatArray
-from rig.tables import Table
+from procedures.table import Table
 
 
 def empty_rows(inputs: Mapping[str, FloatArray]) -> NDArray[Any]:

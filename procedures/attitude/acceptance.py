@@ -1,0 +1,25 @@
+"""Whether a finished attitude calibration is fit for use."""
+
+from __future__ import annotations
+
+from procedures.acceptance import Verdict, gross_words
+from procedures.attitude.evaluate import fit_attitude_table
+from procedures.attitude.settings import PitchRollProcedure
+from procedures.table import Table
+
+
+def judge(procedure: PitchRollProcedure, table: Table) -> list[Verdict]:
+    """Every sensor's standard error against its limit; [] without one."""
+    limit = procedure.acceptance.sigma_E_deg
+    if limit is None:
+        return []
+    words = f"sigma_E up to {limit:g} deg"
+    verdicts = []
+    for name, sensor in fit_attitude_table(table)["sensors"].items():
+        sigma = sensor["sigma_E_deg"]
+        shown = "unknown" if sigma is None else f"{sigma:.3g} deg"
+        inside = sigma is not None and sigma <= limit
+        said = f"sigma_E {shown}, limit {limit:g} deg{gross_words(sensor['gross_errors'])}"
+        verdicts.append(Verdict(name, said, words, inside))
+    return verdicts
+

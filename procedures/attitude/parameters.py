@@ -1,0 +1,34 @@
+"""What parameters of attitude sensors are called where people read them, and which are shown."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+LABELS = {
+    "b_V": "b / V",
+    "S_V": "S / (V/g)",
+    "phi_deg": "phi / deg",
+    "Omega_deg": "Omega / deg",
+    "A_deg": "A / deg",
+    "dbdT_uV_per_degC": "db/dT / (uV/degC)",
+    "dSdT_ppm_per_degC": "dS/dT / (ppm/degC)",
+    "mx_V": "m_x / (V/g)",
+    "my_V": "m_y / (V/g)",
+    "mz_V": "m_z / (V/g)",
+}
+"""What the parameters of `procedures.attitude.fit.parameter_table` are called where people read them."""
+
+
+SCALE, UNIT = 1e4, "1e-4 deg"
+"""Errors of angles are shown in the unit of Table 2."""
+
+
+NO_DIRECTION = "the sensitive axis leans too little to say where to: Omega and A have no intervals, its components m do"
+
+
+def shown(table: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """Which parameters to show: the sensitive axis only where Omega and A are no estimates with errors around them."""
+    known = "Omega_deg" not in table or table["Omega_deg"]["interval95"] is not None
+    return [name for name in table if not (known and name.startswith("m"))]
+

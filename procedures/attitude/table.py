@@ -1,0 +1,77 @@
+"""A table as the data of a pitch-roll calibration."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from fitter.errors import FitError
+from procedures.attitude.data import AttitudeData
+from procedures.attitude.model import mounting_matrix
+from procedures.errors import DataError
+from procedures.table import Table
+from procedures.table_checks import check_order, check_units, integers
+
+PITCH_ROLL = ("replicate", "order", "elapsed_s", "pitch_deg", "roll_deg", "sensor_temperature_degC")
+"""Columns every pitch-roll table has, besides one `NAME_V` for each sensor."""
+
+
+MOUNTING = ("mounting_x_deg", "mounting_y_deg", "mounting_z_deg")
+"""Columns of a pitch-roll table whose package was mounted turned: about x, then y, then z."""
+
+
+
+_OPTIONAL = ("pitch_side", "roll_side", "block")
+KNOWN = (*PITCH_ROLL, *_OPTIONAL, *MOUNTING)
+"""Columns that play a part, besides the outputs in `UNIT`."""
+UNIT = "V"
+
+
+def attitude_data(table: Table) -> AttitudeData:
+    """A table as pitch-roll data. Raises `DataError` naming what is missing or of another unit."""
+    check_units(table)
+    optional = {"sensor_temperature_degC"} if "run_id" in table.provenance else set()
+    missing = [name for name in PITCH_ROLL if name not in table.columns and name not in optional]
+    if missing:
+        raise DataError(
+            f"{table.source}: column {missing[0]} is missing; a pitch-roll table has {','.join(PITCH_ROLL)} and one "
+            f"NAME_V for each sensor"
+        )
+    outputs = {name: values for name, values in table.columns.items() if name.endswith("_V")}
+    if not outputs:
+        raise DataError(f"{table.source}: there is no sensor output; name the columns x_V, y_V, z_V")
+    numbers = {name: integers(table, name) for name in ("replicate", "order")}
+    numbers |= {name: integers(table, name) for name in _OPTIONAL if name in table.columns}
+    order = numbers["order"]
+    check_order(table, order)
+    known: dict[str, Any] = {name: numbers[name] for name in _OPTIONAL if name in numbers}
+    known["axes"] = {name: axis for name, axis in table.axes.items() if name in outputs} or None
+    try:
+        return AttitudeData(
+            replicate=numbers["replicate"],
+            order=order,
+            elapsed_s=table.columns["elapsed_s"],
+            pitch_deg=table.columns["pitch_deg"],
+            roll_deg=table.columns["roll_deg"],
+            sensor_temperature_degC=table.columns.get("sensor_temperature_degC"),
+            outputs=outputs,
+            mounting=_mounting(table),
+            **known,
+        )
+    except FitError as error:
+        raise DataError(f"{table.source}: {error}") from error
+
+
+def _mounting(table: Table) -> np.ndarray[Any, np.dtype[np.float64]] | None:
+    """(n, 3, 3) how the package was turned against its usual mounting; None where it was not."""
+    for name in table.columns:
+        if name.lower().startswith("mounting") and name not in MOUNTING:
+            raise DataError(f"{table.source}: column {name} is no mounting; the three are {', '.join(MOUNTING)}")
+    turns = np.column_stack([table.columns.get(name, np.zeros(len(table))) for name in MOUNTING])
+    if not turns.any():
+        return None
+    if np.abs(turns).max() > 360.0:
+        raise DataError(f"{table.source}: a package turned by {np.abs(turns).max():g} deg? mounting is in degrees")
+    kinds, which = np.unique(turns, axis=0, return_inverse=True)
+    return np.stack([mounting_matrix(*kind) for kind in kinds.tolist()])[np.ravel(which)]

@@ -1,0 +1,83 @@
+"""A table as the data of a whole-plot calibration."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from fitter.errors import FitError
+from procedures.errors import DataError
+from procedures.pressure.data import WholePlotData
+from procedures.table import Table
+from procedures.table_checks import check_order, check_units, integers
+
+WHOLE_PLOT = (
+    "whole_plot",
+    "order",
+    "elapsed_s",
+    "pressure_psia",
+    "sensor_temperature_degC",
+    "sse_temperature_degC",
+)
+"""Columns every whole-plot table has, besides one `NAME_mV` for each transducer."""
+
+
+
+_LOWEST = {"pressure_psia": -0.1, "sensor_temperature_degC": -273.15, "sse_temperature_degC": -273.15}
+"""What no absolute reading goes below; a little for the noise of a gauge at zero."""
+
+
+_OPTIONAL = ("replicate", "block")
+
+
+_SETTINGS = {
+    "pressure_set_psia": "pressure_set_psia",
+    "sensor_temperature_set_degC": "sensor_set_degC",
+    "sse_temperature_set_degC": "sse_set_degC",
+}
+"""Columns of setpoints to the fitter's names for them."""
+
+KNOWN = (*WHOLE_PLOT, *_OPTIONAL, *_SETTINGS)
+"""Columns that play a part, besides the outputs in `UNIT`."""
+UNIT = "mV"
+
+
+def whole_plot_data(table: Table) -> WholePlotData:
+    """A table as whole-plot data. Raises `DataError` naming what is missing or of another unit."""
+    check_units(table)
+    missing = [name for name in WHOLE_PLOT if name not in table.columns]
+    if missing:
+        raise DataError(
+            f"{table.source}: column {missing[0]} is missing; a whole-plot table has {','.join(WHOLE_PLOT)} and one "
+            f"NAME_mV for each transducer"
+        )
+    outputs = {name: values for name, values in table.columns.items() if name.endswith("_mV")}
+    if not outputs:
+        volts = [name for name in table.columns if name.endswith("_V")]
+        hint = f"; {volts[0]} is in volts: convert it and name it {volts[0][:-1]}mV" if volts else ""
+        raise DataError(f"{table.source}: there is no transducer output; name the columns NAME_mV{hint}")
+    for name, least in _LOWEST.items():
+        below = np.flatnonzero(table.columns[name] < least)
+        if below.size:
+            row, value = int(below[0]), table.columns[name][below[0]]
+            raise DataError(
+                f"{table.source}, row {row + 2}, column {name}: {value:g} cannot be; mend or remove the row"
+            )
+    whole_plot, order = (integers(table, name) for name in ("whole_plot", "order"))
+    check_order(table, order)
+    given: dict[str, Any] = {n: integers(table, n) for n in _OPTIONAL if n in table.columns}
+    given |= {ours: table.columns[name] for name, ours in _SETTINGS.items() if name in table.columns}
+    try:
+        return WholePlotData(
+            whole_plot=whole_plot,
+            order=order,
+            elapsed_s=table.columns["elapsed_s"],
+            pressure_psia=table.columns["pressure_psia"],
+            sensor_temperature_degC=table.columns["sensor_temperature_degC"],
+            sse_temperature_degC=table.columns["sse_temperature_degC"],
+            outputs=outputs,
+            **given,
+        )
+    except FitError as error:
+        raise DataError(f"{table.source}: {error}") from error

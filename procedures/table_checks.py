@@ -1,0 +1,56 @@
+"""What only a table can have wrong, checked before it becomes arrays: units, whole numbers, an order twice."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from procedures.errors import DataError
+from procedures.table import UNITS, Table
+
+_LARGEST = 2.0**53
+
+
+
+
+
+
+
+
+
+def check_order(table: Table, order: np.ndarray[Any, np.dtype[np.int64]]) -> None:
+    """Refuse a place in the order that stands there twice. Raises `DataError`."""
+    seen, counts = np.unique(order, return_counts=True)
+    if (counts > 1).any():
+        twice = int(seen[counts > 1][0])
+        rows = [int(r) + 2 for r in np.flatnonzero(order == twice)[:2]]
+        raise DataError(
+            f"{table.source}, rows {rows[0]} and {rows[1]}: order {twice} stands there twice; a point copied?"
+        )
+
+
+def integers(table: Table, name: str) -> np.ndarray[Any, np.dtype[np.int64]]:
+    """(n,) whole numbers of a column. Raises `DataError` naming the row that is none."""
+    values = table.columns[name]
+    if (np.abs(values) > _LARGEST).any():
+        row = int(np.flatnonzero(np.abs(values) > _LARGEST)[0])
+        raise DataError(
+            f"{table.source}, row {row + 2}, column {name}: {values[row]:g} is too large to number anything"
+        )
+    whole = values.astype(np.int64)
+    if (whole != values).any():
+        row = int(np.flatnonzero(whole != values)[0])
+        raise DataError(f"{table.source}, row {row + 2}, column {name}: {values[row]:g} is not a whole number")
+    return whole
+
+
+def check_units(table: Table) -> None:
+    """Refuse a known quantity in another unit. Raises `DataError`."""
+    for name in table.columns:
+        stem, _, unit = name.rpartition("_")
+        wanted = UNITS.get(stem)
+        if stem in ("x", "y", "z"):
+            wanted = "V"
+        if wanted is not None and unit != wanted and not name.endswith("_side"):
+            raise DataError(f"{table.source}: column {name} is in {unit!r}; convert it and name it {stem}_{wanted}")
