@@ -43,4 +43,3 @@ class Inference:
             "unused": self.unused.to_json(),
             "zeros": dict(self.zeros),
         }
-

@@ -11,13 +11,14 @@ Methods import what they need themselves: few commands need the fitter, and none
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence, Set
 from functools import cache
 from importlib.metadata import entry_points
 from typing import Any, Protocol
 
 from pydantic import BaseModel
 
+from fitter.effects.entry import Entry
 from fitter.effects.own import Grammar
 from fitter.errors import FitError
 from procedures.acceptance import Verdict
@@ -25,9 +26,11 @@ from procedures.advice import Advice
 from procedures.conduct import Conduct
 from procedures.further_runs import Limits, Variation
 from procedures.precision import Precision
+from procedures.results import Fitted, Options, Source, Traced
 from procedures.run_list import RunList
 from procedures.settings import WarningSettings
 from procedures.table import Table
+from procedures.unused import Unused
 
 GROUP = "rig.kinds"
 
@@ -75,8 +78,51 @@ class Kind(Protocol):
         """As procedures and results name it."""
 
     @property
-    def settings(self) -> type[BaseModel]:
-        """The procedure file; its instances are a `Procedure`."""
+    def title(self) -> str:
+        """What it calibrates, for headings and messages: "attitude sensors"."""
+
+    @property
+    def settings(self) -> type[BaseModel] | None:
+        """The procedure file, whose instances are a `Procedure`; None where nothing of the kind is run on a bench."""
+
+    @property
+    def described(self) -> str:
+        """Its tables in one sentence, for who has another."""
+
+    @property
+    def asked_by(self) -> Set[str]:
+        """Options that ask for this kind whatever the table's columns are."""
+
+    @property
+    def fit_options(self) -> type[Options]:
+        """Options of `rig fit` that only it has."""
+
+    @property
+    def trace_options(self) -> type[Options]:
+        """Options of `rig trace` that only it has."""
+
+    def fit(
+        self, source: Source, options: Any, *, leave_out: Sequence[str], own: Sequence[Entry], keep: bool
+    ) -> Fitted:
+        """Fit the declared model to every sensor.
+
+        Args:
+            source: a run or a table.
+            options: as this kind declares them.
+            leave_out: "gross" for the rows that the search for gross errors names, or row numbers of the file.
+            own: effects of the laboratory, of any kind.
+            keep: whether the result is to be used as a calibration.
+
+        Raises:
+            DataError: the table lacks something, or its rows do not determine the model.
+
+        """
+
+    def trace(self, source: Source, options: Any, *, own: Sequence[Entry]) -> Traced:
+        """Trace what the declared model lacks; arguments and errors as for `fit`."""
+
+    def unused(self, table: Table) -> Unused:
+        """Columns of a table that fits and traces do not look at."""
 
     @property
     def own_effects(self) -> Grammar | None:

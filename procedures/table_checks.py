@@ -12,13 +12,6 @@ from procedures.table import UNITS, Table
 _LARGEST = 2.0**53
 
 
-
-
-
-
-
-
-
 def check_order(table: Table, order: np.ndarray[Any, np.dtype[np.int64]]) -> None:
     """Refuse a place in the order that stands there twice. Raises `DataError`."""
     seen, counts = np.unique(order, return_counts=True)

@@ -121,10 +121,6 @@ def unnamed(sensor: Mapping[str, Any]) -> list[str]:
     ]
 
 
-
-
-
-
 def with_error(value: float, error: float | None) -> tuple[str, str]:
     """A coefficient and its standard error as text; a dash for an error there is none of."""
     return f"{value:.4g}", "-" if error is None else f"{error:.2g}"

@@ -200,11 +200,12 @@ def parse_bench(text: str, where: str, *, strict: bool = True) -> BenchConfig:
 def parse_procedure(text: str, where: str, *, strict: bool = True) -> Procedure:
     """Check the text of a procedure file; `strict` as in `validated`."""
     values = parse_toml(text, where)
-    kind, known = values.get("kind"), kinds()
+    kind = values.get("kind")
+    known = {name: one.settings for name, one in kinds().items() if one.settings is not None}
     if not isinstance(kind, str) or kind not in known:
         names = ", ".join(f'"{name}"' for name in known)
         raise ConfigurationError(f"{where}: kind = {kind!r:.80} is not a kind of procedure; known: {names}")
-    return cast(Procedure, validated(known[kind].settings, values, where, strict=strict))
+    return cast(Procedure, validated(known[kind], values, where, strict=strict))
 
 
 def validated(

@@ -35,7 +35,8 @@ def document() -> str:
         parts += [f'### `[instruments.NAME]` with `driver = "{name}"`, besides the above']
         parts += [_table(driver_class(name).Options)]
     for name, kind in kinds().items():
-        parts += [f'## procedure.toml, `kind = "{name}"`', *_tables(kind.settings, "")]
+        if kind.settings is not None:
+            parts += [f'## procedure.toml, `kind = "{name}"`', *_tables(kind.settings, "")]
     return "\n\n".join(parts) + "\n"
 
 

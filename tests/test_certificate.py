@@ -18,12 +18,12 @@ from procedures.attitude.effects import CATALOGUE
 from procedures.attitude.evaluate import AttitudeTraced
 from procedures.attitude.trace.run import trace
 from procedures.certificate import Change, Errors, certificate, with_words
+from procedures.effect_plots import drawn
 from procedures.pressure.effects import PRESSURE_CATALOGUE
 from procedures.pressure.evaluate import Declared, WholePlotTraced
 from procedures.pressure.trace.run import trace_whole_plots
 from procedures.table import Table
 from procedures.words import chance, part, percent
-from rig.report.effect_plots import drawn
 
 EFFECT = Finding(
     kind="effect",

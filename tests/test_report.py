@@ -16,10 +16,10 @@ from fitter.trace.outcome import Parameter
 from procedures.attitude.evaluate import AttitudeTraced
 from procedures.attitude.trace.run import trace
 from procedures.attitude.words import little_help
+from procedures.numbers import with_error
 from procedures.table import Table
 from procedures.words import chance, incomplete, unnamed
 from rig.closed_loop import fit_table, trace_table
-from rig.present.parameters import with_error
 from rig.report import report as render
 from rig.tables.observations import run_table
 

@@ -8,10 +8,10 @@ import json
 import pytest
 from table_truth import MISSING, simulate
 
+from procedures.effects_shown import show_certificate
 from procedures.general.trace import family
 from procedures.words import units
 from rig.cli import main
-from rig.cli.effects import show_certificate
 from rig.cli.show import out
 
 DECLARED = ("--response", "y", "--formula", "1 + x")

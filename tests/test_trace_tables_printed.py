@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from table_truth import MISSING, options, simulate
 
+from procedures.general import plots as general_plots
 from procedures.general.effects import effects_of
 from procedures.general.evaluate import GeneralTraced
+from procedures.general.page import general_report
 from procedures.general.roles import Roles, parts_played, roles_of
 from procedures.general.trace import family
 from procedures.general.trace.report import trace_general
 from procedures.table import Table
 from rig.errors import UsageError
-from rig.report import general_plots
-from rig.report.general import general_report
 
 
 @pytest.fixture(autouse=True)

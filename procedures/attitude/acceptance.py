@@ -22,4 +22,3 @@ def judge(procedure: PitchRollProcedure, table: Table) -> list[Verdict]:
         said = f"sigma_E {shown}, limit {limit:g} deg{gross_words(sensor['gross_errors'])}"
         verdicts.append(Verdict(name, said, words, inside))
     return verdicts
-

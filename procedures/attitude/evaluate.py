@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import PurePath
 from types import MappingProxyType
 from typing import Any
 
@@ -17,7 +18,8 @@ from fitter.errors import FitError
 from fitter.quantiles import t_limit
 from fitter.trace.outcome import Finding, Outcome, run_json
 from procedures.attitude.data import AttitudeData
-from procedures.attitude.effects import CATALOGUE, Effect
+from procedures.attitude.effects import CATALOGUE
+from procedures.attitude.effects.effect import Effect
 from procedures.attitude.fit import AttitudeFit, at_temperature, fit_all, fit_attitude
 from procedures.attitude.gross import of_attitude
 from procedures.attitude.infer.calibration import AttitudeCalibration
@@ -26,10 +28,12 @@ from procedures.attitude.rows import effect_figures, parameter_rows
 from procedures.attitude.table import KNOWN, UNIT, attitude_data
 from procedures.attitude.trace.result import FoundEffect, SensorTrace, Trace
 from procedures.attitude.trace.run import trace
+from procedures.blocks import Block, headline
 from procedures.catalogue import with_own
 from procedures.certificate import Change, Errors, certified, with_words
 from procedures.errors import DataError
 from procedures.left_out import FitSummary, LeaveOut, Searched, kept_with, search
+from procedures.results import Page
 from procedures.table import Table
 from procedures.unused import unused_in_fit
 from procedures.words import noise_of, part, verdict
@@ -75,7 +79,9 @@ def fit_attitude_table(
         fits = fit_all(data, temperature=warm, at_degC=at_degC)
         without = searched.with_the_others(lambda rows: fit_all(every.take(rows), temperature=warm, at_degC=at_degC))
         if traced and found is None:
-            found = trace(data, with_own(CATALOGUE, own, Effect), temperature=warm, validate=False)  # no left-out error is told
+            found = trace(
+                data, with_own(CATALOGUE, own, Effect), temperature=warm, validate=False
+            )  # no left-out error is told
         effects, others = ({}, []) if found is None else _effects(found, allowed)
         calibration = calibrate_traced(data, effects, others, temperature=warm)
     except FitError as error:
@@ -253,6 +259,18 @@ class AttitudeTraced:
             depends_on=list(self.depends_on(name)),
         )
 
+    def blocks(self) -> Iterator[Block]:
+        """What a person reads of it."""
+        from procedures.attitude.shown import show_attitude_trace  # noqa: PLC0415 - which needs this class
+
+        return show_attitude_trace(self)
+
+    def page(self) -> Page:
+        """Its report."""
+        from procedures.attitude.page import trace_page  # noqa: PLC0415 - plots take a second to import
+
+        return trace_page(self)
+
     def depends_on(self, sensor: str) -> tuple[str, ...]:
         """Sentences about the parameters of a sensor whose value depends on which of several causes holds."""
         if not any(e.aliases for e in self.trace.sensors[sensor].effects):
@@ -357,3 +375,25 @@ def attitude_sentence(name: str, found: SensorTrace) -> str:
 
 def _degrees(volts: float, sensitivity: float) -> str:
     return f"{np.degrees(volts / sensitivity):.3g} deg"
+
+
+@dataclass(frozen=True)
+class AttitudeFitted:
+    """A table and the calibration fitted to it, ready for JSON."""
+
+    table: Table
+    result: dict[str, Any]
+
+    def to_json(self) -> dict[str, Any]:
+        """What `rig fit --json` prints."""
+        return self.result
+
+    def blocks(self) -> Iterator[Block]:
+        """What a person reads of it."""
+        from procedures.attitude.shown import show_attitude_fit  # noqa: PLC0415 - which needs this module
+
+        yield headline(PurePath(self.table.source).name, self.table)
+        yield from show_attitude_fit(self.result)
+
+    def page(self) -> None:
+        """It has no report but its trace's."""

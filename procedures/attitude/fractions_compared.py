@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import PurePath
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from procedures.attitude.fraction_advice import advised, sentence, settings
 from procedures.attitude.fractions import Cell, MeasuredGrid, PartFit, fit_part
 from procedures.attitude.model import sigma_deg
 from procedures.attitude.table import KNOWN, UNIT, attitude_data
+from procedures.blocks import Block
 from procedures.errors import DataError
 from procedures.table import Table
 from procedures.unused import unused_in_fit
@@ -76,8 +78,6 @@ def compare_fractions(table: Table, which: str, *, temperature: bool | None = No
             of these.
 
     """
-    if table.kind != "pitch-roll":
-        raise DataError(f"--points is for pitch-roll calibrations; {table.source} is none")
     data, warm = attitude_data(table), with_temperature(table, temperature)
     try:
         measured = MeasuredGrid.of(data)
@@ -271,3 +271,25 @@ def _sensor(part: PartFit, whole: PartFit) -> dict[str, Any]:
 
 def _known(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
+
+
+@dataclass(frozen=True)
+class FractionsCompared:
+    """A run and what fewer points would have cost, ready for JSON."""
+
+    table: Table
+    which: str
+    result: dict[str, Any]
+
+    def to_json(self) -> dict[str, Any]:
+        """What `rig fit --points --json` prints."""
+        return self.result
+
+    def blocks(self) -> Iterator[Block]:
+        """What a person reads of it."""
+        from procedures.attitude.fractions_shown import show_fractions  # noqa: PLC0415 - which needs this module
+
+        return show_fractions(PurePath(self.table.source).name, self.table, self.result, self.which)
+
+    def page(self) -> None:
+        """It has no report."""

@@ -5,32 +5,84 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Sequence
 from functools import cached_property
 
+from fitter.effects.entry import Entry
 from fitter.effects.own import Grammar
 from procedures.acceptance import Verdict
 from procedures.advice import Advice
+from procedures.attitude.options import FitOptions, TraceOptions
 from procedures.attitude.settings import PitchRollProcedure
+from procedures.errors import DataError
 from procedures.further_runs import Limits, Variation
 from procedures.precision import Precision
+from procedures.results import Fitted, Source, Traced
 from procedures.run_list import RunList
 from procedures.table import Table
+from procedures.unused import Unused, unused_in_fit
 
 
 class AttitudeKind:
     """Inertial attitude sensors on a dividing head. See `procedures.kind.Kind`."""
 
     name = "pitch-roll"
+    title = "attitude sensors"
     settings = PitchRollProcedure
+    fit_options, trace_options = FitOptions, TraceOptions
+    asked_by: frozenset[str] = frozenset()
+    described = "a pitch-roll table has replicate,order,elapsed_s,pitch_deg,roll_deg,sensor_temperature_degC and NAME_V"
 
     @cached_property
     def own_effects(self) -> Grammar:
         """See `Kind`."""
-        from procedures.attitude.effects.own import GRAMMAR  # noqa: PLC0415
+        from procedures.attitude.effects.own import GRAMMAR
 
         return GRAMMAR
 
     def recognises(self, columns: Collection[str]) -> bool:
         """By columns that no other kind has."""
         return bool({"pitch_deg", "roll_deg"} & set(columns))
+
+    def fit(
+        self, source: Source, options: FitOptions, *, leave_out: Sequence[str], own: Sequence[Entry], keep: bool
+    ) -> Fitted:
+        """Every sensor, or with `points` fractions of the run beside all of it."""
+        if options.points is not None:
+            return self._fractions(source, options, leave_out, keep=keep)
+        from procedures.attitude.evaluate import AttitudeFitted, fit_attitude_table  # noqa: PLC0415
+
+        result = fit_attitude_table(
+            source.table,
+            traced=options.traced,
+            temperature=options.temperature,
+            at_degC=options.at_degC,
+            leave_out=leave_out,
+            own=own,
+        )
+        return AttitudeFitted(source.table, result)
+
+    def _fractions(self, source: Source, options: FitOptions, leave_out: Sequence[str], *, keep: bool) -> Fitted:
+        from procedures.attitude.fractions_compared import FractionsCompared, compare_fractions  # noqa: PLC0415
+
+        assert options.points is not None
+        given = {"--traced": options.traced, "--at-degC": options.at_degC is not None}
+        for option, value in {**given, "--leave-out": leave_out, "--out": keep}.items():
+            if value:
+                raise DataError(
+                    f"--points holds fractions against the whole run and keeps nothing; leave {option} away"
+                )
+        result = compare_fractions(source.table, options.points, temperature=options.temperature)
+        return FractionsCompared(source.table, options.points, result)
+
+    def trace(self, source: Source, options: TraceOptions, *, own: Sequence[Entry]) -> Traced:
+        """See `Kind`."""
+        from procedures.attitude.evaluate import trace_attitude_table  # noqa: PLC0415
+
+        return trace_attitude_table(source.table, temperature=options.temperature, unnamed=options.unnamed, own=own)
+
+    def unused(self, table: Table) -> Unused:
+        """See `Kind`."""
+        from procedures.attitude.table import KNOWN, UNIT  # noqa: PLC0415
+
+        return unused_in_fit(table, KNOWN, UNIT)
 
     def check_design(self, procedure: PitchRollProcedure, run_list: RunList) -> None:
         """Any design will do: `precision` says where it determines nothing."""
@@ -50,7 +102,7 @@ class AttitudeKind:
 
     def judge(self, procedure: PitchRollProcedure, table: Table) -> Sequence[Verdict]:
         """See `Kind`."""
-        from procedures.attitude.acceptance import judge  # noqa: PLC0415
+        from procedures.attitude.acceptance import judge
 
         return judge(procedure, table)
 

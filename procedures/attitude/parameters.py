@@ -31,4 +31,3 @@ def shown(table: Mapping[str, Mapping[str, Any]]) -> list[str]:
     """Which parameters to show: the sensitive axis only where Omega and A are no estimates with errors around them."""
     known = "Omega_deg" not in table or table["Omega_deg"]["interval95"] is not None
     return [name for name in table if not (known and name.startswith("m"))]
-

@@ -21,7 +21,6 @@ MOUNTING = ("mounting_x_deg", "mounting_y_deg", "mounting_z_deg")
 """Columns of a pitch-roll table whose package was mounted turned: about x, then y, then z."""
 
 
-
 _OPTIONAL = ("pitch_side", "roll_side", "block")
 KNOWN = (*PITCH_ROLL, *_OPTIONAL, *MOUNTING)
 """Columns that play a part, besides the outputs in `UNIT`."""

@@ -35,4 +35,3 @@ def little_help(sensor: Mapping[str, Any]) -> str:
         f"The effects found matter little at replications the fit has not seen: the left-out error goes from "
         f"{before:.3g} to {after:.3g} deg."
     )
-

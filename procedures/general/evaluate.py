@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -12,11 +13,13 @@ import numpy as np
 from fitter.errors import FitError
 from fitter.quantiles import t_limit
 from fitter.trace.outcome import Finding, Outcome, run_json
+from procedures.blocks import Block
 from procedures.certificate import Change, Errors, certified, with_words
 from procedures.errors import DataError
 from procedures.general.roles import Roles, parts_played, read_roles, used_columns
 from procedures.general.trace.report import trace_general
 from procedures.general.trace.result import FoundTableEffect, TableTrace
+from procedures.results import Page
 from procedures.table import Reader, Table
 from procedures.unused import TEXT, unused_columns
 from procedures.words import noise_of, part, verdict
@@ -46,6 +49,23 @@ class GeneralTraced:
         data = {"file": Path(self.table.source).name, "points": len(self.table), "kind": "general"}
         unused = unused_columns(self.table, used_columns(self.roles, self.parts), self._spared()).to_json()
         return run_json(data, [self.outcome], unused=unused)
+
+    @property
+    def outcomes(self) -> tuple[Outcome, ...]:
+        """What is said of each response: of the one there is."""
+        return (self.outcome,)
+
+    def blocks(self) -> Iterator[Block]:
+        """What a person reads of it."""
+        from procedures.general.shown import show_general_trace  # noqa: PLC0415
+
+        return show_general_trace(self.to_json())
+
+    def page(self) -> Page:
+        """Its report."""
+        from procedures.general.page import trace_page  # noqa: PLC0415 - plots take a second to import
+
+        return trace_page(self)
 
     @cached_property
     def outcome(self) -> Outcome:

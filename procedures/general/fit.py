@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Any
@@ -18,6 +18,7 @@ from fitter.linear import LinearFit, least_squares
 from fitter.scatter import uneven_scatter
 from fitter.split_plot.design import fit_split_plot
 from fitter.split_plot.fit import SplitPlotFit
+from procedures.blocks import Block
 from procedures.errors import DataError
 from procedures.file_rows import rows_of_file
 from procedures.general.gross import of_table
@@ -266,3 +267,23 @@ def _identities(table: Table, names: Sequence[str]) -> np.ndarray[Any, np.dtype[
     every: Mapping[str, np.ndarray[Any, Any]] = {**table.columns, **table.text}
     keys = [np.unique(every[name], return_inverse=True)[1] for name in names]
     return np.asarray(np.unique(np.column_stack(keys), axis=0, return_inverse=True)[1], np.int64).reshape(-1)
+
+
+@dataclass(frozen=True)
+class GeneralFitted:
+    """A fit to a table of anything, ready for JSON."""
+
+    result: dict[str, Any]
+
+    def to_json(self) -> dict[str, Any]:
+        """What `rig fit --json` prints."""
+        return self.result
+
+    def blocks(self) -> Iterator[Block]:
+        """What a person reads of it."""
+        from procedures.general.shown import show_general_fit  # noqa: PLC0415
+
+        return show_general_fit(self.result["data"]["file"], self.result)
+
+    def page(self) -> None:
+        """It has no report but its trace's."""

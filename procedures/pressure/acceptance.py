@@ -35,4 +35,3 @@ def judge(procedure: WholePlotProcedure, table: Table) -> list[Verdict]:
         said = f"reading error at {psia:g} psia {largest_words(shown, at)}, limit {limit:g} %{gross}"
         verdicts.append(Verdict(name, said, words, found <= limit))
     return verdicts
-

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import PurePath
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from fitter.errors import FitError
 from fitter.gross.search import GrossErrors
 from fitter.misfit import COVERED_BY_WHOLE_PLOTS
 from fitter.trace.outcome import Finding, Outcome, run_json
+from procedures.blocks import Block, headline
 from procedures.catalogue import with_own
 from procedures.certificate import Change, Errors, certified, with_words
 from procedures.errors import DataError
@@ -31,6 +33,7 @@ from procedures.pressure.gross import of_whole_plots
 from procedures.pressure.table import KNOWN, UNIT, whole_plot_data
 from procedures.pressure.trace.result import FoundPressureEffect, TransducerTrace, WholePlotTrace
 from procedures.pressure.trace.run import trace_whole_plots
+from procedures.results import Page
 from procedures.table import Table
 from procedures.unused import unused_in_fit
 from procedures.words import noise_of, verdict
@@ -130,6 +133,19 @@ class WholePlotFitted:
         alone = next(iter(sensors.values())) if len(sensors) == 1 else {}
         unused = unused_in_fit(table, KNOWN, UNIT).to_json()
         return {**alone, "data": data, "sensors": sensors, "left_out": dict(self.dead), "unused": unused}
+
+    def blocks(self) -> Iterator[Block]:
+        """What a person reads of it."""
+        from procedures.pressure.shown import show_whole_plot_fit  # noqa: PLC0415 - which needs this module
+
+        yield headline(PurePath(self.table.source).name, self.table)
+        yield from show_whole_plot_fit(self.to_json())
+
+    def page(self) -> Page:
+        """Its report: the paper's methods side by side."""
+        from procedures.pressure.methods_page import fit_page  # noqa: PLC0415 - plots take a second to import
+
+        return fit_page(self)
 
     def gross(self, name: str) -> dict[str, Any]:
         """The gross errors of a transducer for JSON."""
@@ -316,6 +332,18 @@ class WholePlotTraced:
         data |= {"file": self.table.source, "model": self.declared.to_dict()}
         beside = {"left_out": dict(self.dead), "unused": unused_in_fit(self.table, KNOWN, UNIT).to_json()}
         return run_json(data, self.outcomes, reference=self.trace.reference, **beside)
+
+    def blocks(self) -> Iterator[Block]:
+        """What a person reads of it."""
+        from procedures.pressure.shown import show_whole_plot_trace  # noqa: PLC0415 - which needs this class
+
+        return show_whole_plot_trace(self)
+
+    def page(self) -> Page:
+        """Its report."""
+        from procedures.pressure.page import trace_page  # noqa: PLC0415 - plots take a second to import
+
+        return trace_page(self)
 
     @cached_property
     def outcomes(self) -> tuple[Outcome, ...]:

@@ -81,7 +81,9 @@ def infer_pressures(
     marked = zero_rows(table)
     if of_zero is not None and marked is not None and marked.any():
         notes.append(f"the rows of {table.source} that are marked {VACUUM} are not taken as zeros: --zero was given")
-    notes += [f"{name} is calibrated, but {table.source} has no such column" for name in calibrations if name not in outputs]
+    notes += [
+        f"{name} is calibrated, but {table.source} has no such column" for name in calibrations if name not in outputs
+    ]
     return Inference(
         columns,
         tuple(name for name in columns if name not in given),

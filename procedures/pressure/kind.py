@@ -5,33 +5,65 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Sequence
 from functools import cached_property
 
+from fitter.effects.entry import Entry
 from fitter.effects.own import Grammar
 from fitter.errors import FitError
 from procedures.acceptance import Verdict
 from procedures.advice import Advice
 from procedures.further_runs import Limits, Variation
 from procedures.precision import Precision
+from procedures.pressure.options import FitOptions, TraceOptions
 from procedures.pressure.settings import WholePlotProcedure
+from procedures.results import Fitted, Source, Traced
 from procedures.run_list import RunList
 from procedures.table import Table
+from procedures.unused import Unused, unused_in_fit
 
 
 class PressureKind:
     """Pressure transducers in temperature whole plots. See `procedures.kind.Kind`."""
 
     name = "whole-plot"
+    title = "pressure transducers"
     settings = WholePlotProcedure
+    fit_options, trace_options = FitOptions, TraceOptions
+    asked_by: frozenset[str] = frozenset()
+    described = (
+        "a whole-plot table has whole_plot,order,elapsed_s,pressure_psia,sensor_temperature_degC,"
+        "sse_temperature_degC and NAME_mV"
+    )
 
     @cached_property
     def own_effects(self) -> Grammar:
         """See `Kind`."""
-        from procedures.pressure.effects.own import GRAMMAR  # noqa: PLC0415
+        from procedures.pressure.effects.own import GRAMMAR
 
         return GRAMMAR
 
     def recognises(self, columns: Collection[str]) -> bool:
         """By columns that no other kind has."""
         return bool({"whole_plot", "pressure_psia"} & set(columns))
+
+    def fit(
+        self, source: Source, options: FitOptions, *, leave_out: Sequence[str], own: Sequence[Entry], keep: bool
+    ) -> Fitted:
+        """Every transducer by every method."""
+        from procedures.pressure.evaluate import fit_whole_plots  # noqa: PLC0415
+
+        given = options.model_dump(exclude_none=True, exclude={"formula"})
+        return fit_whole_plots(source.table, options.formula, leave_out=leave_out, **given)
+
+    def trace(self, source: Source, options: TraceOptions, *, own: Sequence[Entry]) -> Traced:
+        """See `Kind`."""
+        from procedures.pressure.evaluate import trace_whole_plot_table  # noqa: PLC0415
+
+        return trace_whole_plot_table(source.table, options.formula, own)
+
+    def unused(self, table: Table) -> Unused:
+        """See `Kind`."""
+        from procedures.pressure.table import KNOWN, UNIT  # noqa: PLC0415
+
+        return unused_in_fit(table, KNOWN, UNIT)
 
     def check_design(self, procedure: WholePlotProcedure, run_list: RunList) -> None:
         """Whether the design can estimate the declared model, and acceptance can be judged."""
@@ -56,7 +88,7 @@ class PressureKind:
 
     def judge(self, procedure: WholePlotProcedure, table: Table) -> Sequence[Verdict]:
         """See `Kind`."""
-        from procedures.pressure.acceptance import judge  # noqa: PLC0415
+        from procedures.pressure.acceptance import judge
 
         return judge(procedure, table)
 

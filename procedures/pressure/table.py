@@ -23,7 +23,6 @@ WHOLE_PLOT = (
 """Columns every whole-plot table has, besides one `NAME_mV` for each transducer."""
 
 
-
 _LOWEST = {"pressure_psia": -0.1, "sensor_temperature_degC": -273.15, "sse_temperature_degC": -273.15}
 """What no absolute reading goes below; a little for the noise of a gauge at zero."""
 

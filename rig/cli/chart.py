@@ -107,8 +107,8 @@ def _today(given: str | None) -> datetime:
 
 
 def _show_sensor(name: str, usage: str, found: Mapping[str, Any]) -> None:
+    from procedures.numbers import with_error
     from rig.closed_loop.chart_words import due_date, label
-    from rig.present.parameters import with_error
 
     rows = found["calibrations"]
     table = RichTable("date", *rows[0]["parameters"], "outside", title=f"\n{name}, {found['model']}")

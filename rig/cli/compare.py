@@ -15,8 +15,9 @@ from procedures.attitude.advice import design_points, usage_of
 from procedures.attitude.merit.comparison import Comparison, compare, curve, recommend
 from procedures.attitude.merit.design_points import Usage
 from procedures.attitude.settings import PitchRollProcedure
+from procedures.numbers import number
 from rig.atomic import check_not_input, check_writable, write_whole_bytes
-from rig.cli.show import err, number, out, print_json, run_progress
+from rig.cli.show import err, out, print_json, run_progress
 from rig.errors import ConfigurationError, UsageError
 from rig.plans import Plan, load_plan
 
@@ -154,7 +155,7 @@ def _cells(row: Comparison, time_h: float) -> list[str]:
 
 def _plot(curves: Sequence[Any], path: Path) -> None:
     """Standard deviation over pitch, as the paper's figures 1 to 5, to a PNG file."""
-    from rig.report.pictures import side_by_side
+    from procedures.pictures import side_by_side
 
     figure, (axis,) = side_by_side(3.6, 1, width=7.0)
     for one in curves:

@@ -12,13 +12,13 @@ from rich.markup import escape
 from rich.table import Column, Table
 
 from procedures.attitude.settings import PitchRollProcedure
+from procedures.durations import duration
 from rig.atomic import check_not_input, check_writable, write_whole
 from rig.cli import app
 from rig.cli.run import JsonOption, RunArgument, conclude, signals
 from rig.cli.show import err, headline, mark, out, print_json, run_progress
 from rig.config import read_text
 from rig.controller import start_run
-from rig.durations import duration
 from rig.engine.session import Outcome
 from rig.errors import ExitCode, UsageError
 

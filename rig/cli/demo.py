@@ -95,8 +95,8 @@ def demo(
     if as_json:
         print_json(traced.to_json())
     else:
+        from procedures.pressure.shown import show_whole_plot_findings, show_whole_plot_summary
         from rig.cli.data import show_trace
-        from rig.cli.whole_plot import show_whole_plot_findings, show_whole_plot_summary
 
         if isinstance(traced, WholePlotTraced):
             show_whole_plot_summary(fit_table(table))

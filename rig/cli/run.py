@@ -14,6 +14,7 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
+from procedures.durations import duration
 from rig.cli import app
 from rig.cli.accepted import Acceptance
 from rig.cli.show import err, mark, run_progress, visible
@@ -30,7 +31,6 @@ from rig.cli.unattended import (
     outside,
 )
 from rig.controller import Result, resume_run, start_run
-from rig.durations import duration
 from rig.engine.early_warning import warnings_of
 from rig.engine.session import Outcome, Progress, Signals
 from rig.errors import ExitCode, RigError

@@ -10,8 +10,8 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
+from procedures.durations import duration
 from rig.cli.show import err, out, print_json
-from rig.durations import duration
 from rig.errors import ExitCode, RigError, UsageError
 from rig.run_file.live import controller_alive, read_live
 from rig.run_file.opening import sensible

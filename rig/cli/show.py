@@ -7,7 +7,6 @@ import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from math import isnan
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console, RenderableType
@@ -16,9 +15,11 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.text import Text
 
 from drivers.clock import RealClock
-from procedures.words import incomplete
-from rig.durations import duration
+from procedures.blocks import headline as headline_of
+from procedures.blocks import simulated_mark
+from procedures.durations import duration
 from rig.engine.session import Progress as News
+from rig.present.terminal import show
 
 if TYPE_CHECKING:
     from procedures.table import Table
@@ -62,16 +63,12 @@ def _finite(value: object) -> object:
     return value
 
 
-def mark(simulated: bool) -> str:
-    """What is put beside everything that comes from a simulated run."""
-    return "[bold magenta]SIMULATED[/] " if simulated else ""
+mark = simulated_mark
 
 
 def headline(file: str, table: Table, console: Console = out) -> None:
     """Whose observations, how many, and whether more are to come."""
-    missing = incomplete(table.provenance)
-    more = f" ([yellow]{escape(missing)}[/])" if missing else ""
-    console.print(f"{mark(table.simulated)}[bold]{escape(file)}[/]: {len(table)} observations{more}", soft_wrap=True)
+    show((headline_of(file, table),), console)
 
 
 def show_unused(unused: Mapping[str, Any]) -> None:
@@ -80,11 +77,6 @@ def show_unused(unused: Mapping[str, Any]) -> None:
 
     for sentence in sentences(unused):
         err.print(f"[yellow]{escape(sentence)}[/]", soft_wrap=True)
-
-
-def number(value: float | None, digits: int) -> str:
-    """A number, or a dash where there is none."""
-    return "-" if value is None or isnan(value) else f"{value:.{digits}g}"
 
 
 class _Bar(Progress):

@@ -10,12 +10,12 @@ from typing import Annotated, Any
 import typer
 from rich.markup import escape
 
+from procedures.durations import duration
 from rig.cli import app
 from rig.cli.accepted import Acceptance
 from rig.cli.run import JsonOption, warnings_in
 from rig.cli.runs import check_code, list_runs
 from rig.cli.show import mark, out, print_json
-from rig.durations import duration
 from rig.engine.time_left import left_when_resumed_s
 from rig.errors import ExitCode, RigError
 from rig.plans import has_plan, stored_plan

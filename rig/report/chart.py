@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from procedures.numbers import with_error as estimate_and_error
 from procedures.words import capitalised
 from rig.atomic import write_whole
 from rig.closed_loop.chart import ControlCharts, SensorChart
 from rig.closed_loop.chart_inputs import as_table
 from rig.closed_loop.chart_words import change_scale, due_date, label, probability, with_error
-from rig.present.parameters import with_error as estimate_and_error
 from rig.report.chart_plots import error_chart, parameter_charts
 from rig.report.frame import render
 

@@ -13,9 +13,9 @@ from fitter.history.chart import QuantityChart
 from fitter.history.components import Between
 from fitter.history.forecast import predict
 from fitter.quantiles import t_limit
+from procedures.pictures import grid, legend_below, png
 from rig.closed_loop.chart import DAYS, SensorChart
 from rig.closed_loop.chart_words import change_scale, label
-from rig.report.pictures import grid, legend_below, png
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 

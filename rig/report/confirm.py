@@ -10,9 +10,9 @@ import numpy as np
 from fitter.confirm.judge import Confirmation
 from fitter.trace.outcome import Figure
 from procedures.attitude.parameters import SCALE, UNIT
+from procedures.effect_plots import draw
 from rig.atomic import write_whole
 from rig.closed_loop.confirm.answers import Confirmed, chance, sentences, sizes
-from rig.report.effect_plots import draw
 from rig.report.frame import render
 from rig.tables.observations import run_table
 

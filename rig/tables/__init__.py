@@ -1,9 +1,10 @@
 """Tables in and out: CSV with units in the column names, and the observations of a run file."""
 
+from collections.abc import Collection
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
-from procedures.attitude.table import PITCH_ROLL, attitude_data
-from procedures.pressure.table import WHOLE_PLOT, whole_plot_data
 from procedures.table import Table
 from rig.errors import UsageError
 from rig.regular import open_regular
@@ -11,15 +12,12 @@ from rig.tables.csv_tables import read_any_csv, read_csv, read_gappy_csv, write_
 from rig.tables.observations import run_table
 
 __all__ = [
-    "PITCH_ROLL",
-    "WHOLE_PLOT",
+    "FileSource",
     "Table",
-    "attitude_data",
     "read_any_csv",
     "read_gappy_csv",
     "read_table",
     "run_table",
-    "whole_plot_data",
     "write_csv",
 ]
 
@@ -38,3 +36,24 @@ def read_table(path: Path) -> Table:
     if start.startswith(b"SQLite format 3"):
         return run_table(path)
     return read_csv(path)
+
+
+@dataclass(frozen=True)
+class FileSource:
+    """A run file, or a CSV file, read when it is asked for. See `procedures.results.Source`."""
+
+    path: Path
+
+    @property
+    def name(self) -> str:
+        """Its path."""
+        return str(self.path)
+
+    @cached_property
+    def table(self) -> Table:
+        """All of it. Raises `UsageError` or `RunFileError`."""
+        return read_table(self.path)
+
+    def read(self, needed: Collection[str]) -> Table:
+        """A CSV table of anything. Raises `UsageError`."""
+        return read_any_csv(self.path, needed)

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from drivers.clock import RealClock
-from rig.durations import duration
+from procedures.durations import duration
 from rig.engine.session import Outcome, Progress
 from rig.engine.states import AT_POINT, State
 from rig.errors import UsageError

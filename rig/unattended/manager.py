@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from drivers.clock import Clock, RealClock
-from rig.durations import duration
+from procedures.durations import duration
 from rig.engine.session import Progress
 from rig.engine.states import State
 from rig.unattended.happenings import Happening, Kind, RunFacts, one_line

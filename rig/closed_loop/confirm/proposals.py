@@ -10,6 +10,7 @@ from drivers.roles import Chamber
 from fitter.confirm.predict import NOTHING, Pair, Separation, separation
 from procedures.attitude.effects.separation import separate
 from procedures.attitude.settings import PitchRollProcedure
+from procedures.durations import duration
 from procedures.further_runs import Variation, possible
 from procedures.kind import kind_of
 from procedures.pressure.effects.separation import separate_pressure
@@ -17,7 +18,6 @@ from procedures.pressure.settings import WholePlotProcedure
 from rig.bench import playing
 from rig.closed_loop.confirm.first import First
 from rig.closed_loop.confirm.plans import hours, ways
-from rig.durations import duration
 
 SURE = 0.95
 """Probability of excluding the cause that is not true, or of showing the one that is, from which a run is enough."""

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from drivers.clock import RealClock
+from procedures.durations import duration
 from rig.bench import check_options
 from rig.config import BenchConfig, parse_toml, read_text
 from rig.contracts import read_bench
-from rig.durations import duration
 from rig.errors import RigError, UsageError
 from rig.plans import Plan, load_plan, plan_of
 from rig.run_file.live import controller_alive

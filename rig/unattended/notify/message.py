@@ -6,7 +6,7 @@ import platform
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
-from rig.durations import duration
+from procedures.durations import duration
 from rig.engine.session import Progress
 from rig.unattended.happenings import Happening, Kind, RunFacts, one_line
 

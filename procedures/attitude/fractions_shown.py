@@ -2,56 +2,51 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from rich import box
 from rich.markup import escape
-from rich.table import Table as RichTable
 
 from procedures.attitude.fractions_compared import FAMILY
 from procedures.attitude.parameters import LABELS, shown
+from procedures.blocks import Block, Grid, Line, headline
+from procedures.durations import duration
+from procedures.numbers import number
 from procedures.table import Table
 from procedures.words import TESTS, significant
-from rig.cli.show import headline, number, out
-from rig.durations import duration
 
 
-def show_fractions(name: str, table: Table, result: Mapping[str, Any], which: str) -> None:
+def show_fractions(name: str, table: Table, result: Mapping[str, Any], which: str) -> Iterator[Block]:
     """Table 2 and precision of every fraction beside the whole run; of a single one, its parameters too."""
-    headline(name, table)
+    yield headline(name, table)
     full = result["full"]
     if full["missing"]:
-        out.print(f"  [yellow]{full['missing']} visits are missing in some replications[/]")
+        yield Line(f"  [yellow]{full['missing']} visits are missing in some replications[/]", wrapped=True)
     model = "the declared model with temperature" if result["temperature"] else "the declared model"
-    out.print(f"  {full['name']} points, {duration(full['hours'] * 3600)}, fitted with {model}\n", soft_wrap=True)
+    yield Line(f"  {full['name']} points, {duration(full['hours'] * 3600)}, fitted with {model}\n")
     rows = [{**full, "share": 1.0}, *result["fractions"]]
     for sensor in full["sensors"]:
-        out.print(f"[bold]{escape(sensor)}[/]")
+        yield Line(f"[bold]{escape(sensor)}[/]", wrapped=True)
         for one in (_tests(sensor, rows), _precision(sensor, rows)):
-            out.print(one)
-            out.print()
+            yield one
+            yield Line()
         if which != FAMILY:
-            out.print(_parameters(sensor, *rows))
-            out.print()
-    _notes(decimated=any(row.get("K_alpha", 1) > 1 for row in rows))
+            yield _parameters(sensor, *rows)
+            yield Line()
+    yield from _notes(decimated=any(row.get("K_alpha", 1) > 1 for row in rows))
     advice = result["advice"]
-    out.print(f"[bold]{escape(advice['name'])}[/] {escape(advice['why'])}:", soft_wrap=True)
-    out.print(f"[bold]{escape(advice['sentence'])}[/]", soft_wrap=True)
-    out.print("In a procedure, under \\[design]:", soft_wrap=True)
-    out.print("\n".join(f"  {escape(line)}" for line in advice["procedure"].splitlines()), soft_wrap=True)
+    yield Line(f"[bold]{escape(advice['name'])}[/] {escape(advice['why'])}:")
+    yield Line(f"[bold]{escape(advice['sentence'])}[/]")
+    yield Line("In a procedure, under \\[design]:")
+    yield Line("\n".join(f"  {escape(line)}" for line in advice["procedure"].splitlines()))
 
 
-def _table(*headings: str, apart: int = 1) -> RichTable:
+def _table(*headings: str, apart: int = 1) -> Grid:
     """A table that fits 80 columns, `apart` more than one space between its own."""
-    table = RichTable(*headings, box=box.SIMPLE_HEAD, padding=(0, apart, 0, 0), pad_edge=False, show_edge=False)
-    for column in table.columns[1:]:
-        column.justify = "right"
-    table.columns[0].no_wrap = True
-    return table
+    return Grid(headings, frame="rule", apart=apart)
 
 
-def _tests(sensor: str, rows: Sequence[Mapping[str, Any]]) -> RichTable:
+def _tests(sensor: str, rows: Sequence[Mapping[str, Any]]) -> Grid:
     """The columns of Table 2."""
     table = _table("design", "points", "sigma_E", "bias", "prec", "T_bias", "limit", "T_b", "T_S", "limit", apart=0)
     for row in rows:
@@ -72,7 +67,7 @@ def _tests(sensor: str, rows: Sequence[Mapping[str, Any]]) -> RichTable:
     return table
 
 
-def _precision(sensor: str, rows: Sequence[Mapping[str, Any]]) -> RichTable:
+def _precision(sensor: str, rows: Sequence[Mapping[str, Any]]) -> Grid:
     """What each gives for its time, and whether it would have been right."""
     table = _table("design", "time", "interval", "times", "all data", "in 95 %", "shift of the coefficients")
     for row in rows:
@@ -96,7 +91,7 @@ def _shifts(sensor: Mapping[str, Any]) -> list[float]:
     return [float("nan") if value is None else value for value in sensor["shift"].values()]
 
 
-def _parameters(sensor: str, full: Mapping[str, Any], part: Mapping[str, Any]) -> RichTable:
+def _parameters(sensor: str, full: Mapping[str, Any], part: Mapping[str, Any]) -> Grid:
     """The paper's parameters of the whole run and of the fraction, beside each other."""
     names = (full["name"], part["name"])
     headings = [text for name in names for text in (escape(name), "standard error")]
@@ -121,17 +116,15 @@ def _marked(sensor: Mapping[str, Any], test: str) -> str:
     return f"[yellow]{text}*[/]" if significant(sensor, test) else text
 
 
-def _notes(*, decimated: bool) -> None:
-    out.print(
+def _notes(*, decimated: bool) -> Iterator[Block]:
+    yield Line(
         "  sigmas, interval, all data: 1e-4 deg. *: above its 95 % limit. interval: widest 95 % calibration interval, "
         "half-width; times: that over the whole run's. all data: standard error of the whole run's residuals under "
         "these coefficients. in 95 %: how many of its readings are within these prediction intervals. shift: of each "
-        "coefficient, in its own standard errors",
-        soft_wrap=True,
+        "coefficient, in its own standard errors"
     )
     if decimated:
-        out.print(
+        yield Line(
             "  N x M (a, b): a coarser grid, of which every a-th pitch is kept at all rolls and every b-th roll at all "
-            "pitches (NASA/TP-1999-209835, eq. 109)",
-            soft_wrap=True,
+            "pitches (NASA/TP-1999-209835, eq. 109)"
         )

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fitter.trace.outcome import Outcome
-from rig.report.effect_plots import drawn
-from rig.report.effects import effects_part
-from rig.report.frame import render
-from rig.report.whole_plot_plots import Residuals, between_whole_plots, reading_errors, within_whole_plots
+from procedures.effect_plots import drawn
+from procedures.effects_page import effects_part
+from procedures.pressure.plots import Residuals, between_whole_plots, reading_errors, within_whole_plots
+from procedures.results import Page
 
 if TYPE_CHECKING:
     from procedures.pressure.evaluate import WholePlotTraced
@@ -22,16 +22,15 @@ _ROWS = (
 )
 
 
-def whole_plot_report(traced: WholePlotTraced) -> str:
-    """The report as HTML."""
+def trace_page(traced: WholePlotTraced) -> Page:
+    """The report of a trace."""
     result = traced.to_json()
-    return render(
-        "whole_plot.html.j2",
-        traced.table,
-        span_s=float(np.ptp(traced.data.elapsed_s)),
-        whole_plots=len(traced.data.whole_plots),
-        sensors=[_transducer(one, result["sensors"][one.sensor], traced) for one in traced.outcomes],
-    )
+    contents = {
+        "whole_plots": len(traced.data.whole_plots),
+        "sensors": [_transducer(one, result["sensors"][one.sensor], traced) for one in traced.outcomes],
+    }
+    span_s = float(np.ptp(traced.data.elapsed_s))
+    return Page("procedures.pressure", "page.html.j2", traced.table, span_s, result["unused"], contents)
 
 
 def _transducer(outcome: Outcome, result: dict[str, Any], traced: WholePlotTraced) -> dict[str, Any]:

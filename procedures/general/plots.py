@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from rig.report.pictures import png, side_by_side
+from procedures.pictures import png, side_by_side
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from procedures.pictures import grid, png
 from procedures.pressure.evaluate import HOLD_AT, IN_USE, errors_in_words, in_use_words, low_pressure
 from procedures.pressure.fit.calibration import PressureFit
 from procedures.pressure.fit.methods import METHODS
-from rig.report.frame import render
-from rig.report.pictures import grid, png
+from procedures.results import Page
 
 if TYPE_CHECKING:
     from procedures.pressure.evaluate import WholePlotFitted
@@ -23,25 +23,24 @@ _MEASURES = (
 )
 
 
-def fit_report(fitted: WholePlotFitted) -> str:
-    """The report as HTML."""
+def fit_page(fitted: WholePlotFitted) -> Page:
+    """The report of a fit."""
     result = fitted.to_json()
     at, low = low_pressure(result)
     methods = [m for m in METHODS if all(m in sensor["methods"] for sensor in result["sensors"].values())]
-    return render(
-        "methods.html.j2",
-        fitted.table,
-        span_s=float(np.ptp(fitted.data.elapsed_s)),
-        whole_plots=len(fitted.data.whole_plots),
-        method=fitted.method,
-        low=f"{low:.3g}",
-        summary=[
+    contents = {
+        "whole_plots": len(fitted.data.whole_plots),
+        "method": fitted.method,
+        "low": f"{low:.3g}",
+        "summary": [
             {"name": name, "values": [in_use_words(sensor["methods"][m], at) for m in methods]}
             for name, sensor in result["sensors"].items()
         ],
-        methods=methods,
-        sensors=[_transducer(name, result["sensors"][name], fitted) for name in fitted.fits],
-    )
+        "methods": methods,
+        "sensors": [_transducer(name, result["sensors"][name], fitted) for name in fitted.fits],
+    }
+    span_s = float(np.ptp(fitted.data.elapsed_s))
+    return Page("procedures.pressure", "methods.html.j2", fitted.table, span_s, result["unused"], contents)
 
 
 def _transducer(name: str, result: dict[str, Any], fitted: WholePlotFitted) -> dict[str, Any]:

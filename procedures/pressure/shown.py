@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from rich.markup import escape
-from rich.table import Table
 
+from procedures.blocks import Block, Grid, Line, Paragraph, headline
+from procedures.effects_shown import show_certificate, show_effect
+from procedures.gross_shown import show_gross, show_left_out
+from procedures.numbers import number
 from procedures.pressure.evaluate import IN_USE, WholePlotTraced, errors_in_words, in_use_words, low_pressure
 from procedures.words import unnamed, verdict_of
-from rig.cli.effects import paragraph, show_certificate, show_effect
-from rig.cli.gross import show_gross, show_left_out
-from rig.cli.show import headline, number, out
 
 _MEASURES = (
     ("in_use", "max_pct", "largest reading error in use / %"),
@@ -27,58 +27,64 @@ _MEASURES = (
 )
 
 
-def show_whole_plot_summary(result: Mapping[str, Any]) -> None:
+def show_whole_plot_summary(result: Mapping[str, Any]) -> Iterator[Block]:
     """Largest reading error of every transducer by every method, at the lowest pressure of interest."""
     sensors = result["sensors"]
     first = next(iter(sensors.values()))["methods"]
     at, low = low_pressure(result)
     title = "Largest reading error in use / % by method"
-    table = Table(f"at {low:.3g} psia", *first, title=title, title_justify="left")
+    table = Grid(
+        (
+            f"at {low:.3g} psia",
+            *first,
+        ),
+        title=title,
+    )
     for name, sensor in sensors.items():
         fits = (sensor["methods"].get(method) for method in first)
         table.add_row(name, *(in_use_words(fit, at) if fit else "-" for fit in fits))
-    out.print(table)
-    out.print(f"  {IN_USE}", soft_wrap=True)
+    yield table
+    yield Line(f"  {IN_USE}")
 
 
-def show_whole_plot_fit(result: Mapping[str, Any]) -> None:
+def show_whole_plot_fit(result: Mapping[str, Any]) -> Iterator[Block]:
     """A summary, then methods side by side and the coefficients of GLS, a transducer after the other."""
-    _show_dead(result)
-    out.print(escape(result["data"]["model"]["sentence"]), soft_wrap=True)
-    out.print(result["data"]["coefficients_hold_at"], soft_wrap=True)
-    show_left_out(result["data"])
+    yield from _show_dead(result)
+    yield Line(escape(result["data"]["model"]["sentence"]))
+    yield Line(result["data"]["coefficients_hold_at"])
+    yield from show_left_out(result["data"])
     if len(result["sensors"]) > 1:
-        show_whole_plot_summary(result)
+        yield from show_whole_plot_summary(result)
     for name, sensor in result["sensors"].items():
-        out.print(f"\n[bold]{name}[/] ~ {escape(sensor['formula'])}", soft_wrap=True)
-        out.print(f"  {errors_in_words(sensor)}", soft_wrap=True)
-        show_gross(sensor["gross_errors"])
-        out.print(f"  {IN_USE}", soft_wrap=True)
+        yield Line(f"\n[bold]{name}[/] ~ {escape(sensor['formula'])}")
+        yield Line(f"  {errors_in_words(sensor)}")
+        yield from show_gross(sensor["gross_errors"])
+        yield Line(f"  {IN_USE}")
         for part, key, title in _MEASURES:
-            out.print(f"  {title}", soft_wrap=True)
-            out.print(_methods(sensor["methods"], part, key))
+            yield Line(f"  {title}")
+            yield _methods(sensor["methods"], part, key)
         for method, reason in sensor["not_possible"].items():
-            out.print(f"  [yellow]{method}: not possible:[/] {escape(reason)}", soft_wrap=True)
+            yield Line(f"  [yellow]{method}: not possible:[/] {escape(reason)}")
         for method, fitted in sensor["methods"].items():
             if fitted["note"]:
-                out.print(f"  [yellow]{method}:[/] {escape(fitted['note'])}", soft_wrap=True)
-        out.print(_kept(sensor))
+                yield Line(f"  [yellow]{method}:[/] {escape(fitted['note'])}")
+        yield _kept(sensor)
         spans = (f"{name} {low:.4g} to {high:.4g}" for name, (low, high) in sensor["calibration"]["ranges"].items())
-        out.print(f"  {sensor['intervals_cover']}", soft_wrap=True)
-        out.print(f"  valid for {', '.join(spans)} (psia, degC)", soft_wrap=True)
+        yield Line(f"  {sensor['intervals_cover']}")
+        yield Line(f"  valid for {', '.join(spans)} (psia, degC)")
         for note in sensor["notes"]:
-            out.print(f"  [yellow]{escape(note)}[/]", soft_wrap=True)
+            yield Line(f"  [yellow]{escape(note)}[/]")
 
 
-def _show_dead(result: Mapping[str, Any]) -> None:
+def _show_dead(result: Mapping[str, Any]) -> Iterator[Block]:
     for name, why in result["left_out"].items():
-        out.print(f"[red]{escape(name)} is left out:[/] it {why}", soft_wrap=True)
+        yield Line(f"[red]{escape(name)} is left out:[/] it {why}")
 
 
-def _methods(methods: Mapping[str, Any], part: str, key: str) -> Table:
+def _methods(methods: Mapping[str, Any], part: str, key: str) -> Grid:
     """One measure of every method at every pressure."""
     pressures = next(iter(methods.values()))["reading_error"]["pressure_psia"]
-    table = Table("  psia", *(f"{p:.3g}" for p in pressures), padding=(0, 1, 0, 0), box=None)
+    table = Grid(("  psia", *(f"{p:.3g}" for p in pressures)), frame="none")
     for method, fitted in methods.items():
         values = fitted[part][key]
         shown = (
@@ -94,11 +100,21 @@ def _percent(value: float | None) -> str:
     return "-" if value is None else f"{value:.2f}" if abs(value) < 10 else f"{value:.0f}"
 
 
-def _kept(sensor: Mapping[str, Any]) -> Table:
+def _kept(sensor: Mapping[str, Any]) -> Grid:
     """The calibration that is kept."""
     method = sensor["calibration"]["method"]
     title = f"calibration kept, by {method}"
-    table = Table("term", "estimate", "standard error", "df", "VIF", "unit", title=title, title_justify="left")
+    table = Grid(
+        (
+            "term",
+            "estimate",
+            "standard error",
+            "df",
+            "VIF",
+            "unit",
+        ),
+        title=title,
+    )
     for term, value in sensor["methods"][method]["coefficients"].items():
         inflation = sensor["variance_inflation"].get(term)
         keys = (("estimate", 6), ("stderr", 3), ("df", 3))
@@ -107,38 +123,48 @@ def _kept(sensor: Mapping[str, Any]) -> Table:
     return table
 
 
-def show_whole_plot_findings(traced: WholePlotTraced) -> None:
+def show_whole_plot_findings(traced: WholePlotTraced) -> Iterator[Block]:
     """A line or two a transducer: what was found, in words."""
     for name, sensor in traced.to_json()["sensors"].items():
-        out.print(f"[bold]{sensor['verdict']}[/]  {escape(sensor['sentence'])}", soft_wrap=False)
+        yield Line(f"[bold]{sensor['verdict']}[/]  {escape(sensor['sentence'])}", wrapped=True)
         for effect in sensor["effects"]:
             if effect["aliases"]:
-                out.print(
-                    f"  {name}: {effect['effect']} is confounded with {', '.join(effect['aliases'])} in these data"
+                yield Line(
+                    f"  {name}: {effect['effect']} is confounded with {', '.join(effect['aliases'])} in these data",
+                    wrapped=True,
                 )
         for note in sensor["notes"]:
             if "left out do not confirm" in note or note.startswith("not confirmed"):
-                out.print(f"  [yellow]{name}: {escape(note)}[/]", soft_wrap=True)
+                yield Line(f"  [yellow]{name}: {escape(note)}[/]")
 
 
-def show_whole_plot_trace(traced: WholePlotTraced) -> None:
+def show_whole_plot_trace(traced: WholePlotTraced) -> Iterator[Block]:
     """A short table a transducer: error before and after, and the effects found."""
     result = traced.to_json()
-    headline(result["data"]["file"], traced.table)
-    out.print(escape(result["data"]["model"]["sentence"]), soft_wrap=True)
-    _show_dead(result)
+    yield headline(result["data"]["file"], traced.table)
+    yield Line(escape(result["data"]["model"]["sentence"]))
+    yield from _show_dead(result)
     for name, sensor in result["sensors"].items():
-        out.print(f"\n[bold]{name}[/] (declared {escape(sensor['declared'])}): [bold]{escape(verdict_of(sensor))}[/]")
-        out.print(_before_after(sensor))
+        yield Line(
+            f"\n[bold]{name}[/] (declared {escape(sensor['declared'])}): [bold]{escape(verdict_of(sensor))}[/]",
+            wrapped=True,
+        )
+        yield _before_after(sensor)
         for effect in sensor["effects"]:
-            show_effect(effect)
+            yield from show_effect(effect)
         for line in unnamed(sensor):
-            paragraph(f"[yellow]{escape(line)}[/]", 2)
-        show_certificate(sensor)
+            yield Paragraph(f"[yellow]{escape(line)}[/]", 2)
+        yield from show_certificate(sensor)
 
 
-def _before_after(sensor: Mapping[str, Any]) -> Table:
-    table = Table("", "before", "after")
+def _before_after(sensor: Mapping[str, Any]) -> Grid:
+    table = Grid(
+        (
+            "",
+            "before",
+            "after",
+        )
+    )
     sides = sensor["before"], sensor["after"]
     for key, label in (
         ("sigma_subplot", "within whole plots / mV"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import isfinite
+from math import isfinite, isnan
 from typing import Any
 
 
@@ -29,3 +29,8 @@ def with_interval(row: Mapping[str, Any]) -> tuple[str, str, str]:
 
 def _places(error: float) -> int:
     return max(0, 1 - int(f"{error:.1e}".partition("e")[2]))  # the exponent of the error as it will be rounded
+
+
+def number(value: float | None, digits: int) -> str:
+    """A number, or a dash where there is none."""
+    return "-" if value is None or isnan(value) else f"{value:.{digits}g}"

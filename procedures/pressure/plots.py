@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
+from procedures.pictures import colour_scale, png, side_by_side
 from procedures.pressure.data import WholePlotData
-from rig.report.pictures import colour_scale, png, side_by_side
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 

@@ -2,46 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from rich.markup import escape
-from rich.table import Table as RichTable
 
 from fitter.trace.outcome import Outcome
 from procedures.attitude.evaluate import AttitudeTraced
 from procedures.attitude.parameters import LABELS, NO_DIRECTION, shown
 from procedures.attitude.words import little_help, misfit_in_words
+from procedures.blocks import Block, Grid, Line, Paragraph, headline
+from procedures.effects_shown import show_certificate, show_effect
+from procedures.gross_shown import show_gross, show_left_out
+from procedures.numbers import number, with_error, with_interval
 from procedures.words import TESTS, significant, unnamed, verdict_of
-from rig.cli.effects import paragraph, show_certificate, show_effect
-from rig.cli.gross import show_gross, show_left_out
-from rig.cli.show import headline, number, out
-from rig.present.parameters import with_error, with_interval
 
 
-def show_attitude_fit(result: Mapping[str, Any]) -> None:
+def show_attitude_fit(result: Mapping[str, Any]) -> Iterator[Block]:
     """A table of parameters a sensor, and its analysis of variance."""
-    show_left_out(result["data"])
+    yield from show_left_out(result["data"])
     for name, sensor in result["sensors"].items():
-        _show_sensor(name, sensor)
+        yield from _show_sensor(name, sensor)
         if name in result["kept"]:
             kept = result["kept"][name]
-            _show_parameters_of(f"{name}, kept with {', '.join(kept['effects']) or 'no effect'}", kept["parameters"])
-            out.print(f"  {kept['at_degC_sentence']}", soft_wrap=True)
-            _say(kept["depends_on"])
+            yield from _show_parameters_of(
+                f"{name}, kept with {', '.join(kept['effects']) or 'no effect'}", kept["parameters"]
+            )
+            yield Line(f"  {kept['at_degC_sentence']}")
+            yield from _say(kept["depends_on"])
             lacks = kept["lack_of_fit"]
             widened = "; the intervals above hold that too" if lacks["model_error"] else ""
             style = "yellow" if widened or lacks["T_bias"] is None else "none"
-            out.print(f"  [{style}]{escape(lacks['sentence'] + widened)}[/]", soft_wrap=True)
-            out.print()
+            yield Line(f"  [{style}]{escape(lacks['sentence'] + widened)}[/]")
+            yield Line()
     lacking = [name for name in result["sensors"] if _lacks(result, name)]
     if any(name not in result["kept"] for name in lacking):
-        out.print("some tests are significant: the model lacks something; see rig trace", soft_wrap=True)
+        yield Line("some tests are significant: the model lacks something; see rig trace")
     elif lacking:
-        out.print(
-            f"{', '.join(lacking)}: something is still lacking with the effects that are kept; see rig trace",
-            soft_wrap=True,
-        )
+        yield Line(f"{', '.join(lacking)}: something is still lacking with the effects that are kept; see rig trace")
 
 
 def _lacks(result: Mapping[str, Any], name: str) -> bool:
@@ -52,23 +50,24 @@ def _lacks(result: Mapping[str, Any], name: str) -> bool:
     return kept["lack_of_fit"]["model_error"] is not None or kept["lack_of_fit"]["drifts"]
 
 
-def _say(sentences: Iterable[str]) -> None:
+def _say(sentences: Iterable[str]) -> Iterator[Block]:
     for sentence in sentences:
-        out.print(f"  [yellow]{escape(sentence)}[/]", soft_wrap=True)
+        yield Line(f"  [yellow]{escape(sentence)}[/]")
 
 
-def _show_sensor(name: str, sensor: Mapping[str, Any]) -> None:
-    _show_parameters_of(f"{name}, {sensor['model']}", sensor["parameters"])
+def _show_sensor(name: str, sensor: Mapping[str, Any]) -> Iterator[Block]:
+    yield from _show_parameters_of(f"{name}, {sensor['model']}", sensor["parameters"])
     style = "yellow" if "OUTSIDE" in sensor["at_degC_sentence"] else "none"
-    out.print(f"  [{style}]{sensor['at_degC_sentence']}[/]", soft_wrap=True)
-    show_gross(sensor["gross_errors"])
+    yield Line(f"  [{style}]{sensor['at_degC_sentence']}[/]")
+    yield from show_gross(sensor["gross_errors"])
     drift = "replications drift: " if sensor["errors_from"] == "replications" else ""
-    out.print(f"  {drift}{sensor['intervals_cover']}", soft_wrap=True)
+    yield Line(f"  {drift}{sensor['intervals_cover']}")
     if sensor["model_error"] is not None:
-        out.print(f"  [yellow]{escape(misfit_in_words(sensor))}[/]", soft_wrap=True)
-    out.print(
+        yield Line(f"  [yellow]{escape(misfit_in_words(sensor))}[/]")
+    yield Line(
         f"  sigma_E {degrees(sensor['sigma_E_deg'])} = bias {degrees(sensor['sigma_bias_deg'])} and "
-        f"precision {degrees(sensor['sigma_prec_deg'])}"
+        f"precision {degrees(sensor['sigma_prec_deg'])}",
+        wrapped=True,
     )
     for test, what in (
         ("T_bias", "lack of fit"),
@@ -78,22 +77,30 @@ def _show_sensor(name: str, sensor: Mapping[str, Any]) -> None:
     ):
         value, bound = sensor[test], sensor[TESTS[test]]
         if value is None:
-            out.print(f"  {test:<8} cannot be tested with these data: {what}")
+            yield Line(f"  {test:<8} cannot be tested with these data: {what}", wrapped=True)
             continue
         verdict = "[yellow]significant[/]" if significant(sensor, test) else "not significant"
-        out.print(f"  {test:<8} {value:9.3g}  (95 % limit {bound:.3g})  {what}: {verdict}")
+        yield Line(f"  {test:<8} {value:9.3g}  (95 % limit {bound:.3g})  {what}: {verdict}", wrapped=True)
     if sensor["T_bias_blind"] is not None:
-        out.print(f"  [yellow]{escape(sensor['T_bias_blind'])}[/]", soft_wrap=True)
-    out.print()
+        yield Line(f"  [yellow]{escape(sensor['T_bias_blind'])}[/]")
+    yield Line()
 
 
-def _show_parameters_of(heading: str, parameters: Mapping[str, Any]) -> None:
-    table = RichTable("parameter", "estimate", "standard error", "95 % interval", title=heading, title_justify="left")
+def _show_parameters_of(heading: str, parameters: Mapping[str, Any]) -> Iterator[Block]:
+    table = Grid(
+        (
+            "parameter",
+            "estimate",
+            "standard error",
+            "95 % interval",
+        ),
+        title=heading,
+    )
     for parameter in (rows := shown(parameters)):
         table.add_row(LABELS[parameter], *with_interval(parameters[parameter]))
-    out.print(table)
+    yield table
     if "mx_V" in rows:
-        out.print(f"  {NO_DIRECTION}", soft_wrap=True)
+        yield Line(f"  {NO_DIRECTION}")
 
 
 _BEFORE_AFTER = (
@@ -107,26 +114,32 @@ _BEFORE_AFTER = (
 )
 
 
-def show_attitude_trace(traced: AttitudeTraced) -> None:
+def show_attitude_trace(traced: AttitudeTraced) -> Iterator[Block]:
     """A short table a sensor: error before and after, and the effects found."""
     result, outcomes = traced.to_json(), {one.sensor: one for one in traced.outcomes}
-    headline(result["data"]["file"], traced.table)
+    yield headline(result["data"]["file"], traced.table)
     for name, sensor in result["sensors"].items():
-        out.print(f"\n[bold]{name}[/] ({sensor['declared']}): [bold]{escape(verdict_of(sensor))}[/]")
-        table = RichTable("", "before", "after")
+        yield Line(f"\n[bold]{name}[/] ({sensor['declared']}): [bold]{escape(verdict_of(sensor))}[/]", wrapped=True)
+        table = Grid(
+            (
+                "",
+                "before",
+                "after",
+            )
+        )
         for key, label, scale in _BEFORE_AFTER:
             table.add_row(label, *(_cell(sensor[side], key, scale) for side in ("before", "after")))
-        out.print(table)
+        yield table
         if any(significant(sensor[side], test) for side in ("before", "after") for test in _MARKED):
-            out.print("  * above its 95 % limit")
-        _show_parameters(outcomes[name])
-        _say(sensor["depends_on"])
+            yield Line("  * above its 95 % limit", wrapped=True)
+        yield from _show_parameters(outcomes[name])
+        yield from _say(sensor["depends_on"])
         for effect in sensor["effects"]:
-            show_effect(effect)
+            yield from show_effect(effect)
         for line in (*(one["sentence"] for one in sensor["refused"]), *unnamed(sensor), little_help(sensor)):
             if line:
-                paragraph(f"[yellow]{escape(line)}[/]", 2)
-        show_certificate(sensor)
+                yield Paragraph(f"[yellow]{escape(line)}[/]", 2)
+        yield from show_certificate(sensor)
 
 
 _MARKED = ("T_bias", "T_b", "T_S")
@@ -137,13 +150,21 @@ def _cell(side: Mapping[str, Any], key: str, scale: float) -> str:
     return f"[yellow]{text} *[/]" if key in _MARKED and significant(side, key) else text
 
 
-def _show_parameters(outcome: Outcome) -> None:
-    table = RichTable("parameter", "before", "standard error", "after", "standard error")
+def _show_parameters(outcome: Outcome) -> Iterator[Block]:
+    table = Grid(
+        (
+            "parameter",
+            "before",
+            "standard error",
+            "after",
+            "standard error",
+        )
+    )
     for one in outcome.parameters:
         sides = (one.before or one.after, one.after)
         table.add_row(one.label, *(text for side in sides for text in with_error(side.value, side.stderr)))
-    out.print(table)
-    out.print(f"  {outcome.more['at_degC_sentence']}", soft_wrap=True)
+    yield table
+    yield Line(f"  {outcome.more['at_degC_sentence']}")
 
 
 def degrees(value: float | None) -> str:

@@ -8,13 +8,13 @@ import numpy as np
 
 from fitter.trace.outcome import Outcome, WithError
 from procedures.attitude.parameters import NO_DIRECTION
+from procedures.attitude.plots import Picture, residual_map, residuals_against
 from procedures.attitude.words import little_help
+from procedures.effect_plots import drawn
+from procedures.effects_page import effects_part
+from procedures.numbers import with_error
+from procedures.results import Page
 from procedures.words import TESTS, significant
-from rig.present.parameters import with_error
-from rig.report.attitude_plots import Picture, residual_map, residuals_against
-from rig.report.effect_plots import drawn
-from rig.report.effects import effects_part
-from rig.report.frame import render
 
 if TYPE_CHECKING:
     from procedures.attitude.evaluate import AttitudeTraced
@@ -32,15 +32,12 @@ _ROWS = (
 )
 
 
-def attitude_report(traced: AttitudeTraced) -> str:
-    """The report as HTML."""
+def trace_page(traced: AttitudeTraced) -> Page:
+    """The report of a trace."""
     result = traced.to_json()
-    return render(
-        "attitude.html.j2",
-        traced.table,
-        span_s=float(np.ptp(traced.data.elapsed_s)),
-        sensors=[_sensor(one, result["sensors"][one.sensor], traced) for one in traced.outcomes],
-    )
+    sensors = [_sensor(one, result["sensors"][one.sensor], traced) for one in traced.outcomes]
+    span_s = float(np.ptp(traced.data.elapsed_s))
+    return Page("procedures.attitude", "page.html.j2", traced.table, span_s, result["unused"], {"sensors": sensors})
 
 
 def _sensor(outcome: Outcome, result: dict[str, Any], traced: AttitudeTraced) -> dict[str, Any]:

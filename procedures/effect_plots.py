@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from fitter.trace.outcome import Figure
-from rig.report.pictures import png, three_panels
+from procedures.pictures import png, three_panels
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 Groups = np.ndarray[Any, np.dtype[np.int64]]

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from procedures.attitude.parameters import SCALE, UNIT
-from rig.report.pictures import colour_scale, legend_below, png, side_by_side
+from procedures.pictures import colour_scale, legend_below, png, side_by_side
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rig.atomic import write_whole
-from rig.report.effects import effects_part
-from rig.report.frame import render
-from rig.report.general_plots import residuals_over
+from procedures.effects_page import effects_part
+from procedures.general.plots import residuals_over
+from procedures.results import Page
 
 if TYPE_CHECKING:
     from procedures.general.evaluate import GeneralTraced
@@ -27,38 +25,27 @@ _ROWS = (
 _PLOTS = 6
 
 
-def write_general_report(path: Path, traced: GeneralTraced) -> None:
-    """Write a self-contained HTML report, whole or not at all. Raises `UsageError` if the disk refuses."""
-    text = general_report(traced)
-    write_whole(path, lambda file: file.write(text))
-
-
-def general_report(traced: GeneralTraced) -> str:
-    """The report as HTML; everything that came from a file is escaped."""
+def trace_page(traced: GeneralTraced) -> Page:
+    """The report of a trace."""
     result = traced.to_json()
     name, found = next(iter(result["sensors"].items()))
     before, after = found["before"], found["after"]
-    return render(
-        "general.html.j2",
-        traced.table,
-        span_s=0.0,
-        unused=result["unused"],
-        name=name,
-        **{
-            **found,
-            "rows": [
-                {"label": label, "before": _number(before[key]), "after": _number(after[key]), "meaning": meaning}
-                for key, label, meaning in _ROWS
-                if before[key] is not None or after[key] is not None
-            ],
-            "s": effects_part(found, {}),
-            "plots": _plots(traced),
-            "coefficients": [
-                {"name": term, "estimate": _number(value["estimate"], 6), "stderr": _number(value["stderr"], 3)}
-                for term, value in found["fitted"]["coefficients"].items()
-            ],
-        },
-    )
+    contents = {
+        **found,
+        "name": name,
+        "rows": [
+            {"label": label, "before": _number(before[key]), "after": _number(after[key]), "meaning": meaning}
+            for key, label, meaning in _ROWS
+            if before[key] is not None or after[key] is not None
+        ],
+        "s": effects_part(found, {}),
+        "plots": _plots(traced),
+        "coefficients": [
+            {"name": term, "estimate": _number(value["estimate"], 6), "stderr": _number(value["stderr"], 3)}
+            for term, value in found["fitted"]["coefficients"].items()
+        ],
+    }
+    return Page("procedures.general", "page.html.j2", traced.table, 0.0, result["unused"], contents)
 
 
 def _plots(traced: GeneralTraced) -> list[dict[str, Any]]:

@@ -2,56 +2,47 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from rich.markup import escape
-from rich.padding import Padding
 
+from procedures.blocks import Block, Line, Paragraph
 from procedures.words import chance, share, units, with_error
-from rig.cli.show import out
 
 _SHOWN = 6
 """Coefficients of an effect that are shown; the others are in the JSON and the report."""
 
 
-def show_effect(effect: Mapping[str, Any]) -> None:
+def show_effect(effect: Mapping[str, Any]) -> Iterator[Block]:
     """Name, size and coefficients with intervals, what it is confounded with, and what would distinguish them."""
     stratum = "" if effect["stratum"] == "noise" else f" ({effect['stratum']})"
-    paragraph(f"[green]{escape(effect['effect'])}[/]{stratum}: {share(effect)}, p {chance(effect)}", 2)
+    yield Paragraph(f"[green]{escape(effect['effect'])}[/]{stratum}: {share(effect)}, p {chance(effect)}", 2)
     interval = "" if not effect["size_95"] else f" (95 %: {escape(effect['size_95'])}, conditional on the selection)"
-    paragraph(f"{escape(effect['size'])}{interval}", 4)
-    _show_coefficients(effect)
+    yield Paragraph(f"{escape(effect['size'])}{interval}", 4)
+    yield from _show_coefficients(effect)
     if formulas := effect.get("formulas"):
         options = " ".join(f"--add '{text}'" for text in formulas)
-        paragraph(f"to calibrate with it: rig fit ... {escape(options)}", 4)
+        yield Paragraph(f"to calibrate with it: rig fit ... {escape(options)}", 4)
     if effect["aliases"]:
-        paragraph(f"these data cannot tell it from: {escape(', '.join(effect['aliases']))}", 4)
-        paragraph(f"would separate them: {escape(effect['separate_by'])}", 4)
+        yield Paragraph(f"these data cannot tell it from: {escape(', '.join(effect['aliases']))}", 4)
+        yield Paragraph(f"would separate them: {escape(effect['separate_by'])}", 4)
     elif effect["stratum"] != "noise":
-        paragraph(f"would confirm it: {escape(effect['separate_by'])}", 4)
+        yield Paragraph(f"would confirm it: {escape(effect['separate_by'])}", 4)
 
 
-def show_certificate(found: Mapping[str, Any]) -> None:
+def show_certificate(found: Mapping[str, Any]) -> Iterator[Block]:
     """The paragraph for a certificate, last of what is said of a sensor."""
-    out.print()
-    paragraph(f"[bold]for the certificate:[/] {escape(found['certificate'])}", 2)
+    yield Line()
+    yield Paragraph(f"[bold]for the certificate:[/] {escape(found['certificate'])}", 2)
 
 
-def _show_coefficients(effect: Mapping[str, Any]) -> None:
+def _show_coefficients(effect: Mapping[str, Any]) -> Iterator[Block]:
     columns = (effect["terms"], effect["coefficients"], effect["stderr"], effect["interval_95"], units(effect))
     rows: Sequence[tuple[Any, ...]] = list(zip(*columns, strict=True))
     for term, value, error, interval, unit in rows[:_SHOWN]:
         shown = " +- ".join(with_error(value, error)).removesuffix(" +- -")
         ends = "" if interval is None else f"  ({interval[0]:.4g} to {interval[1]:.4g})"
-        paragraph(f"{shown} {escape(unit)}  {escape(term)}{ends}", 4)
+        yield Paragraph(f"{shown} {escape(unit)}  {escape(term)}{ends}", 4)
     if len(rows) > _SHOWN:
-        paragraph(f"and {len(rows) - _SHOWN} more coefficients (--json)", 4)
-
-
-def paragraph(text: str, indent: int) -> None:
-    """Print a paragraph, wrapped and indented on a terminal, as one line where it goes to a file."""
-    if out.is_terminal:
-        out.print(Padding(text, (0, 0, 0, indent)))
-    else:
-        out.print(" " * indent + text, soft_wrap=True)
+        yield Paragraph(f"and {len(rows) - _SHOWN} more coefficients (--json)", 4)

@@ -1,0 +1,34 @@
+"""Options of commands that only attitude calibrations have."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from procedures.results import Options
+
+_TEMPERATURE = "whether offset and sensitivity follow the sensor temperature in the declared model"
+_AS_RUN = "as the run's procedure has it under [model], else not"
+
+
+class FitOptions(Options):
+    """Of `rig fit`."""
+
+    traced: bool = Field(False, description="keep a calibration with the effects that a trace finds")
+    temperature: bool | None = Field(None, description=_TEMPERATURE, json_schema_extra={"default": _AS_RUN})
+    at_degC: float | None = Field(
+        None,
+        description="with temperature: the sensor temperature at which parameters are given, 20 or 23 say",
+        json_schema_extra={"default": "the mean of the run"},
+    )
+    points: str | None = Field(
+        None,
+        description="what fewer points would have cost: 'fraction' for a family of fractions of the grid, a number for "
+        "the one with about so many points, 'tumble' for design T",
+    )
+
+
+class TraceOptions(Options):
+    """Of `rig trace`."""
+
+    temperature: bool | None = Field(None, description=_TEMPERATURE, json_schema_extra={"default": _AS_RUN})
+    unnamed: bool = Field(False, description="let smooth terms without a cause take up what no effect explains")

@@ -1,0 +1,39 @@
+"""Options of commands that only tables of any kind have: which part each column plays."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from procedures.results import Options
+
+_FORMULA = "the declared model, such as '1 + x + x^2'"
+
+
+class FitOptions(Options):
+    """Of `rig fit`."""
+
+    response: str | None = Field(None, description="the column to be explained")
+    formula: str | None = Field(None, description=_FORMULA)
+    whole_plot: str | None = Field(None, description="column(s, comma between) of whole plots")
+    replicate: str | None = Field(None, description="column of replications that hold whole plots")
+
+
+class TraceOptions(Options):
+    """Of `rig trace`."""
+
+    response: str | None = Field(None, description="the column to be explained, or arithmetic of columns")
+    formula: str | None = Field(None, description=_FORMULA)
+    group: list[str] | None = Field(
+        None, description="column(s) whose levels may have offsets or gains of their own; repeatable, or a,b"
+    )
+    whole_plot: str | None = Field(None, description="column(s, comma between) of whole plots, whose error is declared")
+    replicate: str | None = Field(None, description="column of repeats, whose offsets are declared")
+    time: str | None = Field(None, description="column of the time, in any unit")
+    direction: str | None = Field(
+        None, description="column of +-1 or of a velocity; or a setting, for the side it was approached from"
+    )
+    candidates: list[str] | None = Field(None, description="the only other columns to look at; repeatable, or a,b")
+    ignore: list[str] | None = Field(None, description="column(s) not to look at; repeatable, or a,b")
+    wrap: float | None = Field(
+        None, description="the response is an angle: bring it to half a turn of this size either side"
+    )

@@ -1,0 +1,40 @@
+"""Options of commands that only whole-plot calibrations have."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from procedures.results import Options
+
+_FORMULA = (
+    "the declared model instead of the one that the run's procedure declares: full, II.C, eq10, hierarchical, or a "
+    "formula such as '1 + P + P:T_sensor'"
+)
+
+
+class FitOptions(Options):
+    """Of `rig fit`."""
+
+    formula: str | None = Field(None, description=_FORMULA)
+    method: str | None = Field(
+        None,
+        description="by which method the calibration is kept: GLS, WLS, 'in-flight zero' or 'in-flight zero + WLS'",
+        json_schema_extra={"default": "GLS"},
+    )
+    add: list[str] | None = Field(
+        None, description="a further term, such as an effect that was traced: --add 'P^3'; repeatable"
+    )
+    power: float | None = Field(
+        None,
+        ge=0.0,
+        le=10.0,
+        description="weighted methods multiply rows by 1/P^POWER",
+        json_schema_extra={"default": "1"},
+    )
+    exclude_zero: bool = Field(False, description="weighted methods leave out readings at zero pressure")
+
+
+class TraceOptions(Options):
+    """Of `rig trace`."""
+
+    formula: str | None = Field(None, description=_FORMULA)

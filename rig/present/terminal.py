@@ -1,0 +1,46 @@
+"""Lines, paragraphs and tables on a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import assert_never
+
+from rich import box
+from rich.console import Console, RenderableType
+from rich.padding import Padding
+from rich.table import Table
+
+from procedures.blocks import Block, Grid, Line, Paragraph
+
+
+def show(blocks: Iterable[Block], console: Console) -> None:
+    """Print them one after the other."""
+    for block in blocks:
+        match block:
+            case Line(text, wrapped):
+                console.print(text, soft_wrap=not wrapped)
+            case Paragraph(text, indent) if console.is_terminal:
+                console.print(Padding(text, (0, 0, 0, indent)))
+            case Paragraph(text, indent):
+                console.print(" " * indent + text, soft_wrap=True)
+            case Grid():
+                console.print(_table(block))
+            case _:
+                assert_never(block)
+
+
+def _table(grid: Grid) -> RenderableType:
+    apart = (0, grid.apart, 0, 0)
+    match grid.frame:
+        case "box":
+            table = Table(*grid.columns, title=grid.title or None, title_justify="left")
+        case "none":
+            table = Table(*grid.columns, padding=apart, box=None)
+        case "rule":
+            table = Table(*grid.columns, box=box.SIMPLE_HEAD, padding=apart, pad_edge=False, show_edge=False)
+            for column in table.columns[1:]:
+                column.justify = "right"
+            table.columns[0].no_wrap = True
+    for row in grid.rows:
+        table.add_row(*row)
+    return table
