@@ -38,8 +38,8 @@ class Grid:
     Attributes:
         columns: headings.
         title: above it.
-        frame: "box"; "rule" below the headings alone, numbers to the right, for tables as wide as a terminal; or
-            "none".
+        frame: "box"; "plain", a rule below the headings alone; "rule", the same with numbers to the right, for tables as
+            wide as a terminal; or "none".
         apart: spaces between the columns of a table without a box.
         rows: of cells, as many as there are columns.
 
@@ -47,7 +47,7 @@ class Grid:
 
     columns: Sequence[str]
     title: str = ""
-    frame: Literal["box", "rule", "none"] = "box"
+    frame: Literal["box", "plain", "rule", "none"] = "box"
     apart: int = 1
     rows: list[tuple[str, ...]] = field(default_factory=list)
 

@@ -46,3 +46,10 @@ def _show_coefficients(effect: Mapping[str, Any]) -> Iterator[Block]:
         yield Paragraph(f"{shown} {escape(unit)}  {escape(term)}{ends}", 4)
     if len(rows) > _SHOWN:
         yield Paragraph(f"and {len(rows) - _SHOWN} more coefficients (--json)", 4)
+
+
+def show_confirmed(record: Mapping[str, Any]) -> Iterator[Block]:
+    """By which run a calibration's effects were judged, and what is used of each."""
+    yield Line(f"\njudged by {escape(record['by_run_id'])}")
+    for effect in record["effects"]:
+        yield Line(escape(f"  {effect['used']}. {effect['evidence']}"))

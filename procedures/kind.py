@@ -11,9 +11,10 @@ Methods import what they need themselves: few commands need the fitter, and none
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence, Set
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence, Set
 from functools import cache
 from importlib.metadata import entry_points
+from pathlib import Path
 from typing import Any, Protocol
 
 from pydantic import BaseModel
@@ -24,12 +25,14 @@ from fitter.errors import FitError
 from procedures.acceptance import Verdict
 from procedures.advice import Advice
 from procedures.conduct import Conduct
+from procedures.confirming import Confirming
 from procedures.further_runs import Limits, Variation
+from procedures.inference import Inference
 from procedures.precision import Precision
-from procedures.results import Fitted, Options, Source, Traced
+from procedures.results import Compared, Fitted, Options, Source, Traced
 from procedures.run_list import RunList
 from procedures.settings import WarningSettings
-from procedures.table import Table
+from procedures.table import Reader, Table
 from procedures.unused import Unused
 
 GROUP = "rig.kinds"
@@ -63,6 +66,13 @@ class Procedure(Protocol):
         """When a finished calibration is fit for use."""
 
     @property
+    def design(self) -> BaseModel:
+        """What is visited."""
+
+    def model_dump(self, *, mode: str, exclude_none: bool) -> dict[str, Any]:
+        """As its file has it."""
+
+    @property
     def conduct(self) -> Conduct:
         """How the run is carried out."""
 
@@ -84,6 +94,10 @@ class Kind(Protocol):
     @property
     def settings(self) -> type[BaseModel] | None:
         """The procedure file, whose instances are a `Procedure`; None where nothing of the kind is run on a bench."""
+
+    @property
+    def bench_factors(self) -> Sequence[str]:
+        """Factors for which a bench file may say which instrument sets them."""
 
     @property
     def described(self) -> str:
@@ -121,6 +135,33 @@ class Kind(Protocol):
     def trace(self, source: Source, options: Any, *, own: Sequence[Entry]) -> Traced:
         """Trace what the declared model lacks; arguments and errors as for `fit`."""
 
+    @property
+    def infer_options(self) -> type[Options]:
+        """Options of `rig infer` that only it has."""
+
+    def calibration_of(self, given: Mapping[str, Any]) -> Any:
+        """The calibration in what `rig fit --out` wrote. Raises what indexing and converting texts of others raises."""
+
+    def notes_of(self, given: Mapping[str, Any]) -> tuple[str, ...]:
+        """What is to be said with every use of a calibration file, and is not in the calibration's own notes."""
+
+    def infer(self, calibration: Any, read: Reader, options: Any, other: Callable[[Path], Reader]) -> Inference:
+        """Infer what a calibration is of.
+
+        Args:
+            calibration: as `calibration_of` gives it.
+            read: the table of outputs; values may be missing in it.
+            options: as this kind declares them.
+            other: reads a file that an option names.
+
+        Raises:
+            DataError: a column is missing, or a value cannot be used.
+
+        """
+
+    def confirming(self, traced: Any) -> Confirming | None:
+        """A run that it traced, as the first of two; None where no further run can be made."""
+
     def unused(self, table: Table) -> Unused:
         """Columns of a table that fits and traces do not look at."""
 
@@ -142,6 +183,28 @@ class Kind(Protocol):
 
         Raises:
             FitError: a range of usage is given, and this kind knows of none.
+
+        """
+
+    def compare(
+        self,
+        procedures: Sequence[Any],
+        names: Sequence[str],
+        axes: Collection[str],
+        usage: float | None,
+        hours: Sequence[float],
+    ) -> Compared:
+        """Procedures side by side.
+
+        Args:
+            procedures: of this kind.
+            names: what each is called.
+            axes: of the bench's sensors.
+            usage: range of use asked for.
+            hours: bench time of each.
+
+        Raises:
+            DataError: this kind does not compare designs.
 
         """
 

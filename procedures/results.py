@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, BinaryIO, Protocol
 
 from fitter.trace.outcome import Outcome
 from procedures.blocks import Block
@@ -83,5 +83,21 @@ class Traced(Protocol):
     def blocks(self) -> Iterable[Block]:
         """What a person reads of it."""
 
+    def summary(self) -> Iterable[Block]:
+        """The same in short, where there are many sensors."""
+
     def page(self) -> Page:
         """Its report."""
+
+
+class Compared(Protocol):
+    """Designs side by side."""
+
+    def to_json(self) -> dict[str, Any]:
+        """What `rig plan --compare --json` prints, without files; "designs" in the order given."""
+
+    def blocks(self) -> Iterable[Block]:
+        """What a person reads of it."""
+
+    def draw(self, file: BinaryIO) -> None:
+        """Precision over the range of use, as PNG."""

@@ -218,6 +218,11 @@ class RunList:
         """Setpoints of a point by factor name."""
         return {f.name: value for f, value in zip(self.factors, point.setpoints, strict=True)}
 
+    def column(self, name: str) -> list[float]:
+        """Setpoints of a factor, in order of the points."""
+        at = [factor.name for factor in self.factors].index(name)
+        return [point.setpoints[at] for point in self.points]
+
     def levels(self, factor: Factor) -> list[float]:
         """The different setpoints of a factor, in order of first appearance."""
         column = self.points.settings[self.factors.index(factor)]

@@ -17,7 +17,6 @@ from typing import Any, Literal, Self, TypeVar, cast
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from procedures.kind import Procedure, kinds
-from procedures.pressure.settings import FACTORS as WHOLE_PLOT_FACTORS
 from procedures.settings import Name
 from procedures.table import UNITS
 from rig.errors import ConfigurationError
@@ -118,10 +117,9 @@ class BenchConfig(_Strict):
             if other != name:
                 raise ValueError(f"{other} and {name} are both on channel {channel} of {reader}")
         for name, instrument in self.factors.items():
-            if name not in WHOLE_PLOT_FACTORS:
-                raise ValueError(
-                    f"factors.{name} is no factor of any procedure; known: {', '.join(WHOLE_PLOT_FACTORS)}"
-                )
+            known_factors = [factor for kind in kinds().values() for factor in kind.bench_factors]
+            if name not in known_factors:
+                raise ValueError(f"factors.{name} is no factor of any procedure; known: {', '.join(known_factors)}")
             if instrument not in self.instruments:
                 known = ", ".join(sorted(self.instruments))
                 raise ValueError(f"factors.{name} = {instrument!r} is no instrument here (there are {known})")

@@ -31,6 +31,7 @@ from procedures.attitude.trace.run import trace
 from procedures.blocks import Block, headline
 from procedures.catalogue import with_own
 from procedures.certificate import Change, Errors, certified, with_words
+from procedures.effects_shown import show_confirmed
 from procedures.errors import DataError
 from procedures.left_out import FitSummary, LeaveOut, Searched, kept_with, search
 from procedures.results import Page
@@ -265,6 +266,10 @@ class AttitudeTraced:
 
         return show_attitude_trace(self)
 
+    def summary(self) -> Iterator[Block]:
+        """All of it: sensors are few."""
+        return self.blocks()
+
     def page(self) -> Page:
         """Its report."""
         from procedures.attitude.page import trace_page  # noqa: PLC0415 - plots take a second to import
@@ -394,6 +399,8 @@ class AttitudeFitted:
 
         yield headline(PurePath(self.table.source).name, self.table)
         yield from show_attitude_fit(self.result)
+        if "confirmed_by" in self.result:
+            yield from show_confirmed(self.result["confirmed_by"])
 
     def page(self) -> None:
         """It has no report but its trace's."""

@@ -2,22 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from fitter.effects.entry import Entry
 from fitter.effects.own import Grammar
 from procedures.acceptance import Verdict
 from procedures.advice import Advice
-from procedures.attitude.options import FitOptions, TraceOptions
+from procedures.attitude.options import FitOptions, InferOptions, TraceOptions
 from procedures.attitude.settings import PitchRollProcedure
+from procedures.confirming import Confirming
 from procedures.errors import DataError
 from procedures.further_runs import Limits, Variation
+from procedures.inference import Inference
 from procedures.precision import Precision
-from procedures.results import Fitted, Source, Traced
+from procedures.results import Compared, Fitted, Source, Traced
 from procedures.run_list import RunList
-from procedures.table import Table
+from procedures.table import Reader, Table
 from procedures.unused import Unused, unused_in_fit
+
+if TYPE_CHECKING:
+    from procedures.attitude.evaluate import AttitudeTraced
+    from procedures.attitude.infer import AttitudeCalibration
 
 
 class AttitudeKind:
@@ -26,7 +34,8 @@ class AttitudeKind:
     name = "pitch-roll"
     title = "attitude sensors"
     settings = PitchRollProcedure
-    fit_options, trace_options = FitOptions, TraceOptions
+    fit_options, trace_options, infer_options = FitOptions, TraceOptions, InferOptions
+    bench_factors: tuple[str, ...] = ()
     asked_by: frozenset[str] = frozenset()
     described = "a pitch-roll table has replicate,order,elapsed_s,pitch_deg,roll_deg,sensor_temperature_degC and NAME_V"
 
@@ -78,6 +87,38 @@ class AttitudeKind:
 
         return trace_attitude_table(source.table, temperature=options.temperature, unnamed=options.unnamed, own=own)
 
+    def calibration_of(self, given: Mapping[str, Any]) -> AttitudeCalibration:
+        """See `Kind`."""
+        from procedures.attitude.infer import AttitudeCalibration  # noqa: PLC0415
+
+        return AttitudeCalibration.from_dict(given["calibration"])
+
+    def notes_of(self, given: Mapping[str, Any]) -> tuple[str, ...]:
+        """The calibration's own notes have all of them."""
+        return ()
+
+    def infer(
+        self, calibration: AttitudeCalibration, read: Reader, options: InferOptions, other: Callable[[Path], Reader]
+    ) -> Inference:
+        """Pitch and roll."""
+        from procedures.attitude.infer_table import infer_attitudes  # noqa: PLC0415
+
+        sensors = options.sensors
+        return infer_attitudes(
+            calibration,
+            read,
+            measured_roll=options.roll,
+            roll_sd_deg=options.roll_sd,
+            near_deg=options.near,
+            sensors=None if sensors is None else [name.strip() for name in sensors.split(",")],
+        )
+
+    def confirming(self, traced: AttitudeTraced) -> Confirming:
+        """See `Kind`."""
+        from procedures.attitude.confirming import AttitudeConfirming  # noqa: PLC0415
+
+        return AttitudeConfirming(traced)
+
     def unused(self, table: Table) -> Unused:
         """See `Kind`."""
         from procedures.attitude.table import KNOWN, UNIT  # noqa: PLC0415
@@ -99,6 +140,19 @@ class AttitudeKind:
 
         found = advise(procedure, usage_of(procedure, usage_deg), package_of(procedure, axes))
         return [one for one in found if one.applies]
+
+    def compare(
+        self,
+        procedures: Sequence[PitchRollProcedure],
+        names: Sequence[str],
+        axes: Collection[str],
+        usage: float | None,
+        hours: Sequence[float],
+    ) -> Compared:
+        """By the figures of merit of NASA/TP-1999-209835."""
+        from procedures.attitude.compared import compare_designs  # noqa: PLC0415
+
+        return compare_designs(procedures, names, axes, usage, hours)
 
     def judge(self, procedure: PitchRollProcedure, table: Table) -> Sequence[Verdict]:
         """See `Kind`."""

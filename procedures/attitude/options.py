@@ -32,3 +32,20 @@ class TraceOptions(Options):
 
     temperature: bool | None = Field(None, description=_TEMPERATURE, json_schema_extra={"default": _AS_RUN})
     unnamed: bool = Field(False, description="let smooth terms without a cause take up what no effect explains")
+
+
+class InferOptions(Options):
+    """Of `rig infer`."""
+
+    roll: str | None = Field(None, description="column of roll measured otherwise, in degrees")
+    roll_sd: float = Field(0.0, ge=0, description="standard deviation of the measured roll, deg")
+    near: tuple[float, float] | None = Field(
+        None,
+        description="pitch and roll, deg, on the side where the package is, as in --near 0 180 for one upside down; "
+        "level if not given",
+    )
+    sensors: str | None = Field(
+        None,
+        description="infer from these alone, as in --sensors x_V,y_V",
+        json_schema_extra={"default": "all"},
+    )

@@ -61,6 +61,10 @@ class GeneralTraced:
 
         return show_general_trace(self.to_json())
 
+    def summary(self) -> Iterator[Block]:
+        """All of it: there is one response."""
+        return self.blocks()
+
     def page(self) -> Page:
         """Its report."""
         from procedures.general.page import trace_page  # noqa: PLC0415 - plots take a second to import

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
-from typing import Any
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from fitter.effects.entry import Entry
+from fitter.errors import FitError
 from procedures.acceptance import Verdict
 from procedures.advice import Advice
 from procedures.errors import DataError
 from procedures.further_runs import Limits, Variation
-from procedures.general.options import FitOptions, TraceOptions
+from procedures.general.options import FitOptions, InferOptions, TraceOptions
+from procedures.inference import Inference
 from procedures.precision import Precision
-from procedures.results import Fitted, Source, Traced
+from procedures.results import Compared, Fitted, Source, Traced
 from procedures.run_list import RunList
-from procedures.table import Table
+from procedures.table import Reader, Table
 from procedures.unused import Unused
+
+if TYPE_CHECKING:
+    from procedures.general.infer import CurveCalibration
 
 
 class GeneralKind:
@@ -24,7 +30,8 @@ class GeneralKind:
     name = "general"
     title = "any table"
     settings = None
-    fit_options, trace_options = FitOptions, TraceOptions
+    fit_options, trace_options, infer_options = FitOptions, TraceOptions, InferOptions
+    bench_factors: tuple[str, ...] = ()
     asked_by = frozenset({"response"})
     described = "any other table is fitted with --response and --formula"
     own_effects = None
@@ -66,6 +73,29 @@ class GeneralKind:
         )
         return trace_general_table(source.read, roles)
 
+    def calibration_of(self, given: Mapping[str, Any]) -> CurveCalibration:
+        """See `Kind`."""
+        from procedures.general.infer import CurveCalibration  # noqa: PLC0415
+
+        if "calibration" not in given:
+            raise FitError("it was written before tables of any kind could be inferred from; fit the table again")
+        return CurveCalibration.from_dict(given["calibration"])
+
+    def notes_of(self, given: Mapping[str, Any]) -> tuple[str, ...]:
+        """As for a calibration with effects that a follow-up run confirmed; there is none."""
+        return ()
+
+    def infer(
+        self, calibration: CurveCalibration, read: Reader, options: InferOptions, other: Callable[[Path], Reader]
+    ) -> Inference:
+        """The abscissa of the curve."""
+        from procedures.general.infer_table import infer_general  # noqa: PLC0415
+
+        return infer_general(calibration, read)
+
+    def confirming(self, traced: Any) -> None:
+        """Nothing of this kind is run on a bench."""
+
     def unused(self, table: Table) -> Unused:
         """Fits and traces say it themselves: it depends on the formula."""
         return Unused()
@@ -80,6 +110,17 @@ class GeneralKind:
     def advice(self, procedure: Any, axes: Sequence[str], usage_deg: float | None) -> Sequence[Advice]:
         """There is none."""
         return ()
+
+    def compare(
+        self,
+        procedures: Sequence[Any],
+        names: Sequence[str],
+        axes: Collection[str],
+        usage: float | None,
+        hours: Sequence[float],
+    ) -> Compared:
+        """There is no figure of merit for these."""
+        raise DataError(f"procedures of kind {self.name} are not compared")
 
     def judge(self, procedure: Any, table: Table) -> Sequence[Verdict]:
         """No limits are set for it."""

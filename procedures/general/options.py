@@ -37,3 +37,7 @@ class TraceOptions(Options):
     wrap: float | None = Field(
         None, description="the response is an angle: bring it to half a turn of this size either side"
     )
+
+
+class InferOptions(Options):
+    """Of `rig infer`: none."""

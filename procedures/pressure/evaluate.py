@@ -339,6 +339,13 @@ class WholePlotTraced:
 
         return show_whole_plot_trace(self)
 
+    def summary(self) -> Iterator[Block]:
+        """Errors in use by method, and a sentence or two a transducer."""
+        from procedures.pressure.shown import show_whole_plot_findings, show_whole_plot_summary  # noqa: PLC0415
+
+        yield from show_whole_plot_summary(fit_whole_plots(self.table).to_json())
+        yield from show_whole_plot_findings(self)
+
     def page(self) -> Page:
         """Its report."""
         from procedures.pressure.page import trace_page  # noqa: PLC0415 - plots take a second to import

@@ -2,22 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from fitter.effects.entry import Entry
 from fitter.effects.own import Grammar
 from fitter.errors import FitError
 from procedures.acceptance import Verdict
 from procedures.advice import Advice
+from procedures.confirming import Confirming
+from procedures.errors import DataError
 from procedures.further_runs import Limits, Variation
+from procedures.inference import Inference
 from procedures.precision import Precision
-from procedures.pressure.options import FitOptions, TraceOptions
-from procedures.pressure.settings import WholePlotProcedure
-from procedures.results import Fitted, Source, Traced
+from procedures.pressure.options import FitOptions, InferOptions, TraceOptions
+from procedures.pressure.settings import FACTORS, WholePlotProcedure
+from procedures.results import Compared, Fitted, Source, Traced
 from procedures.run_list import RunList
-from procedures.table import Table
+from procedures.table import Reader, Table
 from procedures.unused import Unused, unused_in_fit
+
+if TYPE_CHECKING:
+    from procedures.pressure.evaluate import WholePlotTraced
+    from procedures.pressure.fit import PressureCalibration
 
 
 class PressureKind:
@@ -26,7 +35,8 @@ class PressureKind:
     name = "whole-plot"
     title = "pressure transducers"
     settings = WholePlotProcedure
-    fit_options, trace_options = FitOptions, TraceOptions
+    fit_options, trace_options, infer_options = FitOptions, TraceOptions, InferOptions
+    bench_factors: tuple[str, ...] = FACTORS
     asked_by: frozenset[str] = frozenset()
     described = (
         "a whole-plot table has whole_plot,order,elapsed_s,pressure_psia,sensor_temperature_degC,"
@@ -59,6 +69,37 @@ class PressureKind:
 
         return trace_whole_plot_table(source.table, options.formula, own)
 
+    def calibration_of(self, given: Mapping[str, Any]) -> Mapping[str, PressureCalibration]:
+        """See `Kind`."""
+        from procedures.pressure.fit import PressureCalibration  # noqa: PLC0415
+
+        return {n: PressureCalibration.from_dict(one["calibration"]) for n, one in given["sensors"].items()}
+
+    def notes_of(self, given: Mapping[str, Any]) -> tuple[str, ...]:
+        """What a follow-up run said of each effect, and what the calibration has of it."""
+        return tuple(str(effect["used"]) for effect in given.get("confirmed_by", {"effects": ()})["effects"])
+
+    def infer(
+        self,
+        calibration: Mapping[str, PressureCalibration],
+        read: Reader,
+        options: InferOptions,
+        other: Callable[[Path], Reader],
+    ) -> Inference:
+        """Pressure."""
+        from procedures.pressure.infer_table import infer_pressures  # noqa: PLC0415
+        from procedures.pressure.zeros import ZeroRows  # noqa: PLC0415
+
+        zero = None if options.zero is None else other(options.zero)
+        meaning: ZeroRows | None = None if options.zero_rows is None else options.zero_rows.value
+        return infer_pressures(calibration, read, zero, meaning)
+
+    def confirming(self, traced: WholePlotTraced) -> Confirming:
+        """See `Kind`."""
+        from procedures.pressure.confirming import WholePlotConfirming  # noqa: PLC0415
+
+        return WholePlotConfirming(traced)
+
     def unused(self, table: Table) -> Unused:
         """See `Kind`."""
         from procedures.pressure.table import KNOWN, UNIT  # noqa: PLC0415
@@ -85,6 +126,17 @@ class PressureKind:
         if usage_deg is not None:
             raise FitError(f"--usage is for attitude sensors; this procedure is of kind {self.name}")
         return ()
+
+    def compare(
+        self,
+        procedures: Sequence[Any],
+        names: Sequence[str],
+        axes: Collection[str],
+        usage: float | None,
+        hours: Sequence[float],
+    ) -> Compared:
+        """There is no figure of merit for these."""
+        raise DataError(f"procedures of kind {self.name} are not compared")
 
     def judge(self, procedure: WholePlotProcedure, table: Table) -> Sequence[Verdict]:
         """See `Kind`."""

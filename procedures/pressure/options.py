@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
+from pathlib import Path
+
 from pydantic import Field
 
 from procedures.results import Options
@@ -38,3 +41,24 @@ class TraceOptions(Options):
     """Of `rig trace`."""
 
     formula: str | None = Field(None, description=_FORMULA)
+
+
+class ZeroRowsMean(StrEnum):
+    """What several rows read in vacuum are."""
+
+    ONE_SITTING = "one-sitting"
+    INDEPENDENT = "independent"
+
+
+class InferOptions(Options):
+    """Of `rig infer`."""
+
+    zero: Path | None = Field(
+        None,
+        description="CSV of readings in vacuum, or near it with their pressure_psia, since the temperatures last changed",
+    )
+    zero_rows: ZeroRowsMean | None = Field(
+        None,
+        description="what several rows read in vacuum are: of one sitting, which shares the whole-plot error of the "
+        "readings; or independent, the temperatures set again before each; a column whole_plot says it too",
+    )

@@ -11,10 +11,13 @@ import typer
 from rich.markup import escape
 from rich.table import Column, Table
 
-from procedures.attitude.settings import PitchRollProcedure
 from procedures.durations import duration
+from procedures.kind import Kind
+from procedures.results import Options
 from rig.atomic import check_not_input, check_writable, write_whole
 from rig.cli import app
+from rig.cli.kind_options import chosen as chosen_kind
+from rig.cli.kind_options import with_options_of_kinds
 from rig.cli.run import JsonOption, RunArgument, conclude, signals
 from rig.cli.show import err, headline, mark, out, print_json, run_progress
 from rig.config import read_text
@@ -31,7 +34,13 @@ if TYPE_CHECKING:
     from rig.closed_loop.confirm.proposals import Inseparable, Proposal
 
 
+def _options(kind: Kind) -> type[Options]:
+    """A run is traced before it is confirmed: with the options of that."""
+    return kind.trace_options
+
+
 @app.command()
+@with_options_of_kinds(_options)
 def confirm(
     run_file: RunArgument,
     dry: Annotated[bool, typer.Option("--dry", help="make the further run on simulated instruments")] = False,
@@ -56,11 +65,9 @@ def confirm(
     ] = None,
     report: Annotated[Path | None, typer.Option(help="write a self-contained HTML report", show_default=False)] = None,
     yes: Annotated[bool, typer.Option("--yes", help="the package is mounted as the run asks for: do not wait")] = False,
-    formula: Annotated[
-        str | None,
-        typer.Option(help="whole plots: the model, where not the one the procedure declares", show_default=False),
-    ] = None,
     as_json: JsonOption = False,
+    *,
+    given: dict[str, Any],
 ) -> int:
     """Confirm by a further run what a trace found: which of the confounded causes holds, on data that are new.
 
@@ -73,13 +80,15 @@ def confirm(
     from rig.closed_loop.confirm.answers import judge
     from rig.closed_loop.confirm.first import open_traced
     from rig.closed_loop.confirm.plans import plan_for, procedure_text
-    from rig.closed_loop.confirm.proposals import consider, inseparable, propose
+    from rig.closed_loop.confirm.proposals import consider, inseparable, propose  # noqa: PLC0415
+    from rig.tables import FileSource  # noqa: PLC0415
 
     check_not_input([write, report], [run_file, *filter(None, (bench, world, by))])
     if world is not None and not dry:
         raise UsageError("--world describes a simulated bench; it goes with --dry")
     _check_options(by, write, report, only_list=only_list, take=take)
-    first = open_traced(run_file, formula)
+    _, options = chosen_kind(FileSource(run_file), given, _options)
+    first = open_traced(run_file, **options.model_dump(exclude_unset=True))
     if not as_json:
         headline(run_file.name, first.traced.table)
     if not first.questions:
@@ -167,12 +176,10 @@ def _wait_for_mounting(chosen: Proposal, *, dry: bool, yes: bool) -> None:
     """A person turns the package; the simulated bench turns it by itself."""
     if not chosen.variation.turned or dry or yes:
         return
-    run = chosen.variation.procedure
-    assert isinstance(run, PitchRollProcedure)
-    at = run.mounting
+    at = chosen.mounting or dict.fromkeys(("x_deg", "y_deg", "z_deg"), 0.0)
     words = (
         f"the run is {chosen.variation.what}, as it is mounted now (then, against its usual mounting, turned by "
-        f"{at.x_deg:g} deg about x, {at.y_deg:g} about y, {at.z_deg:g} about z): mount it so"
+        f"{at['x_deg']:g} deg about x, {at['y_deg']:g} about y, {at['z_deg']:g} about z): mount it so"
     )
     if not sys.stdin.isatty():
         raise UsageError(f"{words}, then give the same command with --yes; or choose another run with --take")

@@ -66,7 +66,9 @@ def fit(
     if confirmed_by is not None:
         from rig.closed_loop.confirm import fit_confirmed  # noqa: PLC0415
 
-        fitted = fit_confirmed(data, confirmed_by, options, leave_out or ())
+        if leave_out:
+            raise UsageError("--confirmed-by keeps every row: leave --leave-out away")
+        fitted = fit_confirmed(data, confirmed_by, options)
     else:
         fitted = kind.fit(
             FileSource(data), options, leave_out=leave_out or (), own=laboratory_effects(), keep=out_file is not None

@@ -65,11 +65,10 @@ def demo(
 
     Example: `rig demo pressure`
     """
-    from procedures.pressure.evaluate import WholePlotTraced
-    from rig.closed_loop import fit_table, trace_table
-    from rig.examples import example
-    from rig.report import write_report
-    from rig.tables.observations import run_table
+    from rig.closed_loop import trace_table  # noqa: PLC0415
+    from rig.examples import example  # noqa: PLC0415
+    from rig.report import write_page  # noqa: PLC0415
+    from rig.tables import run_table  # noqa: PLC0415
 
     night = _NIGHTS[lab]
     folder = example(night.folder)
@@ -91,18 +90,11 @@ def demo(
     table = run_table(path)
     traced = trace_table(table)
     report = path.with_suffix(".html")
-    write_report(report, traced)
+    write_page(report, traced.page())
     if as_json:
         print_json(traced.to_json())
     else:
-        from procedures.pressure.shown import show_whole_plot_findings, show_whole_plot_summary
-        from rig.cli.data import show_trace
-
-        if isinstance(traced, WholePlotTraced):
-            show_whole_plot_summary(fit_table(table))
-            show_whole_plot_findings(traced)
-        else:
-            show_trace(traced)
+        show(traced.summary(), out)
         out.print(f"Report: {escape(str(report))}", soft_wrap=True)
     return ExitCode.DONE
 

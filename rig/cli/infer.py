@@ -2,28 +2,22 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.markup import escape
 
 from rig.atomic import check_not_input
 from rig.cli import app
+from rig.cli.kind_options import options_of, with_options_of_kinds
 from rig.cli.run import JsonOption
 from rig.cli.show import err, mark, print_json, show_unused
 from rig.errors import ExitCode
 
 
-class ZeroRowsChoice(StrEnum):
-    """What several rows read in vacuum are."""
-
-    ONE_SITTING = "one-sitting"
-    INDEPENDENT = "independent"
-
-
 @app.command()
+@with_options_of_kinds(lambda kind: kind.infer_options)
 def infer(
     calibration: Annotated[Path, typer.Argument(help="what `rig fit --out` wrote", show_default=False)],
     data: Annotated[
@@ -35,40 +29,9 @@ def infer(
         ),
     ],
     out_file: Annotated[Path, typer.Option("--out", "-o", help="the CSV file to write", show_default=False)],
-    zero: Annotated[
-        Path | None,
-        typer.Option(
-            help="CSV of readings in vacuum, or near it with their pressure_psia, since the temperatures last changed",
-            show_default=False,
-        ),
-    ] = None,
-    zero_rows: Annotated[
-        ZeroRowsChoice | None,
-        typer.Option(
-            "--zero-rows",
-            help="what several rows read in vacuum are: of one sitting, which shares the whole-plot error of the "
-            "readings; or independent, the temperatures set again before each; a column whole_plot says it too",
-            show_default=False,
-        ),
-    ] = None,
-    roll: Annotated[
-        str | None,
-        typer.Option(help="attitude: column of roll measured otherwise, in degrees", show_default=False),
-    ] = None,
-    near: Annotated[
-        tuple[float, float] | None,
-        typer.Option(
-            help="attitude: pitch and roll, deg, on the side where the package is, as in --near 0 180 for one upside "
-            "down; level if not given",
-            show_default=False,
-        ),
-    ] = None,
-    sensors: Annotated[
-        str | None,
-        typer.Option(help="attitude: infer from these alone, as in --sensors x_V,y_V", show_default="all"),
-    ] = None,
-    roll_sd: Annotated[float, typer.Option(min=0, help="attitude: standard deviation of the measured roll, deg")] = 0.0,
     as_json: JsonOption = False,
+    *,
+    given: dict[str, Any],
 ) -> int:
     """Infer pitch and roll, pressure, or the abscissa of a curve from outputs, with 95 % intervals.
 
@@ -96,19 +59,11 @@ def infer(
     from rig import inference
     from rig.tables.csv_tables import write_csv
 
-    check_not_input([out_file], [calibration, data, zero])
+    named = [value for value in given.values() if isinstance(value, Path)]
+    check_not_input([out_file], [calibration, data, *named])
     file = inference.read_calibration(calibration)
-    chosen = None if sensors is None else [name.strip() for name in sensors.split(",")]
-    found = inference.infer(
-        file,
-        data,
-        zero=zero,
-        zero_rows=None if zero_rows is None else zero_rows.value,
-        measured_roll=roll,
-        roll_sd_deg=roll_sd,
-        near_deg=near,
-        sensors=chosen,
-    )
+    options = options_of(file.kind, given, lambda kind: kind.infer_options, f"this calibration is of {file.kind.title}")
+    found = inference.infer(file, data, options)
     write_csv(found.columns, out_file)
     for note in found.notes:
         err.print(f"[yellow]{escape(note)}[/]", soft_wrap=True)

@@ -76,16 +76,25 @@ def chosen(source: Source, given: Mapping[str, Any], choose: Choose) -> tuple[Ki
     """
     known = kinds()
     kind = next((one for one in known.values() if one.asked_by & given.keys()), None) or known_kind(source.table)
+    return kind, options_of(kind, given, choose, f"{source.name} is taken for {kind.title}")
+
+
+def options_of(kind: Kind, given: Mapping[str, Any], choose: Choose, because: str) -> Any:
+    """The options of a kind.
+
+    Raises:
+        UsageError: one was given that it does not have; the message ends with `because`.
+
+    """
+    known = kinds()
     for name in given:
         if name not in choose(kind).model_fields:
             owners = [one for one in known.values() if name in choose(one).model_fields]
             what = " and ".join(one.title for one in owners)
             needs = "".join(f"; it goes with --{other}" for one in owners for other in sorted(one.asked_by))
-            raise UsageError(
-                f"--{name.replace('_', '-')} is for {what}{needs}; {source.name} is taken for {kind.title}"
-            )
+            raise UsageError(f"--{name.replace('_', '-')} is for {what}{needs}; {because}")
     try:
-        return kind, choose(kind)(**given)
+        return choose(kind)(**given)
     except ValidationError as error:
         first = error.errors()[0]
         raise UsageError(f"--{str(first['loc'][0]).replace('_', '-')}: {first['msg']}") from error

@@ -8,15 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fitter.errors import FitError
-from procedures.attitude.infer.calibration import AttitudeCalibration
-from procedures.general.infer.curve import CurveCalibration
-from procedures.pressure.fit.calibration import PressureCalibration
+from procedures.kind import Kind, kinds
 from procedures.words import incomplete
 from rig.errors import UsageError
 from rig.regular import read_regular_text
-
-Calibration = AttitudeCalibration | CurveCalibration | Mapping[str, PressureCalibration]
 
 
 @dataclass(frozen=True)
@@ -24,19 +19,19 @@ class CalibrationFile:
     """A calibration file.
 
     Attributes:
-        calibration: of a package of attitude sensors, of a table of any kind, or of pressure transducers by output
-            column.
+        kind: of calibration.
+        calibration: as that kind has it.
         simulated: made from a simulated run.
         incomplete: that the run it was made from lacked points, "" if it did not.
-        confirmed: pressure: what a follow-up run said of each effect, and what the calibration has of it; the notes of
-            an attitude calibration say so themselves.
+        notes: what is to be said with every use.
 
     """
 
-    calibration: Calibration
+    kind: Kind
+    calibration: Any
     simulated: bool
     incomplete: str
-    confirmed: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def read_calibration(path: Path) -> CalibrationFile:
@@ -45,10 +40,9 @@ def read_calibration(path: Path) -> CalibrationFile:
         raise UsageError(f"{path} is a run file; make a calibration of it first: rig fit {path} --out calibration.json")
     try:
         given = json.loads(read_regular_text(path))
-        about = given["data"]
-        told = () if about["kind"] == "pitch-roll" else given.get("confirmed_by", {"effects": ()})["effects"]
-        words = tuple(str(effect["used"]) for effect in told)
-        return CalibrationFile(calibration_of(given), bool(about.get("simulated")), incomplete(about), words)
+        about, kind = given["data"], _kind(given)
+        words = kind.notes_of(given)
+        return CalibrationFile(kind, kind.calibration_of(given), bool(about.get("simulated")), incomplete(about), words)
     except FileNotFoundError:
         raise UsageError(f"there is no file {path}") from None
     except OSError as error:
@@ -59,12 +53,13 @@ def read_calibration(path: Path) -> CalibrationFile:
         raise UsageError(f"{path} is not a calibration file of `rig fit --out`: {error}") from error
 
 
-def calibration_of(given: Mapping[str, Any]) -> Calibration:
+def calibration_of(given: Mapping[str, Any]) -> Any:
     """The calibration in what `rig fit --out` writes. Raises ValueError, KeyError, TypeError or AttributeError."""
-    if given["data"]["kind"] == "pitch-roll":
-        return AttitudeCalibration.from_dict(given["calibration"])
-    if given["data"]["kind"] == "general":
-        if "calibration" not in given:
-            raise FitError("it was written before tables of any kind could be inferred from; fit the table again")
-        return CurveCalibration.from_dict(given["calibration"])
-    return {n: PressureCalibration.from_dict(sensor["calibration"]) for n, sensor in given["sensors"].items()}
+    return _kind(given).calibration_of(given)
+
+
+def _kind(given: Mapping[str, Any]) -> Kind:
+    name = given["data"]["kind"]
+    if name not in kinds():
+        raise ValueError(f"its kind {name!r:.80} is not known; known: {', '.join(kinds())}")
+    return kinds()[name]

@@ -36,11 +36,13 @@ def _table(grid: Grid) -> RenderableType:
             table = Table(*grid.columns, title=grid.title or None, title_justify="left")
         case "none":
             table = Table(*grid.columns, padding=apart, box=None)
-        case "rule":
+        case "plain" | "rule":
             table = Table(*grid.columns, box=box.SIMPLE_HEAD, padding=apart, pad_edge=False, show_edge=False)
-            for column in table.columns[1:]:
-                column.justify = "right"
-            table.columns[0].no_wrap = True
+            table.title, table.title_justify = grid.title or None, "left"
+            if grid.frame == "rule":
+                table.columns[0].no_wrap = True
+                for column in table.columns[1:]:
+                    column.justify = "right"
     for row in grid.rows:
         table.add_row(*row)
     return table

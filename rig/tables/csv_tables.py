@@ -14,8 +14,7 @@ from typing import IO, Any, BinaryIO
 import numpy as np
 
 from fitter.arrays import FloatArray
-from procedures.attitude.table import PITCH_ROLL
-from procedures.pressure.table import WHOLE_PLOT
+from procedures.kind import kinds
 from procedures.table import Table
 from rig.atomic import write_whole
 from rig.errors import UsageError
@@ -166,8 +165,7 @@ def _cells_of(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
         raise UsageError(f"{path} is not a CSV table: {error}") from error
     if not rows or not any(cell.strip() for cell in rows[0]):
         raise UsageError(
-            f"{path} is empty: the first line must name the columns ({','.join(PITCH_ROLL)},x_V or "
-            f"{','.join(WHOLE_PLOT)},bridge_mV)"
+            f"{path} is empty: the first line must name the columns; {'; '.join(one.described for one in kinds().values())}"
         )
     names = [cell.strip() for cell in rows[0]]
     for name in names:

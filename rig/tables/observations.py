@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from procedures.attitude.table import MOUNTING
 from procedures.run_list import RunList
 from procedures.table import Table
 from rig.errors import RunFileError
@@ -21,6 +20,9 @@ from rig.run_file.documents import Stored, declared_model, mounting_of
 from rig.run_file.reader import RunReader
 from rig.run_file.state import read_state
 from rig.who import told
+
+_MOUNTING = ("mounting_x_deg", "mounting_y_deg", "mounting_z_deg")
+"""Columns of a package that was turned: about x, then y, then z."""
 
 
 def run_table(path: Path, *, everything: bool = False, salvage: bool = False) -> Table:
@@ -63,7 +65,7 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
             if everything:
                 row["accepted"] = float(accepted)
             if any(turned.values()):
-                row |= dict.fromkeys(MOUNTING, 0.0) | turned
+                row |= dict.fromkeys(_MOUNTING, 0.0) | turned
             if genesis.data["simulated"]:
                 row["simulated"] = 1.0
             rows.append(row)

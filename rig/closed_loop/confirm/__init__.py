@@ -1,9 +1,9 @@
 """From a trace to the run that confirms it: what could be done, what it would tell, what it told."""
 
 from rig.closed_loop.confirm.answers import Confirmed, chance, evidence, judge, sentences, sizes
-from rig.closed_loop.confirm.calibration import confirmed_by, fit_attitude_confirmed, fit_whole_plots_confirmed
+from rig.closed_loop.confirm.calibration import fit_confirmed
 from rig.closed_loop.confirm.first import First, open_traced
-from rig.closed_loop.confirm.plans import plan_for, procedure_text, ways
+from rig.closed_loop.confirm.plans import plan_for, procedure_text
 from rig.closed_loop.confirm.proposals import SURE, Inseparable, Proposal, consider, inseparable, otherwise, propose
 
 __all__ = [
@@ -13,11 +13,9 @@ __all__ = [
     "Inseparable",
     "Proposal",
     "chance",
-    "confirmed_by",
     "consider",
     "evidence",
-    "fit_attitude_confirmed",
-    "fit_whole_plots_confirmed",
+    "fit_confirmed",
     "inseparable",
     "judge",
     "open_traced",
@@ -27,5 +25,4 @@ __all__ = [
     "propose",
     "sentences",
     "sizes",
-    "ways",
 ]

@@ -13,9 +13,6 @@ from fitter.arrays import FloatArray
 from fitter.confirm.judge import CHANGED, Confirmation, Member, SensorError, confirm_all
 from fitter.confirm.judge import Confirmed as Judged
 from fitter.errors import FitError
-from procedures.attitude.data import AttitudeData
-from procedures.attitude.evaluate import AttitudeTraced
-from procedures.pressure.data import WholePlotData
 from procedures.words import SMALLEST
 from rig.closed_loop.confirm.first import First, read_later
 from rig.errors import UsageError
@@ -37,7 +34,7 @@ class Confirmed:
 
     first: First
     path: Path
-    data: AttitudeData | WholePlotData
+    data: Any
     judged: Judged
 
     @property
@@ -53,18 +50,16 @@ class Confirmed:
     @property
     def unit(self) -> str:
         """Of what is inferred: errors are said in it."""
-        return "deg" if isinstance(self.first.traced, AttitudeTraced) else "psi"
+        return self.first.confirming.unit
 
     @property
     def own(self) -> str:
         """What is taken from the further run itself when it is predicted, in words; "" where nothing is."""
-        if self.unit == "psi":
-            return "an offset of each whole plot is taken out, as by a zero in flight"
-        return "offset and sensitive axes are the further run's own" if self.judged.realigned else ""
+        return self.first.confirming.own_words(realigned=self.judged.realigned)
 
     def inferred(self, error: SensorError, value: Value) -> Value:
         """An error of the output as one of what is inferred from it, in `unit`; small angles."""
-        return value * (float(np.degrees(1.0)) if self.unit == "deg" else 1.0) / abs(error.slope)
+        return value * self.first.confirming.per_slope / abs(error.slope)
 
     def to_json(self) -> dict[str, Any]:
         """For `--json`."""
@@ -101,7 +96,7 @@ class Confirmed:
         }
 
     def _error(self, error: SensorError) -> dict[str, float]:
-        output = "V" if self.unit == "deg" else "mV"
+        output = self.first.confirming.output_unit
         values = {"before": error.before, "after": error.after, "reading": error.sigma}
         return {f"{name}_{output}": value for name, value in values.items()} | {
             f"{name}_{self.unit}": self.inferred(error, value) for name, value in values.items()
@@ -117,7 +112,7 @@ def judge(first: First, later: Path) -> Confirmed:
     """
     data, after_s = read_later(first, later)
     try:
-        both = first.beside(data, after_s)
+        both = first.confirming.beside(data, after_s)
         judged = confirm_all(both, first.questions)
     except FitError as error:
         raise UsageError(f"{later}: {error}") from error

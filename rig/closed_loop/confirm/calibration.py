@@ -2,81 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from fitter.confirm.judge import Confirmation
-from procedures.attitude.evaluate import AttitudeTraced, fit_attitude_table
-from procedures.pressure.evaluate import WholePlotFitted, fit_whole_plots
+from procedures.confirming import SETTLED
+from procedures.results import Fitted, Options
 from rig.closed_loop.confirm.answers import Confirmed, evidence, judge
 from rig.closed_loop.confirm.first import First, open_traced
 from rig.errors import UsageError
 from rig.tables.observations import run_table
 
-SETTLED = ("confirmed", "replaced")
-"""Verdicts that leave one explanation, and show it."""
 
-
-def confirmed_by(
-    run: Path, later: Path, model: str | None = None, *, temperature: bool | None = None
-) -> tuple[First, Confirmed]:
-    """A run, traced, and what a follow-up run tells of it. Arguments and errors as for `open_traced` and `judge`."""
-    if run.suffix == ".csv" or later.suffix == ".csv":
-        raise UsageError("--confirmed-by takes two run files: tables do not say on which bench and when they were made")
-    first = open_traced(run, model, temperature=temperature)
-    return first, judge(first, later)
-
-
-def fit_attitude_confirmed(first: First, confirmed: Confirmed) -> dict[str, Any]:
-    """The calibration of the first run with the causes that the follow-up run confirmed; JSON-ready.
-
-    Where it left several, intervals cover those; where it settled nothing, all that the first run cannot separate.
-    """
-    traced = first.traced
-    assert isinstance(traced, AttitudeTraced)
-    allowed = {a.effect: a.holding for a in confirmed.answers if a.verdict in (*SETTLED, "undecided")}
-    result = fit_attitude_table(
-        traced.table, traced=True, temperature=traced.temperature, found=traced.trace, allowed=allowed
-    )
-    record = provenance(first, confirmed)
-    kept = result["calibration"]
-    kept["notes"] = [*kept["notes"], *(effect["used"] for effect in record["effects"])]
-    return result | {"confirmed_by": record}
-
-
-def fit_whole_plots_confirmed(
-    first: First, confirmed: Confirmed, model: str, options: Mapping[str, Any]
-) -> tuple[WholePlotFitted, dict[str, Any]]:
-    """The calibration of the first run with the terms of the causes confirmed, and where they come from.
+def fit_confirmed(run: Path, later: Path, options: Options) -> Fitted:
+    """The calibration of a run with the causes that a later one confirmed.
 
     Args:
-        first: the run that was traced.
-        confirmed: what the follow-up run told.
-        model: the declared model.
-        options: further ones of `fit_whole_plots`.
+        run: the run that is traced.
+        later: the run that judges it.
+        options: of `rig fit`, as the run's kind declares them; those that `rig trace` has too are the trace's.
+
+    Raises:
+        UsageError: one is no run file, or they do not belong together.
+        procedures.errors.DataError: an option has no place here.
 
     """
-    record, terms = provenance(first, confirmed), list(options.get("add", ()))
-    for answer, effect in zip(confirmed.answers, record["effects"], strict=True):
-        effect["terms"] = _terms(first, answer) if answer.verdict in SETTLED else []
-        terms += [term for term in effect["terms"] if term not in terms]
-        if answer.verdict not in SETTLED:
-            effect["used"] = f"{_verdict(answer)}: nothing was added to the calibration for it"
-        elif not effect["terms"]:
-            effect["used"] = (
-                f"{_verdict(answer)}; it is no function of pressure and temperatures: the calibration does not have it"
-            )
-    fitted = fit_whole_plots(first.traced.table, model, **{**options, "add": tuple(terms)})
-    return fitted, record
-
-
-def _terms(first: First, answer: Confirmation) -> list[str]:
-    """Formulas of the cause that holds, as `rig fit --add` takes them; [] if it has none."""
-    question = next(q for q in first.questions if q.effect == answer.effect)
-    member = next(m for m in question.members if m.effect == answer.holding[0])
-    formulas = [str(getattr(candidate.term, "formula", "")) for candidate in member.terms]
-    return list(dict.fromkeys(formulas)) if all(formulas) else []
+    if run.suffix == ".csv" or later.suffix == ".csv":
+        raise UsageError("--confirmed-by takes two run files: tables do not say on which bench and when they were made")
+    given = options.model_dump(exclude_unset=True)
+    first = open_traced(run, **{name: given[name] for name in ("formula", "temperature") if name in given})
+    confirmed = judge(first, later)
+    record = provenance(first, confirmed)
+    fitted = first.confirming.calibrated(confirmed.answers, first.questions, record, options)
+    for effect in record["effects"]:
+        del effect["told"]
+    return fitted
 
 
 def provenance(first: First, confirmed: Confirmed) -> dict[str, Any]:
@@ -90,6 +50,7 @@ def provenance(first: First, confirmed: Confirmed) -> dict[str, Any]:
                 "named": answer.effect,
                 "verdict": answer.verdict,
                 "holds": list(answer.holding),
+                "told": _verdict(answer),
                 "used": _used(answer),
                 "evidence": evidence(answer) or one["sentence"],
                 "members": one["members"],

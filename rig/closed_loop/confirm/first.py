@@ -5,20 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from fitter.confirm.question import Question, questions_of
-from fitter.confirm.together import Together
-from procedures.attitude.data import AttitudeData
-from procedures.attitude.evaluate import AttitudeTraced
-from procedures.attitude.table import attitude_data
-from procedures.attitude.together import AttitudeTogether
-from procedures.kind import Procedure
-from procedures.pressure.data import WholePlotData
-from procedures.pressure.table import whole_plot_data
-from procedures.pressure.together import WholePlotTogether
-from rig.closed_loop import Traced, trace_table
+from procedures.confirming import Confirming
+from procedures.kind import Procedure, kind_of
+from rig.closed_loop import Traced, known, trace_table
 from rig.config import BenchConfig
 from rig.controller import WORLD_START
 from rig.errors import UsageError
@@ -36,6 +30,7 @@ class First:
     Attributes:
         path: the run file.
         traced: what was found in it.
+        confirming: what its kind knows of a further run.
         questions: an effect found each.
         documents: texts of its files.
         procedure: what was run.
@@ -48,6 +43,7 @@ class First:
 
     path: Path
     traced: Traced
+    confirming: Confirming
     questions: tuple[Question, ...]
     documents: Mapping[str, str]
     procedure: Procedure
@@ -64,24 +60,15 @@ class First:
     @property
     def later_s(self) -> float:
         """Seconds from its start to the same hour of a later day, when it is over."""
-        return DAY_S * float(np.ceil((self.traced.data.elapsed_s.max() + 3600.0) / DAY_S))
-
-    def beside(self, later: AttitudeData | WholePlotData, after_s: float) -> Together:
-        """This run and a later one of its kind, `after_s` from its start."""
-        if isinstance(self.traced, AttitudeTraced):
-            assert isinstance(later, AttitudeData)
-            return AttitudeTogether.of(self.traced.trace, self.traced.data, later, after_s)
-        assert isinstance(later, WholePlotData)
-        return WholePlotTogether.of(self.traced.trace, self.traced.data, later, after_s)
+        return DAY_S * float(np.ceil((self.confirming.data.elapsed_s.max() + 3600.0) / DAY_S))
 
 
-def open_traced(path: Path, model: str | None = None, *, temperature: bool | None = None) -> First:
+def open_traced(path: Path, **options: Any) -> First:
     """Trace a run.
 
     Args:
         path: its run file.
-        model: whole plots: the declared model, if not the full second order.
-        temperature: attitude: whether the declared model has temperature in it; as the run's procedure has it if None.
+        options: of `rig trace` that the run's kind declares.
 
     Raises:
         UsageError: it is no run file, or its rows do not determine the declared model.
@@ -95,11 +82,15 @@ def open_traced(path: Path, model: str | None = None, *, temperature: bool | Non
     with RunReader.open(path) as reader:
         documents, genesis = reader.documents(), reader.genesis()
     plan = plan_of(documents, dry=bool(genesis.data["dry"]), stored=True)
-    traced = trace_table(table, model, temperature=temperature)
+    traced, kind = trace_table(table, **options), kind_of(plan.procedure)
+    confirming = kind.confirming(traced)
+    if confirming is None:
+        raise UsageError(f"{path}: no further run is made of {kind.title}")
     return First(
         path=path,
         traced=traced,
-        questions=questions_of(traced.trace),
+        confirming=confirming,
+        questions=questions_of(confirming.found),
         documents=documents,
         procedure=plan.procedure,
         bench=plan.bench,
@@ -109,7 +100,7 @@ def open_traced(path: Path, model: str | None = None, *, temperature: bool | Non
     )
 
 
-def read_later(first: First, path: Path) -> tuple[AttitudeData | WholePlotData, float]:
+def read_later(first: First, path: Path) -> tuple[Any, float]:
     """A later run, and how long after the start of the first it began, s.
 
     Raises:
@@ -117,8 +108,9 @@ def read_later(first: First, path: Path) -> tuple[AttitudeData | WholePlotData, 
 
     """
     table = run_table(path)
-    if table.kind != first.traced.table.kind:
-        raise UsageError(f"{path} is a {table.kind} run and {first.path} a {first.traced.table.kind} run")
+    kind, of_first = known(table).name, known(first.traced.table).name
+    if kind != of_first:
+        raise UsageError(f"{path} is a {kind} run and {first.path} a {of_first} run")
     if not table.provenance["complete"]:
         raise UsageError(f"{path} is not complete: rig resume {path}, then judge by it")
     if table.provenance["bench"] != first.traced.table.provenance["bench"]:
@@ -141,5 +133,4 @@ def read_later(first: First, path: Path) -> tuple[AttitudeData | WholePlotData, 
             f"{path} began at the time of {first.path} or before it: what confirms an effect has to come after it"
             f"{dry if first.dry else ''}"
         )
-    data = attitude_data(table) if isinstance(first.traced, AttitudeTraced) else whole_plot_data(table)
-    return data, after_s
+    return first.confirming.later(table), after_s

@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from drivers.roles import Chamber
 from fitter.confirm.predict import NOTHING, Pair, Separation, separation
-from procedures.attitude.effects.separation import separate
-from procedures.attitude.settings import PitchRollProcedure
 from procedures.durations import duration
 from procedures.further_runs import Variation, possible
 from procedures.kind import kind_of
-from procedures.pressure.effects.separation import separate_pressure
-from procedures.pressure.settings import WholePlotProcedure
 from rig.bench import playing
 from rig.closed_loop.confirm.first import First
-from rig.closed_loop.confirm.plans import hours, ways
 
 SURE = 0.95
 """Probability of excluding the cause that is not true, or of showing the one that is, from which a run is enough."""
@@ -50,12 +45,16 @@ class Proposal:
         variation: what is run.
         separations: expected, of every effect found.
         hours: of bench time.
+        size: points and replications, for a table.
+        mounting: how the package is turned, deg about each axis; None where it is as usual.
 
     """
 
     variation: Variation
     separations: tuple[Separation, ...]
     hours: float
+    size: str
+    mounting: Mapping[str, float] | None
 
     @property
     def enough(self) -> bool:
@@ -126,22 +125,12 @@ class Proposal:
     def _alike(self) -> list[tuple[Separation, Pair]]:
         return [(s, pair) for s in self.separations for pair in s.sigmas if pair[1] != NOTHING]
 
-    @property
-    def size(self) -> str:
-        """Points and replications, for a table."""
-        run = self.variation.procedure
-        if isinstance(run, WholePlotProcedure):
-            plots = len(run.design.pairs()) * run.replications
-            return f"{plots} whole plots x {len(run.design.pressures_psia) + len(run.design.repeated_psia)}"
-        return f"{len(run.design.build())} x {run.replications}"
-
     def to_json(self) -> dict[str, Any]:
         """For `--json`."""
         run = self.variation.procedure
-        turned = isinstance(run, PitchRollProcedure) and run.mounting.turned
         return {
             "what": self.variation.what,
-            "mounting": run.mounting.model_dump() if isinstance(run, PitchRollProcedure) and turned else None,
+            "mounting": None if self.mounting is None else dict(self.mounting),
             "turn_the_package": self.variation.turned,
             "points": len(run.expand()),
             "hours": self.hours,
@@ -162,14 +151,21 @@ class Proposal:
 
 def consider(first: First) -> tuple[Proposal, ...]:
     """Of every kind of run the one that would tell most for least; the best of all first."""
-    best: dict[str, Proposal] = {}
+    kind, best = first.confirming, dict[str, Proposal]()
     for variation in possible(_further_runs(first), first.bench.limits):
         known = best.get(variation.what)
         if known is not None and known.enough:
             continue  # the smallest that is enough
         run_list = variation.procedure.expand()
-        both = ways(first, variation, run_list)
-        proposal = Proposal(variation, separation(both, first.questions), hours(first, variation, run_list))
+        both = kind.ways(variation, run_list, first.questions, first.later_s)
+        run = variation.procedure
+        proposal = Proposal(
+            variation,
+            separation(both, first.questions),
+            kind.hours(variation, run_list),
+            kind.size(run),
+            kind.mounting(run),
+        )
         if known is None or proposal.rank < known.rank:
             best[variation.what] = proposal
     return tuple(sorted(best.values(), key=lambda proposal: proposal.place))
@@ -230,11 +226,8 @@ def otherwise(first: First, proposal: Proposal, never: Sequence[Inseparable] = (
             f"{duration(3600.0 * proposal.hours)} of bench time"
         )
     chances = {pair: chance for s in proposal.separations for pair, chance in s.chances.items()}
-    if isinstance(first.procedure, WholePlotProcedure) and any(other != NOTHING for _, other in chances):
-        yield (
-            "of the standard errors between two explanations of whole plots about two thirds came in simulated worlds "
-            "(half of them 0.5 to 0.9, docs/confirm.md): count on that much"
-        )
+    if first.confirming.caution and any(other != NOTHING for _, other in chances):
+        yield first.confirming.caution
     for pair in proposal.open_pairs:
         if pair in (one.pair for one in never):
             continue
@@ -248,5 +241,4 @@ def otherwise(first: First, proposal: Proposal, never: Sequence[Inseparable] = (
 
 def _would(first: First, pair: Pair) -> str:
     members = {m.effect: m.terms[0].effect for q in first.questions for m in q.members}
-    how = separate_pressure if isinstance(first.procedure, WholePlotProcedure) else separate
-    return how(members[pair[0]], members[pair[1]])
+    return first.confirming.separated_by(members[pair[0]], members[pair[1]])

@@ -1,0 +1,183 @@
+"""An attitude run that was traced, as the first of two. See `procedures.confirming.Confirming`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.confirm.compare import CARRIED_ON
+from fitter.confirm.judge import Confirmation
+from fitter.confirm.question import Question
+from fitter.effects.entry import Entry
+from procedures.attitude.data import AttitudeData
+from procedures.attitude.effects import Effect, separate
+from procedures.attitude.evaluate import AttitudeFitted, AttitudeTraced, fit_attitude_table
+from procedures.attitude.model import mounting_matrix
+from procedures.attitude.options import FitOptions
+from procedures.attitude.parameters import SCALE, UNIT
+from procedures.attitude.settings import PitchRollProcedure
+from procedures.attitude.table import attitude_data
+from procedures.attitude.together import AttitudeTogether
+from procedures.attitude.trace import Trace
+from procedures.confirming import SETTLED
+from procedures.errors import DataError
+from procedures.further_runs import Variation
+from procedures.run_list import RunList
+from procedures.table import Table
+
+PACKAGE_S = 1200.0
+"""Time constant with which a package follows its enclosure: a run begins before the last of a change is through."""
+TRAVEL_S_PER_DEG = 0.2
+"""What a longer way between points costs; a head at 5 deg/s."""
+GOES_ON = 0.0, 0.5, 1.0
+"""How much of the first run's trend in temperature may go on until the further run: nobody knows the next night."""
+
+
+@dataclass(frozen=True, eq=False)
+class AttitudeConfirming:
+    """See `procedures.confirming.Confirming`."""
+
+    traced: AttitudeTraced
+
+    unit = "deg"
+    output_unit = "V"
+    per_slope = float(np.degrees(1.0))
+    drawn = UNIT, SCALE
+    caution = ""
+
+    @property
+    def found(self) -> Trace:
+        """What was found."""
+        return self.traced.trace
+
+    @property
+    def data(self) -> AttitudeData:
+        """Of the run."""
+        return self.traced.data
+
+    def own_words(self, *, realigned: bool) -> str:
+        """See `Confirming`."""
+        return "offset and sensitive axes are the further run's own" if realigned else ""
+
+    def later(self, table: Table) -> AttitudeData:
+        """See `Confirming`."""
+        return attitude_data(table)
+
+    def beside(self, later: AttitudeData, after_s: float) -> AttitudeTogether:
+        """See `Confirming`."""
+        return AttitudeTogether.of(self.found, self.data, later, after_s)
+
+    def ways(
+        self, variation: Variation, run_list: RunList, questions: Sequence[Question], later_s: float
+    ) -> list[AttitudeTogether]:
+        """With temperatures that come back, or go on falling; one way where nothing open is of time or temperature."""
+        later = self._planned(variation, run_list)
+        both = [self.beside(later, later_s)]
+        sources = {member.terms[0].effect.source for question in questions for member in question.members}
+        if later.sensor_temperature_degC is not None and sources & {*CARRIED_ON}:
+            trend = _trend(self.data) * later_s
+            for share in GOES_ON[1:]:
+                degC = later.sensor_temperature_degC + share * trend
+                both.append(self.beside(replace(later, sensor_temperature_degC=degC), later_s))
+        return both
+
+    def hours(self, variation: Variation, run_list: RunList) -> float:
+        """See `Confirming`."""
+        procedure: PitchRollProcedure = variation.procedure
+        soak = procedure.environment.dwell_s if procedure.environment is not None else 0.0
+        return (len(run_list) * _point_s(self.data, run_list) + soak) / 3600.0
+
+    def size(self, procedure: PitchRollProcedure) -> str:
+        """See `Confirming`."""
+        return f"{len(procedure.design.build())} x {procedure.replications}"
+
+    def mounting(self, procedure: PitchRollProcedure) -> Mapping[str, float] | None:
+        """See `Confirming`."""
+        return procedure.mounting.model_dump() if procedure.mounting.turned else None
+
+    def separated_by(self, one: Entry, other: Entry) -> str:
+        """See `Confirming`."""
+        assert isinstance(one, Effect)
+        assert isinstance(other, Effect)
+        return separate(one, other)
+
+    def variables(self) -> Mapping[str, tuple[str, float]]:
+        """See `Confirming`."""
+        return {
+            "pitch_deg": ("pitch / deg", 1.0),
+            "roll_deg": ("roll / deg", 1.0),
+            "sensor_temperature_degC": ("sensor temperature / degC", 1.0),
+        }
+
+    def calibrated(
+        self,
+        answers: Sequence[Confirmation],
+        questions: Sequence[Question],
+        record: dict[str, Any],
+        options: FitOptions,
+    ) -> AttitudeFitted:
+        """Where a further run left several causes, intervals cover those; where it settled nothing, all of the class."""
+        if options.at_degC is not None or options.points is not None:
+            raise DataError(
+                "--confirmed-by keeps a calibration at the run's mean temperature: leave --at-degC and --points away"
+            )
+        allowed = {a.effect: a.holding for a in answers if a.verdict in (*SETTLED, "undecided")}
+        result = fit_attitude_table(
+            self.traced.table, traced=True, temperature=self.traced.temperature, found=self.found, allowed=allowed
+        )
+        kept = result["calibration"]
+        kept["notes"] = [*kept["notes"], *(effect["used"] for effect in record["effects"])]
+        return AttitudeFitted(self.traced.table, result | {"confirmed_by": record})
+
+    def _planned(self, variation: Variation, run_list: RunList) -> AttitudeData:
+        data, procedure = self.data, variation.procedure
+        n = len(run_list)
+        elapsed = np.arange(1.0, n + 1.0) * _point_s(data, run_list) + float(data.elapsed_s.min())
+        degC = None
+        if data.temperatures is not None:
+            enclosure = procedure.environment
+            soaked = np.inf if enclosure is None else enclosure.dwell_s
+            late = np.exp(-(soaked + elapsed - float(data.elapsed_s.min())) / PACKAGE_S)
+            degC = np.interp(elapsed, *data.temperatures) + variation.warmer_degC * (1.0 - late)
+        turn = procedure.mounting
+        sides = np.array([p.sides for p in run_list.points])
+        at = [f.name for f in run_list.factors]
+        return AttitudeData(
+            replicate=np.array([p.replication for p in run_list.points]),
+            order=np.arange(n),
+            elapsed_s=elapsed,
+            pitch_deg=np.array(run_list.column("pitch_deg")),
+            roll_deg=np.array(run_list.column("roll_deg")),
+            sensor_temperature_degC=degC,
+            outputs={name: np.zeros(n) for name in data.sensors},
+            pitch_side=sides[:, at.index("pitch_deg")],
+            roll_side=sides[:, at.index("roll_deg")],
+            mounting=np.broadcast_to(mounting_matrix(turn.x_deg, turn.y_deg, turn.z_deg), (n, 3, 3))
+            if turn.turned
+            else None,
+        )
+
+
+def _trend(data: AttitudeData) -> float:
+    """Of the temperature through a run, degC/s."""
+    if data.temperatures is None:
+        return 0.0
+    elapsed, degC = data.temperatures
+    return float(np.polyfit(elapsed - elapsed.mean(), degC, 1)[0]) if np.ptp(elapsed) > 0 else 0.0
+
+
+def _point_s(data: AttitudeData, run_list: RunList) -> float:
+    """Seconds a point will take: as in the first run, and what the way is longer."""
+    executed = np.argsort(data.order)
+    seconds = float(np.median(np.diff(data.elapsed_s[executed])))
+    usual = _travel(np.column_stack([data.pitch_deg, data.roll_deg])[executed])
+    return seconds + TRAVEL_S_PER_DEG * max(_travel(np.array([p.setpoints for p in run_list.points])) - usual, 0.0)
+
+
+def _travel(angles: FloatArray) -> float:
+    """Mean way between points of the axis that has further to go, degrees."""
+    return float(np.mean(np.max(np.abs(np.diff(angles, axis=0)), axis=1))) if len(angles) > 1 else 0.0

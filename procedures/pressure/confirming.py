@@ -1,0 +1,177 @@
+"""A whole-plot run that was traced, as the first of two. See `procedures.confirming.Confirming`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import chain
+from typing import Any
+
+import numpy as np
+
+from fitter.confirm.judge import Confirmation
+from fitter.confirm.question import Question
+from fitter.effects.entry import Entry
+from procedures.blocks import Block
+from procedures.confirming import SETTLED
+from procedures.effects_shown import show_confirmed
+from procedures.further_runs import Variation
+from procedures.pressure.data import WholePlotData
+from procedures.pressure.effects.scene import PressureEffect
+from procedures.pressure.effects.separation import separate_pressure
+from procedures.pressure.evaluate import WholePlotFitted, WholePlotTraced, fit_whole_plots
+from procedures.pressure.options import FitOptions
+from procedures.pressure.settings import WholePlotProcedure
+from procedures.pressure.table import whole_plot_data
+from procedures.pressure.together import WholePlotTogether
+from procedures.pressure.trace import WholePlotTrace
+from procedures.results import Page
+from procedures.run_list import RunList
+from procedures.table import Table
+
+
+@dataclass(frozen=True, eq=False)
+class WholePlotConfirming:
+    """See `procedures.confirming.Confirming`."""
+
+    traced: WholePlotTraced
+
+    unit = "psi"
+    output_unit = "mV"
+    per_slope = 1.0
+    drawn = "mpsi", 1e3
+    caution = (
+        "of the standard errors between two explanations of whole plots about two thirds came in simulated worlds "
+        "(half of them 0.5 to 0.9, docs/confirm.md): count on that much"
+    )
+
+    @property
+    def found(self) -> WholePlotTrace:
+        """What was found."""
+        return self.traced.trace
+
+    @property
+    def data(self) -> WholePlotData:
+        """Of the run."""
+        return self.traced.data
+
+    def own_words(self, *, realigned: bool) -> str:
+        """See `Confirming`."""
+        return "an offset of each whole plot is taken out, as by a zero in flight"
+
+    def later(self, table: Table) -> WholePlotData:
+        """See `Confirming`."""
+        return whole_plot_data(table)
+
+    def beside(self, later: WholePlotData, after_s: float) -> WholePlotTogether:
+        """See `Confirming`."""
+        return WholePlotTogether.of(self.found, self.data, later, after_s)
+
+    def ways(
+        self, variation: Variation, run_list: RunList, questions: Sequence[Question], later_s: float
+    ) -> list[WholePlotTogether]:
+        """One: the chamber sets the temperatures."""
+        return [self.beside(self._planned(run_list), later_s)]
+
+    def hours(self, variation: Variation, run_list: RunList) -> float:
+        """See `Confirming`."""
+        reading, soak = _whole_plot_s(self.data)
+        return (len(run_list) * reading + run_list.whole_plots * soak) / 3600.0
+
+    def size(self, procedure: WholePlotProcedure) -> str:
+        """See `Confirming`."""
+        design = procedure.design
+        plots = len(design.pairs()) * procedure.replications
+        return f"{plots} whole plots x {len(design.pressures_psia) + len(design.repeated_psia)}"
+
+    def mounting(self, procedure: WholePlotProcedure) -> None:
+        """There is nothing to turn."""
+
+    def separated_by(self, one: Entry, other: Entry) -> str:
+        """See `Confirming`."""
+        assert isinstance(one, PressureEffect)
+        assert isinstance(other, PressureEffect)
+        return separate_pressure(one, other)
+
+    def variables(self) -> Mapping[str, tuple[str, float]]:
+        """See `Confirming`."""
+        return {
+            "sensor_temperature_degC": ("sensor temperature / degC", 1.0),
+            "sse_temperature_degC": ("electronics temperature / degC", 1.0),
+            "pressure_psia": ("pressure / psia", 1.0),
+        }
+
+    def calibrated(
+        self,
+        answers: Sequence[Confirmation],
+        questions: Sequence[Question],
+        record: dict[str, Any],
+        options: FitOptions,
+    ) -> ConfirmedFit:
+        """The terms of the causes that a further run confirmed are added to the declared model."""
+        given = options.model_dump(exclude_none=True, exclude={"formula"})
+        terms = list(given.get("add", ()))
+        for answer, effect in zip(answers, record["effects"], strict=True):
+            effect["terms"] = _terms(questions, answer) if answer.verdict in SETTLED else []
+            terms += [term for term in effect["terms"] if term not in terms]
+            if answer.verdict not in SETTLED:
+                effect["used"] = f"{effect['told']}: nothing was added to the calibration for it"
+            elif not effect["terms"]:
+                effect["used"] = (
+                    f"{effect['told']}; it is no function of pressure and temperatures: the calibration does not have it"
+                )
+        model = options.formula or self.traced.table.declared.get("formula") or "full"
+        return ConfirmedFit(fit_whole_plots(self.traced.table, model, **{**given, "add": tuple(terms)}), record)
+
+    def _planned(self, run_list: RunList) -> WholePlotData:
+        reading, soak = _whole_plot_s(self.data)
+        plots = np.array([p.whole_plot for p in run_list.points])
+        n = len(run_list)
+        elapsed = soak * np.unique(plots, return_inverse=True)[1] + reading * np.arange(1.0, n + 1.0)
+        return WholePlotData(
+            whole_plot=plots,
+            order=np.arange(n),
+            elapsed_s=elapsed + float(self.data.elapsed_s.min()),
+            pressure_psia=np.array(run_list.column("pressure_psia")),
+            sensor_temperature_degC=np.array(run_list.column("sensor_temperature_degC")),
+            sse_temperature_degC=np.array(run_list.column("sse_temperature_degC")),
+            outputs={name: np.zeros(n) for name in self.data.transducers},
+            replicate=np.array([p.replication for p in run_list.points]),
+        )
+
+
+@dataclass(frozen=True)
+class ConfirmedFit:
+    """A calibration with terms that a further run confirmed, and where they come from."""
+
+    fitted: WholePlotFitted
+    record: dict[str, Any]
+
+    def to_json(self) -> dict[str, Any]:
+        """What `rig fit --json` prints."""
+        return self.fitted.to_json() | {"confirmed_by": self.record}
+
+    def blocks(self) -> Iterator[Block]:
+        """What a person reads of it."""
+        return chain(self.fitted.blocks(), show_confirmed(self.record))
+
+    def page(self) -> Page:
+        """Its report."""
+        return self.fitted.page()
+
+
+def _terms(questions: Sequence[Question], answer: Confirmation) -> list[str]:
+    """Formulas of the cause that holds, as `rig fit --add` takes them; [] if it has none."""
+    question = next(q for q in questions if q.effect == answer.effect)
+    member = next(m for m in question.members if m.effect == answer.holding[0])
+    formulas = [str(getattr(candidate.term, "formula", "")) for candidate in member.terms]
+    return list(dict.fromkeys(formulas)) if all(formulas) else []
+
+
+def _whole_plot_s(data: WholePlotData) -> tuple[float, float]:
+    """Seconds between readings of one whole plot, and what a new one takes beside."""
+    executed = np.argsort(data.order)
+    steps = np.diff(data.elapsed_s[executed])
+    new = np.diff(data.whole_plot_index[executed]) != 0
+    reading = float(np.median(steps[~new])) if np.any(~new) else 0.0
+    return reading, max(float(np.median(steps[new])) - reading, 0.0) if np.any(new) else 0.0
