@@ -38,8 +38,8 @@ class Grid:
     Attributes:
         columns: headings.
         title: above it.
-        frame: "box"; "plain", a rule below the headings alone; "rule", the same with numbers to the right, for tables as
-            wide as a terminal; or "none".
+        frame: "box"; "plain", a rule below the headings alone; "rule", the same with numbers to the right, for tables
+            as wide as a terminal; or "none".
         apart: spaces between the columns of a table without a box.
         rows: of cells, as many as there are columns.
 

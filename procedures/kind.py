@@ -26,6 +26,7 @@ from procedures.acceptance import Verdict
 from procedures.advice import Advice
 from procedures.conduct import Conduct
 from procedures.confirming import Confirming
+from procedures.errors import DataError
 from procedures.further_runs import Limits, Variation
 from procedures.inference import Inference
 from procedures.precision import Precision
@@ -250,5 +251,14 @@ def kind_of(procedure: Procedure) -> Kind:
 
 
 def kind_of_table(table: Table) -> Kind | None:
-    """The kind that a table's columns are of; None where no kind knows them."""
-    return next((kind for kind in kinds().values() if kind.recognises(table.columns.keys())), None)
+    """The kind that a table's columns are of; None where no kind knows them.
+
+    Raises:
+        DataError: several kinds know them.
+
+    """
+    found = [kind for kind in kinds().values() if kind.recognises(table.columns.keys())]
+    if len(found) > 1:
+        what = " and of ".join(kind.title for kind in found)
+        raise DataError(f"{table.source} has columns of {what}: leave out those of one ({found[0].described})")
+    return found[0] if found else None

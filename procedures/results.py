@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, BinaryIO, Protocol
+from typing import IO, Any, Protocol
 
 from fitter.trace.outcome import Outcome
 from procedures.blocks import Block
@@ -99,5 +99,5 @@ class Compared(Protocol):
     def blocks(self) -> Iterable[Block]:
         """What a person reads of it."""
 
-    def draw(self, file: BinaryIO) -> None:
+    def draw(self, file: IO[bytes]) -> None:
         """Precision over the range of use, as PNG."""

@@ -13,7 +13,7 @@ def main() -> None:
     before = signal.getsignal(signal.SIGINT)
     if before is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
-    from rig.cli import main as command
+    from rig.cli import main as command  # noqa: PLC0415
 
     signal.signal(signal.SIGINT, before)
     try:

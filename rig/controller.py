@@ -88,7 +88,7 @@ def opened(plan: Plan, *, start: float = 0.0) -> Iterator[tuple[Bench, Clock, st
 
     """
     if plan.dry:
-        from rig.simulated.dry_run import DryBench
+        from rig.simulated.dry_run import DryBench  # noqa: PLC0415 - a real run never loads the simulation
 
         dry = DryBench(plan.bench, _mounted(plan), start=start)
         bench = open_bench(dry.config, check_options(dry.config, "bench"), dry.clock, dry.wires)
@@ -292,7 +292,7 @@ def _session(
 ) -> Result:
     previous = None
     if PREVIOUS in plan.documents:
-        from rig.previous import parse_previous
+        from rig.previous import parse_previous  # noqa: PLC0415
 
         previous = parse_previous(plan.documents[PREVIOUS], str(run.path))
     gap = Gap(_world_start(run)) if boot == _VIRTUAL else gap_since(state, clock, boot)

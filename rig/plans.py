@@ -55,7 +55,7 @@ def load_plan(procedure: Path, bench: Path, *, dry: bool = False, world: Path | 
     documents |= files_beside(parse_bench(documents["bench.toml"], str(bench)), bench)
     against = parse_procedure(documents["procedure.toml"], str(procedure)).warnings.against
     if against is not None:
-        from rig.previous import previous_text
+        from rig.previous import previous_text  # noqa: PLC0415 - brings the fitter, which few runs need
 
         try:
             documents[PREVIOUS] = previous_text(procedure.parent / against)

@@ -114,8 +114,8 @@ def _content(path: Path) -> Any:
 
 
 def _fitted(path: Path) -> dict[str, Any]:
-    from rig.closed_loop import fit_table
-    from rig.tables import read_table
+    from rig.closed_loop import fit_table  # noqa: PLC0415
+    from rig.tables import read_table  # noqa: PLC0415
 
     return fit_table(read_table(path))
 

@@ -221,7 +221,7 @@ def test_configuration_files_edited_at_random(what, which, changes):
     documents[f"{what}.toml"] = _edited(documents[f"{what}.toml"], changes)
     try:
         plan = plan_of(documents, dry=True)
-        from rig.simulated.dry_run import DryBench
+        from rig.simulated.dry_run import DryBench  # noqa: PLC0415 - a real run never loads the simulation
 
         DryBench(plan.bench, plan.truth).close()
     except RigError as error:

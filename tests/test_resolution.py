@@ -113,8 +113,8 @@ def test_rounded_readings_of_attitude_are_no_outliers(sd):
 
 @pytest.mark.parametrize("sd", SDS)
 def test_rounded_readings_of_whole_plots_are_no_outliers(sd):
-    from procedures.pressure.gross import of_whole_plots
-    from procedures.pressure.trace.run import trace_whole_plots
+    from procedures.pressure.gross import of_whole_plots  # noqa: PLC0415
+    from procedures.pressure.trace.run import trace_whole_plots  # noqa: PLC0415
 
     data = whole_plots(seed=9)
     step = 0.0049 / sd

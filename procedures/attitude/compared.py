@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any, BinaryIO
+from typing import IO, Any
 
 from rich.markup import escape
 
@@ -58,7 +58,7 @@ class DesignsCompared:
         else:
             yield Line(f"  [bold]recommended: {escape(self.best.name)}[/]; {escape(self.best.why)}")
 
-    def draw(self, file: BinaryIO) -> None:
+    def draw(self, file: IO[bytes]) -> None:
         """Standard deviation over pitch, as the paper's figures 1 to 5."""
         from procedures.pictures import side_by_side  # noqa: PLC0415 - plots take a second to import
 

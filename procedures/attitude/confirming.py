@@ -120,7 +120,7 @@ class AttitudeConfirming:
         record: dict[str, Any],
         options: FitOptions,
     ) -> AttitudeFitted:
-        """Where a further run left several causes, intervals cover those; where it settled nothing, all of the class."""
+        """Where several causes are left, intervals cover those; where nothing is settled, all of the class."""
         if options.at_degC is not None or options.points is not None:
             raise DataError(
                 "--confirmed-by keeps a calibration at the run's mean temperature: leave --at-degC and --points away"

@@ -42,7 +42,7 @@ class AttitudeKind:
     @cached_property
     def own_effects(self) -> Grammar:
         """See `Kind`."""
-        from procedures.attitude.effects.own import GRAMMAR
+        from procedures.attitude.effects.own import GRAMMAR  # noqa: PLC0415
 
         return GRAMMAR
 
@@ -130,13 +130,13 @@ class AttitudeKind:
 
     def precision(self, procedure: PitchRollProcedure, run_list: RunList) -> Precision:
         """Of a sensor's calibrated output at a few pitch angles."""
-        from procedures.attitude.precision import precision
+        from procedures.attitude.precision import precision  # noqa: PLC0415
 
         return precision(procedure, run_list)
 
     def advice(self, procedure: PitchRollProcedure, axes: Sequence[str], usage_deg: float | None) -> Sequence[Advice]:
         """What NASA/TP-1999-209835 recommends."""
-        from procedures.attitude.advice import advise, package_of, usage_of
+        from procedures.attitude.advice import advise, package_of, usage_of  # noqa: PLC0415
 
         found = advise(procedure, usage_of(procedure, usage_deg), package_of(procedure, axes))
         return [one for one in found if one.applies]
@@ -156,13 +156,13 @@ class AttitudeKind:
 
     def judge(self, procedure: PitchRollProcedure, table: Table) -> Sequence[Verdict]:
         """See `Kind`."""
-        from procedures.attitude.acceptance import judge
+        from procedures.attitude.acceptance import judge  # noqa: PLC0415
 
         return judge(procedure, table)
 
     def further_runs(self, procedure: PitchRollProcedure, limits: Limits, *, chamber: bool) -> Iterator[Variation]:
         """See `Kind`."""
-        from procedures.attitude.further_runs import further_runs
+        from procedures.attitude.further_runs import further_runs  # noqa: PLC0415
 
         return further_runs(procedure, limits, chamber=chamber)
 

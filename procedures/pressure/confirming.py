@@ -117,9 +117,8 @@ class WholePlotConfirming:
             if answer.verdict not in SETTLED:
                 effect["used"] = f"{effect['told']}: nothing was added to the calibration for it"
             elif not effect["terms"]:
-                effect["used"] = (
-                    f"{effect['told']}; it is no function of pressure and temperatures: the calibration does not have it"
-                )
+                why = "it is no function of pressure and temperatures: the calibration does not have it"
+                effect["used"] = f"{effect['told']}; {why}"
         model = options.formula or self.traced.table.declared.get("formula") or "full"
         return ConfirmedFit(fit_whole_plots(self.traced.table, model, **{**given, "add": tuple(terms)}), record)
 

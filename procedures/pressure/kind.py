@@ -46,7 +46,7 @@ class PressureKind:
     @cached_property
     def own_effects(self) -> Grammar:
         """See `Kind`."""
-        from procedures.pressure.effects.own import GRAMMAR
+        from procedures.pressure.effects.own import GRAMMAR  # noqa: PLC0415
 
         return GRAMMAR
 
@@ -108,13 +108,13 @@ class PressureKind:
 
     def check_design(self, procedure: WholePlotProcedure, run_list: RunList) -> None:
         """Whether the design can estimate the declared model, and acceptance can be judged."""
-        from procedures.pressure.declared import check_declared
+        from procedures.pressure.declared import check_declared  # noqa: PLC0415
 
         check_declared(procedure, run_list)
 
     def precision(self, procedure: WholePlotProcedure, run_list: RunList) -> Precision:
         """Of each term of the declared model."""
-        from procedures.pressure.precision import precision
+        from procedures.pressure.precision import precision  # noqa: PLC0415
 
         try:
             return precision(procedure, run_list)
@@ -140,13 +140,13 @@ class PressureKind:
 
     def judge(self, procedure: WholePlotProcedure, table: Table) -> Sequence[Verdict]:
         """See `Kind`."""
-        from procedures.pressure.acceptance import judge
+        from procedures.pressure.acceptance import judge  # noqa: PLC0415
 
         return judge(procedure, table)
 
     def further_runs(self, procedure: WholePlotProcedure, limits: Limits, *, chamber: bool) -> Iterator[Variation]:
         """See `Kind`."""
-        from procedures.pressure.further_runs import further_runs
+        from procedures.pressure.further_runs import further_runs  # noqa: PLC0415
 
         return further_runs(procedure)
 

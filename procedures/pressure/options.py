@@ -55,7 +55,7 @@ class InferOptions(Options):
 
     zero: Path | None = Field(
         None,
-        description="CSV of readings in vacuum, or near it with their pressure_psia, since the temperatures last changed",
+        description="CSV of readings in vacuum, or near it with their pressure_psia, since temperatures last changed",
     )
     zero_rows: ZeroRowsMean | None = Field(
         None,

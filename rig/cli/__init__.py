@@ -15,6 +15,7 @@ from typing import Annotated
 
 import typer
 
+from procedures.errors import DataError
 from rig.cli.commands import Commands
 from rig.errors import ExitCode, RigError
 
@@ -37,7 +38,7 @@ app = typer.Typer(
 
 def _version(asked: bool) -> None:
     if asked:
-        from rig import __version__
+        from rig import __version__  # noqa: PLC0415
 
         print(f"rig {__version__}")
         raise typer.Exit
@@ -58,11 +59,11 @@ def main() -> None:
         sys.stdout.reconfigure(errors="surrogateescape")  # a path that is no text is printed as it was given
     try:
         code = app(standalone_mode=False)
-    except RigError as error:
-        from rig.cli.show import visible
+    except (RigError, DataError) as error:
+        from rig.cli.show import visible  # noqa: PLC0415
 
         print(f"rig: {visible(str(error))}", file=sys.stderr)
-        code = error.exit_code
+        code = error.exit_code if isinstance(error, RigError) else ExitCode.USAGE
     except _UsageProblem as error:
         error.show(file=sys.stderr)  # type: ignore[attr-defined]  # every ClickException has it
         code = ExitCode.USAGE

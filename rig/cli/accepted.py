@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.markup import escape
 
+from procedures.errors import DataError
 from procedures.kind import Procedure
 from rig.errors import RigError
 from rig.plans import has_plan, stored_plan
@@ -38,11 +39,11 @@ class Acceptance:
         limits = procedure.acceptance.model_dump(exclude={"at_psia"})
         if all(limit is None for limit in limits.values()):
             return cls()
-        from rig.acceptance import judge
+        from rig.acceptance import judge  # noqa: PLC0415
 
         try:
             return cls(judge(procedure, run_file))
-        except RigError as error:
+        except (RigError, DataError) as error:
             return cls(problem=str(error))
 
     @classmethod
@@ -53,7 +54,7 @@ class Acceptance:
                 if not has_plan(reader):
                     return cls()
                 procedure = stored_plan(reader, run_file, None).procedure
-        except RigError as error:
+        except (RigError, DataError) as error:
             return cls(problem=str(error))
         return cls.of(procedure, run_file)
 

@@ -65,9 +65,9 @@ def chart(
 
     Example: `rig chart runs/2026*.sqlite --tolerance 5e-4 --usage 30 --report chart.html`
     """
-    from rig.closed_loop.chart import chart_calibrations
-    from rig.closed_loop.chart_inputs import path_of
-    from rig.closed_loop.chart_together import read_together
+    from rig.closed_loop.chart import chart_calibrations  # noqa: PLC0415
+    from rig.closed_loop.chart_inputs import path_of  # noqa: PLC0415
+    from rig.closed_loop.chart_together import read_together  # noqa: PLC0415
 
     check_not_input([report], [path_of(source) for source in calibrations])
     if report is not None:
@@ -77,7 +77,7 @@ def chart(
         given, _today(today), sensors=sensor or (), tolerance=tolerance, usage_deg=usage, left_out=left_out
     )
     if report is not None:
-        from rig.report.chart import write_chart_report
+        from rig.report.chart import write_chart_report  # noqa: PLC0415
 
         write_chart_report(report, charted)
         err.print(f"report: {escape(str(report))}", soft_wrap=True)
@@ -107,8 +107,8 @@ def _today(given: str | None) -> datetime:
 
 
 def _show_sensor(name: str, usage: str, found: Mapping[str, Any]) -> None:
-    from procedures.numbers import with_error
-    from rig.closed_loop.chart_words import due_date, label
+    from procedures.numbers import with_error  # noqa: PLC0415
+    from rig.closed_loop.chart_words import due_date, label  # noqa: PLC0415
 
     rows = found["calibrations"]
     table = RichTable("date", *rows[0]["parameters"], "outside", title=f"\n{name}, {found['model']}")

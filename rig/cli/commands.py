@@ -124,7 +124,7 @@ class Commands(TyperGroup):
 
 def loaded(name: str) -> Any:
     """The command of that name, with its options: imports its module."""
-    from rig.cli import app
+    from rig.cli import app  # noqa: PLC0415 - which is made of this class
 
     import_module(COMMANDS[name].module)
     settings: dict[str, Any] = {"pretty_exceptions_short": True, "rich_markup_mode": "markdown"}

@@ -24,7 +24,7 @@ def compare_files(
         ConfigurationError: one of the files is wrong.
 
     """
-    from rig.forecast import rehearse
+    from rig.forecast import rehearse  # noqa: PLC0415
 
     check_not_input([plot], [bench, *files])
     if plot is not None:

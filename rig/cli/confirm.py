@@ -77,9 +77,9 @@ def confirm(
 
     Examples: `rig confirm RUN --dry`, `rig confirm RUN --list`, `rig confirm RUN --by LATER_RUN`
     """
-    from rig.closed_loop.confirm.answers import judge
-    from rig.closed_loop.confirm.first import open_traced
-    from rig.closed_loop.confirm.plans import plan_for, procedure_text
+    from rig.closed_loop.confirm.answers import judge  # noqa: PLC0415
+    from rig.closed_loop.confirm.first import open_traced  # noqa: PLC0415
+    from rig.closed_loop.confirm.plans import plan_for, procedure_text  # noqa: PLC0415
     from rig.closed_loop.confirm.proposals import consider, inseparable, propose  # noqa: PLC0415
     from rig.tables import FileSource  # noqa: PLC0415
 
@@ -224,7 +224,7 @@ def _show_open(first: First, never: Sequence[Inseparable]) -> None:
 def _show_proposals(
     first: First, proposals: Sequence[Proposal], never: Sequence[Inseparable], take: int, *, every: bool
 ) -> None:
-    from rig.closed_loop.confirm.proposals import SURE, otherwise
+    from rig.closed_loop.confirm.proposals import SURE, otherwise  # noqa: PLC0415
 
     table = Table("", "run", "points", "bench time", "pairs separated", "nearest pair", "shown by")
     shown = proposals if every else proposals[: max(take, SHOWN)]
@@ -252,14 +252,14 @@ def _show_proposals(
 
 
 def _weakest(chance: float, sigmas: float) -> str:
-    from rig.closed_loop.confirm.proposals import SURE
+    from rig.closed_loop.confirm.proposals import SURE  # noqa: PLC0415
 
     text = f"{sigmas:.1f} ({chance:.0%})" if sigmas < 100 else f"{sigmas:.0f} ({chance:.0%})"
     return f"[green]{text}[/]" if chance >= SURE else text
 
 
 def _show(confirmed: Confirmed, listed: Mapping[str, Any], report: Path | None, *, as_json: bool) -> int:
-    from rig.closed_loop.confirm.answers import chance, sentences, sizes
+    from rig.closed_loop.confirm.answers import chance, sentences, sizes  # noqa: PLC0415
 
     code = ExitCode.DONE if confirmed.settled else ExitCode.OUTSIDE_ACCEPTANCE
     if as_json:
@@ -303,7 +303,7 @@ def _show(confirmed: Confirmed, listed: Mapping[str, Any], report: Path | None, 
 def _write_report(confirmed: Confirmed, report: Path | None) -> None:
     if report is None:
         return
-    from rig.report.confirm import write_confirm_report
+    from rig.report.confirm import write_confirm_report  # noqa: PLC0415
 
     write_confirm_report(report, confirmed)
     err.print(f"report: {escape(str(report))}", soft_wrap=True)

@@ -19,6 +19,7 @@ from rig.cli.show import err, out, print_json, run_progress
 from rig.controller import resume_run
 from rig.engine.session import Outcome, Signals
 from rig.errors import ExitCode, RigError
+from rig.present import terminal
 
 
 class Lab(StrEnum):
@@ -94,7 +95,7 @@ def demo(
     if as_json:
         print_json(traced.to_json())
     else:
-        show(traced.summary(), out)
+        terminal.show(traced.summary(), out)
         out.print(f"Report: {escape(str(report))}", soft_wrap=True)
     return ExitCode.DONE
 

@@ -45,7 +45,7 @@ def doctor(
 
     Example: `rig doctor --bench bench.toml --procedure night.toml`
     """
-    from rig.unattended.doctor import Visit, examine
+    from rig.unattended.doctor import Visit, examine  # noqa: PLC0415
 
     visit = Visit(bench, procedure, run_file, out_dir, dry, world, notify, notify_file)
     findings = list(examine(visit))

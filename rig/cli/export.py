@@ -30,9 +30,9 @@ def export(
 
     Example: `rig export runs/20260115T180000-night-1a2b.sqlite --out night.csv`
     """
-    from rig.tables.csv_tables import write_csv
-    from rig.tables.happenings import write_happenings
-    from rig.tables.observations import run_table
+    from rig.tables.csv_tables import write_csv  # noqa: PLC0415
+    from rig.tables.happenings import write_happenings  # noqa: PLC0415
+    from rig.tables.observations import run_table  # noqa: PLC0415
 
     table = run_table(run_file, everything=everything, salvage=salvage)
     if salvage:

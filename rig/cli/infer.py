@@ -56,8 +56,8 @@ def infer(
     `rig infer package.json upside-down.csv --near 0 180 --out angles.csv`,
     `rig infer package.json x-only.csv --sensors x_V --roll roll_deg --roll-sd 0.05 --out pitch.csv`
     """
-    from rig import inference
-    from rig.tables.csv_tables import write_csv
+    from rig import inference  # noqa: PLC0415
+    from rig.tables.csv_tables import write_csv  # noqa: PLC0415
 
     named = [value for value in given.values() if isinstance(value, Path)]
     check_not_input([out_file], [calibration, data, *named])

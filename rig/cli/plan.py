@@ -55,12 +55,12 @@ def plan(
     Examples: `rig plan night.toml -b bench.toml`, `rig plan night.toml --compare short.toml --usage 30 -b bench.toml`
     """
     from drivers.clock import RealClock  # noqa: PLC0415
-    from rig.forecast import ALLOWANCE, SOAK_ALLOWANCE, rehearse
+    from rig.forecast import ALLOWANCE, SOAK_ALLOWANCE, rehearse  # noqa: PLC0415
 
     if plot is not None and not compare:
         raise UsageError("--plot shows designs side by side: it goes with --compare")
     if compare:
-        from rig.cli.compare import compare_files
+        from rig.cli.compare import compare_files  # noqa: PLC0415
 
         compare_files([procedure, *compare], bench, usage, plot, as_json=as_json)
         return ExitCode.DONE

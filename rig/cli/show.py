@@ -73,7 +73,7 @@ def headline(file: str, table: Table, console: Console = out) -> None:
 
 def show_unused(unused: Mapping[str, Any]) -> None:
     """Which columns and rows play no part, and why."""
-    from procedures.unused import sentences
+    from procedures.unused import sentences  # noqa: PLC0415
 
     for sentence in sentences(unused):
         err.print(f"[yellow]{escape(sentence)}[/]", soft_wrap=True)

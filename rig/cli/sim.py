@@ -37,7 +37,7 @@ def sim(
 
     Example: `rig sim bench.toml --world world.toml --speed 100`
     """
-    from rig.simulated.served import serve_bench
+    from rig.simulated.served import serve_bench  # noqa: PLC0415
 
     serve_bench(bench, world, speed, live, seconds, tape, announce=err.print)
     return ExitCode.DONE

@@ -148,9 +148,9 @@ def _add_notifier(listeners: Listeners, asked: Listening, warn: Callable[[str], 
         if asked.notify:
             raise ConfigurationError("--notify: there is no notify.toml; docs/unattended.md shows one")
         return
-    from rig.unattended.notify.channels import senders
-    from rig.unattended.notify.notifier import Notifier
-    from rig.unattended.notify.settings import read_settings
+    from rig.unattended.notify.channels import senders  # noqa: PLC0415 - mail and web take a while
+    from rig.unattended.notify.notifier import Notifier  # noqa: PLC0415 - mail and web take a while
+    from rig.unattended.notify.settings import read_settings  # noqa: PLC0415 - mail and web take a while
 
     try:
         settings = read_settings(path)

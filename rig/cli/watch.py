@@ -36,7 +36,7 @@ def watch(
     if token is not None and len(token) < _SHORTEST:
         raise UsageError(f"--token: {len(token)} characters are too easily guessed; {_SHORTEST} at least, or leave it")
     from drivers.clock import RealClock  # noqa: PLC0415
-    from rig.watch.server import serve
+    from rig.watch.server import serve  # noqa: PLC0415 - the web server takes a while to import
 
     clock = RealClock()
     serve(

@@ -164,9 +164,8 @@ def _cells_of(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
     except csv.Error as error:
         raise UsageError(f"{path} is not a CSV table: {error}") from error
     if not rows or not any(cell.strip() for cell in rows[0]):
-        raise UsageError(
-            f"{path} is empty: the first line must name the columns; {'; '.join(one.described for one in kinds().values())}"
-        )
+        tables = "; ".join(kind.described for kind in kinds().values())
+        raise UsageError(f"{path} is empty: the first line must name the columns; {tables}")
     names = [cell.strip() for cell in rows[0]]
     for name in names:
         if names.count(name) > 1:

@@ -147,7 +147,7 @@ def _read_files(visit: Visit, patient: _Patient) -> Iterator[Finding]:
 
 def _forecast(patient: _Patient, now_s: float) -> Iterator[Finding]:
     """How long it will take, by a rehearsal on twins; what is done already is taken off in proportion."""
-    from rig.forecast import rehearse
+    from rig.forecast import rehearse  # noqa: PLC0415
 
     assert patient.plan is not None
     forecast = rehearse(patient.plan, lambda _: None, points=_REHEARSED)

@@ -46,7 +46,7 @@ def check_instruments(config: BenchConfig, known: Known, run_file: Path | None) 
 
 def check_twins(config: BenchConfig, truth: Mapping[str, Any], known: Known) -> Iterator[Finding]:
     """The same of a dry run's simulated bench, which has neither addresses nor locks."""
-    from rig.simulated.dry_run import DryBench
+    from rig.simulated.dry_run import DryBench  # noqa: PLC0415 - a real run never loads the simulation
 
     dry = DryBench(config, truth)
     try:
