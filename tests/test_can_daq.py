@@ -382,7 +382,7 @@ def test_switched_off_and_on_in_the_middle_the_rest_is_measured_again() -> None:
 @pytest.mark.parametrize("fault", [SHORT, RANGE])
 def test_a_faulty_sensor_is_an_overload_and_the_others_are_not(fault: int) -> None:
     bench = Bench()
-    bench.twin.faults["SseTemperature"] = fault
+    bench.twin.wrong["SseTemperature"] = fault
     readings = bench.measured(2)
     assert readings["sse_temperature"] == [OVERLOAD, OVERLOAD]
     assert readings["sensor_temperature"] == pytest.approx([20.005, 20.015], abs=0.01)
@@ -392,9 +392,9 @@ def test_a_fault_concerns_its_own_sweep() -> None:
     bench = Bench()
     bench.driver.start(4)
     bench.world.sleep(0.15)
-    bench.twin.faults["SensorTemperature"] = SHORT
+    bench.twin.wrong["SensorTemperature"] = SHORT
     bench.world.sleep(0.1)
-    bench.twin.faults.clear()
+    bench.twin.wrong.clear()
     values = bench.driver.fetch()["sensor_temperature"]
     assert [value == OVERLOAD for value in values] == [False, True, False, False]
 

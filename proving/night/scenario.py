@@ -14,7 +14,9 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from rig.examples import example
-from sims.faults import KINDS
+from rig.simulated.dry_run import twin_class
+from sims.faults import kinds_of, kinds_on
+from sims.twin import TwinClass
 
 Lab = Literal["attitude", "pressure"]
 LABS: tuple[Lab, ...] = ("attitude", "pressure")
@@ -183,8 +185,8 @@ def draw(seed: int, lab: Lab, *, full: bool = False, calm: bool = False) -> Scen
     )
     gaps = tuple(rng.choice((2.0, 30.0, 120.0, 700.0, 2000.0)) for _ in range(20))
     world = _world(rng.randrange(2**31), lab, bench.count("[sensors."))
-    drivers = {name: str(table["driver"]) for name, table in tomllib.loads(bench)["instruments"].items()}
-    tables = [_fault(rng, drivers, rng.uniform(0.0, lasts)) for _ in range(faults)]
+    twins = {name: twin_class(str(table["driver"])) for name, table in tomllib.loads(bench)["instruments"].items()}
+    tables = [_fault(rng, twins, rng.uniform(0.0, lasts)) for _ in range(faults)]
     documents = {
         "bench.toml": bench,
         "procedure.toml": (folder / "procedure.toml").read_text(encoding="utf-8") if full else _procedure(rng, lab),
@@ -237,12 +239,14 @@ _DULL = frozenset({"late-reply", "no-reply", "garbled", "truncated", "duplicated
 """Faults of single exchanges: they come in small bursts."""
 
 
-def _fault(rng: random.Random, drivers: Mapping[str, str], at_s: float) -> dict[str, float | str]:
+def _fault(rng: random.Random, twins: Mapping[str, TwinClass], at_s: float) -> dict[str, float | str]:
     """A fault of any kind that the bench can have, as its table in the world file."""
+    kinds = kinds_on(twins.values())
+    names = tuple(kinds)
     while True:
-        name = rng.choice(tuple(KINDS))
-        kind = KINDS[name]
-        on = [n for n, driver in drivers.items() if kind.hits(driver, _WIRES[driver])]
+        name = rng.choice(names)
+        kind = kinds[name]
+        on = [n for n, twin in twins.items() if name in kinds_of(twin)]
         if kind.of_bench or on:
             break
     table: dict[str, float | str] = {"kind": name, "at_s": round(at_s, 3)}
@@ -260,17 +264,6 @@ def _fault(rng: random.Random, drivers: Mapping[str, str], at_s: float) -> dict[
             "sees"  # a table that slips on its encoder's shaft shows nowhere but in the data: `rig trace`
         )
     return table
-
-
-_WIRES = {
-    "newport-esp301": "serial",
-    "cia402-pair": "can",
-    "keysight-34401a": "serial",
-    "keysight-34970a": "serial",
-    "druck-pace": "serial",
-    "watlow-f4t": "modbus",
-    "can-daq": "can",
-}
 
 
 def _table(values: Mapping[str, float | str]) -> str:
