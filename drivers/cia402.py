@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 from drivers.cia402_settings import (
     ERROR_CODE,
@@ -20,6 +21,7 @@ from drivers.cia402_settings import (
     settings_of,
 )
 from drivers.clock import Clock
+from drivers.driver import ContractFile, Medium
 from drivers.errors import BadReply, InstrumentError, LimitError, NotReady, WrongInstrument
 from drivers.roles import AxisState, Identity
 from drivers.wires import Wires
@@ -104,7 +106,8 @@ class CiA402Pair:
 
     """
 
-    wire = "can"
+    wire: ClassVar[Medium] = "can"
+    contracts: ClassVar[tuple[ContractFile, ...]] = (ContractFile("eds", "contracts", "cia402_drive.eds"),)
 
     Options = CiA402Options
 

@@ -14,7 +14,6 @@ from rich.table import Table
 
 from drivers.roles import Chamber
 from procedures.attitude.settings import PitchRollProcedure
-from rig.bench import driver_class
 from rig.cli import app
 from rig.cli.run import BenchOption, JsonOption, ProcedureArgument
 from rig.cli.show import out, print_json, run_progress
@@ -22,6 +21,7 @@ from rig.durations import duration
 from rig.engine.guard import Guard
 from rig.errors import ConfigurationError, ExitCode, UsageError
 from rig.plans import Plan, load_plan
+from rig.plugins import driver_class
 from rig.room import needed_bytes
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rig.bench import check_options
 from rig.config import parse_toml, read_text
-from rig.contracts import read_bench
+from rig.contract_files import read_bench
 from rig.errors import ConfigurationError, RigError
 from rig.simulated.dry_run import plain, twin_classes
 from sims.physics.truth import WorldError

@@ -13,7 +13,7 @@ from typing import Any
 from drivers.clock import RealClock
 from rig.bench import check_options
 from rig.config import BenchConfig, parse_toml, read_text
-from rig.contracts import read_bench
+from rig.contract_files import read_bench
 from rig.durations import duration
 from rig.errors import RigError, UsageError
 from rig.plans import Plan, load_plan, plan_of
