@@ -39,18 +39,15 @@ class Exercise:
     """One instrument on its bench.
 
     Attributes:
-        wire: (direction, bytes) of all that went over its wire, and ("#", what was asked of it).
+        wire: (direction, bytes) of all that went over its wire, with ("#", what was asked of it) and ("=", its answer).
 
     """
 
     driver_name: str
-    serial: str = ""
     wire: list[tuple[str, bytes]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         text = on_file(self.driver_name)["bench"]
-        if self.serial:
-            text = text.replace(f"[instruments.{NAME}]\n", f'[instruments.{NAME}]\nserial = "{self.serial}"\n')
         self.dry = DryBench(parse_bench(text, "bench.toml"), QUIET, tap=self._heard, key="exercise")
         self.bench: Bench = open_bench(
             self.dry.config, check_options(self.dry.config, "bench"), self.dry.world, self.dry.wires
@@ -73,8 +70,11 @@ class Exercise:
 
     def do(self, what: str, *arguments: Any) -> Any:
         """Call a method of the driver."""
-        self.wire.append(("#", what.encode()))
-        return getattr(self.driver, what)(*arguments)
+        self.wire.append(("#", f"{what} {', '.join(map(str, arguments))}".strip().encode()))
+        answer = getattr(self.driver, what)(*arguments)
+        if answer is not None:
+            self.wire.append(("=", str(answer).encode()))
+        return answer
 
     def bring_up(self) -> None:
         """As a session does: who is there, settings, zeros."""
@@ -121,11 +121,7 @@ class Exercise:
 
     def exchange(self) -> str:
         """What went over its wire, a line for each turn."""
-        return "".join(f"{'# ' if who == '#' else f'{who} '}{_shown(who, data)}\n" for who, data in self.wire)
-
-
-def _shown(who: str, data: bytes) -> str:
-    return data.decode() if who == "#" else repr(data)[2:-1]
+        return "".join(f"{who} {data.decode() if who in '#=' else repr(data)[2:-1]}\n" for who, data in self.wire)
 
 
 def golden(driver: str) -> str:

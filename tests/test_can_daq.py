@@ -145,13 +145,6 @@ def test_a_signal_with_the_high_byte_first_is_refused_by_the_twin() -> None:
 # --- the wire
 
 
-def test_identity_is_asked_for() -> None:
-    bench = Bench()
-    sent = bench.bytes_of(bench.driver.identify)
-    assert sent == ["tx 6A0 020100006400", "rx 6A1 0400671200000102"]
-    assert bench.driver.identify() == Identity("CAN DAQ", "Four-input unit", "4711", "1.2")
-
-
 def test_preparing_ends_what_is_under_way() -> None:
     bench = Bench()
     bench.make().start(1000)
