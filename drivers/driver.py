@@ -6,7 +6,7 @@ A driver is found by its name in entry-point group `rig.drivers`. What it can do
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple, Protocol
+from typing import Any, Literal, NamedTuple, Protocol
 
 from pydantic import BaseModel
 
@@ -55,6 +55,6 @@ class DriverClass(Protocol):
         """See above."""
         ...
 
-    def __call__(self, name: str, address: str, options: BaseModel, wires: Wires, clock: Clock) -> Instrument:
-        """Open the instrument's wire; sends nothing."""
+    def __call__(self, name: str, address: str, options: Any, wires: Wires, clock: Clock) -> Instrument:
+        """Open the instrument's wire; sends nothing. `options` is an instance of `Options`."""
         ...

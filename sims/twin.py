@@ -10,9 +10,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, Protocol, runtime_checkable
 
+from sims.wires.serial_line import SerialEnd
+
 if TYPE_CHECKING:
     from sims.faults.fault import Kind
     from sims.inputs import Inputs
+    from sims.wires.modbus_slave import Registers
     from sims.world import World
 
 Medium = Literal["serial", "modbus", "can"]
@@ -79,21 +82,17 @@ class Twin(TwinClass, Protocol):
         ...
 
 
-class SerialTwin(Twin, Protocol):
+class SerialTwin(Twin, SerialEnd, Protocol):
     """One on a serial line; `frame` is data bits, parity, stop bits, such as "8N1"."""
-
-    baud: int
-    frame: str
-
-    def on_rx(self, data: bytes, tx: Callable[[bytes], None]) -> None:
-        """Take characters; answers go to `tx`, now or later."""
-        ...
 
 
 class ModbusTwin(Twin, Protocol):
-    """One that is registers (`sims.wires.modbus_slave.Registers`); with `ports` ("tcp", "rtu") where these differ."""
+    """One that is registers; with `ports` of them ("tcp", "rtu") where these differ."""
 
-    registers: Any
+    @property
+    def registers(self) -> Registers:
+        """What is on the wire, for any framing."""
+        ...
 
 
 class CanTwin(Twin, Protocol):

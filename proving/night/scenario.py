@@ -258,7 +258,8 @@ def _fault(rng: random.Random, twins: Mapping[str, TwinClass], at_s: float) -> d
             break
     table: dict[str, float | str] = {"kind": name, "at_s": round(at_s, 3)}
     if on:
-        table["on"] = rng.choice(on)
+        whom = table["on"] = rng.choice(on)
+        kind = kinds_of(twins[whom])[name]
     if kind.counts and rng.random() < 0.5:
         table["times"] = rng.choice((1, 2, 3, 8) if name in _DULL else (1, 3))
     if kind.lasts_s and not kind.of_bench:

@@ -54,7 +54,7 @@ class AcmeM7Twin(ScpiTwin):
     faults: ClassVar[tuple[Kind, ...]] = (*OF_READINGS, ERROR_QUEUE, OVEN)
 
     def __init__(self, name: str, options: Mapping[str, object], world: World, plant: Any, serial: str) -> None:
-        self.identity = f"ACME,M7,{serial},1.0"
+        self._serial = serial
         self.inputs = Inputs(_OVERLOAD, told_open=True)
         self.offset_V = 0.0
         self._cold = tomllib.loads(str(options["conditions"]))["conditions"]["oven_cold"]
@@ -75,6 +75,9 @@ class AcmeM7Twin(ScpiTwin):
 
     def accuracy(self, channel: str, unit: str) -> Accuracy:
         return Accuracy(1e-9 if unit == "V" else 1e-6)
+
+    def ask_identity(self) -> str:
+        return f"ACME,M7,{self._serial},1.0"
 
     def abort(self) -> None:
         self._began: float | None = None
