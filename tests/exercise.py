@@ -39,16 +39,18 @@ class Exercise:
     """One instrument on its bench.
 
     Attributes:
+        truth: what the world file says.
         wire: (direction, bytes) of all that went over its wire, with ("#", what was asked of it) and ("=", its answer).
 
     """
 
     driver_name: str
+    truth: Mapping[str, Any] = field(default_factory=dict)
     wire: list[tuple[str, bytes]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         text = on_file(self.driver_name)["bench"]
-        self.dry = DryBench(parse_bench(text, "bench.toml"), QUIET, tap=self._heard, key="exercise")
+        self.dry = DryBench(parse_bench(text, "bench.toml"), {**QUIET, **self.truth}, tap=self._heard, key="exercise")
         self.bench: Bench = open_bench(
             self.dry.config, check_options(self.dry.config, "bench"), self.dry.world, self.dry.wires
         )
@@ -113,6 +115,21 @@ class Exercise:
                 yield self.do("read")
         if hasattr(driver, "stop"):
             self.do("stop")
+
+    def calls(self) -> list[Callable[[], Any]]:
+        """Every command that its roles have, each with something it may be told."""
+        driver = self.driver
+        plain = ("identify", "prepare", "stop", "make_safe", "home", "vent", "restarted", "read", "limits")
+        found: list[Callable[[], Any]] = [getattr(driver, command) for command in plain if hasattr(driver, command)]
+        if isinstance(driver, Head):
+            found.append(lambda: driver.move({axis: (low + high) / 2.0 for axis, (low, high) in driver.axes().items()}))
+        if isinstance(driver, Chamber):
+            found.append(lambda: driver.set_temperature(25.0))
+        if isinstance(driver, PressureController):
+            found.append(lambda: driver.set_pressure(2.0))
+        if isinstance(driver, Reader):
+            found += [lambda: driver.start(2), driver.fetch]
+        return found
 
     def strike(self, kind: Kind, **words: str) -> None:
         """Have a fault happen now, with its defaults but for these options."""

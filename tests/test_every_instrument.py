@@ -18,7 +18,7 @@ from rig.errors import BenchFault
 from rig.guarded import Refused
 from rig.plugins import driver_class, installed
 from rig.simulated.dry_run import twin_class
-from sims.faults import Kind
+from sims.faults import Kind, kinds_of
 from sims.faults.of_instruments import POWER
 
 ROLES = {"head": Head, "reader": Reader, "chamber": Chamber, "pressure-controller": PressureController}
@@ -181,6 +181,26 @@ def ways(kind: Kind) -> list[dict[str, str]]:
     """Every choice of the words that its options may be."""
     words = {key: option.words for key, option in kind.options.items() if option.words}
     return [dict(zip(words, chosen, strict=True)) for chosen in itertools.product(*words.values())]
+
+
+@every_name
+def test_whatever_happens_on_its_wire_only_our_own_errors_come_out(name):
+    """Every command, on a wire on which every kind strikes again and again."""
+    kinds = [kind for kind in kinds_of(twin_class(name)).values() if kind.wires or kind is POWER]
+    assert len(kinds) > 5
+    failed = 0
+    for seed, kind in enumerate(kinds, start=1):
+        lasting = {"for_s": 3.0} if kind.lasts_s else {}
+        fault = {"kind": kind.name, "on": NAME, "probability": 0.35, **lasting}
+        it = Exercise(name, {"seed": seed, "faults": [fault]})
+        for call in it.calls() * 2:
+            try:
+                call()
+            except DriverError:
+                failed += 1
+        assert it.dry.sim.faults.happened, f"{kind.name} never happened (seed {seed})"
+        it.close()
+    assert failed
 
 
 FAULTS = [(name, kind.name) for name in installed("rig.twins") for kind in (*twin_class(name).faults, POWER)]

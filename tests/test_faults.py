@@ -7,7 +7,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 
 import pytest
-from faulty_bench import ATTITUDE, BENCHES, PRESSURE, faulty, up
+from faulty_bench import ATTITUDE, PRESSURE, faulty, up
 
 from drivers.errors import DriverError
 from drivers.wires.modbus import float_of_words
@@ -263,36 +263,6 @@ def test_a_lost_vacuum_is_named_and_the_pressure_comes_down_when_it_is_back():
     rig.dry.world.sleep(700.0)
     state = rig.driver.read()
     assert (state.faults, state.in_limits) == ((), True)
-
-
-@pytest.mark.parametrize("name", EVERYTHING)
-def test_whatever_happens_on_the_wire_only_our_own_errors_come_out(name):
-    """Every command of every driver, on a wire on which every kind strikes again and again."""
-    config = parse_bench(BENCHES[name], "bench.toml").instruments[name]
-    medium = up(name).sim.twin(name).wire
-    kinds = [kind for kind in COMMON if medium in kind.wires or kind.name == "power-cycle"]
-    failed = 0
-    for n, what in enumerate(kinds):
-        kind, lasting = what.name, {"for_s": 3.0} if what.lasts_s else {}
-        rig = faulty(name, {"seed": n + 1, "faults": [{"kind": kind, "on": name, "probability": 0.35, **lasting}]})
-        driver = rig.driver
-        commands = ["identify", "prepare", "stop", "make_safe", "home", "vent", "restarted", "read", "limits"]
-        calls = [getattr(driver, command) for command in commands if hasattr(driver, command)]
-        if hasattr(driver, "move"):
-            calls.append(lambda d=driver: d.move({"pitch": 3.0, "roll": 4.0}))
-        if hasattr(driver, "set_temperature"):
-            calls.append(lambda d=driver: d.set_temperature(25.0))
-        if hasattr(driver, "set_pressure"):
-            calls.append(lambda d=driver: d.set_pressure(2.0))
-        if hasattr(driver, "start"):
-            calls += [lambda d=driver: d.start(2), lambda d=driver: d.fetch()]
-        for call in calls * 2:
-            try:
-                call()
-            except DriverError:
-                failed += 1
-        assert rig.happened(), f"{config.driver}: {kind} never happened (seed {n + 1})"
-    assert failed
 
 
 # When.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -84,6 +85,20 @@ def test_its_address_is_locked(bench):
     config, _ = read_bench(bench)
     with locked_addresses(config.instruments), pytest.raises(BusyError), locked_addresses(config.instruments):
         pass
+
+
+def test_it_is_served_to_another_process_and_the_doctor_asks_it_there(bench, tmp_path, quiet):
+    live = tmp_path / "LIVE.toml"
+    command = (sys.executable, "-m", "rig", "sim", bench, "--speed", 20, "--live", live, "--for", 40)
+    with subprocess.Popen([*map(str, command)], stderr=subprocess.PIPE, text=True) as server:
+        try:
+            assert any(line.startswith("serving") for line in server.stderr)
+            assert tomllib.loads(live.read_text())["instruments"]["scanner"]["address"].startswith("/dev/pts/")
+            done = rig("doctor", "--bench", live, "--json", "--out", tmp_path, env=quiet)
+        finally:
+            server.kill()
+    findings = [one for one in json.loads(done.stdout)["findings"] if one["check"] == "scanner"]
+    assert any(one["found"].startswith("ACME M7, serial number SN") for one in findings), findings
 
 
 def test_its_options_are_in_the_reference():
