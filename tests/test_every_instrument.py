@@ -19,7 +19,7 @@ from rig.guarded import Refused
 from rig.plugins import driver_class, installed
 from rig.simulated.dry_run import twin_class
 from sims.faults import Kind, kinds_of
-from sims.faults.of_instruments import POWER
+from sims.faults.instrument_faults import POWER
 
 ROLES = {"head": Head, "reader": Reader, "chamber": Chamber, "pressure-controller": PressureController}
 DRIVERS = [*installed("rig.drivers"), outside_package.DRIVER]

@@ -8,7 +8,7 @@ from math import inf
 from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
-    from sims.faults.wire import FaultyWire
+    from sims.faults.faulty_wire import FaultyWire
     from sims.physics import Plant
     from sims.world import World
 
@@ -45,12 +45,12 @@ class Kind:
     """What may go wrong.
 
     A fault of an instrument is declared by its twin (`sims.twin.TwinClass.faults`), be it one of
-    `sims.faults.of_instruments` or the twin's own.
+    `sims.faults.instrument_faults` or the twin's own.
 
     Attributes:
         name: as a world file has it.
         sentence: what happens.
-        act: makes it happen; None for faults of wires, which `sims.faults.wire` makes happen.
+        act: makes it happen; None for faults of wires, which `sims.faults.faulty_wire` makes happen.
         wires: kinds of wire it happens on; () if it is no fault of a wire.
         of_bench: it happens to the bench as a whole.
         counts: what `times` counts.

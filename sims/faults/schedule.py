@@ -9,7 +9,7 @@ from math import inf, isfinite
 from typing import NamedTuple, Protocol
 
 from sims.faults.fault import Fault, Striking
-from sims.faults.wire import FaultyWire
+from sims.faults.faulty_wire import FaultyWire
 from sims.noise import event_at, uniform
 from sims.physics import Plant
 from sims.twin import TwinClass

@@ -7,7 +7,7 @@ from math import inf, isnan
 from typing import Any
 
 from sims.faults.fault import WHEN, Fault, Kind, Option
-from sims.faults.known import kinds_of, kinds_on
+from sims.faults.known_kinds import kinds_of, kinds_on
 from sims.physics.fields import WorldError, known_keys
 from sims.twin import TwinClass
 

@@ -11,7 +11,7 @@ from functools import partial
 from typing import ClassVar, Protocol
 
 from sims.faults.fault import Kind
-from sims.faults.of_readings import OF_READINGS
+from sims.faults.reading_faults import OF_READINGS
 from sims.inputs import Inputs
 from sims.noise import event_at, normal
 from sims.physics.truth import WorldError

@@ -11,7 +11,7 @@ from functools import partial
 from typing import ClassVar
 
 from sims.faults.fault import Kind
-from sims.faults.of_instruments import OF_HEADS
+from sims.faults.instrument_faults import OF_HEADS
 from sims.physics import Plant
 from sims.twin import Medium, Role
 from sims.twins.cia402_drive import FOLLOWING_ERROR, OVERCURRENT, Drive

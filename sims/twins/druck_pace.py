@@ -12,8 +12,8 @@ from math import inf
 from typing import ClassVar, Protocol
 
 from sims.faults.fault import Kind
-from sims.faults.of_instruments import SUPPLY
-from sims.faults.of_readings import FROZEN, SPIKE
+from sims.faults.instrument_faults import SUPPLY
+from sims.faults.reading_faults import FROZEN, SPIKE
 from sims.inputs import Inputs
 from sims.physics.pressure_line import PressureLine
 from sims.twin import Role

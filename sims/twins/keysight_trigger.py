@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import ClassVar, NamedTuple
 
 from sims.faults.fault import Kind
-from sims.faults.of_readings import OF_READINGS
+from sims.faults.reading_faults import OF_READINGS
 from sims.inputs import Inputs
 from sims.twin import Accuracy, Role
 from sims.twins.keysight_meter import OVERLOAD, Plant, parameter, text

@@ -15,7 +15,7 @@ from functools import lru_cache, partial
 from typing import ClassVar, Protocol
 
 from sims.faults.fault import Kind
-from sims.faults.of_instruments import ERROR_QUEUE, OF_HEADS
+from sims.faults.instrument_faults import ERROR_QUEUE, OF_HEADS
 from sims.twin import Medium, Role
 from sims.twins.newport_axis import PARAMETERS, Axis, Head, Parameter
 from sims.world import World

@@ -12,7 +12,7 @@ from functools import lru_cache, partial
 from typing import Any, ClassVar
 
 from sims.faults.fault import Kind
-from sims.faults.of_instruments import ERROR_QUEUE
+from sims.faults.instrument_faults import ERROR_QUEUE
 from sims.twin import Medium, Role
 from sims.twins.scpi_syntax import Command, ScpiError, boolean, number, split_outside
 from sims.world import World

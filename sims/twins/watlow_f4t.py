@@ -16,8 +16,8 @@ from math import inf, nan
 from typing import Any, ClassVar, Literal
 
 from sims.faults.fault import Kind
-from sims.faults.of_instruments import ALARM, DOOR, OWN_SENSOR
-from sims.faults.of_readings import FROZEN, SPIKE
+from sims.faults.instrument_faults import ALARM, DOOR, OWN_SENSOR
+from sims.faults.reading_faults import FROZEN, SPIKE
 from sims.inputs import Inputs
 from sims.noise import event_at, normal
 from sims.physics import Plant, WorldError

@@ -8,8 +8,8 @@ from math import isfinite
 from typing import Any, ClassVar
 
 from sims.faults import Kind, Option, Striking
-from sims.faults.of_instruments import ERROR_QUEUE
-from sims.faults.of_readings import OF_READINGS
+from sims.faults.instrument_faults import ERROR_QUEUE
+from sims.faults.reading_faults import OF_READINGS
 from sims.inputs import Inputs
 from sims.twin import Accuracy, Role
 from sims.twins.scpi import COMMON, ScpiTwin, Wait

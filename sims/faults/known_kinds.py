@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from sims.faults.clock_faults import OF_THE_BENCH
 from sims.faults.fault import Kind
-from sims.faults.of_instruments import ALARM, DOOR, ERROR_QUEUE, OF_HEADS, POWER, SUPPLY
-from sims.faults.of_readings import OF_READINGS
-from sims.faults.of_the_bench import OF_THE_BENCH
-from sims.faults.of_wires import OF_WIRES
+from sims.faults.instrument_faults import ALARM, DOOR, ERROR_QUEUE, OF_HEADS, POWER, SUPPLY
+from sims.faults.reading_faults import OF_READINGS
+from sims.faults.wire_faults import OF_WIRES
 from sims.twin import TwinClass
 
 COMMON: tuple[Kind, ...] = (

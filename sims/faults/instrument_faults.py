@@ -10,7 +10,7 @@ from dataclasses import replace
 from functools import partial
 
 from sims.faults.fault import Kind, Option, Over, Striking
-from sims.faults.of_readings import OPEN_CIRCUIT
+from sims.faults.reading_faults import OPEN_CIRCUIT
 
 
 def _trip(striking: Striking) -> None:
