@@ -79,6 +79,17 @@ def check_files(written: Sequence[Path | None], read: Sequence[Path | None]) -> 
         seen[target] = path
 
 
+def check_added_to(path: Path | None, apart_from: Sequence[Path | None]) -> None:
+    """Refuse to add lines to a run file, or to another file of the same command. Raises `UsageError`."""
+    if path is None:
+        return
+    if _of_run(path):
+        raise UsageError(f"{path} is a run file and nothing is added to it; choose another name")
+    for other in (one for one in apart_from if one is not None):
+        if _same(path, other) or os.path.realpath(path) == os.path.realpath(other):
+            raise UsageError(f"{path} has another part in the same command and nothing is added to it; choose another")
+
+
 def check_writable(path: Path) -> Path:
     """Refuse what cannot become a file, before the work that is to go into it.
 

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 import whole_plot_truth
 from command import rig
-from dry import dry
+from dry import LAB, dry
+from small_run import write_small
 
 from rig.atomic import check_files, check_writable, write_whole
 from rig.errors import UsageError
@@ -164,3 +165,51 @@ def test_an_export_can_be_made_again(finished, tmp_path):
     for _ in range(2):
         assert rig("export", finished, "--all", "-o", "night.csv", cwd=tmp_path).returncode == 0
     assert (tmp_path / "night.faults.csv").read_text().splitlines()[0] == ",".join(COLUMNS)
+
+
+@pytest.mark.parametrize("name", ["bench.toml", "small.toml", "link", "old.sqlite"])
+def test_a_log_is_not_added_to_another_file_of_the_run(tmp_path, name):
+    (tmp_path / "bench.toml").write_text((LAB / "bench.toml").read_text())
+    (tmp_path / "old.sqlite").write_bytes(b"SQLite format 3\0")
+    write_small(tmp_path)
+    (tmp_path / "link").symlink_to("bench.toml")
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    done = rig("run", "small.toml", "--bench", "bench.toml", "--dry", "--log", name, cwd=tmp_path)
+    assert (done.returncode, "nothing is added to it; choose another" in done.stderr) == (2, True), done.stderr
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_a_log_is_not_added_to_the_run_that_is_resumed(finished):
+    before = finished.read_bytes()
+    done = rig("resume", finished, "--log", finished)
+    assert (done.returncode, "is a run file and nothing is added" in done.stderr) == (2, True), done.stderr
+    assert finished.read_bytes() == before
+
+
+@pytest.mark.parametrize("tape", ["bench.toml", "LIVE.toml"])
+def test_a_tape_is_not_added_to_another_file_of_the_simulated_bench(tmp_path, tape):
+    (tmp_path / "bench.toml").write_text((LAB / "bench.toml").read_text())
+    done = rig("sim", "bench.toml", "--live", "LIVE.toml", "--tape", tape, "--for", 1, cwd=tmp_path)
+    assert (done.returncode, "has another part in the same command" in done.stderr) == (2, True), done.stderr
+    assert files(tmp_path) == {"bench.toml"}
+    assert (tmp_path / "bench.toml").read_text() == (LAB / "bench.toml").read_text()
+
+
+def test_a_simulated_bench_does_not_take_the_place_of_a_link_that_leads_nowhere(tmp_path):
+    (tmp_path / "LIVE.toml").symlink_to("gone.toml")
+    done = rig("sim", LAB / "bench.toml", "--live", "LIVE.toml", "--for", 1, cwd=tmp_path)
+    assert done.returncode == 1
+    assert "LIVE.toml exists" in done.stderr
+    assert (tmp_path / "LIVE.toml").is_symlink()
+
+
+def test_a_masked_unit_is_not_installed_without_a_word(tmp_path):
+    write_small(tmp_path)
+    made = rig("run", "small.toml", "--bench", LAB / "bench.toml", "--dry", "--create-only", cwd=tmp_path)
+    run = tmp_path / made.stdout.strip()
+    unit = tmp_path / "systemd" / "user" / f"rig-{run.stem}.service"
+    unit.parent.mkdir(parents=True)
+    unit.symlink_to("/dev/null")
+    done = rig("service", run, "--user", "--install", env={"XDG_CONFIG_HOME": str(tmp_path)})
+    assert (done.returncode, f"{unit} is no ordinary file" in done.stderr) == (2, True), done.stderr
+    assert unit.is_symlink()
