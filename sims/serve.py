@@ -58,7 +58,7 @@ def serve(
         OSError: `live` or `tape` cannot be written, or a port cannot be opened.
 
     """
-    if live.exists():
+    if os.path.lexists(live):
         raise FileExistsError(
             f"{live} exists: another simulated bench may be serving it; name another file, or remove it if it is stale"
         )

@@ -12,7 +12,7 @@ from rich.markup import escape
 from rich.table import Column, Table
 
 from procedures.attitude.settings import PitchRollProcedure
-from rig.atomic import check_not_input, check_writable, write_whole
+from rig.atomic import check_files, write_whole
 from rig.cli import app
 from rig.cli.run import JsonOption, RunArgument, conclude, signals
 from rig.cli.show import err, headline, mark, out, print_json, run_progress
@@ -78,7 +78,7 @@ def confirm(
         propose,
     )
 
-    check_not_input([write, report], [run_file, *filter(None, (bench, world, by))])
+    check_files([write, report], [run_file, *filter(None, (bench, world, by))])
     if world is not None and not dry:
         raise UsageError("--world describes a simulated bench; it goes with --dry")
     _check_options(by, write, report, only_list=only_list, take=take)
@@ -152,8 +152,6 @@ def _check_options(by: Path | None, write: Path | None, report: Path | None, *, 
         raise UsageError("--by judges by a run that was made: --list, --take and --write have no place beside it")
     if report is not None and (write is not None or only_list):
         raise UsageError("--report shows a judgement; with --list or --write there is none")
-    for path in filter(None, (write, report)):
-        check_writable(path)
 
 
 def _check_kind(first: First, *, dry: bool, rehearsed: bool) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.markup import escape
 
-from rig.atomic import check_not_input, write_whole
+from rig.atomic import check_files, write_whole
 from rig.cli import app
 from rig.cli.general import (
     CandidatesOption,
@@ -140,7 +140,7 @@ def fit(
     Examples: `rig fit runs/20260115T180000-night-1a2b.sqlite`, `rig fit RUN --traced --temperature --out package.json`,
     `rig fit RUN --points 73`, `rig fit table.csv --response y --formula "1 + x"`
     """
-    check_not_input([out_file, report], [data, *filter(None, (confirmed_by,))])
+    check_files([out_file, report], [data, *filter(None, (confirmed_by,))])
     if response is not None:
         for option, value in (
             ("--report", report),
@@ -337,7 +337,7 @@ def trace(
     from rig.closed_loop import trace_table  # noqa: PLC0415
     from rig.tables import read_table  # noqa: PLC0415
 
-    check_not_input([report], [data])
+    check_files([report], [data])
     parts: dict[str, Any] = {
         "group": group,
         "whole_plot": whole_plot,

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from rig.atomic import check_not_input
+from rig.atomic import check_files
 from rig.cli import app
 from rig.cli.run import JsonOption
 from rig.cli.show import err, mark, print_json, show_unused
@@ -96,7 +96,7 @@ def infer(
     from rig import inference  # noqa: PLC0415
     from rig.tables import write_csv  # noqa: PLC0415
 
-    check_not_input([out_file], [calibration, data, zero])
+    check_files([out_file], [calibration, data, zero])
     file = inference.read_calibration(calibration)
     chosen = None if sensors is None else [name.strip() for name in sensors.split(",")]
     found = inference.infer(

@@ -14,6 +14,7 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
+from rig.atomic import check_added_to
 from rig.cli import app
 from rig.cli.accepted import Acceptance
 from rig.cli.show import err, mark, run_progress, visible
@@ -102,6 +103,7 @@ def run(
     Example: `rig run procedure.toml --bench bench.toml --dry --world world.toml`
     """
     by = operator(operator_name)
+    check_added_to(log, [procedure, bench, world, notify_file])
     plan = load_plan(procedure, bench, dry=dry, world=world)
 
     simulated = dry or plan.bench.simulated
@@ -169,6 +171,7 @@ def resume(
     Example: `rig resume runs/20260115T180000-night-1a2b.sqlite`
     """
     by = operator(operator_name)
+    check_added_to(log, [run_file, bench, notify_file])
     with RunReader.open(run_file) as reader:
         simulated, dry = is_simulated(reader), bool(reader.genesis().data.get("dry"))
         state = read_state(reader) if unless_stopped else RunState()

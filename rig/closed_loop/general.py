@@ -59,7 +59,7 @@ def fit_general(
     if response not in table.columns:
         raise UsageError(f"{path}: the response {response} is not a column of numbers")
     y = table.columns[response]
-    asked = LeaveOut.of(leave_out, str(path), len(y))
+    asked = LeaveOut.of(leave_out, table)
     try:
         with rows_of_file(table):
             names, exact = model.exact_columns({**table.columns, **table.text})
@@ -68,7 +68,7 @@ def fit_general(
         plots = _identities(table, extra) if whole_plot else None
         blocks = _identities(table, [replicate]) if whole_plot and replicate else None
         every = _Rows(names, exact.hi, exact.lo, y, plots, blocks)
-        searched = search(len(y), asked, lambda rows: {response: every.take(rows).gross()})
+        searched = search(table, asked, lambda rows: {response: every.take(rows).gross()})
         fit = every.take(searched.used).fitted()
         others = searched.with_the_others(lambda rows: every.take(rows).fitted())
         found = _of_rows(fit) if isinstance(fit, LinearFit) else _of_whole_plots(fit)
@@ -81,7 +81,7 @@ def fit_general(
         "data": {
             "file": path.name,
             "points": len(searched.used),
-            "rows_left_out": searched.rows_left_out(len(y)),
+            "rows_left_out": searched.rows_left_out,
             "kind": "general",
             "simulated": simulated,
         },
@@ -91,8 +91,7 @@ def fit_general(
         "notes": [*found["notes"], *uneven],
         "unused": unused_columns(table, used).to_json(),
         "gross_errors": searched.of_sensor(response, "", _order_of(table), _both(searched, fit, others)),
-        "calibration": _calibration(fit, response, model, table, searched.used, uneven).to_dict()
-        | kept_with(searched, len(y)),
+        "calibration": _calibration(fit, response, model, table, searched.used, uneven).to_dict() | kept_with(searched),
     }
 
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import IO
 
 from rig.atomic import write_whole
+from rig.errors import UsageError
+from rig.regular import open_regular
 from rig.run_file.chain import Record
 from rig.run_file.reader import RunReader
 
@@ -28,10 +30,30 @@ COLUMNS = (
 _EVENTS = ("recovered", "read-back", "safe", "whole-plot-lost", "interrupted", "homed", "hole", "clock-set")
 
 
-def write_happenings(run: Path, path: Path) -> int:
-    """Write faults, decisions, skips, holds and how they ended as CSV; returns how many. Raises `UsageError`."""
+def happenings(run: Path) -> list[list[object]]:
+    """Faults, decisions, skips, holds of a run and how they ended, a row of `COLUMNS` each. Raises `RunFileError`."""
     with RunReader.open(run) as reader:
-        rows = [_row(record) for record in reader.records() if _is_one(record)]
+        return [_row(record) for record in reader.records() if _is_one(record)]
+
+
+def check_replaceable(path: Path) -> None:
+    """Refuse a file that is there and was not written by `write_happenings`: nobody named it. Raises `UsageError`."""
+    try:
+        with open_regular(path) as file:
+            theirs = file.readline(1000).decode("utf-8", "replace").rstrip() != ",".join(COLUMNS)
+    except FileNotFoundError:
+        return
+    except OSError as error:
+        raise UsageError(f"{path} cannot be written: {error.strerror}; choose another name for --out") from error
+    if theirs:
+        raise UsageError(
+            f"{path}, where faults and decisions go with --all, is there and no table of them: it is not overwritten; "
+            "choose another name for --out"
+        )
+
+
+def write_happenings(rows: Sequence[Sequence[object]], path: Path) -> None:
+    """Write rows of `happenings` as CSV, whole or not at all. Raises `UsageError`."""
 
     def write(file: IO[str]) -> None:
         writer = csv.writer(file, lineterminator="\n")
@@ -39,7 +61,6 @@ def write_happenings(run: Path, path: Path) -> int:
         writer.writerows(rows)
 
     write_whole(path, write)
-    return len(rows)
 
 
 def _is_one(record: Record) -> bool:

@@ -8,6 +8,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from fitter.arrays import IntArray
+
 PITCH_ROLL = ("replicate", "order", "elapsed_s", "pitch_deg", "roll_deg", "sensor_temperature_degC")
 """Columns every pitch-roll table has, besides one `NAME_V` for each sensor."""
 
@@ -65,6 +67,11 @@ class Table:
     def row(self, i: int) -> int:
         """Number in the file of observation `i`."""
         return self.rows[i] if self.rows else i + 2
+
+    @property
+    def numbers(self) -> IntArray:
+        """(n,) `row` of every observation."""
+        return np.array(self.rows, np.int64) if self.rows else np.arange(len(self)) + 2
 
     @property
     def kind(self) -> Kind:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import threading
 from collections.abc import Callable
@@ -71,7 +72,7 @@ class Shelf:
     @property
     def only(self) -> str | None:
         """The run's name where there is but one."""
-        return None if self._where.is_dir() else self._where.stem
+        return None if self._where.is_dir() else _name_of(self._where)
 
     def feed(self, name: str) -> RunFeed | None:
         """The run of that name; None if there is none. Names are looked up, never made into paths."""
@@ -97,9 +98,14 @@ class Shelf:
 
     def _paths(self) -> dict[str, Path]:
         if not self._where.is_dir():
-            return {self._where.stem: self._where}
+            return {_name_of(self._where): self._where}
         paths = sorted(self._where.glob("*.sqlite"), key=_changed, reverse=True)[:_LISTED]
-        return {path.stem: path for path in paths}
+        return {_name_of(path): path for path in paths}
+
+
+def _name_of(path: Path) -> str:
+    """What a run is called in the page and its address: of a file's name that is no text, its bytes written out."""
+    return os.fsencode(path.stem).decode("utf-8", "backslashreplace")
 
 
 def _made(name: str, changed: float) -> str:
