@@ -31,7 +31,7 @@ def export(
     Example: `rig export runs/20260115T180000-night-1a2b.sqlite --out night.csv`
     """
     from rig.tables import run_table, write_csv  # noqa: PLC0415
-    from rig.tables.happenings import write_happenings  # noqa: PLC0415
+    from rig.tables.faults import write_faults  # noqa: PLC0415
 
     table = run_table(run_file, everything=everything, salvage=salvage)
     if salvage:
@@ -45,6 +45,6 @@ def export(
         err.print(f"[yellow]{rejected} observations that were rejected are not in it; --all writes them too[/]")
     if everything and not salvage:
         beside = out_file.with_name(f"{out_file.stem}.faults.csv")
-        count = write_happenings(run_file, beside)
+        count = write_faults(run_file, beside)
         err.print(f"{escape(str(beside))}: {count} faults, decisions and what came of them", soft_wrap=True)
     return ExitCode.DONE

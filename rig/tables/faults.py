@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
 
 from rig.atomic import write_whole
 from rig.run_file.chain import Record
+from rig.run_file.events import Event
 from rig.run_file.reader import RunReader
 
 COLUMNS = (
@@ -25,13 +25,12 @@ COLUMNS = (
     "pause_s",
     "message",
 )
-_EVENTS = ("recovered", "read-back", "safe", "whole-plot-lost", "interrupted", "homed", "hole", "clock-set")
 
 
-def write_happenings(run: Path, path: Path) -> int:
+def write_faults(run: Path, path: Path) -> int:
     """Write faults, decisions, skips, holds and how they ended as CSV; returns how many. Raises `UsageError`."""
     with RunReader.open(run) as reader:
-        rows = [_row(record) for record in reader.records() if _is_one(record)]
+        rows = [_row(record) for record in reader.records() if not record.accepted and record.event.exported]
 
     def write(file: IO[str]) -> None:
         writer = csv.writer(file, lineterminator="\n")
@@ -42,40 +41,19 @@ def write_happenings(run: Path, path: Path) -> int:
     return len(rows)
 
 
-def _is_one(record: Record) -> bool:
-    return record.kind in ("fault", "skip", "hold", "release", "stop") or (
-        record.kind == "event" and record.status in _EVENTS
-    )
-
-
 def _row(record: Record) -> list[object]:
-    data = record.data
-    message = " ".join(str(data.get("message", data.get("reason", data.get("why", ", ".join(_told(record)))))).split())
-    event = record.kind == "event"
+    data, sort_is_status = record.data, record.kind == Event.kind
     return [
         round(record.elapsed_s, 3),
         record.session,
         record.whole_plot,
         record.run_index,
         record.attempt,
-        record.status if event else record.kind,
+        record.status if sort_is_status else record.kind,
         data.get("fault", ""),
-        "" if event else record.status,
+        "" if sort_is_status else record.status,
         data.get("where", data.get("place", "")),
         data.get("failure", ""),
         data.get("pause_s", ""),
-        message,
+        " ".join(record.sentence().split()),
     ]
-
-
-def _told(record: Record) -> Iterator[str]:
-    data = record.data
-    match record.status:
-        case "recovered":
-            yield from (f"{fault} {n}x" for fault, n in data["failures"].items())
-        case "safe":
-            yield f"safe after {data['seconds']:g} s" if not data["unsafe"] else "; ".join(data["unsafe"])
-        case "read-back":
-            yield from (f"{name} restarted" for name in data["restarted"])
-        case _:
-            return
