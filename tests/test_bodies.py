@@ -21,7 +21,7 @@ from rig.report.story import story
 from rig.run_file.bodies import ContentsError
 from rig.run_file.chain import Record
 from rig.run_file.documents import declared_model, mounting_of
-from rig.run_file.events import body_of
+from rig.run_file.events.event import body_of
 from rig.run_file.reader import RunReader
 from rig.run_file.state import read_state
 from rig.run_file.verification import verify_file

@@ -13,7 +13,8 @@ from proving.night.play import play
 from proving.night.scenario import LABS, draw
 from rig.run_file.bodies import ContentsError
 from rig.run_file.chain import Record, encode
-from rig.run_file.events import Event, Unknown, Warned
+from rig.run_file.events.bench import Warned
+from rig.run_file.events.event import Event, Unknown
 from rig.run_file.reader import RunReader
 from rig.tables.faults import write_faults
 from rig.unattended.happenings import Kind, from_record, one_line

@@ -20,7 +20,8 @@ from rig.engine.guard import Guard
 from rig.engine.holes import WatchedClock
 from rig.engine.journal import Journal
 from rig.engine.whole_plots import WholePlots
-from rig.run_file.events import Event, Observed
+from rig.run_file.events.event import Event
+from rig.run_file.events.points import Observed
 
 
 @contextlib.contextmanager

@@ -22,7 +22,7 @@ from rig.plans import has_plan, stored_plan
 from rig.run_file.audit import Finding
 from rig.run_file.chain import Record
 from rig.run_file.elsewhere import goes_on_in
-from rig.run_file.events import Fault
+from rig.run_file.events.bench import Fault
 from rig.run_file.live import read_live, silent_s
 from rig.run_file.opening import sensible
 from rig.run_file.reader import RunReader

@@ -24,7 +24,9 @@ from rig.engine.motion import plan_legs, recovery_legs
 from rig.engine.policies import Policies
 from rig.engine.queue import PointQueue
 from rig.engine.soaking import Soaking
-from rig.run_file.events import ACCEPTED, EMPTY, REJECTED, Held, Observed
+from rig.run_file.events.event import EMPTY
+from rig.run_file.events.points import ACCEPTED, REJECTED, Observed
+from rig.run_file.events.sessions import Held
 
 _MOVE_TIMEOUT_S = 600.0
 _NEARLY = 0.9

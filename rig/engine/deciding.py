@@ -17,7 +17,7 @@ from rig.engine.faults import FAULTS, TemperatureLeft
 from rig.engine.journal import Journal
 from rig.engine.policies import ABORT, HOLD, SKIP, Decision, Policies
 from rig.engine.states import AT_POINT, State
-from rig.run_file.events import Fault, ReadBack, Recovered
+from rig.run_file.events.bench import Fault, ReadBack, Recovered
 
 LEAVE = "leave"
 """What takes the place of giving up while parking: the safe state follows in any case."""

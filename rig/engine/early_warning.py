@@ -20,7 +20,7 @@ from rig.engine.response_test import ResponseTest, Row
 from rig.engine.warning_tests import ALARM, NoiseTest, Number, PreviousTest, RepeatTest, StillTest
 from rig.quantities import PITCH, PRESSURE, ROLL
 from rig.run_file.chain import Record
-from rig.run_file.events import Warned
+from rig.run_file.events.bench import Warned
 from rig.run_file.reader import RunReader
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import Any
 
 from rig.engine.journal import Journal
 from rig.errors import BenchFault
-from rig.run_file.events import Identified
+from rig.run_file.events.sessions import Identified
 
 _WHO = ("maker", "model", "serial", "asset")
 

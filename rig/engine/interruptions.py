@@ -8,7 +8,7 @@ from rig.engine.holes import HoleInTime, WatchedClock
 from rig.engine.journal import Journal
 from rig.engine.session import Signals
 from rig.engine.states import State
-from rig.run_file.events import Hole
+from rig.run_file.events.sessions import Hole
 from rig.run_file.live import Requests
 
 

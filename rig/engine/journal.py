@@ -18,7 +18,9 @@ from rig.engine.settling import Settling
 from rig.engine.states import State
 from rig.engine.time_left import LAST_POINTS, spent_s, typical_s
 from rig.run_file.chain import Record, encode
-from rig.run_file.events import ClockSet, Ended, Event, Observed, SessionBegan, WholePlotBegan
+from rig.run_file.events.event import Event
+from rig.run_file.events.points import Observed, WholePlotBegan
+from rig.run_file.events.sessions import ClockSet, Ended, SessionBegan
 from rig.run_file.live import LiveState
 from rig.run_file.state import RunState
 from rig.run_file.writer import RunWriter

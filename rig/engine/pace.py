@@ -20,18 +20,10 @@ from procedures.conduct import Conduct, SoakSettings
 from procedures.run_list import RunList
 from rig.config import FOLLOWS_S, BenchConfig
 from rig.run_file.chain import Record
-from rig.run_file.events import (
-    Event,
-    Fault,
-    Held,
-    Observed,
-    SessionBegan,
-    Skipped,
-    Stopped,
-    TemperaturesLeft,
-    WholePlotBegan,
-    WholePlotLost,
-)
+from rig.run_file.events.bench import Fault
+from rig.run_file.events.event import Event
+from rig.run_file.events.points import Observed, Skipped, TemperaturesLeft, WholePlotBegan, WholePlotLost
+from rig.run_file.events.sessions import Held, SessionBegan, Stopped
 
 AMBIENT_DEGC = 23.0
 """Where temperatures come from in a run's first soak."""

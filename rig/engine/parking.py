@@ -15,7 +15,7 @@ from rig.engine.journal import Journal
 from rig.engine.safe_state import make_safe
 from rig.engine.states import State
 from rig.errors import StorageError
-from rig.run_file.events import MadeSafe
+from rig.run_file.events.bench import MadeSafe
 
 
 class SetUp(Protocol):

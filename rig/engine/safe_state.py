@@ -13,7 +13,7 @@ from drivers.clock import Clock
 from drivers.roles import Chamber, Head, Instrument, PressureController, Reader
 from rig.bench import Bench
 from rig.protection import SafetyConfig
-from rig.run_file.events import MadeSafe
+from rig.run_file.events.bench import MadeSafe
 
 _POLL_S = 0.5
 _LONGEST_POLL_S = 5.0

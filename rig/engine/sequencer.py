@@ -37,23 +37,9 @@ from rig.engine.soaking import Soaking
 from rig.engine.standing import Standing
 from rig.engine.states import AT_POINT, FINAL, State, machine
 from rig.errors import BenchFault, RigError, StorageError
-from rig.run_file.events import (
-    AsFound,
-    Ended,
-    EnvironmentSettled,
-    Fault,
-    Held,
-    Homed,
-    Interruption,
-    MadeSafe,
-    Parked,
-    Prepared,
-    Preparing,
-    Released,
-    Remark,
-    Skipped,
-    Stopped,
-)
+from rig.run_file.events.bench import AsFound, EnvironmentSettled, Fault, Homed, MadeSafe, Prepared, Preparing, Remark
+from rig.run_file.events.points import Skipped
+from rig.run_file.events.sessions import Ended, Held, Interruption, Parked, Released, Stopped
 from rig.run_file.live import Requests
 from rig.run_file.state import RunState
 from rig.run_file.writer import RunWriter

@@ -8,7 +8,7 @@ from enum import Enum
 from typing import Any, Protocol
 
 from rig.run_file.chain import Record
-from rig.run_file.events import Event
+from rig.run_file.events.event import Event
 
 
 class Outcome(Enum):

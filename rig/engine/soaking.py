@@ -16,7 +16,7 @@ from rig.engine.journal import Journal
 from rig.engine.measuring import Channel
 from rig.engine.queue import PointQueue
 from rig.engine.whole_plots import WholePlots
-from rig.run_file.events import Observed, Renewing, TemperaturesLeft, WholePlotBegan, WholePlotLost
+from rig.run_file.events.points import Observed, Renewing, TemperaturesLeft, WholePlotBegan, WholePlotLost
 
 _RECALLED = 40
 """Observations read again when a run is resumed, for what is known of the chambers."""

@@ -20,7 +20,8 @@ from rig.errors import RunFileError
 from rig.run_file.bodies import COUNT, ContentsError
 from rig.run_file.chain import GENESIS, Record, StoredRow, followed, link
 from rig.run_file.contents import senseless
-from rig.run_file.events import Ended, Event, RunCreated
+from rig.run_file.events.event import Event
+from rig.run_file.events.sessions import Ended, RunCreated
 from rig.run_file.restore import changed_column
 from rig.run_file.schema import Guarded, differences
 

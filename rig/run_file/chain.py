@@ -15,7 +15,8 @@ from math import isfinite
 from typing import Any, NamedTuple
 
 from rig.run_file.bodies import shown
-from rig.run_file.events import ACCEPTED, Body, Event, Observed, body_of, decode
+from rig.run_file.events.event import Body, Event, body_of, decode
+from rig.run_file.events.points import ACCEPTED, Observed
 
 GENESIS = bytes(32)
 """What the first record names as its predecessor."""

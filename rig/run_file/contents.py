@@ -7,7 +7,7 @@ from typing import Any
 
 from rig.run_file.bodies import COUNT, LATEST_S, MOMENT, TEXT, ContentsError, shown
 from rig.run_file.chain import Record
-from rig.run_file.events import ACCEPTED, REJECTED, Observed, Skipped, WholePlotBegan, WholePlotLost
+from rig.run_file.events.points import ACCEPTED, REJECTED, Observed, Skipped, WholePlotBegan, WholePlotLost
 
 _Check = Callable[[Any], bool]
 

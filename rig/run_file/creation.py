@@ -14,7 +14,7 @@ import apsw
 from procedures.run_list import RunList
 from rig.errors import RunFileError, StorageError
 from rig.run_file.chain import GENESIS, Record, encode, link
-from rig.run_file.events import RunCreated
+from rig.run_file.events.sessions import RunCreated
 from rig.run_file.schema import APPLICATION_ID, INSERT_RECORD, SCHEMA_VERSION, statements, write_run_list
 from rig.run_file.storage import storage_of
 

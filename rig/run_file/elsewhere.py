@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rig.errors import RigError
 from rig.run_file.chain import link
-from rig.run_file.events import Rescued
+from rig.run_file.events.sessions import Rescued
 from rig.run_file.reader import RunReader
 from rig.run_file.state import RunState
 

@@ -21,7 +21,7 @@ from procedures.run_list import Factor, Point, RunList
 from rig.errors import RunFileError, StorageError, UsageError
 from rig.run_file.audit import findings
 from rig.run_file.bodies import ContentsError
-from rig.run_file.events import RunCreated
+from rig.run_file.events.sessions import RunCreated
 from rig.run_file.last_word import head_path, read_last_word
 from rig.run_file.live import live_path, request_path
 from rig.run_file.pages import Pages, Value

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from rig.run_file.chain import GENESIS, Record, link
-from rig.run_file.events import Ended, RunCreated
+from rig.run_file.events.sessions import Ended, RunCreated
 from rig.run_file.pages import Pages, Place, Row
 
 _COLUMNS = 12

@@ -21,7 +21,8 @@ from rig.run_file.beside import Alone, ForeignFileError, check_journal, check_lo
 from rig.run_file.bodies import COUNT, NUMBER, TEXT, WHOLE, ContentsError, shown
 from rig.run_file.chain import GENESIS, Record, StoredRow
 from rig.run_file.contents import senseless, wrong_column
-from rig.run_file.events import ACCEPTED, Observed, RunCreated
+from rig.run_file.events.points import ACCEPTED, Observed
+from rig.run_file.events.sessions import RunCreated
 from rig.run_file.opening import (
     by_itself,
     check_header,

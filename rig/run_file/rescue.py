@@ -12,7 +12,7 @@ import apsw
 
 from rig.errors import StorageError
 from rig.run_file.chain import Record, encode, link
-from rig.run_file.events import Rescued
+from rig.run_file.events.sessions import Rescued
 from rig.run_file.schema import INSERT_RECORD
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from rig.run_file.chain import Record, link
-from rig.run_file.events import kinds
+from rig.run_file.events.event import kinds
 
 _STATUS = (None, "accepted", "rejected", "retry", "skip", "final", "later", "hold", "abort", "complete", "prepared")
 _LONGEST_BODY = 6000

@@ -10,24 +10,10 @@ from typing import Any
 
 from rig.run_file.bodies import ContentsError
 from rig.run_file.chain import Record
-from rig.run_file.events import (
-    Ended,
-    Event,
-    Fault,
-    Identified,
-    MadeSafe,
-    Observed,
-    Prepared,
-    Preparing,
-    Rescued,
-    RunCreated,
-    SessionBegan,
-    Skipped,
-    Stopped,
-    TemperaturesLeft,
-    WholePlotBegan,
-    WholePlotLost,
-)
+from rig.run_file.events.bench import Fault, MadeSafe, Prepared, Preparing
+from rig.run_file.events.event import Event
+from rig.run_file.events.points import Observed, Skipped, TemperaturesLeft, WholePlotBegan, WholePlotLost
+from rig.run_file.events.sessions import Ended, Identified, Rescued, RunCreated, SessionBegan, Stopped
 from rig.run_file.indexes import IndexCounts, IndexSet
 from rig.run_file.opening import makes_no_sense
 from rig.run_file.reader import RunReader

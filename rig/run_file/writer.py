@@ -21,7 +21,7 @@ from rig.run_file import wal
 from rig.run_file.audit import findings
 from rig.run_file.beside import Alone, check_journal, foreign_log
 from rig.run_file.chain import Record, encode, link
-from rig.run_file.events import Ended
+from rig.run_file.events.sessions import Ended
 from rig.run_file.last_word import LastWord, read_last_word
 from rig.run_file.opening import by_itself, check_header, check_name, checked, locked, opened_to_read, unreadable
 from rig.run_file.reader import RunReader

@@ -8,7 +8,7 @@ from typing import IO
 
 from rig.atomic import write_whole
 from rig.run_file.chain import Record
-from rig.run_file.events import Event
+from rig.run_file.events.event import Event
 from rig.run_file.reader import RunReader
 
 COLUMNS = (

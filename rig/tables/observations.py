@@ -16,7 +16,8 @@ from rig.errors import RunFileError
 from rig.run_file.bodies import ContentsError
 from rig.run_file.chain import Record
 from rig.run_file.documents import Stored, declared_model, mounting_of
-from rig.run_file.events import Ended, Identified, Observed, SessionBegan, Skipped, WholePlotLost
+from rig.run_file.events.points import Observed, Skipped, WholePlotLost
+from rig.run_file.events.sessions import Ended, Identified, SessionBegan
 from rig.run_file.reader import RunReader
 from rig.run_file.state import read_state
 from rig.tables.table import MOUNTING, Table

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from rig.run_file.events import Event, Fault, Observed, Parked, RunCreated
+from rig.run_file.events.bench import Fault
+from rig.run_file.events.event import Event
+from rig.run_file.events.points import Observed
+from rig.run_file.events.sessions import Parked, RunCreated
 from rig.run_file.reader import RunReader
 
 _LOOK_BACK = 20

@@ -12,7 +12,8 @@ from typing import Any
 from unicodedata import category
 
 from rig.run_file.chain import Record
-from rig.run_file.events import Event, SessionBegan
+from rig.run_file.events.event import Event
+from rig.run_file.events.sessions import SessionBegan
 
 
 class Kind(StrEnum):

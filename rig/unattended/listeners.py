@@ -17,7 +17,8 @@ from rig.engine.session import Outcome, Progress
 from rig.engine.states import AT_POINT, State
 from rig.errors import UsageError
 from rig.run_file.chain import Record
-from rig.run_file.events import Event, NotNotified
+from rig.run_file.events.event import Event
+from rig.run_file.events.sessions import NotNotified
 from rig.unattended.happenings import Happening, Kind, RunFacts, from_record, one_line
 from rig.unattended.logs import Log
 from rig.unattended.manager import ServiceManager

@@ -15,7 +15,7 @@ from drivers.clock import Clock, RealClock
 from rig.durations import duration
 from rig.engine.session import Progress
 from rig.engine.states import State
-from rig.run_file.events import AsFound
+from rig.run_file.events.bench import AsFound
 from rig.unattended.happenings import Happening, RunFacts, one_line
 
 _STATUS_S = 5.0

@@ -6,7 +6,10 @@ from collections import deque
 from typing import Any
 
 from rig.run_file.chain import Record
-from rig.run_file.events import Event, Fault, SessionBegan, Warned, WholePlotBegan, WholePlotLost
+from rig.run_file.events.bench import Fault, Warned
+from rig.run_file.events.event import Event
+from rig.run_file.events.points import WholePlotBegan, WholePlotLost
+from rig.run_file.events.sessions import SessionBegan
 
 LINES = 300
 """Lines kept; of earlier ones the page says how many there are."""

@@ -9,7 +9,7 @@ from typing import Any
 from procedures.run_list import Factor
 from rig.run_file.bodies import NUMBER, ContentsError
 from rig.run_file.chain import Record
-from rig.run_file.events import Observed
+from rig.run_file.events.points import Observed
 from rig.run_file.reader import RunReader
 
 BATCH = 20_000

@@ -81,15 +81,11 @@ class EnvironmentSettled(Event, status="environment-settled", says="environment 
 
 
 @dataclass(frozen=True, kw_only=True)
-class Remark(Event, status="remark"):
+class Remark(Event, status="remark", says="{instrument}: {message}"):
     """Something an instrument said that is worth knowing."""
 
     instrument: Text = ""
     message: Text = ""
-
-    def sentence(self, record: Record) -> str:
-        """Who said what."""
-        return f"{self.instrument}: {self.message}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -205,7 +201,9 @@ class Recovered(Event, status="recovered", exported=True):
 
 
 @dataclass(frozen=True)
-class Warned(Event, status="warning", matters=Importance("warning", "warning", "warning")):
+class Warned(
+    Event, status="warning", matters=Importance("warning", "warning", "warning"), says="early warning: {message}"
+):
     """An early warning.
 
     Attributes:
@@ -218,7 +216,3 @@ class Warned(Event, status="warning", matters=Importance("warning", "warning", "
     cause: Text = ""
     output: Text = ""
     message: Text = ""
-
-    def sentence(self, record: Record) -> str:
-        """What it says."""
-        return f"early warning: {self.message}"

@@ -89,6 +89,7 @@ class Event:
     exported: ClassVar[bool] = False
     _status: ClassVar[str | None] = None
     _says: ClassVar[str] = ""
+    _ends: ClassVar[str] = ""
 
     def __init_subclass__(
         cls,
@@ -98,6 +99,7 @@ class Event:
         matters: Importance = STEP,
         exported: bool = False,
         says: str = "",
+        ends: str = "",
     ) -> None:
         """Register the class as that of records of its kind, and of its status where it names one.
 
@@ -106,10 +108,12 @@ class Event:
             status: of its records, where all have the same.
             matters: see `Event`.
             exported: see `Event`.
-            says: its sentence, where it is always the same.
+            says: its sentence, with fields in braces; `{at}` is where, `{record.whole_plot}` a column of its record.
+            ends: how it ends its session, in words; then that is its sentence too.
 
         """
-        cls.kind, cls._status, cls.matters, cls.exported, cls._says = kind, status, matters, exported, says
+        cls.kind, cls._status, cls.matters, cls.exported = kind, status, matters, exported
+        cls._says, cls._ends = says or ends, ends
         if kind:
             _CLASSES[kind, status] = cls
 
@@ -127,7 +131,7 @@ class Event:
     @property
     def ending(self) -> str:
         """How it ends its session, in words; "" if it does not."""
-        return ""
+        return self._ends.format(**vars(self))
 
     def body(self) -> dict[str, Any]:
         """What the record holds besides its own columns."""
@@ -150,7 +154,7 @@ class Event:
             record: the one that it is of, for session, point and whole plot.
 
         """
-        return self._says
+        return self._says.format(at=at(record), record=record, **vars(self))
 
 
 _CLASSES: dict[tuple[str, str | None], type[Event]] = {}

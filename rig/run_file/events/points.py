@@ -124,14 +124,15 @@ class Renewing(Event, status="renewing", matters=ROUTINE):
 
 
 @dataclass(frozen=True, kw_only=True)
-class TemperaturesLeft(Event, status="temperatures-left", matters=ROUTINE):
+class TemperaturesLeft(
+    Event,
+    status="temperatures-left",
+    matters=ROUTINE,
+    says="temperatures were left for whole plot number {planned} of the design",
+):
     """Temperatures were changed for a planned whole plot."""
 
     planned: Count
-
-    def sentence(self, record: Record) -> str:
-        """For which."""
-        return f"temperatures were left for whole plot number {self.planned} of the design"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -27,7 +27,7 @@ _UNKNOWN_GAP = "a gap of unknown length: the machine restarted, and its clock wa
 
 
 @dataclass(frozen=True, kw_only=True)
-class RunCreated(Event, kind="run"):
+class RunCreated(Event, kind="run", says="run created, {points} points, run list {run_list:.16}..."):
     """What a run is, as it was created.
 
     Attributes:
@@ -59,10 +59,6 @@ class RunCreated(Event, kind="run"):
     operator: Text | None = None
     operator_by: Text | None = None
     world_start_s: Seconds | None = None
-
-    def sentence(self, record: Record) -> str:
-        """How long it is."""
-        return f"run created, {self.points} points, run list {self.run_list[:16]}..."
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -166,19 +162,10 @@ class Identified(Event, kind="identity"):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Interruption(Event, status="interrupted", matters=SESSION, exported=True):
+class Interruption(Event, status="interrupted", matters=SESSION, exported=True, ends="interrupted ({signal})"):
     """A signal asked for the run to be left for a later resume."""
 
     signal: Text = "signal"
-
-    @property
-    def ending(self) -> str:
-        """By which signal."""
-        return f"interrupted ({self.signal})"
-
-    def sentence(self, record: Record) -> str:
-        """By which signal."""
-        return self.ending
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -198,17 +185,8 @@ class Released(Event, kind="release", matters=DECISION, exported=True, says="rel
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stopped(Event, kind="stop", matters=DECISION, exported=True):
+class Stopped(Event, kind="stop", matters=DECISION, exported=True, ends="stopped on request"):
     """A person asked for the run to be stopped."""
-
-    @property
-    def ending(self) -> str:
-        """See `Event.ending`."""
-        return "stopped on request"
-
-    def sentence(self, record: Record) -> str:
-        """See `Event.sentence`."""
-        return self.ending
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -217,7 +195,13 @@ class Parked(Event, status="parked", says="parked"):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Ended(Event, kind="end", matters=Importance("session", "")):
+class Ended(
+    Event,
+    kind="end",
+    matters=Importance("session", ""),
+    ends="{how}",
+    says="{how}: {accepted} points observed, {records} records before this one",
+):
     """The run is complete.
 
     Attributes:
@@ -239,50 +223,31 @@ class Ended(Event, kind="end", matters=Importance("session", "")):
     records: Count
     head: Text
 
-    @property
-    def ending(self) -> str:
-        """How."""
-        return self.how
-
-    def sentence(self, record: Record) -> str:
-        """How much was observed."""
-        return f"{self.how}: {self.accepted} points observed, {self.records} records before this one"
-
 
 @dataclass(frozen=True, kw_only=True)
-class Rescued(Event, status="rescued"):
+class Rescued(Event, status="rescued", says="the file was moved, deleted or replaced; the run goes on in {to}"):
     """The file lost its name; the run goes on in a copy."""
 
     to: Text
 
-    def sentence(self, record: Record) -> str:
-        """Where it goes on."""
-        return f"the file was moved, deleted or replaced; the run goes on in {self.to}"
-
 
 @dataclass(frozen=True, kw_only=True)
-class ClockSet(Event, status="clock-set", exported=True):
+class ClockSet(Event, status="clock-set", exported=True, says="{message}"):
     """The machine's clock was set: dates before and after do not go together."""
 
     step_s: Seconds
     message: Text
 
-    def sentence(self, record: Record) -> str:
-        """By how much."""
-        return self.message
-
 
 @dataclass(frozen=True, kw_only=True)
-class NotNotified(Event, status="not-notified", matters=Importance("step", "")):
+class NotNotified(
+    Event, status="not-notified", matters=Importance("step", ""), says="{channel} was not told of {about}: {why}"
+):
     """Somebody could not be told of something; the log has it from when it happened."""
 
     channel: Text = ""
     about: Text = ""
     why: Text = ""
-
-    def sentence(self, record: Record) -> str:
-        """Who, of what, why."""
-        return f"{self.channel} was not told of {self.about}: {self.why}"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,22 +6,10 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from rig.run_file.chain import Record
-from rig.run_file.events import (
-    AsFound,
-    Ended,
-    Event,
-    Fault,
-    Held,
-    Identified,
-    Interruption,
-    Observed,
-    Released,
-    SessionBegan,
-    Skipped,
-    Stopped,
-    WholePlotBegan,
-    WholePlotLost,
-)
+from rig.run_file.events.bench import AsFound, Fault
+from rig.run_file.events.event import Event
+from rig.run_file.events.points import Observed, Skipped, WholePlotBegan, WholePlotLost
+from rig.run_file.events.sessions import Ended, Held, Identified, Interruption, Released, SessionBegan, Stopped
 from rig.run_file.sense.case import Case
 from rig.run_file.state import RunState
 

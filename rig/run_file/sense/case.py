@@ -13,7 +13,8 @@ from procedures.run_list import RunList
 from rig.config import BenchConfig, parse_bench, parse_procedure
 from rig.errors import ConfigurationError
 from rig.run_file.chain import Record
-from rig.run_file.events import ClockSet, Event, NotNotified, RunCreated
+from rig.run_file.events.event import Event
+from rig.run_file.events.sessions import ClockSet, NotNotified, RunCreated
 from rig.run_file.reader import RunReader
 from rig.run_file.state import RunState
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from rig.run_file.chain import Record
-from rig.run_file.events import Event, RunCreated, SessionBegan
+from rig.run_file.events.event import Event
+from rig.run_file.events.sessions import RunCreated, SessionBegan
 from rig.run_file.sense.case import Case
 from rig.run_file.state import RunState
 

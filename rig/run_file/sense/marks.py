@@ -5,18 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from rig.run_file.chain import Record
-from rig.run_file.events import (
-    Ended,
-    Event,
-    Fault,
-    Hole,
-    MadeSafe,
-    Observed,
-    Recovered,
-    SessionBegan,
-    Skipped,
-    WholePlotLost,
-)
+from rig.run_file.events.bench import Fault, MadeSafe, Recovered
+from rig.run_file.events.event import Event
+from rig.run_file.events.points import Observed, Skipped, WholePlotLost
+from rig.run_file.events.sessions import Ended, Hole, SessionBegan
 from rig.run_file.indexes import IndexCounts
 from rig.run_file.sense.case import NOTED, Case
 from rig.run_file.state import RunState

@@ -8,7 +8,9 @@ from typing import Any
 from procedures.conduct import EnvironmentSettings, SoakSettings
 from procedures.run_list import Factor, Point
 from rig.run_file.chain import Record
-from rig.run_file.events import EnvironmentSettled, Event, Observed, WholePlotBegan
+from rig.run_file.events.bench import EnvironmentSettled
+from rig.run_file.events.event import Event
+from rig.run_file.events.points import Observed, WholePlotBegan
 from rig.run_file.sense.case import Case
 from rig.run_file.state import RunState
 

@@ -8,7 +8,8 @@ from itertools import pairwise
 from typing import Any
 
 from rig.run_file.chain import Record
-from rig.run_file.events import Event, Observed
+from rig.run_file.events.event import Event
+from rig.run_file.events.points import Observed
 from rig.run_file.sense.case import Case
 from rig.run_file.state import RunState
 

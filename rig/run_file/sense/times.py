@@ -7,7 +7,9 @@ from collections.abc import Iterator
 from datetime import UTC, datetime
 
 from rig.run_file.chain import Record
-from rig.run_file.events import ClockSet, Event, Hole, Observed, RunCreated, SessionBegan
+from rig.run_file.events.event import Event
+from rig.run_file.events.points import Observed
+from rig.run_file.events.sessions import ClockSet, Hole, RunCreated, SessionBegan
 from rig.run_file.sense.case import Case
 from rig.run_file.state import RunState
 
