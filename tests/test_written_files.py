@@ -14,7 +14,7 @@ from small_run import write_small
 from rig.atomic import check_files, check_writable, write_whole
 from rig.errors import UsageError
 from rig.tables import write_csv
-from rig.tables.happenings import COLUMNS
+from rig.tables.faults import COLUMNS
 
 
 def files(folder):

@@ -19,6 +19,8 @@ from rig.engine.guard import Guard
 from rig.engine.holes import WatchedClock
 from rig.engine.journal import Journal
 from rig.engine.whole_plots import WholePlots
+from rig.run_file.events.event import Event
+from rig.run_file.events.points import Observed
 
 
 @contextlib.contextmanager
@@ -67,10 +69,10 @@ def _double_write() -> AbstractContextManager[Any]:
     """An observation is written twice."""
     write = Journal.write
 
-    def twice(self: Journal, kind: str, *arguments: Any, **options: Any) -> None:
-        write(self, kind, *arguments, **options)
-        if kind == "observation":
-            write(self, kind, *arguments, **options)
+    def twice(self: Journal, event: Event, **options: Any) -> None:
+        write(self, event, **options)
+        if isinstance(event, Observed):
+            write(self, event, **options)
 
     return patch.object(Journal, "write", twice)
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from procedures.pressure.settings import WholePlotProcedure
 from proving.night.judged import Night
+from rig.run_file.events.bench import Prepared
 
 _NOTICED_S = 20.0
 """A hole of which more than so much is not explained by waiting is noticed."""
@@ -15,7 +16,7 @@ def unbroken(night: Night) -> Iterator[str]:
     """Nothing that has to be of one piece has a hole in time in it."""
     procedure = night.played.plan.procedure
     accepted = list(night.accepted())
-    prepared = [night.world_s(r.session, r.elapsed_s) for r in night.records if r.status == "prepared"]
+    prepared = [night.world_s(r.session, r.elapsed_s) for r in night.records if isinstance(r.event, Prepared)]
     for began, ended in _holes(night):
         spans = [(night.measured_s(r), r) for r in accepted]
         for (first, last), r in spans:

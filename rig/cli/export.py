@@ -32,14 +32,14 @@ def export(
     Example: `rig export runs/20260115T180000-night-1a2b.sqlite --out night.csv`
     """
     from rig.tables import run_table, write_csv  # noqa: PLC0415
-    from rig.tables.happenings import check_replaceable, happenings, write_happenings  # noqa: PLC0415
+    from rig.tables.faults import check_replaceable, faults, write_faults  # noqa: PLC0415
 
     beside = out_file.with_name(f"{out_file.stem}.faults.csv") if everything and not salvage else None
     check_files([out_file, beside], [run_file])
     if beside is not None:
         check_replaceable(beside)
     table = run_table(run_file, everything=everything, salvage=salvage)
-    rows = [] if beside is None else happenings(run_file)
+    rows = [] if beside is None else faults(run_file)
     if salvage:
         err.print("[bold yellow]NOT VERIFIED:[/] the chain of records does not prove these values; see `rig verify`")
     write_csv(table.columns, out_file)
@@ -50,6 +50,6 @@ def export(
     if rejected := table.provenance.get("observations_rejected"):
         err.print(f"[yellow]{rejected} observations that were rejected are not in it; --all writes them too[/]")
     if beside is not None:
-        write_happenings(rows, beside)
+        write_faults(rows, beside)
         err.print(f"{escape(str(beside))}: {len(rows)} faults, decisions and what came of them", soft_wrap=True)
     return ExitCode.DONE

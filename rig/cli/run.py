@@ -241,7 +241,7 @@ def conclude(result: Result) -> int:
 def warnings_in(run_file: Path) -> list[str]:
     """Early warnings of a run; none of a file that cannot be read, about which others say more."""
     with contextlib.suppress(RigError), RunReader.open(run_file) as reader:
-        return [str(record.data["message"]) for record in warnings_of(reader)]
+        return [warned.message for _, warned in warnings_of(reader)]
     return []
 
 

@@ -128,21 +128,21 @@ def _changed(path: Path) -> float:
 def _entry(name: str, path: Path) -> Entry:
     try:
         with WatchReader.open(path) as reader:
-            data, began = reader.genesis().data, reader.genesis().utc_s
+            run, began = reader.about(), reader.genesis().utc_s
             done, ended = reader.accepted(), reader.ended()
         live = read_json(live_path(path)) or {}
         running = bool(live) and controller_alive(path)
         state = str(live.get("state", "running")) if running else ended or "not running"
         return Entry(
             name,
-            data["procedure"],
-            data["bench"],
+            run.procedure or "",
+            run.bench or "",
             state,
             running,
             done,
-            data["points"],
+            run.points,
             began,
-            data["simulated"],
+            run.simulated,
         )
     except RigError as error:
         return Entry(name, problem=str(error))

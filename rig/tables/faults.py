@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import IO
 
@@ -11,6 +11,7 @@ from rig.atomic import write_whole
 from rig.errors import UsageError
 from rig.regular import open_regular
 from rig.run_file.chain import Record
+from rig.run_file.events.event import Event
 from rig.run_file.reader import RunReader
 
 COLUMNS = (
@@ -27,17 +28,16 @@ COLUMNS = (
     "pause_s",
     "message",
 )
-_EVENTS = ("recovered", "read-back", "safe", "whole-plot-lost", "interrupted", "homed", "hole", "clock-set")
 
 
-def happenings(run: Path) -> list[list[object]]:
+def faults(run: Path) -> list[list[object]]:
     """Faults, decisions, skips, holds of a run and how they ended, a row of `COLUMNS` each. Raises `RunFileError`."""
     with RunReader.open(run) as reader:
-        return [_row(record) for record in reader.records() if _is_one(record)]
+        return [_row(record) for record in reader.records() if not record.accepted and record.event.exported]
 
 
 def check_replaceable(path: Path) -> None:
-    """Refuse a file that is there and was not written by `write_happenings`: nobody named it. Raises `UsageError`."""
+    """Refuse a file that is there and was not written by `write_faults`: nobody named it. Raises `UsageError`."""
     try:
         with open_regular(path) as file:
             theirs = file.readline(1000).decode("utf-8", "replace").rstrip() != ",".join(COLUMNS)
@@ -52,8 +52,8 @@ def check_replaceable(path: Path) -> None:
         )
 
 
-def write_happenings(rows: Sequence[Sequence[object]], path: Path) -> None:
-    """Write rows of `happenings` as CSV, whole or not at all. Raises `UsageError`."""
+def write_faults(rows: Sequence[Sequence[object]], path: Path) -> None:
+    """Write rows of `faults` as CSV, whole or not at all. Raises `UsageError`."""
 
     def write(file: IO[str]) -> None:
         writer = csv.writer(file, lineterminator="\n")
@@ -63,40 +63,19 @@ def write_happenings(rows: Sequence[Sequence[object]], path: Path) -> None:
     write_whole(path, write)
 
 
-def _is_one(record: Record) -> bool:
-    return record.kind in ("fault", "skip", "hold", "release", "stop") or (
-        record.kind == "event" and record.status in _EVENTS
-    )
-
-
 def _row(record: Record) -> list[object]:
-    data = record.data
-    message = " ".join(str(data.get("message", data.get("reason", data.get("why", ", ".join(_told(record)))))).split())
-    event = record.kind == "event"
+    data, sort_is_status = record.data, record.kind == Event.kind
     return [
         round(record.elapsed_s, 3),
         record.session,
         record.whole_plot,
         record.run_index,
         record.attempt,
-        record.status if event else record.kind,
+        record.status if sort_is_status else record.kind,
         data.get("fault", ""),
-        "" if event else record.status,
+        "" if sort_is_status else record.status,
         data.get("where", data.get("place", "")),
         data.get("failure", ""),
         data.get("pause_s", ""),
-        message,
+        " ".join(record.sentence().split()),
     ]
-
-
-def _told(record: Record) -> Iterator[str]:
-    data = record.data
-    match record.status:
-        case "recovered":
-            yield from (f"{fault} {n}x" for fault, n in data["failures"].items())
-        case "safe":
-            yield f"safe after {data['seconds']:g} s" if not data["unsafe"] else "; ".join(data["unsafe"])
-        case "read-back":
-            yield from (f"{name} restarted" for name in data["restarted"])
-        case _:
-            return
