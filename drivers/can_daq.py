@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from typing import ClassVar
 
 from cantools.database.can import Database, Message
 from cantools.database.errors import DecodeError, Error
@@ -16,6 +17,7 @@ from pydantic import BaseModel, Field, field_validator, model_validator
 
 from drivers.clock import Clock
 from drivers.dbc import Series, Values, find_signal, frame_name, read_dbc
+from drivers.driver import ContractFile, Medium
 from drivers.errors import BadReply, LimitError, NoReply, NotReady, WrongInstrument
 from drivers.roles import Identity
 from drivers.wires import Wires
@@ -56,7 +58,8 @@ class CanDaq:
 
     """
 
-    wire = "can"
+    wire: ClassVar[Medium] = "can"
+    contracts: ClassVar[tuple[ContractFile, ...]] = (ContractFile("dbc", "contracts", "can_daq.dbc"),)
 
     class Options(BaseModel, extra="forbid"):
         """What the bench file may say about this instrument."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 from drivers.cia402_settings import (
     ERROR_CODE,
@@ -19,7 +20,9 @@ from drivers.cia402_settings import (
     lacking,
     settings_of,
 )
+from drivers.cia402_words import error_text, state_of
 from drivers.clock import Clock
+from drivers.driver import ContractFile, Medium
 from drivers.errors import BadReply, InstrumentError, LimitError, NotReady, WrongInstrument
 from drivers.roles import AxisState, Identity
 from drivers.wires import Wires
@@ -32,18 +35,6 @@ _DEVICE_TYPE, _DEVICE_NAME, _SOFTWARE, _IDENTITY = 0x1000, 0x1008, 0x100A, 0x101
 _VENDOR, _PRODUCT, _SERIAL = 1, 2, 4
 _PROFILE = 402
 
-_STATES = {
-    "not ready": (0x4F, 0x00),
-    "disabled": (0x4F, 0x40),
-    "ready": (0x6F, 0x21),
-    "switched on": (0x6F, 0x23),
-    "enabled": (0x6F, 0x27),
-    "quick stop": (0x6F, 0x07),
-    "stopping for a fault": (0x4F, 0x0F),
-    "fault": (0x4F, 0x08),
-}
-"""State by (mask, value) of the statusword."""
-
 _NEXT = {"disabled": 0x06, "ready": 0x07, "switched on": 0x0F, "quick stop": 0x00}
 """Controlword that leads from a state one step nearer to "enabled"."""
 
@@ -51,16 +42,6 @@ _REACHED, _ACKNOWLEDGED, _HOMED_NOW, _HOMING_ERROR = 1 << 10, 1 << 12, 1 << 12, 
 _DISABLE, _HOLD, _GO, _HOME, _HALT, _QUICK_STOP, _RESET = 0x07, 0x0F, 0x3F, 0x1F, 0x10F, 0x02, 0x80
 _POLL_S = 0.01
 _ENABLE_S, _ACKNOWLEDGE_S, _STANDSTILL_S, _MODE_S = 2.0, 0.5, 5.0, 1.0
-
-_FAULTS = {
-    0x2310: "continuous overcurrent",
-    0x3210: "DC link overvoltage",
-    0x3220: "DC link undervoltage",
-    0x4310: "drive overtemperature",
-    0x7305: "encoder signal",
-    0x8130: "heartbeat lost",
-    0x8611: "following error",
-}
 
 
 @dataclass
@@ -104,7 +85,8 @@ class CiA402Pair:
 
     """
 
-    wire = "can"
+    wire: ClassVar[Medium] = "can"
+    contracts: ClassVar[tuple[ContractFile, ...]] = (ContractFile("eds", "contracts", "cia402_drive.eds"),)
 
     Options = CiA402Options
 
@@ -240,7 +222,7 @@ class CiA402Pair:
             position = axis.node.number(POSITION) / self._options.counts_per_degree
             if axis.homing:
                 status = self._follow_homing(axis, status)
-            state = _state(status)
+            state = state_of(status)
             axis.homed = self._is_homed(axis, status)
             reached = bool(status & _REACHED) and self._arrived(axis, position)
             states[name] = AxisState(
@@ -284,7 +266,7 @@ class CiA402Pair:
             return False
         if self._homed_bit:
             return bool(status & 1 << self._homed_bit)
-        return bool(axis.homed) and _state(status) == "enabled"
+        return bool(axis.homed) and state_of(status) == "enabled"
 
     def _arrived(self, axis: _Axis, position_deg: float) -> bool:
         """Whether a drive that cannot be told what "reached" means is near its target, and has been for long enough."""
@@ -339,11 +321,11 @@ class CiA402Pair:
 
     def _set_out(self, name: str, axis: _Axis) -> None:
         """Bring a drive to a state in which nothing is under way: fault reset, set-points and halt forgotten."""
-        state = _state(self._status(axis))
+        state = state_of(self._status(axis))
         if state == "fault":
             axis.node.write(CONTROLWORD, 0)
             axis.node.write(CONTROLWORD, _RESET)
-            state = _state(self._status(axis))
+            state = state_of(self._status(axis))
             if state == "fault":
                 raise InstrumentError(axis.node.where, self._error(axis), f"{name}: {self._fault(axis)}")
             axis.node.write(CONTROLWORD, 0)
@@ -353,7 +335,7 @@ class CiA402Pair:
     def _enable(self, name: str, axis: _Axis) -> None:
         end = self._clock.now() + _ENABLE_S
         before = ""
-        while (state := _state(self._status(axis))) != "enabled":
+        while (state := state_of(self._status(axis))) != "enabled":
             if self._clock.now() > end or state == "fault":
                 text = self._fault(axis) if state == "fault" else "check its enable input and supply"
                 raise NotReady(f"{axis.node.where}: the {name} drive stays {state}; {text}")
@@ -365,7 +347,7 @@ class CiA402Pair:
     def _acknowledged(self, name: str, axis: _Axis) -> None:
         end = self._clock.now() + _ACKNOWLEDGE_S
         while not (status := self._status(axis)) & _ACKNOWLEDGED:
-            state = _state(status)
+            state = state_of(status)
             if self._clock.now() > end or state != "enabled":
                 text = self._fault(axis) if state == "fault" else "prepare it, or look at its display"
                 raise NotReady(f"{axis.node.where}: {name} does not take the set-point; it is {state}: {text}")
@@ -375,13 +357,13 @@ class CiA402Pair:
         """See whether a home search has ended; the drive then goes back to positioning. Returns the statusword."""
         if status & _HOMING_ERROR:
             axis.fault = "the home search failed; look at the mark and the homing method"
-        elif _state(status) == "enabled" and not (status & _REACHED and status & _HOMED_NOW):
+        elif state_of(status) == "enabled" and not (status & _REACHED and status & _HOMED_NOW):
             return status
         else:
-            axis.homed = _state(status) == "enabled"
+            axis.homed = state_of(status) == "enabled"
             axis.distrusted = axis.distrusted and not axis.homed
         axis.homing = False
-        if _state(status) == "enabled":
+        if state_of(status) == "enabled":
             axis.node.write(CONTROLWORD, _HOLD)
             self._set_mode(axis, PROFILE_POSITION)
             status = self._status(axis)
@@ -394,11 +376,7 @@ class CiA402Pair:
         if not axis.node.has(ERROR_CODE):
             return "see the drive's display; its EDS has no error code (603Fh)"
         code = self._error(axis)
-        return f"{_FAULTS.get(code, 'see the drive manual')} (error {code:04X}h)"
-
-
-def _state(status: int) -> str:
-    return next((name for name, (mask, value) in _STATES.items() if status & mask == value), f"unknown ({status:04X}h)")
+        return error_text(code)
 
 
 def _hex(number: object) -> str:

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import ClassVar
 
 from drivers.clock import Clock
+from drivers.driver import ContractFile, Medium
 from drivers.druck_measures import Measures, Scale
 from drivers.druck_options import PaceOptions
 from drivers.druck_scpi import SYNC, PaceScpi
@@ -42,7 +44,8 @@ class DruckPACE:
 
     """
 
-    wire = "serial"
+    wire: ClassVar[Medium] = "serial"
+    contracts: ClassVar[tuple[ContractFile, ...]] = ()
     Options = PaceOptions
 
     def __init__(self, name: str, address: str, options: PaceOptions, wires: Wires, clock: Clock) -> None:

@@ -7,11 +7,12 @@ bits, even parity, two stop bits.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, Field
 
 from drivers.clock import Clock
+from drivers.driver import ContractFile, Medium
 from drivers.scpi import SYNC, Interface, Nplc, ScpiMeter, hp_dialect, one_of, settling_s
 from drivers.wires import SerialOptions, SerialSettings, Wires
 
@@ -33,7 +34,8 @@ class Keysight34401A(ScpiMeter):
 
     """
 
-    wire = "serial"
+    wire: ClassVar[Medium] = "serial"
+    contracts: ClassVar[tuple[ContractFile, ...]] = ()
 
     class Options(SerialOptions):
         """What the bench file may say about this instrument."""

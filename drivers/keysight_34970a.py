@@ -7,11 +7,12 @@ order, whatever order it was given in.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Annotated, Literal, Self, get_args
+from typing import Annotated, ClassVar, Literal, Self, get_args
 
 from pydantic import AfterValidator, Field, model_validator
 
 from drivers.clock import Clock
+from drivers.driver import ContractFile, Medium
 from drivers.errors import BadReply
 from drivers.numbers import decimal
 from drivers.scpi import FREQUENCIES, SYNC, Interface, ScpiMeter, hp_dialect, one_of, settling_s
@@ -66,7 +67,8 @@ class Keysight34970A(ScpiMeter):
 
     """
 
-    wire = "serial"
+    wire: ClassVar[Medium] = "serial"
+    contracts: ClassVar[tuple[ContractFile, ...]] = ()
 
     class Options(SerialOptions):
         """What the bench file may say about this instrument."""

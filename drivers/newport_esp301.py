@@ -13,11 +13,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Literal
+from typing import ClassVar, Literal
 
 from pydantic import Field, model_validator
 
 from drivers.clock import Clock
+from drivers.driver import ContractFile, Medium
 from drivers.errors import BadReply, InstrumentError, LimitError, NotReady, WrongInstrument
 from drivers.numbers import decimal
 from drivers.roles import AxisState, Identity
@@ -53,7 +54,8 @@ class NewportESP301:
 
     """
 
-    wire = "serial"
+    wire: ClassVar[Medium] = "serial"
+    contracts: ClassVar[tuple[ContractFile, ...]] = ()
 
     class Options(SerialOptions):
         """What the bench file may say about this instrument."""

@@ -10,11 +10,12 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Iterator
-from typing import Literal
+from typing import ClassVar, Literal
 
 from pydantic import BaseModel, Field, ValidationError, ValidationInfo, field_validator, model_validator
 
 from drivers.clock import Clock
+from drivers.driver import ContractFile, Medium
 from drivers.errors import BadReply, InstrumentError, LimitError, NotReady, WrongInstrument
 from drivers.roles import ChamberState, Identity
 from drivers.watlow_map import map_of
@@ -52,7 +53,8 @@ class WatlowF4T(MappedTemperatures):
 
     """
 
-    wire = "modbus"
+    wire: ClassVar[Medium] = "modbus"
+    contracts: ClassVar[tuple[ContractFile, ...]] = (ContractFile("register_map", "contracts", "watlow_f4t.toml"),)
 
     class Options(BaseModel, extra="forbid"):
         """What the bench file may say about this instrument."""

@@ -12,11 +12,10 @@ from fitter.arrays import FloatArray, IntArray
 from fitter.errors import FitError
 from fitter.gross.search import LEVEL, GrossErrors
 from procedures.errors import DataError
+from procedures.table import Table
 
 GROSS = "gross"
 """What `--leave-out` takes for the rows that the search names."""
-HEADER = 2
-"""Row of a file that the first observation stands in: the header is row 1."""
 MANY = 0.05
 """Share of the rows from which the model is doubted, not the rows."""
 SHOWN = 8
@@ -40,8 +39,8 @@ class LeaveOut:
     rows: IntArray
 
     @staticmethod
-    def of(asked: Sequence[str], source: str, count: int) -> LeaveOut:
-        """From `--leave-out` options: "gross", or row numbers with commas between.
+    def of(asked: Sequence[str], table: Table) -> LeaveOut:
+        """From `--leave-out` options: "gross", or row numbers of the table's file with commas between.
 
         Raises:
             DataError: neither, or the table has no such row.
@@ -52,13 +51,14 @@ class LeaveOut:
         wrong = [word for word in numbers if not word.isdecimal()]
         if wrong:
             raise DataError(f"--leave-out {wrong[0]}: say gross, or row numbers of the file such as 12,31")
-        rows = np.array(sorted(int(word) - HEADER for word in numbers), np.int64)
-        outside = rows[(rows < 0) | (rows >= count)]
-        if outside.size:
+        wanted, known = sorted(int(word) for word in numbers), table.numbers
+        outside = sorted(set(wanted) - set(known.tolist()))
+        if outside:
+            between = "" if len(known) == known[-1] - known[0] + 1 else ", but for blank lines"
             raise DataError(
-                f"--leave-out {outside[0] + HEADER}: {source} has observations in rows {HEADER} to {count + 1}"
+                f"--leave-out {outside[0]}: {table.source} has observations in rows {known[0]} to {known[-1]}{between}"
             )
-        return LeaveOut(GROSS in words, rows)
+        return LeaveOut(GROSS in words, np.searchsorted(known, wanted))
 
 
 @dataclass(frozen=True)
@@ -89,12 +89,14 @@ class Searched:
     Attributes:
         found: by sensor; indices are of the rows searched.
         searched: (k,) indices of these rows in the table.
+        numbers: (n,) number in the file of every row of the table.
         left_out: what was asked for.
 
     """
 
     found: Mapping[str, GrossErrors]
     searched: IntArray
+    numbers: IntArray
     left_out: LeaveOut
 
     @property
@@ -113,9 +115,10 @@ class Searched:
         """Indices in the table of the rows that the calibration is made from."""
         return self.without if self.left_out.gross else self.searched
 
-    def rows_left_out(self, count: int) -> list[int]:
-        """Row numbers of a table of `count` observations that are not in the calibration."""
-        return [int(row) + HEADER for row in np.setdiff1d(np.arange(count), self.used)]
+    @property
+    def rows_left_out(self) -> list[int]:
+        """Row numbers of the observations that are not in the calibration."""
+        return np.delete(self.numbers, self.used).tolist()
 
     def with_the_others(self, fitted: Callable[[IntArray], Fits]) -> Fits | str | None:
         """The fit that is not kept: without the named rows, or with them; why it cannot be made; None if none is named.
@@ -150,7 +153,7 @@ class Searched:
         found, kept = self.found[name], not self.left_out.gross
         rows = self.searched[found.rows]
         result: dict[str, Any] = {
-            "rows": (rows + HEADER).tolist(),
+            "rows": self.numbers[rows].tolist(),
             "where": [where(row) for row in rows.tolist()],
             "distance_sd": found.distance_sd.tolist(),
             "off": found.off.tolist(),
@@ -161,7 +164,7 @@ class Searched:
             "with": None,
             "without": None,
             "moved_stderr": None,
-            "not_checked": (self.searched[found.alone] + HEADER).tolist(),
+            "not_checked": self.numbers[self.searched[found.alone]].tolist(),
             "not_looked": found.not_looked or None,
         }
         if fits is not None:
@@ -172,20 +175,20 @@ class Searched:
         return result
 
 
-def search(count: int, left_out: LeaveOut, look: Callable[[IntArray], Mapping[str, GrossErrors]]) -> Searched:
+def search(table: Table, left_out: LeaveOut, look: Callable[[IntArray], Mapping[str, GrossErrors]]) -> Searched:
     """Look for gross errors in the rows of a table that are not left out by number; `look` searches rows (k,)."""
-    searched = np.setdiff1d(np.arange(count), left_out.rows)
+    searched = np.setdiff1d(np.arange(len(table)), left_out.rows)
     if not searched.size:
         raise DataError("--leave-out leaves no row to fit")
-    return Searched(look(searched), searched, left_out)
+    return Searched(look(searched), searched, table.numbers, left_out)
 
 
-def kept_with(searched: Searched, count: int) -> dict[str, Any]:
+def kept_with(searched: Searched) -> dict[str, Any]:
     """What the calibration that is kept says of the rows behind it."""
-    named = (searched.named + HEADER).tolist()
+    named = searched.numbers[searched.named].tolist()
     return {
         "gross_errors": {"rows": named, "kept": (not searched.left_out.gross) if named else None},
-        "rows_left_out": searched.rows_left_out(count),
+        "rows_left_out": searched.rows_left_out,
     }
 
 

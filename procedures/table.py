@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from fitter.arrays import IntArray
+
 UNITS = {
     "elapsed": "s",
     "pitch": "deg",
@@ -57,6 +59,11 @@ class Table:
     def row(self, i: int) -> int:
         """Number in the file of observation `i`."""
         return self.rows[i] if self.rows else i + 2
+
+    @property
+    def numbers(self) -> IntArray:
+        """(n,) `row` of every observation."""
+        return np.array(self.rows, np.int64) if self.rows else np.arange(len(self)) + 2
 
 
 Reader = Callable[[Collection[str]], Table]

@@ -17,7 +17,7 @@ def check_order(table: Table, order: np.ndarray[Any, np.dtype[np.int64]]) -> Non
     seen, counts = np.unique(order, return_counts=True)
     if (counts > 1).any():
         twice = int(seen[counts > 1][0])
-        rows = [int(r) + 2 for r in np.flatnonzero(order == twice)[:2]]
+        rows = [table.row(int(r)) for r in np.flatnonzero(order == twice)[:2]]
         raise DataError(
             f"{table.source}, rows {rows[0]} and {rows[1]}: order {twice} stands there twice; a point copied?"
         )
@@ -29,12 +29,12 @@ def integers(table: Table, name: str) -> np.ndarray[Any, np.dtype[np.int64]]:
     if (np.abs(values) > _LARGEST).any():
         row = int(np.flatnonzero(np.abs(values) > _LARGEST)[0])
         raise DataError(
-            f"{table.source}, row {row + 2}, column {name}: {values[row]:g} is too large to number anything"
+            f"{table.source}, row {table.row(row)}, column {name}: {values[row]:g} is too large to number anything"
         )
     whole = values.astype(np.int64)
     if (whole != values).any():
         row = int(np.flatnonzero(whole != values)[0])
-        raise DataError(f"{table.source}, row {row + 2}, column {name}: {values[row]:g} is not a whole number")
+        raise DataError(f"{table.source}, row {table.row(row)}, column {name}: {values[row]:g} is not a whole number")
     return whole
 
 

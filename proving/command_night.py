@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -42,13 +44,18 @@ def night(
         Path | None, typer.Option(help="with --seed: an empty folder to leave its run file in", show_default=False)
     ] = None,
     calm: Annotated[bool, typer.Option("--calm", help="nothing goes wrong: what the fit alone does")] = False,
+    bench: Annotated[
+        Path | None,
+        typer.Option(help="with --lab: your own bench instead of the laboratory's", show_default=False),
+    ] = None,
     jobs: Annotated[int, typer.Option(min=1, help="processes")] = os.cpu_count() or 1,
     as_json: JsonOption = False,
 ) -> int:
     """Play simulated nights full of faults, crashes and power cuts, and check what must hold after each.
 
     Nights are short (2 x 12 points, or 4 whole plots of 3 pressures) unless --full is given. Every seed is a night
-    of its own, the same on every machine. What is checked: docs/nights.md.
+    of its own, the same on every machine. Any instrument that is installed may be on a bench of your own; faults that
+    its twin declares happen, too. What is checked: docs/nights.md.
 
     Examples: `rig night --seeds 1000`, `rig night --seed 42 --lab attitude`, `rig night --bug skip-re-approach`
     """
@@ -58,14 +65,20 @@ def night(
     if bug is not None and bug not in BUGS:
         raise UsageError(f"--bug {bug}: there is no such bug; there are {', '.join(BUGS)}")
     labs: tuple[Lab, ...] = LABS if lab == "both" else (lab,)
+    texts = None
+    if bench is not None:
+        if lab == "both":
+            raise UsageError("--bench is one laboratory's: say which one's procedures to run on it with --lab")
+        texts = _read(bench)
+    nights = _Nights(full, bug or "", calm, texts, "" if bench is None else f" --bench {bench}")
     if seed is not None:
         if lab == "both":
             raise UsageError("--seed replays one night: say of which laboratory with --lab")
-        return _replay(seed, labs[0], full, bug or "", calm, keep)
+        return _replay(seed, labs[0], nights, keep)
     if keep is not None:
         raise UsageError("--keep leaves the run file of one night: say which with --seed and --lab")
     console = err if as_json else out
-    summary = {one: _campaign(range(first, first + seeds), one, full, bug or "", calm, jobs, console) for one in labs}
+    summary = {one: _campaign(range(first, first + seeds), one, nights, jobs, console) for one in labs}
     if as_json:
         print_json(summary)
     if bug:
@@ -73,14 +86,54 @@ def night(
     return ExitCode.DONE if all(s["holds"] for s in summary.values()) else ExitCode.FAULT
 
 
-def _campaign(seeds: range, lab: Lab, full: bool, bug: str, calm: bool, jobs: int, console: Console) -> dict[str, Any]:
+@dataclass(frozen=True)
+class _Nights:
+    """Which nights.
+
+    Attributes:
+        full, bug, calm, bench: see `proving.night.campaign.one_night`.
+        of_bench: the option that names the bench, for replays; "" without.
+
+    """
+
+    full: bool
+    bug: str
+    calm: bool
+    bench: Mapping[str, str] | None
+    of_bench: str
+
+    @property
+    def asked(self) -> dict[str, Any]:
+        """As arguments of `one_night`."""
+        return {"full": self.full, "bug": self.bug, "calm": self.calm, "bench": self.bench}
+
+    def __str__(self) -> str:
+        """As options of the command."""
+        bug = f" --bug {self.bug}" if self.bug else ""
+        return f"{' --full' if self.full else ''}{bug}{' --calm' if self.calm else ''}{self.of_bench}"
+
+
+def _read(bench: Path) -> dict[str, str]:
+    """A bench file and the contract files that it names, by name. Raises `ConfigurationError`."""
+    from rig.bench import check_options  # noqa: PLC0415
+    from rig.config import read_text  # noqa: PLC0415
+    from rig.contract_files import read_bench  # noqa: PLC0415
+    from rig.simulated.dry_run import twin_classes  # noqa: PLC0415
+
+    config, beside = read_bench(bench)
+    check_options(config, str(bench))
+    twin_classes(config)
+    return {"bench.toml": read_text(bench, "bench"), **beside}
+
+
+def _campaign(seeds: range, lab: Lab, nights: _Nights, jobs: int, console: Console) -> dict[str, Any]:
     from proving.night.campaign import many_nights, unbiased  # noqa: PLC0415
 
     total = Counter(dict.fromkeys(("nights", "sessions", "happened", "skipped", "violations"), 0))
     found: list[str] = []
     off: list[tuple[str, float, float]] = []
     with counting(lab, len(seeds)) as one_more:
-        for verdict in many_nights(seeds, lab, full=full, bug=bug, calm=calm, jobs=jobs):
+        for verdict in many_nights(seeds, lab, **nights.asked, jobs=jobs):
             total["nights"] += 1
             total["sessions"] += verdict.sessions
             total["happened"] += verdict.happened
@@ -93,10 +146,9 @@ def _campaign(seeds: range, lab: Lab, full: bool, bug: str, calm: bool, jobs: in
                 if len(found) <= _SHOWN:
                     err.print(f"[red]{lab}[/] {escape(line)}", soft_wrap=True)
             if verdict.violations:
-                options = f"{' --full' if full else ''}{f' --bug {bug}' if bug else ''}{' --calm' if calm else ''}"
-                err.print(f"  replay: rig night --lab {lab} --seed {verdict.seed}{options}", soft_wrap=True)
+                err.print(f"  replay: rig night --lab {lab} --seed {verdict.seed}{escape(str(nights))}", soft_wrap=True)
             one_more(f"{total['violations']} in which something did not hold")
-            if bug and verdict.violations:
+            if nights.bug and verdict.violations:
                 break
     bias = unbiased(off, lab)
     words = (
@@ -119,7 +171,7 @@ def _campaign(seeds: range, lab: Lab, full: bool, bug: str, calm: bool, jobs: in
 _SHOWN, _KEPT = 10, 100
 
 
-def _replay(seed: int, lab: Lab, full: bool, bug: str, calm: bool, keep: Path | None) -> int:
+def _replay(seed: int, lab: Lab, nights: _Nights, keep: Path | None) -> int:
     import tempfile  # noqa: PLC0415
 
     from proving.night.campaign import replay  # noqa: PLC0415
@@ -129,7 +181,7 @@ def _replay(seed: int, lab: Lab, full: bool, bug: str, calm: bool, keep: Path | 
     with tempfile.TemporaryDirectory(prefix="rig-night-") as temporary:
         folder = keep or Path(temporary)
         folder.mkdir(parents=True, exist_ok=True)
-        verdict, told = replay(seed, lab, folder, full=full, bug=bug, calm=calm)
+        verdict, told = replay(seed, lab, folder, **nights.asked)
     for line in told:
         out.print(escape(line), soft_wrap=True, highlight=False)
     for violation in verdict.violations:

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from rig.atomic import write_whole
+from rig.atomic import check_files, write_whole
 from rig.cli import app
 from rig.cli.run import JsonOption
 from rig.cli.show import err, mark, out, print_json, run_progress
@@ -63,6 +63,8 @@ def paper(
         out_dir.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise UsageError(f"{out_dir} cannot be made: {error.strerror}; choose another folder with --out") from error
+
+    check_files([markdown_file, out_dir / "paper.html"], [])
 
     def say(what: str) -> None:
         err.print(escape(what), soft_wrap=True)

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import io
 import os
+import secrets
+import stat
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import IO
@@ -34,46 +38,123 @@ def write_whole(path: Path, write: Callable[[IO[str]], object]) -> None:
 
 def write_whole_bytes(path: Path, write: Callable[[IO[bytes]], object]) -> None:
     """The same of a file that is not text."""
-    check_writable(path)
-    temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")
+    target = check_writable(path)
+    mode = stat.S_IMODE(target.stat().st_mode) if target.exists() else None
+    # A name of its own length: that of the file may be as long as names can be.
+    temporary = target.with_name(f".rig-{os.getpid()}-{secrets.token_hex(4)}.tmp")
     try:
-        with temporary.open("wb") as file:
+        made = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666 if mode is None else mode)
+        with os.fdopen(made, "wb") as file:
+            if mode is not None:
+                os.fchmod(made, mode)
             write(file)
-        os.replace(temporary, path)
-    except OSError as error:
-        temporary.unlink(missing_ok=True)
-        raise UsageError(f"{path} cannot be written: {error.strerror}; nothing is left behind") from error
+        os.replace(temporary, target)
+    except BaseException as error:
+        with contextlib.suppress(OSError):
+            temporary.unlink()
+        if isinstance(error, OSError):
+            raise UsageError(f"{path} cannot be written: {error.strerror}; nothing is left behind") from error
+        raise
 
 
-def check_writable(path: Path) -> None:
-    """Refuse what cannot become a file, before the work that is to go into it. Raises `UsageError`."""
-    if _is_run_file(path):
-        raise UsageError(f"{path} is a run file and is not overwritten; choose another name")
-    if path.is_dir():
-        raise UsageError(f"{path} is a folder; name a file in it")
-    if path.exists() and not path.is_file():
-        raise UsageError(f"{path} is no ordinary file; choose another name")
-    if not path.parent.is_dir():
-        raise UsageError(f"{path} cannot be written: there is no folder {path.parent}")
-
-
-def check_not_input(written: Sequence[Path | None], read: Sequence[Path | None]) -> None:
-    """Refuse to write over what the same command reads: measured data would be gone. Raises `UsageError`.
+def check_files(written: Sequence[Path | None], read: Sequence[Path | None]) -> None:
+    """Look at the files of a command before its work: what is written must be neither what is read nor one file twice.
 
     Args:
         written: files that a command is to write; None where an option was not given.
         read: files that it reads.
 
+    Raises:
+        UsageError: measured data or another result would be gone, or a file cannot be written at all.
+
     """
-    inputs = [path for path in read if path is not None and path.exists()]
-    for path in (p for p in written if p is not None and p.exists()):
-        if any(path.samefile(other) for other in inputs):
+    inputs, seen = [path for path in read if path is not None], dict[Path, Path]()
+    for path in (one for one in written if one is not None):
+        if any(_same(path, other) for other in inputs):
             raise UsageError(f"{path} is what is read and is not overwritten; choose another name")
+        target = check_writable(path)
+        for other in seen:
+            if target == other or _same(target, other):
+                raise UsageError(f"{seen[other]} and {path} are one file: only the last would be left; name two files")
+        seen[target] = path
 
 
-def _is_run_file(path: Path) -> bool:
+def check_added_to(path: Path | None, apart_from: Sequence[Path | None]) -> None:
+    """Refuse to add lines to a run file, or to another file of the same command. Raises `UsageError`."""
+    if path is None:
+        return
+    if _of_run(path):
+        raise UsageError(f"{path} is a run file and nothing is added to it; choose another name")
+    for other in (one for one in apart_from if one is not None):
+        if _same(path, other) or os.path.realpath(path) == os.path.realpath(other):
+            raise UsageError(f"{path} has another part in the same command and nothing is added to it; choose another")
+
+
+def check_writable(path: Path) -> Path:
+    """Refuse what cannot become a file, before the work that is to go into it.
+
+    Returns:
+        What is to be replaced: the file itself, or the one that a link leads to.
+
+    Raises:
+        UsageError: a folder, a device, a run file or what belongs to one, a write-protected file; or a folder that is
+            not there or cannot be written to.
+
+    """
     try:
-        with open_regular(path) as file:
-            return file.read(15) == b"SQLite format 3"
+        target = _led_to(path)
+        mode = target.stat().st_mode if target.exists() else None
+    except OSError as error:
+        raise UsageError(f"{path} cannot be written: {error.strerror}; choose another name") from error
+    if _of_run(target):
+        raise UsageError(f"{path} is a run file and is not overwritten; choose another name")
+    if mode is not None and stat.S_ISDIR(mode):
+        raise UsageError(f"{path} is a folder; name a file in it")
+    if _in_system(target) or not (mode is None or stat.S_ISREG(mode)):
+        raise UsageError(f"{path} is no ordinary file; choose another name")
+    if not target.parent.is_dir():
+        raise UsageError(f"{path} cannot be written: there is no folder {target.parent}")
+    if not os.access(target.parent, os.W_OK | os.X_OK):
+        raise UsageError(f"{path} cannot be written: no file can be made in {target.parent}; choose another folder")
+    if mode is not None and not (mode & 0o222 and os.access(target, os.W_OK)):
+        raise UsageError(f"{path} is write-protected; choose another name, or make it writable (chmod u+w)")
+    return target
+
+
+_LINKS = 40
+
+
+def _in_system(path: Path) -> bool:
+    """Whether it is among devices and processes, which are no files whatever they say; /dev/shm is a disk in memory."""
+    top = path.parts[1:3]
+    return top[:1] in (("dev",), ("proc",), ("sys",)) and top != ("dev", "shm")
+
+
+def _led_to(path: Path) -> Path:
+    """The file that a path leads to, whether it is there or not; where links pass through /proc, the place there."""
+    for _ in range(_LINKS):
+        path = Path(os.path.realpath(path.parent)) / path.name
+        if _in_system(path) or not path.is_symlink():
+            return path
+        path = path.parent / os.readlink(path)
+    raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), str(path))
+
+
+def _same(one: Path, other: Path) -> bool:
+    try:
+        return one.samefile(other)
     except OSError:
         return False
+
+
+def _of_run(path: Path) -> bool:
+    """Whether it is a run file, or the log that SQLite keeps beside one."""
+    beside = [Path(str(path).removesuffix(end)) for end in ("-wal", "-shm", "-journal") if path.name.endswith(end)]
+    for one in (path, *beside):
+        try:
+            with open_regular(one) as file:
+                if file.read(15) == b"SQLite format 3":
+                    return True
+        except OSError:
+            continue
+    return False

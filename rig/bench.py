@@ -6,9 +6,7 @@ import contextlib
 import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache
-from importlib.metadata import entry_points
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar, cast
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from pydantic import BaseModel
 
@@ -16,12 +14,14 @@ from drivers.clock import Clock
 from drivers.errors import BadReply, DriverError, NoReply, Unreachable, WrongAddress
 from drivers.roles import Chamber, Head, Identity, Instrument, PressureController, Reader
 from rig.config import BenchConfig, validated
-from rig.contracts import with_contracts
+from rig.contract_files import with_contracts
 from rig.errors import BenchFault, ConfigurationError
 from rig.guarded import guarded
+from rig.plugins import driver_class
 from rig.protection import STATES
 
 if TYPE_CHECKING:
+    from drivers.driver import DriverClass
     from drivers.wires import Wires
 
 Role = TypeVar("Role")
@@ -30,26 +30,6 @@ _OTHERWISE = 4
 _ASK_AGAIN_S = (1.0, 3.0)
 
 _PER_VOLT = {"V": 1.0, "mV": 1e3}
-
-
-class DriverClass(Protocol):
-    """What an entry point of group `rig.drivers` names; its `wire` says whether it speaks serial, modbus or can."""
-
-    Options: type[BaseModel]
-
-    def __call__(self, name: str, address: str, options: BaseModel, wires: Wires, clock: Clock) -> Instrument:
-        """Open the instrument's wire; sends nothing."""
-        ...
-
-
-@cache
-def driver_class(name: str) -> DriverClass:
-    """The driver registered under `name`; raises `ConfigurationError` listing the known ones."""
-    known = {point.name: point for point in entry_points(group="rig.drivers")}
-    if name not in known:
-        raise ConfigurationError(f"driver {name!r} is not known; installed: {', '.join(sorted(known))}")
-    found: DriverClass = known[name].load()
-    return found
 
 
 def check_options(config: BenchConfig, where: str, *, strict: bool = True) -> dict[str, BaseModel]:
@@ -78,7 +58,7 @@ def _check_address(address: str, cls: DriverClass, where: str, *, simulated: boo
     from drivers.wires.addresses import parse_address  # noqa: PLC0415 - brings the wires, which few commands need
 
     try:
-        found = parse_address(address, getattr(cls, "wire", None))
+        found = parse_address(address, cls.wire)
     except WrongAddress as error:
         raise ConfigurationError(f"{where}.address: {error}") from None
     if found.simulated and not simulated:

@@ -21,6 +21,7 @@ from rig.engine.pace import Pace
 from rig.engine.session import Outcome, Progress, Signals
 from rig.errors import RigError
 from rig.plans import Plan
+from rig.run_file.events.points import Observed, WholePlotBegan
 from rig.run_file.reader import RunReader
 
 ALLOWANCE = 0.05
@@ -94,8 +95,12 @@ def rehearse(plan: Plan, on_progress: Callable[[Progress], None], *, points: int
         if result.outcome is not Outcome.COMPLETE:
             raise RigError(f"a rehearsal on simulated instruments failed: {result.message}")
         with RunReader.open(paths[0]) as reader:
-            seen = [(r.elapsed_s, r.whole_plot) for r in reader.records("observation")]
-            soaked = {r.whole_plot: r.elapsed_s for r in reader.records("event") if r.status == "whole-plot"}
+            seen = [(r.elapsed_s, r.whole_plot) for r in reader.records(Observed.kind)]
+            soaked = {
+                r.whole_plot: r.elapsed_s
+                for r in reader.records(WholePlotBegan.kind)
+                if isinstance(r.event, WholePlotBegan)
+            }
             if pace is not None:
                 for record in reader.records():
                     pace.add(record)

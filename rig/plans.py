@@ -14,7 +14,7 @@ from procedures.kind import Procedure, kind_of
 from procedures.run_list import RunList
 from rig.bench import check_options
 from rig.config import BenchConfig, parse_bench, parse_procedure, parse_toml, read_text
-from rig.contracts import files_beside, read_bench, with_contracts, with_files
+from rig.contract_files import files_beside, read_bench, with_contracts, with_files
 from rig.errors import ConfigurationError, RigError, UsageError
 from rig.matching import check_match
 from rig.run_file.reader import RunReader

@@ -9,15 +9,14 @@ import types
 import typing
 from collections.abc import Iterator
 from enum import Enum
-from importlib.metadata import entry_points
 
 from annotated_types import Ge, Gt, Le, Lt
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from procedures.kind import kinds
-from rig.bench import driver_class
 from rig.config import BenchConfig
+from rig.plugins import driver_class, installed
 
 _HEAD = """# Files
 
@@ -31,7 +30,7 @@ def document() -> str:
     """The whole reference as Markdown."""
     parts = [_HEAD]
     parts += ["## bench.toml", *_tables(BenchConfig, "")]
-    for name in sorted({point.name for point in entry_points(group="rig.drivers")}):
+    for name in installed("rig.drivers"):
         parts += [f'### `[instruments.NAME]` with `driver = "{name}"`, besides the above']
         parts += [_table(driver_class(name).Options)]
     for name, kind in kinds().items():

@@ -6,10 +6,11 @@ from collections.abc import Callable, Mapping
 from typing import Any
 from zlib import crc32
 
-from sims.faults import Acts, Faults, FaultyWire, read_faults
+from sims.faults import Faults, FaultyWire, read_faults
 from sims.physics import Plant, read_truth, sensor_axes
 from sims.physics.truth import FAULTS
 from sims.tape import Change, Readback, Reading, Tape
+from sims.twin import MakesTwins
 from sims.wires.can_line import CanCable
 from sims.wires.modbus_line import ModbusCable, ModbusEndpoint, registers_of
 from sims.wires.serial_line import SerialCable, register, unregister
@@ -69,7 +70,7 @@ class SimBench:
         bench: Mapping[str, Any],
         truth: Mapping[str, Any],
         key: str,
-        twin_classes: Mapping[str, Callable[..., Any]],
+        twin_classes: Mapping[str, MakesTwins],
         *,
         record_tape: bool = False,
         heard: Callable[[Reading | Readback | Change], None] | None = None,
@@ -83,17 +84,14 @@ class SimBench:
             serial = instrument.get("serial") or serial_number(bench["name"], name)
             twin = twin_classes[instrument["driver"]](name, options, world, self.plant, serial)
             self._twins[name] = twin
-        media = {name: twin.kind for name, twin in self._twins.items()}
-        drivers = {name: str(instrument["driver"]) for name, instrument in bench["instruments"].items()}
-        entries = read_faults(truth.get(FAULTS), drivers, media)
-        self.faults = Faults(world, entries, self.plant.truth.seed, media, Acts(self))
+        self.faults = Faults(self, read_faults(truth.get(FAULTS), self._twins))
         taped = record_tape or heard is not None
-        self.tape = Tape(world, self.plant, self._twins, drivers, heard) if taped else None
+        self.tape = Tape(world, self.plant, self._twins, heard) if taped else None
         self._addresses = {name: str(instrument["address"]) for name, instrument in bench["instruments"].items()}
         self.cables = {
             n: SerialCable(world, twin, self.wire(n), timed=not self._addresses[n].startswith("socket:"))
             for n, twin in self._twins.items()
-            if twin.kind == "serial"
+            if twin.wire == "serial"
         }
         for name, cable in self.cables.items():
             register(f"{key}/{name}", cable)

@@ -19,6 +19,7 @@ from typing import Any
 
 from sims.bench import SimBench, world_for
 from sims.tape_file import TapeFile
+from sims.twin import MakesTwins
 from sims.wires.can_line import on_one_bus
 from sims.wires.modbus_line import ModbusEndpoint, registers_of
 from sims.wires.ports import Port, PseudoTerminal, Receive, TcpPort
@@ -32,7 +33,7 @@ _LOOK_UP_S = 0.5  # how often to see whether it is time to stop when nothing hap
 def serve(
     bench: Mapping[str, Any],
     truth: Mapping[str, Any],
-    twin_classes: Mapping[str, Callable[..., Any]],
+    twin_classes: Mapping[str, MakesTwins],
     live: Path,
     *,
     speed: float = 1.0,
@@ -57,7 +58,7 @@ def serve(
         OSError: `live` or `tape` cannot be written, or a port cannot be opened.
 
     """
-    if live.exists():
+    if os.path.lexists(live):
         raise FileExistsError(
             f"{live} exists: another simulated bench may be serving it; name another file, or remove it if it is stale"
         )
@@ -113,7 +114,7 @@ def _wires(sim: SimBench, addresses: Mapping[str, str]) -> list[list[str]]:
     wires: dict[tuple[str, str, int], list[str]] = {}
     seen: Counter[str] = Counter()
     for name, address in addresses.items():
-        kind = sim.twin(name).kind
+        kind = sim.twin(name).wire
         place = {"modbus": address.rpartition("/")[0], "can": address}.get(kind, name)
         wires.setdefault((kind, place, seen[address] if kind == "modbus" else 0), []).append(name)
         seen[address] += 1
@@ -135,7 +136,7 @@ def _open(
     def on_tape(receive: Receive) -> Receive:
         return receive if tape is None else tape.wired(wire, receive)
 
-    match twins[name].kind:
+    match twins[name].wire:
         case "serial" if first.startswith("socket:"):
             door = TcpPort(selector, lambda: on_tape(twins[name].on_rx))
             ports.append(door)

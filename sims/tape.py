@@ -8,13 +8,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from functools import partial
 from math import nan
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from sims.faults.kinds import HEADS
 from sims.physics import Plant
 from sims.physics.chamber import Chamber
 from sims.physics.thermal import Enclosure
 from sims.physics.told import Told
+from sims.twin import Measuring, Twin
 from sims.world import World
 
 
@@ -101,7 +101,6 @@ class Tape:
         world: virtual time.
         plant: what is there.
         twins: by instrument.
-        drivers: driver by instrument.
         heard: told of everything as it happens, before anybody else; readings and readbacks are then not kept here.
 
     Attributes:
@@ -115,8 +114,7 @@ class Tape:
         self,
         world: World,
         plant: Plant,
-        twins: Mapping[str, Any],
-        drivers: Mapping[str, str],
+        twins: Mapping[str, Twin],
         heard: Callable[[Reading | Readback | Change], None] | None = None,
     ) -> None:
         self._heard = heard
@@ -131,17 +129,24 @@ class Tape:
         self._there: tuple[Mapping[str, float], Mapping[str, int], int, Mapping[str, float]] = ({}, {}, 0, {})
         for name, twin in twins.items():
             told = partial(self._change, name)
-            if drivers[name] == "druck-pace":
+            if "pressure-controller" in twin.roles:
                 plant.pressure_line(name).told = told
-                twin.inputs.heard = partial(self._readback, name)
-            elif drivers[name] == "watlow-f4t":
+            if "chamber" in twin.roles:
                 self._chambers[name] = plant.chamber(name)
                 self._chambers[name].told = told
-            elif drivers[name] in HEADS:
+            if "head" in twin.roles:
                 for axis, mechanics in plant.head.axes.items():
                     mechanics.told = self._axis(name, axis)
-            elif hasattr(twin, "inputs"):
-                twin.inputs.heard = partial(self._reading, name)
+            if isinstance(twin, Measuring) and twin.roles & {"reader", "pressure-controller"}:
+                twin.inputs.heard = partial(self._heard_at_input, name)
+
+    def _heard_at_input(
+        self, instrument: str, channel: str, unit: str, t0: float, t1: float, found: float, given: float
+    ) -> None:
+        if unit == "psi":
+            self._readback(instrument, t0, given)
+        else:
+            self._reading(instrument, channel, unit, t0, t1, found, given)
 
     def _reading(
         self, instrument: str, channel: str, unit: str, t0: float, t1: float, found: float, given: float
@@ -162,9 +167,7 @@ class Tape:
         else:
             self._heard(reading)
 
-    def _readback(
-        self, instrument: str, _channel: str, _unit: str, t: float, _end: float, _found: float, given: float
-    ) -> None:
+    def _readback(self, instrument: str, t: float, given: float) -> None:
         readback = Readback(t, instrument, self._plant.pressure_line(instrument).pressure_psia(t), given)
         if self._heard is None:
             self.readbacks.append(readback)

@@ -18,11 +18,12 @@ from fitter.arithmetic_text import FormulaError
 from fitter.effects.own import own_effects
 from fitter.formula import Formula
 from rig.config import parse_bench, parse_procedure
-from rig.contracts import _CONTRACTS, _text
+from rig.contract_files import with_contracts
 from rig.controller import opened
 from rig.effects import GRAMMARS
 from rig.examples import example
 from rig.plans import plan_of
+from rig.plugins import installed
 
 Acts = Iterator[Callable[[], object]]
 LABS = tuple(sorted(PROCEDURES))
@@ -193,10 +194,9 @@ def contracts(rng: random.Random, material: Material) -> Acts:
     """EDS, DBC and register maps, given to drivers and twins."""
     given = documents(rng, material)
     bench = given["bench.toml"]
-    inside = [driver for driver in _CONTRACTS if f'"{driver}"' in bench]
-    driver = rng.choice(inside)
-    option, _ = _CONTRACTS[driver]
-    text = _text(_CONTRACTS[driver][1])
+    supplied = {driver: with_contracts(driver, {}) for driver in installed("rig.drivers") if f'"{driver}"' in bench}
+    driver = rng.choice([driver for driver, texts in supplied.items() if texts])
+    ((option, text),) = supplied[driver].items()
     changed = (
         edited(text, rng, _CONTRACT_VALUES) if rng.random() < 0.7 else damaged(text.encode(), rng).decode("latin-1")
     )

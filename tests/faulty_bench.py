@@ -11,7 +11,7 @@ from rig.bench import Bench, check_options, open_bench
 from rig.config import parse_bench
 from rig.simulated.dry_run import DryBench
 from sims.bench import SimBench
-from sims.faults import KINDS, Fault, Happening
+from sims.faults import Fault, Happening, kinds_of, kinds_on
 
 ATTITUDE = """
 name = "attitude"
@@ -170,10 +170,11 @@ class Faulty:
 
     def strike(self, kind: str, **given: Any) -> Fault:
         """Have a fault happen now."""
-        own = {key: given.pop(key) for key in list(given) if key in KINDS[kind].options}
-        options = {key: option.default for key, option in KINDS[kind].options.items()} | own
-        on = "" if KINDS[kind].of_bench else self.name
-        fault = Fault(kind, on, at_s=self.dry.world.now(), options=options, **given)
+        twins = self.sim.twins
+        what = {**kinds_on(twins.values()), **kinds_of(twins[self.name])}[kind]
+        own = {key: given.pop(key) for key in list(given) if key in what.options}
+        options = {key: option.default for key, option in what.options.items()} | own
+        fault = Fault(what, "" if what.of_bench else self.name, at_s=self.dry.world.now(), options=options, **given)
         self.sim.faults.strike(fault)
         return fault
 

@@ -145,13 +145,6 @@ def test_a_signal_with_the_high_byte_first_is_refused_by_the_twin() -> None:
 # --- the wire
 
 
-def test_identity_is_asked_for() -> None:
-    bench = Bench()
-    sent = bench.bytes_of(bench.driver.identify)
-    assert sent == ["tx 6A0 020100006400", "rx 6A1 0400671200000102"]
-    assert bench.driver.identify() == Identity("CAN DAQ", "Four-input unit", "4711", "1.2")
-
-
 def test_preparing_ends_what_is_under_way() -> None:
     bench = Bench()
     bench.make().start(1000)
@@ -382,7 +375,7 @@ def test_switched_off_and_on_in_the_middle_the_rest_is_measured_again() -> None:
 @pytest.mark.parametrize("fault", [SHORT, RANGE])
 def test_a_faulty_sensor_is_an_overload_and_the_others_are_not(fault: int) -> None:
     bench = Bench()
-    bench.twin.faults["SseTemperature"] = fault
+    bench.twin.wrong["SseTemperature"] = fault
     readings = bench.measured(2)
     assert readings["sse_temperature"] == [OVERLOAD, OVERLOAD]
     assert readings["sensor_temperature"] == pytest.approx([20.005, 20.015], abs=0.01)
@@ -392,9 +385,9 @@ def test_a_fault_concerns_its_own_sweep() -> None:
     bench = Bench()
     bench.driver.start(4)
     bench.world.sleep(0.15)
-    bench.twin.faults["SensorTemperature"] = SHORT
+    bench.twin.wrong["SensorTemperature"] = SHORT
     bench.world.sleep(0.1)
-    bench.twin.faults.clear()
+    bench.twin.wrong.clear()
     values = bench.driver.fetch()["sensor_temperature"]
     assert [value == OVERLOAD for value in values] == [False, True, False, False]
 

@@ -334,3 +334,37 @@ runpy.run_module("rig", run_name="__main__")"""
     assert (ended.returncode, ended.stdout) == (code, "")
     assert says in ended.stderr
     assert bool(ended.stderr) == bool(says)
+
+
+def closed(stream, *arguments, cwd):
+    """`rig` in a shell that closes a standard stream; what the others said."""
+    command = f'exec {sys.executable} -m rig "$@" {stream}&-'
+    return subprocess.run(
+        ["sh", "-c", command, "rig", *map(str, arguments)], capture_output=True, text=True, check=False, cwd=cwd
+    )
+
+
+@pytest.mark.parametrize("as_json", [(), ("--json",)])
+def test_a_result_that_goes_nowhere_is_no_success(finished, tmp_path, as_json):
+    done = closed("1>", "status", finished, *as_json, cwd=tmp_path)
+    assert done.returncode == 1
+    assert "the standard output is closed, so the result is lost: send it to a file" in done.stderr
+    assert "unforeseen" not in done.stderr
+
+
+def test_a_run_does_not_need_a_standard_output(tmp_path):
+    done = closed("1>", "run", write_short(tmp_path), "--bench", LAB / "bench.toml", "--dry", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    (run,) = (tmp_path / "runs").glob("*.sqlite")
+    assert rig("verify", run).returncode == 0
+
+
+def test_messages_do_not_go_among_results_where_their_stream_is_closed(tmp_path):
+    done = closed("2>", "fit", "none.csv", cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+
+
+def test_a_question_without_anybody_to_answer_is_no_unforeseen_error(finished, tmp_path):
+    done = closed("0<", "confirm", finished, "--list", cwd=tmp_path)
+    assert "unforeseen" not in done.stderr
+    assert done.returncode == 0, done.stderr

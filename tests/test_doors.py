@@ -9,6 +9,7 @@ import shutil
 from pathlib import Path
 
 import pytest
+from buses import REGISTER_MAP
 from command import rig
 from crashes import PROCEDURES
 from damages import small_finished
@@ -20,7 +21,6 @@ from fitter.arithmetic_text import FormulaError
 from fitter.formula import Formula
 from rig.atomic import check_writable
 from rig.config import parse_bench, parse_procedure, parse_toml, read_text
-from rig.contracts import _text
 from rig.controller import opened
 from rig.errors import ConfigurationError, RigError, RunFileError, UsageError
 from rig.examples import example
@@ -29,13 +29,14 @@ from rig.plans import plan_of
 from rig.run_file.last_word import read_last_word
 from rig.run_file.live import controller_alive
 from rig.run_file.reader import RunReader
+from rig.simulated.dry_run import twin_class
 from rig.tables import read_table
 from rig.tables.csv_tables import read_any_csv, read_gappy_csv
 from rig.unattended.happenings import one_line
 from rig.unattended.service import ServiceUnit
 from rig.watch.shelf import Shelf
 from rig.watch.words import number
-from sims.faults.fault import read_faults
+from sims.faults import read_faults
 from sims.physics import WorldError
 
 BENCH = (example("attitude-lab") / "bench.toml").read_text()
@@ -184,7 +185,7 @@ def test_the_root_folder_is_no_run_file():
 
 
 def test_a_register_map_without_what_a_twin_needs():
-    text = _text("watlow_f4t.toml")
+    text = REGISTER_MAP
     for old, new in (("[codes.alarm_type]", "[codes.other]"), ("[codes.units]", "[codes.other]")):
         lines = (example("pressure-lab") / "bench.toml").read_text().splitlines()
         at = next(n for n, line in enumerate(lines) if '"watlow-f4t"' in line)
@@ -196,7 +197,7 @@ def test_a_register_map_without_what_a_twin_needs():
 
 def test_a_fault_on_a_table():
     with pytest.raises(WorldError, match="must be an instrument of the bench"):
-        read_faults([{"kind": "no-reply", "on": {"a": 1}, "at_s": 5.0}], {"head": "newport-esp301"}, {"head": "serial"})
+        read_faults([{"kind": "no-reply", "on": {"a": 1}, "at_s": 5.0}], {"head": twin_class("newport-esp301")})
 
 
 def test_a_last_word_of_more_records_than_a_file_can_hold(whole, tmp_path):
@@ -293,6 +294,6 @@ def test_what_servers_say_has_no_characters_that_turn_or_move_text(hidden):
 def test_a_register_map_without_what_the_driver_needs(old, new, said):
     lines = (example("pressure-lab") / "bench.toml").read_text().splitlines()
     at = next(n for n, line in enumerate(lines) if '"watlow-f4t"' in line)
-    lines.insert(at + 1, f"register_map = {json.dumps(_text('watlow_f4t.toml').replace(old, new))}")
+    lines.insert(at + 1, f"register_map = {json.dumps(REGISTER_MAP.replace(old, new))}")
     with pytest.raises(ConfigurationError, match=said):
         plan_of({"bench.toml": "\n".join(lines), "procedure.toml": PROCEDURES["pressure"]}, dry=True)

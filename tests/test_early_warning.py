@@ -212,7 +212,7 @@ def dies(after):
 def warned(path):
     with RunReader.open(path) as reader:
         reader.verify()
-        return [(r.session, r.data["cause"]) for r in warnings_of(reader)]
+        return [(record.session, warned.cause) for record, warned in warnings_of(reader)]
 
 
 def first_warned(path):

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import tomllib
+from importlib.metadata import entry_points
 from pathlib import Path
 
 import pytest
-from faulty_bench import ATTITUDE, BENCHES, PRESSURE, faulty, up
+from faulty_bench import ATTITUDE, PRESSURE, faulty, up
 
 from drivers.errors import DriverError
 from drivers.wires.modbus import float_of_words
 from rig.config import parse_bench
 from rig.errors import ConfigurationError
-from rig.simulated.dry_run import DryBench
-from sims.faults import KINDS, Fault, read_faults
+from rig.simulated.dry_run import DryBench, twin_class
+from sims.faults import COMMON, Fault, kinds_of, read_faults
 from sims.physics import WorldError
+from sims.twin import TwinClass
 
 SERIAL, MODBUS, CAN = ("esp301", "dvm", "scanner", "pace"), ("enclosure", "chamber"), ("cia402", "daq")
 METERS = ("dvm", "scanner")
@@ -146,7 +148,7 @@ def test_a_fault_of_an_instrument_is_told_and_the_instrument_works_again(name, k
     else:
         assert set(found) <= errors, found
     assert rig.happened()
-    rig.dry.world.sleep(KINDS[kind].lasts_s + 40.0)
+    rig.dry.world.sleep(kinds_of(rig.sim.twin(name))[kind].lasts_s + 40.0)
     rig.bring_up()
     assert rig.outcomes(2) == ["right", "right"]
 
@@ -263,36 +265,6 @@ def test_a_lost_vacuum_is_named_and_the_pressure_comes_down_when_it_is_back():
     assert (state.faults, state.in_limits) == ((), True)
 
 
-@pytest.mark.parametrize("name", EVERYTHING)
-def test_whatever_happens_on_the_wire_only_our_own_errors_come_out(name):
-    """Every command of every driver, on a wire on which every kind strikes again and again."""
-    config = parse_bench(BENCHES[name], "bench.toml").instruments[name]
-    medium = up(name).sim.twin(name).kind
-    kinds = [kind for kind, k in KINDS.items() if medium in k.wires]
-    failed = 0
-    for n, kind in enumerate((*kinds, "power-cycle")):
-        lasting = {"for_s": 3.0} if KINDS[kind].lasts_s else {}
-        rig = faulty(name, {"seed": n + 1, "faults": [{"kind": kind, "on": name, "probability": 0.35, **lasting}]})
-        driver = rig.driver
-        commands = ["identify", "prepare", "stop", "make_safe", "home", "vent", "restarted", "read", "limits"]
-        calls = [getattr(driver, command) for command in commands if hasattr(driver, command)]
-        if hasattr(driver, "move"):
-            calls.append(lambda d=driver: d.move({"pitch": 3.0, "roll": 4.0}))
-        if hasattr(driver, "set_temperature"):
-            calls.append(lambda d=driver: d.set_temperature(25.0))
-        if hasattr(driver, "set_pressure"):
-            calls.append(lambda d=driver: d.set_pressure(2.0))
-        if hasattr(driver, "start"):
-            calls += [lambda d=driver: d.start(2), lambda d=driver: d.fetch()]
-        for call in calls * 2:
-            try:
-                call()
-            except DriverError:
-                failed += 1
-        assert rig.happened(), f"{config.driver}: {kind} never happened (seed {n + 1})"
-    assert failed
-
-
 # When.
 
 
@@ -397,12 +369,16 @@ def test_utc_steps_and_is_set_right_while_durations_go_on():
         ('kind = "slip"\non = "cia402"\nat_s = 1\nencoder = "x"', r"faults\[1\].encoder must be one of blind, sees"),
         (
             'kind = "bus-off"\non = "pace"\nat_s = 1',
-            r"bus-off cannot happen to pace, a druck-pace on serial; it may hit any on can",
+            r"bus-off cannot happen to pace; it may hit cia402, daq. What can happen to pace: no-reply, .*supply",
         ),
-        ('kind = "door-open"\non = "pace"\nat_s = 1', r"door-open cannot happen to pace.*it may hit watlow-f4t"),
+        ('kind = "door-open"\non = "pace"\nat_s = 1', r"door-open cannot happen to pace; it may hit chamber, other"),
         ('kind = "clock-step"\non = "pace"\nat_s = 1', r"faults\[1\].on: clock-step happens to the bench as a whole"),
         ('kind = "clock-step"\nexchange = 1', r"faults\[1\].exchange: clock-step happens at a time"),
         ('kind = "drive-fault"\non = "cia402"\nat_s = 1\nfor_s = 5', r"faults\[1\].for_s: drive-fault does not last"),
+        (
+            'kind = "chamber-alarm"\non = "pace"\nat_s = 1',
+            r"chamber-alarm cannot happen to pace; it may hit chamber, other",
+        ),
         ('kind = "unplugged"\non = "pace"\nat_s = 1\ntimes = 5', r"faults\[1\].times: unplugged is not counted"),
     ],
 )
@@ -414,7 +390,7 @@ def test_what_cannot_be_is_refused_by_entry_and_key(text, message):
 
 def test_faults_that_are_no_array_of_tables_are_refused():
     with pytest.raises(WorldError, match=r"each under \[\[faults\]\]"):
-        read_faults({"kind": "no-reply"}, {}, {})
+        read_faults({"kind": "no-reply"}, {})
 
 
 def test_every_entry_goes_back_into_a_world_file_as_it_was():
@@ -424,12 +400,12 @@ def test_every_entry_goes_back_into_a_world_file_as_it_was():
         {"kind": "unplugged", "on": "daq", "probability": 0.001, "for_s": 7.0},
         {"kind": "no-reply", "on": "daq", "at_s": 3.0, "times": 2, "lost": "request"},
     ]
-    drivers, media = {"pace": "druck-pace", "daq": "can-daq"}, {"pace": "serial", "daq": "can"}
-    faults = read_faults(entries, drivers, media)
+    twins = {"pace": twin_class("druck-pace"), "daq": twin_class("can-daq")}
+    faults = read_faults(entries, twins)
     assert [fault.table() for fault in faults] == entries
-    assert read_faults(faults, drivers, media) == faults
+    assert read_faults(faults, twins) == faults
     assert str(faults[0]) == "late-reply on pace at exchange 40 (delay_s 2.0)"
-    assert read_faults([Fault("unplugged", "pace", at_s=1.0)], drivers, media)[0].for_s == 20.0
+    assert read_faults([Fault(kinds_of(twins["pace"])["unplugged"], "pace", at_s=1.0)], twins)[0].for_s == 20.0
 
 
 def test_the_page_lists_every_kind_with_its_options():
@@ -441,7 +417,8 @@ def test_the_page_lists_every_kind_with_its_options():
 def rows() -> list[str]:
     """The table of docs/faults.md."""
     found = []
-    for name, kind in KINDS.items():
+    twins = {point.name: twin_class(point.name) for point in entry_points(group="rig.twins")}
+    for kind in COMMON:
         lasts = "" if not kind.lasts_s else f"`for_s` {kind.lasts_s:g}"
         counts = f"`times` 1 ({kind.counts})" if kind.counts else ""
         options = "; ".join(
@@ -449,9 +426,16 @@ def rows() -> list[str]:
             + (f" ({', '.join(o.words)})" if o.words else "")
             for key, o in kind.options.items()
         )
-        whom = kind.whom().replace("any on ", "").replace("any", "any instrument")
-        found.append(f"| `{name}` | {whom} | {kind.sentence} | {'; '.join(filter(None, (counts, lasts, options)))} |")
+        whom = "the bench" if kind.of_bench else ", ".join(kind.wires) or _whom(kind.name, twins)
+        found.append(
+            f"| `{kind.name}` | {whom} | {kind.sentence} | {'; '.join(filter(None, (counts, lasts, options)))} |"
+        )
     return found
+
+
+def _whom(kind: str, twins: dict[str, TwinClass]) -> str:
+    names = sorted(name for name, twin in twins.items() if kind in kinds_of(twin))
+    return "any instrument" if len(names) == len(twins) else ", ".join(names)
 
 
 # The tape.

@@ -17,9 +17,10 @@ from fitter.formula import Formula
 from fitter.gross.search import gross_errors
 from procedures.attitude.gross import of_attitude
 from procedures.general.gross import of_table
+from procedures.general.roles import Roles, read_roles
 from procedures.pressure.fit.models import named_formula
 from procedures.pressure.gross import of_whole_plots
-from rig.tables.csv_tables import write_csv
+from rig.tables import write_csv
 
 FULL = named_formula("full", ())
 
@@ -240,3 +241,23 @@ def test_any_table_and_a_table_of_whole_plots(tmp_path):
         assert without["data"]["points"] == 46
         assert without["data"]["rows_left_out"] == without["calibration"]["rows_left_out"] == [22, 35]
     assert without["sigma_subplot"] == pytest.approx(0.1, rel=0.25)
+
+
+@pytest.mark.parametrize("more", ["", ",a"], ids=["numbers alone", "and a column of text"])
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_rows_are_those_of_the_file_where_lines_are_blank(tmp_path, more, end):
+    rng = np.random.default_rng(31)
+    y = [1 + 2 * x + rng.normal(0, 0.002) for x in range(14)]
+    y[8] += 5.0
+    rows = [f"{x},{value:.5f}{more}" for x, value in enumerate(y)]
+    path = tmp_path / "table.csv"
+    path.write_bytes(end.join([f"x,y{more and ',batch'}", *rows[:3], "", "", *rows[3:], "", ""]).encode())
+    fit = ("fit", path, "--response", "y", "--formula", "1 + x", "--json")
+    line = 1 + path.read_text().splitlines().index(rows[8])
+    assert json.loads(rig(*fit).stdout)["gross_errors"]["rows"] == [line] == [12]
+    without = json.loads(rig(*fit, "--leave-out", line).stdout)
+    assert without["gross_errors"]["rows"] == []
+    assert without["data"]["rows_left_out"] == without["calibration"]["rows_left_out"] == [line]
+    assert read_roles(path, Roles("y", "1 + x"))[1].numbers.tolist()[8] == line
+    refused = rig(*fit, "--leave-out", "5")
+    assert (refused.returncode, "rows 2 to 17, but for blank lines" in refused.stderr) == (2, True)

@@ -44,18 +44,6 @@ def test_it_is_a_reader_with_one_channel():
     assert dvm.channels() == ("input",)
 
 
-def test_identify_takes_remote_control_and_asks():
-    rig = Rig()
-    identity = rig.dvm.identify()
-    assert rig.wire.log == [
-        ("tx", b"\x03\n"),
-        ("tx", b"SYST:REM\n"),
-        ("tx", b"*IDN?\n"),
-        ("rx", b"HEWLETT-PACKARD,34401A,0,10-5-2\r\n"),
-    ]
-    assert not identity.confirmed, "a 34401A answers serial number 0"
-
-
 @pytest.mark.parametrize("with_dtr", [True, False])
 def test_device_clear_is_heard_while_the_meter_holds_up_the_handshake_only_with_dtr(with_dtr):
     """User's guide, page 151: a query is pending, its DTR is false; Ctrl-C counts when the controller drops its own."""

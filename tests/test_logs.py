@@ -74,10 +74,13 @@ def test_a_dry_run_has_no_log_unless_asked_and_a_dash_is_stderr(tmp_path):
     assert "homed" in told.stderr
 
 
-def test_a_record_the_story_cannot_tell_is_told_plainly_all_the_same():
+def test_a_record_with_fewer_fields_and_one_of_another_version_are_told_all_the_same():
     told = from_record(Record(1, "hold", 5.0, 5.0, 7, body=encode({"reason": "supply lost"})), after_crash=False)
     assert told is not None
-    assert (told.kind, told.text) == (Kind.HOLD, "hold: supply lost")
+    assert (told.kind, told.text) == (Kind.HOLD, "held at point 7")
+    told = from_record(Record(1, "event", 5.0, 5.0, status="lamp-lit", body=encode({"why": "dusk"})), after_crash=False)
+    assert told is not None
+    assert (told.kind, told.text) == (Kind.EVENT, "event lamp lit: dusk")
 
 
 @pytest.mark.parametrize("where", ["no/such/folder/night.log", "/dev/full"])

@@ -49,21 +49,6 @@ def test_nothing_is_sent_on_opening():
     assert rig.wire.log == []
 
 
-def test_identify_asks_for_version_and_stages():
-    rig = Rig()
-    identity = rig.head.identify()
-    assert rig.wire.log == [
-        ("tx", b"VE?\r"),
-        ("rx", b"ESP301 Version 3.0.1 6/1/99\r\n"),
-        ("tx", b"1ID?\r"),
-        ("rx", b"RGV100BL, SN000042\r\n"),
-        ("tx", b"2ID?\r"),
-        ("rx", b"RGV100BL, SN000042\r\n"),
-    ]
-    assert (identity.maker, identity.model, identity.serial) == ("Newport", "ESP301", "SN000042")
-    assert identity.confirmed
-
-
 def test_another_controller_is_refused():
     rig = Rig()
     rig.twin._execute_without_axis = lambda mnemonic: "SMC100 v2"

@@ -11,7 +11,7 @@ from buses import EDS, without_objects
 from dry import LAB, SHORT, dry, write_short
 
 from rig.bench import check_options
-from rig.contracts import read_bench
+from rig.contract_files import read_bench
 from rig.errors import ConfigurationError
 from rig.plans import load_plan, plan_of, stored_plan
 from rig.report.story import story

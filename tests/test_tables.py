@@ -137,3 +137,15 @@ def test_a_table_that_cannot_be_written_leaves_nothing(tmp_path):
     with pytest.raises(UsageError, match="cannot be written"):
         write_csv({"a": [1.0]}, tmp_path / "missing" / "a.csv")
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("wrong", "says"),
+    [
+        (ROWS[2], "rows 6 and 7: order 3 stands there twice"),
+        (ROWS[3].replace("1,4,", "1,4.5,"), "row 7, column order: 4.5 is not a whole number"),
+    ],
+)
+def test_rows_in_messages_are_those_of_the_file_where_lines_are_blank(tmp_path, wrong, says):
+    with pytest.raises(UsageError, match=says):
+        attitude_data(read_table(written(tmp_path, HEAD, "", ROWS[0], "", ROWS[1], ROWS[2], wrong, "", *ROWS[4:])))

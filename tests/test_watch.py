@@ -11,6 +11,7 @@ import sys
 import urllib.request
 from pathlib import Path
 from unittest.mock import patch
+from urllib.parse import quote
 
 import anyio.lowlevel
 import pytest
@@ -36,7 +37,7 @@ from rig.watch.feed import RunFeed, encoded
 from rig.watch.reading import WatchReader
 from rig.watch.sample import KEPT, RECENT, Sample
 from rig.watch.server import only_this_machine
-from rig.watch.shelf import Shelf
+from rig.watch.shelf import Entry, Shelf
 
 HOSTILE = "<script>alert(1)</script>\"'&"
 
@@ -117,6 +118,7 @@ def test_the_page_can_only_be_looked_at(tmp_path, method):
     [
         ("127.0.0.1:8321", 200), ("localhost:8321", 200), ("[::1]:8321", 200), ("192.0.2.7", 200), ("bench-pc", 200),
         ("evil.example", 421), ("localhost.evil.example:8321", 421), ("127.0.0.1.evil.example", 421), ("", 421),
+        ("[::1].evil.example", 421), ("[::1", 421), ("[::1]:80.evil.example", 421), ("::1", 200),
     ],
 )  # fmt: skip
 def test_a_name_that_is_not_ours_is_refused_so_that_no_other_site_can_read_the_page(tmp_path, host, status):
@@ -137,6 +139,24 @@ def test_a_token_is_given_once_and_kept_in_a_cookie(tmp_path):
     assert "HttpOnly" in cookie
     assert "samesite=strict" in cookie.lower()
     assert ask(app, "/run/a", headers={"cookie": cookie.partition(";")[0]}).status == 200
+
+
+def test_any_token_that_is_taken_opens_the_page(tmp_path):
+    token = "".join(map(chr, range(32, 127)))
+    app = app_of(small_run(tmp_path), access=Access(token=token))
+    let_in = ask(app, f"/?token={quote(token)}")
+    assert (
+        ask(app, "/run/a", headers={"cookie": let_in.headers["set-cookie"].rpartition("; HttpOnly")[0]}).status == 200
+    )
+
+
+@pytest.mark.parametrize("token", ["пароль1234", "12345678\xff", "12345678\n", "12345678\udcff"])
+def test_a_token_that_no_header_takes_is_refused(tmp_path, token):
+    done = rig("watch", small_run(tmp_path), "--port", 0, "--token", token)
+    assert (done.returncode, "--token: it becomes part of an address and a header: plain ASCII" in done.stderr) == (
+        2,
+        True,
+    )
 
 
 @pytest.mark.parametrize("path", ["//evil.example/", "/\\evil.example"])
@@ -179,6 +199,37 @@ def test_a_single_run_is_where_the_address_leads(tmp_path):
     app = app_of(small_run(tmp_path))
     assert ask(app, "/").headers["location"] == "/run/a"
     assert 'data-name="a"' in ask(app, "/run/a").text
+
+
+@pytest.mark.parametrize("name", ["night#2", "a?b", "50%41", "a b&c=d", "\udcff", "é"])
+def test_a_run_is_found_whatever_its_name(tmp_path, name):
+    path = tmp_path / f"{name}.sqlite"
+    small_run(tmp_path).rename(path)
+    location = ask(app_of(path), "/").headers["location"]
+    assert ask(app_of(path), location).status == 200
+    listed = ask(app_of(tmp_path), "/")
+    assert listed.status == 200
+    (link,) = re.findall('href="(/run/[^"]*)"', listed.text)
+    assert link == location
+    app = app_of(tmp_path, access=Access(token="12345678"))
+    assert ask(app, f"{link}?token=12345678").headers["location"] == link
+
+
+def test_one_bad_name_does_not_take_the_list_away(tmp_path):
+    small_run(tmp_path, "good")
+    small_run(tmp_path).rename(tmp_path / "\udcff.sqlite")
+    (tmp_path / "\udcfe.sqlite").write_text("nothing")
+    listed = ask(app_of(tmp_path), "/")
+    assert listed.status == 200
+    for name in ("/run/good", "/run/%5Cxff", "/run/%5Cxfe"):
+        assert f'href="{name}"' in listed.text
+
+
+def test_half_a_character_in_a_run_does_not_take_the_list_away(tmp_path):
+    entry = Entry("a", procedure="\ud800 night")
+    with patch.object(Shelf, "entries", lambda _: [entry]):
+        listed = ask(app_of(tmp_path), "/")
+    assert (listed.status, "\\ud800 night" in listed.text) == (200, True)
 
 
 def test_nothing_in_the_pages_comes_from_elsewhere():

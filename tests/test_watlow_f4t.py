@@ -9,7 +9,6 @@ from pydantic import ValidationError
 from pymodbus.client import ModbusTcpClient
 
 from drivers.errors import BadReply, InstrumentError, LimitError, WrongInstrument
-from drivers.roles import Chamber, Identity
 from drivers.watlow_f4t import WatlowF4T
 from drivers.wires import Wires
 from sims.wires.modbus_line import ModbusCable
@@ -51,14 +50,6 @@ class Independent(ModbusTcpClient):
 
 def adu(transaction: int, pdu: bytes) -> str:
     return (struct.pack(">HHHB", transaction, 0, 1 + len(pdu), 1) + pdu).hex()
-
-
-def test_it_plays_the_role_of_a_chamber() -> None:
-    assert isinstance(oven().driver, Chamber)
-
-
-def test_identity_is_part_number_serial_number_and_firmware() -> None:
-    assert oven().driver.identify() == Identity("Watlow", "F4T1A2CAA1A1AAA", "4711", "5.3")
 
 
 def pdus(lines: list[str]) -> list[str]:
@@ -332,13 +323,6 @@ def test_a_refusal_reaches_the_operator_with_its_meaning() -> None:
     Independent(ModbusCable(bench.world, bench.twin.on_rx)).set(2776, 300.0)
     with pytest.raises(InstrumentError, match=r"oven at sim://w/oven reports error 3: writing 2 word.s. at 2782"):
         bench.driver.set_temperature(399.0)
-
-
-def test_settings_survive_a_power_cycle() -> None:
-    bench = oven()
-    bench.driver.set_temperature(31.0)
-    bench.twin.power_cycle()
-    assert bench.make().read().setpoint_degC == pytest.approx(31.0, abs=1e-4)
 
 
 @pytest.mark.parametrize(

@@ -72,10 +72,10 @@ def fit_attitude_table(
 
     """
     every, warm = attitude_data(table), with_temperature(table, temperature)
-    asked = LeaveOut.of(leave_out, table.source, len(every))
+    asked = LeaveOut.of(leave_out, table)
     _check_at(at_degC, table.source, warm=warm, traced=traced)
     try:
-        searched = search(len(every), asked, lambda rows: of_attitude(every.take(rows)))
+        searched = search(table, asked, lambda rows: of_attitude(every.take(rows)))
         data = every.take(searched.used)
         fits = fit_all(data, temperature=warm, at_degC=at_degC)
         without = searched.with_the_others(lambda rows: fit_all(every.take(rows), temperature=warm, at_degC=at_degC))
@@ -90,7 +90,7 @@ def fit_attitude_table(
     return {
         "data": {
             "points": len(data),
-            "rows_left_out": searched.rows_left_out(len(every)),
+            "rows_left_out": searched.rows_left_out,
             "kind": "pitch-roll",
             "simulated": table.simulated,
             **table.provenance,
@@ -99,7 +99,7 @@ def fit_attitude_table(
             name: fit.to_dict() | {"gross_errors": _gross(every, searched, fit, without)} for name, fit in fits.items()
         },
         "kept": {name: _kept(calibration, name, effects, fits[name]) for name in calibration.names} if effects else {},
-        "calibration": calibration.to_dict() | kept_with(searched, len(every)),
+        "calibration": calibration.to_dict() | kept_with(searched),
         "unused": unused_in_fit(table, KNOWN, UNIT).to_json(),
     }
 

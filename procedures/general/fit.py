@@ -61,7 +61,7 @@ def fit_general(
     if response not in table.columns:
         raise DataError(f"{table.source}: the response {response} is not a column of numbers")
     y = table.columns[response]
-    asked = LeaveOut.of(leave_out, table.source, len(y))
+    asked = LeaveOut.of(leave_out, table)
     try:
         with rows_of_file(table):
             names, exact = model.exact_columns({**table.columns, **table.text})
@@ -70,7 +70,7 @@ def fit_general(
         plots = _identities(table, extra) if whole_plot else None
         blocks = _identities(table, [replicate]) if whole_plot and replicate else None
         every = _Rows(names, exact.hi, exact.lo, y, plots, blocks)
-        searched = search(len(y), asked, lambda rows: {response: every.take(rows).gross()})
+        searched = search(table, asked, lambda rows: {response: every.take(rows).gross()})
         fit = every.take(searched.used).fitted()
         others = searched.with_the_others(lambda rows: every.take(rows).fitted())
         found = _of_rows(fit) if isinstance(fit, LinearFit) else _of_whole_plots(fit)
@@ -83,7 +83,7 @@ def fit_general(
         "data": {
             "file": PurePath(table.source).name,
             "points": len(searched.used),
-            "rows_left_out": searched.rows_left_out(len(y)),
+            "rows_left_out": searched.rows_left_out,
             "kind": "general",
             "simulated": simulated,
         },
@@ -93,8 +93,7 @@ def fit_general(
         "notes": [*found["notes"], *uneven],
         "unused": unused_columns(table, used).to_json(),
         "gross_errors": searched.of_sensor(response, "", _order_of(table), _both(searched, fit, others)),
-        "calibration": _calibration(fit, response, model, table, searched.used, uneven).to_dict()
-        | kept_with(searched, len(y)),
+        "calibration": _calibration(fit, response, model, table, searched.used, uneven).to_dict() | kept_with(searched),
     }
 
 

@@ -151,7 +151,7 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
         shared=_identities(columns, shared) if shared else None,
         points=_points(formula, columns, roles.group),
         order_unknown=along,
-        numbers=order + 2,
+        numbers=table.numbers[order],
     )
     return data, tuple(notes)
 

@@ -111,7 +111,7 @@ class WholePlotFitted:
             DataError: the method cannot be used, or makes no calibration to use.
 
         """
-        sensors, count = {}, len(self.table)
+        sensors = {}
         for name, fit in self.fits.items():
             try:
                 calibration = fit.calibration(self.method).to_dict()
@@ -121,12 +121,12 @@ class WholePlotFitted:
                 inflation = variance_inflation(fit.formula, self.data.table)
             except FitError:  # terms that coded variables cannot stand in, logarithms say, have none
                 inflation = {}
-            calibration |= kept_with(self.searched, count)
+            calibration |= kept_with(self.searched)
             more: dict[str, Any] = {"calibration": calibration, "variance_inflation": inflation}
             more |= {"gross_errors": self.gross(name), "intervals_cover": COVERED_BY_WHOLE_PLOTS}
             sensors[name] = with_units({**fit.to_dict(), **more})
         table = self.table
-        points: dict[str, Any] = {"points": len(self.data), "rows_left_out": self.searched.rows_left_out(count)}
+        points: dict[str, Any] = {"points": len(self.data), "rows_left_out": self.searched.rows_left_out}
         points["model"] = self.declared.to_dict()
         points["coefficients_hold_at"] = HOLD_AT
         data = {**points, "kind": "whole-plot", "simulated": table.simulated, **table.provenance}
@@ -198,7 +198,7 @@ def fit_whole_plots(
     """
     data, dead = _alive(table)
     declared = Declared.of(table, model)
-    asked = LeaveOut.of(leave_out, table.source, len(data))
+    asked = LeaveOut.of(leave_out, table)
 
     def fitted(rows: IntArray) -> Mapping[str, PressureFit]:
         with rows_of_file(table, rows):
@@ -212,7 +212,7 @@ def fit_whole_plots(
 
     try:
         formula = named_formula(declared.model, tuple(add))
-        searched = search(len(data), asked, gross)
+        searched = search(table, asked, gross)
         fits = fitted(searched.used)
         others = searched.with_the_others(fitted)
         return WholePlotFitted(table, data.take(searched.used), fits, method, dead, searched, declared, others)

@@ -11,7 +11,6 @@ from contextlib import AbstractContextManager
 from typing import Any
 from unittest.mock import patch
 
-from drivers.keysight_34970a import Keysight34970A
 from drivers.scpi import ScpiMeter
 from drivers.wires.serial_line import SerialLine
 from procedures.run_list import Factor, Point
@@ -20,6 +19,8 @@ from rig.engine.guard import Guard
 from rig.engine.holes import WatchedClock
 from rig.engine.journal import Journal
 from rig.engine.whole_plots import WholePlots
+from rig.run_file.events.event import Event
+from rig.run_file.events.points import Observed
 
 
 @contextlib.contextmanager
@@ -68,10 +69,10 @@ def _double_write() -> AbstractContextManager[Any]:
     """An observation is written twice."""
     write = Journal.write
 
-    def twice(self: Journal, kind: str, *arguments: Any, **options: Any) -> None:
-        write(self, kind, *arguments, **options)
-        if kind == "observation":
-            write(self, kind, *arguments, **options)
+    def twice(self: Journal, event: Event, **options: Any) -> None:
+        write(self, event, **options)
+        if isinstance(event, Observed):
+            write(self, event, **options)
 
     return patch.object(Journal, "write", twice)
 
@@ -93,8 +94,8 @@ def _vent_on_resume() -> AbstractContextManager[Any]:
 
 
 def _stale_reading() -> AbstractContextManager[Any]:
-    """A scanner hands out the readings of the point before."""
-    fetch, before = Keysight34970A.fetch, dict[int, Any]()
+    """A meter hands out the readings of the point before."""
+    fetch, before = ScpiMeter.fetch, dict[int, Any]()
 
     def late(self: Any) -> Any:
         fresh = fetch(self)
@@ -102,7 +103,7 @@ def _stale_reading() -> AbstractContextManager[Any]:
         before[id(self)] = fresh
         return stale if {c: len(v) for c, v in stale.items()} == {c: len(v) for c, v in fresh.items()} else fresh
 
-    return patch.object(Keysight34970A, "fetch", late)
+    return patch.object(ScpiMeter, "fetch", late)
 
 
 def _whole_plot_goes_on() -> AbstractContextManager[Any]:

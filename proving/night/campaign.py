@@ -19,6 +19,9 @@ from proving.night.play import Played, play
 from proving.night.scenario import Lab, Scenario, draw
 from proving.night.story import timeline
 
+Bench = Mapping[str, str] | None
+"""See `proving.night.scenario.draw`."""
+
 _MEMORY = "/dev/shm"
 """Where run files of nights lie: their durability is the disk's part of a night, not this machine's."""
 
@@ -50,17 +53,19 @@ class Verdict:
     deviations: tuple[tuple[str, float, float], ...]
 
 
-def one_night(seed: int, lab: Lab, *, full: bool = False, bug: str = "", calm: bool = False) -> Verdict:
-    """Play and judge one night; `bug` plants one of `BUGS` in the controller first, `calm` lets nothing go wrong."""
-    return _judged(draw(seed, lab, full=full, calm=calm), bug, lambda _: None)
+def one_night(
+    seed: int, lab: Lab, *, full: bool = False, bug: str = "", calm: bool = False, bench: Bench = None
+) -> Verdict:
+    """Play and judge one night; `bug` plants one of `BUGS` in the controller first, the rest is as in `draw`."""
+    return _judged(draw(seed, lab, full=full, calm=calm, bench=bench), bug, lambda _: None)
 
 
 def replay(
-    seed: int, lab: Lab, folder: Path, *, full: bool = False, bug: str = "", calm: bool = False
+    seed: int, lab: Lab, folder: Path, *, full: bool = False, bug: str = "", calm: bool = False, bench: Bench = None
 ) -> tuple[Verdict, list[str]]:
     """The same, its files left in `folder`, with what happened in order of time."""
     told: list[str] = []
-    scenario = draw(seed, lab, full=full, calm=calm)
+    scenario = draw(seed, lab, full=full, calm=calm, bench=bench)
     verdict = _judged(scenario, bug, lambda played: told.extend(timeline(played)), folder)
     return verdict, told
 
@@ -91,10 +96,17 @@ def _judged(scenario: Scenario, bug: str, look: Callable[[Played], None], folder
 
 
 def many_nights(
-    seeds: Iterable[int], lab: Lab, *, full: bool = False, bug: str = "", calm: bool = False, jobs: int = 1
+    seeds: Iterable[int],
+    lab: Lab,
+    *,
+    full: bool = False,
+    bug: str = "",
+    calm: bool = False,
+    bench: Bench = None,
+    jobs: int = 1,
 ) -> Iterator[Verdict]:
     """Nights of several seeds, in order."""
-    one = partial(one_night, lab=lab, full=full, bug=bug, calm=calm)
+    one = partial(one_night, lab=lab, full=full, bug=bug, calm=calm, bench=bench)
     if jobs == 1:
         yield from map(one, seeds)
         return

@@ -10,6 +10,8 @@ from math import inf
 from procedures.run_list import Point, RunList
 from proving.night.play import Played
 from rig.run_file.chain import Record
+from rig.run_file.events.points import WholePlotLost
+from rig.run_file.events.sessions import SessionBegan
 from sims.tape import Reading, Tape
 
 
@@ -43,9 +45,7 @@ class Night:
     def __init__(self, played: Played, run_list: RunList, records: list[Record]) -> None:
         self.played, self.run_list, self.records = played, run_list, records
         self.tape: Tape = played.tape
-        self._origins: dict[int, float] = {
-            r.session: r.data["clock_s"] - r.data["elapsed_s"] for r in self.records if r.kind == "session"
-        }
+        self._origins = {r.session: r.event.origin for r in self.records if isinstance(r.event, SessionBegan)}
         self._inputs: dict[tuple[str, str], list[Reading]] = {}
         for reading in self.tape.readings:
             self._inputs.setdefault((reading.instrument, reading.channel), []).append(reading)
@@ -54,12 +54,11 @@ class Night:
     def accepted(self) -> Iterator[Record]:
         """Accepted observations, but for those that the run itself came to doubt."""
         since = {
-            r.whole_plot: r.data["doubted_s"]
+            r.whole_plot: r.event.doubted_s
             for r in self.records
-            if r.status == "whole-plot-lost" and "doubted_s" in r.data
+            if isinstance(r.event, WholePlotLost) and r.event.doubted_s is not None
         }
-        observed = (r for r in self.records if r.kind == "observation" and r.status == "accepted")
-        return (r for r in observed if r.elapsed_s < since.get(r.whole_plot, inf))
+        return (r for r in self.records if r.accepted and r.elapsed_s < since.get(r.whole_plot, inf))
 
     def point(self, record: Record) -> Point:
         """Where an observation was to be made."""

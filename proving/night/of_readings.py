@@ -13,6 +13,7 @@ from proving.night.judged import Night
 from rig.run_file.chain import Record
 from sims.physics.pressure_truth import TransducerTruth
 from sims.tape import Reading
+from sims.twin import Accuracy, Accurate
 
 
 def truthful(night: Night) -> Iterator[str]:
@@ -40,7 +41,7 @@ def _read(night: Night, record: Record, point: Point, of: _Input, values: list[f
     left = iter(night.meanwhile(record, of.wire))
     for value in values:
         said = value * of.scale
-        at = next((i for i in left if abs(made[i].given - said) <= of.digit + _TEXT * abs(said)), None)
+        at = next((i for i in left if abs(made[i].given - said) <= of.accuracy.digit + _TEXT * abs(said)), None)
         if at is None:
             began, ended = night.measured_s(record)
             yield f"point {point.index}: {of.column} = {value:g} was not read between {began:.1f} and {ended:.1f} s"
@@ -100,8 +101,7 @@ class _Input:
         wire: (instrument, channel).
         scale: volts or degrees Celsius in its unit.
         noise: standard deviation of the sensor's mean over 1 s, volts or degrees Celsius.
-        adds: what the instrument may add, likewise.
-        digit: its last, where it sends fewer than `_TEXT` allows for.
+        accuracy: of the instrument, likewise.
 
     """
 
@@ -109,38 +109,37 @@ class _Input:
     wire: tuple[str, str]
     scale: float
     noise: float
-    adds: float
-    digit: float = 0.0
+    accuracy: Accuracy
 
     def bound(self, reading: Reading) -> float:
         """How far a reading may be from the truth."""
-        return _SDS * self.noise / sqrt(reading.end_s - reading.t_s) + self.adds
+        return _SDS * self.noise / sqrt(reading.end_s - reading.t_s) + self.accuracy.adds
 
 
 def _inputs(night: Night) -> dict[str, _Input]:
     """Of every column that is recorded."""
-    bench, truth = night.played.plan.bench, night.played.bench.sim.plant.truth
-    found = []
+    bench, sim = night.played.plan.bench, night.played.bench.sim
+    truth, found = sim.plant.truth, []
+
+    def accuracy(reader: str, channel: str, unit: str) -> Accuracy:
+        twin = sim.twin(reader)
+        assert isinstance(twin, Accurate), f"the twin of {reader} does not say how well it reads"
+        return twin.accuracy(channel, unit)
+
     for name, sensor in bench.sensors.items():
-        true, range_V = truth.sensors[name], bench.instruments[sensor.reader].options.get("range_V", 10.0)
+        true = truth.sensors[name]
         noise = true.noise_mV * 1e-3 if isinstance(true, TransducerTruth) else true.noise_V
         scale = 1e-3 if sensor.unit == "mV" else 1.0
         wire = (sensor.reader, sensor.channel)
-        found.append(_Input(f"{name}_{sensor.unit}", wire, scale, noise, _METER * float(range_V)))
+        found.append(_Input(f"{name}_{sensor.unit}", wire, scale, noise, accuracy(*wire, "V")))
     for column, at in bench.temperatures.items():
-        adds, digit = _THERMOMETERS[bench.instruments[at.reader].driver]
-        found.append(_Input(column, (at.reader, at.channel), 1.0, 0.0, adds, digit))
+        wire = (at.reader, at.channel)
+        found.append(_Input(column, wire, 1.0, 0.0, accuracy(*wire, "degC")))
     return {one.column: one for one in found}
 
 
 _SDS = 6.0
 """Once in 500 million readings chance goes further."""
-
-_METER = 8e-7
-"""What a meter of these benches may add to a voltage, of its range: six standard deviations of its noise, a digit."""
-
-_THERMOMETERS = {"keysight-34970a": (4e-3, 0.0), "can-daq": (1.3e-2, 6e-5)}
-"""The same of a temperature, and half the last digit that is sent, degrees Celsius; by driver."""
 
 _TEXT = 6e-9
 """Of a number that is sent with nine digits."""

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from proving.night.judged import Night
 from proving.night.play import MOST_SESSIONS
+from rig.run_file.events.points import Observed, Skipped, WholePlotBegan, WholePlotLost
 from rig.run_file.live import live_path
 
 
@@ -25,21 +26,21 @@ def accounted(night: Night) -> Iterator[str]:
     observed, skipped = Counter[tuple[int, int | None]](), dict[int, str]()
     lost, planned = set[int](), dict[int, int]()
     for r in night.records:
-        if r.kind == "observation" and r.status == "accepted":
-            assert r.run_index is not None
-            observed[r.run_index, r.whole_plot] += 1
-        elif r.kind == "skip" and r.status == "final":
-            assert r.run_index is not None
-            skipped[r.run_index] = str(r.data.get("reason", ""))
-        elif r.kind == "event" and r.status == "whole-plot":
-            assert r.whole_plot is not None
-            planned[r.whole_plot] = int(r.data["planned"])
-        elif r.kind == "event" and r.status == "whole-plot-lost":
-            assert r.whole_plot is not None
-            lost.add(r.whole_plot)
-            span = range(int(r.data["first"]), int(r.data["first"]) + int(r.data["count"]))
-            for index in span:
-                skipped.pop(index, None)
+        match r.event:
+            case Observed(accepted=True):
+                assert r.run_index is not None
+                observed[r.run_index, r.whole_plot] += 1
+            case Skipped(final=True) as skip:
+                assert r.run_index is not None
+                skipped[r.run_index] = skip.reason
+            case WholePlotBegan() as began:
+                assert r.whole_plot is not None
+                planned[r.whole_plot] = began.planned
+            case WholePlotLost() as gone:
+                assert r.whole_plot is not None
+                lost.add(r.whole_plot)
+                for index in gone.points:
+                    skipped.pop(index, None)
     if not night.played.complete:
         return
     for (index, identity), times in observed.items():

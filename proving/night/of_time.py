@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from proving.night.judged import Night
+from rig.run_file.events.bench import Prepared
 
 _NOTICED_S = 20.0
 """A hole of which more than so much is not explained by waiting is noticed."""
@@ -14,7 +15,7 @@ def unbroken(night: Night) -> Iterator[str]:
     """Nothing that has to be of one piece has a hole in time in it."""
     conduct = night.played.plan.procedure.conduct
     accepted = list(night.accepted())
-    prepared = [night.world_s(r.session, r.elapsed_s) for r in night.records if r.status == "prepared"]
+    prepared = [night.world_s(r.session, r.elapsed_s) for r in night.records if isinstance(r.event, Prepared)]
     for began, ended in _holes(night):
         spans = [(night.measured_s(r), r) for r in accepted]
         for (first, last), r in spans:

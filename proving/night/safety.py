@@ -25,8 +25,8 @@ def not_safe(bench: DryBench, *, moving_only: bool) -> Iterator[str]:
         psia = line.pressure_psia(now)
         if line.controlling or abs(psia - line.ambient_psia(now)) > _AT_THE_ATMOSPHERE_PSI:
             yield f"the line is at {psia:.2f} psia, {'controlled' if line.controlling else 'closed'}"
-    for name, instrument in config.instruments.items():
-        if instrument.driver == "watlow-f4t":
+    for name in config.instruments:
+        if "chamber" in bench.sim.twin(name).roles:
             setpoint = plant.chamber(name).setpoint_degC
             if not _HARMLESS_DEGC[0] <= setpoint <= _HARMLESS_DEGC[1]:
                 yield f"{name} is left at a setpoint of {setpoint:.1f} degC"

@@ -9,12 +9,14 @@ import json
 import random
 import re
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
 from rig.examples import example
-from sims.faults import KINDS
+from rig.simulated.dry_run import twin_class
+from sims.faults import kinds_of, kinds_on
+from sims.twin import TwinClass
 
 Lab = Literal["attitude", "pressure"]
 LABS: tuple[Lab, ...] = ("attitude", "pressure")
@@ -86,7 +88,7 @@ daily_amplitude_degC = 0.5
 """
 
 _STRAIGHT = (
-    "bridge_{n} = {{ offset_mV = {offset:g}, sensitivity_mV_per_psi = {sensitivity:g}, nonlinearity_uV_per_psi2 = 0, "
+    "{name} = {{ offset_mV = {offset:g}, sensitivity_mV_per_psi = {sensitivity:g}, nonlinearity_uV_per_psi2 = 0, "
     "offset_uV_per_degC = 0, offset_nV_per_degC2 = 0, sensitivity_ppm_per_degC = 0, sse_offset_uV_per_degC = 0, "
     "sse_offset_nV_per_degC2 = 0, sse_gain_ppm_per_degC = 0, cross_offset_nV_per_degC2 = 0 }}\n"
 )
@@ -162,7 +164,9 @@ _HAPPENING = {False: (2, 5), True: (6, 20)}
 """How many mishaps, and how many faults of instruments and wires, a short and a full night has."""
 
 
-def draw(seed: int, lab: Lab, *, full: bool = False, calm: bool = False) -> Scenario:
+def draw(
+    seed: int, lab: Lab, *, full: bool = False, calm: bool = False, bench: Mapping[str, str] | None = None
+) -> Scenario:
     """The night of a seed.
 
     Args:
@@ -170,25 +174,28 @@ def draw(seed: int, lab: Lab, *, full: bool = False, calm: bool = False) -> Scen
         lab: which laboratory.
         full: the example's whole procedure instead of a short one.
         calm: the same night with nothing going wrong.
+        bench: another bench for the laboratory's procedures, "bench.toml" and the contract files that it names; None
+            for the example's own.
     """
     rng = random.Random(f"{lab} {full} {seed}")
     lasts = _LASTS_S[lab][full]
     mishaps, faults = _HAPPENING[full]
     folder = example(f"{lab}-lab")
-    bench = (folder / "bench.toml").read_text(encoding="utf-8")
-    if not full:
-        bench = _fewer(bench)
+    if bench is None:
+        text = (folder / "bench.toml").read_text(encoding="utf-8")
+        bench = {"bench.toml": text if full else _fewer(text)}
+    tables = tomllib.loads(bench["bench.toml"])
     happening = sorted(
         (_mishap(rng, rng.uniform(0.0, 1.2 * lasts)) for _ in range(mishaps)), key=lambda mishap: mishap.at_s
     )
     gaps = tuple(rng.choice((2.0, 30.0, 120.0, 700.0, 2000.0)) for _ in range(20))
-    world = _world(rng.randrange(2**31), lab, bench.count("[sensors."))
-    drivers = {name: str(table["driver"]) for name, table in tomllib.loads(bench)["instruments"].items()}
-    tables = [_fault(rng, drivers, rng.uniform(0.0, lasts)) for _ in range(faults)]
+    world = _world(rng.randrange(2**31), lab, tables["sensors"])
+    twins = {name: twin_class(str(table["driver"])) for name, table in tables["instruments"].items()}
+    entries = [_fault(rng, twins, rng.uniform(0.0, lasts)) for _ in range(faults)]
     documents = {
-        "bench.toml": bench,
+        **bench,
         "procedure.toml": (folder / "procedure.toml").read_text(encoding="utf-8") if full else _procedure(rng, lab),
-        "world.toml": world + "".join(map(_table, () if calm else tables)),
+        "world.toml": world + "".join(map(_table, () if calm else entries)),
     }
     happening = sorted([*happening, *_suspended(seed, lab, full, lasts)], key=lambda mishap: mishap.at_s)
     fold_pages = _SQLITES_OWN if full else rng.choice((3, 10, 40, _SQLITES_OWN))
@@ -198,10 +205,12 @@ def draw(seed: int, lab: Lab, *, full: bool = False, calm: bool = False) -> Scen
 _SQLITES_OWN = 1000
 
 
-def _world(seed: int, lab: Lab, sensors: int) -> str:
+def _world(seed: int, lab: Lab, sensors: Iterable[str]) -> str:
     if lab == "attitude":
         return _ATTITUDE_WORLD.format(seed=seed)
-    transducers = (_STRAIGHT.format(n=n, offset=0.1 * n, sensitivity=1.9 + 0.03 * n) for n in range(1, sensors + 1))
+    transducers = (
+        _STRAIGHT.format(name=name, offset=0.1 * n, sensitivity=1.9 + 0.03 * n) for n, name in enumerate(sensors, 1)
+    )
     return _PRESSURE_WORLD.format(seed=seed) + "".join(transducers)
 
 
@@ -237,17 +246,20 @@ _DULL = frozenset({"late-reply", "no-reply", "garbled", "truncated", "duplicated
 """Faults of single exchanges: they come in small bursts."""
 
 
-def _fault(rng: random.Random, drivers: Mapping[str, str], at_s: float) -> dict[str, float | str]:
+def _fault(rng: random.Random, twins: Mapping[str, TwinClass], at_s: float) -> dict[str, float | str]:
     """A fault of any kind that the bench can have, as its table in the world file."""
+    kinds = kinds_on(twins.values())
+    names = tuple(kinds)
     while True:
-        name = rng.choice(tuple(KINDS))
-        kind = KINDS[name]
-        on = [n for n, driver in drivers.items() if kind.hits(driver, _WIRES[driver])]
+        name = rng.choice(names)
+        kind = kinds[name]
+        on = [n for n, twin in twins.items() if name in kinds_of(twin)]
         if kind.of_bench or on:
             break
     table: dict[str, float | str] = {"kind": name, "at_s": round(at_s, 3)}
     if on:
-        table["on"] = rng.choice(on)
+        whom = table["on"] = rng.choice(on)
+        kind = kinds_of(twins[whom])[name]
     if kind.counts and rng.random() < 0.5:
         table["times"] = rng.choice((1, 2, 3, 8) if name in _DULL else (1, 3))
     if kind.lasts_s and not kind.of_bench:
@@ -260,17 +272,6 @@ def _fault(rng: random.Random, drivers: Mapping[str, str], at_s: float) -> dict[
             "sees"  # a table that slips on its encoder's shaft shows nowhere but in the data: `rig trace`
         )
     return table
-
-
-_WIRES = {
-    "newport-esp301": "serial",
-    "cia402-pair": "can",
-    "keysight-34401a": "serial",
-    "keysight-34970a": "serial",
-    "druck-pace": "serial",
-    "watlow-f4t": "modbus",
-    "can-daq": "can",
-}
 
 
 def _table(values: Mapping[str, float | str]) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from proving.night.play import Played
 from rig.errors import RunFileError
-from rig.run_file.chain import Record
+from rig.run_file.events.sessions import SessionBegan
 from rig.run_file.reader import RunReader
 
 
@@ -27,15 +27,8 @@ def _recorded(played: Played) -> Iterator[tuple[float, str, str]]:
         with RunReader.open(played.path) as reader:
             origin = 0.0
             for record in reader.records():
-                if record.kind == "session":
-                    origin = record.data["clock_s"] - record.data["elapsed_s"]
-                yield record.elapsed_s + origin, "run file", _words(record)
+                if isinstance(record.event, SessionBegan):
+                    origin = record.event.origin
+                yield record.elapsed_s + origin, "run file", record.sentence()
     except RunFileError as error:
         yield played.bench.world.now(), "run file", str(error)
-
-
-def _words(record: Record) -> str:
-    where = "" if record.run_index is None else f" of point {record.run_index}"
-    plot = "" if record.whole_plot is None else f", whole plot {record.whole_plot}"
-    why = next((str(record.data[k]) for k in ("message", "reason", "why", "signal") if k in record.data), "")
-    return f"{record.kind}{where}{plot}{f', {record.status}' if record.status else ''}{f': {why}' if why else ''}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import os
 import sys
@@ -55,10 +56,12 @@ def _options(
 
 def main() -> None:
     """Entry point: run the command, turn errors meant for people into one message and an exit code."""
+    _open_what_is_closed()
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="surrogateescape")  # a path that is no text is printed as it was given
     try:
         code = app(standalone_mode=False)
+        sys.stdout.flush()
     except (RigError, DataError) as error:
         from rig.cli.show import visible  # noqa: PLC0415
 
@@ -82,6 +85,30 @@ def main() -> None:
         print(f"rig: {_unforeseen(error)}", file=sys.stderr)
         code = ExitCode.FAULT
     sys.exit(int(code) if isinstance(code, int) else 0)
+
+
+class _ClosedOutput(io.TextIOBase):
+    """Standard output where there is none: a result is not lost without a word."""
+
+    def write(self, _text: str) -> int:
+        raise OSError(
+            errno.EBADF, "the standard output is closed, so the result is lost: send it to a file, or to /dev/null"
+        )
+
+
+def _open_what_is_closed() -> None:
+    """Keep the numbers of closed standard streams from the files opened next, and make print() work as it should."""
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free, which is this one
+    if sys.stdin is None:
+        sys.stdin = os.fdopen(0, encoding="utf-8")
+    if sys.stdout is None:
+        sys.stdout = _ClosedOutput()
+    if sys.stderr is None:  # print() would take None for standard output
+        sys.stderr = os.fdopen(2, "w", encoding="utf-8")
 
 
 _BY_SIGINT = 130

@@ -11,7 +11,7 @@ import typer
 from rich.markup import escape
 from rich.table import Table as RichTable
 
-from rig.atomic import check_not_input, check_writable
+from rig.atomic import check_files
 from rig.cli import app
 from rig.cli.run import JsonOption
 from rig.cli.show import err, mark, out, print_json
@@ -69,9 +69,7 @@ def chart(
     from rig.closed_loop.chart_inputs import path_of  # noqa: PLC0415
     from rig.closed_loop.chart_together import read_together  # noqa: PLC0415
 
-    check_not_input([report], [path_of(source) for source in calibrations])
-    if report is not None:
-        check_writable(report)
+    check_files([report], [path_of(source) for source in calibrations])
     given, left_out = read_together(calibrations, formula, sensor or ())
     charted = chart_calibrations(
         given, _today(today), sensors=sensor or (), tolerance=tolerance, usage_deg=usage, left_out=left_out

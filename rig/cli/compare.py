@@ -8,7 +8,7 @@ from pathlib import Path
 from rich.markup import escape
 
 from procedures.kind import kind_of
-from rig.atomic import check_not_input, check_writable, write_whole_bytes
+from rig.atomic import check_files, write_whole_bytes
 from rig.cli.show import err, out, print_json, run_progress
 from rig.errors import ConfigurationError, UsageError
 from rig.plans import Plan, load_plan
@@ -26,9 +26,7 @@ def compare_files(
     """
     from rig.forecast import rehearse  # noqa: PLC0415
 
-    check_not_input([plot], [bench, *files])
-    if plot is not None:
-        check_writable(plot)
+    check_files([plot], [bench, *files])
     plans, hours = {path: _load(path, bench) for path in files}, []
     for path, plan in plans.items():
         err.print(f"rehearsing {escape(str(path))}", soft_wrap=True)

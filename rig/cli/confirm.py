@@ -14,7 +14,7 @@ from rich.table import Column, Table
 from procedures.durations import duration
 from procedures.kind import Kind
 from procedures.results import Options
-from rig.atomic import check_not_input, check_writable, write_whole
+from rig.atomic import check_files, write_whole
 from rig.cli import app
 from rig.cli.kind_options import chosen as chosen_kind
 from rig.cli.kind_options import with_options_of_kinds
@@ -83,7 +83,7 @@ def confirm(
     from rig.closed_loop.confirm.proposals import consider, inseparable, propose  # noqa: PLC0415
     from rig.tables import FileSource  # noqa: PLC0415
 
-    check_not_input([write, report], [run_file, *filter(None, (bench, world, by))])
+    check_files([write, report], [run_file, *filter(None, (bench, world, by))])
     if world is not None and not dry:
         raise UsageError("--world describes a simulated bench; it goes with --dry")
     _check_options(by, write, report, only_list=only_list, take=take)
@@ -158,8 +158,6 @@ def _check_options(by: Path | None, write: Path | None, report: Path | None, *, 
         raise UsageError("--by judges by a run that was made: --list, --take and --write have no place beside it")
     if report is not None and (write is not None or only_list):
         raise UsageError("--report shows a judgement; with --list or --write there is none")
-    for path in filter(None, (write, report)):
-        check_writable(path)
 
 
 def _check_kind(first: First, *, dry: bool, rehearsed: bool) -> None:

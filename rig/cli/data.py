@@ -10,7 +10,7 @@ import typer
 from rich.markup import escape
 
 from procedures.results import Fitted, Page, Traced
-from rig.atomic import check_not_input, write_whole
+from rig.atomic import check_files, write_whole
 from rig.cli import app
 from rig.cli.kind_options import chosen, with_options_of_kinds
 from rig.cli.run import JsonOption
@@ -60,7 +60,7 @@ def fit(
     from rig.effects import laboratory_effects  # noqa: PLC0415
     from rig.tables import FileSource  # noqa: PLC0415
 
-    check_not_input([out_file, report], [data, *filter(None, (confirmed_by,))])
+    check_files([out_file, report], [data, *filter(None, (confirmed_by,))])
     kind, options = chosen(FileSource(data), given, lambda one: one.fit_options)
     fitted: Fitted
     if confirmed_by is not None:
@@ -107,7 +107,7 @@ def trace(
     from rig.effects import laboratory_effects  # noqa: PLC0415
     from rig.tables import FileSource  # noqa: PLC0415
 
-    check_not_input([report], [data])
+    check_files([report], [data])
     source = FileSource(data)
     kind, options = chosen(source, given, lambda one: one.trace_options)
     traced = kind.trace(source, options, own=laboratory_effects())

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
+from rig.atomic import check_files
 from rig.cli import app
 from rig.cli.show import err, headline
 from rig.errors import ExitCode
@@ -31,10 +32,15 @@ def export(
     Example: `rig export runs/20260115T180000-night-1a2b.sqlite --out night.csv`
     """
     from rig.tables.csv_tables import write_csv  # noqa: PLC0415
-    from rig.tables.happenings import write_happenings  # noqa: PLC0415
+    from rig.tables.faults import check_replaceable, faults, write_faults  # noqa: PLC0415
     from rig.tables.observations import run_table  # noqa: PLC0415
 
+    beside = out_file.with_name(f"{out_file.stem}.faults.csv") if everything and not salvage else None
+    check_files([out_file, beside], [run_file])
+    if beside is not None:
+        check_replaceable(beside)
     table = run_table(run_file, everything=everything, salvage=salvage)
+    rows = [] if beside is None else faults(run_file)
     if salvage:
         err.print("[bold yellow]NOT VERIFIED:[/] the chain of records does not prove these values; see `rig verify`")
     write_csv(table.columns, out_file)
@@ -44,8 +50,7 @@ def export(
     headline(str(out_file), table, err)
     if rejected := table.provenance.get("observations_rejected"):
         err.print(f"[yellow]{rejected} observations that were rejected are not in it; --all writes them too[/]")
-    if everything and not salvage:
-        beside = out_file.with_name(f"{out_file.stem}.faults.csv")
-        count = write_happenings(run_file, beside)
-        err.print(f"{escape(str(beside))}: {count} faults, decisions and what came of them", soft_wrap=True)
+    if beside is not None:
+        write_faults(rows, beside)
+        err.print(f"{escape(str(beside))}: {len(rows)} faults, decisions and what came of them", soft_wrap=True)
     return ExitCode.DONE

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 from rich.markup import escape
 
-from rig.atomic import check_not_input
+from rig.atomic import check_files
 from rig.cli import app
 from rig.cli.kind_options import options_of, with_options_of_kinds
 from rig.cli.run import JsonOption
@@ -60,7 +60,7 @@ def infer(
     from rig.tables.csv_tables import write_csv  # noqa: PLC0415
 
     named = [value for value in given.values() if isinstance(value, Path)]
-    check_not_input([out_file], [calibration, data, *named])
+    check_files([out_file], [calibration, data, *named])
     file = inference.read_calibration(calibration)
     options = options_of(file.kind, given, lambda kind: kind.infer_options, f"this calibration is of {file.kind.title}")
     found = inference.infer(file, data, options)

@@ -16,13 +16,13 @@ from drivers.roles import Chamber
 from fitter.errors import FitError
 from procedures.durations import duration
 from procedures.kind import kind_of
-from rig.bench import driver_class
 from rig.cli import app
 from rig.cli.run import BenchOption, JsonOption, ProcedureArgument
 from rig.cli.show import out, print_json, run_progress
 from rig.engine.guard import Guard
 from rig.errors import ConfigurationError, ExitCode, UsageError
 from rig.plans import Plan, load_plan
+from rig.plugins import driver_class
 from rig.room import needed_bytes
 
 

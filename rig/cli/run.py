@@ -15,6 +15,7 @@ import typer
 from rich.markup import escape
 
 from procedures.durations import duration
+from rig.atomic import check_added_to
 from rig.cli import app
 from rig.cli.accepted import Acceptance
 from rig.cli.show import err, mark, run_progress, visible
@@ -104,6 +105,7 @@ def run(
     Example: `rig run procedure.toml --bench bench.toml --dry --world world.toml`
     """
     by = operator(operator_name)
+    check_added_to(log, [procedure, bench, world, notify_file])
     plan = load_plan(procedure, bench, dry=dry, world=world)
 
     simulated = dry or plan.bench.simulated
@@ -171,6 +173,7 @@ def resume(
     Example: `rig resume runs/20260115T180000-night-1a2b.sqlite`
     """
     by = operator(operator_name)
+    check_added_to(log, [run_file, bench, notify_file])
     with RunReader.open(run_file) as reader:
         simulated, dry = is_simulated(reader), bool(reader.genesis().data.get("dry"))
         state = read_state(reader) if unless_stopped else RunState()
@@ -240,7 +243,7 @@ def conclude(result: Result) -> int:
 def warnings_in(run_file: Path) -> list[str]:
     """Early warnings of a run; none of a file that cannot be read, about which others say more."""
     with contextlib.suppress(RigError), RunReader.open(run_file) as reader:
-        return [str(record.data["message"]) for record in warnings_of(reader)]
+        return [warned.message for _, warned in warnings_of(reader)]
     return []
 
 

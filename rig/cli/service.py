@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
+from rig.atomic import write_whole
 from rig.cli import app
 from rig.cli.run import RunArgument
 from rig.cli.show import err
@@ -150,7 +151,7 @@ def _addresses(run_file: Path, bench: Path | None) -> tuple[str, ...]:
 def _install(unit: ServiceUnit) -> None:
     try:
         unit.path.parent.mkdir(parents=True, exist_ok=True)
-        unit.path.write_text(unit.text(), encoding="utf-8")
+        write_whole(unit.path, lambda file: file.write(unit.text()))
     except OSError as error:
         raise UsageError(
             f"{unit.path} cannot be written: {error.strerror}; with --user it needs no rights, or use sudo"

@@ -20,7 +20,9 @@ from rig.engine.time_left import left_when_resumed_s
 from rig.errors import ExitCode, RigError
 from rig.plans import has_plan, stored_plan
 from rig.run_file.audit import Finding
+from rig.run_file.chain import Record
 from rig.run_file.elsewhere import goes_on_in
+from rig.run_file.events.bench import Fault
 from rig.run_file.live import read_live, silent_s
 from rig.run_file.opening import sensible
 from rig.run_file.reader import RunReader
@@ -81,7 +83,7 @@ def _status(run_file: Path, *, check: bool, as_json: bool) -> ExitCode:
         "last_record_utc": datetime.fromtimestamp(state.utc_s, UTC).isoformat(timespec="seconds"),
         "last_fault": state.last_fault,
         "decisions": state.decisions,
-        "faults": [fault._asdict() for fault in state.faults],
+        "faults": [_fault(record) for record in state.faults],
         "safe": state.safe,
         "message": f"{live.get('message', '')} {live.get('detail', '')}".strip() if running else "",
         "warnings": warnings_in(run_file),
@@ -180,7 +182,12 @@ def _tell_faults(state: RunState) -> None:
         return
     counts = ", ".join(f"{decision} {count}x" for decision, count in state.decisions.items())
     out.print(f"  [yellow]faults, and what was done:[/] {escape(counts)}", soft_wrap=True)
-    for fault in list(state.faults)[-_FAULTS_TOLD:]:
-        where = "" if fault.point is None else f"point {fault.point}, "
-        words = f"{duration(fault.elapsed_s)}: {where}{fault.decision}: {fault.message}"
-        out.print(f"    {escape(words)}", soft_wrap=True)
+    for record in list(state.faults)[-_FAULTS_TOLD:]:
+        out.print(f"    {escape(f'{duration(record.elapsed_s)}: {record.sentence()}')}", soft_wrap=True)
+
+
+def _fault(record: Record) -> dict[str, Any]:
+    event = record.event
+    assert isinstance(event, Fault)
+    about = {"elapsed_s": record.elapsed_s, "point": record.run_index}
+    return about | {"message": event.message, "decision": event.decided}

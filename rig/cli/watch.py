@@ -35,6 +35,8 @@ def watch(
     """
     if token is not None and len(token) < _SHORTEST:
         raise UsageError(f"--token: {len(token)} characters are too easily guessed; {_SHORTEST} at least, or leave it")
+    if token is not None and not (token.isascii() and token.isprintable()):
+        raise UsageError("--token: it becomes part of an address and a header: plain ASCII characters only")
     from drivers.clock import RealClock  # noqa: PLC0415
     from rig.watch.server import serve  # noqa: PLC0415 - the web server takes a while to import
 

@@ -6,6 +6,7 @@ Every handler answers with the trigger that follows. What goes wrong is raised; 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from statistics import median
 from typing import Any
 
@@ -23,6 +24,9 @@ from rig.engine.motion import plan_legs, recovery_legs
 from rig.engine.policies import Policies
 from rig.engine.queue import PointQueue
 from rig.engine.soaking import Soaking
+from rig.run_file.events.event import EMPTY
+from rig.run_file.events.points import ACCEPTED, REJECTED, Observed
+from rig.run_file.events.sessions import Held
 
 _MOVE_TIMEOUT_S = 600.0
 _NEARLY = 0.9
@@ -142,7 +146,7 @@ class AtPoint:
         at.observation = observation
         overloaded = observation.overloaded()
         if overloaded:
-            self._journal.write("observation", observation.as_json(), status="rejected")
+            self._journal.write(Observed(verdict=REJECTED, **observation.as_json()))
             raise OverloadedError(f"{', '.join(overloaded)} out of range at point {at.point.index}")
         self._check_alive(observation)
         self._check_references(observation)
@@ -198,31 +202,31 @@ class AtPoint:
         self._assert_undisturbed(at, positions)
         chambers = self._do.environment()
         self._check_environment(chambers)
-        body = {
-            "approach": {axis: [a.side, a.start] for axis, a in self._do.arrivals.items()},
-            "readback": {reading.quantity: reading.value for reading in after.values()},
-            "settling": at.settling,
-            "measured_s": at.measured_s,
-            "environment": chambers,
+        observed = Observed(
+            verdict=ACCEPTED,
+            approach={axis: (a.side, a.start) for axis, a in self._do.arrivals.items()},
+            readback={reading.quantity: reading.value for reading in after.values()},
+            settling=at.settling,
+            measured_s=at.measured_s,
+            environment=chambers,
             **at.observation.as_json(),
-        }
-        if at.rejected:
-            body["rejected"] = at.rejected
+            rejected=at.rejected or EMPTY,
+        )
         try:
             self._check_time()
         except HoleInTime as hole:  # read over a time of which nothing is known
-            self._journal.write("observation", {**body, **hole.as_json()}, status="rejected")
+            self._journal.write(replace(observed, verdict=REJECTED, hole_s=hole.hole_s))
             raise
         if self._soaking is not None:
             why = self._soaking.lost_now(at.point, chambers, at.observation.temperatures)
             if why:  # one commit: a kill between the two must not let the whole plot go on
-                self._journal.write("observation", {**body, "lost": why}, status="rejected", commit=False)
+                self._journal.write(replace(observed, verdict=REJECTED, lost=why), commit=False)
                 self._soaking.lose(why)
-        self._journal.write("observation", body, status="accepted")
+        self._journal.write(observed)
         self._journal.point_observed()
-        if self._warned(at.point, body) and self._conduct.warnings.hold:
+        if self._warned(at.point, observed) and self._conduct.warnings.hold:
             self._do.stop_motion()
-            self._journal.write("hold", {"why": "a warning, and the procedure asks to hold at one"})
+            self._journal.write(Held(why="a warning, and the procedure asks to hold at one"))
             self._journal.take_up(None)
             return "hold"
         elsewhere = self._advance()
@@ -232,11 +236,13 @@ class AtPoint:
         self._at.legs = plan_legs(self._run_list.factors, self._at.point, positions, self._do.arrivals, band)
         return "move"
 
-    def _warned(self, point: Point, body: Mapping[str, Any]) -> bool:
+    def _warned(self, point: Point, observed: Observed) -> bool:
         """Whether the observation gave reason for a warning; each is written down."""
-        found = [] if self._warnings is None else self._warnings.add(point, self._journal.fold.whole_plot, body)
+        if self._warnings is None:
+            return False
+        found = self._warnings.add(point, self._journal.fold.whole_plot, observed.body())
         for warning in found:
-            self._journal.write("event", warning.as_json(), status="warning")
+            self._journal.write(warning)
         return bool(found)
 
     def _check_environment(self, chambers: Mapping[str, Any]) -> None:

@@ -18,6 +18,7 @@ from rig.engine.faults import FAULTS, TemperatureLeft
 from rig.engine.journal import Journal
 from rig.engine.policies import Decision, Policies
 from rig.engine.states import AT_POINT, State
+from rig.run_file.events.bench import Fault, ReadBack, Recovered
 
 LEAVE = "leave"
 """What takes the place of giving up while parking: the safe state follows in any case."""
@@ -86,17 +87,19 @@ class Deciding:
             return decision, error
 
     def _write(self, decision: Decision, error: Exception, state: State) -> None:
-        body = {
-            "message": str(error),
-            "evidence": getattr(error, "evidence", {}),
-            "error": type(error).__name__,
-            "fault": decision.fault,
-            "where": str(state),
-            "failure": decision.failure,
-            "number": decision.number,
-            "pause_s": decision.pause_s,
-        }
-        self._journal.write("fault", body, status=decision.action)
+        self._journal.write(
+            Fault(
+                decision=decision.action,
+                message=str(error),
+                evidence=getattr(error, "evidence", {}),
+                error=type(error).__name__,
+                fault=decision.fault,
+                where=str(state),
+                failure=decision.failure,
+                number=decision.number,
+                pause_s=decision.pause_s,
+            )
+        )
         where = f"point {self._journal.at.point.index}" if self._journal.at else str(state)
         self._journal.message = f"{where}, {decision.action}: {error}"
 
@@ -114,7 +117,7 @@ class Deciding:
         self._do.stop_motion()
         if isinstance(error, DriverError):
             found = self._do.readback()
-            self._journal.write("event", {**found, "restarted": self._do.restarted()}, status="read-back")
+            self._journal.write(ReadBack(**found, restarted=self._do.restarted()))
         if isinstance(error, (NoReply, Unreachable)):
             self._recognise()
 
@@ -131,4 +134,4 @@ class Deciding:
         """A place is done with, well: how what had failed there has ended is written down."""
         failures = self._policies.done(place)
         if failures:
-            self._journal.write("event", {"place": place, "failures": failures}, status="recovered")
+            self._journal.write(Recovered(place=place, failures=failures))

@@ -20,6 +20,7 @@ from rig.engine.response_test import ResponseTest, Row
 from rig.engine.warning_tests import ALARM, NoiseTest, Number, PreviousTest, RepeatTest, StillTest
 from rig.quantities import PITCH, PRESSURE, ROLL
 from rig.run_file.chain import Record
+from rig.run_file.events.bench import Warned
 from rig.run_file.reader import RunReader
 
 if TYPE_CHECKING:
@@ -29,26 +30,6 @@ _SETTINGS = 400
 """Settings whose first readings are kept for comparison, at most about so many, however long the run."""
 _FIRST, _LAST = 200, 40
 """Observations read again when a run is resumed: what the tests began with, and what their windows held."""
-
-
-@dataclass(frozen=True)
-class Warned:
-    """One warning.
-
-    Attributes:
-        cause: "noise", "drift", "calibration", "response" or "thermometer"; "itself" where warnings have ended.
-        output: of which sensor or thermometer.
-        message: in plain words, with figures.
-
-    """
-
-    cause: str
-    output: str
-    message: str
-
-    def as_json(self) -> dict[str, Any]:
-        """For the run file."""
-        return {"cause": self.cause, "output": self.output, "message": self.message}
 
 
 @dataclass
@@ -149,7 +130,7 @@ class EarlyWarnings:
             some |= {seq: record for seq, record, _, _ in run.chained(where, values)}
         for _, record in sorted(some.items()):
             self.add(self._run_list.points[int(record.run_index or 0)], record.whole_plot, record.data)
-        self._told = {(str(r.data["cause"]), str(r.data["output"])) for r in warnings_of(run)}
+        self._told = {(warned.cause, warned.output) for _, warned in warnings_of(run)}
 
     def _new(self, name: str, outputs: int) -> _Output:
         points, say = len(self._run_list), partial(in_unit, name.rpartition("_")[2])
@@ -212,6 +193,8 @@ def in_unit(unit: str, value: float) -> str:
     return f"{value * volts * 1e6:.3g} uV"
 
 
-def warnings_of(run: RunReader) -> Iterator[Record]:
+def warnings_of(run: RunReader) -> Iterator[tuple[Record, Warned]]:
     """The warnings of a run file, in order."""
-    return (record for _, record, _, _ in run.chained("kind = 'event' AND status = 'warning'"))
+    for _, record, _, _ in run.chained("kind = 'event' AND status = 'warning'"):
+        if isinstance(record.event, Warned):
+            yield record, record.event

@@ -45,11 +45,10 @@ def gap_since(state: RunState, clock: Clock, boot: str) -> Gap:
 
     """
     last = clock.now() - state.elapsed_s
-    if not state.sessions:
+    if state.session is None:
         return Gap(last)
-    before = state.session
-    if boot and before["boot"] == boot:
-        origin = before["clock_s"] - before["elapsed_s"]
+    if boot and state.session.boot == boot:
+        origin = state.session.origin
         behind_s = origin - last
         if behind_s <= _ROUNDING_S:
             return Gap(origin)

@@ -9,7 +9,6 @@ notices the hole; the sequencer then checks the bench as it does when a run is r
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 from drivers.clock import Clock
 
@@ -40,9 +39,10 @@ class HoleInTime(Exception):
         super().__init__(f"the controller had no turn for {hole.seconds:.0f} s (stopped, or the machine asleep?)")
         self.hole = hole
 
-    def as_json(self) -> dict[str, Any]:
+    @property
+    def hole_s(self) -> float:
         """What the run file keeps of it."""
-        return {"hole_s": round(self.hole.seconds, 3)}
+        return round(self.hole.seconds, 3)
 
 
 class WatchedClock:

@@ -8,6 +8,7 @@ from typing import Any
 
 from rig.engine.journal import Journal
 from rig.errors import BenchFault
+from rig.run_file.events.sessions import Identified
 
 _WHO = ("maker", "model", "serial", "asset")
 
@@ -36,7 +37,7 @@ def compare_identities(
                 f"{name} is another instrument than before (was {_who(before)}; is {_who(now)}). Connect the first "
                 f"one, or accept the new one as a new block of the data: rig resume {path} --accept {name}"
             )
-        journal.write("identity", {**now, "replaces": before}, status=name)
+        journal.write(Identified(instrument=name, **now, replaces=before))
 
 
 def _who(identity: Mapping[str, Any]) -> str:

@@ -8,6 +8,7 @@ from rig.engine.holes import HoleInTime, WatchedClock
 from rig.engine.journal import Journal
 from rig.engine.session import Signals
 from rig.engine.states import State
+from rig.run_file.events.sessions import Hole
 from rig.run_file.live import Requests
 
 
@@ -77,6 +78,6 @@ class Interruptions:
         if hole is None:
             return
         found, state = HoleInTime(hole), self._state()
-        self._journal.write("event", {**found.as_json(), "where": str(state)}, status="hole")
+        self._journal.write(Hole(hole_s=found.hole_s, where=str(state)))
         if state not in (State.HOLDING, State.PARKING):  # the one checks the bench when it ends, the other ends the run
             raise found

@@ -18,6 +18,9 @@ from rig.engine.settling import Settling
 from rig.engine.states import State
 from rig.engine.time_left import LAST_POINTS, spent_s, typical_s
 from rig.run_file.chain import Record, encode
+from rig.run_file.events.event import Event
+from rig.run_file.events.points import Observed, WholePlotBegan
+from rig.run_file.events.sessions import ClockSet, Ended, SessionBegan
 from rig.run_file.live import LiveState
 from rig.run_file.state import RunState
 from rig.run_file.writer import RunWriter
@@ -124,37 +127,26 @@ class Journal:
         session, dropped = self._session, self._run.dropped
         gap_s = max(0.0, self.elapsed() - self.fold.elapsed_s) if session.gap_known else 0.0
         self.write(
-            "session",
-            {
+            SessionBegan(
                 **session.about,
-                "utc_step_s": round(self._step_s(*self._moment()), 3),
-                "clock_s": self._clock.now(),
-                "elapsed_s": self.elapsed(),
-                "gap_s": gap_s,
-                "gap_certain": session.gap_certain,
-                "gap_known": session.gap_known,
-                "wal_frames_dropped": dropped.dropped,
-                "wal_commits_lost": dropped.lost_commits,
-                "wal_damage": dropped.damage,
-            },
+                utc_step_s=round(self._step_s(*self._moment()), 3),
+                clock_s=self._clock.now(),
+                elapsed_s=self.elapsed(),
+                gap_s=gap_s,
+                gap_certain=session.gap_certain,
+                gap_known=session.gap_known,
+                wal_frames_dropped=dropped.dropped,
+                wal_commits_lost=dropped.lost_commits,
+                wal_damage=dropped.damage,
+            )
         )
         self.tell(now=True)  # before anybody takes the last session's news for this one's
 
-    def write(
-        self,
-        kind: str,
-        body: Mapping[str, Any] | None = None,
-        *,
-        status: str | None = None,
-        whole_plot: int | None = None,
-        commit: bool = True,
-    ) -> None:
-        """Make a record durable; it names the point in hand and the open whole plot.
+    def write(self, event: Event, *, whole_plot: int | None = None, commit: bool = True) -> None:
+        """Make an event durable; its record names the point in hand and the open whole plot.
 
         Args:
-            kind: see `Record`.
-            body: what it holds.
-            status: see `Record`.
+            event: what happened.
             whole_plot: another than the open one.
             commit: False lets it become durable together with the next record, or not at all.
 
@@ -163,12 +155,12 @@ class Journal:
 
         """
         self._note()
-        self._add(self._record(kind, body or {}, status, whole_plot), commit=commit)
+        self._add(self._record(event, whole_plot), commit=commit)
 
     def _note(self) -> None:
         """What the observer wants in the run file: durable with the record that follows, or not at all."""
-        for noted, about in self._session.observer.to_note():
-            self._add(self._record("event", about, noted, None), commit=False)
+        for event in self._session.observer.to_note():
+            self._add(self._record(event), commit=False)
 
     def _step_s(self, elapsed_s: float, utc_s: float) -> float:
         """By how much UTC has stepped against bench time since the last record."""
@@ -180,17 +172,18 @@ class Journal:
         A session's own record says it itself.
         """
         step_s = self._step_s(record.elapsed_s, record.utc_s)
-        if record.kind == "session" or abs(step_s) <= _CLOCK_SET_S + self._clock.grace():
+        if record.kind == SessionBegan.kind or abs(step_s) <= _CLOCK_SET_S + self._clock.grace():
             return
         words = f"the machine's clock was set {'forward' if step_s > 0 else 'back'} by {abs(step_s):.0f} s"
-        body = encode({"step_s": round(step_s, 3), "message": words})
-        self._add(
-            record._replace(kind="event", attempt=None, run_index=None, status="clock-set", body=body), commit=False
-        )
+        event = ClockSet(step_s=round(step_s, 3), message=words)
+        mark = record._replace(kind=event.kind, status=event.status, body=encode(event.body()))
+        self._append(mark._replace(run_index=None, attempt=None), commit=False)
 
     def _add(self, record: Record, *, commit: bool) -> None:
-        if record.status != "clock-set":
-            self._mark_clock(record)
+        self._mark_clock(record)
+        self._append(record, commit=commit)
+
+    def _append(self, record: Record, *, commit: bool) -> None:
         self._run.append(record, commit=commit)
         self.fold.add(record)
         if self._soaks is not None:
@@ -199,37 +192,37 @@ class Journal:
 
     def last_read(self) -> tuple[int, dict[str, Sequence[float]]] | None:
         """Index of the point that was accepted last, in whichever session, and what its outputs read."""
-        record = self._run.latest("observation", "accepted")
-        if record is None or record.run_index is None:
+        last = next(self.recent(1), None)
+        if last is None or last.run_index is None or not isinstance(last.event, Observed):
             return None
-        return record.run_index, {name: output["readings"] for name, output in record.data["outputs"].items()}
+        return last.run_index, {name: output["readings"] for name, output in last.event.outputs.items()}
 
     def recent(self, observations: int) -> Iterator[Record]:
         """The last accepted observations, whichever sessions made them, the earliest first."""
-        return self._run.recent("observation", "accepted", observations)
+        return self._run.recent(observations)
 
-    def finish(self, body: Mapping[str, Any]) -> None:
+    def finish(self, event: Ended) -> None:
         """Write the end record and close the run file for good. Raises `StorageError`."""
         self._note()
-        record = self._record("end", body, "complete", None)
+        record = self._record(event)
         self._mark_clock(record)
         self._run.finish(record)
         self.fold.add(record)
         self._session.observer.recorded(record)
 
-    def _record(self, kind: str, body: Mapping[str, Any], status: str | None, whole_plot: int | None) -> Record:
+    def _record(self, event: Event, whole_plot: int | None = None) -> Record:
         at = self.at
         elapsed_s, utc_s = self._moment()
         return Record(
             self._session.number,
-            kind,
+            event.kind,
             elapsed_s,
             utc_s,
             at.point.index if at else None,
             self.fold.whole_plot if whole_plot is None else whole_plot,
             at.attempt if at else None,
-            status,
-            encode(body),
+            event.status,
+            encode(event.body()),
         )
 
     def _moment(self) -> tuple[float, float]:
@@ -257,9 +250,9 @@ class Journal:
             self._pace.append(self.elapsed() - self._taken_up_s)
             self._point_s = typical_s(self._pace)
 
-    def begin_whole_plot(self, planned: int, body: Mapping[str, Any]) -> None:
+    def begin_whole_plot(self, event: WholePlotBegan) -> None:
         """A soak is over: what follows belongs to a new whole plot. Raises `StorageError`."""
-        self.write("event", {"planned": planned, **body}, status="whole-plot", whole_plot=self.fold.whole_plots + 1)
+        self.write(event, whole_plot=self.fold.whole_plots + 1)
 
     def acknowledge(self, request_id: str) -> None:
         """Tell at once that a person's request has been seen."""

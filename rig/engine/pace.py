@@ -20,13 +20,17 @@ from procedures.conduct import Conduct, SoakSettings
 from procedures.run_list import RunList
 from rig.config import FOLLOWS_S, BenchConfig
 from rig.run_file.chain import Record
+from rig.run_file.events.bench import Fault
+from rig.run_file.events.event import Event
+from rig.run_file.events.points import Observed, Skipped, TemperaturesLeft, WholePlotBegan, WholePlotLost
+from rig.run_file.events.sessions import Held, SessionBegan, Stopped
 
 AMBIENT_DEGC = 23.0
 """Where temperatures come from in a run's first soak."""
 SWEEP_S = 3.0
 """A reading of all channels, before one was seen."""
 KEPT = 200
-_NOT_CLEAN = frozenset({"fault", "hold", "session", "stop", "skip"})
+_NOT_CLEAN = (Fault, Held, SessionBegan, Stopped, Skipped)
 
 
 @dataclass(frozen=True)
@@ -100,17 +104,10 @@ class Pace:
 
     def add(self, record: Record) -> None:
         """Take one more record, in order."""
-        if record.kind in _NOT_CLEAN:
-            self._last = self._began = None
-        if record.kind == "session":
-            self._session_s = record.elapsed_s
-        elif record.kind == "observation" and record.status == "accepted":
+        if record.accepted:
             self._observed(record)
-        elif record.kind == "skip" and record.status == "final":
-            assert record.run_index is not None
-            self._done(record.run_index)
-        elif record.kind == "event":
-            self._happened(record)
+        elif record.kind != Observed.kind:
+            self._happened(record, record.event)
 
     def _observed(self, record: Record) -> None:
         index, plot = record.run_index, record.whole_plot
@@ -120,18 +117,24 @@ class Pace:
         self._last = index, plot, record.elapsed_s
         self._done(index)
 
-    def _happened(self, record: Record) -> None:
-        match record.status:
-            case "temperatures-left":
-                self._began = int(record.data["planned"]), record.elapsed_s
-            case "whole-plot":
-                self._planned = int(record.data["planned"])
+    def _happened(self, record: Record, event: Event) -> None:
+        if isinstance(event, _NOT_CLEAN):
+            self._last = self._began = None
+        match event:
+            case SessionBegan():
+                self._session_s = record.elapsed_s
+            case Skipped(final=True):
+                assert record.run_index is not None
+                self._done(record.run_index)
+            case TemperaturesLeft():
+                self._began = event.planned, record.elapsed_s
+            case WholePlotBegan():
+                self._planned = event.planned
                 if self._began is not None and self._began[0] == self._planned:
                     self._ratios.append((record.elapsed_s - self._began[1]) / self._soaks[self._planned])
                 self._began, self._left = None, None
-            case "whole-plot-lost":
-                first, count = int(record.data["first"]), int(record.data["count"])
-                self._open[first : first + count] = True
+            case WholePlotLost():
+                self._open[event.first : event.first + event.count] = True
                 self._planned = self._last = self._left = None
             case _:
                 pass

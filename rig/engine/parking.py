@@ -12,9 +12,10 @@ from rig.engine.actions import BenchActions
 from rig.engine.deciding import LEAVE, Deciding
 from rig.engine.faults import FAULTS, InterlockHold
 from rig.engine.journal import Journal
-from rig.engine.safe_state import SafeState, make_safe
+from rig.engine.safe_state import make_safe
 from rig.engine.states import State
 from rig.errors import StorageError
+from rig.run_file.events.bench import MadeSafe
 
 
 class SetUp(Protocol):
@@ -61,9 +62,9 @@ class Parking:
                 continue
             return ""
 
-    def make_safe(self) -> SafeState:
+    def make_safe(self) -> MadeSafe:
         """Bring the bench to its safe state; how long it took and what was read back is written down if it can be."""
         safe = make_safe(self._bench, self._clock)
         with contextlib.suppress(StorageError):
-            self._journal.write("event", safe.as_json(), status="safe")
+            self._journal.write(safe)
         return safe

@@ -7,56 +7,18 @@ that fails. What has failed is tried again until its time is up, and what cannot
 from __future__ import annotations
 
 import contextlib
-from dataclasses import dataclass
 from typing import Any
 
 from drivers.clock import Clock
 from drivers.roles import Chamber, Head, Instrument, PressureController, Reader
 from rig.bench import Bench
 from rig.protection import SafetyConfig
+from rig.run_file.events.bench import MadeSafe
 
 _POLL_S = 0.5
 _LONGEST_POLL_S = 5.0
 _SLEW_OVER_S = 2.0
 _UNDER_WAY = "under way"
-
-
-@dataclass(frozen=True)
-class SafeState:
-    """What became of bringing a bench to its safe state.
-
-    Attributes:
-        seconds: bench seconds it took.
-        within_s: how long it was to take at most.
-        unsafe: what could not be shown to be safe, one sentence an instrument.
-        silent: instruments that can do no harm and did not answer.
-        found: what was read back, by instrument.
-
-    """
-
-    seconds: float
-    within_s: float
-    unsafe: tuple[str, ...]
-    silent: tuple[str, ...]
-    found: dict[str, dict[str, Any]]
-
-    @property
-    def words(self) -> str:
-        """For a message: "safe after 4.2 s"."""
-        if self.unsafe:
-            return f"NOT everything could be brought to its safe state: {'; '.join(self.unsafe)}"
-        late = f", later than the {self.within_s:g} s stated" if self.seconds > self.within_s else ""
-        return f"safe after {self.seconds:.1f} s{late}"
-
-    def as_json(self) -> dict[str, Any]:
-        """For the run file."""
-        return {
-            "seconds": round(self.seconds, 3),
-            "within_s": self.within_s,
-            "unsafe": list(self.unsafe),
-            "silent": list(self.silent),
-            "found": self.found,
-        }
 
 
 class _Task:
@@ -186,7 +148,7 @@ _TASKS: tuple[tuple[type, type[_Task]], ...] = (
 """Who is asked first, and how."""
 
 
-def make_safe(bench: Bench, clock: Clock) -> SafeState:
+def make_safe(bench: Bench, clock: Clock) -> MadeSafe:
     """Bring every instrument to its safe state, going on past errors, and show by readback that it is there."""
     safety, began = bench.config.safety, clock.now()
     end = began + safety.within_s
@@ -210,12 +172,12 @@ def make_safe(bench: Bench, clock: Clock) -> SafeState:
         if left <= 0:
             break
     failed = [task for task in tasks if task.problem]
-    return SafeState(
-        clock.now() - began,
-        safety.within_s,
-        tuple(f"{task.name}: {task.problem}" for task in failed if not task.harmless),
-        tuple(f"{task.name}: {task.problem}" for task in failed if task.harmless),
-        {task.name: task.found for task in tasks if task.found},
+    return MadeSafe(
+        seconds=round(clock.now() - began, 3),
+        within_s=safety.within_s,
+        unsafe=tuple(f"{task.name}: {task.problem}" for task in failed if not task.harmless),
+        silent=tuple(f"{task.name}: {task.problem}" for task in failed if task.harmless),
+        found={task.name: task.found for task in tasks if task.found},
     )
 
 

@@ -8,6 +8,7 @@ of which nothing has been observed yet.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from drivers.clock import Clock
@@ -31,12 +32,15 @@ from rig.engine.pace import Pace
 from rig.engine.parking import Parking
 from rig.engine.policies import Policies
 from rig.engine.queue import PointQueue
-from rig.engine.safe_state import SafeState, make_safe
+from rig.engine.safe_state import make_safe
 from rig.engine.session import Outcome, Progress, Session, Signals
 from rig.engine.soaking import Soaking
 from rig.engine.standing import Standing
 from rig.engine.states import AT_POINT, FINAL, State, machine
 from rig.errors import BenchFault, RigError, StorageError
+from rig.run_file.events.bench import AsFound, EnvironmentSettled, Fault, Homed, MadeSafe, Prepared, Preparing, Remark
+from rig.run_file.events.points import Skipped
+from rig.run_file.events.sessions import Ended, Held, Interruption, Parked, Released, Stopped
 from rig.run_file.live import Requests
 from rig.run_file.state import RunState
 from rig.run_file.writer import RunWriter
@@ -201,7 +205,7 @@ class Sequencer:
             except StopRequested:
                 self._outcome = Outcome.STOPPED
                 self._deciding.stop_motion()
-                self._journal.write("stop")
+                self._journal.write(Stopped())
                 return "park"
         except StorageError as error:
             return self._give_up(str(error), recorded=False)
@@ -244,7 +248,7 @@ class Sequencer:
         self._do.stop_motion()
         restarted = self._do.restarted()
         as_found = self._do.readback()
-        self._journal.write("event", {**as_found, "restarted": restarted}, status="as-found")
+        self._journal.write(AsFound(**as_found, restarted=restarted))
         self._guard.check_run_list(self._run_list, own_limits(self._bench, self._run_list))
         self._checked = True
         if self._queue.peek() is None:
@@ -268,20 +272,20 @@ class Sequencer:
         stands = (
             self._home_again and self._journal.fold.prepared and self._standing.environment_stands(self._do.readback())
         )
-        self._journal.write("event", status="preparing")
+        self._journal.write(Preparing())
         self._needs_set_up |= self._soaking is not None  # every whole plot begins with instruments that are known
         self._set_up()
         if self._do.home(self._poll_s, again=self._home_again):
-            self._journal.write("event", status="homed")
+            self._journal.write(Homed())
         self._home_again = False
         if self._soaking is not None:
             self._soaking.soak()
         elif self._conduct.environment is not None and not stands:
             self._journal.message = "environment settling"
             evidence = self._do.prepare_environment(self._conduct.environment)
-            self._journal.write("event", evidence, status="environment-settled")
+            self._journal.write(EnvironmentSettled(chambers=evidence))
         self._journal.message = ""
-        self._journal.write("event", status="prepared")
+        self._journal.write(Prepared())
         return "recover"
 
     def _put_back(self) -> None:
@@ -297,7 +301,7 @@ class Sequencer:
             for instrument, said in self._do.remarks():
                 if (instrument, said) not in self._remarked:
                     self._remarked.add((instrument, said))
-                    self._journal.write("event", {"instrument": instrument, "message": said}, status="remark")
+                    self._journal.write(Remark(instrument=instrument, message=said))
 
     def _holding(self) -> str:
         why = self._journal.message
@@ -309,7 +313,7 @@ class Sequencer:
                 if self._interruptions.released:
                     self._journal.message = ""
                     if not told:
-                        self._journal.write("release")
+                        self._journal.write(Released())
                     told = True
                     again = "" if self._checked else "repeat-check"
                     return again or self._standing.go_on(self._do.readback(), self._do.restarted())
@@ -333,7 +337,7 @@ class Sequencer:
         """A hold that lasts too long ends parked and safe, as a fault that can be resumed."""
         hours = self._conduct.hold_max_s / 3600
         self._outcome, self._ending = Outcome.FAULT, f"held for {hours:g} h and nobody released it; parked"
-        self._journal.write("fault", {"message": self._ending, "state": str(self.state)}, status="abort")
+        self._journal.write(Fault(decision=ABORT, message=self._ending, state=str(self.state)))
         return "park"
 
     def _parking(self) -> str:
@@ -350,10 +354,12 @@ class Sequencer:
             self._outcome = Outcome.COMPLETE
             skipped = {str(index): why for index, why in fold.skipped.items()}
             lost = {str(number): why for number, why in fold.lost.items()}
-            also = {"whole_plots": fold.whole_plots, "lost": lost} if self._soaking is not None else {}
-            self._journal.finish({"accepted": len(fold.accepted), "skipped": skipped, **also})
+            end = Ended(accepted=len(fold.accepted), skipped=skipped, records=0, head="")  # which the writer fills in
+            if self._soaking is not None:
+                end = replace(end, whole_plots=fold.whole_plots, lost=lost)
+            self._journal.finish(end)
         else:
-            self._journal.write("event", status="parked")
+            self._journal.write(Parked())
         self._journal.message = self._ending
         return "finish"
 
@@ -387,7 +393,7 @@ class Sequencer:
 
     def _skip(self, at: PointInHand, reason: str) -> None:
         again = at.point.index not in self._put_off
-        self._journal.write("skip", {"reason": reason}, status="later" if again else "final")
+        self._journal.write(Skipped.until_later(reason) if again else Skipped.for_good(reason))
         self._policies.done(at.place)
         if again:
             self._put_off.add(at.point.index)
@@ -397,25 +403,25 @@ class Sequencer:
     def _begin_hold(self, why: str, *, surely: bool = True) -> str:
         if surely:
             self._deciding.stop_motion()
-        self._journal.write("hold", {"why": why})
+        self._journal.write(Held(why=why))
         self._journal.message = why
         return "hold"
 
     def _interrupted(self) -> str | None:
         """A signal: stop motion, record it, and leave the run for `rig resume`."""
         self._deciding.stop_motion()
-        self._journal.write("event", {"signal": self._signals.interrupt}, status="interrupted")
+        self._journal.write(Interruption(signal=self._signals.interrupt))
         self._outcome = Outcome.INTERRUPTED
         return None
 
-    def _give_up(self, message: str, *, recorded: bool = True, safe: SafeState | None = None) -> str:
+    def _give_up(self, message: str, *, recorded: bool = True, safe: MadeSafe | None = None) -> str:
         """Safe state first, then say why."""
         safe = safe or self._way_out.make_safe()
         self._outcome = Outcome.UNSAFE if safe.unsafe else Outcome.FAULT
         message += f"\n{safe.words}"
         if recorded:
             try:
-                self._journal.write("fault", {"message": message, "state": str(self.state)}, status="abort")
+                self._journal.write(Fault(decision=ABORT, message=message, state=str(self.state)))
             except StorageError as error:
                 message += f"\n{error}"
         self._journal.message = message

@@ -8,6 +8,7 @@ from enum import Enum
 from typing import Any, Protocol
 
 from rig.run_file.chain import Record
+from rig.run_file.events.event import Event
 
 
 class Outcome(Enum):
@@ -51,8 +52,8 @@ class Observer(Protocol):
         """A record was appended; one that becomes durable with the next may be told before it is."""
         ...
 
-    def to_note(self) -> Sequence[tuple[str, Mapping[str, Any]]]:
-        """Events, as (status, body), that the observer wants in the run file; each is handed out once."""
+    def to_note(self) -> Sequence[Event]:
+        """Events that the observer wants in the run file; each is handed out once."""
         ...
 
 
@@ -62,7 +63,7 @@ class Nobody:
     def recorded(self, record: Record) -> None:
         """See `Observer.recorded`."""
 
-    def to_note(self) -> Sequence[tuple[str, Mapping[str, Any]]]:
+    def to_note(self) -> Sequence[Event]:
         """See `Observer.to_note`."""
         return ()
 

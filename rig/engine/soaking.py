@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any, NoReturn
 
 from drivers.clock import Clock
@@ -15,6 +16,7 @@ from rig.engine.journal import Journal
 from rig.engine.measuring import Channel
 from rig.engine.queue import PointQueue
 from rig.engine.whole_plots import WholePlots
+from rig.run_file.events.points import Observed, Renewing, TemperaturesLeft, WholePlotBegan, WholePlotLost
 
 _RECALLED = 40
 """Observations read again when a run is resumed, for what is known of the chambers."""
@@ -59,7 +61,8 @@ class Soaking:
         self._clock, self._wait = clock, wait
         self._lost = 0
         for record in journal.recent(_RECALLED):
-            self.rules.note(record.whole_plot, record.data["environment"])
+            if isinstance(record.event, Observed):
+                self.rules.note(record.whole_plot, record.event.environment)
 
     def soak(self) -> None:
         """Bring the next point's whole plot to temperature, and give it its identity.
@@ -94,13 +97,15 @@ class Soaking:
         evidence = self._do.until_soaked(self.rules.criteria(point), settings.poll_s, thermometers, watch)
         self._journal.message = self._journal.detail = ""
         self._do.take_unwatched_s()  # what was before the soak is over does not matter
-        self._journal.begin_whole_plot(point.whole_plot, {"setpoints_degC": targets, "settling": evidence})
+        self._journal.begin_whole_plot(
+            WholePlotBegan(planned=point.whole_plot, setpoints_degC=targets, settling=evidence)
+        )
 
     def _leave(self, point: Point) -> None:
         """Make sure that temperatures are changed for a whole plot: those that stand already are left first."""
         if not self.rules.left(point, self._do.environment()):
             away = self.rules.renewal(point)
-            self._journal.write("event", {"setpoints_degC": away}, status="renewing")
+            self._journal.write(Renewing(setpoints_degC=away))
             self._journal.message = f"leaving temperatures that stand, for whole plot {point.whole_plot}"
             for chamber, target in away.items():
                 self._do.set_chamber(chamber, target)
@@ -109,7 +114,8 @@ class Soaking:
                 if self._clock.now() > limit:
                     raise TemperaturesNotSettled("no chamber left the temperature it was at", {})
                 self._wait(self._soak.poll_s)
-        self._journal.write("event", {"planned": point.whole_plot}, status="temperatures-left")
+        assert point.whole_plot is not None
+        self._journal.write(TemperaturesLeft(planned=point.whole_plot))
 
     def check_while_working(self, point: Point) -> None:
         """After something went wrong in a whole plot: it is lost if an instrument had no power, or was left too long.
@@ -164,17 +170,17 @@ class Soaking:
         first, count = self.rules.span(planned)
         kept = len(fold.accepted.intersection(range(first, first + count)))
         self._journal.take_up(None)
-        body: dict[str, Any] = {"reason": why, "planned": planned, "first": first, "count": count, "kept": kept}
+        lost = WholePlotLost(reason=why, planned=planned, first=first, count=count, kept=kept)
         becomes = f"its {kept} readings are kept"
         if self.rules.doubted_s:
             since = round(self._journal.elapsed() - self.rules.doubted_s, 3)
             last = [r for r in self._journal.recent(count) if r.whole_plot == fold.whole_plot]
             doubted = sum(r.elapsed_s >= since for r in last)
             becomes = f"{kept - doubted} of its readings are kept, {doubted} are in doubt and left out"
-            body |= {"kept": kept - doubted, "doubted_s": since, "doubted": doubted}
-            body["reason"] = f"{why} ({doubted} of its readings are in doubt and left out)"
+            reason = f"{why} ({doubted} of its readings are in doubt and left out)"
+            lost = replace(lost, reason=reason, kept=kept - doubted, doubted_s=since, doubted=doubted)
             self.rules.doubted_s = 0.0
-        self._journal.write("event", body, status="whole-plot-lost")
+        self._journal.write(lost)
         self._queue.refill()
         self._lost += 1
         return planned, becomes

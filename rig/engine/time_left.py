@@ -49,5 +49,5 @@ def left_when_resumed_s(
             pace.add(record)
         pace.interrupted(state.elapsed_s)
         return pace.remaining_s(state.elapsed_s)
-    seen = list(spent_s(run.recent("observation", "accepted", LAST_POINTS)))
+    seen = list(spent_s(run.recent(LAST_POINTS)))
     return state.remaining * typical_s(seen) if seen else None

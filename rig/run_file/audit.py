@@ -10,16 +10,18 @@ import contextlib
 import hashlib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import apsw
 
 from procedures.run_list import RunList
 from rig import __version__
 from rig.errors import RunFileError
-from rig.run_file.bodies import COUNT
+from rig.run_file.bodies import COUNT, ContentsError
 from rig.run_file.chain import GENESIS, Record, StoredRow, followed, link
 from rig.run_file.contents import senseless
+from rig.run_file.events.event import Event
+from rig.run_file.events.sessions import Ended, RunCreated
 from rig.run_file.restore import changed_column
 from rig.run_file.schema import Guarded, differences
 
@@ -152,7 +154,7 @@ def _records(run: Contents, thorough: bool, each: Callable[[Record], object], en
     while here is not None:
         after = next(rows, None)
         seq, record, previous, own = here
-        if record.kind == "end":
+        if record.kind == Ended.kind:
             ends.append((seq, record, previous))
         if seq == expected_seq and previous == expected and _holds(here, points):
             each(record)
@@ -193,7 +195,7 @@ def _sound(
             if senseless(record, points) is not None:
                 return sound, head, row[0]
             each(record)
-            if record.kind == "end":
+            if record.kind == Ended.kind:
                 ends.append((row[0], record, row[10]))
             sound, head = row[0], row[11]
         if good < len(rows):
@@ -245,51 +247,57 @@ def _genesis(run: Contents, thorough: bool, expand: Expand, ends: list[End]) -> 
     if first is None:
         yield Finding("file", "its first record, which says what the run is, is missing")
         return
-    if first[1].kind != "run":
+    if first[1].kind != RunCreated.kind:
         yield Finding("file", f"its first record is of kind {_kind(first[1])}, not what a run begins with")
         return
-    declared = first[1].data
+    declared = _event(first[1])
+    if not isinstance(declared, RunCreated):
+        return  # what is wrong with it was told
     documents = run.documents()
     intact = dict(documents)
-    for name, digest in declared["documents"].items():
+    for name, digest in declared.documents.items():
         if name not in documents:
             yield Finding("document", "is missing: the run began with it", name=f"document {name}")
         elif hashlib.sha256(documents[name].encode()).hexdigest() != digest:
             del intact[name]
             yield Finding("document", "is not the one the run began with", name=f"document {name}")
-    for name in sorted(documents.keys() - declared["documents"].keys()):
+    for name in sorted(documents.keys() - declared.documents.keys()):
         yield Finding("document", "was added: the run began without it", name=f"document {name}")
     yield from _run_list(run, declared, expand(intact) if thorough else None)
     yield from _twice(run)
     yield from _end(run, ends)
 
 
-def _run_list(run: Contents, declared: Mapping[str, Any], planned: RunList | None) -> Iterator[Finding]:
+def _event(record: Record) -> Event | None:
+    with contextlib.suppress(ContentsError):
+        return record.event
+    return None
+
+
+def _run_list(run: Contents, declared: RunCreated, planned: RunList | None) -> Iterator[Finding]:
     yield from _factors(run)
     stored = ""
     with contextlib.suppress(ValueError, TypeError):
         stored = run.run_list_sha256()
-    if stored == declared["run_list"]:
+    if stored == declared.run_list:
         points = _points(run)
-        if points != declared["points"]:
-            yield Finding("run list", f"it has {points} points, the run was created with {declared['points']}")
-        elif planned is not None and _made_by_us(declared) and planned.sha256() != stored:
+        if points != declared.points:
+            yield Finding("run list", f"it has {points} points, the run was created with {declared.points}")
+        elif (
+            planned is not None
+            and declared.software.get("calibration-rig") == __version__
+            and planned.sha256() != stored
+        ):
             yield Finding("run list", "the run list is not the one that the stored procedure makes")
             yield from _points_changed(run, planned)
         return
     told = False
-    if planned is not None and planned.sha256() == declared["run_list"]:
+    if planned is not None and planned.sha256() == declared.run_list:
         for finding in _points_changed(run, planned):
             told = True
             yield finding
     if not told:
         yield Finding("run list", "the run list is not the one the run began with")
-
-
-def _made_by_us(declared: Mapping[str, Any]) -> bool:
-    """Whether a run was created by this version, which makes the same run list of a procedure again."""
-    software = declared.get("software")
-    return isinstance(software, Mapping) and software.get("calibration-rig") == __version__
 
 
 def _factors(run: Contents) -> Iterator[Finding]:
@@ -349,7 +357,8 @@ def _twice(run: Contents) -> Iterator[Finding]:
 def _end(run: Contents, ends: list[End]) -> Iterator[Finding]:
     last, _ = run.head()
     for seq, record, previous in ends:
-        if record.data["records"] != seq - 1 or record.data["head"] != previous.hex():
+        end = _event(record)
+        if not isinstance(end, Ended) or (end.records, end.head) != (seq - 1, previous.hex()):
             yield Finding("record", "does not count the records before it: some were added or removed", seq, "end")
     if ends and ends[-1][0] != last:
         yield Finding("record", f"is the end of the run, and {last - ends[-1][0]} record(s) follow", ends[-1][0], "end")

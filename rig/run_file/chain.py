@@ -14,7 +14,9 @@ from functools import cached_property, lru_cache
 from math import isfinite
 from typing import Any, NamedTuple
 
-from rig.run_file.bodies import Body, body_of, shown
+from rig.run_file.bodies import shown
+from rig.run_file.events.event import Body, Event, body_of, decode
+from rig.run_file.events.points import ACCEPTED, Observed
 
 GENESIS = bytes(32)
 """What the first record names as its predecessor."""
@@ -40,7 +42,7 @@ class Record(_Columns):
 
     Attributes:
         session: which start of the controller, from 1; 0 for what was written when the run was created.
-        kind: "run", "session", "identity", "event", "observation", "skip", "fault", "hold", "release", "end".
+        kind: "run", "session", "identity", "event", "observation"...: see `rig.run_file.events`.
         elapsed_s: bench seconds since the run was created; UTC-based across a reboot.
         utc_s: seconds since 1970-01-01.
         run_index: the point it belongs to, if any.
@@ -58,8 +60,22 @@ class Record(_Columns):
 
     @cached_property
     def data(self) -> Body:
-        """The body, decoded; fields are checked as they are read. Raises `ContentsError`."""
+        """The body, decoded and checked. Raises `ContentsError`."""
         return body_of(self.body, self.kind, self.status, self.named)
+
+    @cached_property
+    def event(self) -> Event:
+        """What it tells. Raises `ContentsError`."""
+        return decode(self.kind, self.status, self.data)
+
+    @property
+    def accepted(self) -> bool:
+        """Whether it is an observation that counts; its body is not looked into."""
+        return self.kind == Observed.kind and self.status == ACCEPTED
+
+    def sentence(self) -> str:
+        """It, in a person's words."""
+        return self.event.sentence(self)
 
     def named(self) -> str:
         """It, in a sentence."""

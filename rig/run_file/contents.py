@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from rig.run_file.bodies import COUNT, LATEST_S, MOMENT, NEEDED, TEXT, ContentsError, fields_of, shown
+from rig.run_file.bodies import COUNT, LATEST_S, MOMENT, TEXT, ContentsError, shown
 from rig.run_file.chain import Record
+from rig.run_file.events.points import ACCEPTED, REJECTED, Observed, Skipped, WholePlotBegan, WholePlotLost
 
 _Check = Callable[[Any], bool]
 
@@ -26,8 +27,8 @@ _COLUMNS: Mapping[str, _Check] = {
 def _plain_observation(record: Record, points: int) -> bool:
     session, kind, elapsed_s, utc_s, index, whole_plot, attempt, status, body = record
     return (
-        kind == "observation"
-        and (status == "accepted" or status == "rejected")  # noqa: PLR1714 - twice as quick, once a record
+        kind == Observed.kind
+        and (status == ACCEPTED or status == REJECTED)  # noqa: PLR1714, SIM109 - twice as quick, once a record
         and type(index) is int
         and 0 <= index < points
         and type(elapsed_s) is float
@@ -62,28 +63,17 @@ def senseless(record: Record, points: int) -> tuple[str, str] | None:
         return wrong
     if record.run_index is not None and record.run_index >= points:
         return "run_index", f"there is no point {record.run_index}"
-    if record.kind in ("observation", "skip") and record.run_index is None:
+    if record.kind in (Observed.kind, Skipped.kind) and record.run_index is None:
         return "run_index", f"{record.kind} of no point"
-    if record.kind == "observation" and record.status not in ("accepted", "rejected"):
-        return "status", f"an observation cannot be {str(record.status)[:60]!r}"
-    if record.kind == "observation":
-        return None
-    if record.status in ("whole-plot", "whole-plot-lost") and record.whole_plot is None:
-        return "whole_plot", f"{record.status} of no whole plot"
+    if record.kind == Observed.kind:
+        known = record.status in (ACCEPTED, REJECTED)
+        return None if known else ("status", f"an observation cannot be {str(record.status)[:60]!r}")
     try:
-        data = record.data
+        event = record.event
     except ContentsError as error:
         return "body", str(error).partition(": ")[2]
-    for key in ((record.kind, "*"), (record.kind, record.status or "")):
-        for name in NEEDED.get(key, ()):
-            if name not in data:
-                return "body", f"its body has no {name}"
-    for name, kind in fields_of(record.kind, record.status).items():
-        if name in data:
-            try:
-                data[name]
-            except ContentsError:
-                return "body", f"its {name} cannot be {shown(dict.__getitem__(data, name))}, it has to be {kind.words}"
-    if record.kind == "event" and record.status == "whole-plot-lost" and data["first"] + data["count"] > points:
+    if isinstance(event, WholePlotBegan | WholePlotLost) and record.whole_plot is None:
+        return "whole_plot", f"{record.status} of no whole plot"
+    if isinstance(event, WholePlotLost) and event.points.stop > points:
         return "body", "it gives up points that there are not"
     return None

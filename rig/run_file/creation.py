@@ -14,6 +14,7 @@ import apsw
 from procedures.run_list import RunList
 from rig.errors import RunFileError, StorageError
 from rig.run_file.chain import GENESIS, Record, encode, link
+from rig.run_file.events.sessions import RunCreated
 from rig.run_file.schema import APPLICATION_ID, INSERT_RECORD, SCHEMA_VERSION, statements, write_run_list
 from rig.run_file.storage import storage_of
 
@@ -76,16 +77,16 @@ def _fill(db: apsw.Connection, genesis: Genesis, elapsed_s: float, utc_s: float)
         db.execute(statement)
     db.executemany("INSERT INTO document VALUES (?, ?)", list(genesis.documents.items()))
     write_run_list(db, runs)
-    body = {
-        "run_id": genesis.run_id,
-        "simulated": genesis.simulated,
-        "documents": {name: _digest(text) for name, text in genesis.documents.items()},
-        "run_list": runs.sha256(),
-        "points": len(runs),
-        "seed": runs.seed,
+    event = RunCreated(
+        run_id=genesis.run_id,
+        simulated=genesis.simulated,
+        documents={name: _digest(text) for name, text in genesis.documents.items()},
+        run_list=runs.sha256(),
+        points=len(runs),
+        seed=runs.seed,
         **genesis.about,
-    }
-    first = Record(0, "run", elapsed_s, utc_s, body=encode(body))
+    )
+    first = Record(0, event.kind, elapsed_s, utc_s, body=encode(event.body()))
     row = (1, *first, GENESIS, link(GENESIS, 1, first))
     db.execute(INSERT_RECORD, row)
     db.execute("COMMIT")

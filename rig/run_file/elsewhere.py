@@ -7,8 +7,8 @@ from pathlib import Path
 
 from rig.errors import RigError
 from rig.run_file.chain import link
+from rig.run_file.events.sessions import Rescued
 from rig.run_file.reader import RunReader
-from rig.run_file.rescue import RESCUED
 from rig.run_file.state import RunState
 
 
@@ -40,6 +40,6 @@ def _continues(other: Path, run: RunReader) -> bool:
     with contextlib.suppress(RigError, OSError, TypeError, ValueError), RunReader.open(other) as copy:
         following = copy.chained("seq IN (?, ?)", (seq, seq + 1))
         (_, _, _, here), (number, record, previous, its) = following
-        goes_on = (record.kind, record.status) != ("event", RESCUED)
+        goes_on = not isinstance(record.event, Rescued)
         return goes_on and here == own == previous and link(previous, number, record) == its
     return False

@@ -20,6 +20,8 @@ import apsw
 from procedures.run_list import Factor, Point, RunList
 from rig.errors import RunFileError, StorageError, UsageError
 from rig.run_file.audit import findings
+from rig.run_file.bodies import ContentsError
+from rig.run_file.events.sessions import RunCreated
 from rig.run_file.last_word import head_path, read_last_word
 from rig.run_file.live import live_path, request_path
 from rig.run_file.pages import Pages, Value
@@ -176,19 +178,17 @@ def _fill(db: apsw.Connection, run: _Run, path: Iterable[bytes], chains: Chains,
     return count
 
 
-def _declared(path: Path, first: Chained) -> Mapping[str, Any]:
+def _declared(path: Path, first: Chained) -> RunCreated:
     """What the first record says the run is."""
-    with contextlib.suppress(ValueError):
-        data = first[1].data
-        documents = data.get("documents")
-        if isinstance(documents, dict) and isinstance(data.get("run_list"), str) and type(data.get("seed")) is int:
-            return data
+    with contextlib.suppress(ContentsError):
+        if isinstance(event := first[1].event, RunCreated):
+            return event
     raise RunFileError(f"{path}: its first record does not say what the run is: nothing can be restored")
 
 
-def _documents(path: Path, declared: Mapping[str, Any], chains: Chains, pages: Pages) -> dict[str, str]:
+def _documents(path: Path, declared: RunCreated, chains: Chains, pages: Pages) -> dict[str, str]:
     intact = {}
-    for name, digest in declared["documents"].items():
+    for name, digest in declared.documents.items():
         places = chains.documents.get((name, str(digest)), ())
         text = next((text for place in places for text in _texts(pages, place, name, digest)), None)
         if text is None:
@@ -207,19 +207,17 @@ def _texts(pages: Pages, place: int, name: str, digest: str) -> Iterator[str]:
             yield text
 
 
-def _run_list(
-    path: Path, declared: Mapping[str, Any], documents: Mapping[str, str], pages: Pages, expand: Expand
-) -> RunList:
+def _run_list(path: Path, declared: RunCreated, documents: Mapping[str, str], pages: Pages, expand: Expand) -> RunList:
     """The run list, made again from the procedure or read; it must have the digest that the first record names."""
     ways: tuple[Callable[[], RunList | None], ...] = (
         lambda: expand(documents),
-        lambda: _stored_run_list(pages, int(declared["seed"]), latest=False),
-        lambda: _stored_run_list(pages, int(declared["seed"]), latest=True),
+        lambda: _stored_run_list(pages, declared.seed, latest=False),
+        lambda: _stored_run_list(pages, declared.seed, latest=True),
     )
     for make in ways:
         with contextlib.suppress(ValueError, TypeError, KeyError):
             run_list = make()
-            if run_list is not None and run_list.sha256() == declared["run_list"]:
+            if run_list is not None and run_list.sha256() == declared.run_list:
                 statements([factor.name for factor in run_list.factors])  # raises where one has no name for a column
                 return run_list
     raise RunFileError(f"{path}: its run list can neither be made again nor read: nothing can be restored")

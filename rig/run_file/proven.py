@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from rig.run_file.chain import GENESIS, Record, link
+from rig.run_file.events.sessions import Ended, RunCreated
 from rig.run_file.pages import Pages, Place, Row
 
 _COLUMNS = 12
@@ -85,7 +86,7 @@ class Chains:
             self.documents[c[0], hashlib.sha256(c[1].encode()).hexdigest()].append(place)
         elif (chained := proven(row)) is not None:
             seq, record, previous, own = chained
-            self._nodes.setdefault(own, _Node(seq, previous, place, record.kind == "end"))
+            self._nodes.setdefault(own, _Node(seq, previous, place, record.kind == Ended.kind))
             return True
         elif len(c) == _COLUMNS and isinstance(c[10], bytes) and isinstance(c[11], bytes):
             self._claims.setdefault(c[11], c[10])
@@ -163,7 +164,8 @@ class Chains:
             told.add(first)
             run = ""
             with contextlib.suppress(ValueError, KeyError):
-                run = str(self.read(first, pages)[1].data["run_id"])
+                event = self.read(first, pages)[1].event
+                run = event.run_id if isinstance(event, RunCreated) else ""
             common = next(self._nodes[one].seq for one in self.path(tip) if one in own_path) if same else 0
             found.append(Other(run, node.seq, tip.hex(), common, node.ends))
         return found

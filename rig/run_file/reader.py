@@ -21,6 +21,8 @@ from rig.run_file.beside import Alone, ForeignFileError, check_journal, check_lo
 from rig.run_file.bodies import COUNT, NUMBER, TEXT, WHOLE, ContentsError, shown
 from rig.run_file.chain import GENESIS, Record, StoredRow
 from rig.run_file.contents import senseless, wrong_column
+from rig.run_file.events.points import ACCEPTED, Observed
+from rig.run_file.events.sessions import RunCreated
 from rig.run_file.opening import (
     by_itself,
     check_header,
@@ -132,14 +134,14 @@ class RunReader:
             if _is_point(row, width)
         )
         try:
-            return RunList(factors, points, int(self.genesis().data["seed"]))
+            return RunList(factors, points, self.about().seed)
         except ValueError as error:
             raise ContentsError(f"its run list is none: {error}") from error
 
     def run_list_sha256(self) -> str:
         """Hash of the run list as stored, as `RunList.sha256`; no point is made of its rows."""
         factors = self.factors()
-        return rows_sha256(factors, int(self.genesis().data["seed"]), self._point_rows(factors))
+        return rows_sha256(factors, self.about().seed, self._point_rows(factors))
 
     def factors(self) -> tuple[Factor, ...]:
         """What the run list varies."""
@@ -159,24 +161,26 @@ class RunReader:
         for _, record, _, _ in self.chained("seq = 1"):
             if (wrong := wrong_column(record)) is not None:
                 raise ContentsError(f"{record.named()}: {wrong[1]}")
-            if record.kind != "run":
+            if record.kind != RunCreated.kind:
                 raise ContentsError(f"record 1 is of kind {shown(record.kind)}, not what a run begins with")
             return record
         raise RunFileError(f"{self.path} holds no records: it was never finished being created; delete it")
+
+    def about(self) -> RunCreated:
+        """What the run is, as its first record says."""
+        event = self.genesis().event
+        assert isinstance(event, RunCreated)
+        return event
 
     def records(self, kind: str | None = None) -> Iterator[Record]:
         """Records in order, all or of one kind. Raises `ContentsError` at one that makes no sense."""
         where, values = ("kind = ?", (kind,)) if kind else ("1", ())
         return self._sensible(where, values)
 
-    def latest(self, kind: str, status: str) -> Record | None:
-        """The last record of a kind and status; None if there is none."""
-        return next(self.recent(kind, status, 1), None)
-
-    def recent(self, kind: str, status: str, most: int) -> Iterator[Record]:
-        """The last records of a kind and status, `most` at most, the earliest first."""
+    def recent(self, most: int) -> Iterator[Record]:
+        """The last accepted observations, `most` at most, the earliest first."""
         where = "seq IN (SELECT seq FROM record WHERE kind = ? AND status = ? ORDER BY seq DESC LIMIT ?)"
-        return self._sensible(where, (kind, status, most))
+        return self._sensible(where, (Observed.kind, ACCEPTED, most))
 
     def salvage(self) -> Iterator[Record]:
         """Every record that can still be read one by one, whatever the state of the others."""

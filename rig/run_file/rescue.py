@@ -12,10 +12,8 @@ import apsw
 
 from rig.errors import StorageError
 from rig.run_file.chain import Record, encode, link
+from rig.run_file.events.sessions import Rescued
 from rig.run_file.schema import INSERT_RECORD
-
-RESCUED = "rescued"
-"""Status of the event that says in which file a run goes on."""
 
 
 def is_still_at(path: Path, descriptor: int) -> bool:
@@ -103,7 +101,8 @@ def _hand_over(db: apsw.Connection, copy: Path) -> None:
     """
     (row,) = db.execute("SELECT seq, session, elapsed_s, utc_s, hash FROM record ORDER BY seq DESC LIMIT 1")
     seq, session, elapsed_s, utc_s, head = row
-    record = Record(session, "event", elapsed_s, utc_s, status=RESCUED, body=encode({"to": str(copy.absolute())}))
+    word = Rescued(to=str(copy.absolute()))
+    record = Record(session, word.kind, elapsed_s, utc_s, status=word.status, body=encode(word.body()))
     values = (seq + 1, *record, head, link(head, seq + 1, record))
     db.execute(INSERT_RECORD, values)
     db.wal_checkpoint(mode=apsw.SQLITE_CHECKPOINT_TRUNCATE)

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from rig.run_file.chain import Record, link
+from rig.run_file.events.event import kinds
 
-_KINDS = ("run", "session", "identity", "event", "observation", "skip", "fault", "hold", "release", "stop", "end")
 _STATUS = (None, "accepted", "rejected", "retry", "skip", "final", "later", "hold", "abort", "complete", "prepared")
 _LONGEST_BODY = 6000
 """Characters of a body in which a single flipped bit is searched for; of one three times as long, nothing is."""
@@ -71,7 +71,7 @@ def _candidates(seq: int, record: Record, points: int) -> Iterator[tuple[str, st
     for other in range(max(1, seq - 5), seq + 6):
         yield "seq", f"{other}, so records were removed or inserted before it", other, record
     tries: dict[str, Any] = {
-        "kind": _KINDS,
+        "kind": kinds(),
         "status": _STATUS,
         "run_index": (None, *range(min(points, 20_000))),
         "whole_plot": (None, *range(300)),

@@ -151,7 +151,7 @@ def _expanded(documents: Mapping[str, str]) -> RunList | None:
 
 def _simulated(run: RunReader) -> bool | None:
     try:
-        return bool(run.genesis().data["simulated"])
+        return run.about().simulated
     except RunFileError:
         return None
 

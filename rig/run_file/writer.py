@@ -8,6 +8,7 @@ point in one whole plot impossible. A finished run leaves WAL mode: one ordinary
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +21,7 @@ from rig.run_file import wal
 from rig.run_file.audit import findings
 from rig.run_file.beside import Alone, check_journal, foreign_log
 from rig.run_file.chain import Record, encode, link
+from rig.run_file.events.sessions import Ended
 from rig.run_file.last_word import LastWord, read_last_word
 from rig.run_file.opening import by_itself, check_header, check_name, checked, locked, opened_to_read, unreadable
 from rig.run_file.reader import RunReader
@@ -186,10 +188,12 @@ class RunWriter(RunReader):
 
         """
         self.commit()
-        body = {**record.data, "records": self._seq, "head": self._hash.hex()}
+        body = {**json.loads(record.body), "records": self._seq, "head": self._hash.hex()}
         try:
             self.append(
-                Record(record.session, "end", record.elapsed_s, record.utc_s, status=record.status, body=encode(body))
+                Record(
+                    record.session, Ended.kind, record.elapsed_s, record.utc_s, status=record.status, body=encode(body)
+                )
             )
         except StorageError:
             if self._pending:

@@ -5,17 +5,18 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Mapping
 from functools import cache
-from importlib.metadata import entry_points
 from typing import Any
 
 from drivers.wires import Wires
 from drivers.wires.addresses import simulated
 from rig.config import BenchConfig
-from rig.contracts import with_contracts
+from rig.contract_files import with_contracts
 from rig.engine.holes import WatchedClock
 from rig.errors import ConfigurationError
+from rig.plugins import installed, load
 from sims.bench import SimBench, world_for
 from sims.physics.truth import WorldError
+from sims.twin import MakesTwins
 
 Tap = Callable[[str, str, bytes], None]
 """Called with (instrument, "tx" or "rx", bytes) for every transfer on every wire."""
@@ -24,17 +25,16 @@ _keys = itertools.count(1)
 
 
 @cache
-def twin_class(driver: str) -> Any:
+def twin_class(driver: str) -> MakesTwins:
     """The twin registered for a driver, entry-point group `rig.twins`; raises `ConfigurationError` if it has none."""
-    known = {point.name: point for point in entry_points(group="rig.twins")}
+    known = installed("rig.twins")
     if driver not in known:
-        raise ConfigurationError(
-            f"driver {driver!r} has no twin, so it cannot run dry (twins: {', '.join(sorted(known))})"
-        )
-    return known[driver].load()
+        raise ConfigurationError(f"driver {driver!r} has no twin, so it cannot run dry (twins: {', '.join(known)})")
+    found: MakesTwins = load("rig.twins", driver, ("wire", "roles", "faults"))
+    return found
 
 
-def twin_classes(config: BenchConfig) -> dict[str, Any]:
+def twin_classes(config: BenchConfig) -> dict[str, MakesTwins]:
     """The twins a bench needs, by driver name. Raises `ConfigurationError` naming the instrument that has none."""
     found = {}
     for name, instrument in config.instruments.items():

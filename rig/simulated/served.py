@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from rig.atomic import check_added_to
 from rig.bench import check_options
 from rig.config import parse_toml, read_text
-from rig.contracts import read_bench
+from rig.contract_files import read_bench
 from rig.errors import ConfigurationError, RigError
 from rig.simulated.dry_run import plain, twin_classes
 from sims.physics.truth import WorldError
@@ -36,9 +37,11 @@ def serve_bench(
 
     Raises:
         ConfigurationError: one of the files is wrong.
+        UsageError: `tape` is one of the other files, or a run file.
         RigError: a port cannot be opened, or `live` or `tape` cannot be written.
 
     """
+    check_added_to(tape, [bench, world, live])
     config, _ = read_bench(bench)
     check_options(config, str(bench))
     truth = {} if world is None else parse_toml(read_text(world, "world"), str(world))

@@ -7,7 +7,7 @@ import io
 import math
 import os
 import warnings
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any, BinaryIO
 
@@ -21,6 +21,7 @@ from rig.errors import UsageError
 from rig.regular import open_regular
 
 _MOST_COLUMNS = 2000
+_BLANK = frozenset(("\n", "\r\n", "\r"))
 _LONGEST_LINE = 1 << 20
 _MOST_NUMBERS, _MOST_CELLS = 2 << 30, 32 << 20
 """Bytes of a table of numbers only, and of one that is looked at cell by cell, which takes many times its memory."""
@@ -44,12 +45,15 @@ def _regular(path: Path, most: int) -> BinaryIO:
 
 def read_csv(path: Path) -> Table:
     """A CSV table of numbers. Raises `UsageError`."""
-    columns = _all_numbers(path)
-    if columns is None:
+    known = _all_numbers(path)
+    if known is None:
         names, body = _cells_of(path)
+        rows: Sequence[int] = [number for number, _ in body]
         columns = {n: np.array([_number(path, number, n, row[i]) for number, row in body]) for i, n in enumerate(names)}
+    else:
+        columns, rows = known
     simulated = bool(columns.get("simulated", np.zeros(1)).any())
-    return Table(str(path), columns, simulated, {"file": path.name, "simulated": simulated})
+    return Table(str(path), columns, simulated, {"file": path.name, "simulated": simulated}, rows=rows)
 
 
 def read_any_csv(path: Path, needed: Collection[str]) -> Table:
@@ -63,13 +67,13 @@ def read_any_csv(path: Path, needed: Collection[str]) -> Table:
         UsageError: a needed column is missing, or a value in it is.
 
     """
-    numbers = _all_numbers(path)
-    names, body = (list(numbers), []) if numbers is not None else _cells_of(path)
+    known = _all_numbers(path)
+    names, body = (list(known[0]), []) if known is not None else _cells_of(path)
     for name in needed:
         if name not in names:
             raise UsageError(f"{path}: there is no column {name!r}; it has {', '.join(names)}")
-    if numbers is not None:
-        return Table(str(path), numbers, False, {"file": path.name, "simulated": False})
+    if known is not None:
+        return Table(str(path), known[0], False, {"file": path.name, "simulated": False}, rows=known[1])
     columns, text, missing = {}, {}, {}
     for i, name in enumerate(names):
         cells = [row[i].strip() for _, row in body]
@@ -104,7 +108,7 @@ def read_gappy_csv(path: Path, numbers: Collection[str]) -> Table:
     provenance = {"file": path.name, "simulated": False}
     known = _all_numbers(path)
     if known is not None:
-        return Table(str(path), known, False, provenance)
+        return Table(str(path), known[0], False, provenance, rows=known[1])
     names, body = _cells_of(path)
     columns, text = {}, {}
     for i, name in enumerate(names):
@@ -122,8 +126,8 @@ def read_gappy_csv(path: Path, numbers: Collection[str]) -> Table:
     return Table(str(path), columns, False, provenance, text=text, rows=[number for number, _ in body])
 
 
-def _all_numbers(path: Path) -> dict[str, FloatArray] | None:
-    """Columns of a table of nothing but finite numbers; None: it has to be looked at cell by cell.
+def _all_numbers(path: Path) -> tuple[dict[str, FloatArray], Sequence[int]] | None:
+    """Columns of a table of nothing but finite numbers and `Table.rows`; None: it has to be looked at cell by cell.
 
     NumPy reads a million rows in a fifth of the time and a tenth of the memory, but does not say what is wrong.
     """
@@ -137,13 +141,23 @@ def _all_numbers(path: Path) -> dict[str, FloatArray] | None:
             names = [name.strip() for name in file.readline(_LONGEST_LINE).split(",")]
             if len(names) > _MOST_COLUMNS:
                 return None
-            values = np.loadtxt(file, np.float64, delimiter=",", comments=None, ndmin=2)
+            blank: list[int] = []
+            values = np.loadtxt(_noting_blank(file, blank), np.float64, delimiter=",", comments=None, ndmin=2)
     except (ValueError, UserWarning):
         return None
     named = len(set(names)) == len(names) == values.shape[1] and all(name and '"' not in name for name in names)
     if not named or not np.isfinite(values).all():
         return None
-    return dict(zip(names, np.ascontiguousarray(values.T), strict=True))
+    rows = np.setdiff1d(np.arange(len(values) + len(blank)) + 2, blank).tolist() if blank else ()
+    return dict(zip(names, np.ascontiguousarray(values.T), strict=True)), rows
+
+
+def _noting_blank(lines: Iterable[str], blank: list[int]) -> Iterator[str]:
+    """The lines of a file after its first; NumPy skips blank ones, whose numbers are put into `blank`."""
+    for number, line in enumerate(lines, start=2):
+        if line in _BLANK:
+            blank.append(number)
+        yield line
 
 
 def _cells_of(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:

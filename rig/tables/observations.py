@@ -17,9 +17,10 @@ from rig.errors import RunFileError
 from rig.run_file.bodies import ContentsError
 from rig.run_file.chain import Record
 from rig.run_file.documents import Stored, declared_model, mounting_of
+from rig.run_file.events.points import Observed, Skipped, WholePlotLost
+from rig.run_file.events.sessions import Ended, Identified, SessionBegan
 from rig.run_file.reader import RunReader
 from rig.run_file.state import read_state
-from rig.who import told
 
 _MOUNTING = ("mounting_x_deg", "mounting_y_deg", "mounting_z_deg")
 """Columns of a package that was turned: about x, then y, then z."""
@@ -40,7 +41,7 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
     with RunReader.open(path) as reader:
         if not salvage:
             reader.verify()
-        genesis = reader.genesis()
+        began, run = reader.genesis().utc_s, reader.about()
         run_list = reader.run_list()
         documents = reader.documents()
         bench = Stored.of(documents, "bench.toml")
@@ -48,14 +49,16 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
         turned = {f"mounting_{axis}": turn for axis, turn in mounting_of(documents).items()}
         rows: list[dict[str, float]] = []
         left_out = rejected = 0
-        doubted = _doubted(reader.salvage() if salvage else reader.records("event"))
-        records = reader.salvage() if salvage else reader.records("observation")
+        doubted = _doubted(reader.salvage() if salvage else reader.records(WholePlotLost.kind))
+        records = reader.salvage() if salvage else reader.records(Observed.kind)
         for record in records:
             try:
-                accepted = record.status == "accepted" and record.elapsed_s < doubted.get(record.whole_plot, math.inf)
-                left_out += record.kind == "observation" and record.status == "accepted" and not accepted
-                rejected += record.kind == "observation" and record.status != "accepted" and not everything
-                if record.kind != "observation" or not (accepted or everything):
+                if record.kind != Observed.kind:
+                    continue
+                accepted = record.accepted and record.elapsed_s < doubted.get(record.whole_plot, math.inf)
+                left_out += record.accepted and not accepted
+                rejected += not record.accepted and not everything
+                if not (accepted or everything):
                     continue
                 row = _row(record, run_list, len(rows) + 1, factors)
             except ContentsError:
@@ -66,29 +69,26 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
                 row["accepted"] = float(accepted)
             if any(turned.values()):
                 row |= dict.fromkeys(_MOUNTING, 0.0) | turned
-            if genesis.data["simulated"]:
+            if run.simulated:
                 row["simulated"] = 1.0
             rows.append(row)
         instruments = {} if salvage else _instruments(reader)
-        last = (
-            genesis.utc_s if salvage else max((r.utc_s for r in reader.records("observation")), default=genesis.utc_s)
-        )
-        began = genesis.utc_s
+        last = began if salvage else max((r.utc_s for r in reader.records(Observed.kind)), default=began)
         operators = [] if salvage else _operators(reader)
         _, head = reader.head()
-        ended = not salvage and any(True for _ in reader.records("end"))
+        ended = not salvage and any(True for _ in reader.records(Ended.kind))
         skipped = [] if salvage else _skipped(reader, run_list)
     if not rows:
         raise RunFileError(f"{path} holds no observations yet; `rig resume {path}` makes some")
     columns = {name: np.array([row.get(name, math.nan) for row in rows], float) for name in _all_names(rows)}
     provenance = {
         "file": path.name,
-        "run_id": genesis.data["run_id"],
-        "simulated": genesis.data["simulated"],
+        "run_id": run.run_id,
+        "simulated": run.simulated,
         "head": head.hex(),
-        "bench": genesis.data.get("bench", ""),
-        "procedure": genesis.data.get("procedure", ""),
-        "software": genesis.data.get("software", {}),
+        "bench": run.bench or "",
+        "procedure": run.procedure or "",
+        "software": dict(run.software),
         **({"operator": ", ".join(operators)} if operators else {}),
         "began_utc": _utc(began),
         "last_observation_utc": _utc(last),
@@ -107,24 +107,21 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
                 break
     sensors = bench.table("sensors").tables()
     axes_of = {f"{name}_{s.text('unit', 'V')}": s.text("axis") for name, s in sensors if "axis" in s}
-    declared = declared_model(documents)
-    return Table(str(path), columns, bool(genesis.data["simulated"]), provenance, axes_of, declared)
+    return Table(str(path), columns, run.simulated, provenance, axes_of, declared_model(documents))
 
 
 def _operators(reader: RunReader) -> list[str]:
     """Who ran the sessions, each once, as far as they say."""
-    return list(dict.fromkeys(by for record in reader.records("session") if (by := told(record.data))))
+    began = (record.event for record in reader.records(SessionBegan.kind))
+    return list(dict.fromkeys(event.by for event in began if isinstance(event, SessionBegan) and event.by))
 
 
 def _instruments(reader: RunReader) -> dict[str, str]:
     """Who the instruments were, and until when their own calibration is in date, by name."""
     found: dict[str, str] = {}
-    for record in reader.records("identity"):
-        data = record.data
-        serial = data.get("serial") if data.get("confirmed") else "serial number not told"
-        asset, due = data.get("asset") or "not declared", data.get("due") or "not declared"
-        text = f"{data.get('maker')} {data.get('model')}, {serial}, asset {asset}, calibration due {due}"
-        name = str(record.status)
+    for event in (record.event for record in reader.records(Identified.kind)):
+        assert isinstance(event, Identified)
+        name, text = event.instrument, f"{event.words}, calibration due {event.due or 'not declared'}"
         found[name] = f"{found[name]}; then {text}" if name in found else text
     return found
 
@@ -133,17 +130,18 @@ def _doubted(records: Iterable[Record]) -> dict[int | None, float]:
     """Elapsed time from which on what was accepted in a whole plot that was lost is in doubt, by its identity."""
     found: dict[int | None, float] = {}
     for record in records:
-        if record.kind == "event" and record.status == "whole-plot-lost":
-            with contextlib.suppress(ContentsError):
-                since = record.data["doubted_s"]
-                if type(since) in (int, float) and 0 <= since <= record.elapsed_s:  # one that is damaged says nothing
-                    found[record.whole_plot] = since
+        with contextlib.suppress(ContentsError):  # one that is damaged says nothing
+            lost = None if record.kind == Observed.kind else record.event
+            since = lost.doubted_s if isinstance(lost, WholePlotLost) else None
+            if since is not None and 0 <= since <= record.elapsed_s:
+                found[record.whole_plot] = since
     return found
 
 
 def _skipped(reader: RunReader, run_list: RunList) -> list[dict[str, Any]]:
     """Points that were given up for good: which, where, why."""
-    if not any(record.status == "final" for record in reader.records("skip")):
+    skips = (record.event for record in reader.records(Skipped.kind))
+    if not any(isinstance(event, Skipped) and event.final for event in skips):
         return []
     found = []
     for index, reason in sorted(read_state(reader).skipped.items()):
@@ -175,21 +173,22 @@ def _row(record: Record, run_list: RunList, order: int, factors: Mapping[str, st
         factors: which instrument sets which factor.
 
     """
-    point, data = run_list.points[int(record.run_index or 0)], record.data
+    point, seen = run_list.points[int(record.run_index or 0)], record.event
+    assert isinstance(seen, Observed)
     row: dict[str, float] = {} if record.whole_plot is None else {"whole_plot": record.whole_plot}
-    row |= {"replicate": point.replication, "order": order, "elapsed_s": _moment(record)}
-    measured = _means(data, "references") | _means(data, "temperatures")
+    row |= {"replicate": point.replication, "order": order, "elapsed_s": _moment(record, seen)}
+    measured = _means(seen.references) | _means(seen.temperatures)
     setpoints: dict[str, float] = {}
     for factor, value in run_list.setting(point).items():
-        chamber = data.get("environment", {}).get(factors.get(factor, ""))
+        chamber = seen.environment.get(factors.get(factor, ""))
         if factor not in measured and chamber is not None:
             measured[factor] = chamber["temperature_degC"]
         row[factor] = measured.get(factor, value)
         if factor in measured:
             setpoints[run_list.factor(factor).set_name] = value
-    row |= measured | _means(data, "outputs") | setpoints
+    row |= measured | _means(seen.outputs) | setpoints
     row |= {f"{f.axis}_side": side for f, side in zip(run_list.factors, point.sides, strict=True) if not f.hard}
-    readback = {name: value for name, value in data.get("readback", {}).items() if name not in measured}
+    readback = {name: value for name, value in seen.readback.items() if name not in measured}
     row |= {_readback_name(name): float(value) for name, value in readback.items()}
     return row | {"block": record.session, "run_index": point.index}
 
@@ -199,13 +198,13 @@ def _readback_name(quantity: str) -> str:
     return f"{stem}_readback_{unit}"
 
 
-def _moment(record: Record) -> float:
-    began, ended = record.data.get("measured_s", (record.elapsed_s, record.elapsed_s))
+def _moment(record: Record, seen: Observed) -> float:
+    began, ended = seen.measured_s or (record.elapsed_s, record.elapsed_s)
     return float(round((began + ended) / 2, 3))
 
 
-def _means(data: Mapping[str, Any], group: str) -> dict[str, float]:
-    return {name: float(channel["mean"]) for name, channel in data.get(group, {}).items()}
+def _means(group: Mapping[str, Mapping[str, Any]]) -> dict[str, float]:
+    return {name: float(channel["mean"]) for name, channel in group.items()}
 
 
 def _all_names(rows: Iterable[Mapping[str, float]]) -> list[str]:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from rig.run_file.chain import Record
+from rig.run_file.events.bench import Fault
+from rig.run_file.events.event import Event
+from rig.run_file.events.points import Observed
+from rig.run_file.events.sessions import Parked, RunCreated
 from rig.run_file.reader import RunReader
 
 _LOOK_BACK = 20
@@ -13,16 +16,10 @@ def ended_without_a_word(reader: RunReader) -> bool:
     count, _ = reader.head()
     rows = reader.chained("seq > ?", (count - _LOOK_BACK,))
     for _, record, _, _ in reversed(list(rows)):
-        if _is_last_word(record):
+        if record.kind == Observed.kind:
+            return True
+        if isinstance(record.event, RunCreated | Parked) or record.event.ending:
             return False
-        if record.kind not in ("event", "fault"):
+        if record.kind not in (Event.kind, Fault.kind):
             break
     return True
-
-
-def _is_last_word(record: Record) -> bool:
-    return (
-        record.kind in ("run", "stop", "end")
-        or (record.kind == "fault" and record.status == "abort")
-        or (record.kind == "event" and record.status in ("interrupted", "parked"))
-    )

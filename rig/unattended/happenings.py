@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Any
 from unicodedata import category
 
-from rig.report.story import words
-from rig.run_file.chain import Record, encode
+from rig.run_file.chain import Record
+from rig.run_file.events.event import Event
+from rig.run_file.events.sessions import SessionBegan
 
 
 class Kind(StrEnum):
@@ -70,6 +71,7 @@ class Happening:
         elapsed_s: bench seconds since the run was created, None where there is no run.
         data: what else is known, for logs that programs read.
         unsafe: not everything is in its safe state: somebody has to go there.
+        event: of the run file, if it is one.
 
     """
 
@@ -80,6 +82,7 @@ class Happening:
     elapsed_s: float | None = None
     data: Mapping[str, Any] = field(default_factory=dict)
     unsafe: bool = False
+    event: Event | None = None
 
 
 _CONTROLS = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
@@ -98,71 +101,24 @@ def utc_text(utc_s: float) -> str:
 
 
 def from_record(record: Record, *, after_crash: bool) -> Happening | None:
-    """What a record of the run file tells; None for what belongs to the ordinary course of a point.
+    """What a record of the run file tells logs and people; None for what they are not told, or in another way.
 
     Args:
         record: as it was written.
         after_crash: the session before this one ended without a word.
 
     """
-    if record.kind == "end" or (record.kind, record.status) in (("event", "preparing"), ("event", NOT_NOTIFIED)):
-        return None  # told as the session's end, as a change of state, and when it happened
-    kind, level, text = _told(record, after_crash)
-    if not text:
+    if record.accepted or not record.event.importance.level:
         return None
+    event, text = record.event, record.sentence()
+    kind, level = Kind(event.importance.message), event.importance.level
+    if isinstance(event, SessionBegan) and after_crash and record.session > 1:
+        kind, level = Kind.CRASH, "warning"
+        text += "; the one before ended without a word (power cut, crash or kill)"
     place = {"point": record.run_index, "whole_plot": record.whole_plot, "attempt": record.attempt}
     about = {k: v for k, v in place.items() if v is not None}
     data = {"record": record.kind, "status": record.status, "session": record.session, **about, "body": _short(record)}
-    return Happening(kind, level, one_line(text), record.utc_s, record.elapsed_s, data)
-
-
-def _told(record: Record, after_crash: bool) -> tuple[Kind, str, str]:
-    text = _words(record)
-    match record.kind:
-        case "session" if after_crash and record.session > 1:
-            return Kind.CRASH, "warning", f"{text}; the one before ended without a word (power cut, crash or kill)"
-        case "session":
-            return Kind.START, "info", text
-        case "hold":
-            return Kind.HOLD, "warning", text
-        case "fault" if record.status == "abort":
-            return Kind.EVENT, "error", text  # the session's end, which follows, tells people
-        case "fault":
-            return Kind.FAULT, "warning", text
-        case "skip":
-            return (Kind.WARNING if record.status == "final" else Kind.EVENT), "warning", text
-        case "event" if record.status in ("whole-plot-lost", "hole"):
-            return Kind.WARNING, "warning", text
-        case "event" if record.status == "warning":
-            text = _message(record.data, encode(record.data)[:300])
-            return Kind.WARNING, "warning", f"early warning: {text}"
-        case "event" if record.status == "safe" and record.data.get("unsafe"):
-            return Kind.EVENT, "error", text
-        case "event" if not text:
-            said = _message(record.data, "")
-            name = str(record.status or "").replace("-", " ")
-            return Kind.EVENT, "info", f"{name}: {said}" if said else name
-        case _:
-            return Kind.EVENT, "info", text
-
-
-def _words(record: Record) -> str:
-    """A record as the story tells it; one that the story cannot tell is told plainly, for people wait for it."""
-    try:
-        return words(record)
-    except (LookupError, TypeError, ValueError):
-        name = " ".join(part for part in (record.kind, record.status) if part)
-        return f"{name}: {_message(record.data, encode(record.data)[:300])}"
-
-
-NOT_NOTIFIED = "not-notified"
-"""Status of the event that says that somebody could not be told of something."""
-
-
-def _message(data: Mapping[str, Any], otherwise: str) -> str:
-    """The sentence that an event brings with it, under whichever of these names."""
-    found = (data[key] for key in ("message", "text", "what", "why", "reason", "cause") if key in data)
-    return next((text for text in found if isinstance(text, str) and text), otherwise)
+    return Happening(kind, level, one_line(text), record.utc_s, record.elapsed_s, data, event=event)
 
 
 def _short(record: Record) -> Any:

@@ -17,7 +17,9 @@ from rig.engine.session import Outcome, Progress
 from rig.engine.states import AT_POINT, State
 from rig.errors import UsageError
 from rig.run_file.chain import Record
-from rig.unattended.happenings import NOT_NOTIFIED, Happening, Kind, RunFacts, from_record, one_line
+from rig.run_file.events.event import Event
+from rig.run_file.events.sessions import NotNotified
+from rig.unattended.happenings import Happening, Kind, RunFacts, from_record, one_line
 from rig.unattended.logs import Log
 from rig.unattended.manager import ServiceManager
 
@@ -80,13 +82,12 @@ class Listeners:
         except Exception as error:  # see the module's first lines
             self._in_trouble(error)
 
-    def to_note(self) -> Sequence[tuple[str, Mapping[str, Any]]]:
+    def to_note(self) -> Sequence[Event]:
         """See `Observer.to_note`: what could not be told to people."""
         noted = []
         while self._failures:
             failure = self._failures.popleft()
-            body = {"channel": failure.channel, "about": str(failure.about), "why": one_line(failure.why)}
-            noted.append((NOT_NOTIFIED, body))
+            noted.append(NotNotified(channel=failure.channel, about=str(failure.about), why=one_line(failure.why)))
         return noted
 
     def progress(self, news: Progress) -> None:

@@ -15,7 +15,8 @@ from drivers.clock import Clock, RealClock
 from procedures.durations import duration
 from rig.engine.session import Progress
 from rig.engine.states import State
-from rig.unattended.happenings import Happening, Kind, RunFacts, one_line
+from rig.run_file.events.bench import AsFound
+from rig.unattended.happenings import Happening, RunFacts, one_line
 
 _STATUS_S = 5.0
 
@@ -69,7 +70,7 @@ class ServiceManager:
 
     def happened(self, happening: Happening, _facts: RunFacts) -> None:
         """Ready once every instrument has answered; stopping when the session is over."""
-        if happening.kind is Kind.EVENT and happening.data.get("status") == "as-found" and not self._ready:
+        if isinstance(happening.event, AsFound) and not self._ready:
             self._ready = True
             self._alive = self._clock.now()
             self._send(["READY=1", "WATCHDOG=1"])

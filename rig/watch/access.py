@@ -5,8 +5,9 @@ from __future__ import annotations
 import hmac
 import ipaddress
 import platform
+import re
 from dataclasses import dataclass, field
-from urllib.parse import parse_qs, urlencode
+from urllib.parse import parse_qs, quote, urlencode
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import cookie_parser
@@ -97,7 +98,7 @@ class Guarded:
                 return _ask_for_token()
             # Out of the address bar at once: addresses are shown, kept and copied.
             query = f"?{urlencode(asked, doseq=True)}" if asked else ""
-            here = RedirectResponse("/" + scope["path"].lstrip("/") + query, 303)
+            here = RedirectResponse("/" + quote(scope["path"].lstrip("/")) + query, 303)
             here.set_cookie(COOKIE, self._access.token, httponly=True, samesite="strict", path="/")
             return here
         cookies = cookie_parser(headers.get("cookie", ""))
@@ -111,6 +112,7 @@ def _ask_for_token() -> Response:
 
 def _without_port(host: str) -> str:
     host = host.strip().lower()
-    if host.startswith("["):
-        return host[1:].partition("]")[0]
+    found = re.fullmatch(r"\[([^]]*)](:[0-9]*)?", host)
+    if found:
+        return found[1]
     return host.rpartition(":")[0] if host.count(":") == 1 else host

@@ -6,6 +6,7 @@ from collections.abc import AsyncIterator, Awaitable, Callable
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import jinja2
 from anyio import to_thread
@@ -54,6 +55,12 @@ def make_app(shelf: Shelf, access: Access, pause: Pause, *, streams: int = _MOST
     return Guarded(Starlette(routes=routes, exception_handlers={404: _not_found}), access)
 
 
+class _Page(HTMLResponse):
+    def render(self, content: Any) -> bytes:
+        """As Starlette does; halves of characters, which run files may hold in their texts, are written out."""
+        return str(content).encode("utf-8", "backslashreplace")
+
+
 class _Pages:
     def __init__(self, shelf: Shelf, pause: Pause, streams: int) -> None:
         self._shelf, self._pause, self._most = shelf, pause, streams
@@ -66,9 +73,9 @@ class _Pages:
     async def start(self, _request: Request) -> Response:
         """The one run, or the list of them."""
         if self._shelf.only is not None:
-            return RedirectResponse(f"/run/{self._shelf.only}", 307)
+            return RedirectResponse(f"/run/{quote(self._shelf.only, safe='')}", 307)
         entries = await to_thread.run_sync(self._shelf.entries)
-        return HTMLResponse(self._templates.get_template("runs.html.j2").render(entries=entries))
+        return _Page(self._templates.get_template("runs.html.j2").render(entries=entries))
 
     async def run(self, request: Request) -> Response:
         """The page of one run; what it shows comes with the stream."""
@@ -76,7 +83,7 @@ class _Pages:
         if self._shelf.feed(name) is None:
             return await _not_found(request, None)
         alone = self._shelf.only is not None
-        return HTMLResponse(self._templates.get_template("run.html.j2").render(name=name, alone=alone))
+        return _Page(self._templates.get_template("run.html.j2").render(name=name, alone=alone))
 
     async def state(self, request: Request) -> Response:
         """All the page shows, once, as JSON."""

@@ -12,10 +12,11 @@ from typing import Any
 from procedures.run_list import Factor
 from rig.errors import RigError
 from rig.previous import Previous
+from rig.run_file.chain import Record
 from rig.run_file.documents import declared_model, mounting_of
 from rig.run_file.live import controller_alive, live_path, read_json
 from rig.run_file.state import RunState
-from rig.watch.happenings import Happenings
+from rig.watch.lines import Lines
 from rig.watch.reading import BATCH, Seen, WatchReader
 from rig.watch.residuals import residuals
 from rig.watch.sample import Sample
@@ -63,7 +64,7 @@ class RunFeed:
         self._looked = -1e9
         self._print: tuple[object, ...] = ()
         self._state = RunState()
-        self._happenings = Happenings()
+        self._lines = Lines()
         self._sample = Sample()
         self._factors: tuple[Factor, ...] = ()
         self._whole_plots = 0
@@ -111,16 +112,16 @@ class RunFeed:
                 "state": self._now(live if running else {}, running, news_s),
                 "settling": settling_now(live, self._factors) if running else [],
                 "readings": self._readings(),
-                "warnings": [dict(one) for one in self._happenings.warnings],
-                "sessions": [dict(one) for one in self._happenings.sessions],
-                "whole_plots": [dict(one) for one in self._happenings.whole_plots],
+                "warnings": [dict(one) for one in self._lines.warnings],
+                "sessions": [dict(one) for one in self._lines.sessions],
+                "whole_plots": [dict(one) for one in self._lines.whole_plots],
                 "charts": self._charts.content,
             }
 
     def lines(self, after: int) -> dict[str, Any]:
         """What happened after record `after`, in plain words, and how many lines there are in all."""
         with self._lock:
-            return {"lines": self._happenings.after(after), "told": self._happenings.told, "seq": self.seq}
+            return {"lines": self._lines.after(after), "told": self._lines.told, "seq": self.seq}
 
     # --- reading ----------------------------------------------------------------------------------------------
 
@@ -149,22 +150,22 @@ class RunFeed:
         genesis, documents = reader.genesis(), reader.documents()
         self._factors, self._whole_plots = reader.factors(), reader.planned_whole_plots()
         self._declared, self._mounting = declared_model(documents), mounting_of(documents)
-        data = genesis.data
+        run = reader.about()
         self._about = {
-            "run_id": data["run_id"],
+            "run_id": run.run_id,
             "file": self.path.name,
-            "procedure": data["procedure"],
-            "bench": data["bench"],
-            "simulated": data["simulated"],
+            "procedure": run.procedure or "",
+            "bench": run.bench or "",
+            "simulated": run.simulated,
             "began_utc_s": genesis.utc_s,
             "against": self._reference.name if self._reference else None,
-            "software": data.get("software", {}).get("calibration-rig", ""),
+            "software": run.software.get("calibration-rig", ""),
         }
 
-    def _take(self, seq: int, record: Any) -> None:
+    def _take(self, seq: int, record: Record) -> None:
         self._state.add(record)
-        self._happenings.add(seq, record)
-        if record.kind == "observation" and record.status == "accepted":
+        self._lines.add(seq, record)
+        if record.accepted:
             self._sample.add(seq)
             self._last_seq = seq
         self.seq = seq
@@ -189,7 +190,7 @@ class RunFeed:
             "last_record_utc_s": fold.utc_s or None,
             "whole_plot": fold.planned,
             "whole_plots": self._whole_plots,
-            "faults": self._happenings.faults,
+            "faults": self._lines.faults,
             "last_fault": fold.last_fault,
             "error": self._error,
         }

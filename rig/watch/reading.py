@@ -9,6 +9,7 @@ from typing import Any
 from procedures.run_list import Factor
 from rig.run_file.bodies import NUMBER, ContentsError
 from rig.run_file.chain import Record
+from rig.run_file.events.points import Observed
 from rig.run_file.reader import RunReader
 
 BATCH = 20_000
@@ -109,7 +110,9 @@ def _seen(row: Sequence[Any], record: Record, factors: Sequence[Factor]) -> Seen
     if not all(map(NUMBER.holds, row)):
         return None
     try:
-        body = record.data
+        seen = record.event
+        if not (isinstance(seen, Observed) and seen.outputs):
+            return None
         return Seen(
             seq=record.seq,
             elapsed_s=record.elapsed_s,
@@ -117,11 +120,11 @@ def _seen(row: Sequence[Any], record: Record, factors: Sequence[Factor]) -> Seen
             index=record.run_index or 0,
             whole_plot=record.whole_plot,
             setpoints={f.name: float(v) for f, v in zip(factors, row, strict=True)},
-            outputs=_channels(body["outputs"]),
-            temperatures=_channels(body.get("temperatures", {})),
-            references=_channels(body.get("references", {})),
-            environment={n: float(c["temperature_degC"]) for n, c in body.get("environment", {}).items()},
-            flags=body.get("flags", []),
+            outputs=_channels(seen.outputs),
+            temperatures=_channels(seen.temperatures),
+            references=_channels(seen.references),
+            environment={n: float(c["temperature_degC"]) for n, c in seen.environment.items()},
+            flags=list(seen.flags),
         )
     except ContentsError:
         return None  # not what a controller writes; `rig verify` says more

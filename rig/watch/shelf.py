@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import threading
 from collections.abc import Callable
@@ -71,7 +72,7 @@ class Shelf:
     @property
     def only(self) -> str | None:
         """The run's name where there is but one."""
-        return None if self._where.is_dir() else self._where.stem
+        return None if self._where.is_dir() else _name_of(self._where)
 
     def feed(self, name: str) -> RunFeed | None:
         """The run of that name; None if there is none. Names are looked up, never made into paths."""
@@ -97,9 +98,14 @@ class Shelf:
 
     def _paths(self) -> dict[str, Path]:
         if not self._where.is_dir():
-            return {self._where.stem: self._where}
+            return {_name_of(self._where): self._where}
         paths = sorted(self._where.glob("*.sqlite"), key=_changed, reverse=True)[:_LISTED]
-        return {path.stem: path for path in paths}
+        return {_name_of(path): path for path in paths}
+
+
+def _name_of(path: Path) -> str:
+    """What a run is called in the page and its address: of a file's name that is no text, its bytes written out."""
+    return os.fsencode(path.stem).decode("utf-8", "backslashreplace")
 
 
 def _made(name: str, changed: float) -> str:
@@ -122,21 +128,21 @@ def _changed(path: Path) -> float:
 def _entry(name: str, path: Path) -> Entry:
     try:
         with WatchReader.open(path) as reader:
-            data, began = reader.genesis().data, reader.genesis().utc_s
+            run, began = reader.about(), reader.genesis().utc_s
             done, ended = reader.accepted(), reader.ended()
         live = read_json(live_path(path)) or {}
         running = bool(live) and controller_alive(path)
         state = str(live.get("state", "running")) if running else ended or "not running"
         return Entry(
             name,
-            data["procedure"],
-            data["bench"],
+            run.procedure or "",
+            run.bench or "",
             state,
             running,
             done,
-            data["points"],
+            run.points,
             began,
-            data["simulated"],
+            run.simulated,
         )
     except RigError as error:
         return Entry(name, problem=str(error))

@@ -1,9 +1,21 @@
 """What goes wrong on a simulated bench, and when: the [[faults]] of a world file (docs/faults.md)."""
 
-from sims.faults.fault import Fault, read_faults
-from sims.faults.instruments import Acts
-from sims.faults.kinds import KINDS, Kind, Option
+from sims.faults.fault import Fault, Kind, Option, Striking
+from sims.faults.faulty_wire import FaultyWire
+from sims.faults.known_kinds import COMMON, kinds_of, kinds_on
 from sims.faults.schedule import Faults, Happening
-from sims.faults.wire import FaultyWire
+from sims.faults.world_file import read_faults
 
-__all__ = ["KINDS", "Acts", "Fault", "Faults", "FaultyWire", "Happening", "Kind", "Option", "read_faults"]
+__all__ = [
+    "COMMON",
+    "Fault",
+    "Faults",
+    "FaultyWire",
+    "Happening",
+    "Kind",
+    "Option",
+    "Striking",
+    "kinds_of",
+    "kinds_on",
+    "read_faults",
+]

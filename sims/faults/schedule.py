@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from math import inf, isfinite
 from typing import NamedTuple, Protocol
 
-from sims.faults.fault import Fault
-from sims.faults.kinds import KINDS
-from sims.faults.wire import FaultyWire
+from sims.faults.fault import Fault, Striking
+from sims.faults.faulty_wire import FaultyWire
 from sims.noise import event_at, uniform
+from sims.physics import Plant
+from sims.twin import TwinClass
 from sims.world import World
 
 
@@ -30,11 +31,15 @@ class Happening(NamedTuple):
     what: str
 
 
-class Act(Protocol):
-    """Makes a fault of an instrument or of the clock happen."""
+class Bench(Protocol):
+    """What faults need of a simulated bench."""
 
-    def __call__(self, fault: Fault, until: float, note: Callable[[str], None]) -> Callable[[], None] | None:
-        """Begin; what it returns is called when the fault is over."""
+    world: World
+    plant: Plant
+
+    @property
+    def twins(self) -> Mapping[str, TwinClass]:
+        """By instrument."""
         ...
 
 
@@ -50,11 +55,8 @@ class Faults:
     """The faults of one session on a simulated bench.
 
     Args:
-        world: virtual time.
+        bench: to which they happen.
         faults: the entries.
-        seed: the world's.
-        media: kind of wire by instrument.
-        act: makes those happen that are not of a wire.
 
     Attributes:
         happened: what went wrong so far, in order.
@@ -62,11 +64,12 @@ class Faults:
 
     """
 
-    def __init__(self, world: World, faults: Sequence[Fault], seed: int, media: Mapping[str, str], act: Act) -> None:
+    def __init__(self, bench: Bench, faults: Sequence[Fault]) -> None:
         self.happened: list[Happening] = []
-        self._world = world
-        self._act = act
-        self._seed = seed
+        self._bench = bench
+        self._world = world = bench.world
+        self._seed = bench.plant.truth.seed
+        media = {name: twin.wire for name, twin in bench.twins.items()}
         self._at_exchange: dict[tuple[str, int], list[Fault]] = {}
         self._by_chance: dict[str, list[_Entry]] = {}
         self.wires = {
@@ -94,13 +97,14 @@ class Faults:
             until: world time at which it is over, of one that lasts; by its own `for_s` if None.
 
         """
-        lasts = fault.for_s or KINDS[fault.kind].lasts_s
         if until is None:
-            until = self._world.now() + lasts if lasts else inf
-        if KINDS[fault.kind].wires:
+            until = self._world.now() + fault.lasts_s if fault.lasts_s else inf
+        act, bench = fault.what.act, self._bench
+        if act is None:
             self.wires[fault.on].strike(fault, until)
             return
-        over = self._act(fault, until, partial(self._note, fault))
+        twin, wire = bench.twins.get(fault.on), self.wires.get(fault.on)
+        over = act(Striking(fault, until, partial(self._note, fault), bench.world, bench.plant, twin, wire))
         if over is not None and isfinite(until):
             self._world.call_in(until - self._world.now(), over)
 
@@ -109,7 +113,7 @@ class Faults:
         if at >= now:
             self._world.call_in(at - now, partial(self.strike, fault))
             return
-        until = at + (fault.for_s or KINDS[fault.kind].lasts_s)
+        until = at + fault.lasts_s
         if until > now:  # from before this session, and not over
             self.strike(fault, until)
 

@@ -8,11 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Protocol
+from typing import ClassVar, Protocol
 
+from sims.faults.fault import Kind
+from sims.faults.reading_faults import OF_READINGS
 from sims.inputs import Inputs
 from sims.noise import event_at, normal
 from sims.physics.truth import WorldError
+from sims.twin import Accuracy, Medium, Role
 from sims.wires.dbc import DbcMessage, read_dbc
 from sims.world import Timer, World
 
@@ -29,6 +32,7 @@ _INPUTS = {
     "spare_voltage": "Readings.SpareVoltage",
 }
 _NOISE = {"degC": 0.002, "V": 5e-6}  # of a reading that integrates for 0.1 s
+_ACCURACY = {"degC": Accuracy(1.3e-2, digit=6e-5), "V": Accuracy(8e-6)}
 _OUT_OF_RANGE = 1e6  # beyond what a signal can carry, in any unit
 _PRODUCT, _FIRMWARE = 4, (1, 2)
 _STOP, _ACQUIRE, _IDENTIFY = range(3)
@@ -73,7 +77,7 @@ class CanDaqTwin:
         serial: serial number; its digits are what the unit answers.
 
     Attributes:
-        faults: what is wrong with inputs, by signal, over what the plant says.
+        wrong: what is wrong with inputs, by signal, over what the plant says.
         inputs: what becomes of its readings.
 
     Raises:
@@ -81,7 +85,9 @@ class CanDaqTwin:
 
     """
 
-    kind = "can"
+    wire: ClassVar[Medium] = "can"
+    roles: ClassVar[frozenset[Role]] = frozenset({"reader"})
+    faults: ClassVar[tuple[Kind, ...]] = (*OF_READINGS,)
 
     def __init__(self, name: str, options: Mapping[str, object], world: World, plant: Plant, serial: str) -> None:
         self.name = name
@@ -101,10 +107,14 @@ class CanDaqTwin:
         inputs = given if isinstance(given, Mapping) else _INPUTS
         self._labels = {str(path).partition(".")[2]: str(label) for label, path in inputs.items()}
         self._serial = int("".join(c for c in serial if c.isdigit()) or 0) % 2**32
-        self.faults: dict[str, int] = {}
+        self.wrong: dict[str, int] = {}
         self.inputs = Inputs(_OUT_OF_RANGE, told_open=True)
         self._session = 0
         self._under_way: Timer | None = None
+
+    def accuracy(self, channel: str, unit: str) -> Accuracy:
+        """Of a reading that integrates for 0.1 s; temperatures go out in steps."""
+        return _ACCURACY[unit]
 
     def on_frame(self, can_id: int, data: bytes, tx: Transmit) -> None:
         """Take a frame from the bus; answers and readings go to `tx` later."""
@@ -183,7 +193,7 @@ class CanDaqTwin:
             if sent:
                 value = self.inputs.given(label, entry, begin, begin + seconds, value)
             fault = NONE if layout.low <= value <= layout.high else OPEN if abs(value) > 1e30 else RANGE
-            wrong[signal] = self.faults.get(signal, fault)
+            wrong[signal] = self.wrong.get(signal, fault)
             values[signal] = value if wrong[signal] == NONE else layout.high
         return values, wrong
 

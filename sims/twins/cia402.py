@@ -8,8 +8,12 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable, Mapping
 from functools import partial
+from typing import ClassVar
 
+from sims.faults.fault import Kind
+from sims.faults.instrument_faults import OF_HEADS
 from sims.physics import Plant
+from sims.twin import Medium, Role
 from sims.twins.cia402_drive import FOLLOWING_ERROR, OVERCURRENT, Drive
 from sims.twins.cia402_rates import rates
 from sims.wires.eds import identified, read_eds
@@ -43,7 +47,9 @@ class CiA402PairTwin:
 
     """
 
-    kind = "can"
+    wire: ClassVar[Medium] = "can"
+    roles: ClassVar[frozenset[Role]] = frozenset({"head"})
+    faults: ClassVar[tuple[Kind, ...]] = (*OF_HEADS,)
 
     def __init__(self, name: str, options: Mapping[str, object], world: World, plant: Plant, serial: str) -> None:
         self.name = name

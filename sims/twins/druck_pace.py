@@ -11,8 +11,12 @@ from collections.abc import Mapping
 from math import inf
 from typing import ClassVar, Protocol
 
+from sims.faults.fault import Kind
+from sims.faults.instrument_faults import SUPPLY
+from sims.faults.reading_faults import FROZEN, SPIKE
 from sims.inputs import Inputs
 from sims.physics.pressure_line import PressureLine
+from sims.twin import Role
 from sims.twins.druck_commands import COMMANDS, echo
 from sims.twins.druck_status import PaceStatus
 from sims.twins.scpi import ScpiTwin
@@ -70,6 +74,8 @@ class DruckPACETwin(PaceStatus):
     """
 
     commands: ClassVar[Mapping[str, Command]] = COMMANDS
+    roles: ClassVar[frozenset[Role]] = frozenset({"pressure-controller"})
+    faults: ClassVar[tuple[Kind, ...]] = (FROZEN, SPIKE, SUPPLY, *ScpiTwin.faults)
     errors: ClassVar[Mapping[int, str]] = {
         **ScpiTwin.errors,
         -102: "Syntax error",

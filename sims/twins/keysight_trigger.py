@@ -5,9 +5,12 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
+from sims.faults.fault import Kind
+from sims.faults.reading_faults import OF_READINGS
 from sims.inputs import Inputs
+from sims.twin import Accuracy, Role
 from sims.twins.keysight_meter import OVERLOAD, Plant, parameter, text
 from sims.twins.scpi import DEVICE_ERROR, ScpiTwin, Wait
 from sims.twins.scpi_syntax import Command, ScpiError
@@ -24,6 +27,8 @@ TRIGGERING = (
 )
 _MOST_TRIGGERS = 50_000
 _SAME_S = 1e-9
+_ADDS_OF_RANGE = 8e-7  # to a voltage
+_ADDS_DEGC = 4e-3
 _LOOK_AGAIN_S = 1.0
 _NAMES = {"IMMEDIATE": "IMM", "EXTERNAL": "EXT", "TIMER": "TIM"}
 
@@ -54,6 +59,8 @@ class TriggeredTwin(ScpiTwin):
 
     """
 
+    roles: ClassVar[frozenset[Role]] = frozenset({"reader"})
+    faults: ClassVar[tuple[Kind, ...]] = (*OF_READINGS, *ScpiTwin.faults)
     sources: tuple[str, ...] = ("IMM", "BUS", "EXT")
     memory: int
 
@@ -64,9 +71,14 @@ class TriggeredTwin(ScpiTwin):
         self.inputs = Inputs(OVERLOAD)
         self._gpib = options.get("interface") == "gpib"
         self.line_hz = float(str(options.get("line_Hz", 50)))
+        self._full_V = float(str(options.get("range_V", 10)))
         self._timer: Timer | None = None
         self._ends = 0.0
         super().__init__(name, world, int(str(options.get("baud", baud))), str(options.get("frame", frame)))
+
+    def accuracy(self, channel: str, unit: str) -> Accuracy:
+        """Of the ranges of these benches."""
+        return Accuracy(_ADDS_DEGC if unit == "degC" else _ADDS_OF_RANGE * self._full_V)
 
     @abstractmethod
     def sweeps(self) -> float:

@@ -12,8 +12,11 @@ import re
 from collections import deque
 from collections.abc import Callable, Mapping
 from functools import lru_cache, partial
-from typing import Protocol
+from typing import ClassVar, Protocol
 
+from sims.faults.fault import Kind
+from sims.faults.instrument_faults import ERROR_QUEUE, OF_HEADS
+from sims.twin import Medium, Role
 from sims.twins.newport_axis import PARAMETERS, Axis, Head, Parameter
 from sims.world import World
 
@@ -108,7 +111,9 @@ class NewportESP301Twin:
 
     """
 
-    kind = "serial"
+    wire: ClassVar[Medium] = "serial"
+    roles: ClassVar[frozenset[Role]] = frozenset({"head"})
+    faults: ClassVar[tuple[Kind, ...]] = (*OF_HEADS, ERROR_QUEUE)
     frame = "8N1"
 
     def __init__(self, name: str, options: Mapping[str, object], world: World, plant: Plant, serial: str) -> None:

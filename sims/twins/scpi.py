@@ -11,6 +11,9 @@ from collections.abc import Callable, Mapping
 from functools import lru_cache, partial
 from typing import Any, ClassVar
 
+from sims.faults.fault import Kind
+from sims.faults.instrument_faults import ERROR_QUEUE
+from sims.twin import Medium, Role
 from sims.twins.scpi_syntax import Command, ScpiError, boolean, number, split_outside
 from sims.world import World
 
@@ -91,7 +94,9 @@ class ScpiTwin:
 
     """
 
-    kind = "serial"
+    wire: ClassVar[Medium] = "serial"
+    roles: ClassVar[frozenset[Role]]
+    faults: ClassVar[tuple[Kind, ...]] = (ERROR_QUEUE,)
     commands: ClassVar[Mapping[str, Command]]
     errors: ClassVar[Mapping[int, str]] = _ERRORS
     identity: ClassVar[str]

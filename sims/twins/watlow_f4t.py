@@ -13,11 +13,15 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
 from math import inf, nan
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
+from sims.faults.fault import Kind
+from sims.faults.instrument_faults import ALARM, DOOR, OWN_SENSOR
+from sims.faults.reading_faults import FROZEN, SPIKE
 from sims.inputs import Inputs
 from sims.noise import event_at, normal
 from sims.physics import Plant, WorldError
+from sims.twin import Medium, Role
 from sims.twins.watlow_registers import Access, Bank, Register, Scale, Value
 from sims.wires.modbus_line import ModbusEndpoint
 from sims.wires.modbus_slave import ILLEGAL_VALUE, Refused
@@ -75,7 +79,9 @@ class WatlowF4TTwin:
 
     """
 
-    kind = "modbus"
+    wire: ClassVar[Medium] = "modbus"
+    roles: ClassVar[frozenset[Role]] = frozenset({"chamber"})
+    faults: ClassVar[tuple[Kind, ...]] = (FROZEN, SPIKE, OWN_SENSOR, ALARM, DOOR)
 
     def __init__(self, name: str, options: Mapping[str, object], world: World, plant: Plant, serial: str) -> None:
         self.name = name

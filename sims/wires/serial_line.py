@@ -19,8 +19,8 @@ from sims.world import World
 _HANDLERS = "sims.wires.serial_handlers"
 
 
-class SerialTwin(Protocol):
-    """What a twin on a serial line offers."""
+class SerialEnd(Protocol):
+    """What a cable needs of the twin at its end."""
 
     baud: int
     frame: str
@@ -57,7 +57,7 @@ class SerialCable:
     """
 
     def __init__(
-        self, world: World, twin: SerialTwin, tampering: Tampering | None = None, *, timed: bool = True
+        self, world: World, twin: SerialEnd, tampering: Tampering | None = None, *, timed: bool = True
     ) -> None:
         self.world = world
         self._tampering = tampering

@@ -1,4 +1,4 @@
-"""What may go wrong with the messages on a simulated wire (`sims.faults.wire` makes it happen)."""
+"""What may go wrong with the messages on a simulated wire (`sims.faults.faulty_wire` makes it happen)."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Tampering(Protocol):
         ...
 
     def to_twin(self, message: bytes, forward: Deliver, deliver: Deliver) -> None:
-        """A message from the host; see `sims.faults.wire.FaultyWire`."""
+        """A message from the host; see `sims.faults.faulty_wire.FaultyWire`."""
         ...
 
     def to_host(self, message: bytes, deliver: Deliver) -> None:

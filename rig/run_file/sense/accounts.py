@@ -6,6 +6,10 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from rig.run_file.chain import Record
+from rig.run_file.events.bench import AsFound, Fault
+from rig.run_file.events.event import Event
+from rig.run_file.events.points import Observed, Skipped, WholePlotBegan, WholePlotLost
+from rig.run_file.events.sessions import Ended, Held, Identified, Interruption, Released, SessionBegan, Stopped
 from rig.run_file.sense.case import Case
 from rig.run_file.state import RunState
 
@@ -26,40 +30,49 @@ class Accounts:
         self._closed = self._held = ""
         self._all_known = False
 
-    def look(self, record: Record, data: Mapping[str, Any], fold: RunState) -> Iterator[str]:
+    def look(self, record: Record, event: Event, fold: RunState) -> Iterator[str]:
         """See `Rule.look`."""
-        expected = fold.sessions + (record.kind == "session")
+        expected = fold.sessions + isinstance(event, SessionBegan)
         if record.session != expected:
             yield f"it is of session {record.session}, where session {expected} is under way"
-        match record.kind:
-            case "session":
+        match event:
+            case SessionBegan():
                 self._found = False
                 self._closed = self._held = ""
-            case "identity":
-                yield from self._identity(record, data, fold)
-            case "observation":
-                yield from self._observation(record, fold)
-            case "skip":
-                yield from self._skip(record)
-            case "hold":
+            case AsFound():
+                self._found = True
+            case Held():
                 self._held = "the run was held"
-            case "release":
+            case Released():
                 self._held = ""
-            case "stop":
+            case Stopped():
                 self._closed = "the run was stopped"
-            case "fault" if record.status == "abort":
+            case Interruption():
+                self._closed = "the session was interrupted"
+            case Fault(gives_up=True):
                 self._closed = "the session was given up"
-            case "event":
-                yield from self._event(record, data, fold)
-            case "end":
-                yield from self._end(data, fold)
+            case Identified():
+                yield from self._identity(event, fold)
+            case Observed():
+                yield from self._observation(record, fold)
+            case Skipped():
+                yield from self._skip(record, event)
+            case WholePlotBegan():
+                if record.whole_plot != fold.whole_plots + 1:
+                    yield f"it begins whole plot {record.whole_plot}, the next is {fold.whole_plots + 1}"
+                if fold.left_for != event.planned:
+                    yield "nothing says that temperatures were changed for it"
+            case WholePlotLost():
+                yield from self._lost(record, event, fold)
+            case Ended():
+                yield from self._end(event, fold)
 
-    def _identity(self, record: Record, data: Mapping[str, Any], fold: RunState) -> Iterator[str]:
-        if self._instruments and record.status not in self._instruments:
-            yield f"the bench has no instrument {record.status}"
-        before = fold.identities.get(str(record.status))
-        if data["replaces"] != before:
-            yield f"{record.status} replaces {_who(data['replaces'])}, and {_who(before)} was there before"
+    def _identity(self, event: Identified, fold: RunState) -> Iterator[str]:
+        if self._instruments and event.instrument not in self._instruments:
+            yield f"the bench has no instrument {event.instrument}"
+        before = fold.identities.get(event.instrument)
+        if event.replaces != before:
+            yield f"{event.instrument} replaces {_who(event.replaces)}, and {_who(before)} was there before"
 
     def _observation(self, record: Record, fold: RunState) -> Iterator[str]:
         assert record.run_index is not None
@@ -74,9 +87,9 @@ class Accounts:
             self._all_known = not unknown
             if unknown:
                 yield f"nothing says who {', '.join(unknown)} is"
-        if record.status == "accepted" and record.run_index in fold.accepted:
+        if record.accepted and record.run_index in fold.accepted:
             yield f"point {record.run_index} had an accepted observation already"
-        if record.status == "accepted" and record.run_index in fold.skipped:
+        if record.accepted and record.run_index in fold.skipped:
             yield f"point {record.run_index} had been given up for good"
         planned = self._case.run_list.points[record.run_index].whole_plot
         if record.whole_plot != fold.whole_plot:
@@ -84,51 +97,37 @@ class Accounts:
         elif planned != fold.planned:
             yield f"its point belongs to whole plot {planned} of the plan, and {fold.planned} is measured"
 
-    def _skip(self, record: Record) -> Iterator[str]:
+    def _skip(self, record: Record, event: Skipped) -> Iterator[str]:
         assert record.run_index is not None
-        if record.status == "final" and record.run_index not in self._put_off:
+        if event.final and record.run_index not in self._put_off:
             yield "it is given up for good without having been put off before"
         self._put_off.add(record.run_index)
 
-    def _event(self, record: Record, data: Mapping[str, Any], fold: RunState) -> Iterator[str]:
-        match record.status:
-            case "as-found":
-                self._found = True
-            case "interrupted":
-                self._closed = "the session was interrupted"
-            case "whole-plot":
-                if record.whole_plot != fold.whole_plots + 1:
-                    yield f"it begins whole plot {record.whole_plot}, the next is {fold.whole_plots + 1}"
-                if fold.left_for != data["planned"]:
-                    yield "nothing says that temperatures were changed for it"
-            case "whole-plot-lost":
-                yield from self._lost(record, data, fold)
-
-    def _lost(self, record: Record, data: Mapping[str, Any], fold: RunState) -> Iterator[str]:
-        if record.whole_plot != fold.whole_plot or data.get("planned", fold.planned) != fold.planned:
+    def _lost(self, record: Record, event: WholePlotLost, fold: RunState) -> Iterator[str]:
+        if record.whole_plot != fold.whole_plot or event.planned not in (None, fold.planned):
             yield f"it gives up whole plot {record.whole_plot}, and {fold.whole_plot} is open"
             return
-        first, count = data["first"], data["count"]
+        first, count = event.first, event.count
         if fold.planned is None or self._case.run_list.points.span(fold.planned) != (first, count):
             yield f"it gives up points {first} to {first + count - 1}, which are not those of its whole plot"
-        kept = len(fold.accepted.intersection(range(first, first + count)))
-        said = data.get("kept", kept) + data.get("doubted", 0)
+        kept = len(fold.accepted.intersection(event.points))
+        said = (kept if event.kept is None else event.kept) + (event.doubted or 0)
         if said != kept:
             yield f"it counts {said} readings in what is given up, and there are {kept}"
 
-    def _end(self, data: Mapping[str, Any], fold: RunState) -> Iterator[str]:
-        if data.get("accepted") != len(fold.accepted):
-            yield f"it counts {data.get('accepted')} accepted points, and there are {len(fold.accepted)}"
+    def _end(self, event: Ended, fold: RunState) -> Iterator[str]:
+        if event.accepted != len(fold.accepted):
+            yield f"it counts {event.accepted} accepted points, and there are {len(fold.accepted)}"
         skipped = {str(index): why for index, why in fold.skipped.items()}
-        if data.get("skipped", {}) != skipped:
-            yield f"it names {len(data.get('skipped', {}))} skipped points, and not the {len(skipped)} that were"
+        if dict(event.skipped) != skipped:
+            yield f"it names {len(event.skipped)} skipped points, and not the {len(skipped)} that were"
         if fold.remaining:
             yield f"it says that the run is complete, and {fold.remaining} points have neither observation nor skip"
-        if "whole_plots" in data and data["whole_plots"] != fold.whole_plots:
-            yield f"it counts {data['whole_plots']} whole plots, and there are {fold.whole_plots}"
+        if event.whole_plots not in (None, fold.whole_plots):
+            yield f"it counts {event.whole_plots} whole plots, and there are {fold.whole_plots}"
         lost = {str(number): why for number, why in fold.lost.items()}
-        if "lost" in data and data["lost"] != lost:
-            yield f"it names {len(data['lost'])} lost whole plots, and not the {len(lost)} that were"
+        if event.lost is not None and event.lost != lost:
+            yield f"it names {len(event.lost)} lost whole plots, and not the {len(lost)} that were"
 
 
 def _who(identity: Mapping[str, Any] | None) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Protocol
 
 from procedures.conduct import Conduct, EnvironmentSettings, SoakSettings
 from procedures.kind import Procedure
@@ -13,10 +13,12 @@ from procedures.run_list import RunList
 from rig.config import BenchConfig, parse_bench, parse_procedure
 from rig.errors import ConfigurationError
 from rig.run_file.chain import Record
+from rig.run_file.events.event import Event
+from rig.run_file.events.sessions import ClockSet, NotNotified, RunCreated
 from rig.run_file.reader import RunReader
 from rig.run_file.state import RunState
 
-NOTED = frozenset({"not-notified", "clock-set"})
+NOTED = (NotNotified, ClockSet)
 """Events that are written between two records which otherwise follow one another."""
 
 
@@ -26,6 +28,7 @@ class Case:
 
     Attributes:
         genesis: the first record.
+        about: what it says.
         run_list: every point.
         documents: file texts by name.
         procedure: None where this version of rig does not read it.
@@ -34,6 +37,7 @@ class Case:
     """
 
     genesis: Record
+    about: RunCreated
     run_list: RunList
     documents: Mapping[str, str]
     procedure: Procedure | None
@@ -43,7 +47,7 @@ class Case:
     def of(cls, run: RunReader) -> Case:
         """The case of an open run file."""
         documents = run.documents()
-        return cls(run.genesis(), run.run_list(), documents, _procedure(documents), _bench(documents))
+        return cls(run.genesis(), run.about(), run.run_list(), documents, _procedure(documents), _bench(documents))
 
     @cached_property
     def conduct(self) -> Conduct | None:
@@ -60,11 +64,6 @@ class Case:
     def environment(self) -> EnvironmentSettings | None:
         """What was asked of its environment, if anything."""
         return None if self.conduct is None else self.conduct.environment
-
-    @property
-    def about(self) -> Mapping[str, Any]:
-        """Body of the first record."""
-        return self.genesis.data
 
     @property
     def speed(self) -> float:
@@ -97,12 +96,12 @@ def _bench(documents: Mapping[str, str]) -> BenchConfig | None:
 class Rule(Protocol):
     """One kind of sense; looks at every record in order."""
 
-    def look(self, record: Record, data: Mapping[str, Any], fold: RunState) -> Iterator[str]:
+    def look(self, record: Record, event: Event, fold: RunState) -> Iterator[str]:
         """What makes no sense about a record: ends of sentences that begin with the record's name.
 
         Args:
             record: the record.
-            data: its body.
+            event: what it tells.
             fold: what the run had come to before it.
 
         """

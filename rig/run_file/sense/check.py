@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from rig.run_file.audit import Finding
+from rig.run_file.bodies import ContentsError
 from rig.run_file.chain import Record
 from rig.run_file.reader import RunReader
 from rig.run_file.sense.accounts import Accounts
@@ -59,8 +60,11 @@ def _findings(run: RunReader, rules: tuple[Rule, ...]) -> Iterator[Finding]:
     for seq, record, _, _ in run.chained():
         for rule in rules:
             try:
-                for what in rule.look(record, record.data, fold):
+                for what in rule.look(record, record.event, fold):
                     yield _finding(seq, record, what)
+            except ContentsError as error:
+                yield _finding(seq, record, str(error).partition(": ")[2])
+                break
             except _NOT_OURS as error:
                 words = f"its body is not what a controller writes ({type(error).__name__}: {str(error)[:100]})"
                 yield _finding(seq, record, words)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator
 
 from rig.run_file.chain import Record
+from rig.run_file.events.event import Event
+from rig.run_file.events.sessions import RunCreated, SessionBegan
 from rig.run_file.sense.case import Case
 from rig.run_file.state import RunState
 
@@ -29,35 +30,36 @@ class Facts:
         self._case = case
         self._stated_by: object = None
 
-    def look(self, record: Record, data: Mapping[str, Any], _fold: RunState) -> Iterator[str]:
+    def look(self, record: Record, event: Event, _fold: RunState) -> Iterator[str]:
         """See `Rule.look`."""
-        if record.kind == "run":
-            yield from self._run(data)
-        elif record.kind == "session":
-            yield from self._session(data)
+        match event:
+            case RunCreated():
+                yield from self._run(event)
+            case SessionBegan():
+                yield from self._session(event)
 
-    def _run(self, data: Mapping[str, Any]) -> Iterator[str]:
+    def _run(self, run: RunCreated) -> Iterator[str]:
         case, bench = self._case, self._case.bench
         for name in _DOCUMENTS:
-            if name not in case.documents and "dry" in data:  # as every controller's first record has it
+            if name not in case.documents and run.dry is not None:  # as every controller's first record has it
                 yield f"it holds no {name}, with which every run begins"
-        if data["points"] != len(case.run_list):
-            yield f"it has {data['points']} points, its run list {len(case.run_list)}"
-        if case.procedure is not None and data.get("procedure", case.procedure.name) != case.procedure.name:
-            yield f"its procedure is {data['procedure']}, its document says {case.procedure.name}"
-        if bench is not None and data.get("bench", bench.name) != bench.name:
-            yield f"its bench is {data['bench']}, its document says {bench.name}"
-        for why in self._simulated(data):
-            if not data["simulated"]:
+        if run.points != len(case.run_list):
+            yield f"it has {run.points} points, its run list {len(case.run_list)}"
+        if case.procedure is not None and run.procedure not in (None, case.procedure.name):
+            yield f"its procedure is {run.procedure}, its document says {case.procedure.name}"
+        if bench is not None and run.bench not in (None, bench.name):
+            yield f"its bench is {run.bench}, its document says {bench.name}"
+        for why in self._simulated(run):
+            if not run.simulated:
                 yield f"it does not say SIMULATED, and {why}"
                 return
-        if data["simulated"] and not data.get("dry", True) and bench is not None and not bench.simulated:
+        if run.simulated and run.dry is False and bench is not None and not bench.simulated:
             yield "it says SIMULATED, and it is no dry run, nor is its bench simulated"
 
-    def _simulated(self, data: Mapping[str, Any]) -> Iterator[str]:
+    def _simulated(self, run: RunCreated) -> Iterator[str]:
         """Why a run is a simulated one."""
         bench = self._case.bench
-        if data.get("dry"):
+        if run.dry:
             yield "it is a dry run"
         if "world.toml" in self._case.documents:
             yield "it holds a world.toml, as only dry runs do"
@@ -68,16 +70,16 @@ class Facts:
         if any(instrument.address.startswith(_SIMULATED) for instrument in bench.instruments.values()):
             yield "an instrument's address is that of a simulated one"
 
-    def _session(self, data: Mapping[str, Any]) -> Iterator[str]:
-        simulated = bool(self._case.about["simulated"])
-        if "simulated" in data:
-            self._stated_by = data["software"]
-            if data["simulated"] is not simulated:
-                said, other = (_word(data["simulated"]), _word(simulated))
+    def _session(self, session: SessionBegan) -> Iterator[str]:
+        simulated = self._case.about.simulated
+        if session.simulated is not None:
+            self._stated_by = session.software
+            if session.simulated is not simulated:
+                said, other = (_word(session.simulated), _word(simulated))
                 yield f"it says that its bench is {said}, the first record that it is {other}"
-        elif self._stated_by is not None and data["software"] == self._stated_by:
+        elif self._stated_by is not None and session.software == self._stated_by:
             yield "it does not say whether its bench is simulated, as the session before does"
-        if data.get("boot") == _VIRTUAL and not simulated:
+        if session.boot == _VIRTUAL and not simulated:
             yield "its time is virtual, as in dry runs, and the run does not say SIMULATED"
 
 

@@ -8,6 +8,9 @@ from typing import Any
 from procedures.conduct import EnvironmentSettings, SoakSettings
 from procedures.run_list import Factor, Point
 from rig.run_file.chain import Record
+from rig.run_file.events.bench import EnvironmentSettled
+from rig.run_file.events.event import Event
+from rig.run_file.events.points import Observed, WholePlotBegan
 from rig.run_file.sense.case import Case
 from rig.run_file.state import RunState
 
@@ -33,37 +36,40 @@ class Places:
         self._settle = None if case.conduct is None else case.conduct.settle
         self._chambers = {} if case.bench is None else dict(case.bench.factors)
 
-    def look(self, record: Record, data: Mapping[str, Any], _fold: RunState) -> Iterator[str]:
+    def look(self, record: Record, event: Event, _fold: RunState) -> Iterator[str]:
         """See `Rule.look`."""
-        if record.kind == "observation" and record.status == "accepted":
-            assert record.run_index is not None
-            point = self._case.run_list.points[record.run_index]
-            for factor, target, side in zip(self._case.run_list.factors, point.setpoints, point.sides, strict=True):
-                if not factor.hard:
-                    yield from self._axis(factor, target, side, data)
-            if self._case.soak is not None:
-                yield from self._whole_plot(point, data, self._case.soak)
-            else:
-                yield from self._environment(data, self._case.environment)
-        elif record.kind == "event" and record.status == "whole-plot":
-            yield from self._soak(data)
-        elif record.kind == "event" and record.status == "environment-settled":
-            yield from self._chambers_settled(data)
+        match event:
+            case Observed(accepted=True):
+                assert record.run_index is not None
+                yield from self._observed(self._case.run_list.points[record.run_index], event)
+            case WholePlotBegan():
+                yield from self._soak(event)
+            case EnvironmentSettled():
+                yield from self._chambers_settled(event.chambers)
 
-    def _axis(self, factor: Factor, target: float, side: int, data: Mapping[str, Any]) -> Iterator[str]:
+    def _observed(self, point: Point, event: Observed) -> Iterator[str]:
+        for factor, target, side in zip(self._case.run_list.factors, point.setpoints, point.sides, strict=True):
+            if not factor.hard:
+                yield from self._axis(factor, target, side, event)
+        if self._case.soak is not None:
+            yield from self._whole_plot(point, event, self._case.soak)
+        else:
+            yield from self._environment(event, self._case.environment)
+
+    def _axis(self, factor: Factor, target: float, side: int, event: Observed) -> Iterator[str]:
         if self._settle is None:
             return
         band, name, unit = self._settle.band + _ROUNDING, factor.name, factor.name.rpartition("_")[2]
         within = f"not within {self._settle.band:g} of its setpoint {target:g} {unit}"
-        back = data["readback"].get(name)
+        back = event.readback.get(name)
         if back is None:
             yield f"it has no readback of {name}"
         elif not abs(back - target) <= band:
             yield f"readback of {name} is {back:g}, {within}"
-        reference = data.get("references", {}).get(name)
+        reference = event.references.get(name)
         if not factor.stays and (reference is None or not abs(reference["mean"] - target) <= band):
             yield f"{name} read {'nothing' if reference is None else format(reference['mean'], 'g')}, {within}"
-        settled = data["settling"].get(factor.axis)
+        settled = event.settling.get(factor.axis)
         if settled is None or settled["outcome"] != "settled":
             yield f"{factor.axis} had not settled"
             return
@@ -71,33 +77,33 @@ class Places:
             yield f"{factor.axis} settled within {settled['seconds']:g} s, less than its dwell"
         if not abs(settled["samples"][-1][1] - target) <= band:
             yield f"{factor.axis} settled at {settled['samples'][-1][1]:g}, {within}"
-        came, start = data["approach"].get(factor.axis, (0, target))
+        came, start = event.approach.get(factor.axis, (0, target))
         if side and came != side:
             yield f"{factor.axis} did not come from the side that its point asks for"
         elif side and side * (target - start) < _NEAREST * factor.overtravel:
             yield f"{factor.axis} came from {start:g}, not from beyond its overtravel of {factor.overtravel:g} {unit}"
 
-    def _whole_plot(self, point: Point, data: Mapping[str, Any], soak: SoakSettings) -> Iterator[str]:
+    def _whole_plot(self, point: Point, event: Observed, soak: SoakSettings) -> Iterator[str]:
         for factor, target in self._hard(point):
-            chamber = self._chambers.get(factor)
-            state = data["environment"].get(chamber)
+            chamber = self._chambers.get(factor, "")
+            state = event.environment.get(chamber)
             if state is None:
                 yield f"it does not say at what temperature {chamber} was"
                 continue
-            yield from _stood(str(chamber), state, target, soak.tolerance_degC)
-            seen = data["temperatures"].get(factor)
+            yield from _stood(chamber, state, target, soak.tolerance_degC)
+            seen = event.temperatures.get(factor)
             if seen is not None and not abs(seen["mean"] - target) <= soak.sensor_tolerance_degC + _ROUNDING:
                 yield f"{factor} is {seen['mean']:.2f}, not within {soak.sensor_tolerance_degC:g} of {target:g}"
 
-    def _environment(self, data: Mapping[str, Any], wanted: EnvironmentSettings | None) -> Iterator[str]:
-        marked = "temperature" in data["flags"]
+    def _environment(self, event: Observed, wanted: EnvironmentSettings | None) -> Iterator[str]:
+        marked = "temperature" in event.flags
         out = (
             []
             if wanted is None
             else [
                 f"{name} was at {state['temperature_degC']:.2f} degC, not within {wanted.tolerance_degC:g} of "
                 f"{wanted.setpoint_degC:g}"
-                for name, state in data["environment"].items()
+                for name, state in event.environment.items()
                 if not abs(state["temperature_degC"] - wanted.setpoint_degC) <= wanted.tolerance_degC + _ROUNDING
             ]
         )
@@ -111,23 +117,23 @@ class Places:
             if factor.hard:
                 yield factor.name, target
 
-    def _soak(self, data: Mapping[str, Any]) -> Iterator[str]:
+    def _soak(self, event: WholePlotBegan) -> Iterator[str]:
         """A whole plot begins where the run list has it."""
         soak = self._case.soak
         if soak is None:
             return
         try:
-            first, _ = self._case.run_list.points.span(data["planned"])
+            first, _ = self._case.run_list.points.span(event.planned)
         except KeyError:
-            yield f"it begins whole plot {data['planned']}, which is not planned"
+            yield f"it begins whole plot {event.planned}, which is not planned"
             return
         for factor, target in self._hard(self._case.run_list.points[first]):
             chamber = self._chambers.get(factor, "")
-            set_to = data["setpoints_degC"].get(chamber)
+            set_to = event.setpoints_degC.get(chamber)
             if set_to is None or abs(set_to - target) > _ROUNDING:
-                yield f"{chamber} was set to {set_to}, the plan has {target:g} degC for whole plot {data['planned']}"
+                yield f"{chamber} was set to {set_to}, the plan has {target:g} degC for whole plot {event.planned}"
             for name, tolerance in ((chamber, soak.tolerance_degC), (factor, soak.sensor_tolerance_degC)):
-                settled = data["settling"].get(name)
+                settled = event.settling.get(name)
                 if settled is not None:
                     yield from _settled(name, settled, target, tolerance)
 

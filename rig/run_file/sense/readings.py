@@ -8,6 +8,8 @@ from itertools import pairwise
 from typing import Any
 
 from rig.run_file.chain import Record
+from rig.run_file.events.event import Event
+from rig.run_file.events.points import Observed
 from rig.run_file.sense.case import Case
 from rig.run_file.state import RunState
 
@@ -39,20 +41,20 @@ class Readings:
             self._scales = {f"{name}_{s.unit}": _PER_VOLT[s.unit] for name, s in bench.sensors.items()}
             self._columns = {"outputs": set(self._scales), "temperatures": set(bench.temperatures)}
 
-    def look(self, record: Record, data: Mapping[str, Any], _fold: RunState) -> Iterator[str]:
+    def look(self, record: Record, event: Event, _fold: RunState) -> Iterator[str]:
         """See `Rule.look`."""
-        if record.kind != "observation" or "overload" in data:
+        if not isinstance(event, Observed) or event.overload is not None:
             return
-        yield from self._evidence(data, "")
-        for number, one in enumerate(data.get("rejected", ()), 1):
+        yield from self._evidence(event.body(), "")
+        for number, one in enumerate(event.rejected, 1):
             yield from self._evidence(one, f" of the readings rejected for noise ({number})")
-        if record.status == "accepted":
-            yield from self._noise(data)
-            yield from self._again.look(record, data["outputs"])
+        if event.accepted:
+            yield from self._noise(event)
+            yield from self._again.look(record, event.outputs)
 
-    def _evidence(self, data: Mapping[str, Any], where: str) -> Iterator[str]:
+    def _evidence(self, readings: Mapping[str, Any], where: str) -> Iterator[str]:
         for group in _GROUPS:
-            channels: Mapping[str, Mapping[str, Any]] = data.get(group, {})
+            channels: Mapping[str, Mapping[str, Any]] = readings.get(group, {})
             if group in self._columns and channels.keys() != self._columns[group]:
                 odd = sorted(channels.keys() ^ self._columns[group])
                 yield f"its {group}{where} are not those of the bench file: {', '.join(odd)}"
@@ -77,15 +79,15 @@ class Readings:
         if not abs(channel["sd"] - sd) <= _SD * largest:
             yield f"sd of NAME is {channel['sd']!r}, that of its {n} readings is {sd!r}"
 
-    def _noise(self, data: Mapping[str, Any]) -> Iterator[str]:
+    def _noise(self, event: Observed) -> Iterator[str]:
         """An observation is marked as noisy where its noisiest output is, and nowhere else."""
-        marked = "noisy" in data["flags"]
+        marked = "noisy" in event.flags
         if self._most_V is None:
             if marked:
                 yield "it is marked as noisy, and the procedure sets no limit to noise"
             return
-        name = max(data["outputs"], key=lambda n: data["outputs"][n]["sd"])
-        sd, most = data["outputs"][name]["sd"], self._most_V * self._scales.get(name, 1.0)
+        name = max(event.outputs, key=lambda n: event.outputs[n]["sd"])
+        sd, most = event.outputs[name]["sd"], self._most_V * self._scales.get(name, 1.0)
         if sd > most and not marked:
             yield f"sd of {name} is {sd:g}, more than the procedure allows ({most:g}), and it is not marked as noisy"
         elif marked and not sd > most:

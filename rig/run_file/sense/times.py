@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from datetime import UTC, datetime
-from typing import Any
 
 from rig.run_file.chain import Record
+from rig.run_file.events.event import Event
+from rig.run_file.events.points import Observed
+from rig.run_file.events.sessions import ClockSet, Hole, RunCreated, SessionBegan
 from rig.run_file.sense.case import Case
 from rig.run_file.state import RunState
 
@@ -39,57 +41,54 @@ class Times:
         self._began_s = 0.0
         self._observed_s = self._hole_s = 0.0
         self._marks_steps = self._measures = False
-        self._origin: float | None = None
 
-    def look(self, record: Record, data: Mapping[str, Any], fold: RunState) -> Iterator[str]:
+    def look(self, record: Record, event: Event, fold: RunState) -> Iterator[str]:
         """See `Rule.look`."""
         before, self._last = self._last, record
         behind_s = before.elapsed_s - record.elapsed_s
-        if behind_s > (_ROUNDING_S if record.kind == "session" else 0.0):
+        if behind_s > (_ROUNDING_S if isinstance(event, SessionBegan) else 0.0):
             yield f"its time, {record.elapsed_s:.3f} s, is before that of the record before it, {before.elapsed_s:.3f}"
-        match record.kind:
-            case "run":
-                yield from self._named(record, data)
+        match event:
+            case RunCreated():
+                yield from self._named(record, event)
                 return
-            case "session":
-                yield from self._session(record, data, before, fold)
-            case "observation":
-                yield from self._measured(record, data)
-            case "event" if record.status == "hole":
+            case SessionBegan():
+                yield from self._session(record, event, before, fold)
+            case Observed():
+                yield from self._measured(record, event)
+            case Hole():
                 self._hole_s = record.elapsed_s
-        yield from self._date(record, data, before)
+        yield from self._date(record, event, before)
 
-    def _named(self, record: Record, data: Mapping[str, Any]) -> Iterator[str]:
+    def _named(self, record: Record, run: RunCreated) -> Iterator[str]:
         if record.elapsed_s != 0.0:
             yield f"a run begins at 0 s, not at {record.elapsed_s:g}"
-        found = _NAME.match(data["run_id"])
-        if found is None or data["simulated"]:
+        found = _NAME.match(run.run_id)
+        if found is None or run.simulated:
             return
         named = datetime.strptime(found[1], "%Y%m%dT%H%M%S").replace(tzinfo=UTC).timestamp()
         if abs(named - record.utc_s) > _NAMED_S:
             yield f"its date is {_date(record.utc_s)}, the run's name says {_date(named)}"
 
-    def _session(self, record: Record, data: Mapping[str, Any], before: Record, fold: RunState) -> Iterator[str]:
+    def _session(self, record: Record, event: SessionBegan, before: Record, fold: RunState) -> Iterator[str]:
         self._began_s = record.elapsed_s
-        self._marks_steps = "utc_step_s" in data
-        if data["elapsed_s"] > record.elapsed_s + _ROUNDING_S:
-            yield f"it began at {data['elapsed_s']:.3f} s, after it was written down at {record.elapsed_s:.3f}"
-        gap_s = data.get("gap_s", 0.0)
+        self._marks_steps = event.writes_all
+        if event.elapsed_s > record.elapsed_s + _ROUNDING_S:
+            yield f"it began at {event.elapsed_s:.3f} s, after it was written down at {record.elapsed_s:.3f}"
+        gap_s = event.gap_s
         if record.session > 1 and gap_s > record.elapsed_s - before.elapsed_s + _ROUNDING_S:
             yield f"it began after a gap of {gap_s:.0f} s, and {record.elapsed_s - before.elapsed_s:.0f} s had passed"
-        origin = data["clock_s"] - data["elapsed_s"]
-        same_clock = data.get("gap_certain", True) and data.get("gap_known", True)
-        if self._origin is not None and same_clock and data.get("boot") == fold.session.get("boot"):
-            off_s = origin - self._origin
+        last = fold.session
+        if last is not None and event.gap_certain and event.gap_known and event.boot == last.boot:
+            off_s = event.origin - last.origin
             if abs(off_s) > self._step_s:
                 yield f"its clock, which went on since the session before, has other times by {off_s:.0f} s"
-        self._origin = origin
 
-    def _measured(self, record: Record, data: Mapping[str, Any]) -> Iterator[str]:
-        if "measured_s" in data:
+    def _measured(self, record: Record, event: Observed) -> Iterator[str]:
+        if event.measured_s is not None:
             self._measures = True
-            yield from self._read(record, *data["measured_s"])
-        elif self._measures and "overload" not in data:
+            yield from self._read(record, *event.measured_s)
+        elif self._measures and event.overload is None:
             yield "it does not say when it was read, as those before it do"
         self._observed_s = record.elapsed_s
 
@@ -102,22 +101,23 @@ class Times:
             yield f"its readings began at {began:.3f} s, before its session, at {self._began_s:.3f}"
         elif began < self._observed_s:
             yield f"its readings began at {began:.3f} s, before the last observation, at {self._observed_s:.3f}"
-        elif began < self._hole_s and record.status == "accepted":
+        elif began < self._hole_s and record.accepted:
             yield f"its readings began at {began:.3f} s, before a hole in time that ended at {self._hole_s:.3f}"
 
-    def _date(self, record: Record, data: Mapping[str, Any], before: Record) -> Iterator[str]:
+    def _date(self, record: Record, event: Event, before: Record) -> Iterator[str]:
         """Dates go on as elapsed time does, but for steps of the machine's clock, which a controller marks."""
         step_s = (record.utc_s - record.elapsed_s) - (before.utc_s - before.elapsed_s)
-        if record.kind == "session":
-            marked_s = data.get("utc_step_s", 0.0)
-        else:
-            marked_s = data["step_s"] if record.kind == "event" and record.status == "clock-set" else 0.0
+        marked_s = 0.0
+        if isinstance(event, SessionBegan):
+            marked_s = event.utc_step_s or 0.0
+        elif isinstance(event, ClockSet):
+            marked_s = event.step_s
         if abs(step_s - marked_s) <= self._step_s:
             return
         what = f"its date, {_date(record.utc_s)}, is off by {step_s - marked_s:.0f} s from that of the record before it"
         if self._marks_steps:
             yield f"{what}, and nothing says that the clock was set"
-        elif record.session > 1 or record.kind != "session":  # a run may be created long before it is begun
+        elif record.session > 1 or not isinstance(event, SessionBegan):  # a run may be created long before it is begun
             self.doubts.append(f"{_name(record)}: {what}: the machine's clock was set, or a date was changed")
 
 

@@ -14,7 +14,7 @@ from drivers.clock import RealClock
 from procedures.durations import duration
 from rig.bench import check_options
 from rig.config import BenchConfig, parse_toml, read_text
-from rig.contracts import read_bench
+from rig.contract_files import read_bench
 from rig.errors import RigError, UsageError
 from rig.plans import Plan, load_plan, plan_of
 from rig.run_file.live import controller_alive
@@ -117,7 +117,7 @@ def _read_run(visit: Visit, patient: _Patient) -> Iterator[Finding]:
         reader.verify()
         state = patient.state = read_state(reader)
         documents = reader.documents()
-        patient.dry = patient.dry or bool(reader.genesis().data["dry"])
+        patient.dry = patient.dry or bool(reader.about().dry)
     text = f"{visit.run}: chain unbroken, {len(state.accepted)} of {state.points} points, {state.ended or state.rested}"
     if controller_alive(visit.run):
         advice = "rig status shows it; its instruments were not asked anything"

@@ -11,10 +11,11 @@ from drivers.clock import Clock, RealClock, ScaledClock
 from drivers.errors import DriverError
 from drivers.roles import Identity, Instrument, Remarking
 from drivers.wires import Wires
-from rig.bench import check_options, driver_class
+from rig.bench import check_options
 from rig.config import BenchConfig, InstrumentConfig
 from rig.errors import BusyError
 from rig.locks import locked_addresses
+from rig.plugins import driver_class
 from rig.unattended.doctor.addresses import check_addresses
 from rig.unattended.doctor.findings import Finding, ok, problem, warning
 

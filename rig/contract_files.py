@@ -1,8 +1,8 @@
 """Contract files (EDS, register maps) handed to both sides of a wire.
 
-Drivers and twins may not import one another nor the contracts; the controller reads the file once and gives the
-same text to both. A bench file may name a file of its own instead (`eds = "drive.eds"`, beside the bench file): its
-text is read with the bench file and kept with it in the run file.
+A driver says which files it needs (`drivers.driver.ContractFile`). Drivers and twins may not import one another nor the
+contracts; the controller reads the file once and gives the same text to both. A bench file may name a file of its own
+instead (`eds = "drive.eds"`, beside the bench file): its text is read with it and kept with it in the run file.
 """
 
 from __future__ import annotations
@@ -15,26 +15,18 @@ from typing import Any
 
 from rig.config import BenchConfig, parse_bench, read_text
 from rig.errors import ConfigurationError
-
-_CONTRACTS = {
-    "watlow-f4t": ("register_map", "watlow_f4t.toml"),
-    "cia402-pair": ("eds", "cia402_drive.eds"),
-    "can-daq": ("dbc", "can_daq.dbc"),
-}
-"""Driver name to (option that takes the text, file in `contracts/`)."""
+from rig.plugins import driver_class, installed
 
 
 @cache
-def _text(name: str) -> str:
-    return files("contracts").joinpath(name).read_text(encoding="utf-8")
+def _text(package: str, name: str) -> str:
+    return files(package).joinpath(name).read_text(encoding="utf-8")
 
 
 def with_contracts(driver: str, options: Mapping[str, Any]) -> dict[str, Any]:
-    """Options with the driver's contract filled in, unless the bench file gives its own."""
-    if driver not in _CONTRACTS:
-        return dict(options)
-    option, name = _CONTRACTS[driver]
-    return {option: _text(name), **options}
+    """Options with the driver's contract files filled in, unless the bench file gives its own."""
+    own = {one.option: _text(one.package, one.file) for one in driver_class(driver).contracts}
+    return {**own, **options}
 
 
 def read_bench(path: Path) -> tuple[BenchConfig, dict[str, str]]:
@@ -66,8 +58,10 @@ def _named(config: BenchConfig) -> list[tuple[str, str, str]]:
     """(instrument, option, file name) of every contract that is named instead of written out: one line is a name."""
     found = []
     for name, instrument in config.instruments.items():
-        option = _CONTRACTS.get(instrument.driver, ("", ""))[0]
-        text = instrument.options.get(option)
-        if isinstance(text, str) and text.strip() and "\n" not in text:
-            found.append((name, option, text))
+        if instrument.driver not in installed("rig.drivers"):
+            continue  # `rig.bench.check_options` says so, and where
+        for contract in driver_class(instrument.driver).contracts:
+            text = instrument.options.get(contract.option)
+            if isinstance(text, str) and text.strip() and "\n" not in text:
+                found.append((name, contract.option, text))
     return found

@@ -1,0 +1,58 @@
+"""Plug-ins: what is installed for this program by a name, ours and that of other packages, as entry points."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from typing import TYPE_CHECKING, Any
+
+from rig.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from drivers.driver import DriverClass
+
+
+def installed(group: str) -> list[str]:
+    """Names of an entry-point group, sorted."""
+    return sorted({point.name for point in entry_points(group=group)})
+
+
+@cache
+def driver_class(name: str) -> DriverClass:
+    """The driver registered under `name`; raises `ConfigurationError` listing the known ones."""
+    known = installed("rig.drivers")
+    if name not in known:
+        raise ConfigurationError(f"driver {name!r} is not known; installed: {', '.join(known)}")
+    found: DriverClass = load("rig.drivers", name, ("Options", "wire", "contracts"))
+    return found
+
+
+def load(group: str, name: str, needs: Sequence[str]) -> Any:
+    """What an installed plug-in's entry point names.
+
+    Args:
+        group: of entry points, such as "rig.drivers".
+        name: one of `installed(group)`.
+        needs: attributes that it must have.
+
+    Raises:
+        ConfigurationError: two packages have one by this name, it cannot be imported, or it lacks an attribute.
+
+    """
+    points = {point.value: point for point in entry_points(group=group, name=name)}
+    what = f"the {group.removeprefix('rig.').removesuffix('s')} {name!r}"
+    if len(points) > 1:
+        raise ConfigurationError(f"{what} comes with {' and with '.join(map(_package, points.values()))}; keep one")
+    (point,) = points.values()
+    try:
+        found = point.load()
+    except (ImportError, AttributeError) as error:
+        raise ConfigurationError(f"{what} of {_package(point)} cannot be loaded: {error}") from error
+    if lacking := [need for need in needs if not hasattr(found, need)]:
+        raise ConfigurationError(f"{what} of {_package(point)} does not say its {', '.join(lacking)}")
+    return found
+
+
+def _package(point: EntryPoint) -> str:
+    return f"{point.dist.name} {point.dist.version}" if point.dist else point.module

@@ -1,0 +1,81 @@
+"""What went wrong during a run and what was decided about it, as a table: the other half of `rig export --all`."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+from typing import IO
+
+from rig.atomic import write_whole
+from rig.errors import UsageError
+from rig.regular import open_regular
+from rig.run_file.chain import Record
+from rig.run_file.events.event import Event
+from rig.run_file.reader import RunReader
+
+COLUMNS = (
+    "elapsed_s",
+    "session",
+    "whole_plot",
+    "run_index",
+    "attempt",
+    "kind",
+    "fault",
+    "decision",
+    "where",
+    "failure",
+    "pause_s",
+    "message",
+)
+
+
+def faults(run: Path) -> list[list[object]]:
+    """Faults, decisions, skips, holds of a run and how they ended, a row of `COLUMNS` each. Raises `RunFileError`."""
+    with RunReader.open(run) as reader:
+        return [_row(record) for record in reader.records() if not record.accepted and record.event.exported]
+
+
+def check_replaceable(path: Path) -> None:
+    """Refuse a file that is there and was not written by `write_faults`: nobody named it. Raises `UsageError`."""
+    try:
+        with open_regular(path) as file:
+            theirs = file.readline(1000).decode("utf-8", "replace").rstrip() != ",".join(COLUMNS)
+    except FileNotFoundError:
+        return
+    except OSError as error:
+        raise UsageError(f"{path} cannot be written: {error.strerror}; choose another name for --out") from error
+    if theirs:
+        raise UsageError(
+            f"{path}, where faults and decisions go with --all, is there and no table of them: it is not overwritten; "
+            "choose another name for --out"
+        )
+
+
+def write_faults(rows: Sequence[Sequence[object]], path: Path) -> None:
+    """Write rows of `faults` as CSV, whole or not at all. Raises `UsageError`."""
+
+    def write(file: IO[str]) -> None:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        writer.writerows(rows)
+
+    write_whole(path, write)
+
+
+def _row(record: Record) -> list[object]:
+    data, sort_is_status = record.data, record.kind == Event.kind
+    return [
+        round(record.elapsed_s, 3),
+        record.session,
+        record.whole_plot,
+        record.run_index,
+        record.attempt,
+        record.status if sort_is_status else record.kind,
+        data.get("fault", ""),
+        "" if sort_is_status else record.status,
+        data.get("where", data.get("place", "")),
+        data.get("failure", ""),
+        data.get("pause_s", ""),
+        " ".join(record.sentence().split()),
+    ]

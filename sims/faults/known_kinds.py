@@ -1,0 +1,37 @@
+"""Which kinds of faults there are: the common ones, and what the twins of a bench declare besides."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from sims.faults.clock_faults import OF_THE_BENCH
+from sims.faults.fault import Kind
+from sims.faults.instrument_faults import ALARM, DOOR, ERROR_QUEUE, OF_HEADS, POWER, SUPPLY
+from sims.faults.reading_faults import OF_READINGS
+from sims.faults.wire_faults import OF_WIRES
+from sims.twin import TwinClass
+
+COMMON: tuple[Kind, ...] = (
+    *OF_WIRES,
+    *OF_HEADS,
+    *OF_READINGS,
+    ERROR_QUEUE,
+    POWER,
+    SUPPLY,
+    ALARM,
+    DOOR,
+    *OF_THE_BENCH,
+)
+"""Kinds that have nothing to do with one instrument alone. The order is that in which nights draw them."""
+
+
+def kinds_of(twin: TwinClass) -> dict[str, Kind]:
+    """By name, what may happen to an instrument: faults of its wire, of its power, and those that its twin declares."""
+    of_wire = (kind for kind in OF_WIRES if twin.wire in kind.wires)
+    return {kind.name: kind for kind in (*of_wire, POWER, *twin.faults)}
+
+
+def kinds_on(twins: Iterable[TwinClass]) -> dict[str, Kind]:
+    """By name, the common kinds and those of a bench's twins."""
+    own = (kind for twin in twins for kind in twin.faults)
+    return {kind.name: kind for kind in (*COMMON, *own)}

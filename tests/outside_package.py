@@ -1,0 +1,63 @@
+"""The package in `tests/outside`, installed into a folder of its own as pip does it, without a network."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib import invalidate_caches
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from rig.examples import example
+
+SOURCE = Path(__file__).parent / "outside"
+DRIVER = "acme-m7"
+METER = """[instruments.scanner]
+driver = "acme-m7"
+address = "/dev/rig/acme"
+asset = "DVM-0777"
+
+"""
+
+
+def install(where: Path) -> None:
+    """Build and install the package, from a copy of its source."""
+    source = where.with_name(f"{where.name}-source")
+    subprocess.run(["cp", "-r", SOURCE, source], check=True)
+    pip = (sys.executable, "-m", "pip", "--disable-pip-version-check", "--quiet", "--no-input")
+    command = [*pip, "install", "--no-index", "--no-deps", "--no-build-isolation", "--target", where, source]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr[-2000:]
+
+
+@contextmanager
+def installed() -> Iterator[Path]:
+    """The package, importable here and in processes started meanwhile."""
+    with TemporaryDirectory() as folder:
+        where = Path(folder) / "site"
+        install(where)
+        before = os.environ.get("PYTHONPATH")
+        sys.path.append(str(where))
+        os.environ["PYTHONPATH"] = str(where) if before is None else f"{before}{os.pathsep}{where}"
+        invalidate_caches()
+        try:
+            yield where
+        finally:
+            sys.path.remove(str(where))
+            os.environ.pop("PYTHONPATH")
+            if before is not None:
+                os.environ["PYTHONPATH"] = before
+
+
+def bench_text() -> str:
+    """The example's attitude bench with the outside meter in its scanner's place."""
+    text = (example("attitude-lab") / "bench.toml").read_text(encoding="utf-8")
+    text = re.sub(r"\[instruments\.scanner\]\n(?:[^\[\n].*\n|\n)*", METER, text)
+    for channel, ours in (("101", "A"), ("102", "B"), ("103", "C"), ("104", "T")):
+        text = text.replace(f'channel = "{channel}"', f'channel = "{ours}"')
+    assert text.count('channel = "A"') == 1
+    return text
