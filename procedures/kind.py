@@ -24,6 +24,7 @@ from fitter.effects.own import Grammar
 from fitter.errors import FitError
 from procedures.acceptance import Verdict
 from procedures.advice import Advice
+from procedures.charting import Charting
 from procedures.conduct import Conduct
 from procedures.confirming import Confirming
 from procedures.errors import DataError
@@ -162,6 +163,9 @@ class Kind(Protocol):
 
     def confirming(self, traced: Any) -> Confirming | None:
         """A run that it traced, as the first of two; None where no further run can be made."""
+
+    def charting(self) -> Charting:
+        """Control charts of its sensors."""
 
     def unused(self, table: Table) -> Unused:
         """Columns of a table that fits and traces do not look at."""

@@ -12,6 +12,7 @@ import pytest
 from pressure_truth import HOMOSCEDASTIC, SENSOR_CENTRE_DEGC, SSE_CENTRE_DEGC, simulate
 from scipy import stats
 
+from procedures.errors import DataError
 from procedures.pressure.fit.calibration import fit_pressure
 from procedures.pressure.history import pressure_charted
 from rig.closed_loop import fit_table
@@ -74,11 +75,11 @@ def test_a_loss_of_gain_is_found_and_dated(tables):
 
 
 def test_what_goes_with_another_kind_is_refused(tables, tmp_path):
-    with pytest.raises(UsageError, match="--usage is a range of pitch"):
+    with pytest.raises(DataError, match="--usage is a range of pitch"):
         chart_calibrations(read_all(tables[:2]), TODAY, usage_deg=30)
     table = read_table(type(tmp_path)(tables[0].partition("@")[0]))
-    (tmp_path / "kept.json").write_text(json.dumps(fit_table(table)))
-    with pytest.raises(UsageError, match="give the run file or table instead"):
+    (tmp_path / "kept.json").write_text(json.dumps(fit_table(table).to_json()))
+    with pytest.raises(DataError, match="give the run file or table instead"):
         read_all([f"{tmp_path / 'kept.json'}@2022-01-10", tables[1]])
     data, _ = attitude_truth.simulate(attitude_truth.Bench(), attitude_truth.D1(90, 5, 5), 1)
     names = ("replicate", "order", "elapsed_s", "pitch_deg", "roll_deg", "sensor_temperature_degC")
@@ -86,7 +87,7 @@ def test_what_goes_with_another_kind_is_refused(tables, tmp_path):
     angles = f"{tmp_path / 'angles.csv'}@2023-01-01"
     with pytest.raises(UsageError, match="they do not belong on one chart"):
         read_all([tables[0], angles])
-    with pytest.raises(UsageError, match="--formula is for whole plots"):
+    with pytest.raises(DataError, match="--formula is for whole plots"):
         read_all([angles, tables[0]], "full")
 
 

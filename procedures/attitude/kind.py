@@ -13,6 +13,7 @@ from procedures.acceptance import Verdict
 from procedures.advice import Advice
 from procedures.attitude.options import FitOptions, InferOptions, TraceOptions
 from procedures.attitude.settings import PitchRollProcedure
+from procedures.charting import Charting
 from procedures.confirming import Confirming
 from procedures.errors import DataError
 from procedures.further_runs import Limits, Variation
@@ -118,6 +119,12 @@ class AttitudeKind:
         from procedures.attitude.confirming import AttitudeConfirming  # noqa: PLC0415
 
         return AttitudeConfirming(traced)
+
+    def charting(self) -> Charting:
+        """See `Kind`."""
+        from procedures.attitude.charting import CHARTING  # noqa: PLC0415
+
+        return CHARTING
 
     def unused(self, table: Table) -> Unused:
         """See `Kind`."""

@@ -10,6 +10,7 @@ from fitter.effects.entry import Entry
 from fitter.errors import FitError
 from procedures.acceptance import Verdict
 from procedures.advice import Advice
+from procedures.charting import Charting
 from procedures.errors import DataError
 from procedures.further_runs import Limits, Variation
 from procedures.general.options import FitOptions, InferOptions, TraceOptions
@@ -95,6 +96,12 @@ class GeneralKind:
 
     def confirming(self, traced: Any) -> None:
         """Nothing of this kind is run on a bench."""
+
+    def charting(self) -> Charting:
+        """See `Kind`."""
+        from procedures.general.charting import CHARTING  # noqa: PLC0415
+
+        return CHARTING
 
     def unused(self, table: Table) -> Unused:
         """Fits and traces say it themselves: it depends on the formula."""

@@ -12,6 +12,7 @@ from fitter.effects.own import Grammar
 from fitter.errors import FitError
 from procedures.acceptance import Verdict
 from procedures.advice import Advice
+from procedures.charting import Charting
 from procedures.confirming import Confirming
 from procedures.errors import DataError
 from procedures.further_runs import Limits, Variation
@@ -99,6 +100,12 @@ class PressureKind:
         from procedures.pressure.confirming import WholePlotConfirming  # noqa: PLC0415
 
         return WholePlotConfirming(traced)
+
+    def charting(self) -> Charting:
+        """See `Kind`."""
+        from procedures.pressure.charting import CHARTING  # noqa: PLC0415
+
+        return CHARTING
 
     def unused(self, table: Table) -> Unused:
         """See `Kind`."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.markup import escape
@@ -16,6 +16,9 @@ from rig.cli import app
 from rig.cli.run import JsonOption
 from rig.cli.show import err, mark, out, print_json
 from rig.errors import ExitCode, UsageError
+
+if TYPE_CHECKING:
+    from procedures.charting import View
 
 
 @app.command()
@@ -86,7 +89,7 @@ def chart(
     first, last = charted.given[0].date, charted.given[-1].date
     out.print(f"{mark(charted.simulated)}[bold]{len(charted.given)} calibrations[/] from {first} to {last}")
     for name, found in result["sensors"].items():
-        _show_sensor(name, charted.sensors[name].usage_words, found)
+        _show_sensor(name, charted.sensors[name].view, found)
     for note in charted.notes:
         out.print(f"  [yellow]{escape(note)}[/]", soft_wrap=True)
     return ExitCode.DONE
@@ -104,9 +107,9 @@ def _today(given: str | None) -> datetime:
     return moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
 
 
-def _show_sensor(name: str, usage: str, found: Mapping[str, Any]) -> None:
+def _show_sensor(name: str, view: View, found: Mapping[str, Any]) -> None:
     from procedures.numbers import with_error  # noqa: PLC0415
-    from rig.closed_loop.chart_words import due_date, label  # noqa: PLC0415
+    from rig.closed_loop.chart_words import due_date  # noqa: PLC0415
 
     rows = found["calibrations"]
     table = RichTable("date", *rows[0]["parameters"], "outside", title=f"\n{name}, {found['model']}")
@@ -114,7 +117,7 @@ def _show_sensor(name: str, usage: str, found: Mapping[str, Any]) -> None:
     cells = [[with_error(v["estimate"], v["stderr"]) for v in row["parameters"].values()] for row in rows]
     alike = all([error for _, error in each] == [error for _, error in cells[0]] for each in cells)
     for row, each in zip(rows, cells, strict=True):
-        outside = ", ".join(f"{label(q)} {limit}" for q, limit in row["outside"].items())
+        outside = ", ".join(f"{view.shown[q].label} {limit}" for q, limit in row["outside"].items())
         values = [value if alike else f"{value} +- {error}" for value, error in each]
         table.add_row(row["date"], *values, f"[yellow]{outside}[/]" if outside else "")
     if alike:
@@ -130,4 +133,4 @@ def _show_sensor(name: str, usage: str, found: Mapping[str, Any]) -> None:
     for due in found["due_by_tolerance"]:
         table.add_row(f"{due['tolerance']:.2g}", due_date(due), *(v or "-" for v in due["by_variation"].values()))
     out.print(table)
-    out.print(f"  (95 % probability, {usage}; the earlier of both)")
+    out.print(f"  (95 % probability, {view.usage_words}; the earlier of both)")

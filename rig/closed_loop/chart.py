@@ -11,15 +11,11 @@ import numpy as np
 
 from fitter.errors import FitError
 from fitter.history.chart import Chart, chart
-from fitter.history.charted import Charted
 from fitter.history.components import Between
-from procedures.attitude.history import Calibrated
-from procedures.general.infer.curve import CurveCalibration
-from procedures.pressure.fit.calibration import PressureFit
+from procedures.charting import View
 from rig.closed_loop.chart_inputs import Given, notes
 from rig.closed_loop.chart_json import quantity_json
 from rig.closed_loop.chart_together import LeftOut
-from rig.closed_loop.chart_views import of_attitude, of_curve, of_pressure
 from rig.closed_loop.chart_words import due_sentence, quantity_sentences
 from rig.errors import UsageError
 
@@ -35,13 +31,9 @@ class SensorChart:
     Attributes:
         name: column name of its output.
         given: its calibrations, in order of time.
-        charted: what is charted, and the parameters for people.
+        view: what is charted, and the parameters for people.
         chart: what was found.
-        model: that was fitted.
-        unit: of the output and of tolerances, "deg", "psi", or that of the response.
-        usage: range of pitch (deg) or pressure (psia) that the error of the output is bounded over.
-        usage_words: the same for people.
-        tolerance: of the output.
+        tolerance: of the output, in its unit.
         told: whether the tolerance was asked for; else it is what one reading's 95 % interval already allows.
         today: when "in N days" counts from.
 
@@ -49,15 +41,16 @@ class SensorChart:
 
     name: str
     given: Sequence[Given]
-    charted: Charted
+    view: View
     chart: Chart
-    model: str
-    unit: str
-    usage: tuple[float, float]
-    usage_words: str
     tolerance: float
     told: bool
     today: datetime
+
+    @property
+    def model(self) -> str:
+        """That was fitted."""
+        return self.view.model
 
     @property
     def last(self) -> datetime:
@@ -70,7 +63,7 @@ class SensorChart:
         "too few": fewer than three calibrations. "never within": not even at once. "due": on a date to come.
         "overdue": on a date that has passed. `at_least` says that the forecast ends there, not the tolerance.
         """
-        answer: dict[str, Any] = {"tolerance": tolerance, "unit": self.unit}
+        answer: dict[str, Any] = {"tolerance": tolerance, "unit": self.view.unit}
         bound = self.chart.bound
         if bound is None:
             return {**answer, "status": "too few"}
@@ -103,7 +96,7 @@ class SensorChart:
 
     def to_json(self) -> dict[str, Any]:
         """What `rig chart --json` prints of this sensor."""
-        table = self.charted
+        table = self.view.charted
         dates = [one.date for one in self.given]
         due = self.due(self.tolerance)
         result: dict[str, Any] = {
@@ -113,7 +106,7 @@ class SensorChart:
                     "date": one.date,
                     "file": one.source,
                     "run_id": one.provenance.get("run_id"),
-                    "sensor_temperature_degC": one.degC,
+                    "sensor_temperature_degC": one.of.degC,
                     "parameters": {
                         name: {"estimate": float(value), "stderr": float(error)}
                         for name, value, error in zip(table.shown, table.parameters[i], table.stderr[i], strict=True)
@@ -124,7 +117,7 @@ class SensorChart:
             ],
             "quantities": {q.name: quantity_json(q, dates) for q in self.chart.quantities},
             "errors_from_replications": table.replicated,
-            "usage": list(self.usage),
+            "usage": list(self.view.usage),
             "tolerance_asked_for": self.told,
             "due": due,
             "due_by_tolerance": self._by_tolerance(),
@@ -133,9 +126,12 @@ class SensorChart:
             bound = self.chart.bound
             result["error_bound"] = {
                 "days": [float(DAYS * y) for y in bound.years],
-                **{f"{kind.value}_{self.unit}": [float(v) for v in values] for kind, values in bound.bounds.items()},
+                **{
+                    f"{kind.value}_{self.view.unit}": [float(v) for v in values]
+                    for kind, values in bound.bounds.items()
+                },
             }
-        sentences = [f"{self.name}: {text}" for text in quantity_sentences(self.chart, dates, table.sensitivity)]
+        sentences = [f"{self.name}: {text}" for text in quantity_sentences(self.chart, dates, self.view.shown)]
         return {**result, "sentences": [*sentences, f"{self.name}: {due_sentence(due, len(dates), self.told)}"]}
 
     def _outside(self, i: int) -> dict[str, str]:
@@ -167,13 +163,13 @@ class ControlCharts:
     @property
     def simulated(self) -> bool:
         """Whether all of it is from simulated runs."""
-        return self.given[0].simulated
+        return self.given[0].of.simulated
 
     def to_json(self) -> dict[str, Any]:
         """What `rig chart --json` prints."""
         return {
             "data": {
-                "kind": self.given[0].kind,
+                "kind": self.given[0].kind.name,
                 "simulated": self.simulated,
                 "calibrations": [
                     {"file": one.source, "date": one.date, **{k: v for k, v in one.provenance.items() if k != "file"}}
@@ -201,12 +197,13 @@ def chart_calibrations(
         given: at least two calibrations, in order of time.
         today: when "in N days" counts from.
         sensors: names of the outputs to chart; none for all.
-        tolerance: of the output, deg or psi; None for the 95 % interval of one reading.
-        usage_deg: attitude: pitch within +- this; None for the range calibrated last.
+        tolerance: of the output, in its unit; None for the 95 % interval of one reading.
+        usage_deg: the sensors are used within +- this; None for the range calibrated last.
         left_out: files that are not charted, to be named.
 
     Raises:
-        UsageError: a sensor is not in all calibrations.
+        UsageError: a sensor is not in all calibrations, or cannot be charted.
+        DataError: this kind knows of no range of usage.
 
     """
     common = [name for name in given[0].sensors if all(name in one.sensors for one in given)]
@@ -218,8 +215,6 @@ def chart_calibrations(
         raise UsageError(
             f"no sensor is in all of these calibrations: {given[0].source} has {', '.join(given[0].sensors)}"
         )
-    if usage_deg is not None and given[0].kind != "pitch-roll":
-        raise UsageError("--usage is a range of pitch; others are charted over the range calibrated")
     remarks = [f"{one.source} is left out: {one.reason}" for one in left_out] + notes(given)
     if not sensors:
         left = sorted({name for one in given for name in one.sensors} - set(common))
@@ -227,27 +222,16 @@ def chart_calibrations(
     years = np.array([(one.when - given[0].when) / timedelta(days=DAYS) for one in given])
     found = {}
     for name in dict.fromkeys(sensors or common):
-        every = [one.sensors[name] for one in given]
-        attitude = [one for one in every if isinstance(one, Calibrated)]
-        pressure = [one for one in every if isinstance(one, PressureFit)]
-        curves = [one for one in every if isinstance(one, CurveCalibration)]
         try:
-            if attitude:
-                view = of_attitude(attitude, years, usage_deg)
-            else:
-                view = of_curve(curves, years) if curves else of_pressure(pressure, years)
+            view = given[0].charting.view([one.sensors[name] for one in given], years, usage_deg)
         except FitError as error:
             raise UsageError(f"{name}: {error}") from error
         remarks += [f"{name}: {remark}" for remark in view.remarks]
         found[name] = SensorChart(
             name=name,
             given=given,
-            charted=view.charted,
+            view=view,
             chart=chart(view.charted, view.rows),
-            model=view.model,
-            unit=view.unit,
-            usage=view.usage,
-            usage_words=view.usage_words,
             tolerance=view.interval if tolerance is None else tolerance,
             told=tolerance is not None,
             today=today,

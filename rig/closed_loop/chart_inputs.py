@@ -12,16 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from procedures.attitude.evaluate import with_temperature
-from procedures.attitude.history import Calibrated, calibrated
-from procedures.attitude.history_of_files import calibrated_from
-from procedures.attitude.infer.calibrate import OFFSET, SENSITIVITY
-from procedures.attitude.table import attitude_data
-from procedures.general.infer.curve import CurveCalibration
-from procedures.pressure.evaluate import fit_whole_plots
-from procedures.pressure.fit.calibration import PressureFit
+from procedures.charting import Calibrations, Charting
+from procedures.errors import DataError
+from procedures.kind import Kind, kind_of_table, kinds
 from procedures.table import Table
-from procedures.unused import Unused, sentences, unused_in_fit
+from procedures.unused import Unused, sentences
 from procedures.words import incomplete
 from rig.errors import UsageError
 from rig.inference.calibration_file import read_calibration
@@ -35,40 +30,39 @@ _ALIKE_DEGC = 0.5
 """Between the mean temperatures of calibrations: at 50 ppm a degC, 25 ppm."""
 
 
-Sensor = Calibrated | PressureFit | CurveCalibration
-
-
 @dataclass(frozen=True, eq=False)
 class Given:
     """One calibration.
 
     Attributes:
         source: the file as it was named.
-        kind: "pitch-roll", "whole-plot" or "general".
+        kind: of calibration.
         when: middle of the calibration, UTC.
-        sensors: by output column.
-        effects: names of the effects fitted beside the model, by output column.
-        simulated: from a simulated run.
-        provenance: what is known of it.
-        degC: mean sensor temperature, None where it was not recorded.
+        of: its sensors.
         unused: columns that play no part.
 
     """
 
     source: str
-    kind: str
+    kind: Kind
     when: datetime
-    sensors: Mapping[str, Sensor]
-    effects: Mapping[str, tuple[str, ...]]
-    simulated: bool
-    provenance: Mapping[str, Any]
-    degC: float | None
+    of: Calibrations
     unused: Unused = field(default_factory=Unused)
 
     @property
-    def corrected(self) -> bool:
-        """Whether the parameters can be stated at any temperature."""
-        return all(isinstance(s, Calibrated) and s.warmth is not None for s in self.sensors.values())
+    def charting(self) -> Charting:
+        """What its kind knows of charts."""
+        return self.kind.charting()
+
+    @property
+    def sensors(self) -> Mapping[str, Any]:
+        """By output column."""
+        return self.of.sensors
+
+    @property
+    def provenance(self) -> Mapping[str, Any]:
+        """What is known of it."""
+        return self.of.provenance
 
     @property
     def date(self) -> str:
@@ -77,42 +71,31 @@ class Given:
 
 
 def read(source: str, formula: str | None = None) -> Given:
-    """One calibration, from a run file, a calibration file or a CSV table. Raises `UsageError` or `RunFileError`."""
+    """One calibration, from a run file, a calibration file or a CSV table.
+
+    Raises:
+        UsageError, RunFileError: the file is none of these, or does not say when it was measured.
+        DataError: it lacks something, or does not determine the model.
+
+    """
     path, told = _path_and_date(source)
     if path.suffix == ".json":
         return _from_calibration_file(path, told)
     table = read_table(path)
-    if formula is not None and table.kind == "pitch-roll":
-        raise UsageError(
-            f"{path} holds a pitch-roll calibration, whose model is its geometry; --formula is for whole plots"
-        )
-    if table.kind == "other":
-        raise UsageError(
-            f"{path} is no table of attitude sensors or pressure transducers. Make a calibration of any other table "
-            f"first, rig fit {path} --response Y --formula '1 + X' --out C.json, and chart C.json@DATE"
-        )
+    kind, found = _of_table(table, formula)
+    return Given(str(path), kind, _when(path, found.provenance, told), found, kind.unused(table))
+
+
+def _of_table(table: Table, formula: str | None) -> tuple[Kind, Calibrations]:
+    kind = kind_of_table(table)
+    if kind is not None:
+        return kind, kind.charting().of_table(table, formula)
+    kind = next(one for one in kinds().values() if one.asked_by)
     try:
-        sensors = _attitude(table) if table.kind == "pitch-roll" else fit_whole_plots(table, formula).fits
-    except ValueError as error:
-        raise UsageError(f"{path}: {error}") from error
-    degC = table.columns.get("sensor_temperature_degC") if table.kind == "pitch-roll" else None
-    warm = table.kind == "pitch-roll" and with_temperature(table, None)
-    return Given(
-        source=str(path),
-        kind=table.kind,
-        when=_when(path, table.provenance, told),
-        sensors=sensors,
-        effects=dict.fromkeys(sensors, (OFFSET, SENSITIVITY) if warm else ()),
-        simulated=table.simulated,
-        provenance=table.provenance,
-        degC=None if degC is None else float(np.mean(degC)),
-        unused=unused_in_fit(table),
-    )
-
-
-def _attitude(table: Table) -> dict[str, Calibrated]:
-    data = attitude_data(table)
-    return {name: calibrated(data, name, temperature=with_temperature(table, None)) for name in data.sensors}
+        return kind, kind.charting().of_table(table, formula)
+    except DataError as error:
+        known = " or ".join(one.title for one in kinds().values() if not one.asked_by)
+        raise UsageError(f"{table.source} is no table of {known}. {error}") from error
 
 
 def notes(given: Sequence[Given]) -> list[str]:
@@ -127,8 +110,8 @@ def notes(given: Sequence[Given]) -> list[str]:
         between = f"between {before.date} and {after.date}"
         changes = _changes(before.provenance, after.provenance)
         found.extend(f"{between} {what}: a step there may be due to that" for what in changes)
-    degC = [one.degC for one in given if one.degC is not None]
-    if degC and max(degC) - min(degC) > _ALIKE_DEGC and not all(one.corrected for one in given):
+    degC = [one.of.degC for one in given if one.of.degC is not None]
+    if degC and max(degC) - min(degC) > _ALIKE_DEGC and not all(one.of.corrected for one in given):
         found.append(
             f"the sensors' mean temperature lay between {min(degC):.1f} and {max(degC):.1f} degC: a temperature "
             f"coefficient looks like a change over time"
@@ -138,10 +121,10 @@ def notes(given: Sequence[Given]) -> list[str]:
 
 def _temperature_words(given: Sequence[Given]) -> list[str]:
     """At which sensor temperature the charted parameters hold."""
-    known = [one.degC for one in given if one.degC is not None]
-    if given[0].kind != "pitch-roll":
+    known = [one.of.degC for one in given if one.of.degC is not None]
+    if not given[0].charting.at_one_temperature:
         return []
-    if all(one.corrected for one in given) and len(known) == len(given):
+    if all(one.of.corrected for one in given) and len(known) == len(given):
         return [f"parameters are charted at {np.mean(known):.2f} degC, to which every calibration was brought"]
     if not known:
         return ["at which sensor temperature the charted parameters hold was not recorded"]
@@ -152,7 +135,7 @@ def as_table(given: Sequence[Given], title: str) -> Table:
     """The calibrations as a table of their dates, with the provenance of all, for the report's frame."""
     days = np.array([one.when.timestamp() / 86400.0 for one in given])
     provenance = {f"{one.date}: {one.source}": _origin(one) for one in given}
-    return Table(title, {"day": days - days[0]}, given[0].simulated, provenance)
+    return Table(title, {"day": days - days[0]}, given[0].of.simulated, provenance)
 
 
 def _origin(one: Given) -> str:
@@ -182,51 +165,17 @@ _TEXTS = ("run_id", "file", "bench", "procedure", "began_utc", "last_observation
 
 def _from_calibration_file(path: Path, told: datetime | None) -> Given:
     """What `rig fit --out` wrote."""
-    file = read_calibration(path)
-    if isinstance(file.calibration, CurveCalibration):
-        return _from_curve(path, told, file.calibration, simulated=file.simulated)
-    content = json.loads(read_regular_text(path))
-    data = content["data"]
-    for name in _TEXTS:
-        if not isinstance(data.get(name, ""), str):
-            raise UsageError(f"{path} is not a calibration file of `rig fit --out`: its {name} is no text")
-    if not TEXTS.holds(data.get("instruments") or {}):
-        raise UsageError(f"{path} is not a calibration file of `rig fit --out`: its instruments are not texts by name")
-    if data["kind"] != "pitch-roll":
-        raise UsageError(
-            f"{path} does not keep all that charting whole plots needs; give the run file or table instead"
-        )
+    kind = read_calibration(path).kind
     try:
-        sensors = calibrated_from(content)
-        effects = {s["name"]: tuple(t["effect"] for t in s["terms"]) for s in content["calibration"]["sensors"]}
-        degC, simulated = content["calibration"]["reference_degC"], bool(data["simulated"])
-        degC = None if degC is None else float(degC)
+        found = kind.charting().of_file(json.loads(read_regular_text(path)), str(path))
     except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
         raise UsageError(f"{path}: {error}; give the run file instead") from error
-    return Given(
-        source=str(path),
-        kind="pitch-roll",
-        when=_when(path, data, told),
-        sensors=sensors,
-        effects=effects,
-        simulated=simulated,
-        provenance=data,
-        degC=degC,
-    )
-
-
-def _from_curve(path: Path, told: datetime | None, calibration: CurveCalibration, *, simulated: bool) -> Given:
-    """A calibration of a table of any kind, which has no date of its own."""
-    return Given(
-        source=str(path),
-        kind="general",
-        when=_when(path, {}, told),
-        sensors={calibration.response: calibration},
-        effects={calibration.response: ()},
-        simulated=simulated,
-        provenance={"file": path.name},
-        degC=None,
-    )
+    for name in _TEXTS:
+        if not isinstance(found.provenance.get(name, ""), str):
+            raise UsageError(f"{path} is not a calibration file of `rig fit --out`: its {name} is no text")
+    if not TEXTS.holds(found.provenance.get("instruments") or {}):
+        raise UsageError(f"{path} is not a calibration file of `rig fit --out`: its instruments are not texts by name")
+    return Given(str(path), kind, _when(path, found.provenance, told), found)
 
 
 def path_of(source: str) -> Path:

@@ -8,13 +8,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from procedures.attitude.history import Calibrated
-from procedures.general.infer.curve import CurveCalibration
-from rig.closed_loop.chart_inputs import Given, Sensor, path_of, read
+from procedures.errors import DataError
+from rig.closed_loop.chart_inputs import Given, path_of, read
 from rig.errors import UsageError
-
-_TURNED_DEG = 45.0
-"""Between the sensitive axes of one sensor: no misalignment is as large, a remounted or exchanged sensor is."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +46,7 @@ def read_together(
         sensors: that are charted; none for all.
 
     Raises:
-        UsageError: a file cannot be used, fewer than two remain, or one is there twice.
+        UsageError, DataError: a file cannot be used, fewer than two remain, or one is there twice.
 
     """
     if len(sources) < 2:
@@ -62,7 +58,7 @@ def read_together(
     for source in sources:
         try:
             given.append(read(source, formula))
-        except UsageError as error:
+        except (UsageError, DataError) as error:
             if path_of(source).suffix != ".sqlite" or not path_of(source).is_file() or "@" in source:
                 raise
             left.append(LeftOut(source, str(error)))
@@ -81,7 +77,7 @@ def _most_alike(given: list[Given], sensors: Sequence[str]) -> tuple[list[Given]
     if not given:
         return [], []
     why = [[_why_not(one, other, sensors) for other in given] for one in given]
-    counts = [(sum(not reason for reason in row), not one.simulated) for row, one in zip(why, given, strict=True)]
+    counts = [(sum(not reason for reason in row), not one.of.simulated) for row, one in zip(why, given, strict=True)]
     best = max(range(len(given)), key=lambda i: (*counts[i], i))
     left = [LeftOut(one.source, reason) for one, reason in zip(given, why[best], strict=True) if reason]
     return [one for one, reason in zip(given, why[best], strict=True) if not reason], left
@@ -92,13 +88,13 @@ def _why_not(one: Given, other: Given, sensors: Sequence[str]) -> str:
     if one is other:
         return ""
     first, later = sorted((one, other), key=lambda each: each.when)
-    if first.kind != later.kind:
+    if first.kind is not later.kind:
         return (
-            f"{first.source} is a {first.kind} calibration and {later.source} a {later.kind} one: they do not belong "
-            f"on one chart"
+            f"{first.source} is a {first.kind.name} calibration and {later.source} a {later.kind.name} one: they do "
+            f"not belong on one chart"
         )
-    if first.simulated != later.simulated:
-        simulated, real = (first, later) if first.simulated else (later, first)
+    if first.of.simulated != later.of.simulated:
+        simulated, real = (first, later) if first.of.simulated else (later, first)
         return (
             f"{simulated.source} is simulated and {real.source} is not: they do not belong on one chart; leave one "
             f"kind out"
@@ -114,42 +110,32 @@ def _why_not(one: Given, other: Given, sensors: Sequence[str]) -> str:
 
 def _differ(name: str, first: Given, later: Given) -> Iterator[str]:
     """Why two calibrations of one sensor cannot be compared."""
-    models = [_model(each.sensors[name]) for each in (first, later)]
+    models = [each.charting.model(each.sensors[name]) for each in (first, later)]
     if models[0] != models[1]:
         yield (
             f"{name} is {models[0]} in {first.source} and {models[1]} in {later.source}: only calibrations of one "
             f"model can be charted together"
         )
         return
-    effects = [", ".join(dict.fromkeys(each.effects[name])) or "none" for each in (first, later)]
+    effects = [", ".join(dict.fromkeys(each.of.effects[name])) or "none" for each in (first, later)]
     if effects[0] != effects[1]:
         yield (
             f"{name} was fitted with effects beside the model in one calibration and not in the other "
             f"({first.source}: {effects[0]}; {later.source}: {effects[1]}): fit all of them alike"
         )
-    old, new = first.sensors[name], later.sensors[name]
-    if not (isinstance(old, Calibrated) and isinstance(new, Calibrated)):
-        return
-    a, b = old.coefficients[1:], new.coefficients[1:]
-    turned = np.degrees(np.arccos(np.clip(a @ b / (np.linalg.norm(a) * np.linalg.norm(b)), -1.0, 1.0)))
-    if turned > _TURNED_DEG:
-        yield (
-            f"{name}: its sensitive axis was turned by {turned:.0f} deg between {first.source} and {later.source}: it "
-            f"was mounted otherwise, or is another sensor; chart them apart"
-        )
+    between = f"between {first.source} and {later.source}"
+    if why := first.charting.apart(first.sensors[name], later.sensors[name], between):
+        yield f"{name}: {why}"
 
 
 def _at_one_temperature(given: list[Given]) -> list[Given]:
-    """Where every calibration's declared model has temperature, all at the mean of what they were taken at."""
-    degC = [one.degC for one in given if one.degC is not None and one.corrected]
+    """Where every calibration's model has temperature, all at the mean of what they were taken at."""
+    degC = [one.of.degC for one in given if one.of.degC is not None and one.of.corrected]
     if len(degC) < len(given):
         return given
     common = float(np.mean(degC))
     return [
-        replace(
-            one,
-            sensors={name: s.at(common) if isinstance(s, Calibrated) else s for name, s in one.sensors.items()},
-        )
+        replace(one, of=replace(one.of, sensors={n: one.charting.at(s, common) for n, s in one.sensors.items()}))
         for one in given
     ]
 
@@ -174,14 +160,8 @@ def _check_once(given: Sequence[Given]) -> None:
 
 def _check_new(name: str, before: Given, after: Given) -> None:
     """A calibration is another one, not the same data again."""
-    old, new = before.sensors[name], after.sensors[name]
-    known = Calibrated, CurveCalibration
-    if isinstance(old, known) and isinstance(new, known) and np.array_equal(old.coefficients, new.coefficients):
+    if before.charting.same(before.sensors[name], after.sensors[name]):
         raise UsageError(
             f"{before.source} and {after.source} are of the same data: {name} has the same coefficients to the last "
             f"digit; leave one of them out"
         )
-
-
-def _model(sensor: Sensor) -> str:
-    return sensor.model if isinstance(sensor, Calibrated) else str(sensor.formula)

@@ -6,41 +6,19 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from fitter.history.chart import Chart, QuantityChart
-from procedures.unused import unit_of
-
-_NAMES = {
-    "b_V": ("offset", 1e6, "uV"),
-    "S_V": ("sensitivity", 1e6, "ppm"),
-    "Omega_cos_A_deg": ("Omega cos A", 1.0, "deg"),
-    "Omega_sin_A_deg": ("Omega sin A", 1.0, "deg"),
-    "phi_deg": ("misalignment phi", 1.0, "deg"),
-    "intercept_mV": ("intercept", 1e3, "uV"),
-    "gain_mV_per_psi": ("gain", 1e6, "ppm"),
-}
+from procedures.charting import Shown
 
 
-def label(name: str) -> str:
-    """A charted parameter for people."""
-    return _NAMES[name][0] if name in _NAMES else name
-
-
-def change_scale(name: str, sensitivity: float) -> tuple[float, str]:
-    """What a change of a parameter is multiplied by to be shown, and its unit: uV, ppm of the sensitivity, deg."""
-    response = name.partition(" at ")[0]
-    _, scale, unit = _NAMES.get(name, (name, 1.0, unit_of(response) or f"in {response}"))
-    return (scale / sensitivity if unit == "ppm" else scale), unit
-
-
-def quantity_sentences(chart: Chart, dates: Sequence[str], sensitivity: float) -> list[str]:
+def quantity_sentences(chart: Chart, dates: Sequence[str], shown: Mapping[str, Shown]) -> list[str]:
     """What changed, a sentence a parameter; one sentence if nothing did."""
-    found = [text for q in chart.quantities if (text := _change(q, dates, sensitivity))]
+    found = [text for q in chart.quantities if (text := _change(q, dates, shown[q.name]))]
     if not found:
         enough = "" if len(dates) > 2 else " (two calibrations; a trend needs three)"
         found = [f"no parameter changed by more than the calibrations' own error{enough}"]
     for q in chart.quantities:
         if q.limits is not None and q.limits.out.any():
             when = ", ".join(date for date, out in zip(dates, q.limits.out, strict=True) if out)
-            found.append(f"{label(q.name)} of {when} is outside the 99.7 % limits")
+            found.append(f"{shown[q.name].label} of {when} is outside the 99.7 % limits")
     return found
 
 
@@ -77,22 +55,22 @@ def _chance(p: float) -> str:
     return f"p {probability(p)}"
 
 
-def _change(q: QuantityChart, dates: Sequence[str], sensitivity: float) -> str:
-    scale, unit = change_scale(q.name, sensitivity)
+def _change(q: QuantityChart, dates: Sequence[str], shown: Shown) -> str:
+    label, scale, unit = shown.label, shown.scale, shown.unit
     if q.stepped and q.step is not None:
         between = f"between {dates[q.step.before - 1]} and {dates[q.step.before]}"
         size = with_error(scale * q.step.size, scale * q.step.stderr, sign=True)
         p = _chance(q.adjusted["step"])
         advice = "if its cause is known and over, chart the calibrations after it alone"
-        return f"{label(q.name)} stepped by {size} {unit} {between} (+- one standard error, {p}); {advice}"
+        return f"{label} stepped by {size} {unit} {between} (+- one standard error, {p}); {advice}"
     if q.trend is not None and q.significant("trend"):
         rate = f"{with_error(scale * abs(q.trend.per_year), scale * q.trend.stderr)} {unit}/year"
         falls = q.trend.per_year < 0
         p = _chance(q.adjusted["trend"])
         if q.steady:
-            return f"{label(q.name)} {'falls' if falls else 'rises'} by {rate} (+- one standard error, {p})"
+            return f"{label} {'falls' if falls else 'rises'} by {rate} (+- one standard error, {p})"
         return (
-            f"{label(q.name)} has {'fallen' if falls else 'risen'} by {rate} so far (+- one standard error, {p}); "
+            f"{label} has {'fallen' if falls else 'risen'} by {rate} so far (+- one standard error, {p}); "
             f"a parameter that wanders can do that as well ({_chance(q.trend.p_walk)}), so it may not go on"
         )
     if q.significant("homogeneity"):
@@ -100,10 +78,10 @@ def _change(q: QuantityChart, dates: Sequence[str], sensitivity: float) -> str:
             apart = scale * abs(float(q.series.values[1] - q.series.values[0]))
             p = _chance(q.adjusted["homogeneity"])
             beyond = f"{apart:.2g} {unit}, more than their own error ({p}); a trend needs three"
-            return f"{label(q.name)} differs between the two calibrations by {beyond}"
+            return f"{label} differs between the two calibrations by {beyond}"
         beyond = f"{scale * q.homogeneity.between_sd:.2g} {unit}"
         return (
-            f"{label(q.name)} differs between calibrations by {beyond} (standard deviation) beyond their own error "
+            f"{label} differs between calibrations by {beyond} (standard deviation) beyond their own error "
             f"({_chance(q.adjusted['homogeneity'])}), without a clear trend"
         )
     return ""

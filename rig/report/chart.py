@@ -7,11 +7,13 @@ from pathlib import Path
 from typing import Any
 
 from procedures.numbers import with_error as estimate_and_error
+from procedures.results import Page
+from procedures.unused import Unused
 from procedures.words import capitalised
 from rig.atomic import write_whole
 from rig.closed_loop.chart import ControlCharts, SensorChart
 from rig.closed_loop.chart_inputs import as_table
-from rig.closed_loop.chart_words import change_scale, due_date, label, probability, with_error
+from rig.closed_loop.chart_words import due_date, probability, with_error
 from rig.report.chart_plots import error_chart, parameter_charts
 from rig.report.frame import render
 
@@ -27,15 +29,14 @@ def chart_report(charted: ControlCharts) -> str:
     result = charted.to_json()
     title = f"Control charts of {', '.join(charted.sensors)}"
     first, last = charted.given[0], charted.given[-1]
-    return render(
-        "chart.html.j2",
-        as_table(charted.given, title),
-        span_s=(last.when - first.when).total_seconds(),
-        first=first.date,
-        last=last.date,
-        notes=[capitalised(note) for note in charted.notes],
-        sensors=[_sensor(sensor, result["sensors"][name]) for name, sensor in charted.sensors.items()],
-    )
+    contents = {
+        "first": first.date,
+        "last": last.date,
+        "notes": [capitalised(note) for note in charted.notes],
+        "sensors": [_sensor(sensor, result["sensors"][name]) for name, sensor in charted.sensors.items()],
+    }
+    table, span_s = as_table(charted.given, title), (last.when - first.when).total_seconds()
+    return render(Page("rig.report", "chart.html.j2", table, span_s, Unused().to_json(), contents))
 
 
 def _sensor(sensor: SensorChart, result: Mapping[str, Any]) -> dict[str, Any]:
@@ -47,32 +48,33 @@ def _sensor(sensor: SensorChart, result: Mapping[str, Any]) -> dict[str, Any]:
         "model": result["model"],
         "sentences": result["sentences"],
         "parameters": list(result["calibrations"][0]["parameters"]),
-        "rows": [_row(row) for row in result["calibrations"]],
+        "rows": [_row(sensor, row) for row in result["calibrations"]],
         "tests": [_tests(sensor, name, q) for name, q in result["quantities"].items()],
         "due_rows": [] if result["due"]["status"] == "too few" else [_due(due) for due in result["due_by_tolerance"]],
-        "unit": sensor.unit,
-        "usage": sensor.usage_words,
+        "unit": sensor.view.unit,
+        "usage": sensor.view.usage_words,
         "plots": plots,
     }
 
 
-def _row(row: Mapping[str, Any]) -> dict[str, Any]:
+def _row(sensor: SensorChart, row: Mapping[str, Any]) -> dict[str, Any]:
     degC = row["sensor_temperature_degC"]
     return {
         "date": row["date"],
         "values": [" ± ".join(estimate_and_error(v["estimate"], v["stderr"])) for v in row["parameters"].values()],
         "degC": "-" if degC is None else f"{degC:.2f}",
-        "outside": ", ".join(f"{label(name)} {limit}" for name, limit in row["outside"].items()),
+        "outside": ", ".join(f"{sensor.view.shown[name].label} {limit}" for name, limit in row["outside"].items()),
     }
 
 
 def _tests(sensor: SensorChart, name: str, q: Mapping[str, Any]) -> dict[str, Any]:
-    scale, unit = change_scale(name, sensor.charted.sensitivity)
+    shown = sensor.view.shown[name]
+    scale, unit = shown.scale, shown.unit
     trend, step, spread = q["trend"], q["step"], q["homogeneity"]
     found = next(each for each in sensor.chart.quantities if each.name == name)
     rate = "-" if trend is None else f"{with_error(scale * trend['per_year'], scale * trend['stderr'])} {unit}"
     return {
-        "name": label(name),
+        "name": shown.label,
         "rate": rate,
         "p_trend": "-" if trend is None else probability(trend["p_adjusted"]),
         "p_walk": "-" if trend is None else probability(trend["p_walk"]),

@@ -15,13 +15,11 @@ from fitter.history.forecast import predict
 from fitter.quantiles import t_limit
 from procedures.pictures import grid, legend_below, png
 from rig.closed_loop.chart import DAYS, SensorChart
-from rig.closed_loop.chart_words import change_scale, label
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
 _COLOURS = {Between.SCATTER: "#4477aa", Between.WALK: "#b3460b"}
 _WORDS = {Between.SCATTER: "if calibrations scatter", Between.WALK: "if the sensor wanders"}
-_UNITS = {"deg": ("1e-4 deg", 1e4), "psi": ("1e-3 psi", 1e3)}
 
 
 def parameter_charts(sensor: SensorChart) -> str:
@@ -38,14 +36,14 @@ def parameter_charts(sensor: SensorChart) -> str:
 
 
 def _parameter(axis: Axes, q: QuantityChart, sensor: SensorChart) -> None:
-    scale, unit = change_scale(q.name, sensor.charted.sensitivity)
+    how = sensor.view.shown[q.name]
     series = q.series
     start, when = float(series.values[0]), np.array([_day(one.when) for one in sensor.given])
 
     def shown(values: Array | float) -> Any:
-        return scale * (np.asarray(values) - start)
+        return how.scale * (np.asarray(values) - start)
 
-    bars = t_limit(0.95, series.df) * scale * np.sqrt(series.variance)
+    bars = t_limit(0.95, series.df) * how.scale * np.sqrt(series.variance)
     axis.errorbar(when, shown(series.values), bars, fmt="o", color="0.15", markersize=4, capsize=2, label="calibration")
     if q.limits is not None:
         axis.axhline(shown(q.limits.centre), color="0.55", linewidth=0.8, label="centre")
@@ -58,7 +56,7 @@ def _parameter(axis: Axes, q: QuantityChart, sensor: SensorChart) -> None:
             axis.plot(when[out], shown(series.values[out]), "o", color="#c00", ms=6)
     if sensor.chart.bound is not None:
         _forecast(axis, q, sensor, shown)
-    axis.set_title(f"{label(q.name)}, change since {sensor.given[0].date} / {unit}", fontsize=9)
+    axis.set_title(f"{how.label}, change since {sensor.given[0].date} / {how.unit}", fontsize=9)
     axis.grid(color="0.92", linewidth=0.6)
 
 
@@ -99,7 +97,7 @@ def error_chart(sensor: SensorChart) -> str:
     bound = sensor.chart.bound
     assert bound is not None
     figure, (axis,) = grid(1, columns=1, height=3.0, width=7.0)
-    unit, scale = _UNITS.get(sensor.unit, (sensor.unit, 1.0))
+    unit, scale = sensor.view.drawn
     shown = bound.years <= _reach(sensor) + 1e-9
     for kind, values in bound.bounds.items():
         later = _later(sensor, bound.years[shown])

@@ -1,0 +1,144 @@
+"""Control charts of attitude sensors: offset, sensitivity, and how the sensitive axis turns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from fitter.errors import FitError
+from fitter.quantiles import t_limit
+from procedures.attitude.evaluate import with_temperature
+from procedures.attitude.history import AttitudeCharted, Calibrated, attitude_charted, calibrated
+from procedures.attitude.history_of_files import calibrated_from
+from procedures.attitude.infer.calibrate import OFFSET, SENSITIVITY
+from procedures.attitude.table import attitude_data
+from procedures.charting import Calibrations, Shown, View
+from procedures.errors import DataError
+from procedures.table import Table
+
+_NO_ROLL = "attitude-no-roll"
+_PITCHES, _ROLLS = 5, 12
+"""Attitudes that the error of the output is bounded at: its extremes lie on this grid or close by."""
+_TURNED_DEG = 45.0
+"""Between the sensitive axes of one sensor: no misalignment is as large, a remounted or exchanged sensor is."""
+
+
+class AttitudeCharting:
+    """See `procedures.charting.Charting`."""
+
+    at_one_temperature = True
+
+    def of_table(self, table: Table, formula: str | None) -> Calibrations:
+        """See `Charting`."""
+        if formula is not None:
+            raise DataError(
+                f"{table.source} holds a pitch-roll calibration, whose model is its geometry; --formula is for whole "
+                f"plots"
+            )
+        data, warm = attitude_data(table), with_temperature(table, None)
+        try:
+            sensors = {name: calibrated(data, name, temperature=warm) for name in data.sensors}
+        except FitError as error:
+            raise DataError(f"{table.source}: {error}") from error
+        degC = table.columns.get("sensor_temperature_degC")
+        return Calibrations(
+            sensors=sensors,
+            effects=dict.fromkeys(sensors, (OFFSET, SENSITIVITY) if warm else ()),
+            simulated=table.simulated,
+            provenance=table.provenance,
+            degC=None if degC is None else float(np.mean(degC)),
+            corrected=_corrected(sensors),
+        )
+
+    def of_file(self, content: Mapping[str, Any], source: str) -> Calibrations:
+        """See `Charting`."""
+        sensors, kept = calibrated_from(content), content["calibration"]
+        degC = kept["reference_degC"]
+        return Calibrations(
+            sensors=sensors,
+            effects={one["name"]: tuple(term["effect"] for term in one["terms"]) for one in kept["sensors"]},
+            simulated=bool(content["data"]["simulated"]),
+            provenance=content["data"],
+            degC=None if degC is None else float(degC),
+            corrected=_corrected(sensors),
+        )
+
+    def model(self, sensor: Calibrated) -> str:
+        """See `Charting`."""
+        return sensor.model
+
+    def apart(self, first: Calibrated, later: Calibrated, between: str) -> str:
+        """Where the sensitive axis was turned by more than any misalignment."""
+        a, b = first.coefficients[1:], later.coefficients[1:]
+        turned = np.degrees(np.arccos(np.clip(a @ b / (np.linalg.norm(a) * np.linalg.norm(b)), -1.0, 1.0)))
+        if turned <= _TURNED_DEG:
+            return ""
+        return (
+            f"its sensitive axis was turned by {turned:.0f} deg {between}: it was mounted otherwise, or is another "
+            f"sensor; chart them apart"
+        )
+
+    def same(self, first: Calibrated, later: Calibrated) -> bool:
+        """By their coefficients."""
+        return np.array_equal(first.coefficients, later.coefficients)
+
+    def at(self, sensor: Calibrated, degC: float) -> Calibrated:
+        """See `Charting`."""
+        return sensor.at(degC)
+
+    def view(self, every: Sequence[Calibrated], years: FloatArray, usage: float | None) -> View:
+        """Used within +- `usage` deg of pitch."""
+        charted, last = attitude_charted(every, years), every[-1]
+        (low, high), remarks = last.pitch_range_deg, []
+        used = (low, high) if usage is None else (-usage, usage)
+        if used[0] < low - 1e-9 or used[1] > high + 1e-9:
+            remarks.append(f"+-{usage:g} deg is more than was calibrated last ({low:g} to {high:g} deg)")
+        if not charted.replicated:
+            remarks.append(
+                "no calibration has two replications that can be fitted alone; errors within calibrations are those of "
+                "the residuals, and too small if anything drifted during one"
+            )
+        rolls = np.arange(_ROLLS) * (360.0 / _ROLLS) if last.model != _NO_ROLL else np.zeros(1)
+        pitch, roll = (angle.ravel() for angle in np.meshgrid(np.linspace(*used, _PITCHES), rolls))
+        rows = charted.output_rows(pitch, roll)
+        return View(
+            charted=charted,
+            shown=_shown(charted),
+            rows=rows,
+            model=last.model,
+            unit="deg",
+            drawn=("1e-4 deg", 1e4),
+            usage=used,
+            usage_words=f"pitch {used[0]:g} to {used[1]:g} deg",
+            interval=_interval_deg(last, charted, rows),
+            remarks=remarks,
+        )
+
+
+CHARTING = AttitudeCharting()
+
+
+def _corrected(sensors: Mapping[str, Calibrated]) -> bool:
+    return all(sensor.warmth is not None for sensor in sensors.values())
+
+
+def _shown(charted: AttitudeCharted) -> dict[str, Shown]:
+    known = {
+        "b_V": Shown("offset", 1e6, "uV"),
+        "S_V": Shown("sensitivity", 1e6 / charted.sensitivity, "ppm"),
+        "Omega_cos_A_deg": Shown("Omega cos A", 1.0, "deg"),
+        "Omega_sin_A_deg": Shown("Omega sin A", 1.0, "deg"),
+        "phi_deg": Shown("misalignment phi", 1.0, "deg"),
+    }
+    return {name: known[name] for name in charted.names}
+
+
+def _interval_deg(last: Calibrated, charted: AttitudeCharted, rows: FloatArray) -> float:
+    """Half-width of the 95 % prediction interval of one reading by the last calibration, at its widest (eq. 73)."""
+    rows = rows @ charted.directions
+    widest = float(np.einsum("hk,kl,hl->h", rows, last.shape, rows).max())
+    one = np.degrees(1.0 / charted.sensitivity) ** 2
+    return t_limit(0.95, last.df_sigma) * last.sigma_V * float(np.sqrt(one + widest))
