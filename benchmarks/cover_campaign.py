@@ -40,7 +40,7 @@ def kept(effects, design, seed):
     """(named, in the interval as named, in the one that covers all) for S and b of one run."""
     with tempfile.TemporaryDirectory() as folder:
         table = run_table(first_run(effects, SENSOR, seed, Path(folder), design))
-        result = fit_table(table, traced=True)
+        result = fit_table(table, traced=True).to_json()
     one = result["kept"].get("x_V", {"effects": (), "parameters": result["sensors"]["x_V"]["parameters"]})
     out = []
     for name, truth in (("S_V", S_V), ("b_V", OFFSET_V)):

@@ -22,6 +22,8 @@ from pathlib import Path
 from time import process_time
 from typing import Any
 
+from rig.tables import FileSource
+
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
@@ -149,7 +151,7 @@ def real(folder: Path, only: str) -> None:
             continue
         told = {key: tuple(v) if isinstance(v, list) else v for key, v in entry.items() if key not in ("file", "sigma")}
         began = process_time()
-        traced = trace_general_table(folder / entry["file"], Roles(**told))
+        traced = trace_general_table(FileSource(folder / entry["file"]).read, Roles(**told))
         trace, took = traced.trace, process_time() - began
         before, after = trace.before, trace.after
         print(

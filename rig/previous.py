@@ -19,7 +19,7 @@ from procedures.attitude.model import attitude_columns, mounting_matrix
 from procedures.general.infer.curve import CurveCalibration
 from procedures.pressure.fit.calibration import PressureCalibration
 from rig.errors import UsageError
-from rig.inference.calibration_file import Calibration, calibration_of, read_calibration
+from rig.inference.calibration_file import calibration_of, read_calibration
 from rig.quantities import PITCH, PRESSURE, ROLL, SENSOR, SSE
 from rig.regular import read_regular_text
 
@@ -101,11 +101,11 @@ def parse_previous(text: str, where: str) -> Previous:
         raise UsageError(f"{where}: the previous calibration in it cannot be read: {error}") from error
 
 
-def _of_a_bench(calibration: Calibration) -> AttitudeCalibration | Mapping[str, PressureCalibration]:
+def _of_a_bench(calibration: Any) -> AttitudeCalibration | Mapping[str, PressureCalibration]:
     """A calibration that a run can be compared with. Raises `FitError` for one of a table of any kind."""
     if isinstance(calibration, CurveCalibration):
         raise FitError("it is of a table of any kind, which says nothing of what a bench's sensors should read")
-    return calibration
+    return calibration  # type: ignore[no-any-return]
 
 
 def _content(path: Path) -> Any:
@@ -117,7 +117,7 @@ def _fitted(path: Path) -> dict[str, Any]:
     from rig.closed_loop import fit_table  # noqa: PLC0415
     from rig.tables import read_table  # noqa: PLC0415
 
-    return fit_table(read_table(path))
+    return fit_table(read_table(path)).to_json()
 
 
 def _attitude(calibration: AttitudeCalibration, columns: Columns, mounting: Mapping[str, float]) -> dict[str, Expected]:

@@ -17,10 +17,10 @@ from hostile import Material, command, damaged, edited, mutated, words
 from fitter.arithmetic_text import FormulaError
 from fitter.effects.own import own_effects
 from fitter.formula import Formula
+from procedures.kind import kinds
 from rig.config import parse_bench, parse_procedure
 from rig.contract_files import with_contracts
 from rig.controller import opened
-from rig.effects import GRAMMARS
 from rig.examples import example
 from rig.plans import plan_of
 from rig.plugins import installed
@@ -165,7 +165,7 @@ def formula(rng: random.Random, _: Material) -> Acts:
 
     def effects() -> None:
         with contextlib.suppress(ValueError):
-            own_effects(written, GRAMMARS)
+            own_effects(written, [one.own_effects for one in kinds().values() if one.own_effects])
 
     yield effects if rng.random() < 0.25 else parse
 

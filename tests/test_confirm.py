@@ -21,7 +21,7 @@ from procedures.attitude.table import attitude_data
 from procedures.further_runs import Variation, possible
 from rig.closed_loop.confirm.answers import judge
 from rig.closed_loop.confirm.first import open_traced
-from rig.closed_loop.confirm.plans import plan_for, ways
+from rig.closed_loop.confirm.plans import plan_for
 from rig.closed_loop.confirm.proposals import Inseparable, Proposal, consider, otherwise, propose
 from rig.config import parse_procedure, parse_toml
 from rig.controller import resume_run, start_run
@@ -171,7 +171,9 @@ def test_what_is_predicted_of_a_run_is_what_it_does(opened) -> None:
     first, proposal, later = opened
     assert (
         separation(
-            ways(first, proposal.variation, proposal.variation.procedure.expand()),
+            first.confirming.ways(
+                proposal.variation, proposal.variation.procedure.expand(), first.questions, first.later_s
+            ),
             first.questions,
         )
         == proposal.separations
@@ -192,7 +194,7 @@ def test_a_reading_that_went_wrong_does_not_decide(opened) -> None:
     wrong = data.outputs["x_V"].copy()
     wrong[7] += 300 * 17e-6
     for values, aside in ((data.outputs["x_V"], ()), (wrong, (7,))):
-        both = first.beside(replace(data, outputs={"x_V": values}), first.later_s)
+        both = first.confirming.beside(replace(data, outputs={"x_V": values}), first.later_s)
         answer = confirm(both, first.questions[0])
         assert answer.verdict == "confirmed"
         assert answer.outliers == aside
@@ -209,7 +211,7 @@ def test_effects_are_judged_beside_what_holds_of_the_others(tmp_path: Path) -> N
     every = possible(further_runs(first.procedure, first.bench.limits, chamber=True), first.bench.limits)
     variation = next(v for v in every if v.what.endswith("turned half a turn about its own x axis"))
     later = run(plan_for(first, variation, dry=True), tmp_path, world_start_s=first.world_s + first.later_s)
-    both = first.beside(attitude_data(run_table(later)), first.later_s)
+    both = first.confirming.beside(attitude_data(run_table(later)), first.later_s)
     judged = confirm_all(both, (wrong, replace(cube, rest=head.terms)))
     assert judged.answers[0].verdict == "replaced"
     error = judged.errors["x_V"]
@@ -222,7 +224,7 @@ def test_a_run_that_cannot_show_an_effect_does_not_confirm_it(tmp_path: Path, op
     plan = plan_for(first, proposal.variation, dry=True, world=toml_text({"seed": 6}))
     without = run(plan, tmp_path, world_start_s=first.world_s + first.later_s)
     for data in (attitude_data(run_table(later)).take(np.arange(2)), attitude_data(run_table(without))):
-        judged = confirm_all(first.beside(data, first.later_s), first.questions)
+        judged = confirm_all(first.confirming.beside(data, first.later_s), first.questions)
         assert judged.answers[0].verdict in ("not shown", "none holds", "undecided")
 
 

@@ -18,9 +18,12 @@ from whole_plot_truth import Bench, Run, Transducer, simulate
 from fitter.confirm.judge import confirm, confirm_all
 from fitter.confirm.predict import NOTHING, separation
 from fitter.confirm.question import questions_of
+from procedures.pressure.options import FitOptions
 from procedures.pressure.together import WholePlotTogether
 from procedures.pressure.trace.run import trace_whole_plots
-from rig.closed_loop.confirm.calibration import confirmed_by, fit_whole_plots_confirmed
+from rig.closed_loop.confirm.answers import judge
+from rig.closed_loop.confirm.calibration import with_confirmed
+from rig.closed_loop.confirm.first import open_traced
 from rig.closed_loop.confirm.proposals import otherwise
 
 CUBIC = 6e-3
@@ -114,22 +117,25 @@ def test_a_calibration_takes_what_was_confirmed_and_says_by_which_run(followed) 
 
 def test_what_is_not_confirmed_adds_nothing_to_a_calibration(followed) -> None:
     """As above, had no member of any class predicted the later run."""
-    opened, confirmed = confirmed_by(followed[0], Path(followed[1]["run"]), MODEL)
+    opened = open_traced(Path(followed[0]), formula=MODEL)
+    confirmed = judge(opened, Path(followed[1]["run"]))
     answers = tuple(
         replace(answer, members=tuple(replace(member, p_changed=0.0, fits=False) for member in answer.members))
         for answer in confirmed.answers
     )
     assert {answer.verdict for answer in answers} == {"none holds"}
     judged = replace(confirmed.judged, answers=answers)
-    fitted, record = fit_whole_plots_confirmed(opened, replace(confirmed, judged=judged), MODEL, {})
+    result = with_confirmed(opened, replace(confirmed, judged=judged), FitOptions(formula=MODEL)).to_json()
+    record = result["confirmed_by"]
     assert all(effect["terms"] == [] and "nothing was added" in effect["used"] for effect in record["effects"])
-    coefficients = fitted.to_json()["sensors"]["bridge_1_mV"]["coefficients"]
+    coefficients = result["sensors"]["bridge_1_mV"]["coefficients"]
     assert set(coefficients) == {"1", "P", "T_sensor", "T_SSE"}
 
 
 def test_the_terms_of_what_is_confirmed_are_added(followed) -> None:
     """As above, had one of the effects held alone."""
-    opened, confirmed = confirmed_by(followed[0], Path(followed[1]["run"]), MODEL)
+    opened = open_traced(Path(followed[0]), formula=MODEL)
+    confirmed = judge(opened, Path(followed[1]["run"]))
     answers = list(confirmed.answers)
     formulas = {
         (k, member.effect): {candidate.term.formula for candidate in member.terms}
@@ -143,10 +149,11 @@ def test_the_terms_of_what_is_confirmed_are_added(followed) -> None:
     held = replace(best, sigmas=0.0, p_changed=0.5, fits=True, shown=20.0, intervals_together=ends)
     answers[at] = replace(answers[at], members=(held,))
     judged = replace(confirmed.judged, answers=tuple(answers))
-    fitted, record = fit_whole_plots_confirmed(opened, replace(confirmed, judged=judged), MODEL, {})
+    result = with_confirmed(opened, replace(confirmed, judged=judged), FitOptions(formula=MODEL)).to_json()
+    record = result["confirmed_by"]
     assert set(record["effects"][at]["terms"]) == terms
     assert f"the calibration has {effect} alone" in record["effects"][at]["used"]
-    assert terms <= set(fitted.to_json()["sensors"]["bridge_1_mV"]["coefficients"])
+    assert terms <= set(result["sensors"]["bridge_1_mV"]["coefficients"])
 
 
 @pytest.mark.parametrize(("other", "said"), [("thermal-lag", True), (NOTHING, False)])

@@ -148,7 +148,7 @@ def test_calibration_files_stand_for_their_runs(runs, charted, tmp_path):
         files.append(run)
         if number % 2 == 0:  # any mixture will do
             files[-1] = str(tmp_path / f"{number}.json")
-            (tmp_path / f"{number}.json").write_text(json.dumps(fit_table(run_table(Path(run))).to_json()))
+            (tmp_path / f"{number}.json").write_text(json.dumps(fit_table(run_table(Path(run))).to_json().to_json()))
     found = chart_calibrations(read_all(files), TODAY, sensors=["x_V"], tolerance=1e-3, usage_deg=30)
     mine, theirs = (c.to_json()["sensors"]["x_V"] for c in (found, charted))
     for name in ("b_V", "S_V"):

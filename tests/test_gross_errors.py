@@ -20,7 +20,7 @@ from procedures.general.gross import of_table
 from procedures.general.roles import Roles, read_roles
 from procedures.pressure.fit.models import named_formula
 from procedures.pressure.gross import of_whole_plots
-from rig.tables import write_csv
+from rig.tables import FileSource, write_csv
 
 FULL = named_formula("full", ())
 
@@ -258,6 +258,6 @@ def test_rows_are_those_of_the_file_where_lines_are_blank(tmp_path, more, end):
     without = json.loads(rig(*fit, "--leave-out", line).stdout)
     assert without["gross_errors"]["rows"] == []
     assert without["data"]["rows_left_out"] == without["calibration"]["rows_left_out"] == [line]
-    assert read_roles(path, Roles("y", "1 + x"))[1].numbers.tolist()[8] == line
+    assert read_roles(FileSource(path).read, Roles("y", "1 + x"))[1].numbers.tolist()[8] == line
     refused = rig(*fit, "--leave-out", "5")
     assert (refused.returncode, "rows 2 to 17, but for blank lines" in refused.stderr) == (2, True)

@@ -15,6 +15,7 @@ from fitter.split_plot.design import fit_split_plot
 from procedures.general.fit import fit_general
 from procedures.general.history import curve_charted
 from procedures.general.infer.curve import CurveCalibration, infer_curve
+from rig.tables import FileSource
 
 THERMOMETER = "temp,read\n96,95.71\n98,98.16\n100,99.52\n102,102.09\n104,103.79\n106,106.18\n108,108.14\n110,110.21\n"
 """Graybill and Iyer, Regression Analysis (1994), p. 431: a thermometer read at known temperatures."""
@@ -138,7 +139,7 @@ def test_whole_plots_are_in_the_interval(tmp_path):
     y = 1.0 + 5.0 * x + rng.normal(0, 0.3, 10)[plots] + rng.normal(0, 0.1, 40)
     lines = [f"{p},{v},{w}" for p, v, w in zip(plots, x, y.tolist(), strict=True)]
     (tmp_path / "t.csv").write_text("\n".join(["plot,x,y", *lines]) + "\n")
-    kept = fit_general(tmp_path / "t.csv", "y", "1 + x", ["plot"])["calibration"]
+    kept = fit_general(FileSource(tmp_path / "t.csv").read, "y", "1 + x", ["plot"])["calibration"]
     found = infer_curve(CurveCalibration.from_dict(json.loads(json.dumps(kept))), np.array([6.0]))
     fit = fit_split_plot(np.column_stack([np.ones(40), x]), y, plots, ("1", "x"))
     ends = np.column_stack([np.ones(2), [found.lo95[0], found.hi95[0]]])
@@ -281,7 +282,9 @@ def test_an_answer_does_not_depend_on_where_the_abscissa_starts(tmp_path, plots)
     """Years, hPa and kelvin lie far from zero for their width: the answer less the offset is that of offset 0."""
     found = {}
     for offset in (0, 100, 150, 2026, 5000):
-        kept = fit_general(_offset_table(tmp_path, offset, plots), "y", "1 + x + x^2", plots)["calibration"]
+        kept = fit_general(FileSource(_offset_table(tmp_path, offset, plots)).read, "y", "1 + x + x^2", plots)[
+            "calibration"
+        ]
         answer = infer_curve(CurveCalibration.from_dict(json.loads(json.dumps(kept))), np.array([2.6, 3.5]))
         assert list(answer.flag) == ["", ""]
         found[offset] = [answer.value - offset, answer.sd, answer.lo95 - offset, answer.hi95 - offset]
@@ -294,7 +297,9 @@ def test_a_chart_does_not_depend_on_where_the_abscissa_starts(tmp_path, plots):
     """The errors of the charted values and of a reading are those of offset 0; where digits are too few, refused."""
 
     def charted(offset, **change):
-        kept = fit_general(_offset_table(tmp_path, offset, plots), "y", "1 + x + x^2", plots)["calibration"]
+        kept = fit_general(FileSource(_offset_table(tmp_path, offset, plots)).read, "y", "1 + x + x^2", plots)[
+            "calibration"
+        ]
         return curve_charted([replace(CurveCalibration.from_dict(kept), **change)] * 3, np.arange(3.0))
 
     first, far = charted(0), charted(2026)
@@ -333,7 +338,7 @@ def test_scatter_that_grows_is_said_where_intervals_assume_one(tmp_path, plots):
         y = 2 + 3 * x + rng.normal(0, 0.05, 120) * (1 + grows * x) + rng.normal(0, 0.1, 10)[plot] * len(plots)
         rows = [f"{p},{a!r},{b!r}" for p, a, b in zip(plot, x.tolist(), y.tolist(), strict=True)]
         (tmp_path / "t.csv").write_text("\n".join(["plot,x,y", *rows]) + "\n")
-        return fit_general(tmp_path / "t.csv", "y", "1 + x", plots)
+        return fit_general(FileSource(tmp_path / "t.csv").read, "y", "1 + x", plots)
 
     result = fit(4, 1.0)
     (note,) = [each for each in result["notes"] if "scatter" in each]

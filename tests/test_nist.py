@@ -19,6 +19,7 @@ from fitter.formula import Formula
 from fitter.linear import CONDITION, Triangle, least_squares
 from fitter.refine import refine
 from procedures.general.fit import fit_general
+from rig.tables import FileSource
 
 EVERY = pytest.mark.parametrize("problem", PROBLEMS.values(), ids=PROBLEMS.keys())
 
@@ -83,7 +84,7 @@ def test_a_fit_has_the_certified_digits(problem):
 @EVERY
 def test_so_has_the_users_fit_of_a_table(problem, tmp_path):
     path = problem.write_csv(tmp_path / "table.csv")
-    found = fit_general(path, "y", problem.model)
+    found = fit_general(FileSource(path).read, "y", problem.model)
     values = found["coefficients"].values()
     estimates, errors = [v["estimate"] for v in values], [v["stderr"] for v in values]
     assert min(certain(problem, estimates, errors, found["sigma_E"])) >= 11.0

@@ -9,11 +9,16 @@ from whole_plot_truth import simulate as simulate_pressure
 
 from fitter.effects.entry import Largest
 from fitter.effects.own import own_effects
-from procedures.attitude.effects import CATALOGUE
+from procedures.attitude.effects import CATALOGUE, Effect
+from procedures.attitude.effects.own import GRAMMAR as OF_ATTITUDE
 from procedures.attitude.trace.run import trace
+from procedures.catalogue import with_own
+from procedures.errors import DataError
 from procedures.pressure.effects import PRESSURE_CATALOGUE
+from procedures.pressure.effects.own import GRAMMAR as OF_PRESSURE
+from procedures.pressure.effects.scene import PressureEffect
 from procedures.pressure.trace.run import trace_whole_plots
-from rig.effects import GRAMMARS, attitude_catalogue, pressure_catalogue
+from rig.effects import laboratory_effects
 from rig.errors import ConfigurationError
 
 DRAUGHT = """
@@ -27,6 +32,16 @@ columns = ["exp(cos(pitch))*sin(3*roll)"]
 separate_by = "close the door"
 usual_size = "1e-5 V"
 """
+
+GRAMMARS = (OF_ATTITUDE, OF_PRESSURE)
+
+
+def attitude_catalogue() -> tuple[Effect, ...]:
+    return with_own(CATALOGUE, laboratory_effects(), Effect)
+
+
+def pressure_catalogue() -> tuple[PressureEffect, ...]:
+    return with_own(PRESSURE_CATALOGUE, laboratory_effects(), PressureEffect)
 
 
 def test_what_a_laboratory_adds_is_found_by_its_name(tmp_path, monkeypatch):
@@ -71,7 +86,7 @@ def test_what_is_wrong_with_a_file_is_said(tmp_path, monkeypatch, change, says):
     file = tmp_path / "effects.toml"
     file.write_text(DRAUGHT.replace(*change))
     monkeypatch.setenv("RIG_EFFECTS", str(file))
-    with pytest.raises(ConfigurationError, match=says):
+    with pytest.raises((ConfigurationError, DataError), match=says):
         attitude_catalogue()
     assert own_effects(DRAUGHT, GRAMMARS)[0].name == "draught"
 

@@ -20,7 +20,7 @@ from procedures.numbers import with_error
 from procedures.table import Table
 from procedures.words import chance, incomplete, unnamed
 from rig.closed_loop import fit_table, trace_table
-from rig.report import report as render
+from rig.report.frame import render as rendered
 from rig.tables.observations import run_table
 
 SCRIPT = "<script>alert(1)</script>"
@@ -40,7 +40,7 @@ def traced(path) -> AttitudeTraced:
 
 @pytest.fixture(scope="module")
 def html(traced) -> str:
-    return render(traced)
+    return rendered(traced.page())
 
 
 def only_x(traced: AttitudeTraced) -> AttitudeTraced:
@@ -100,7 +100,7 @@ def test_a_run_that_is_not_complete_says_so_at_the_top(traced, html):
     table = traced.table
     assert "not complete" not in html
     part = replace(table, provenance={**table.provenance, "points_planned": 1950, "complete": False})
-    shown = render(replace(only_x(traced), table=part))
+    shown = rendered(replace(only_x(traced), table=part).page())
     headline = shown[shown.index("<h1>") : shown.index("What was found")]
     assert f"{len(table)} of 1950 points; the run is not complete" in headline
     assert incomplete({}) == ""
@@ -110,13 +110,13 @@ def test_a_run_that_is_not_complete_says_so_at_the_top(traced, html):
 
 def test_a_table_without_temperatures_makes_a_report_too(traced):
     data = replace(traced.data, sensor_temperature_degC=None)
-    shown = render(only_x(AttitudeTraced(traced.table, data, trace(data, validate=False))))
+    shown = rendered(only_x(AttitudeTraced(traced.table, data, trace(data, validate=False))).page())
     assert "residuals over sensor temperature" not in shown
     assert "residuals over pitch" in shown
 
 
 def test_parameters_before_are_those_of_the_fit(traced):
-    fitted = fit_table(traced.table)["sensors"]["x_V"]["parameters"]
+    fitted = fit_table(traced.table).to_json()["sensors"]["x_V"]["parameters"]
     assert [one.label for one in parameters(traced, "x_V")] == ["b / V", "S / (V/g)", "Omega / deg", "A / deg"]
     for parameter, value in zip(parameters(traced, "x_V"), fitted.values(), strict=False):
         assert parameter.before.stderr == value["stderr"]

@@ -17,6 +17,7 @@ from procedures.general.gross import of_table
 from procedures.general.roles import Roles
 from procedures.general.trace.robust import excess, scale
 from procedures.pressure.fit.models import named_formula
+from rig.tables import FileSource
 from rig.tables.csv_tables import write_csv
 
 SDS = (0.3, 0.5, 1.0)
@@ -88,7 +89,7 @@ def test_a_reading_that_is_off_still_stands_alone():
 def test_the_trace_of_a_rounded_table_finds_no_outliers(tmp_path, sd):
     rng = np.random.default_rng([int(10 * sd), 6])
     write_csv({"x": np.tile(np.arange(10.0), 6), "y": np.round(4.0 + sd * rng.standard_normal(60))}, tmp_path / "t.csv")
-    traced = trace_general_table(tmp_path / "t.csv", Roles("y", "1")).to_json()
+    traced = trace_general_table(FileSource(tmp_path / "t.csv").read, Roles("y", "1")).to_json()
     assert [e["effect"] for e in traced["sensors"]["y"]["effects"]] == []
 
 

@@ -23,13 +23,14 @@ from procedures.attitude.fit import fit_all
 from procedures.attitude.infer.calibrate import calibrate_package
 from procedures.attitude.infer.calibration import AttitudeCalibration
 from procedures.attitude.infer.infer import infer_attitude
+from procedures.attitude.options import FitOptions
 from procedures.attitude.trace.result import Trace
 from procedures.attitude.trace.run import trace
 from procedures.pressure.effects import PRESSURE_CATALOGUE
 from procedures.pressure.trace.run import trace_whole_plots
 from procedures.table import Table
 from rig.closed_loop.confirm.answers import Confirmed, evidence, judge, sentences
-from rig.closed_loop.confirm.calibration import fit_attitude_confirmed
+from rig.closed_loop.confirm.calibration import with_confirmed
 from rig.closed_loop.confirm.first import First, open_traced
 from rig.closed_loop.confirm.plans import plan_for
 from rig.closed_loop.confirm.proposals import consider, propose
@@ -223,7 +224,7 @@ class Followed:
         (answer,) = self.confirmed.answers
         other = replace(answer, members=members)
         judged = replace(self.confirmed.judged, answers=(other,))
-        return fit_attitude_confirmed(self.first, replace(self.confirmed, judged=judged))
+        return with_confirmed(self.first, replace(self.confirmed, judged=judged), FitOptions()).to_json()
 
 
 @pytest.fixture(scope="module")

@@ -11,12 +11,12 @@ from table_truth import MISSING, options, simulate
 from procedures.general import plots as general_plots
 from procedures.general.effects import effects_of
 from procedures.general.evaluate import GeneralTraced
-from procedures.general.page import general_report
 from procedures.general.roles import Roles, parts_played, roles_of
 from procedures.general.trace import family
 from procedures.general.trace.report import trace_general
 from procedures.table import Table
 from rig.errors import UsageError
+from rig.report.frame import render
 
 
 @pytest.fixture(autouse=True)
@@ -107,7 +107,7 @@ def test_a_drift_is_printed_with_its_centre():
     y = 1.0 + 2.0 * x + 4e-5 * t + 0.04 * rng.standard_normal(60)
     result, _ = traced({"t_s": t, "x": x, "y": y}, response="y", formula="1 + x")
     assert result.trace.added[0].terms == ("t_s - 3540",)
-    assert "drift:t_s: t_s - 3540" in general_report(result)
+    assert "drift:t_s: t_s - 3540" in render(result.page())
 
 
 def test_residuals_before_are_those_of_the_declared_model():

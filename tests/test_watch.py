@@ -413,7 +413,7 @@ def test_residuals_of_the_declared_model_of_a_calibration_and_of_an_earlier_run(
         assert mine["rms"] == pytest.approx(other["rms"], rel=1e-6)
         assert mine["rms"] < 200
     calibration = tmp_path / "calibration.json"
-    calibration.write_text(json.dumps(fit_table(read_table(run))))
+    calibration.write_text(json.dumps(fit_table(read_table(run)).to_json()))
     again = news(first(app_of(run, reference=read_previous(calibration)), run.stem))["charts"]["residuals"]
     assert again["sensors"] == held["sensors"]
 

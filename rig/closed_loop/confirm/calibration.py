@@ -31,7 +31,11 @@ def fit_confirmed(run: Path, later: Path, options: Options) -> Fitted:
         raise UsageError("--confirmed-by takes two run files: tables do not say on which bench and when they were made")
     given = options.model_dump(exclude_unset=True)
     first = open_traced(run, **{name: given[name] for name in ("formula", "temperature") if name in given})
-    confirmed = judge(first, later)
+    return with_confirmed(first, judge(first, later), options)
+
+
+def with_confirmed(first: First, confirmed: Confirmed, options: Options) -> Fitted:
+    """The calibration of the first run with what is left of every effect; see `fit_confirmed`."""
     record = provenance(first, confirmed)
     fitted = first.confirming.calibrated(confirmed.answers, first.questions, record, options)
     for effect in record["effects"]:
