@@ -19,6 +19,7 @@ from typing import Any, Protocol
 
 from pydantic import BaseModel
 
+from fitter.arrays import FloatArray
 from fitter.effects.entry import Entry
 from fitter.effects.own import Grammar
 from fitter.errors import FitError
@@ -28,6 +29,7 @@ from procedures.charting import Charting
 from procedures.conduct import Conduct
 from procedures.confirming import Confirming
 from procedures.errors import DataError
+from procedures.expected import Columns, Expecting
 from procedures.further_runs import Limits, Variation
 from procedures.inference import Inference
 from procedures.precision import Precision
@@ -166,6 +168,26 @@ class Kind(Protocol):
 
     def charting(self) -> Charting:
         """Control charts of its sensors."""
+
+    def expecting(self, calibration: Any) -> Expecting:
+        """What a calibration, as `calibration_of` gives it, expects the sensors of a bench to read.
+
+        Raises:
+            FitError: it says nothing of a bench.
+
+        """
+
+    def model_columns(self, columns: Columns, declared: Mapping[str, Any]) -> FloatArray | None:
+        """What the outputs are combinations of in the declared model, for residuals of a run that is going on.
+
+        Args:
+            columns: quantities of n observations.
+            declared: `[model]` of the procedure.
+
+        Returns:
+            (n, k); None where the quantities are those of another kind of run.
+
+        """
 
     def unused(self, table: Table) -> Unused:
         """Columns of a table that fits and traces do not look at."""

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from fitter.arrays import FloatArray
 from fitter.effects.entry import Entry
 from fitter.effects.own import Grammar
 from procedures.acceptance import Verdict
@@ -16,6 +17,7 @@ from procedures.attitude.settings import PitchRollProcedure
 from procedures.charting import Charting
 from procedures.confirming import Confirming
 from procedures.errors import DataError
+from procedures.expected import Columns, Expecting
 from procedures.further_runs import Limits, Variation
 from procedures.inference import Inference
 from procedures.precision import Precision
@@ -125,6 +127,18 @@ class AttitudeKind:
         from procedures.attitude.charting import CHARTING  # noqa: PLC0415
 
         return CHARTING
+
+    def expecting(self, calibration: AttitudeCalibration) -> Expecting:
+        """See `Kind`."""
+        from procedures.attitude.expected import expected  # noqa: PLC0415
+
+        return partial(expected, calibration)
+
+    def model_columns(self, columns: Columns, declared: Mapping[str, Any]) -> FloatArray | None:
+        """See `Kind`."""
+        from procedures.attitude.expected import model_columns  # noqa: PLC0415
+
+        return model_columns(columns, temperature=bool(declared.get("temperature")))
 
     def unused(self, table: Table) -> Unused:
         """See `Kind`."""

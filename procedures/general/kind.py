@@ -12,6 +12,7 @@ from procedures.acceptance import Verdict
 from procedures.advice import Advice
 from procedures.charting import Charting
 from procedures.errors import DataError
+from procedures.expected import Columns, Expecting
 from procedures.further_runs import Limits, Variation
 from procedures.general.options import FitOptions, InferOptions, TraceOptions
 from procedures.inference import Inference
@@ -102,6 +103,13 @@ class GeneralKind:
         from procedures.general.charting import CHARTING  # noqa: PLC0415
 
         return CHARTING
+
+    def expecting(self, calibration: CurveCalibration) -> Expecting:
+        """A column of a table is no sensor of a bench."""
+        raise FitError("it is of a table of any kind, which says nothing of what a bench's sensors should read")
+
+    def model_columns(self, columns: Columns, declared: Mapping[str, Any]) -> None:
+        """Nothing of this kind is run on a bench."""
 
     def unused(self, table: Table) -> Unused:
         """Fits and traces say it themselves: it depends on the formula."""

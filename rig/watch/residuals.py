@@ -52,7 +52,7 @@ def residuals(
 def _fitted(
     seen: Sequence[Seen], outputs: Mapping[str, FloatArray], declared: Mapping[str, Any]
 ) -> tuple[dict[str, FloatArray], str]:
-    columns = model_columns(seen, temperature=bool(declared.get("temperature"))) if seen else None
+    columns = model_columns(seen, declared) if seen else None
     if columns is None:
         return {}, "" if seen else "nothing has been observed yet"
     columns = columns / np.maximum(np.abs(columns).max(axis=0), 1e-300)

@@ -1,0 +1,51 @@
+"""What attitude sensors should read on a bench: by an earlier calibration, or as the declared model has it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from fitter.arrays import FloatArray
+from procedures.attitude.infer.calibration import AttitudeCalibration
+from procedures.attitude.model import attitude_columns, mounting_matrix
+from procedures.expected import Columns, Expected
+
+PITCH, ROLL, SENSOR = "pitch_deg", "roll_deg", "sensor_temperature_degC"
+_TO_GRAVITY = np.array([1.0, -1.0, -1.0])
+
+
+def expected(calibration: AttitudeCalibration, columns: Columns, mounting: Mapping[str, float]) -> dict[str, Expected]:
+    """See `procedures.expected.Expecting`."""
+    if PITCH not in columns or ROLL not in columns:
+        return {}
+    g = attitude_columns(columns[PITCH], columns[ROLL])[:, 1:] * _TO_GRAVITY
+    turns = [float(mounting.get(f"{axis}_deg", 0.0)) for axis in "xyz"]
+    if any(turns):
+        g = g @ mounting_matrix(*turns).T
+    warmth = np.zeros(len(g))
+    if calibration.reference_degC is not None:
+        warmth = columns.get(SENSOR, np.full(len(g), np.nan)) - calibration.reference_degC
+    found, first = {}, 0
+    for sensor, sigma in zip(calibration.sensors, calibration.sigma_V, strict=True):
+        rows, k = sensor.rows(g.T, warmth), sensor.coefficients.size
+        block = calibration.use_covariance[first : first + k, first : first + k]
+        first += k
+        shared = np.sqrt(np.maximum(np.einsum("kn,kl,ln->n", rows, block, rows), 0.0))
+        df = sensor.df if calibration.drift is None else calibration.drift.df
+        found[sensor.name] = Expected(sensor.coefficients @ rows, np.full(len(g), sigma), shared, df, k)
+    return found
+
+
+def model_columns(columns: Columns, *, temperature: bool) -> FloatArray | None:
+    """(n, k) columns of the declared model; None where pitch and roll are not known.
+
+    A turned mounting changes the coefficients, not what the columns span, so residuals need not know of it. With
+    `temperature` offset and sensitivity follow the sensors' temperature: every column stands once more, times it.
+    """
+    if PITCH not in columns or ROLL not in columns:
+        return None
+    found = attitude_columns(columns[PITCH], columns[ROLL])
+    if temperature and SENSOR in columns:
+        found = np.column_stack([found, found * (columns[SENSOR] - np.nanmean(columns[SENSOR]))[:, None]])
+    return found
