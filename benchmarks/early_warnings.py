@@ -21,7 +21,7 @@ from rig.controller import start_run
 from rig.engine.early_warning import EarlyWarnings, Warned
 from rig.engine.session import Signals
 from rig.examples import example
-from rig.plans import load_plan
+from rig.plans import load_plan, plan_of
 from rig.previous import Previous, read_previous
 from rig.run_file.reader import RunReader
 
@@ -65,12 +65,13 @@ class Night:
     def __init__(self, path: Path) -> None:
         with RunReader.open(path) as reader:
             self.run_list = reader.run_list()
+            self.conduct = plan_of(reader.documents(), dry=True, stored=True).procedure.conduct
             observed = list(reader.records("observation"))
         self.records = [(r.run_index or 0, r.whole_plot, r.elapsed_s, r.body) for r in observed]
 
     def feed(self, spoil: Spoil | None, previous: Previous | None) -> Iterator[tuple[int, Warned]]:
         """Warnings, each with the number of the observation that gave it."""
-        warnings = EarlyWarnings(self.run_list, previous, {})
+        warnings = EarlyWarnings(self.run_list, previous, self.conduct)
         for number, (index, whole_plot, elapsed_s, text) in enumerate(self.records):
             body = json.loads(text)
             if spoil is not None:
@@ -185,7 +186,7 @@ def synthetic(runs: int, seed: int) -> None:
     plan = load_plan(example("attitude-lab") / "procedure.toml", example("attitude-lab") / "bench.toml", dry=True)
     rng, wolf = random.Random(seed), 0
     for _ in range(runs):
-        warnings = EarlyWarnings(plan.run_list, None, {})
+        warnings = EarlyWarnings(plan.run_list, None, plan.procedure.conduct)
         found: list[Warned] = []
         for point in plan.run_list.points:
             outputs: dict[str, Body] = {}

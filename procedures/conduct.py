@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Self
 
@@ -86,6 +86,9 @@ class Conduct:
         output_unit: in which the sensors' outputs are recorded; "" for any.
         sensor_axes: whether every sensor has a nominal axis, or none may have one; None where it does not matter.
         package_temperature: whether the declared model needs a temperature in the package.
+        response: columns of a simple model of every output, from what was set or read by name; early warnings hold
+            outputs against it. None where nothing is known of them.
+        least_jump: part of an output's span that it may be off by without a warning.
 
     """
 
@@ -104,3 +107,5 @@ class Conduct:
     output_unit: str = ""
     sensor_axes: bool | None = None
     package_temperature: bool = False
+    response: Callable[[Mapping[str, float]], tuple[float, ...]] | None = None
+    least_jump: float = 0.05

@@ -24,14 +24,15 @@ from rig.run_file.reader import RunReader
 
 LAB = example("attitude-lab")
 
-NIGHT = PitchRollProcedure.model_validate(
+PROCEDURE_OF_NIGHT = PitchRollProcedure.model_validate(
     {
         "kind": "pitch-roll",
         "name": "night",
         "replications": 4,
         "design": {"type": "D1", "pitch_max_deg": 30, "pitch_count": 7, "roll_count": 9},
     }
-).expand()
+)
+NIGHT, CONDUCT = PROCEDURE_OF_NIGHT.expand(), PROCEDURE_OF_NIGHT.conduct
 
 
 def say(value: float) -> str:
@@ -52,7 +53,7 @@ def body(point, rng, *, sd=50e-6, spoil=lambda readings: readings):
 
 def told(since, spoil, *, seed=3, sd=50e-6):
     """(points after `since`, warning) of a night in which something goes wrong."""
-    rng, warnings, found = random.Random(seed), EarlyWarnings(NIGHT, None, {}), []
+    rng, warnings, found = random.Random(seed), EarlyWarnings(NIGHT, None, CONDUCT), []
     for i, point in enumerate(NIGHT.points):
         wrong = spoil(point) if i >= since else (lambda readings: readings)
         found += [(i - since + 1, w) for w in warnings.add(point, None, body(point, rng, sd=sd, spoil=wrong))]
@@ -116,7 +117,7 @@ def test_a_sensor_that_never_lived_is_told_as_soon_as_the_settings_have_moved():
 
 @pytest.mark.parametrize(("step", "told_of"), [(0.001, True), (0.1, False)])
 def test_a_thermometer_that_hangs_is_told_unless_it_is_so_coarse_that_nobody_can_know(step, told_of):
-    rng, warnings, found = random.Random(5), EarlyWarnings(NIGHT, None, {}), []
+    rng, warnings, found = random.Random(5), EarlyWarnings(NIGHT, None, CONDUCT), []
     for i, point in enumerate(NIGHT.points):
         given = body(point, rng)
         true = 23.0 + 0.3 * math.sin(i / 60.0)

@@ -5,8 +5,9 @@ Field by field this is also the reference of the file format: `docs/files.md` is
 
 from __future__ import annotations
 
+import math
 import random
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
@@ -192,6 +193,12 @@ class AcceptanceSettings(Strict):
     sigma_E_deg: Positive | None = Field(None, description="largest standard error of the fit")
 
 
+def gravity(given: Mapping[str, float]) -> tuple[float, ...]:
+    """One, and gravity along the package's axes, at "pitch_deg" and "roll_deg"."""
+    pitch, roll = math.radians(given["pitch_deg"]), math.radians(given["roll_deg"])
+    return (1.0, math.sin(pitch), math.cos(pitch) * math.sin(roll), math.cos(pitch) * math.cos(roll))
+
+
 class PitchRollProcedure(Strict):
     """A whole `procedure.toml` of kind pitch-roll."""
 
@@ -241,6 +248,8 @@ class PitchRollProcedure(Strict):
             output_unit="V",
             sensor_axes=True,
             package_temperature=self.model.temperature,
+            response=gravity,
+            least_jump=0.02,
         )
 
     def expand(self) -> RunList:

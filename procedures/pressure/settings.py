@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import random
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
@@ -183,6 +183,12 @@ class WholePlotAcceptance(Strict):
     at_psia: Pressure = Field(0.12, description="at this pressure")
 
 
+def square_of_pressure(given: Mapping[str, float]) -> tuple[float, ...]:
+    """One, pressure and its square; offsets differ between temperatures."""
+    psia = given[PRESSURE]
+    return (1.0, psia, psia**2)
+
+
 class WholePlotProcedure(Strict):
     """A whole `procedure.toml` of kind whole-plot."""
 
@@ -255,6 +261,7 @@ class WholePlotProcedure(Strict):
             hold_max_s=recovery.hold_max_s,
             output_unit="mV",
             sensor_axes=False,
+            response=square_of_pressure,
             whole_plots=WholePlotConduct(
                 soak=self.soak, continue_gap_s=recovery.continue_gap_s, repeats=recovery.whole_plot_repeats
             ),

@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from procedures.conduct import Conduct
 from procedures.run_list import Point, RunList
 from rig.engine.response_test import ResponseTest, Row
 from rig.engine.warning_tests import ALARM, NoiseTest, Number, PreviousTest, RepeatTest, StillTest
-from rig.quantities import PITCH, PRESSURE, ROLL
 from rig.run_file.chain import Record
 from rig.run_file.events.bench import Warned
 from rig.run_file.reader import RunReader
@@ -48,19 +48,17 @@ class EarlyWarnings:
     Args:
         run_list: every point.
         previous: the last calibration, if the procedure names one.
-        mounting: how the package is turned.
+        conduct: how the package is turned, and what is known of the outputs.
 
     """
 
-    def __init__(self, run_list: RunList, previous: Previous | None, mounting: Mapping[str, float]) -> None:
-        self._run_list, self._previous, self._mounting = run_list, previous, mounting
+    def __init__(self, run_list: RunList, previous: Previous | None, conduct: Conduct) -> None:
+        self._run_list, self._previous, self._conduct = run_list, previous, conduct
         self._told: set[tuple[str, str]] = set()
         self._broken = False
         self._outputs: dict[str, _Output] = {}
         self._thermometers: dict[str, StillTest] = {}
         self._whole_plot: int | None = None
-        names = {f.name for f in run_list.factors}
-        self._kind = "attitude" if {PITCH, ROLL} <= names else "pressure" if PRESSURE in names else ""
         self._span = self._spans()
         per_replication = len(run_list) / max(1, run_list.points[-1].replication if run_list.points else 1)
         self._every = max(1, math.ceil(2 * per_replication / _SETTINGS))
@@ -83,7 +81,7 @@ class EarlyWarnings:
         began = whole_plot != self._whole_plot
         self._whole_plot = whole_plot
         row = self._row(read)
-        expected = {} if self._previous is None else self._previous.expected(given, self._mounting)
+        expected = {} if self._previous is None else self._previous.expected(given, self._conduct.mounting)
         found = []
         for name, channel in outputs.items():
             number = Number(float(channel["mean"]), float(channel["sd"]) ** 2, len(channel["readings"]))
@@ -134,8 +132,7 @@ class EarlyWarnings:
 
     def _new(self, name: str, outputs: int) -> _Output:
         points, say = len(self._run_list), partial(in_unit, name.rpartition("_")[2])
-        least_jump = 0.02 if self._kind == "attitude" else 0.05  # offsets differ between temperatures
-        response = None if self._span is None else ResponseTest(self._span, least_jump, say)
+        response = None if self._span is None else ResponseTest(self._span, self._conduct.least_jump, say)
         return _Output(
             NoiseTest(points, outputs, say),
             RepeatTest(points, outputs, say),
@@ -167,12 +164,7 @@ class EarlyWarnings:
         return given
 
     def _row(self, given: Mapping[str, float]) -> Row | None:
-        if self._kind == "attitude":
-            pitch, roll = math.radians(given[PITCH]), math.radians(given[ROLL])
-            return (1.0, math.sin(pitch), math.cos(pitch) * math.sin(roll), math.cos(pitch) * math.cos(roll))
-        if self._kind == "pressure":
-            return (1.0, given[PRESSURE], given[PRESSURE] ** 2)
-        return None
+        return None if self._conduct.response is None else self._conduct.response(given)
 
     def _spans(self) -> Row | None:
         """How far each column of the model reaches over the run list, of which many points tell enough."""

@@ -163,7 +163,7 @@ class Sequencer:
     def _early_warnings(self, run: RunWriter, state: RunState, previous: Previous | None) -> EarlyWarnings | None:
         if not self._conduct.warnings.enabled:
             return None
-        warnings = EarlyWarnings(self._run_list, previous, self._conduct.mounting)
+        warnings = EarlyWarnings(self._run_list, previous, self._conduct)
         if state.worked_s is not None:
             warnings.recall(run)
         return warnings
