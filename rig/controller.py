@@ -160,7 +160,8 @@ def start_run(
             raise BenchFault(str(error)) from error
         run_id = _new_id(plan.procedure.name)
         path = folder / f"{run_id}.sqlite"
-        about = {"dry": plan.dry, "software": versions(), "procedure": plan.procedure.name, "bench": plan.bench.name}
+        software = versions(one.driver for one in plan.bench.instruments.values())
+        about = {"dry": plan.dry, "software": software, "procedure": plan.procedure.name, "bench": plan.bench.name}
         about |= by.as_json()
         if world_start_s:
             about[WORLD_START] = world_start_s
@@ -310,7 +311,7 @@ def _session(
             "pid": os.getpid(),
             "host": platform.node(),
             "boot": boot,
-            "software": versions(),
+            "software": versions(one.driver for one in plan.bench.instruments.values()),
         },
         observer=observer or Nobody(),
     )

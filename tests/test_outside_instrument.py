@@ -66,6 +66,10 @@ def test_the_doctor_asks_it_who_it_is(bench, tmp_path, quiet):
 def test_a_dry_run_is_measured_with_it_and_its_contract_is_kept(bench, tmp_path):
     path = dry(tmp_path / "runs", bench=bench, text=SHORT.replace("replications = 2", "replications = 1"))
     with RunReader.open(path) as run:
+        (begun,) = run.records("session")
+        for software in (run.genesis().data["software"], begun.data["software"]):
+            assert software["acme-rig"] == "1.0"
+            assert "calibration-rig" in software
         observed = [r for r in run.records("observation") if r.status == "accepted"]
         assert len(observed) == 15
         assert all(set(r.data["outputs"]) == {"x_V", "y_V", "z_V"} for r in observed)
