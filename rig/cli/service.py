@@ -138,7 +138,7 @@ def _patience_s(run_file: Path) -> float:
 def _addresses(run_file: Path, bench: Path | None) -> tuple[str, ...]:
     """Of the bench that the service will use; none of a dry run."""
     with RunReader.open(run_file) as reader:
-        text, dry = reader.documents().get("bench.toml"), bool(reader.genesis().data.get("dry"))
+        text, dry = reader.documents().get("bench.toml"), reader.about().runs_dry
     if bench is not None:
         config = parse_bench(read_text(bench, "bench"), str(bench))
     elif text is None or dry:
