@@ -236,3 +236,19 @@ def test_a_masked_unit_is_not_installed_without_a_word(tmp_path):
     done = rig("service", run, "--user", "--install", env={"XDG_CONFIG_HOME": str(tmp_path)})
     assert (done.returncode, f"{unit} is no ordinary file" in done.stderr) == (2, True), done.stderr
     assert unit.is_symlink()
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "says"),
+    [
+        (("--world", "."), 78, ". is a folder; name the world file in it"),
+        (("--bench", "none.toml"), 78, "there is no bench file none.toml"),
+        (("--world", "wrong.toml"), 78, "wrong.toml is not valid TOML"),
+        (("--out", "wrong.toml"), 2, "wrong.toml is no folder; name one for the run file with --out"),
+    ],
+)
+def test_a_confirming_run_looks_at_its_files_before_its_work(finished, tmp_path, options, code, says):
+    (tmp_path / "wrong.toml").write_text("[[[")
+    with patch("rig.closed_loop.confirm.open_traced", side_effect=AssertionError("its work began")):
+        done = rig("confirm", finished, "--dry", *options, cwd=tmp_path)
+    assert (done.returncode, says in done.stderr) == (code, True), done.stderr
