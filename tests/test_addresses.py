@@ -94,7 +94,7 @@ NO_PORTS = (
     "/dev/null", "/dev/zero", "/dev/stdin",
     "/proc/sysrq-trigger", "/sys/power/state", "/dev/./null", "/dev/../dev/null",
     "/dev/pts/../null", "/dev/..", "/dev/watchdog", "/dev/watchdog0", "/dev/ptmx", "/dev/pts/ptmx", "/dev/port",
-    "/dev/kmsg", "/dev/sda", "/dev/sda1", "/dev/nvme0n1p2", "/dev/mapper/root", "/dev/disk/by-id/x", "/dev/tty",
+    "/dev/kmsg", "/dev/sda", "/dev/sda1", "/dev/nvme0n1p2", "/dev/mapper/root", "/dev/disk/by-id/x",
     "/dev/" + "a" * 300,
 )  # fmt: skip
 REFUSED += [

@@ -13,20 +13,12 @@ from typing import ClassVar, Literal
 from urllib.parse import parse_qsl
 
 from drivers.errors import WrongAddress
+from drivers.wires.ports import DEVICE, is_ip, is_port
 
 _HOST = r"[A-Za-z0-9](?:[A-Za-z0-9._-]*[A-Za-z0-9])?\.?|\[[0-9A-Fa-f:.]+\]"
 _LONGEST_LABEL, _LONGEST_HOST = 63, 253
 """Of a host's name (RFC 1035)."""
 _HOST_PORT = re.compile(rf"(?P<host>{_HOST})(?::(?P<port>[0-9]{{1,5}}))?")
-_DEVICE = re.compile(r"/(?:[\w.:@+,=-]+/)*[\w.:@+,=-]+|COM[0-9]{1,3}", re.IGNORECASE)
-_NO_PORT = re.compile(
-    r"/dev/(null|zero|full|u?random|fd/.*|std(in|out|err)|k?mem|port|kmsg|nvram|snapshot|watchdog\d*|rtc\d*|hpet"
-    r"|console|tty|(pts/)?ptmx|shm/.*|mqueue/.*|net/.*|mapper/.*|disk/.*|block/.*|cpu/.*|(sd|hd|vd|xvd)[a-z]+\d*"
-    r"|(nvme|mmcblk|loop|dm-|md|sr|sg|ram|zram)\d.*)|/dev|/(proc|sys)/.*|.*/\.\.?(/.*)?|COM0",
-    re.IGNORECASE,
-)
-"""What looks like a device and is no port. To open some of it does harm: a watchdog restarts the machine."""
-_LONGEST_PATH = 255
 _SIMULATED = re.compile(r"sim://[\w.-]+/[\w.-]+")
 _VISA = re.compile(r"(?:visa://)?(?P<bus>GPIB|TCPIP|ASRL|USB|VXI|PXI|PRLGX)(?P<rest>[^:]*::.*)", re.IGNORECASE)
 
@@ -99,7 +91,7 @@ class SerialAddress:
             return cls("sim", address)
         if _SIMULATED.fullmatch(address.removeprefix("socket://")):
             return cls("sim-socket", address.removeprefix("socket://"))
-        if _is_port(address):
+        if is_port(address):
             return cls("device", address)
         scheme, separator, rest = address.partition("://")
         place, question, query = rest.partition("?")
@@ -196,7 +188,7 @@ class ModbusAddress:
         if _SIMULATED.fullmatch(place):
             return cls("sim-rtu", place, unit)
         device = place.removeprefix("/") if re.fullmatch(r"/COM[0-9]+", place, re.IGNORECASE) else place
-        if not _is_port(device):
+        if not is_port(device):
             raise _no_modbus(address, f"{place} is no serial device")
         pairs = parse_qsl(query or "", keep_blank_values=True)
         given = dict(pairs)
@@ -263,10 +255,10 @@ class CanAddress:
         given = dict(parse_qsl(query, keep_blank_values=True))
         rate = given.pop("bitrate", None)
         if interface == "slcan":
-            known = _is_port(channel.partition("@")[0]) and _is_port(channel)
+            known = is_port(channel.partition("@")[0]) and is_port(channel)
         else:
             known = re.fullmatch(_CAN_CHANNELS.get(interface, r"(?!)"), channel) is not None
-            known = known and (interface != "udp_multicast" or _is_ip(channel))
+            known = known and (interface != "udp_multicast" or is_ip(channel))
         if interface not in (*_CAN_CHANNELS, "slcan"):
             why = f"adapters are {', '.join(sorted((*_CAN_CHANNELS, 'slcan')))}, not {interface!r}"
         elif not known:
@@ -318,19 +310,6 @@ def simulated(address: str, place: str) -> str:
     if address.startswith("modbus-rtu:"):
         return f"modbus-rtu://{place}/1"
     return place
-
-
-def _is_port(text: str) -> bool:
-    """Whether a text names a device by its whole path, or as COM4, that may be a serial port."""
-    return _DEVICE.fullmatch(text) is not None and not _NO_PORT.fullmatch(text) and len(text) <= _LONGEST_PATH
-
-
-def _is_ip(text: str) -> bool:
-    try:
-        ipaddress.ip_address(text)
-    except ValueError:
-        return False
-    return True
 
 
 def _host_port(text: str, default: int | None) -> HostPort | str:
@@ -390,7 +369,7 @@ def _unknown(scheme: str, address: str) -> str:
     if scheme or re.match(r"\w+:", address):
         return f"{scheme or address.partition(':')[0]}: is not what this driver speaks over, or is not allowed"
     if address.startswith("/"):
-        if _DEVICE.fullmatch(address):
+        if DEVICE.fullmatch(address):
             return "it is no serial port, or named with . or .. or too long a path"
         return "a path has no spaces and no options; those of the driver are keys of their own in the bench file"
     return "a device is named by its whole path"
