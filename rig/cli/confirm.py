@@ -16,7 +16,7 @@ from rig.atomic import check_files, write_whole
 from rig.cli import app
 from rig.cli.run import JsonOption, RunArgument, conclude, signals
 from rig.cli.show import err, headline, mark, out, print_json, run_progress
-from rig.config import read_text
+from rig.config import parse_toml, read_text
 from rig.controller import start_run
 from rig.durations import duration
 from rig.engine.session import Outcome
@@ -82,6 +82,13 @@ def confirm(
     if world is not None and not dry:
         raise UsageError("--world describes a simulated bench; it goes with --dry")
     _check_options(by, write, report, only_list=only_list, take=take)
+    if out_dir.exists() and not out_dir.is_dir():
+        raise UsageError(f"{out_dir} is no folder; name one for the run file with --out")
+    files = {"bench": bench, "world": world}
+    texts = {name: None if path is None else read_text(path, name) for name, path in files.items()}
+    for name, text in texts.items():
+        if text is not None:
+            parse_toml(text, str(files[name]))
     first = open_traced(run_file, formula)
     if not as_json:
         headline(run_file.name, first.traced.table)
@@ -113,13 +120,7 @@ def confirm(
         if as_json:
             print_json(_listed(first, proposals, never))
         return ExitCode.DONE
-    texts = {"bench": bench, "world": world}
-    plan = plan_for(
-        first,
-        chosen.variation,
-        dry=dry,
-        **{name: None if path is None else read_text(path, name) for name, path in texts.items()},
-    )
+    plan = plan_for(first, chosen.variation, dry=dry, **texts)
     _wait_for_mounting(chosen, dry=dry, yes=yes)
     paths: list[Path] = []
 
