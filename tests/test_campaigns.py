@@ -15,9 +15,9 @@ import apsw
 import pytest
 import toys
 from command import rig
-from kills import wait_for
 
 from proving import executor, killed_campaign, seeds
+from proving.crashes.kills import wait_for
 from proving.disk import Crash, Disk
 from proving.executor import Processes, WorkersDie
 from proving.ledger import Ledger
