@@ -66,8 +66,8 @@ def night(
 
     Nights are short (2 x 12 points, or 4 whole plots of 3 pressures) unless --full or --brief is given. Every seed is
     a night of its own, the same on every machine. Any instrument that is installed may be on a bench of your own;
-    faults that its twin declares happen, too. What is checked: docs/nights.md. A campaign with a --ledger that was stopped or
-    killed goes on with the same command.
+    faults that its twin declares happen, too. What is checked: docs/nights.md. A campaign with a --ledger that was
+    stopped or killed goes on with the same command.
 
     Examples: `rig night --seeds 1000`, `rig night --seed 42 --lab attitude`, `rig night --bug skip-re-approach`
     """
