@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 from command import rig
-from damages import small_finished
-from doors_of_runs import Image
-from hostile import Seeded, command
 
+from proving.crashes.damages import small_finished
+from proving.doors.hostile import Seeded, command
+from proving.doors.of_runs import Image
 from rig.errors import ConfigurationError, RunFileError, UsageError
 from rig.plans import stored_plan
 from rig.report.story import story
