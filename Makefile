@@ -20,11 +20,11 @@ test-page: $(STAMP)
 nights: $(STAMP)
 	.venv/bin/rig night --seeds 5000
 	.venv/bin/rig night --seeds 10 --full
-	.venv/bin/python -m benchmarks.planted_bugs
-	.venv/bin/python -m benchmarks.crash_points
-	.venv/bin/python -m benchmarks.power_cuts --cuts 1000
-	.venv/bin/python benchmarks/kill_campaign.py --kills 800
-	.venv/bin/python benchmarks/kill_campaign.py --kills 200 --lab pressure
+	.venv/bin/python -m proving.night.planted_bugs
+	.venv/bin/python -m proving.crashes.crash_points
+	.venv/bin/python -m proving.crashes.power_cuts --cuts 1000
+	.venv/bin/python -m proving.crashes.kill_campaign --kills 800
+	.venv/bin/python -m proving.crashes.kill_campaign --kills 200 --lab pressure
 
 # Lines of the engine, the run file and the statistics changed one by one: do the tests notice? An hour.
 mutants: $(STAMP)

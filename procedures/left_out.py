@@ -19,6 +19,8 @@ GROSS = "gross"
 MANY = 0.05
 """Share of the rows from which the model is doubted, not the rows."""
 SHOWN = 8
+_DIGITS = 18
+"""Of a row's number, at most."""
 
 Fits = TypeVar("Fits")
 Where = Callable[[int], str]
@@ -48,9 +50,9 @@ class LeaveOut:
         """
         words = [word.strip() for text in asked for word in text.split(",") if word.strip()]
         numbers = sorted({word for word in words if word != GROSS})
-        wrong = [word for word in numbers if not word.isdecimal()]
+        wrong = [word for word in numbers if not word.isdecimal() or len(word) > _DIGITS]
         if wrong:
-            raise DataError(f"--leave-out {wrong[0]}: say gross, or row numbers of the file such as 12,31")
+            raise DataError(f"--leave-out {wrong[0][:40]}: say gross, or row numbers of the file such as 12,31")
         wanted, known = sorted(int(word) for word in numbers), table.numbers
         outside = sorted(set(wanted) - set(known.tolist()))
         if outside:

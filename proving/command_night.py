@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Mapping
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -20,7 +21,8 @@ from rig.errors import ExitCode, UsageError
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from proving.night.scenario import Lab
+    from proving.night.scenario import Lab, Size
+    from proving.seeds import Place
 
 
 Labs = Literal["attitude", "pressure", "both"]
@@ -32,6 +34,7 @@ def night(
     first: Annotated[int, typer.Option(min=0, help="the first seed")] = 0,
     lab: Annotated[Labs, typer.Option(help="which laboratory")] = "both",
     full: Annotated[bool, typer.Option("--full", help="the examples' whole procedures, 28 and 37 hours")] = False,
+    brief: Annotated[bool, typer.Option("--brief", help="4 points a night: to try a cluster or a ledger")] = False,
     seed: Annotated[
         int | None,
         typer.Option(min=0, help="replay this one night, and tell it in order of time", show_default=False),
@@ -49,28 +52,41 @@ def night(
         typer.Option(help="with --lab: your own bench instead of the laboratory's", show_default=False),
     ] = None,
     jobs: Annotated[int, typer.Option(min=1, help="processes")] = os.cpu_count() or 1,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(help="a Dask cluster instead: its scheduler's address, tcp://host:8786", show_default=False),
+    ] = None,
+    ledger: Annotated[
+        Path | None,
+        typer.Option(help="keep results in this file, and go on with what is in it", show_default=False),
+    ] = None,
     as_json: JsonOption = False,
 ) -> int:
     """Play simulated nights full of faults, crashes and power cuts, and check what must hold after each.
 
-    Nights are short (2 x 12 points, or 4 whole plots of 3 pressures) unless --full is given. Every seed is a night
-    of its own, the same on every machine. Any instrument that is installed may be on a bench of your own; faults that
-    its twin declares happen, too. What is checked: docs/nights.md.
+    Nights are short (2 x 12 points, or 4 whole plots of 3 pressures) unless --full or --brief is given. Every seed is
+    a night of its own, the same on every machine. Any instrument that is installed may be on a bench of your own;
+    faults that its twin declares happen, too. What is checked: docs/nights.md. A campaign with a --ledger that was
+    stopped or killed goes on with the same command.
 
     Examples: `rig night --seeds 1000`, `rig night --seed 42 --lab attitude`, `rig night --bug skip-re-approach`
     """
     from proving.night.bugs import BUGS  # noqa: PLC0415
     from proving.night.scenario import LABS  # noqa: PLC0415
+    from proving.seeds import Place  # noqa: PLC0415
 
     if bug is not None and bug not in BUGS:
         raise UsageError(f"--bug {bug}: there is no such bug; there are {', '.join(BUGS)}")
+    if full and brief:
+        raise UsageError("--full or --brief: a night has one size")
+    size: Size = "full" if full else "brief" if brief else "short"
     labs: tuple[Lab, ...] = LABS if lab == "both" else (lab,)
     texts = None
     if bench is not None:
         if lab == "both":
             raise UsageError("--bench is one laboratory's: say which one's procedures to run on it with --lab")
         texts = _read(bench)
-    nights = _Nights(full, bug or "", calm, texts, "" if bench is None else f" --bench {bench}")
+    nights = _Nights(size, bug or "", calm, texts, "" if bench is None else f" --bench {bench}")
     if seed is not None:
         if lab == "both":
             raise UsageError("--seed replays one night: say of which laboratory with --lab")
@@ -78,7 +94,9 @@ def night(
     if keep is not None:
         raise UsageError("--keep leaves the run file of one night: say which with --seed and --lab")
     console = err if as_json else out
-    summary = {one: _campaign(range(first, first + seeds), one, nights, jobs, console) for one in labs}
+    chosen = range(first, first + seeds)
+    with Place.open(jobs, scheduler, ledger) as place:
+        summary = {one: _campaign(chosen, one, nights, place, console) for one in labs}
     if as_json:
         print_json(summary)
     if bug:
@@ -91,12 +109,12 @@ class _Nights:
     """Which nights.
 
     Attributes:
-        full, bug, calm, bench: see `proving.night.campaign.one_night`.
+        size, bug, calm, bench: see `proving.night.campaign.one_night`.
         of_bench: the option that names the bench, for replays; "" without.
 
     """
 
-    full: bool
+    size: Size
     bug: str
     calm: bool
     bench: Mapping[str, str] | None
@@ -105,12 +123,13 @@ class _Nights:
     @property
     def asked(self) -> dict[str, Any]:
         """As arguments of `one_night`."""
-        return {"full": self.full, "bug": self.bug, "calm": self.calm, "bench": self.bench}
+        return {"size": self.size, "bug": self.bug, "calm": self.calm, "bench": self.bench}
 
     def __str__(self) -> str:
         """As options of the command."""
         bug = f" --bug {self.bug}" if self.bug else ""
-        return f"{' --full' if self.full else ''}{bug}{' --calm' if self.calm else ''}{self.of_bench}"
+        size = "" if self.size == "short" else f" --{self.size}"
+        return f"{size}{bug}{' --calm' if self.calm else ''}{self.of_bench}"
 
 
 def _read(bench: Path) -> dict[str, str]:
@@ -126,14 +145,19 @@ def _read(bench: Path) -> dict[str, str]:
     return {"bench.toml": read_text(bench, "bench"), **beside}
 
 
-def _campaign(seeds: range, lab: Lab, nights: _Nights, jobs: int, console: Console) -> dict[str, Any]:
-    from proving.night.campaign import many_nights, unbiased  # noqa: PLC0415
+def _campaign(seeds: range, lab: Lab, which: _Nights, place: Place, console: Console) -> dict[str, Any]:
+    from proving.night.campaign import Verdict, nights, unbiased  # noqa: PLC0415
+    from proving.seeds import Digest  # noqa: PLC0415
 
+    digest = Digest()
     total = Counter(dict.fromkeys(("nights", "sessions", "happened", "skipped", "violations"), 0))
     found: list[str] = []
     off: list[tuple[str, float, float]] = []
-    with counting(lab, len(seeds)) as one_more:
-        for verdict in many_nights(seeds, lab, **nights.asked, jobs=jobs):
+    results = place.results(nights(lab, **which.asked), seeds)
+    with counting(lab, len(seeds)) as one_more, closing(results):
+        for seed, result in results:
+            digest.add(seed, result)
+            verdict = Verdict.of(result)
             total["nights"] += 1
             total["sessions"] += verdict.sessions
             total["happened"] += verdict.happened
@@ -146,11 +170,11 @@ def _campaign(seeds: range, lab: Lab, nights: _Nights, jobs: int, console: Conso
                 if len(found) <= _SHOWN:
                     err.print(f"[red]{lab}[/] {escape(line)}", soft_wrap=True)
             if verdict.violations:
-                err.print(f"  replay: rig night --lab {lab} --seed {verdict.seed}{escape(str(nights))}", soft_wrap=True)
+                err.print(f"  replay: rig night --lab {lab} --seed {verdict.seed}{escape(str(which))}", soft_wrap=True)
             one_more(f"{total['violations']} in which something did not hold")
-            if nights.bug and verdict.violations:
+            if which.bug and verdict.violations:
                 break
-    bias = unbiased(off, lab)
+    bias = None if which.size == "brief" else unbiased(off, lab)  # too few points for a calibration to be judged
     words = (
         f"{lab}: {total['nights']} nights, {total['happened']} things that went wrong, {total['sessions']} sessions, "
         f"{total['skipped']} points given up for a reason; {total['violations']} nights in which something did not hold"
@@ -165,7 +189,7 @@ def _campaign(seeds: range, lab: Lab, nights: _Nights, jobs: int, console: Conso
             )
     figures = None if bias is None else {"coefficients": bias.quantities, "mean": bias.mean, "sd": bias.sd}
     holds = not total["violations"] and (bias is None or bias.holds)
-    return {**total, "holds": holds, "bias": figures, "found": found[:_KEPT]}
+    return {**total, "holds": holds, "bias": figures, "found": found[:_KEPT], "digest": str(digest)}
 
 
 _SHOWN, _KEPT = 10, 100

@@ -30,8 +30,9 @@ def write_whole(path: Path, write: Callable[[IO[str]], object]) -> None:
     """
 
     def text(file: IO[bytes]) -> None:
-        with io.TextIOWrapper(file, "utf-8", errors="backslashreplace", newline="", write_through=True) as wrapped:
-            write(wrapped)
+        wrapped = io.TextIOWrapper(file, "utf-8", errors="backslashreplace", newline="", write_through=True)
+        write(wrapped)
+        wrapped.detach()  # which flushes
 
     write_whole_bytes(path, text)
 
@@ -48,6 +49,8 @@ def write_whole_bytes(path: Path, write: Callable[[IO[bytes]], object]) -> None:
             if mode is not None:
                 os.fchmod(made, mode)
             write(file)
+            file.flush()
+            os.fsync(made)  # or a power cut after the rename could leave an empty file under the name
         os.replace(temporary, target)
     except BaseException as error:
         with contextlib.suppress(OSError):
@@ -84,7 +87,7 @@ def check_added_to(path: Path | None, apart_from: Sequence[Path | None]) -> None
     if path is None:
         return
     if _of_run(path):
-        raise UsageError(f"{path} is a run file and nothing is added to it; choose another name")
+        raise UsageError(f"{path} is a run file or belongs to one, and nothing is added to it; choose another name")
     for other in (one for one in apart_from if one is not None):
         if _same(path, other) or os.path.realpath(path) == os.path.realpath(other):
             raise UsageError(f"{path} has another part in the same command and nothing is added to it; choose another")
@@ -107,7 +110,7 @@ def check_writable(path: Path) -> Path:
     except OSError as error:
         raise UsageError(f"{path} cannot be written: {error.strerror}; choose another name") from error
     if _of_run(target):
-        raise UsageError(f"{path} is a run file and is not overwritten; choose another name")
+        raise UsageError(f"{path} is a run file or belongs to one, and is not overwritten; choose another name")
     if mode is not None and stat.S_ISDIR(mode):
         raise UsageError(f"{path} is a folder; name a file in it")
     if _in_system(target) or not (mode is None or stat.S_ISREG(mode)):
@@ -148,8 +151,10 @@ def _same(one: Path, other: Path) -> bool:
 
 
 def _of_run(path: Path) -> bool:
-    """Whether it is a run file, or the log that SQLite keeps beside one."""
+    """Whether it is a run file, or what SQLite or the controller keeps beside one."""
     beside = [Path(str(path).removesuffix(end)) for end in ("-wal", "-shm", "-journal") if path.name.endswith(end)]
+    if path.suffix in (".head", ".live", ".request"):
+        beside.append(path.with_suffix(".sqlite"))
     for one in (path, *beside):
         try:
             with open_regular(one) as file:

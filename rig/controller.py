@@ -41,7 +41,6 @@ from rig.run_file.writer import RunWriter
 from rig.versions import versions
 from rig.who import Operator, operator
 
-WORLD_START = "world_start_s"
 """In the first record of a dry run: how old its world was when the run began, if it was not new."""
 
 _VIRTUAL = "virtual"
@@ -160,10 +159,11 @@ def start_run(
             raise BenchFault(str(error)) from error
         run_id = _new_id(plan.procedure.name)
         path = folder / f"{run_id}.sqlite"
-        about = {"dry": plan.dry, "software": versions(), "procedure": plan.procedure.name, "bench": plan.bench.name}
+        software = versions(one.driver for one in plan.bench.instruments.values())
+        about = {"dry": plan.dry, "software": software, "procedure": plan.procedure.name, "bench": plan.bench.name}
         about |= by.as_json()
         if world_start_s:
-            about[WORLD_START] = world_start_s
+            about["world_start_s"] = world_start_s
         genesis = Genesis(run_id, plan.documents, plan.run_list, plan.dry or plan.bench.simulated, about)
         create(path, genesis, elapsed_s=0.0, utc_s=clock.utc(), vfs=site.vfs)
         announce(path)
@@ -233,7 +233,8 @@ def resume_run(
         check_room(path, state.remaining)
         hint, before = "" if bench else _moved(plan, path), len(state.accepted)
         try:
-            with site.opened(plan, start=_world_start(run) + state.elapsed_s + dry_gap_s) as (found, clock, boot):
+            began_s = run.about().world_start_s or 0.0
+            with site.opened(plan, start=began_s + state.elapsed_s + dry_gap_s) as (found, clock, boot):
                 result = _session(
                     run, state, plan, found, clock, boot, accept, signals, on_progress, observer, by, warn
                 )
@@ -254,10 +255,6 @@ def _moved(plan: Plan, path: Path) -> str:
             f"\nThe run began on a bench of `rig sim`; if that was started again: rig resume {path} --bench LIVE.toml"
         )
     return f"\nIf it has another address now, correct it in the bench file; then: rig resume {path} --bench BENCH"
-
-
-def _world_start(run: RunReader) -> float:
-    return float(run.genesis().data.get(WORLD_START, 0.0))
 
 
 def _losses(run: RunWriter, state: RunState, told: int) -> Iterator[str]:
@@ -295,7 +292,7 @@ def _session(
         from rig.previous import parse_previous  # noqa: PLC0415
 
         previous = parse_previous(plan.documents[PREVIOUS], str(run.path))
-    gap = Gap(_world_start(run)) if boot == _VIRTUAL else gap_since(state, clock, boot)
+    gap = Gap(run.about().world_start_s or 0.0) if boot == _VIRTUAL else gap_since(state, clock, boot)
     if gap.warning:
         warn(gap.warning)
     session = Session(
@@ -310,7 +307,7 @@ def _session(
             "pid": os.getpid(),
             "host": platform.node(),
             "boot": boot,
-            "software": versions(),
+            "software": versions(one.driver for one in plan.bench.instruments.values()),
         },
         observer=observer or Nobody(),
     )

@@ -112,7 +112,7 @@ def plan_of(documents: Mapping[str, str], *, dry: bool, stored: bool = False) ->
 def _begun_with(run: RunReader, path: Path) -> RunList:
     """The run list of a file that another version of rig began, which would make another one of its procedure."""
     stored = run.run_list()
-    if stored.sha256() != run.genesis().data["run_list"]:
+    if stored.sha256() != run.about().run_list:
         raise ConfigurationError(f"{path}: its run list is not the one it began with; `rig verify {path}` says more")
     return stored
 
@@ -136,8 +136,8 @@ def stored_plan(run: RunReader, path: Path, bench: Path | None) -> Plan:
     """
     documents = run.documents()
     where = {name: f"{path} ({name})" for name in documents}
-    plan = _plan(documents, bool(run.genesis().data["dry"]), where, strict=False)
-    if plan.run_list.sha256() != run.genesis().data["run_list"]:
+    plan = _plan(documents, run.about().runs_dry, where, strict=False)
+    if plan.run_list.sha256() != run.about().run_list:
         plan = replace(plan, run_list=_begun_with(run, path))
     if bench is None:
         return plan

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import sys
+from collections.abc import Iterable, Sequence
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import TYPE_CHECKING, Any
@@ -15,7 +16,17 @@ if TYPE_CHECKING:
 
 def installed(group: str) -> list[str]:
     """Names of an entry-point group, sorted."""
-    return sorted({point.name for point in entry_points(group=group)})
+    return sorted({point.name for point in _points(group)})
+
+
+def _points(group: str) -> tuple[EntryPoint, ...]:
+    return _found(group, tuple(sys.path))
+
+
+@cache
+def _found(group: str, _path: tuple[str, ...]) -> tuple[EntryPoint, ...]:
+    """Looked up once for each path that packages are found on: it takes 8 ms."""
+    return tuple(entry_points(group=group))
 
 
 @cache
@@ -40,7 +51,7 @@ def load(group: str, name: str, needs: Sequence[str]) -> Any:
         ConfigurationError: two packages have one by this name, it cannot be imported, or it lacks an attribute.
 
     """
-    points = {point.value: point for point in entry_points(group=group, name=name)}
+    points = {point.value: point for point in _points(group) if point.name == name}
     what = f"the {group.removeprefix('rig.').removesuffix('s')} {name!r}"
     if len(points) > 1:
         raise ConfigurationError(f"{what} comes with {' and with '.join(map(_package, points.values()))}; keep one")
@@ -52,6 +63,16 @@ def load(group: str, name: str, needs: Sequence[str]) -> Any:
     if lacking := [need for need in needs if not hasattr(found, need)]:
         raise ConfigurationError(f"{what} of {_package(point)} does not say its {', '.join(lacking)}")
     return found
+
+
+def packages(group: str, names: Iterable[str]) -> dict[str, str]:
+    """Versions of the packages that plug-ins of these names come with, by package; without our own."""
+    wanted = set(names)
+    found = (point.dist for point in _points(group) if point.name in wanted)
+    return {dist.name: dist.version for dist in found if dist and dist.name != _OURS}
+
+
+_OURS = "calibration-rig"
 
 
 def _package(point: EntryPoint) -> str:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import platform
+from collections.abc import Iterable
 
 from rig import __version__
+from rig.plugins import packages
 
 
-def versions() -> dict[str, str]:
-    """By name, for the run file and reports."""
+def versions(drivers: Iterable[str] = ()) -> dict[str, str]:
+    """By name, for the run file and reports; with the packages that these drivers come with, if not with ours."""
     import apsw  # noqa: PLC0415
     import numpy as np  # noqa: PLC0415
 
@@ -17,4 +19,5 @@ def versions() -> dict[str, str]:
         "python": platform.python_version(),
         "sqlite": apsw.sqlite_lib_version(),
         "numpy": np.__version__,
+        **packages("rig.drivers", drivers),
     }

@@ -38,7 +38,7 @@ class TapeFile:
     """
 
     def __init__(self, path: Path, world: World) -> None:
-        self._file = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        self._file = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC | os.O_NONBLOCK, 0o644)
         self._world = world
         self._turn_s = 0.0
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from importlib import invalidate_caches
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -24,33 +27,35 @@ asset = "DVM-0777"
 """
 
 
-def install(where: Path) -> None:
-    """Build and install the package, from a copy of its source."""
-    source = where.with_name(f"{where.name}-source")
-    subprocess.run(["cp", "-r", SOURCE, source], check=True)
+@cache
+def _site() -> TemporaryDirectory[str]:
+    """Where the package is installed, built from a copy of its source; once, since what is imported stays imported."""
+    folder = TemporaryDirectory(prefix="rig-outside-")
+    source, where = Path(folder.name) / "source", Path(folder.name) / "site"
+    shutil.copytree(SOURCE, source)
     pip = (sys.executable, "-m", "pip", "--disable-pip-version-check", "--quiet", "--no-input")
     command = [*pip, "install", "--no-index", "--no-deps", "--no-build-isolation", "--target", where, source]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr[-2000:]
+    atexit.register(folder.cleanup)
+    return folder
 
 
 @contextmanager
 def installed() -> Iterator[Path]:
     """The package, importable here and in processes started meanwhile."""
-    with TemporaryDirectory() as folder:
-        where = Path(folder) / "site"
-        install(where)
-        before = os.environ.get("PYTHONPATH")
-        sys.path.append(str(where))
-        os.environ["PYTHONPATH"] = str(where) if before is None else f"{before}{os.pathsep}{where}"
-        invalidate_caches()
-        try:
-            yield where
-        finally:
-            sys.path.remove(str(where))
-            os.environ.pop("PYTHONPATH")
-            if before is not None:
-                os.environ["PYTHONPATH"] = before
+    where = Path(_site().name) / "site"
+    before = os.environ.get("PYTHONPATH")
+    sys.path.append(str(where))
+    os.environ["PYTHONPATH"] = str(where) if before is None else f"{before}{os.pathsep}{where}"
+    invalidate_caches()
+    try:
+        yield where
+    finally:
+        sys.path.remove(str(where))
+        os.environ.pop("PYTHONPATH")
+        if before is not None:
+            os.environ["PYTHONPATH"] = before
 
 
 def bench_text() -> str:

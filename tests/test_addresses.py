@@ -32,6 +32,11 @@ ALLOWED: list[tuple[Wire, str]] = [
     ("modbus", "modbus-tcp://192.0.2.10:502/255"),
     ("modbus", "modbus-rtu:///dev/rig/chambers/2?baud=38400"),
     ("modbus", "modbus-rtu://socket://192.0.2.10:4001/1"),
+    ("serial", "/dev/pts/3"),
+    ("serial", "/dev/ttyS0"),
+    ("serial", "/dev/rig/watchdog.reader"),
+    ("can", "can:udp_multicast/239.0.0.9"),
+    ("can", "can:udp_multicast/ff15:7079:7468:6f6e:6465:6d6f:6d63:6173"),
     ("can", "can:socketcan/can0"),
     ("can", "can:slcan//dev/ttyACM0?bitrate=250000"),
     ("can", "can:slcan//dev/ttyACM0@115200"),
@@ -81,7 +86,23 @@ REFUSED: list[tuple[Wire, str, str]] = [
     ("can", "can:socketcan/can0?bitrate=fast", "bitrate=fast is not"),
     ("can", "/dev/ttyACM0", "is not a CAN address"),
     ("can", "GPIB0::9::INSTR", "VISA names are not supported yet"),
+    ("can", "can:udp_multicast/239.0.0.999", "is no channel of udp_multicast"),
+    ("can", "can:udp_multicast/ff15:", "is no channel of udp_multicast"),
 ]  # fmt: skip
+
+NO_PORTS = (
+    "/dev/null", "/dev/zero", "/dev/stdin",
+    "/proc/sysrq-trigger", "/sys/power/state", "/dev/./null", "/dev/../dev/null",
+    "/dev/pts/../null", "/dev/..", "/dev/watchdog", "/dev/watchdog0", "/dev/ptmx", "/dev/pts/ptmx", "/dev/port",
+    "/dev/kmsg", "/dev/sda", "/dev/sda1", "/dev/nvme0n1p2", "/dev/mapper/root", "/dev/disk/by-id/x",
+    "/dev/" + "a" * 300,
+)  # fmt: skip
+REFUSED += [
+    *(("serial", place, "it is no serial port") for place in NO_PORTS),
+    *(("modbus", f"modbus-rtu://{place}/1", "is no serial device") for place in NO_PORTS),
+    *(("can", f"can:slcan/{place}", "is no channel of slcan") for place in NO_PORTS),
+    ("can", "can:slcan//dev/null@115200", "is no channel of slcan"),
+]
 
 
 @pytest.mark.parametrize(("wire", "address"), ALLOWED)

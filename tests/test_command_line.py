@@ -368,3 +368,19 @@ def test_a_question_without_anybody_to_answer_is_no_unforeseen_error(finished, t
     done = closed("0<", "confirm", finished, "--list", cwd=tmp_path)
     assert "unforeseen" not in done.stderr
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    "arguments", [("trace", "a" * 300), ("fit", "a" * 5000), ("status", "a" * 300), ("chart", "a" * 300, "b")]
+)
+def test_a_name_that_is_too_long_is_a_matter_of_the_command(tmp_path, arguments):
+    done = rig(*arguments, cwd=tmp_path)
+    assert done.returncode == 2
+    assert len(done.stderr.splitlines()) == 1
+    assert "too long" in done.stderr
+
+
+def test_a_calibration_that_is_no_text_is_said_in_words(tmp_path):
+    (tmp_path / "c.json").write_bytes(b'{"data": "\x90"}')
+    done = rig("infer", "c.json", "data.csv", "-o", "o.csv", cwd=tmp_path)
+    assert (done.returncode, "it is not UTF-8 text (byte 10)" in done.stderr) == (2, True), done.stderr

@@ -1,12 +1,13 @@
-"""A share of `benchmarks/crash_points.py` and `power_cuts.py`: crashes, power cuts and damage, and nothing lost."""
+"""A share of `proving.crashes.crash_points` and `power_cuts`: crashes, power cuts and damage, and nothing lost."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import pytest
-from crashes import crash_once, power_cuts
-from damages import Interrupted, file_damages, log_damages, small_finished
+
+from proving.crashes.damages import Interrupted, file_damages, log_damages, small_finished
+from proving.crashes.runs import crash_once, power_cuts
 
 CRASHES = {"attitude": range(1, 270, 52), "pressure": range(1, 245, 48)}
 """From the first write to one of the last."""

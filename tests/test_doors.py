@@ -11,14 +11,14 @@ from pathlib import Path
 import pytest
 from buses import REGISTER_MAP
 from command import rig
-from crashes import PROCEDURES
-from damages import small_finished
-from doors_of_runs import Image
-from doors_of_wires import Page
-from hostile import Seeded
 
 from fitter.arithmetic_text import FormulaError
 from fitter.formula import Formula
+from proving.crashes.damages import small_finished
+from proving.crashes.runs import PROCEDURES
+from proving.doors.hostile import Seeded
+from proving.doors.of_runs import Image
+from proving.doors.of_wires import Page
 from rig.atomic import check_writable
 from rig.config import parse_bench, parse_procedure, parse_toml, read_text
 from rig.controller import opened

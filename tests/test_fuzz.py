@@ -14,13 +14,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from crashes import PROCEDURES
-from damages import small_finished
-from doors import DOORS, Found, Material, attack
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from test_verify import tamper
 
+from proving.crashes.damages import small_finished
+from proving.crashes.runs import PROCEDURES
+from proving.doors.attack import DOORS, Found, Material, attack
 from rig.config import parse_bench, parse_procedure
 from rig.errors import ConfigurationError, ExitCode, RigError, RunFileError, UsageError
 from rig.examples import example

@@ -261,3 +261,15 @@ def test_rows_are_those_of_the_file_where_lines_are_blank(tmp_path, more, end):
     assert read_roles(FileSource(path).read, Roles("y", "1 + x"))[1].numbers.tolist()[8] == line
     refused = rig(*fit, "--leave-out", "5")
     assert (refused.returncode, "rows 2 to 17, but for blank lines" in refused.stderr) == (2, True)
+
+
+@pytest.mark.parametrize(
+    "number", ["9223372036854775808", "99999999999999999999", "9" * 5000, "0", "16", "-1", "999999999999999999"]
+)
+def test_a_row_number_that_no_file_has_is_refused_in_one_line(tmp_path, number):
+    path = tmp_path / "table.csv"
+    path.write_text("x,y\n" + "".join(f"{x},{2 * x + (-1) ** x / 1000}\n" for x in range(14)))
+    done = rig("fit", path, "--response", "y", "--formula", "1 + x", f"--leave-out={number}")
+    assert done.returncode == 2
+    assert done.stderr.startswith(f"rig: --leave-out {number[:40]}: ")
+    assert len(done.stderr.splitlines()) == 1

@@ -1,8 +1,8 @@
-"""A bounded share of the kill campaign; the whole of it is `benchmarks/kill_campaign.py`."""
+"""A bounded share of the kill campaign; the whole of it is `proving/crashes/kill_campaign.py`."""
 
 from __future__ import annotations
 
-from kills import one_run
+from proving.crashes.kills import one_run
 
 
 def test_killed_at_random_moments_nothing_is_lost_doubled_or_approached_from_the_wrong_side(tmp_path):

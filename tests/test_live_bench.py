@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import json
 import signal
-import sys
 from pathlib import Path
 
-import kills
 import pytest
 from command import rig as command
 from dry import LAB
-from kills import judge, rig, wait_for
 
-sys.path.insert(0, str(Path(__file__).parent.parent / "benchmarks"))
-from chaos_checker import check
+from proving.chaos.checker import check
+from proving.crashes import kills
+from proving.crashes.kills import judge, rig, wait_for
 
 SPEED = 400
 

@@ -6,10 +6,10 @@ import signal
 from collections import Counter
 from pathlib import Path
 
-import kills
 import pytest
 from command import rig
 
+from proving.crashes import kills
 from rig.examples import example
 from rig.run_file.reader import RunReader
 

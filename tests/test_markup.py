@@ -9,7 +9,8 @@ import pytest
 from command import rig
 from dry import LAB, SHORT, dry
 from few_sensors import with_sensors
-from forger import Opened, forge
+
+from proving.forger import Opened, forge
 
 NAME = '<script>alert(1)</script>[red]&"$x^{$ ESCAPE'
 

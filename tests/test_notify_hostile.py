@@ -398,6 +398,20 @@ def test_a_program_that_repeats_an_address_from_its_arguments_is_not_repeated():
     assert_plain(str(caught.value))
 
 
+@pytest.mark.parametrize("before", [150, 290, 5000])
+def test_nor_where_half_of_the_address_would_be_cut_off(before):
+    script = f"import sys; sys.stderr.write('x' * {before} + sys.argv[1]); sys.exit(1)"
+    values = {
+        "kind": "command",
+        "argv": [sys.executable, "-c", script, f"https://hooks.example/{SECRET}?pad={'a' * 120}"],
+    }
+    with pytest.raises(NotSent) as caught:
+        sender(channel(values))(MESSAGE)
+    assert "ended with 1 xxx" in str(caught.value)
+    for part in (SECRET[:6], "hooks"):
+        assert part not in str(caught.value)
+
+
 def test_the_doctor_tells_of_a_dribbling_webhook_in_time_and_without_its_address(tmp_path):
     clock = RealClock()
     with hostile(NEVER_ENDING_HTTP["dribbles headers"]) as server:

@@ -66,6 +66,10 @@ def test_the_doctor_asks_it_who_it_is(bench, tmp_path, quiet):
 def test_a_dry_run_is_measured_with_it_and_its_contract_is_kept(bench, tmp_path):
     path = dry(tmp_path / "runs", bench=bench, text=SHORT.replace("replications = 2", "replications = 1"))
     with RunReader.open(path) as run:
+        (begun,) = run.records("session")
+        for software in (run.genesis().data["software"], begun.data["software"]):
+            assert software["acme-rig"] == "1.0"
+            assert "calibration-rig" in software
         observed = [r for r in run.records("observation") if r.status == "accepted"]
         assert len(observed) == 15
         assert all(set(r.data["outputs"]) == {"x_V", "y_V", "z_V"} for r in observed)
@@ -119,7 +123,7 @@ def test_its_own_fault_strikes_in_a_night_and_everything_holds_if_its_driver_hee
     assert any("oven-cold on scanner: the reference's oven is cold" in line for line in told)
     assert verdict.complete
     assert {violation.invariant for violation in verdict.violations} == (set() if heeded else {"truthful"})
-    assert any("retry: scanner at sim://night/scanner reports error 4: oven cold" in line for line in told) is heeded
+    assert any("run file" in line and "reports error 4: oven cold" in line for line in told) is heeded
 
 
 def test_a_campaign_of_nights_is_played_on_its_bench_in_processes_of_their_own(bench):

@@ -28,12 +28,12 @@ def point(value: str, package: str) -> EntryPoint:
 )
 def test_a_driver_that_cannot_be_used_is_named_with_its_package(monkeypatch, values, says):
     points = [point(value, package) for package, value in values.items()]
-    monkeypatch.setattr(plugins, "entry_points", lambda **_: points)
+    monkeypatch.setattr(plugins, "_points", lambda _: points)
     with pytest.raises(ConfigurationError, match=says):
         plugins.load("rig.drivers", "meter", ("Options", "wire", "contracts"))
 
 
 def test_a_package_that_is_found_twice_is_one_package(monkeypatch):
     """As in a source tree that is installed from itself."""
-    monkeypatch.setattr(plugins, "entry_points", lambda **_: [point(OURS, "ours"), point(OURS, "ours")])
+    monkeypatch.setattr(plugins, "_points", lambda _: [point(OURS, "ours"), point(OURS, "ours")])
     assert plugins.load("rig.drivers", "meter", ()).__name__ == "Keysight34401A"

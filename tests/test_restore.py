@@ -10,11 +10,11 @@ import time
 import apsw
 import pytest
 from command import rig
-from damages import small_finished
 from dry import LAB
 from ideal_bench import new_run, run_session
 from small_run import write_small
 
+from proving.crashes.damages import small_finished
 from rig.engine.session import Outcome
 from rig.errors import RigError, RunFileError, UsageError
 from rig.run_file.chain import link
@@ -113,7 +113,7 @@ def test_a_changed_record_ends_what_is_restored_and_the_rest_is_measured_again(t
 
 
 def test_what_is_in_the_log_alone_is_restored_too(tmp_path):
-    from kills import rig as process  # noqa: PLC0415
+    from proving.crashes.kills import rig as process  # noqa: PLC0415
 
     arguments = (write_small(tmp_path), "--bench", LAB / "bench.toml", "--dry", "--out", tmp_path)
     killed = process("run", *arguments, "--kill-at-point", 6)

@@ -191,6 +191,22 @@ def test_a_controller_does_not_run_as_root(tmp_path):
     assert "User=nobody" in rig("service", path, "--system", "--run-as", "nobody").stdout
 
 
+@pytest.mark.parametrize("user", ["a b", "-x", "x\\", "nosuchuser", "x\nExecStartPre=y", "9" * 30, "99999"])
+@pytest.mark.parametrize("more", ["--system", "--user"])
+def test_a_service_runs_as_nobody_who_is_not_there(tmp_path, user, more):
+    done = rig("service", new_run(tmp_path), more, f"--run-as={user}")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "there is no such user on this machine" in done.stderr
+
+
+def test_a_folder_that_would_join_the_next_line_of_the_unit_is_refused(tmp_path):
+    folder = tmp_path / "back\\"
+    folder.mkdir()
+    done = rig("service", new_run(folder), "--user")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "ends with a backslash, which systemd takes to join the next line" in done.stderr
+
+
 def test_the_watchdog_waits_for_a_pressure_line_that_is_slow_to_vent():
     text = (LAB.parent / "pressure-lab" / "bench.toml").read_text()
     assert patience_s(parse_bench(text, "bench")) == 900.0

@@ -14,9 +14,9 @@ import dry
 import dry_pressure
 import pytest
 from command import rig
-from forger import Opened, forge
 from small_run import write_small
 
+from proving.forger import Opened, forge
 from rig.errors import UsageError
 from rig.run_file.reader import RunReader
 from rig.run_file.verification import verify_file

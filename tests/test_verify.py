@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 from command import rig
-from damages import small_finished
 
+from proving.crashes.damages import small_finished
 from rig.errors import RigError, RunFileError
 from rig.run_file.reader import RunReader
 from rig.run_file.verification import verify_file

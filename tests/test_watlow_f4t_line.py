@@ -13,13 +13,13 @@ from typing import cast
 
 import pytest
 from buses import REGISTER_MAP
-from kills import rig
 
 from drivers.clock import Clock, RealClock, ScaledClock
 from drivers.errors import NoReply
 from drivers.roles import Chamber, Reader
 from drivers.watlow_f4t import WatlowF4T
 from drivers.wires import Wires
+from proving.crashes.kills import rig
 from rig.bench import Bench, check_options, identities, open_bench
 from rig.config import BenchConfig, parse_bench
 from rig.simulated.dry_run import DryBench

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import stat
 from pathlib import Path
+from unittest.mock import patch
 
 import pytest
 import whole_plot_truth
@@ -104,6 +106,16 @@ def test_nothing_is_left_behind_where_writing_is_interrupted(tmp_path):
     assert files(tmp_path) == set()
 
 
+def test_the_name_is_given_when_the_content_is_on_the_disk(tmp_path):
+    done = []
+    with (
+        patch("os.fsync", lambda file: done.append(("synced", os.fstat(file).st_size))),
+        patch("os.replace", lambda *_: done.append(("named", 0))),
+    ):
+        put(tmp_path / "a.csv", "four")
+    assert done == [("synced", 4), ("named", 0)]
+
+
 def test_one_file_twice_is_refused_however_it_is_named(tmp_path):
     (tmp_path / "sub").mkdir()
     (tmp_path / "link").symlink_to("a.x")
@@ -123,9 +135,9 @@ def test_what_is_read_through_a_link_is_not_overwritten(tmp_path):
 def test_the_log_of_a_run_file_is_not_overwritten(tmp_path):
     run = tmp_path / "r.sqlite"
     run.write_bytes(b"SQLite format 3\0")
-    for beside in ("-wal", "-shm", "-journal"):
-        with pytest.raises(UsageError, match="is a run file and is not overwritten"):
-            check_writable(tmp_path / f"r.sqlite{beside}")
+    for beside in ("r.sqlite-wal", "r.sqlite-shm", "r.sqlite-journal", "r.head", "r.live", "r.request"):
+        with pytest.raises(UsageError, match="is a run file or belongs to one, and is not overwritten"):
+            check_writable(tmp_path / beside)
     assert check_writable(tmp_path / "other-wal") == tmp_path / "other-wal"
 
 
@@ -182,7 +194,9 @@ def test_a_log_is_not_added_to_another_file_of_the_run(tmp_path, name):
 def test_a_log_is_not_added_to_the_run_that_is_resumed(finished):
     before = finished.read_bytes()
     done = rig("resume", finished, "--log", finished)
-    assert (done.returncode, "is a run file and nothing is added" in done.stderr) == (2, True), done.stderr
+    assert (done.returncode, "is a run file or belongs to one, and nothing is added" in done.stderr) == (2, True), (
+        done.stderr
+    )
     assert finished.read_bytes() == before
 
 
@@ -193,6 +207,15 @@ def test_a_tape_is_not_added_to_another_file_of_the_simulated_bench(tmp_path, ta
     assert (done.returncode, "has another part in the same command" in done.stderr) == (2, True), done.stderr
     assert files(tmp_path) == {"bench.toml"}
     assert (tmp_path / "bench.toml").read_text() == (LAB / "bench.toml").read_text()
+
+
+def test_a_tape_keeps_nobody_waiting_for_the_other_end_of_a_pipe(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "old.sqlite").write_bytes(b"SQLite format 3\0")
+    for tape, says in (("pipe", "pipe is no ordinary file"), ("old.sqlite", "is a run file"), (".", "is a folder")):
+        done = rig("sim", LAB / "bench.toml", "--live", "LIVE.toml", "--tape", tape, "--for", 1, cwd=tmp_path)
+        assert (done.returncode, says in done.stderr) == (2, True), done.stderr
+    assert files(tmp_path) == {"pipe", "old.sqlite"}
 
 
 def test_a_simulated_bench_does_not_take_the_place_of_a_link_that_leads_nowhere(tmp_path):
@@ -213,3 +236,19 @@ def test_a_masked_unit_is_not_installed_without_a_word(tmp_path):
     done = rig("service", run, "--user", "--install", env={"XDG_CONFIG_HOME": str(tmp_path)})
     assert (done.returncode, f"{unit} is no ordinary file" in done.stderr) == (2, True), done.stderr
     assert unit.is_symlink()
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "says"),
+    [
+        (("--world", "."), 78, ". is a folder; name the world file in it"),
+        (("--bench", "none.toml"), 78, "there is no bench file none.toml"),
+        (("--world", "wrong.toml"), 78, "wrong.toml is not valid TOML"),
+        (("--out", "wrong.toml"), 2, "wrong.toml is no folder; name one for the run file with --out"),
+    ],
+)
+def test_a_confirming_run_looks_at_its_files_before_its_work(finished, tmp_path, options, code, says):
+    (tmp_path / "wrong.toml").write_text("[[[")
+    with patch("rig.closed_loop.confirm.open_traced", side_effect=AssertionError("its work began")):
+        done = rig("confirm", finished, "--dry", *options, cwd=tmp_path)
+    assert (done.returncode, says in done.stderr) == (code, True), done.stderr

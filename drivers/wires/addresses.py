@@ -13,16 +13,12 @@ from typing import ClassVar, Literal
 from urllib.parse import parse_qsl
 
 from drivers.errors import WrongAddress
+from drivers.wires.ports import DEVICE, is_ip, is_port
 
 _HOST = r"[A-Za-z0-9](?:[A-Za-z0-9._-]*[A-Za-z0-9])?\.?|\[[0-9A-Fa-f:.]+\]"
 _LONGEST_LABEL, _LONGEST_HOST = 63, 253
 """Of a host's name (RFC 1035)."""
 _HOST_PORT = re.compile(rf"(?P<host>{_HOST})(?::(?P<port>[0-9]{{1,5}}))?")
-_DEVICE = re.compile(r"/(?:[\w.:@+,=-]+/)*[\w.:@+,=-]+|COM[0-9]{1,3}", re.IGNORECASE)
-_NO_PORT = re.compile(
-    r"/dev/(null|zero|full|u?random|fd/.*|std(in|out|err)|mem|kmem)|/dev|/proc/.*|COM0", re.IGNORECASE
-)
-_LONGEST_PATH = 255
 _SIMULATED = re.compile(r"sim://[\w.-]+/[\w.-]+")
 _VISA = re.compile(r"(?:visa://)?(?P<bus>GPIB|TCPIP|ASRL|USB|VXI|PXI|PRLGX)(?P<rest>[^:]*::.*)", re.IGNORECASE)
 
@@ -95,7 +91,7 @@ class SerialAddress:
             return cls("sim", address)
         if _SIMULATED.fullmatch(address.removeprefix("socket://")):
             return cls("sim-socket", address.removeprefix("socket://"))
-        if _DEVICE.fullmatch(address) and not _NO_PORT.fullmatch(address) and len(address) <= _LONGEST_PATH:
+        if is_port(address):
             return cls("device", address)
         scheme, separator, rest = address.partition("://")
         place, question, query = rest.partition("?")
@@ -192,7 +188,7 @@ class ModbusAddress:
         if _SIMULATED.fullmatch(place):
             return cls("sim-rtu", place, unit)
         device = place.removeprefix("/") if re.fullmatch(r"/COM[0-9]+", place, re.IGNORECASE) else place
-        if not _DEVICE.fullmatch(device):
+        if not is_port(device):
             raise _no_modbus(address, f"{place} is no serial device")
         pairs = parse_qsl(query or "", keep_blank_values=True)
         given = dict(pairs)
@@ -259,9 +255,10 @@ class CanAddress:
         given = dict(parse_qsl(query, keep_blank_values=True))
         rate = given.pop("bitrate", None)
         if interface == "slcan":
-            known = _DEVICE.fullmatch(channel) is not None
+            known = is_port(channel.partition("@")[0]) and is_port(channel)
         else:
             known = re.fullmatch(_CAN_CHANNELS.get(interface, r"(?!)"), channel) is not None
+            known = known and (interface != "udp_multicast" or is_ip(channel))
         if interface not in (*_CAN_CHANNELS, "slcan"):
             why = f"adapters are {', '.join(sorted((*_CAN_CHANNELS, 'slcan')))}, not {interface!r}"
         elif not known:
@@ -372,6 +369,8 @@ def _unknown(scheme: str, address: str) -> str:
     if scheme or re.match(r"\w+:", address):
         return f"{scheme or address.partition(':')[0]}: is not what this driver speaks over, or is not allowed"
     if address.startswith("/"):
+        if DEVICE.fullmatch(address):
+            return "it is no serial port, or named with . or .. or too long a path"
         return "a path has no spaces and no options; those of the driver are keys of their own in the bench file"
     return "a device is named by its whole path"
 

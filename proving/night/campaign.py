@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+import json
 import math
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 
+from proving.ledger import Result
 from proving.night.bias import deviations
 from proving.night.bugs import BUGS
 from proving.night.checks import judge
 from proving.night.judged import Violation
 from proving.night.play import Played, play
-from proving.night.scenario import Lab, Scenario, draw
+from proving.night.scenario import Lab, Scenario, Size, draw
 from proving.night.story import timeline
+from proving.seeds import Campaign
 
 Bench = Mapping[str, str] | None
 """See `proving.night.scenario.draw`."""
@@ -52,20 +54,27 @@ class Verdict:
     skipped: int
     deviations: tuple[tuple[str, float, float], ...]
 
+    @classmethod
+    def of(cls, result: Result) -> Verdict:
+        """From what `nights` gave as JSON."""
+        broken = tuple(Violation(**violation) for violation in result["violations"])
+        off = tuple((quantity, t, df) for quantity, t, df in result["deviations"])
+        return cls(**{**result, "violations": broken, "deviations": off})
+
 
 def one_night(
-    seed: int, lab: Lab, *, full: bool = False, bug: str = "", calm: bool = False, bench: Bench = None
+    seed: int, lab: Lab, *, size: Size = "short", bug: str = "", calm: bool = False, bench: Bench = None
 ) -> Verdict:
     """Play and judge one night; `bug` plants one of `BUGS` in the controller first, the rest is as in `draw`."""
-    return _judged(draw(seed, lab, full=full, calm=calm, bench=bench), bug, lambda _: None)
+    return _judged(draw(seed, lab, size=size, calm=calm, bench=bench), bug, lambda _: None)
 
 
 def replay(
-    seed: int, lab: Lab, folder: Path, *, full: bool = False, bug: str = "", calm: bool = False, bench: Bench = None
+    seed: int, lab: Lab, folder: Path, *, size: Size = "short", bug: str = "", calm: bool = False, bench: Bench = None
 ) -> tuple[Verdict, list[str]]:
     """The same, its files left in `folder`, with what happened in order of time."""
     told: list[str] = []
-    scenario = draw(seed, lab, full=full, calm=calm, bench=bench)
+    scenario = draw(seed, lab, size=size, calm=calm, bench=bench)
     verdict = _judged(scenario, bug, lambda played: told.extend(timeline(played)), folder)
     return verdict, told
 
@@ -95,23 +104,20 @@ def _judged(scenario: Scenario, bug: str, look: Callable[[Played], None], folder
     )
 
 
-def many_nights(
-    seeds: Iterable[int],
-    lab: Lab,
-    *,
-    full: bool = False,
-    bug: str = "",
-    calm: bool = False,
-    bench: Bench = None,
-    jobs: int = 1,
-) -> Iterator[Verdict]:
-    """Nights of several seeds, in order."""
-    one = partial(one_night, lab=lab, full=full, bug=bug, calm=calm, bench=bench)
-    if jobs == 1:
-        yield from map(one, seeds)
-        return
-    with ProcessPoolExecutor(jobs) as pool:
-        yield from pool.map(one, seeds, chunksize=1 if full else 8)
+def nights(lab: Lab, *, size: Size = "short", bug: str = "", calm: bool = False, bench: Bench = None) -> Campaign:
+    """Nights of a laboratory as a campaign of seeds, for `proving.seeds`; its results are verdicts as JSON."""
+    whose = "" if bench is None else f" on a bench of its own: {json.dumps(bench, sort_keys=True)}"
+    kinds = f"{size}{f' with {bug}' if bug else ''}{' calm' if calm else ''}"
+    one = partial(_as_json, lab=lab, size=size, bug=bug, calm=calm, bench=bench)
+    return Campaign(one, f"{kinds} nights: {lab}{whose}", block=_BLOCKS[size])
+
+
+_BLOCKS: Mapping[Size, int] = {"brief": 8, "short": 8, "full": 1}
+"""Nights in a block: seconds, but for full ones."""
+
+
+def _as_json(seed: int, lab: Lab, *, size: Size, bug: str, calm: bool, bench: Bench) -> Result:
+    return asdict(one_night(seed, lab, size=size, bug=bug, calm=calm, bench=bench))
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from sims.faults import kinds_of, kinds_on
 from sims.twin import TwinClass
 
 Lab = Literal["attitude", "pressure"]
+Size = Literal["brief", "short", "full"]
 LABS: tuple[Lab, ...] = ("attitude", "pressure")
 
 _ATTITUDE = """\
@@ -153,33 +154,37 @@ class Scenario:
     fold_pages: int
 
 
-_LASTS_S: Mapping[Lab, Mapping[bool, float]] = {
-    "attitude": {False: 730.0, True: 28 * 3600.0},
-    "pressure": {False: 5500.0, True: 37 * 3600.0},
+_LASTS_S: Mapping[Lab, Mapping[Size, float]] = {
+    "attitude": {"brief": 150.0, "short": 730.0, "full": 28 * 3600.0},
+    "pressure": {"brief": 1500.0, "short": 5500.0, "full": 37 * 3600.0},
 }
-"""How long a night without trouble takes, by lab, short and full."""
+"""How long a night without trouble takes."""
 
 
-_HAPPENING = {False: (2, 5), True: (6, 20)}
-"""How many mishaps, and how many faults of instruments and wires, a short and a full night has."""
+_HAPPENING: Mapping[Size, tuple[int, int]] = {"brief": (1, 2), "short": (2, 5), "full": (6, 20)}
+"""How many mishaps, and how many faults of instruments and wires, a night has."""
+
+_DRAWN_BY: Mapping[Size, str] = {"brief": "brief", "short": "False", "full": "True"}
+"""Part of what a night is drawn from; as it is, or nights known by their seed would become others."""
 
 
 def draw(
-    seed: int, lab: Lab, *, full: bool = False, calm: bool = False, bench: Mapping[str, str] | None = None
+    seed: int, lab: Lab, *, size: Size = "short", calm: bool = False, bench: Mapping[str, str] | None = None
 ) -> Scenario:
     """The night of a seed.
 
     Args:
         seed: any whole number.
         lab: which laboratory.
-        full: the example's whole procedure instead of a short one.
+        size: "full" is the example's whole procedure.
         calm: the same night with nothing going wrong.
         bench: another bench for the laboratory's procedures, "bench.toml" and the contract files that it names; None
             for the example's own.
     """
-    rng = random.Random(f"{lab} {full} {seed}")
-    lasts = _LASTS_S[lab][full]
-    mishaps, faults = _HAPPENING[full]
+    full = size == "full"
+    rng = random.Random(f"{lab} {_DRAWN_BY[size]} {seed}")
+    lasts = _LASTS_S[lab][size]
+    mishaps, faults = _HAPPENING[size]
     folder = example(f"{lab}-lab")
     if bench is None:
         text = (folder / "bench.toml").read_text(encoding="utf-8")
@@ -194,10 +199,12 @@ def draw(
     entries = [_fault(rng, twins, rng.uniform(0.0, lasts)) for _ in range(faults)]
     documents = {
         **bench,
-        "procedure.toml": (folder / "procedure.toml").read_text(encoding="utf-8") if full else _procedure(rng, lab),
+        "procedure.toml": (folder / "procedure.toml").read_text(encoding="utf-8")
+        if full
+        else _procedure(rng, lab, size),
         "world.toml": world + "".join(map(_table, () if calm else entries)),
     }
-    happening = sorted([*happening, *_suspended(seed, lab, full, lasts)], key=lambda mishap: mishap.at_s)
+    happening = sorted([*happening, *_suspended(seed, lab, size, lasts)], key=lambda mishap: mishap.at_s)
     fold_pages = _SQLITES_OWN if full else rng.choice((3, 10, 40, _SQLITES_OWN))
     return Scenario(seed, lab, documents, () if calm else tuple(happening), gaps, fold_pages)
 
@@ -221,9 +228,9 @@ def _fewer(bench: str) -> str:
     return re.sub(r'"10[3-7]" = "volts", (?=.*"108")', "", "".join(kept))
 
 
-def _suspended(seed: int, lab: Lab, full: bool, lasts_s: float) -> Iterator[Mishap]:
+def _suspended(seed: int, lab: Lab, size: Size, lasts_s: float) -> Iterator[Mishap]:
     """In every second night one; drawn apart, so that nights known by their seed stay what they were."""
-    rng = random.Random(f"suspend {lab} {full} {seed}")
+    rng = random.Random(f"suspend {lab} {_DRAWN_BY[size]} {seed}")
     if rng.random() < 0.5:
         return
     for_s = rng.choice((5.0, 40.0, 60.0, 400.0, 900.0, 2500.0, 20_000.0))
@@ -279,21 +286,22 @@ def _table(values: Mapping[str, float | str]) -> str:
     return "[[faults]]\n" + "".join(lines)
 
 
-def _procedure(rng: random.Random, lab: Lab) -> str:
-    """A short procedure: 2 x 12 points, or 4 whole plots of 3 pressures."""
+def _procedure(rng: random.Random, lab: Lab, size: Size) -> str:
+    """A short procedure: 2 x 12 points, or 4 whole plots of 3 pressures; a brief one: 4 points, or 2 plots of 2."""
+    brief = size == "brief"
     if lab == "attitude":
         return _ATTITUDE.format(
             seed=rng.randrange(1000),
-            replications=2,
-            pitch=[-60, 0, 60],
-            roll=[-120, 0, 90, 120],
+            replications=1 if brief else 2,
+            pitch=[-60, 60] if brief else [-60, 0, 60],
+            roll=[0, 90] if brief else [-120, 0, 90, 120],
             order=rng.choice(("serpentine", "random")),
             readings=rng.choice((3, 4)),
         )
     return _PRESSURE.format(
         seed=rng.randrange(1000),
-        temperatures=[[20, 26], [26, 20], [20, 20], [26, 26]],
-        pressures=[0.12, 1.0, 2.5],
+        temperatures=[[20, 26], [26, 20], [20, 20], [26, 26]][: 2 if brief else 4],
+        pressures=[0.12, 2.5] if brief else [0.12, 1.0, 2.5],
         repeated=[],
         readings=rng.choice((2, 3)),
     )

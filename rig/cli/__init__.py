@@ -79,8 +79,9 @@ def main() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = ExitCode.DONE
     except OSError as error:
-        print(f"rig: {error}", file=sys.stderr)
-        code = ExitCode.FAULT
+        too_long = error.errno == errno.ENAMETOOLONG  # of an argument, whatever wanted to look at it first
+        print(f"rig: {_name_too_long(error) if too_long else error}", file=sys.stderr)
+        code = ExitCode.USAGE if too_long else ExitCode.FAULT
     except Exception as error:
         print(f"rig: {_unforeseen(error)}", file=sys.stderr)
         code = ExitCode.FAULT
@@ -119,6 +120,15 @@ def _interrupted() -> ExitCode:
     """Interrupted where nothing runs on a bench yet, or any more: a session says so itself."""
     print("rig: interrupted", file=sys.stderr)
     return ExitCode.INTERRUPTED
+
+
+def _name_too_long(error: OSError) -> str:
+    name = str(error.filename)
+    shown = name if len(name) <= _SHOWN else f"{name[:_SHOWN]}..."
+    return f"{shown} cannot be a file: its name is too long ({len(os.fsencode(name))} bytes); choose a shorter one"
+
+
+_SHOWN = 100
 
 
 def _unforeseen(error: Exception) -> str:

@@ -20,7 +20,7 @@ from rig.cli.kind_options import chosen as chosen_kind
 from rig.cli.kind_options import with_options_of_kinds
 from rig.cli.run import JsonOption, RunArgument, conclude, signals
 from rig.cli.show import err, headline, mark, out, print_json, run_progress
-from rig.config import read_text
+from rig.config import parse_toml, read_text
 from rig.controller import start_run
 from rig.engine.session import Outcome
 from rig.errors import ExitCode, UsageError
@@ -87,6 +87,9 @@ def confirm(
     if world is not None and not dry:
         raise UsageError("--world describes a simulated bench; it goes with --dry")
     _check_options(by, write, report, only_list=only_list, take=take)
+    if out_dir.exists() and not out_dir.is_dir():
+        raise UsageError(f"{out_dir} is no folder; name one for the run file with --out")
+    texts = _texts({"bench": bench, "world": world})
     _, options = chosen_kind(FileSource(run_file), given, _options)
     first = open_traced(run_file, **options.model_dump(exclude_unset=True))
     if not as_json:
@@ -119,13 +122,7 @@ def confirm(
         if as_json:
             print_json(_listed(first, proposals, never))
         return ExitCode.DONE
-    texts = {"bench": bench, "world": world}
-    plan = plan_for(
-        first,
-        chosen.variation,
-        dry=dry,
-        **{name: None if path is None else read_text(path, name) for name, path in texts.items()},
-    )
+    plan = plan_for(first, chosen.variation, dry=dry, **texts)
     _wait_for_mounting(chosen, dry=dry, yes=yes)
     paths: list[Path] = []
 
@@ -151,6 +148,15 @@ def confirm(
         )
         return code
     return _show(judge(first, paths[0]), _listed(first, proposals, never), report, as_json=as_json)
+
+
+def _texts(files: Mapping[str, Path | None]) -> dict[str, str | None]:
+    """The files that were named, read and known to be TOML before any work. Raises `ConfigurationError`."""
+    texts = {name: None if path is None else read_text(path, name) for name, path in files.items()}
+    for name, text in texts.items():
+        if text is not None:
+            parse_toml(text, str(files[name]))
+    return texts
 
 
 def _check_options(by: Path | None, write: Path | None, report: Path | None, *, only_list: bool, take: int) -> None:

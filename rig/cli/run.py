@@ -175,7 +175,7 @@ def resume(
     by = operator(operator_name)
     check_added_to(log, [run_file, bench, notify_file])
     with RunReader.open(run_file) as reader:
-        simulated, dry = is_simulated(reader), bool(reader.genesis().data.get("dry"))
+        simulated, dry = is_simulated(reader), reader.about().runs_dry
         state = read_state(reader) if unless_stopped else RunState()
     if state.rested == "stopped" and state.ended is None:
         ServiceManager().ended("stopped by rig stop")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from rich.table import Table
 from procedures.durations import duration
 from rig.cli.show import err, out, print_json
 from rig.errors import ExitCode, RigError, UsageError
+from rig.run_file.events.sessions import RunCreated
 from rig.run_file.live import controller_alive, read_live
 from rig.run_file.opening import sensible
 from rig.run_file.state import RunState
@@ -59,7 +59,7 @@ def _row(path: Path) -> tuple[dict[str, Any], int]:
     try:
         reader, state, wrong, _ = glance(path, _VERIFIED)
         with reader:
-            about = reader.genesis().data
+            about = reader.about()
         if wrong is not None and wrong.where not in CUT_SHORT:
             message = f"{path} was edited or damaged: {wrong}; rig verify {path} lists everything that is wrong"
             return {"run_file": str(path), "state": "not whole", "message": message}, int(ExitCode.FAULT)
@@ -69,7 +69,7 @@ def _row(path: Path) -> tuple[dict[str, Any], int]:
         return {"run_file": str(path), "state": "unreadable", "message": str(error)}, int(ExitCode.FAULT)
 
 
-def _known(path: Path, state: RunState, about: Mapping[str, Any]) -> tuple[dict[str, Any], int]:
+def _known(path: Path, state: RunState, about: RunCreated) -> tuple[dict[str, Any], int]:
     """A run's line, and what `--check` would end with."""
     said = read_live(path)
     running, live = said is not None, said or {}
@@ -78,8 +78,8 @@ def _known(path: Path, state: RunState, about: Mapping[str, Any]) -> tuple[dict[
         "state": live["state"] if running else state.ended or state.rested,
         "running": running,
         "simulated": state.simulated,
-        "procedure": about["procedure"],
-        "bench": about["bench"],
+        "procedure": about.procedure or "",
+        "bench": about.bench or "",
         "points": state.points,
         "done": len(state.accepted) + len(state.skipped),
         "elapsed_s": live.get("elapsed_s", state.elapsed_s),

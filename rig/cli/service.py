@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import getpass
 import os
+import pwd
 from pathlib import Path
 from typing import Annotated
 
@@ -56,6 +57,8 @@ def service(
 
     Examples: `rig service runs/ID.sqlite`, `rig service runs/ID.sqlite --install`
     """
+    if run_as:
+        _check_user(run_as)
     if install and remove:
         raise UsageError("--install or --remove, not both")
     if not remove and (refused := _refused(run_file)) is not None:
@@ -87,6 +90,14 @@ def service(
     else:
         print(unit.text(), end="")
     return ExitCode.DONE
+
+
+def _check_user(name: str) -> None:
+    """Raise `UsageError` for a user that this machine does not know, whom systemd could not start anything as."""
+    try:
+        pwd.getpwuid(int(name)) if name.isdecimal() else pwd.getpwnam(name)
+    except (KeyError, ValueError, OverflowError) as error:
+        raise UsageError(f"--run-as {name}: there is no such user on this machine; getent passwd lists them") from error
 
 
 def _refused(run_file: Path) -> ExitCode | None:
@@ -138,7 +149,7 @@ def _patience_s(run_file: Path) -> float:
 def _addresses(run_file: Path, bench: Path | None) -> tuple[str, ...]:
     """Of the bench that the service will use; none of a dry run."""
     with RunReader.open(run_file) as reader:
-        text, dry = reader.documents().get("bench.toml"), bool(reader.genesis().data.get("dry"))
+        text, dry = reader.documents().get("bench.toml"), reader.about().runs_dry
     if bench is not None:
         config = parse_bench(read_text(bench, "bench"), str(bench))
     elif text is None or dry:

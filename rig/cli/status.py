@@ -59,7 +59,7 @@ def _status(run_file: Path, *, check: bool, as_json: bool) -> ExitCode:
     """Of one run file."""
     reader, state, wrong, looked = glance(run_file, VERIFIED)
     with reader:
-        genesis = reader.genesis()
+        run = reader.about()
         count, head = reader.head()
         other = goes_on_in(reader, state)
         said = read_live(run_file)
@@ -69,8 +69,8 @@ def _status(run_file: Path, *, check: bool, as_json: bool) -> ExitCode:
     summary: dict[str, Any] = {
         "run_id": state.run_id,
         "simulated": state.simulated,
-        "procedure": genesis.data.get("procedure", ""),
-        "bench": genesis.data.get("bench", ""),
+        "procedure": run.procedure or "",
+        "bench": run.bench or "",
         "state": live["state"] if running else state.ended or state.rested,
         "running": running,
         "points": state.points,

@@ -106,13 +106,13 @@ def heard(listeners: Listeners, show: Callable[[Progress], None]) -> Callable[[P
 def facts_of(run_file: Path) -> RunFacts:
     """Which run a run file holds, and how its last session ended."""
     with RunReader.open(run_file) as reader:
-        about = reader.genesis().data
+        about = reader.about()
         return RunFacts(
             path=run_file,
-            run_id=str(about["run_id"]),
-            bench=str(about["bench"]),
-            procedure=str(about["procedure"]),
-            simulated=bool(about["simulated"]),
+            run_id=about.run_id,
+            bench=about.bench or "",
+            procedure=about.procedure or "",
+            simulated=about.simulated,
             after_crash=ended_without_a_word(reader),
         )
 

@@ -47,6 +47,10 @@ def read_calibration(path: Path) -> CalibrationFile:
         raise UsageError(f"there is no file {path}") from None
     except OSError as error:
         raise UsageError(f"{path} cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise UsageError(
+            f"{path} is not a calibration file of `rig fit --out`: it is not UTF-8 text (byte {error.start})"
+        ) from error
     except RecursionError:
         raise UsageError(f"{path} is nested too deeply to be a calibration file") from None
     except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:

@@ -15,7 +15,7 @@ from math import isfinite
 from typing import Any, NamedTuple
 
 from rig.run_file.bodies import shown
-from rig.run_file.events.event import Body, Event, body_of, decode
+from rig.run_file.events.event import Event, body_of, decode
 from rig.run_file.events.points import ACCEPTED, Observed
 
 GENESIS = bytes(32)
@@ -59,7 +59,7 @@ class Record(_Columns):
     """Its number, where it was read from a file."""
 
     @cached_property
-    def data(self) -> Body:
+    def data(self) -> dict[str, Any]:
         """The body, decoded and checked. Raises `ContentsError`."""
         return body_of(self.body, self.kind, self.status, self.named)
 

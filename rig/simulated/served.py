@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from rig.atomic import check_added_to
+from rig.atomic import check_added_to, check_writable
 from rig.bench import check_options
 from rig.config import parse_toml, read_text
 from rig.contract_files import read_bench
@@ -37,11 +37,13 @@ def serve_bench(
 
     Raises:
         ConfigurationError: one of the files is wrong.
-        UsageError: `tape` is one of the other files, or a run file.
+        UsageError: `tape` is one of the other files, a run file, or no file.
         RigError: a port cannot be opened, or `live` or `tape` cannot be written.
 
     """
-    check_added_to(tape, [bench, world, live])
+    if tape is not None:
+        check_writable(tape)
+        check_added_to(tape, [bench, world, live])
     config, _ = read_bench(bench)
     check_options(config, str(bench))
     truth = {} if world is None else parse_toml(read_text(world, "world"), str(world))

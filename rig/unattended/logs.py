@@ -57,11 +57,14 @@ def as_json(happening: Happening, facts: RunFacts) -> str:
 FORMATS: dict[LogFormat, Formatter] = {"text": as_text, "json": as_json}
 
 
+_ADD = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC | os.O_NONBLOCK  # a pipe may wait for ever for its reader
+
+
 def file_writer(path: Path) -> Callable[[str], None]:
     """What appends a line to a file, in one write; raises OSError."""
 
     def write(line: str) -> None:
-        descriptor = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        descriptor = os.open(path, _ADD, 0o644)
         try:
             os.write(descriptor, line.encode("utf-8", "backslashreplace") + b"\n")
         finally:

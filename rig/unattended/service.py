@@ -91,6 +91,12 @@ class ServiceUnit:
                     f"{str(path)!r} has a control character in it, such as a newline, or bytes that are no text; "
                     "systemd takes neither in a path: rename it, or move the run to another folder"
                 )
+        for path in (self.run, self.run.parent):
+            if str(path).endswith("\\"):
+                raise UsageError(
+                    f"{path} ends with a backslash, which systemd takes to join the next line: rename it, or move the "
+                    "run to another folder"
+                )
 
     def text(self) -> str:
         """The unit file."""

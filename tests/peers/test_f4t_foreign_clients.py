@@ -8,11 +8,11 @@ from collections.abc import Iterator
 
 import minimalmodbus
 import pytest
-from kills import rig
 from pymodbus import FramerType
 from pymodbus.client import ModbusBaseSyncClient, ModbusSerialClient, ModbusTcpClient
 
 from drivers.clock import RealClock
+from proving.crashes.kills import rig
 
 BENCH = """
 name = "three-chambers"

@@ -14,7 +14,6 @@ from procedures.confirming import Confirming
 from procedures.kind import Procedure, kind_of
 from rig.closed_loop import Traced, known, trace_table
 from rig.config import BenchConfig
-from rig.controller import WORLD_START
 from rig.errors import UsageError
 from rig.plans import plan_of
 from rig.run_file.reader import RunReader
@@ -80,8 +79,8 @@ def open_traced(path: Path, **options: Any) -> First:
         )
     table = run_table(path)
     with RunReader.open(path) as reader:
-        documents, genesis = reader.documents(), reader.genesis()
-    plan = plan_of(documents, dry=bool(genesis.data["dry"]), stored=True)
+        documents, run, began_utc_s = reader.documents(), reader.about(), reader.genesis().utc_s
+    plan = plan_of(documents, dry=run.runs_dry, stored=True)
     traced, kind = trace_table(table, **options), kind_of(plan.procedure)
     confirming = kind.confirming(traced)
     if confirming is None:
@@ -95,8 +94,8 @@ def open_traced(path: Path, **options: Any) -> First:
         procedure=plan.procedure,
         bench=plan.bench,
         dry=plan.dry,
-        began_utc_s=genesis.utc_s,
-        world_s=float(genesis.data.get(WORLD_START, 0.0)),
+        began_utc_s=began_utc_s,
+        world_s=run.world_start_s or 0.0,
     )
 
 
@@ -119,12 +118,12 @@ def read_later(first: First, path: Path) -> tuple[Any, float]:
             f"{first.traced.table.provenance['bench']}: what a head or a line does is confirmed on the same bench"
         )
     with RunReader.open(path) as reader:
-        genesis = reader.genesis()
-    if bool(genesis.data["simulated"]) != first.simulated:
+        simulated, began_utc_s = reader.about().simulated, reader.genesis().utc_s
+    if simulated != first.simulated:
         raise UsageError(
             f"one of {first.path} and {path} is simulated, the other is not: they cannot be judged together"
         )
-    after_s = genesis.utc_s - first.began_utc_s
+    after_s = began_utc_s - first.began_utc_s
     if path.resolve() == first.path.resolve():
         raise UsageError(f"{path} is the run that was traced: what confirms an effect has to come after it")
     if after_s <= 0:

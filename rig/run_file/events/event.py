@@ -203,20 +203,7 @@ def decode(kind: str, status: str | None, body: Mapping[str, Any]) -> Event:
     return cls.of_body(body, status)
 
 
-class Body(dict[str, Any]):
-    """A record's body, decoded and checked: known fields are of the kinds they should be."""
-
-    __slots__ = ("_where",)
-
-    def __init__(self, decoded: Mapping[str, Any], where: Callable[[], str]) -> None:
-        super().__init__(decoded)
-        self._where = where
-
-    def __missing__(self, name: str) -> Any:
-        raise ContentsError(f"{self._where()}: its body has no {name}")
-
-
-def body_of(text: object, kind: str, status: str | None, where: Callable[[], str]) -> Body:
+def body_of(text: object, kind: str, status: str | None, where: Callable[[], str]) -> dict[str, Any]:
     """A body decoded and checked.
 
     Args:
@@ -248,7 +235,7 @@ def body_of(text: object, kind: str, status: str | None, where: Callable[[], str
         if name in decoded and not field_kind.holds(decoded[name]):
             what = f"its {name} cannot be {shown(decoded[name])}, it has to be {field_kind.words}"
             raise ContentsError(f"{where()}: {what}")
-    return Body(decoded, where)
+    return decoded
 
 
 def _shape(cls: type[Event]) -> _Shape:

@@ -60,6 +60,11 @@ class RunCreated(Event, kind="run", says="run created, {points} points, run list
     operator_by: Text | None = None
     world_start_s: Seconds | None = None
 
+    @property
+    def runs_dry(self) -> bool:
+        """Whether it is a dry run; a simulated one that does not say is taken for one, and commands nothing real."""
+        return self.simulated if self.dry is None else self.dry
+
 
 @dataclass(frozen=True, kw_only=True)
 class SessionBegan(Event, kind="session", matters=Importance("session", "info", "start")):

@@ -117,7 +117,7 @@ def _read_run(visit: Visit, patient: _Patient) -> Iterator[Finding]:
         reader.verify()
         state = patient.state = read_state(reader)
         documents = reader.documents()
-        patient.dry = patient.dry or bool(reader.about().dry)
+        patient.dry = patient.dry or reader.about().runs_dry
     text = f"{visit.run}: chain unbroken, {len(state.accepted)} of {state.points} points, {state.ended or state.rested}"
     if controller_alive(visit.run):
         advice = "rig status shows it; its instruments were not asked anything"

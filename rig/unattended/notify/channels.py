@@ -51,6 +51,8 @@ def senders(settings: NotifySettings, where: str) -> tuple[dict[str, Send], list
 
 # --- command ----------------------------------------------------------------------------------------------------------
 
+_MOST_BYTES = 1 << 16
+"""Of what a program complains, many times what is repeated of it."""
 _NOT_FOR_CHILDREN = ("NOTIFY_SOCKET", "WATCHDOG_USEC", "WATCHDOG_PID")
 
 
@@ -83,7 +85,9 @@ def _command(channel: Command) -> Send:
                 raise NotSent(f"{argv[0]} took longer than {channel.timeout_s:g} s", permanent=True) from None
             if process.returncode:
                 complaints.seek(0)
-                said = veiled(complaints.read(300).decode("utf-8", "replace"), [a for a in channel.argv if "://" in a])
+                # Veiled before it is cut: half an address would not be known for one.
+                whole = complaints.read(_MOST_BYTES).decode("utf-8", "replace")
+                said = veiled(whole, [a for a in channel.argv if "://" in a])
                 raise NotSent(f"{argv[0]} ended with {process.returncode} {said}")
 
     return send

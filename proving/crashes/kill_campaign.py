@@ -1,6 +1,6 @@
 """Kill real controllers at random moments until there are enough kills; nothing may be lost, doubled or wrong.
 
-.venv/bin/python benchmarks/kill_campaign.py --kills 200 [--seed 1] [--lab pressure]
+.venv/bin/python -m proving.crashes.kill_campaign --kills 200 [--seed 1] [--lab pressure]
 """
 
 from __future__ import annotations
@@ -10,13 +10,15 @@ import sys
 import tempfile
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
+from proving.crashes.kills import PROCEDURES, Tally, one_run
 
-from kills import PROCEDURES, Tally, one_run
-from scratch import RUNS
+RUNS = Path(__file__).parents[2] / "runs"
+"""Not in a memory file system: on the disk that holds the project."""
 
 
 def main() -> int:
+    """As the command line says; 1 if anything is lost, doubled or wrong."""
+    RUNS.mkdir(exist_ok=True)
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--kills", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)

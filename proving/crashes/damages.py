@@ -1,6 +1,6 @@
 """Run files damaged byte by byte: what opening them says, and whether they can be gone on with.
 
-Used by the quick tests for a share and by `benchmarks/crash_points.py` for all of it.
+The quick tests do a share of it, `crash_points` all of it.
 """
 
 from __future__ import annotations
@@ -10,8 +10,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from crashes import Run, crash_once
-
+from proving.crashes.runs import Run, crash_once
 from proving.disk import Disk
 from rig.controller import _losses
 from rig.errors import RigError
@@ -89,7 +88,8 @@ class Interrupted:
 
     def damages(self, every: int) -> Iterator[Damage]:
         """A bit flipped, and a cut, at every byte of the last two commits and of the log's header; a cut at every
-        edge of a frame; the log gone."""
+        edge of a frame; the log gone.
+        """
         whole = self.files[self.log]
         start = self.commits[-2]
         for at in (*range(0, 32, every), *range(start, self.end, every)):

@@ -3,7 +3,7 @@
 Reads the run file with SQL of its own and the tape line by line; knows both only from their documents. The standard
 library is all it needs.
 
-python benchmarks/chaos_checker.py RUN.sqlite BENCH.tape
+python -m proving.chaos.checker RUN.sqlite BENCH.tape
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from chaos_tape import Reading, Row, Run, Server, Tape, by_utc, numbers, same
+from proving.chaos.tape import Reading, Row, Run, Server, Tape, by_utc, numbers, same
 
 KINDS = ("lost", "doubled", "wrong", "stays", "holes")
 """Points not observed, or observed and gone; observed twice; not as on the tape; not one stay; holes not recorded."""
@@ -47,10 +47,12 @@ class Verdict:
     counts: Counter[str] = field(default_factory=Counter)
 
     def say(self, kind: str, words: str) -> None:
+        """Add a finding."""
         self.findings[kind].append(words)
 
     @property
     def clean(self) -> bool:
+        """Whether nothing was found."""
         return not any(self.findings.values())
 
 
@@ -402,6 +404,7 @@ def check(
 
 
 def main() -> int:
+    """As the command line says; 1 if anything was found."""
     verdict = check(Path(sys.argv[1]), Path(sys.argv[2]))
     print(dict(verdict.counts))
     for kind, found in verdict.findings.items():

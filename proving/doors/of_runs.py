@@ -13,11 +13,10 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, ClassVar
-
-from hostile import VALUES, Material, Seeded, check_json, command, damaged, edited, mutated
+from typing import Any, ClassVar, cast
 
 from procedures.run_list import Factor, rows_sha256
+from proving.doors.hostile import VALUES, Material, Seeded, check_json, command, damaged, edited, mutated
 from rig.report.story import story
 from rig.run_file.chain import GENESIS, Record, encode, link
 from rig.watch.feed import RunFeed, encoded
@@ -70,6 +69,7 @@ class Image:
 
     @classmethod
     def of(cls, path: Path) -> Image:
+        """Of a run file."""
         content = bytearray(path.read_bytes())
         content[18] = content[19] = 1
         db = sqlite3.connect(":memory:")
@@ -97,7 +97,10 @@ class Image:
         return cls(db.serialize(), schema, triggers, rows["document"], rows["factor"], rows["point"], records + ending)
 
     def copy(self) -> Image:
-        lists = {n: [list(row) for row in getattr(self, n)] for n in ("documents", "factors", "points", "records")}
+        """One whose rows can be changed."""
+        lists: dict[str, Any] = {
+            n: [list(row) for row in getattr(self, n)] for n in ("documents", "factors", "points", "records")
+        }
         return replace(self, **lists)
 
     def rechain(self) -> None:
@@ -119,7 +122,7 @@ class Image:
                 body["documents"] = {n: hashlib.sha256(text.encode()).hexdigest() for n, text in self.documents}
             with contextlib.suppress(Exception):
                 factors = tuple(Factor(n, a, o, bool(h), bool(s)) for _, n, a, o, h, s in self.factors)
-                body["run_list"] = rows_sha256(factors, int(body["seed"]), [self.points])
+                body["run_list"] = rows_sha256(factors, int(body["seed"]), [cast("list[tuple[Any, ...]]", self.points)])
         elif isinstance(body.get("head"), str):
             body |= {"head": previous.hex(), "records": number - 1}
         return body

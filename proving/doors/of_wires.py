@@ -17,8 +17,8 @@ from typing import Any
 
 import anyio
 import uvicorn
-from hostile import TOML_VALUES, VALUES, Material, damaged, edited
 
+from proving.doors.hostile import TOML_VALUES, VALUES, Material, damaged, edited
 from rig.engine.session import Progress
 from rig.unattended.happenings import Happening, Kind, RunFacts
 from rig.unattended.notify.channels import sender
@@ -71,6 +71,7 @@ class Page:
             self.thread.join(0.01)
 
     def close(self) -> None:
+        """End the server."""
         self.server.should_exit = True
         self.thread.join()
         self._listening.close()
@@ -266,6 +267,7 @@ class Answering:
         self._thread.start()
 
     def close(self) -> None:
+        """End the server."""
         with contextlib.suppress(OSError):
             self._listening.shutdown(socket.SHUT_RDWR)
         self._listening.close()

@@ -78,6 +78,7 @@ class Tape:
 
     @property
     def speed(self) -> float:
+        """Of the server that began last."""
         return self.servers[-1].speed
 
     def quiet(self, times: list[float], longer_than: float) -> Iterator[tuple[float, float]]:
@@ -122,7 +123,7 @@ class Run:
             found = db.execute(f"SELECT {columns} FROM record ORDER BY seq").fetchall()
         finally:
             db.close()
-        self.rows = [Row(*row[:-1], json.loads(row[-1])) for row in found]
+        self.rows = [Row(*(*row[:-1], json.loads(row[-1]))) for row in found]
         self.bench, self.procedure = self.documents["bench.toml"], self.documents["procedure.toml"]
         self.accepted = [r for r in self.rows if (r.kind, r.status) == ("observation", "accepted")]
         self.sessions = {r.session: r for r in self.rows if r.kind == "session"}
@@ -144,12 +145,14 @@ _STEPS = {"degC": 6e-5, "psi": 6e-8}
 
 
 def same(reading: Reading, value: float, scale: float) -> bool:
+    """Whether a value is that of a reading, to the last digit sent."""
     given = reading.value * scale
     tolerance = _STEPS.get(reading.line.get("unit", "psi"), 1e-9)
     return math.isfinite(given) and abs(given - value) <= tolerance + 2e-7 * abs(value)
 
 
 def numbers(text: str) -> Iterator[float]:
+    """Numbers in what an instrument said."""
     for word in text.replace(",", " ").replace(";", " ").split():
         try:
             yield float(word)

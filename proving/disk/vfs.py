@@ -1,16 +1,36 @@
 """The VFS of a simulated disk: SQLite's reads, writes and syncs on their way to real files."""
 
+# ruff: noqa: D102 - what a `Medium` does is described where it is done
+
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import apsw
 
-from proving.page_cache import Change
+from proving.disk.page_cache import CachedFile, Change
 
-if TYPE_CHECKING:
-    from proving.disk import Disk
+
+class Medium(Protocol):
+    """What a VFS asks of the disk behind it; `proving.disk.simulated.Disk` says what each does."""
+
+    name: str
+    boot: int
+
+    def alive(self) -> None: ...
+    def file(self, name: str) -> CachedFile: ...
+    def opened(self, name: str) -> None: ...
+    def closed(self, name: str, boot: int) -> None: ...
+    def created(self, name: str) -> None: ...
+    def deleted(self, name: str) -> None: ...
+    def folder_synced(self, folder: str) -> None: ...
+    def room_for(self, growth: int) -> int: ...
+    def read_fails(self) -> bool: ...
+    def write_fails(self) -> bool: ...
+    def wrote(self) -> None: ...
+    def syncing(self) -> bool: ...
+
 
 _UNTRACKED = (
     apsw.SQLITE_OPEN_TEMP_DB
@@ -24,7 +44,7 @@ _SYNCS_FOLDER = apsw.SQLITE_OPEN_WAL | apsw.SQLITE_OPEN_MAIN_JOURNAL | apsw.SQLI
 class DiskVfs(apsw.VFS):
     """Opens files of a disk; what has no name or no lasting meaning goes straight to the operating system."""
 
-    def __init__(self, disk: Disk) -> None:
+    def __init__(self, disk: Medium) -> None:
         super().__init__(disk.name, "unix")
         self._disk = disk
 
@@ -49,7 +69,7 @@ class DiskVfs(apsw.VFS):
 
 
 class _File(apsw.VFSFile):
-    def __init__(self, disk: Disk, plain: str, name: str | apsw.URIFilename | None, flags: list[int]) -> None:
+    def __init__(self, disk: Medium, plain: str, name: str | apsw.URIFilename | None, flags: list[int]) -> None:
         disk.opened(plain)
         new = not os.path.exists(plain)
         self._disk, self._name, self._boot = disk, plain, disk.boot

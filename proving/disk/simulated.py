@@ -32,8 +32,8 @@ from typing import Literal, Self
 import apsw
 
 from drivers.clock import Clock
-from proving.page_cache import CachedFile, Change
-from proving.vfs import DiskVfs
+from proving.disk.page_cache import CachedFile, Change
+from proving.disk.vfs import DiskVfs
 from rig.run_file import storage
 
 _names = itertools.count(1)

@@ -1,6 +1,6 @@
 """Crash at every write of a short run, damage every byte of its last commits and its file's every page, and go on.
 
-python -m benchmarks.crash_points [--lab attitude] [--part crashes|folded|log|file] [--every 1]
+python -m proving.crashes.crash_points [--lab attitude] [--part crashes|folded|log|file] [--every 1]
 
 Folded: crashes again, in runs whose log is folded into the file every few pages, as that of a long run is in the end.
 """
@@ -14,11 +14,8 @@ import time
 from collections import Counter
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
-
-from crashes import PROCEDURES, crash_once
-from damages import FLIPS, Interrupted, file_damages, log_damages, small_finished
-
+from proving.crashes.damages import FLIPS, Interrupted, file_damages, log_damages, small_finished
+from proving.crashes.runs import PROCEDURES, crash_once
 from proving.disk import folding
 
 _PARTS = ("crashes", "folded", "log", "file")
@@ -42,6 +39,7 @@ def crash_points(lab: str, folder: Path, every: int) -> tuple[Counter[str], list
 
 
 def main() -> int:
+    """As the command line says; 1 if anything is wrong."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--lab", choices=PROCEDURES, action="append")
     parser.add_argument("--part", choices=_PARTS, action="append")

@@ -1,6 +1,6 @@
 """Hostile inputs at every door, from a seed: what ends in anything but an answer or an error meant for people.
 
-The quick tests run a share of it, `python -m benchmarks.fuzz` as much as is asked for.
+The quick tests run a share of it, `python -m proving.doors.fuzz` as much as is asked for.
 """
 
 from __future__ import annotations
@@ -12,19 +12,17 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import doors_of_runs
-import doors_of_texts
-import doors_of_wires
 import typer
-from hostile import Material, Seeded
 
 from drivers.clock import RealClock
+from proving.doors import of_runs, of_texts, of_wires
+from proving.doors.hostile import Material, Seeded
 from rig.errors import RigError
 
 __all__ = ["DOORS", "Found", "Material", "attack"]
 
 HANG_S, MEMORY_KB = 5.0, 1 << 20
-_USAGE = next(cls for cls in typer.BadParameter.__mro__ if cls.__name__ == "ClickException")
+_USAGE: type[Exception] = next(cls for cls in typer.BadParameter.__mro__ if cls.__name__ == "ClickException")
 
 
 class Hang(BaseException):
@@ -45,25 +43,27 @@ class Found:
 
     @property
     def wrong(self) -> int:
+        """How many findings."""
         return self.tracebacks + self.hangs + self.memory + self.deaths
 
     def note(self, what: str, example: str) -> None:
+        """Count a finding, and keep the first example of its kind."""
         self.examples.setdefault(what, example)
         self.counts[what] = self.counts.get(what, 0) + 1
 
 
 Acts = Iterator[Callable[[], object]]
 DOORS: Mapping[str, Callable[[Seeded, Material], Acts]] = {
-    "toml": doors_of_texts.toml,
-    "csv": doors_of_texts.csv,
-    "formula": doors_of_texts.formula,
-    "calibration": doors_of_texts.calibration,
-    "contracts": doors_of_texts.contracts,
-    "paths": doors_of_texts.paths,
-    "run": doors_of_runs.run,
-    "beside": doors_of_runs.beside,
-    "http": doors_of_wires.http,
-    "notify": doors_of_wires.notify,
+    "toml": of_texts.toml,
+    "csv": of_texts.csv,
+    "formula": of_texts.formula,
+    "calibration": of_texts.calibration,
+    "contracts": of_texts.contracts,
+    "paths": of_texts.paths,
+    "run": of_runs.run,
+    "beside": of_runs.beside,
+    "http": of_wires.http,
+    "notify": of_wires.notify,
 }
 
 

@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from crashes import PROCEDURES
-from hostile import Material, command, damaged, edited, mutated, words
 
 from fitter.arithmetic_text import FormulaError
 from fitter.effects.own import own_effects
 from fitter.formula import Formula
 from procedures.kind import kinds
+from proving.crashes.runs import PROCEDURES
+from proving.doors.hostile import Material, command, damaged, edited, mutated, words
 from rig.config import parse_bench, parse_procedure
 from rig.contract_files import with_contracts
 from rig.controller import opened
@@ -138,7 +138,24 @@ def _calibration_path(material: Material) -> Path:
 
 
 _WORDS = ("P", "T", "1", "0", "I(", "C(", "log(", "(", ")", ")^2", "^", "*", ":", "+", "-", "/", "~", "1e999", "\u00b2")
-_MORE = ("sqrt(", "exp(", "9" * 400, "^9", "**", "P^2", "T:P", "\0", "\n", "'", ".", ",", "1_5", "\uff11", "e", "-1")
+_MORE: tuple[str, ...] = (
+    "sqrt(",
+    "exp(",
+    "9" * 400,
+    "^9",
+    "**",
+    "P^2",
+    "T:P",
+    "\0",
+    "\n",
+    "'",
+    ".",
+    ",",
+    "1_5",
+    "\uff11",
+    "e",
+    "-1",
+)
 _MORE += ("max(", "<", "==", "`P`", "`")
 _EFFECT = ("pitch", "+", "**", "sin(", ")", "9", "1e9", "-", "roll", "(", "min(", ",", "<")
 _AGAIN = ("P+", "P*", "-", "(P+T)*", "P:", "P<", "P^", "max(P,", "`")

@@ -1,6 +1,6 @@
 """Cut the power at random moments of short runs of both procedures, go on, and count what is lost or doubled.
 
-python -m benchmarks.power_cuts --cuts 1000 [--seed 1] [--lab attitude]
+python -m proving.crashes.power_cuts --cuts 1000 [--seed 1] [--lab attitude]
 """
 
 from __future__ import annotations
@@ -11,12 +11,11 @@ import tempfile
 import time
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
-
-from crashes import PROCEDURES, power_cuts
+from proving.crashes.runs import PROCEDURES, power_cuts
 
 
 def main() -> int:
+    """As the command line says; 1 if anything is lost, doubled or changed."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--cuts", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=1)

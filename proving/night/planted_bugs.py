@@ -1,6 +1,6 @@
 """After how many nights the campaign finds each bug that is planted in the controller.
 
-python -m benchmarks.planted_bugs [most nights]
+python -m proving.night.planted_bugs [most nights]
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from proving.night.scenario import LABS
 
 
 def main() -> int:
+    """As the command line says; 1 if a bug was not found."""
     most = int(sys.argv[1]) if len(sys.argv) > 1 else 200
     missed = 0
     for bug in BUGS:

@@ -16,8 +16,8 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from chaos_bench import PROJECT, Disk, Lab, ServedBench
-from chaos_tape import accepted_in
+from proving.chaos.bench import PROJECT, Disk, Lab, ServedBench
+from proving.chaos.tape import accepted_in
 
 LOSS = re.compile(
     r"\d+ record\(s\) that had been written are lost|\d+ are lost|each proven by its hash|"

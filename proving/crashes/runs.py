@@ -1,6 +1,6 @@
 """Short dry runs on a simulated disk that crash where they are told to, and what must be true of them afterwards.
 
-Used by the quick tests for a share and by `benchmarks/crash_points.py` and `benchmarks/power_cuts.py` for all of it.
+The quick tests do a share of it, `crash_points` and `power_cuts` all of it.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from typing import Literal
 from unittest.mock import patch
 
 import apsw
-from kills import judge
 
+from proving.crashes.kills import judge
 from proving.disk import Crash, Disk
 from rig.controller import resume_run, start_run
 from rig.engine.session import Outcome, Signals
@@ -69,6 +69,7 @@ CHECKPOINT_PAGES = 60
 
 @cache
 def plan(lab: str) -> Plan:
+    """A short run of a laboratory."""
     bench, world = ((example(f"{lab}-lab") / name).read_text() for name in ("bench.toml", "world.toml"))
     return plan_of({"bench.toml": bench, "procedure.toml": PROCEDURES[lab], "world.toml": world}, dry=True)
 
@@ -94,6 +95,7 @@ class Run:
 
     @property
     def path(self) -> Path | None:
+        """Its run file, where there is one by now."""
         return next(iter(self.folder.glob("*.sqlite")), None)
 
     def go_on(self) -> bool:

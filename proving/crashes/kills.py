@@ -1,6 +1,6 @@
 """Real SIGKILLs of real controllers: start, kill at a random moment, resume, kill again, and count what is left.
 
-Used by the quick tests for a few kills and by `benchmarks/kill_campaign.py` for many.
+The quick tests make a few kills, `kill_campaign` many.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from procedures.run_list import RunList
 from rig.examples import example
@@ -70,11 +71,13 @@ class Tally:
     wrong_side: int = 0
 
     def add(self, other: Tally) -> None:
+        """Add what another run has come to."""
         for name in vars(self):
             setattr(self, name, getattr(self, name) + getattr(other, name))
 
 
-def rig(*arguments: object, **options: object) -> subprocess.Popen[str]:
+def rig(*arguments: object, **options: Any) -> subprocess.Popen[str]:
+    """Start a command in a process of its own; options are those of `Popen`."""
     command = [sys.executable, "-m", "rig", *map(str, arguments)]
     return subprocess.Popen(command, text=True, stderr=subprocess.PIPE, stdout=subprocess.PIPE, **options)
 
@@ -97,8 +100,9 @@ def one_run(
     procedure.write_text(PROCEDURES[lab].format(replications=replications))
     bench, world = (example(f"{lab}-lab") / name for name in ("bench.toml", "world.toml"))
     process = rig("run", procedure, "--bench", bench, "--dry", "--world", world, "--out", folder)
+    assert process.stdout is not None
     line = process.stdout.readline()
-    assert line, process.stderr.read()
+    assert line, process.communicate()
     path = Path(line.strip())
     tally = Tally(runs=1)
     while True:
@@ -129,6 +133,7 @@ def judge(path: Path) -> Tally:
     observed = {r.run_index for r in accepted}
     wrong = 0
     for record in accepted:
+        assert record.run_index is not None
         point = run_list.points[record.run_index]
         for factor, side, setpoint in zip(run_list.factors, point.sides, point.setpoints, strict=True):
             if not side:

@@ -3,7 +3,7 @@
 A server keeps a tape of what the instruments answered and of what was true. A real `rig run` is killed, frozen, cut off
 and deceived many times and carried on as its own messages say; then its file is held against the tape.
 
-.venv/bin/python benchmarks/chaos.py --acts 500 [--seed 1] [--lab pressure] [--only freeze,race]
+.venv/bin/python -m proving.chaos.campaign --acts 500 [--seed 1] [--lab pressure] [--only freeze,race]
 """
 
 from __future__ import annotations
@@ -23,10 +23,9 @@ from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
-from chaos_bench import LABS
-from chaos_checker import KINDS, check
-from chaos_run import ChaosRun, Stuck
-from scratch import RUNS
+from proving.chaos.bench import LABS, PROJECT
+from proving.chaos.checker import KINDS, check
+from proving.chaos.run import ChaosRun, Stuck
 
 Act = Callable[[ChaosRun], None]
 
@@ -364,7 +363,13 @@ def one_run(
     return counts, findings
 
 
+RUNS = PROJECT / "runs"
+"""Not in a memory file system: on the disk that holds the project."""
+
+
 def main() -> int:
+    """As the command line says; 1 if anything was found."""
+    RUNS.mkdir(exist_ok=True)
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--acts", type=int, default=500)
     parser.add_argument("--seed", type=int, default=1)

@@ -1,7 +1,7 @@
 """Give every door of the program mutated inputs; none may end in a traceback, hang for 5 s or take a gigabyte.
 
-.venv/bin/python -m benchmarks.fuzz --total 1000000 [--door run] [--seed 1]
-.venv/bin/python -m benchmarks.fuzz --door run --seed 4711 --inputs 1
+.venv/bin/python -m proving.doors.fuzz --total 1000000 [--door run] [--seed 1]
+.venv/bin/python -m proving.doors.fuzz --door run --seed 4711 --inputs 1
 
 The inputs of a door are made from consecutive seeds, in a process of its own: one that takes a gigabyte more than it
 began with, that hangs where no signal reaches it, or that dies is counted, and another goes on with the next seed.
@@ -26,9 +26,8 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
-
-from doors import DOORS, HANG_S, Found, Material, attack
+from proving.doors.attack import DOORS, HANG_S, Found, Material, attack
+from proving.night.scenario import Lab
 
 SHARES = {
     "run": 0.08,
@@ -43,7 +42,13 @@ SHARES = {
     "formula": 0.415,
 }
 """Of the inputs at each door with --total: more where one takes less time."""
-NIGHTS = (("pressure", 0), ("attitude", 0), ("attitude", 1), ("attitude", 12), ("attitude", 3))
+NIGHTS: tuple[tuple[Lab, int], ...] = (
+    ("pressure", 0),
+    ("attitude", 0),
+    ("attitude", 1),
+    ("attitude", 12),
+    ("attitude", 3),
+)
 """Nights of `rig night` whose run files are changed: together they hold every kind of record."""
 GIGABYTE, DEAF_S, TELL_S = 1 << 30, 60.0, 120.0
 _PROGRESS = struct.Struct("qd")
@@ -142,6 +147,7 @@ def _add(told: Found, more: dict[str, object]) -> int:
 
 
 def main() -> int:
+    """As the command line says; 1 if anything was found."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--inputs", type=int, default=1000, help="for each door")
     parser.add_argument("--total", type=int, help="over all doors instead, shared out by what they cost")
