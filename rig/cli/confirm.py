@@ -86,9 +86,7 @@ def confirm(
     check_files([write, report], [run_file, *filter(None, (bench, world, by))])
     if world is not None and not dry:
         raise UsageError("--world describes a simulated bench; it goes with --dry")
-    _check_options(by, write, report, only_list=only_list, take=take)
-    if out_dir.exists() and not out_dir.is_dir():
-        raise UsageError(f"{out_dir} is no folder; name one for the run file with --out")
+    _check_options(by, write, report, out_dir, only_list=only_list, take=take)
     texts = _texts({"bench": bench, "world": world})
     _, options = chosen_kind(FileSource(run_file), given, _options)
     first = open_traced(run_file, **options.model_dump(exclude_unset=True))
@@ -159,7 +157,11 @@ def _texts(files: Mapping[str, Path | None]) -> dict[str, str | None]:
     return texts
 
 
-def _check_options(by: Path | None, write: Path | None, report: Path | None, *, only_list: bool, take: int) -> None:
+def _check_options(
+    by: Path | None, write: Path | None, report: Path | None, out_dir: Path, *, only_list: bool, take: int
+) -> None:
+    if out_dir.exists() and not out_dir.is_dir():
+        raise UsageError(f"{out_dir} is no folder; name one for the run file with --out")
     if by is not None and (write is not None or only_list or take > 1):
         raise UsageError("--by judges by a run that was made: --list, --take and --write have no place beside it")
     if report is not None and (write is not None or only_list):
