@@ -28,7 +28,7 @@ from attitude_truth import D1, Bench, Plan, Sensor, simulate, told_the_truth
 from fitter.trace import aliases
 from procedures.attitude.fit import fit_attitude
 from procedures.attitude.model import attitude_columns, fit_columns
-from procedures.attitude.trace.run import trace
+from procedures.attitude.trace import trace
 
 CLEAN = Bench()
 # sigma_prec 1.5e-4 deg; pads 4e-4 deg on x; temperature as row 28(a) to (b) of Table 2

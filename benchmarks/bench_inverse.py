@@ -27,9 +27,7 @@ from attitude_truth import D1, Bench, Plan, Sensor, rows_of, simulate
 
 from fitter.quantiles import t_limit
 from procedures.attitude.data import AttitudeData
-from procedures.attitude.infer.calibrate import calibrate_package
-from procedures.attitude.infer.infer import infer_attitude
-from procedures.attitude.infer.three_axis import ThreeAxis
+from procedures.attitude.infer import ThreeAxis, calibrate_package, infer_attitude
 from procedures.attitude.model import (
     attitude_columns,
     attitude_parameters,

@@ -32,8 +32,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 from attitude_truth import D1, Bench, simulate
 from nist import PROBLEMS, digits
 
+from fitter import Triangle, least_squares
 from fitter.formula import Formula
-from fitter.linear import Triangle, least_squares
 from fitter.refine import refine
 from procedures.attitude.data import AttitudeData
 from procedures.attitude.fit import fit_attitude

@@ -20,7 +20,7 @@ from time import perf_counter
 
 import numpy as np
 
-from fitter.split_plot.design import SplitPlotDesign
+from fitter.split_plot import SplitPlotDesign
 
 NAMES = ["1", "p", "t1", "t2", "pp", "t11", "t22", "pt1", "pt2", "t12"]
 PRESSURES = [0.01, 0.12, 0.50, 0.79, 1.00, 2.50, 4.00, 5.00, 0.01, 2.50, 5.00]

@@ -22,12 +22,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 
 from chart_truth import KINDS, draw_history, largest_error_deg
 
-from fitter.history.components import Between
-from fitter.history.forecast import error_bound
-from fitter.history.homogeneity import homogeneity
-from fitter.history.limits import limits
-from fitter.history.step import step
-from fitter.history.trend import trend
+from fitter.history import Between, error_bound, homogeneity, limits, step, trend
 
 COUNTS = (3, 6, 10, 20)
 SIZES = {"none": 0.0, "scatter": 2.0, "walk": 3.0, "together": 3.0, "step": 5.0, "linear": 3.0}

@@ -20,7 +20,7 @@ from rig.controller import start_run
 from rig.engine.session import Signals
 from rig.examples import example
 from rig.plans import load_plan
-from rig.tables.observations import run_table
+from rig.tables import run_table
 
 LAB = example("attitude-lab")
 HIDDEN = {"isolation-pad-deflection", "sensitivity-temperature"}

@@ -16,10 +16,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from rig.closed_loop.confirm.answers import judge
-from rig.closed_loop.confirm.first import open_traced
-from rig.closed_loop.confirm.plans import plan_for
-from rig.closed_loop.confirm.proposals import consider, propose
+from rig.closed_loop.confirm import consider, judge, open_traced, plan_for, propose
 from rig.config import parse_toml
 from rig.controller import start_run
 from rig.engine.session import Signals

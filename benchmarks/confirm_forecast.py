@@ -22,12 +22,8 @@ from typing import Any
 
 import numpy as np
 
-from fitter.confirm.judge import Confirmation
-from fitter.confirm.predict import NOTHING, Separation
-from rig.closed_loop.confirm.answers import judge
-from rig.closed_loop.confirm.first import open_traced
-from rig.closed_loop.confirm.plans import plan_for
-from rig.closed_loop.confirm.proposals import consider, propose
+from fitter.confirm import NOTHING, Confirmation, Separation
+from rig.closed_loop.confirm import consider, judge, open_traced, plan_for, propose
 from rig.config import parse_toml
 from rig.controller import start_run
 from rig.engine.session import Signals

@@ -15,7 +15,7 @@ import numpy as np
 
 from benchmarks.confirm_campaign import NO_ROLL, first_run
 from rig.closed_loop import fit_table
-from rig.tables.observations import run_table
+from rig.tables import run_table
 
 OFFSET_V, S_V = 0.0123, 5.02
 SENSOR = {"sensors": {"x": {"offset_V": OFFSET_V, "sensitivity_V_per_g": S_V, "coning_deg": 0.21, "azimuth_deg": 90.0}}}

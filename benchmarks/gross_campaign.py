@@ -17,10 +17,10 @@ import attitude_truth
 import whole_plot_truth
 
 from fitter.arrays import FloatArray
-from fitter.gross.search import GrossErrors
+from fitter.gross import GrossErrors
 from procedures.attitude.gross import of_attitude
 from procedures.general.gross import of_table
-from procedures.pressure.fit.models import named_formula
+from procedures.pressure.fit import named_formula
 from procedures.pressure.gross import of_whole_plots
 
 Tables = Callable[[int], Iterator[GrossErrors]]

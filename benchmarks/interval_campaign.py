@@ -28,12 +28,12 @@ from whole_plot_truth import Bench, Run, Transducer
 from whole_plot_truth import simulate as simulate_whole_plots
 
 from procedures.attitude.evaluate import AttitudeTraced
-from procedures.attitude.trace.run import trace
+from procedures.attitude.trace import trace
 from procedures.general.evaluate import GeneralTraced
 from procedures.general.roles import Roles, roles_of
-from procedures.general.trace.report import trace_general
+from procedures.general.trace import trace_general
 from procedures.pressure.evaluate import Declared, WholePlotTraced
-from procedures.pressure.trace.run import trace_whole_plots
+from procedures.pressure.trace import trace_whole_plots
 from procedures.table import Table
 
 GRID = D1(90, 13, 13)

@@ -17,11 +17,12 @@ from table_truth import simulate as simulate_table
 
 from fitter.linear import orthonormal
 from procedures.attitude.effects import CATALOGUE
+from procedures.attitude.trace import trace
 from procedures.attitude.trace.pose import pose
-from procedures.attitude.trace.run import trace
 from procedures.general.roles import Roles, roles_of
+from procedures.general.trace import search_table
 from procedures.general.trace.estimate import estimate
-from procedures.general.trace.run import problem_of, search_table
+from procedures.general.trace.run import problem_of
 from procedures.table import Table
 
 GRID = D1(180, 25, 13)

@@ -25,9 +25,8 @@ import numpy as np
 from pressure_truth import GROWING, GROWING_AND_CUBIC, HOMOSCEDASTIC, coverage, simulate
 from scipy.special import ndtri, stdtr
 
-from fitter.split_plot.design import SplitPlotDesign
-from procedures.pressure.fit.calibration import fit_pressure
-from procedures.pressure.fit.methods import METHODS
+from fitter.split_plot import SplitPlotDesign
+from procedures.pressure.fit import METHODS, fit_pressure
 
 READING_ERROR = {
     "homoscedastic, variance ratio 10": HOMOSCEDASTIC,

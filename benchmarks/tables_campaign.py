@@ -32,8 +32,7 @@ from table_truth import MISSING, Lab, options, simulate
 
 from procedures.general.evaluate import trace_general_table
 from procedures.general.roles import Roles, roles_of
-from procedures.general.trace.report import trace_general
-from procedures.general.trace.run import search_table
+from procedures.general.trace import search_table, trace_general
 from procedures.table import Table
 
 NOISE: dict[str, dict[str, Any]] = {

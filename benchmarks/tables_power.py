@@ -17,8 +17,8 @@ from scipy import optimize, special, stats
 
 from benchmarks.tables_campaign import found_or_alike, roles_of
 from procedures.general.roles import Roles
+from procedures.general.trace import search_table
 from procedures.general.trace.estimate import estimate
-from procedures.general.trace.run import search_table
 from procedures.table import Table
 
 from table_truth import MISSING, Missing, options, simulate  # isort: skip

@@ -31,7 +31,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 from attitude_hidden import CLEAN, HIDDEN, sized, together
 from attitude_truth import D1, Plan, simulate, told_the_truth
 
-from procedures.attitude.trace.run import trace
+from procedures.attitude.trace import trace
 
 GRID = D1(180, 25, 13)
 

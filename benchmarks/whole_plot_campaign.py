@@ -32,9 +32,9 @@ from scipy.special import nctdtr, stdtrit
 from whole_plot_hidden import HIDDEN, Hiding, hide
 from whole_plot_truth import CUBIC, GROWING, Bench, Run, Transducer, simulate
 
-from fitter.split_plot.design import SplitPlotDesign
-from procedures.pressure.fit.models import named_formula
-from procedures.pressure.trace.run import trace_whole_plots
+from fitter.split_plot import SplitPlotDesign
+from procedures.pressure.fit import named_formula
+from procedures.pressure.trace import trace_whole_plots
 
 SEVEN = tuple(Transducer(offset=0.1 * k, sensitivity=1.9 + 0.03 * k) for k in range(7))
 CLEAN = {

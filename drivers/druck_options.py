@@ -6,7 +6,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from drivers.wires.serial_options import SerialOptions
+from drivers.wires import SerialOptions
 
 Positive = Annotated[float, Field(gt=0)]
 

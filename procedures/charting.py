@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from fitter.arrays import FloatArray
-from fitter.history.charted import Charted
+from fitter.history import Charted
 from procedures.table import Table
 
 

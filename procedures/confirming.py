@@ -6,9 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 from fitter.arrays import FloatArray
-from fitter.confirm.judge import Confirmation
-from fitter.confirm.question import Question, Traced
-from fitter.confirm.together import Together
+from fitter.confirm import Confirmation, Question, Together
+from fitter.confirm.question import Traced
 from fitter.effects.entry import Entry
 from procedures.further_runs import Variation
 from procedures.results import Fitted

@@ -10,7 +10,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.errors import FitError
-from fitter.gross.search import LEVEL, GrossErrors
+from fitter.gross import LEVEL, GrossErrors
 from procedures.errors import DataError
 from procedures.table import Table
 

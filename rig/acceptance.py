@@ -9,7 +9,7 @@ from procedures.acceptance import Verdict
 from procedures.errors import DataError
 from procedures.kind import Procedure, kind_of
 from rig.errors import UsageError
-from rig.tables.observations import run_table
+from rig.tables import run_table
 
 
 def judge(procedure: Procedure, path: Path) -> Sequence[Verdict]:

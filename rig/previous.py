@@ -13,7 +13,7 @@ from procedures.errors import DataError
 from procedures.expected import Columns, Expected, Expecting
 from procedures.kind import kinds
 from rig.errors import UsageError
-from rig.inference.calibration_file import read_calibration
+from rig.inference import read_calibration
 from rig.regular import read_regular_text
 
 

@@ -13,7 +13,7 @@ from rig.engine.session import Outcome, Signals
 from rig.examples import example
 from rig.plans import load_plan
 from rig.simulated import dry_run
-from rig.tables.observations import run_table
+from rig.tables import run_table
 
 LAB = example("attitude-lab")
 

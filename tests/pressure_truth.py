@@ -12,10 +12,9 @@ import numpy as np
 
 from fitter.quantiles import t_limit
 from procedures.pressure.data import WholePlotData
-from procedures.pressure.fit.calibration import fit_pressure
+from procedures.pressure.fit import fit_pressure
 from procedures.pressure.fit.methods import fit_method
-from procedures.pressure.infer.in_flight import infer_pressure
-from procedures.pressure.infer.zero import Zero
+from procedures.pressure.infer import Zero, infer_pressure
 
 PRESSURES_PSIA = (0.01, 0.01, 0.12, 0.50, 0.79, 1.00, 2.50, 2.50, 4.00, 5.00, 5.00)
 UNIT_MV = 0.00453

@@ -11,7 +11,7 @@ from attitude_truth import D1, Bench, Sensor, simulate
 from command import rig
 
 from procedures.attitude.fit import fit_attitude
-from rig.tables.csv_tables import write_csv
+from rig.tables import write_csv
 
 BENCH = Bench(sensors=(Sensor("x"),), sigma_deg=3e-4)
 

@@ -25,7 +25,7 @@ from rig.run_file.events.event import body_of
 from rig.run_file.reader import RunReader
 from rig.run_file.state import read_state
 from rig.run_file.verification import verify_file
-from rig.tables.observations import run_table
+from rig.tables import run_table
 from rig.unattended.service import ServiceUnit
 from rig.watch.feed import RunFeed
 

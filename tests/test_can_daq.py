@@ -22,8 +22,7 @@ from drivers.cia402 import CiA402Pair
 from drivers.errors import BadReply, LimitError, NoReply, NotReady, Unreachable, WrongInstrument
 from drivers.roles import OVERLOAD, Identity, Reader
 from drivers.wires import Wires
-from sims.physics import Plant
-from sims.physics.truth import WorldError
+from sims.physics import Plant, WorldError
 from sims.twins.can_daq import RANGE, SHORT, CanDaqTwin
 from sims.twins.cia402 import CiA402PairTwin
 from sims.wires.can_line import CanCable, OnFrame, on_one_bus

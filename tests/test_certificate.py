@@ -16,12 +16,12 @@ from fitter.effects.sizes import amplitude, each, relative, size_95
 from fitter.trace.outcome import Finding, Outcome, Row
 from procedures.attitude.effects import CATALOGUE
 from procedures.attitude.evaluate import AttitudeTraced
-from procedures.attitude.trace.run import trace
+from procedures.attitude.trace import trace
 from procedures.certificate import Change, Errors, certificate, with_words
 from procedures.effect_plots import drawn
 from procedures.pressure.effects import PRESSURE_CATALOGUE
 from procedures.pressure.evaluate import Declared, WholePlotTraced
-from procedures.pressure.trace.run import trace_whole_plots
+from procedures.pressure.trace import trace_whole_plots
 from procedures.table import Table
 from procedures.words import chance, part, percent
 

@@ -12,23 +12,19 @@ import pytest
 from command import rig
 from dry import SHORT
 
-from fitter.confirm.judge import confirm, confirm_all
-from fitter.confirm.predict import NOTHING, Separation, separation
+from fitter.confirm import NOTHING, Separation, confirm, confirm_all, separation
 from procedures.attitude.further_runs import further_runs
 from procedures.attitude.model import mounting_matrix
 from procedures.attitude.settings import MountingSettings
 from procedures.attitude.table import attitude_data
 from procedures.further_runs import Variation, possible
-from rig.closed_loop.confirm.answers import judge
-from rig.closed_loop.confirm.first import open_traced
-from rig.closed_loop.confirm.plans import plan_for
-from rig.closed_loop.confirm.proposals import Inseparable, Proposal, consider, otherwise, propose
+from rig.closed_loop.confirm import Inseparable, Proposal, consider, judge, open_traced, otherwise, plan_for, propose
 from rig.config import parse_procedure, parse_toml
 from rig.controller import resume_run, start_run
 from rig.engine.session import Outcome, Signals
 from rig.examples import example
 from rig.plans import plan_of
-from rig.tables.observations import run_table
+from rig.tables import run_table
 from rig.toml_text import toml_text
 
 LAB = example("attitude-lab")

@@ -16,13 +16,11 @@ import whole_plot_truth as pressure
 from command import rig
 from test_confirm import LAB, run
 
-from fitter.confirm.judge import Confirmation, confirm
-from fitter.confirm.predict import NOTHING, Separation, separation
-from fitter.confirm.question import questions_of
+from fitter.confirm import NOTHING, Confirmation, Separation, confirm, questions_of, separation
 from procedures.attitude.together import AttitudeTogether
-from procedures.attitude.trace.run import trace
+from procedures.attitude.trace import trace
 from procedures.pressure.together import WholePlotTogether
-from procedures.pressure.trace.run import trace_whole_plots
+from procedures.pressure.trace import trace_whole_plots
 from rig.config import parse_toml
 from rig.plans import plan_of
 from rig.toml_text import toml_text

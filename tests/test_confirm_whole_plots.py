@@ -15,16 +15,12 @@ from few_sensors import with_sensors
 from ideal_pressure_bench import PROCEDURE
 from whole_plot_truth import Bench, Run, Transducer, simulate
 
-from fitter.confirm.judge import confirm, confirm_all
-from fitter.confirm.predict import NOTHING, separation
-from fitter.confirm.question import questions_of
+from fitter.confirm import NOTHING, confirm, confirm_all, questions_of, separation
 from procedures.pressure.options import FitOptions
 from procedures.pressure.together import WholePlotTogether
-from procedures.pressure.trace.run import trace_whole_plots
-from rig.closed_loop.confirm.answers import judge
+from procedures.pressure.trace import trace_whole_plots
+from rig.closed_loop.confirm import judge, open_traced, otherwise
 from rig.closed_loop.confirm.calibration import with_confirmed
-from rig.closed_loop.confirm.first import open_traced
-from rig.closed_loop.confirm.proposals import otherwise
 
 CUBIC = 6e-3
 MODEL = "1 + P + T_sensor + T_SSE"

@@ -19,8 +19,7 @@ from rig.closed_loop.chart import chart_calibrations
 from rig.closed_loop.chart_together import read_all
 from rig.errors import UsageError
 from rig.report.chart import chart_report
-from rig.tables.csv_tables import write_csv
-from rig.tables.observations import run_table
+from rig.tables import run_table, write_csv
 
 PROCEDURE = SHORT.replace("replications = 2", "replications = 4")
 PPM_PER_YEAR = -20.0

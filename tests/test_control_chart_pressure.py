@@ -13,14 +13,13 @@ from pressure_truth import HOMOSCEDASTIC, SENSOR_CENTRE_DEGC, SSE_CENTRE_DEGC, s
 from scipy import stats
 
 from procedures.errors import DataError
-from procedures.pressure.fit.calibration import fit_pressure
+from procedures.pressure.fit import fit_pressure
 from procedures.pressure.history import pressure_charted
 from rig.closed_loop import fit_table
 from rig.closed_loop.chart import chart_calibrations
 from rig.closed_loop.chart_together import read_all
 from rig.errors import UsageError
-from rig.tables import read_table
-from rig.tables.csv_tables import write_csv
+from rig.tables import read_table, write_csv
 
 TODAY = datetime(2026, 2, 1, tzinfo=UTC)
 PPM_PER_YEAR = -2000.0

@@ -11,18 +11,14 @@ from attitude_truth import D1, Bench, Plan, Sensor, simulate
 from chart_truth import BENCH, PLAN, START, UNIT, bench_of, draw_history, largest_error_deg
 from scipy import special, stats
 
+from fitter.history import Between, ErrorBound, Series, error_bound, homogeneity, limits, step, trend
 from fitter.history.chart import holm
-from fitter.history.components import Between, Profile
-from fitter.history.forecast import ErrorBound, Prediction, error_bound, predict
-from fitter.history.homogeneity import homogeneity
-from fitter.history.limits import limits
-from fitter.history.series import Series
-from fitter.history.step import step
-from fitter.history.trend import trend
+from fitter.history.components import Profile
+from fitter.history.forecast import Prediction, predict
 from procedures.attitude.fit import fit_all
 from procedures.attitude.history import attitude_charted, calibrated
 from procedures.attitude.history_of_files import calibrated_from
-from procedures.attitude.infer.calibrate import calibrate_package
+from procedures.attitude.infer import calibrate_package
 
 BCG = """
 4 119 11 128; 6 300 29 274; 3 228 11 209; 62 13536 248 12619; 33 5036 47 5761; 180 1361 372 1079; 8 2537 10 619;

@@ -10,11 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import special
 
-from fitter.linear import RankError
+from fitter import RankError
 from procedures.attitude.advice import advise, design_points
-from procedures.attitude.merit.comparison import compare, recommend
-from procedures.attitude.merit.design_points import DesignPoints, Usage
-from procedures.attitude.merit.visibility import smallest_offset_drift
+from procedures.attitude.merit import DesignPoints, Usage, compare, recommend, smallest_offset_drift
 from procedures.attitude.package_advice import Package, inferred_sd
 from procedures.attitude.settings import PitchRollProcedure
 

@@ -24,17 +24,16 @@ from rig.config import parse_bench, parse_procedure, parse_toml, read_text
 from rig.controller import opened
 from rig.errors import ConfigurationError, RigError, RunFileError, UsageError
 from rig.examples import example
-from rig.inference.calibration_file import read_calibration
+from rig.inference import read_calibration
 from rig.plans import plan_of
 from rig.run_file.last_word import read_last_word
 from rig.run_file.live import controller_alive
 from rig.run_file.reader import RunReader
 from rig.simulated.dry_run import twin_class
-from rig.tables import read_table
-from rig.tables.csv_tables import read_any_csv, read_gappy_csv
+from rig.tables import read_any_csv, read_gappy_csv, read_table
 from rig.unattended.happenings import one_line
 from rig.unattended.service import ServiceUnit
-from rig.watch.shelf import Shelf
+from rig.watch import Shelf
 from rig.watch.words import number
 from sims.faults import read_faults
 from sims.physics import WorldError

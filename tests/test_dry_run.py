@@ -15,7 +15,7 @@ from rig.controller import resume_run, start_run
 from rig.engine.session import Outcome, Signals
 from rig.plans import load_plan
 from rig.run_file.reader import RunReader
-from rig.tables.observations import run_table
+from rig.tables import run_table
 
 
 def test_the_same_seed_gives_the_same_bytes_and_observations_in_another_process_too(tmp_path):

@@ -17,7 +17,8 @@ from rig.run_file.events.bench import Warned
 from rig.run_file.events.event import Event, Unknown
 from rig.run_file.reader import RunReader
 from rig.tables.faults import faults, write_faults
-from rig.unattended.happenings import Kind, from_record, one_line
+from rig.unattended import Kind
+from rig.unattended.happenings import from_record, one_line
 from rig.watch.lines import Lines
 
 STORED = [

@@ -8,7 +8,7 @@ from attitude_truth import D1, Bench, Sensor, simulate
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fitter.linear import RankError, least_squares
+from fitter import RankError, least_squares
 from procedures.attitude.data import AttitudeData
 from procedures.attitude.fit import fit_attitude
 from procedures.attitude.model import (

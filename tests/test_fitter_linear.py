@@ -6,8 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from nist import PROBLEMS
 
+from fitter import RankError, Triangle, least_squares
 from fitter.formula import Formula
-from fitter.linear import RankError, Triangle, least_squares, orthonormal
+from fitter.linear import orthonormal
 from fitter.quantiles import f_limit, f_tail, t_limit, t_tail
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from attitude_truth import D1, Bench, Sensor, simulate
 
-from fitter.linear import least_squares
+from fitter import least_squares
 from fitter.misfit import lacks_fit
 from fitter.replication import analyse
 from fitter.sums_of_squares import FTest

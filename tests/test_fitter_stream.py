@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from attitude_truth import D1, Bench, Plan, Sensor, simulate
 
-from fitter.linear import RankError, Triangle
+from fitter import RankError, Triangle
 from procedures.attitude.fit import fit_attitude
 from procedures.attitude.stream import fit_stream
 

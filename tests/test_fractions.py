@@ -21,7 +21,7 @@ from procedures.attitude.fractions_compared import compare_fractions, family, ne
 from procedures.attitude.settings import PitchRollProcedure
 from procedures.table import Table
 from rig.errors import UsageError
-from rig.tables.csv_tables import write_csv
+from rig.tables import write_csv
 
 DOCUMENT = Path(__file__).parent.parent / "docs" / "fractions.md"
 CLEAN = Bench()

@@ -28,8 +28,8 @@ from rig.plans import plan_of
 from rig.run_file.reader import RunReader
 from rig.run_file.state import read_state
 from rig.run_file.verification import verify_file
-from rig.tables.csv_tables import read_any_csv, read_csv
-from rig.tables.observations import run_table
+from rig.tables import read_any_csv, run_table
+from rig.tables.csv_tables import read_csv
 
 LONG = os.environ.get("HYPOTHESIS_PROFILE") == "long"
 

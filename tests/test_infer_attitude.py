@@ -10,8 +10,7 @@ import pytest
 from command import rig
 from dry import SHORT, dry
 
-from rig.tables.csv_tables import write_csv
-from rig.tables.observations import run_table
+from rig.tables import run_table, write_csv
 
 
 @pytest.fixture(scope="module")

@@ -9,10 +9,9 @@ import pytest
 from command import rig
 from pressure_truth import HOMOSCEDASTIC, simulate
 
-from procedures.pressure.fit.calibration import fit_pressure
-from procedures.pressure.infer.in_flight import infer_pressure
-from procedures.pressure.infer.zero import Zero, departure
-from rig.tables.csv_tables import write_csv
+from procedures.pressure.fit import fit_pressure
+from procedures.pressure.infer import Zero, departure, infer_pressure
+from rig.tables import write_csv
 
 SENSOR, SSE = -70.0, 20.0
 WHOLE_PLOT_MV = 0.011

@@ -10,10 +10,7 @@ from scipy.optimize import brentq, least_squares
 
 from procedures.attitude.data import AttitudeData
 from procedures.attitude.fit import fit_attitude
-from procedures.attitude.infer.calibrate import calibrate_package
-from procedures.attitude.infer.calibration import AttitudeCalibration
-from procedures.attitude.infer.infer import infer_attitude
-from procedures.attitude.infer.sensor_model import SensorModel
+from procedures.attitude.infer import AttitudeCalibration, SensorModel, calibrate_package, infer_attitude
 from procedures.attitude.model import attitude_columns
 
 SEED = 41

@@ -10,10 +10,8 @@ from test_inverse import volts
 
 from procedures.attitude.data import AttitudeData
 from procedures.attitude.fit import fit_attitude
-from procedures.attitude.infer.calibrate import calibrate_package
-from procedures.attitude.infer.calibration import AttitudeCalibration
-from procedures.attitude.infer.infer import infer_attitude
-from procedures.attitude.trace.run import trace
+from procedures.attitude.infer import AttitudeCalibration, calibrate_package, infer_attitude
+from procedures.attitude.trace import trace
 
 NAMES = ("x_V", "y_V", "z_V")
 SEED = 3

@@ -12,11 +12,9 @@ from scipy import special
 from scipy.optimize import least_squares
 from test_inverse import BENCH, PACKAGES, attitudes, true_calibration, volts
 
-from procedures.attitude.infer.calibration import AttitudeCalibration
-from procedures.attitude.infer.infer import infer_attitude
+from procedures.attitude.infer import AttitudeCalibration, SensorModel, ThreeAxis, infer_attitude
 from procedures.attitude.infer.package import t_limits
-from procedures.attitude.infer.sensor_model import SensorModel
-from procedures.attitude.infer.three_axis import CHUNK, ThreeAxis
+from procedures.attitude.infer.three_axis import CHUNK
 
 NAMES = PACKAGES["xyz"]
 DOCUMENT = Path(__file__).resolve().parent.parent / "docs" / "inference.md"

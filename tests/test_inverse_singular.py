@@ -7,9 +7,7 @@ import pytest
 from attitude_truth import D1, simulate
 from test_inverse import BENCH, PACKAGES, true_calibration, turn, volts
 
-from procedures.attitude.infer.calibrate import calibrate_package
-from procedures.attitude.infer.infer import infer_attitude
-from procedures.attitude.infer.singular import singularity
+from procedures.attitude.infer import calibrate_package, infer_attitude, singularity
 
 SIGMA_V = 2e-5
 SEED = 7

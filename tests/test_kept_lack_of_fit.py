@@ -13,7 +13,7 @@ from command import rig
 from test_signs import table_of
 
 from procedures.attitude.evaluate import fit_attitude_table, trace_attitude_table
-from procedures.attitude.infer.calibration import AttitudeCalibration
+from procedures.attitude.infer import AttitudeCalibration
 from procedures.table import Table
 
 BENCH = Bench(sensors=(Sensor("x"),))

@@ -13,8 +13,9 @@ from dry import LAB
 from small_run import write_small
 
 from rig.run_file.chain import Record, encode
-from rig.unattended.happenings import Happening, Kind, RunFacts, from_record
-from rig.unattended.logs import Log, file_writer, logged_by_journal
+from rig.unattended import Happening, Kind, Log, RunFacts
+from rig.unattended.happenings import from_record
+from rig.unattended.logs import file_writer, logged_by_journal
 
 FACTS = RunFacts(None, "night-1", "lab", "night", simulated=False)
 

@@ -10,12 +10,23 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import integrate, special
 
-from fitter.linear import RankError
-from procedures.attitude.merit.closed_forms import T4_VARIANCE, T6_VARIANCE, d1_no_roll_variance, d1_variance
-from procedures.attitude.merit.comparison import compare, curve
-from procedures.attitude.merit.design_points import DesignPoints, Usage
-from procedures.attitude.merit.merit import figure_of_merit, mean_variance, variance, worst_variance
-from procedures.attitude.merit.visibility import pad_visibility, visibility
+from fitter import RankError
+from procedures.attitude.merit import (
+    T4_VARIANCE,
+    T6_VARIANCE,
+    DesignPoints,
+    Usage,
+    compare,
+    curve,
+    d1_no_roll_variance,
+    d1_variance,
+    figure_of_merit,
+    mean_variance,
+    pad_visibility,
+    variance,
+    visibility,
+    worst_variance,
+)
 
 SEED = 20260419
 ROLL_64 = np.arange(64) * 360 / 64 - 180

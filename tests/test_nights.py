@@ -15,7 +15,7 @@ from proving.night.play import play
 from proving.night.scenario import LABS, draw
 from rig.engine.actions import BenchActions
 from rig.run_file.reader import RunReader
-from rig.tables.observations import run_table
+from rig.tables import run_table
 
 NIGHTS = {"attitude": range(45), "pressure": range(15)}
 """Those of `FOUND_BY` are among them: each is played once without a bug."""

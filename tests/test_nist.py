@@ -13,10 +13,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from nist import PROBLEMS, digits
 
+from fitter import Triangle, least_squares
 from fitter.arithmetic_text import parse_expression
 from fitter.double_double import DoubleDouble
 from fitter.formula import Formula
-from fitter.linear import CONDITION, Triangle, least_squares
+from fitter.linear import CONDITION
 from fitter.refine import refine
 from procedures.general.fit import fit_general
 from rig.tables import FileSource

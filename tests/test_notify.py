@@ -22,13 +22,8 @@ from small_run import write_small
 from rig.engine.session import Progress
 from rig.errors import ConfigurationError
 from rig.run_file.reader import RunReader
-from rig.unattended.happenings import Happening, Kind, RunFacts
-from rig.unattended.listeners import Listeners
-from rig.unattended.notify.channels import sender
-from rig.unattended.notify.delivery import NotSent
-from rig.unattended.notify.message import compose
-from rig.unattended.notify.notifier import Failure, Notifier
-from rig.unattended.notify.settings import NotifySettings, read_settings
+from rig.unattended import Happening, Kind, Listeners, RunFacts
+from rig.unattended.notify import Failure, Notifier, NotifySettings, NotSent, compose, read_settings, sender
 
 FACTS = RunFacts(Path("/runs/night-1.sqlite"), "night-1", "lab", "night", simulated=True)
 NEWS = Progress("holding", 12, 30, 7200.0, 3600.0, "")

@@ -19,12 +19,17 @@ from command import rig
 
 from drivers.clock import RealClock
 from rig.errors import ConfigurationError
-from rig.unattended.happenings import Happening, Kind, RunFacts
-from rig.unattended.notify.channels import sender, senders
-from rig.unattended.notify.delivery import NotSent
-from rig.unattended.notify.message import compose
-from rig.unattended.notify.notifier import Notifier
-from rig.unattended.notify.settings import NotifySettings, read_settings, secret_files
+from rig.unattended import Happening, Kind, RunFacts
+from rig.unattended.notify import (
+    Notifier,
+    NotifySettings,
+    NotSent,
+    compose,
+    read_settings,
+    secret_files,
+    sender,
+    senders,
+)
 
 FACTS = RunFacts(Path("/runs/night-1.sqlite"), "night-1", "lab", "night", simulated=True)
 MESSAGE = compose(Happening(Kind.HOLD, "warning", "held at point 17", 0.0), FACTS, None)

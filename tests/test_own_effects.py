@@ -11,13 +11,13 @@ from fitter.effects.entry import Largest
 from fitter.effects.own import own_effects
 from procedures.attitude.effects import CATALOGUE, Effect
 from procedures.attitude.effects.own import GRAMMAR as OF_ATTITUDE
-from procedures.attitude.trace.run import trace
+from procedures.attitude.trace import trace
 from procedures.catalogue import with_own
 from procedures.errors import DataError
 from procedures.pressure.effects import PRESSURE_CATALOGUE
 from procedures.pressure.effects.own import GRAMMAR as OF_PRESSURE
 from procedures.pressure.effects.scene import PressureEffect
-from procedures.pressure.trace.run import trace_whole_plots
+from procedures.pressure.trace import trace_whole_plots
 from rig.effects import laboratory_effects
 from rig.errors import ConfigurationError
 

@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 
 from sims.bench import world_for
-from sims.physics import WorldError, read_truth, sensor_axes
+from sims.physics import Truth, WorldError, read_truth, sensor_axes
 from sims.physics.pressure_truth import TransducerTruth, ordinary
-from sims.physics.truth import SENSORS, SensorTruth, Truth
+from sims.physics.truth import SENSORS, SensorTruth
 from sims.physics.undeclared import Effects, HeadError
 
 AXES = {"x": "x", "y": "y", "aoa2": "x"}

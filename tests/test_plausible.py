@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 from attitude_truth import Bench, Plan, Sensor, simulate
 
-from procedures.attitude.trace.result import SensorTrace
-from procedures.attitude.trace.run import trace
+from procedures.attitude.trace import SensorTrace, trace
 
 BENCH = Bench(sensors=(Sensor("x"),))
 SMALL = Plan(np.linspace(-30.0, 30.0, 13), np.linspace(-180.0, 180.0, 7), replications=4)

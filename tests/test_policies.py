@@ -31,7 +31,7 @@ from rig.examples import example
 from rig.report.story import story
 from rig.run_file.reader import RunReader
 from rig.simulated.dry_run import DryBench
-from rig.tables.observations import run_table
+from rig.tables import run_table
 
 POINTS = 18
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fitter.linear import RankError
+from fitter import RankError
 from procedures.pressure.data import WholePlotData
-from procedures.pressure.fit.calibration import fit_pressure
-from procedures.pressure.infer.in_flight import infer_pressure
-from procedures.pressure.infer.zero import Zero
+from procedures.pressure.fit import fit_pressure
+from procedures.pressure.infer import Zero, infer_pressure
 
 PRESSURES = (0.05, 0.5, 1.0, 2.5, 5.0)
 WHOLE_PLOT_MV, SUBPLOT_MV = 0.012, 0.002

@@ -7,8 +7,8 @@ import pytest
 from pressure_truth import GROWING, HOMOSCEDASTIC, simulate
 from scipy import optimize, stats
 
-from procedures.pressure.fit.calibration import fit_pressure
-from procedures.pressure.fit.errors import Errors, Layout
+from procedures.pressure.fit import Errors, fit_pressure
+from procedures.pressure.fit.errors import Layout
 
 
 def restricted_loglik(theta, columns, y, pressure, groups):

@@ -11,9 +11,9 @@ from pressure_truth import GROWING, HOMOSCEDASTIC, coverage, simulate
 from scipy import optimize, stats
 
 from fitter.formula import Formula
-from procedures.pressure.fit.calibration import PressureCalibration, fit_pressure
-from procedures.pressure.infer.in_flight import NO_ROOT, infer_pressure
-from procedures.pressure.infer.zero import Zero
+from procedures.pressure.fit import PressureCalibration, fit_pressure
+from procedures.pressure.infer import Zero, infer_pressure
+from procedures.pressure.infer.in_flight import NO_ROOT
 
 DATA, _ = simulate(HOMOSCEDASTIC, 3)
 FIT = fit_pressure(DATA, "bridge_mV", growth=False)

@@ -21,8 +21,7 @@ from rig.engine.session import Outcome, Signals
 from rig.errors import ConfigurationError
 from rig.plans import load_plan
 from rig.run_file.reader import RunReader
-from rig.tables.csv_tables import write_csv
-from rig.tables.observations import run_table
+from rig.tables import run_table, write_csv
 
 HERE = (1, 7)
 """The transducers of most tests; all seven are on the line in that of the vacuum pump."""

@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 from pressure_truth import GROWING, GROWING_AND_CUBIC, HOMOSCEDASTIC, simulate
 
+from fitter import RankError
 from fitter.errors import FitError
-from fitter.linear import RankError
 from procedures.pressure.data import WholePlotData
-from procedures.pressure.fit.calibration import fit_pressure
-from procedures.pressure.fit.methods import METHODS, fit_method
-from procedures.pressure.fit.models import named_formula
-from procedures.pressure.fit.reading_error import PAPER_SENSITIVITY_MV_PER_PSI
+from procedures.pressure.fit import METHODS, PAPER_SENSITIVITY_MV_PER_PSI, fit_pressure, named_formula
+from procedures.pressure.fit.methods import fit_method
 
 DATA, ERROR = simulate(HOMOSCEDASTIC, 3)
 FIT = fit_pressure(DATA, "bridge_mV", growth=False)

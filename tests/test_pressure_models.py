@@ -6,17 +6,11 @@ import numpy as np
 import pytest
 from pressure_truth import HOMOSCEDASTIC, PRESSURES_PSIA, simulate
 
+from fitter import RankError
 from fitter.arithmetic_text import FormulaError
 from fitter.formula import Formula
-from fitter.linear import RankError
-from procedures.pressure.fit.calibration import fit_pressure
-from procedures.pressure.fit.models import (
-    HIERARCHICAL,
-    contains,
-    named_formula,
-    variance_inflation,
-    without_whole_plot_terms,
-)
+from procedures.pressure.fit import HIERARCHICAL, fit_pressure, named_formula, variance_inflation
+from procedures.pressure.fit.models import contains, without_whole_plot_terms
 
 DATA, _ = simulate(HOMOSCEDASTIC, 3)
 

@@ -10,8 +10,8 @@ import pytest
 from command import rig
 from whole_plot_truth import SUBPLOT, Bench, simulate
 
-from procedures.pressure.fit.calibration import fit_pressure
-from rig.tables.csv_tables import write_csv
+from procedures.pressure.fit import fit_pressure
+from rig.tables import write_csv
 
 AT = 0.12
 BOTH = "in-flight zero + WLS"

@@ -14,14 +14,14 @@ from markupsafe import escape
 
 from fitter.trace.outcome import Parameter
 from procedures.attitude.evaluate import AttitudeTraced
-from procedures.attitude.trace.run import trace
+from procedures.attitude.trace import trace
 from procedures.attitude.words import little_help
 from procedures.numbers import with_error
 from procedures.table import Table
 from procedures.words import chance, incomplete, unnamed
 from rig.closed_loop import fit_table, trace_table
 from rig.report.frame import render as rendered
-from rig.tables.observations import run_table
+from rig.tables import run_table
 
 SCRIPT = "<script>alert(1)</script>"
 

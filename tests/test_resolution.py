@@ -16,9 +16,8 @@ from procedures.general.evaluate import trace_general_table
 from procedures.general.gross import of_table
 from procedures.general.roles import Roles
 from procedures.general.trace.robust import excess, scale
-from procedures.pressure.fit.models import named_formula
-from rig.tables import FileSource
-from rig.tables.csv_tables import write_csv
+from procedures.pressure.fit import named_formula
+from rig.tables import FileSource, write_csv
 
 SDS = (0.3, 0.5, 1.0)
 """Of the noise, in steps of the resolution."""

@@ -23,9 +23,7 @@ from rig.config import parse_bench
 from rig.engine.session import Outcome, Progress, Signals
 from rig.errors import ExitCode
 from rig.run_file.live import replace_json, request_path
-from rig.unattended.happenings import Kind
-from rig.unattended.listeners import Listeners
-from rig.unattended.manager import ServiceManager
+from rig.unattended import Kind, Listeners, ServiceManager
 from rig.unattended.service import FINAL, ServiceUnit, patience_s
 
 

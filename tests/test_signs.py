@@ -16,24 +16,28 @@ from whole_plot_truth import Bench as PressureBench
 from whole_plot_truth import Transducer
 from whole_plot_truth import simulate as simulate_pressure
 
-from fitter.confirm.judge import Member
+from fitter.confirm import Member
 from procedures.attitude.effects import CATALOGUE
 from procedures.attitude.evaluate import fit_attitude_table, trace_attitude_table
 from procedures.attitude.fit import fit_all
-from procedures.attitude.infer.calibrate import calibrate_package
-from procedures.attitude.infer.calibration import AttitudeCalibration
-from procedures.attitude.infer.infer import infer_attitude
+from procedures.attitude.infer import AttitudeCalibration, calibrate_package, infer_attitude
 from procedures.attitude.options import FitOptions
-from procedures.attitude.trace.result import Trace
-from procedures.attitude.trace.run import trace
+from procedures.attitude.trace import Trace, trace
 from procedures.pressure.effects import PRESSURE_CATALOGUE
-from procedures.pressure.trace.run import trace_whole_plots
+from procedures.pressure.trace import trace_whole_plots
 from procedures.table import Table
-from rig.closed_loop.confirm.answers import Confirmed, evidence, judge, sentences
+from rig.closed_loop.confirm import (
+    Confirmed,
+    First,
+    consider,
+    evidence,
+    judge,
+    open_traced,
+    plan_for,
+    propose,
+    sentences,
+)
 from rig.closed_loop.confirm.calibration import with_confirmed
-from rig.closed_loop.confirm.first import First, open_traced
-from rig.closed_loop.confirm.plans import plan_for
-from rig.closed_loop.confirm.proposals import consider, propose
 
 X = Sensor("x")
 TILTED = Plan(np.linspace(-30.0, 30.0, 25), np.zeros(1), replications=8)

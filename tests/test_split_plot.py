@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from split_plot_cases import NAMES, broken, chamber, dense_log_likelihood, dense_score, design
 
-from fitter.linear import RankError, least_squares
-from fitter.split_plot.design import SplitPlotDesign, fit_many, fit_split_plot, plan_precision
+from fitter import RankError, least_squares
+from fitter.split_plot import SplitPlotDesign, fit_many, fit_split_plot, plan_precision
 from fitter.split_plot.kenward_roger import selection
 from fitter.split_plot.profile import Profile
 

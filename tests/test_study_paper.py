@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 
 from procedures.attitude.data import AttitudeData
 from procedures.attitude.designs import grid, tumble
-from procedures.attitude.infer.singular import singularity
+from procedures.attitude.infer import singularity
 from proving.paper import computed_sections, measure, section_markdown, without_experiments
 from proving.paper.capture import at_points, temperature_corrected
 from proving.paper.checks import checks, ranges

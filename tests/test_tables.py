@@ -12,9 +12,7 @@ from ideal_bench import new_run, run_session
 from procedures.attitude.table import attitude_data
 from procedures.unused import unused_in_fit
 from rig.errors import RunFileError, UsageError
-from rig.tables import read_table
-from rig.tables.csv_tables import write_csv
-from rig.tables.observations import run_table
+from rig.tables import read_table, run_table, write_csv
 
 HEAD = "replicate,order,elapsed_s,pitch_deg,roll_deg,sensor_temperature_degC,x_V"
 ROWS = [f"{1 + i // 4},{i + 1},{30 * i},{(-30, -10, 10, 30)[i % 4]},{90 * (i % 3)},23.1,{0.1 * i}" for i in range(8)]

@@ -11,10 +11,9 @@ import pytest
 from attitude_hidden import CLEAN, HIDDEN, sized
 from attitude_truth import D1, Bench, Plan, Sensor, simulate, told_the_truth
 
-from procedures.attitude.effects import CATALOGUE
+from procedures.attitude.effects import CATALOGUE, separate
 from procedures.attitude.effects.effect import PREREQUISITES
-from procedures.attitude.effects.separation import separate
-from procedures.attitude.trace.run import trace
+from procedures.attitude.trace import trace
 
 pytestmark = pytest.mark.usefixtures("few_draws")
 

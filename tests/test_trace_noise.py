@@ -10,7 +10,7 @@ from attitude_truth import D1, Bench, simulate
 
 from procedures.attitude.effects.head import periods
 from procedures.attitude.effects.thermal import lagged
-from procedures.attitude.trace.run import trace
+from procedures.attitude.trace import trace
 
 X = "x_V"
 PLAN = D1(180, 13, 7)

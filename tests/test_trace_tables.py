@@ -10,9 +10,7 @@ import pytest
 from table_truth import CLOCKED, MISSING, Lab, options, simulate
 
 from procedures.general.roles import Roles, roles_of
-from procedures.general.trace import family
-from procedures.general.trace.report import trace_general
-from procedures.general.trace.run import search_table
+from procedures.general.trace import family, search_table, trace_general
 from procedures.table import Table
 from rig.errors import UsageError
 

@@ -9,12 +9,12 @@ from table_truth import MISSING, Lab, options, simulate
 
 from procedures.general.effects.scene import TableScene
 from procedures.general.roles import Roles, roles_of
+from procedures.general.trace import search_table
 from procedures.general.trace.family import family_of
 from procedures.general.trace.likelihood import Grid
 from procedures.general.trace.noise import Wandering
 from procedures.general.trace.problem import Problem, candidates_of
 from procedures.general.trace.robust import excess
-from procedures.general.trace.run import search_table
 from procedures.general.trace.score import View, score
 from procedures.general.trace.shared import RATIOS, Shared
 from procedures.table import Table

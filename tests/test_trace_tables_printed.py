@@ -12,8 +12,7 @@ from procedures.general import plots as general_plots
 from procedures.general.effects import effects_of
 from procedures.general.evaluate import GeneralTraced
 from procedures.general.roles import Roles, parts_played, roles_of
-from procedures.general.trace import family
-from procedures.general.trace.report import trace_general
+from procedures.general.trace import family, trace_general
 from procedures.table import Table
 from rig.errors import UsageError
 from rig.report.frame import render

@@ -15,17 +15,17 @@ from fitter.trace.found import Unnamed, verdict
 from fitter.trace.keep import kept
 from fitter.trace.shares import of_rest, shares
 from procedures.attitude.effects import CATALOGUE
+from procedures.attitude.trace import trace
 from procedures.attitude.trace.estimate import estimate
 from procedures.attitude.trace.family import family_of
 from procedures.attitude.trace.judge import AttitudeJudge
 from procedures.attitude.trace.pose import pose
-from procedures.attitude.trace.run import stays, trace
+from procedures.attitude.trace.run import stays
 from procedures.attitude.trace.score import score
 from procedures.general.roles import Roles, roles_of
-from procedures.general.trace import family
-from procedures.general.trace.report import trace_general
+from procedures.general.trace import family, trace_general
 from procedures.general.trace.run import LEVEL
-from procedures.pressure.trace.run import trace_whole_plots
+from procedures.pressure.trace import trace_whole_plots
 from procedures.table import Table
 from procedures.words import verdict_of
 

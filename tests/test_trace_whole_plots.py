@@ -18,16 +18,16 @@ from whole_plot_truth import (
     simulate,
 )
 
+from fitter import RankError
 from fitter.arithmetic_text import FormulaError
-from fitter.linear import RankError
 from fitter.trace.chance import ALPHA
 from procedures.pressure.effects import PRESSURE_CATALOGUE
 from procedures.pressure.effects.separation import separate_pressure
-from procedures.pressure.fit.models import named_formula
-from procedures.pressure.trace import null
+from procedures.pressure.fit import named_formula
+from procedures.pressure.trace import null, trace_whole_plots
 from procedures.pressure.trace.null import family_of
 from procedures.pressure.trace.problem import pose
-from procedures.pressure.trace.run import scene_of, trace_whole_plots
+from procedures.pressure.trace.run import scene_of
 from procedures.pressure.trace.score import score
 
 ONE = "bridge_1_mV"

@@ -8,7 +8,7 @@ from command import rig
 from pressure_truth import HOMOSCEDASTIC, simulate
 
 from procedures.unused import other_unit
-from rig.tables.csv_tables import write_csv
+from rig.tables import write_csv
 
 
 @pytest.fixture(scope="module")

@@ -31,13 +31,12 @@ from rig.run_file.creation import Genesis, create
 from rig.run_file.live import live_path, replace_json
 from rig.run_file.writer import RunWriter
 from rig.tables import read_table
-from rig.watch.access import Access
-from rig.watch.app import make_app
+from rig.watch import Access, Shelf, make_app
 from rig.watch.feed import RunFeed, encoded
 from rig.watch.reading import WatchReader
 from rig.watch.sample import KEPT, RECENT, Sample
 from rig.watch.server import only_this_machine
-from rig.watch.shelf import Entry, Shelf
+from rig.watch.shelf import Entry
 
 HOSTILE = "<script>alert(1)</script>\"'&"
 

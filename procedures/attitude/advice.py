@@ -11,12 +11,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitter.linear import RankError
+from fitter import RankError
 from procedures.advice import Advice
 from procedures.attitude.designs import Design, fraction, grid, roll_circle, tumble, uniform
-from procedures.attitude.merit.design_points import DesignPoints, Usage
-from procedures.attitude.merit.merit import figure_of_merit, mean_variance, worst_variance
-from procedures.attitude.merit.visibility import pad_visibility, smallest_offset_drift
+from procedures.attitude.merit import (
+    DesignPoints,
+    Usage,
+    figure_of_merit,
+    mean_variance,
+    pad_visibility,
+    smallest_offset_drift,
+    worst_variance,
+)
 from procedures.attitude.model import attitude_columns, fit_columns
 from procedures.attitude.package_advice import Package, advise_package
 from procedures.attitude.settings import PitchRollProcedure

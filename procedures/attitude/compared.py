@@ -9,8 +9,7 @@ from typing import IO, Any
 from rich.markup import escape
 
 from procedures.attitude.advice import design_points, usage_of
-from procedures.attitude.merit.comparison import Comparison, Curve, Recommendation, compare, curve, recommend
-from procedures.attitude.merit.design_points import Usage
+from procedures.attitude.merit import Comparison, Curve, Recommendation, Usage, compare, curve, recommend
 from procedures.attitude.settings import PitchRollProcedure
 from procedures.blocks import Block, Grid, Line
 from procedures.numbers import number

@@ -9,9 +9,7 @@ from typing import Any
 import numpy as np
 
 from fitter.arrays import FloatArray
-from fitter.confirm.compare import CARRIED_ON
-from fitter.confirm.judge import Confirmation
-from fitter.confirm.question import Question
+from fitter.confirm import CARRIED_ON, Confirmation, Question
 from fitter.effects.entry import Entry
 from procedures.attitude.data import AttitudeData
 from procedures.attitude.effects import Effect, separate

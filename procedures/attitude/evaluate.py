@@ -18,16 +18,14 @@ from fitter.errors import FitError
 from fitter.quantiles import t_limit
 from fitter.trace.outcome import Finding, Outcome, run_json
 from procedures.attitude.data import AttitudeData
-from procedures.attitude.effects import CATALOGUE
-from procedures.attitude.effects.effect import Effect
+from procedures.attitude.effects import CATALOGUE, Effect
 from procedures.attitude.fit import AttitudeFit, at_temperature, fit_all, fit_attitude
 from procedures.attitude.gross import of_attitude
-from procedures.attitude.infer.calibration import AttitudeCalibration
+from procedures.attitude.infer import AttitudeCalibration
 from procedures.attitude.infer.traced import Volts, calibrate_traced, covering_parameters
 from procedures.attitude.rows import effect_figures, parameter_rows
 from procedures.attitude.table import KNOWN, UNIT, attitude_data
-from procedures.attitude.trace.result import FoundEffect, SensorTrace, Trace
-from procedures.attitude.trace.run import trace
+from procedures.attitude.trace import FoundEffect, SensorTrace, Trace, trace
 from procedures.blocks import Block, headline
 from procedures.catalogue import with_own
 from procedures.certificate import Change, Errors, certified, with_words

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from fitter.arrays import FloatArray
-from procedures.attitude.infer.calibration import AttitudeCalibration
+from procedures.attitude.infer import AttitudeCalibration
 from procedures.attitude.model import attitude_columns, mounting_matrix
 from procedures.expected import Columns, Expected
 

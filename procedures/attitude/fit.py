@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fitter import LinearFit
 from fitter.arrays import FloatArray, IntArray
 from fitter.errors import FitError
 from fitter.json_values import JsonValue
-from fitter.linear import LinearFit
 from fitter.misfit import covered, lacks_fit, reach_of_misfit
 from fitter.quantiles import t_limit
 from fitter.replication import Replication, analyse, between_replications

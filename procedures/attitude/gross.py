@@ -10,8 +10,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from fitter.gross import GrossErrors, gross_errors
 from fitter.gross.rows import NO_GROUP
-from fitter.gross.search import GrossErrors, gross_errors
 from fitter.resolution import resolution
 from procedures.attitude.data import AttitudeData
 from procedures.attitude.model import attitude_columns, fit_columns

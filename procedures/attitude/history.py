@@ -13,8 +13,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.errors import FitError
-from fitter.history.charted import Charted
-from fitter.history.series import Series
+from fitter.history import Charted, Series
 from fitter.replication import between_replications
 from procedures.attitude.data import AttitudeData
 from procedures.attitude.fit import fit_attitude

@@ -14,8 +14,7 @@ import numpy as np
 from fitter.arrays import FloatArray
 from fitter.errors import FitError
 from procedures.attitude.history import Calibrated, Warmth
-from procedures.attitude.infer.calibration import AttitudeCalibration
-from procedures.attitude.infer.sensor_model import SensorModel
+from procedures.attitude.infer import AttitudeCalibration, SensorModel
 from procedures.attitude.model import COLUMNS
 
 

@@ -10,9 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitter.errors import FitError
-from procedures.attitude.infer.answer import InferredAttitude
-from procedures.attitude.infer.calibration import AttitudeCalibration
-from procedures.attitude.infer.infer import infer_attitude
+from procedures.attitude.infer import AttitudeCalibration, InferredAttitude, infer_attitude
 from procedures.errors import DataError
 from procedures.inference import Inference
 from procedures.missing import empty_rows, incomplete_rows

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fitter import LinearFit, least_squares
 from fitter.arrays import FloatArray
-from fitter.linear import LinearFit, least_squares
 from fitter.quantiles import t_limit
 from procedures.attitude.angles import sin_cos
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from procedures.advice import Advice
-from procedures.attitude.merit.design_points import Usage
+from procedures.attitude.merit import Usage
 
 RATIO = 10.0
 """Uncertainty of roll over that wanted of pitch, and of y and z sensors over that of x, which is still good enough."""

@@ -7,17 +7,18 @@ from typing import Any
 
 import numpy as np
 
+from fitter import RankError
 from fitter.arrays import FloatArray
 from fitter.effects.noise import OUTLIERS
-from fitter.linear import RankError, orthonormal
+from fitter.linear import orthonormal
 from fitter.trace.outcome import Figure, Parameter, WithError
 from procedures.attitude.data import AttitudeData
 from procedures.attitude.fit import AttitudeFit, parameter_table, temperature_table
-from procedures.attitude.infer.calibration import AttitudeCalibration
+from procedures.attitude.infer import AttitudeCalibration
 from procedures.attitude.model import AttitudeParameters, NoRollParameters, attitude_parameters, no_roll_parameters
 from procedures.attitude.parameters import LABELS, SCALE, UNIT, shown
 from procedures.attitude.temperature import Temperature
-from procedures.attitude.trace.result import FoundEffect, SensorTrace
+from procedures.attitude.trace import FoundEffect, SensorTrace
 
 _VARIABLES = {
     "pitch_deg": ("pitch / deg", 1.0),

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fitter import LinearFit, Triangle
 from fitter.checked import finite
 from fitter.errors import FitError
-from fitter.linear import LinearFit, Triangle
 from procedures.attitude.model import (
     COLUMNS,
     COLUMNS_NO_ROLL,

@@ -16,9 +16,9 @@ from typing import Self
 
 import numpy as np
 
+from fitter import LinearFit, least_squares
 from fitter.arrays import FloatArray
 from fitter.errors import FitError
-from fitter.linear import LinearFit, least_squares
 from procedures.attitude.data import AttitudeData
 
 TERMS = ("temperature", "temperature*gravity")

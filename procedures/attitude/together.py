@@ -11,14 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitter.arrays import FloatArray, IntArray
+from fitter.confirm import Together
 from fitter.confirm.runs import join
-from fitter.confirm.together import Candidates, Own, Together
+from fitter.confirm.together import Candidates, Own
 from procedures.attitude.data import AttitudeData
-from procedures.attitude.effects.scene import Scene
+from procedures.attitude.effects import Scene
 from procedures.attitude.model import attitude_columns
 from procedures.attitude.temperature import Temperature
+from procedures.attitude.trace import SensorTrace, Trace
 from procedures.attitude.trace.problem import raw_columns
-from procedures.attitude.trace.result import SensorTrace, Trace
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from fitter.arrays import FloatArray
 from procedures.charting import Calibrations, Shown, View
 from procedures.errors import DataError
 from procedures.general.history import curve_charted
-from procedures.general.infer.curve import CurveCalibration
+from procedures.general.infer import CurveCalibration
 from procedures.table import Table
 from procedures.unused import unit_of
 

@@ -17,8 +17,7 @@ from procedures.blocks import Block
 from procedures.certificate import Change, Errors, certified, with_words
 from procedures.errors import DataError
 from procedures.general.roles import Roles, parts_played, read_roles, used_columns
-from procedures.general.trace.report import trace_general
-from procedures.general.trace.result import FoundTableEffect, TableTrace
+from procedures.general.trace import FoundTableEffect, TableTrace, trace_general
 from procedures.results import Page
 from procedures.table import Reader, Table
 from procedures.unused import TEXT, unused_columns

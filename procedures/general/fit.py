@@ -9,21 +9,19 @@ from typing import Any
 
 import numpy as np
 
+from fitter import LinearFit, least_squares
 from fitter.arithmetic_text import column_name
 from fitter.arrays import FloatArray, IntArray
 from fitter.errors import FitError
 from fitter.formula import Formula
-from fitter.gross.search import GrossErrors
-from fitter.linear import LinearFit, least_squares
+from fitter.gross import GrossErrors
 from fitter.scatter import uneven_scatter
-from fitter.split_plot.design import fit_split_plot
-from fitter.split_plot.fit import SplitPlotFit
+from fitter.split_plot import SplitPlotFit, fit_split_plot
 from procedures.blocks import Block
 from procedures.errors import DataError
 from procedures.file_rows import rows_of_file
 from procedures.general.gross import of_table
-from procedures.general.infer.curve import CurveCalibration
-from procedures.general.infer.factored import Factored
+from procedures.general.infer import CurveCalibration, Factored
 from procedures.left_out import FitSummary, LeaveOut, Searched, Where, kept_with, search
 from procedures.table import Reader, Table
 from procedures.unused import unused_columns

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
-from fitter.gross.search import GrossErrors, gross_errors
+from fitter.gross import GrossErrors, gross_errors
 from fitter.resolution import resolution
 
 SETTINGS, OFTEN = 50, 4

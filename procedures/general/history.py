@@ -12,10 +12,9 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.errors import FitError
-from fitter.history.charted import Charted
-from fitter.history.series import Series
+from fitter.history import Charted, Series
 from fitter.quantiles import t_limit
-from procedures.general.infer.curve import CurveCalibration, too_few_digits
+from procedures.general.infer import CurveCalibration, too_few_digits
 
 _PLACES = 33
 """Of the range at which the error of the response is bounded."""

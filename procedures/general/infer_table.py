@@ -8,7 +8,7 @@ import numpy as np
 
 from fitter.errors import FitError
 from procedures.errors import DataError
-from procedures.general.infer.curve import CurveCalibration, infer_curve
+from procedures.general.infer import CurveCalibration, infer_curve
 from procedures.inference import Inference
 from procedures.missing import empty_rows, incomplete_rows
 from procedures.table import Reader

@@ -17,7 +17,7 @@ from procedures.errors import DataError
 from procedures.file_rows import rows_of_file
 from procedures.general.effects.scene import Grouping, TableScene
 from procedures.general.order import Parts, alike, codes, time_of
-from procedures.general.trace.run import TableData
+from procedures.general.trace import TableData
 from procedures.table import Reader, Table
 
 

@@ -9,7 +9,7 @@ from fitter.arrays import FloatArray
 from procedures.charting import Calibrations, Shown, View
 from procedures.errors import DataError
 from procedures.pressure.evaluate import fit_whole_plots
-from procedures.pressure.fit.calibration import PressureFit
+from procedures.pressure.fit import PressureFit
 from procedures.pressure.history import NAMES, pressure_charted
 from procedures.table import Table
 

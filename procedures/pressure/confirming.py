@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from fitter.confirm.judge import Confirmation
-from fitter.confirm.question import Question
+from fitter.confirm import Confirmation, Question
 from fitter.effects.entry import Entry
 from procedures.blocks import Block
 from procedures.confirming import SETTLED

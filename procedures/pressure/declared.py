@@ -10,8 +10,8 @@ import numpy as np
 
 from fitter.errors import FitError
 from procedures.pressure.data import WholePlotData
-from procedures.pressure.fit.calibration import fit_pressure
-from procedures.pressure.fit.models import check_determined, named_formula
+from procedures.pressure.fit import fit_pressure, named_formula
+from procedures.pressure.fit.models import check_determined
 from procedures.pressure.settings import WholePlotProcedure
 from procedures.run_list import RunList
 

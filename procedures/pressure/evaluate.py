@@ -14,7 +14,7 @@ from fitter.arrays import IntArray
 from fitter.effects.entry import Entry
 from fitter.effects.sizes import size_95
 from fitter.errors import FitError
-from fitter.gross.search import GrossErrors
+from fitter.gross import GrossErrors
 from fitter.misfit import COVERED_BY_WHOLE_PLOTS
 from fitter.trace.outcome import Finding, Outcome, run_json
 from procedures.blocks import Block, headline
@@ -27,12 +27,11 @@ from procedures.pressure.data import WholePlotData
 from procedures.pressure.effects import PRESSURE_CATALOGUE
 from procedures.pressure.effects.scene import PressureEffect
 from procedures.pressure.figures import effect_figures
-from procedures.pressure.fit.calibration import PressureFit, fit_transducers
-from procedures.pressure.fit.models import FULL, named_formula, variance_inflation
+from procedures.pressure.fit import PressureFit, fit_transducers, named_formula, variance_inflation
+from procedures.pressure.fit.models import FULL
 from procedures.pressure.gross import of_whole_plots
 from procedures.pressure.table import KNOWN, UNIT, whole_plot_data
-from procedures.pressure.trace.result import FoundPressureEffect, TransducerTrace, WholePlotTrace
-from procedures.pressure.trace.run import trace_whole_plots
+from procedures.pressure.trace import FoundPressureEffect, TransducerTrace, WholePlotTrace, trace_whole_plots
 from procedures.results import Page
 from procedures.table import Table
 from procedures.unused import unused_in_fit

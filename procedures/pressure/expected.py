@@ -8,8 +8,8 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from procedures.expected import Columns, Expected
-from procedures.pressure.fit.calibration import PressureCalibration
-from procedures.pressure.fit.models import FULL, named_formula
+from procedures.pressure.fit import PressureCalibration, named_formula
+from procedures.pressure.fit.models import FULL
 
 PRESSURE = "pressure_psia"
 _VARIABLES = {"P": PRESSURE, "T_sensor": "sensor_temperature_degC", "T_SSE": "sse_temperature_degC"}

@@ -10,7 +10,7 @@ from fitter.arrays import FloatArray
 from fitter.linear import orthonormal
 from fitter.trace.outcome import Figure
 from procedures.pressure.data import WholePlotData
-from procedures.pressure.trace.result import FoundPressureEffect, TransducerTrace, WholePlotTrace
+from procedures.pressure.trace import FoundPressureEffect, TransducerTrace, WholePlotTrace
 
 _VARIABLES = {
     "pressure_psia": ("pressure / psia", 1.0),

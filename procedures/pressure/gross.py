@@ -10,7 +10,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from fitter.formula import Formula
-from fitter.gross.search import GrossErrors, gross_errors
+from fitter.gross import GrossErrors, gross_errors
 from fitter.resolution import resolution
 from procedures.pressure.data import WholePlotData
 from procedures.pressure.fit.models import of_whole_plot

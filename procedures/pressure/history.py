@@ -14,10 +14,9 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.errors import FitError
-from fitter.history.charted import Charted
-from fitter.history.series import Series
-from fitter.split_plot.fit import SplitPlotFit
-from procedures.pressure.fit.calibration import PressureFit
+from fitter.history import Charted, Series
+from fitter.split_plot import SplitPlotFit
+from procedures.pressure.fit import PressureFit
 
 NAMES = ("intercept_mV", "gain_mV_per_psi")
 

@@ -13,9 +13,8 @@ from fitter.errors import FitError
 from procedures.errors import DataError
 from procedures.inference import Inference
 from procedures.missing import empty_rows, incomplete_rows
-from procedures.pressure.fit.calibration import PressureCalibration
-from procedures.pressure.infer.in_flight import infer_pressure
-from procedures.pressure.infer.zero import Zero
+from procedures.pressure.fit import PressureCalibration
+from procedures.pressure.infer import Zero, infer_pressure
 from procedures.pressure.zeros import (
     PRESSURE,
     PRESSURE_SD,

@@ -8,8 +8,7 @@ import numpy as np
 
 from procedures.pictures import grid, png
 from procedures.pressure.evaluate import HOLD_AT, IN_USE, errors_in_words, in_use_words, low_pressure
-from procedures.pressure.fit.calibration import PressureFit
-from procedures.pressure.fit.methods import METHODS
+from procedures.pressure.fit import METHODS, PressureFit
 from procedures.results import Page
 
 if TYPE_CHECKING:

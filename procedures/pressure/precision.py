@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from fitter.arrays import FloatArray
-from fitter.split_plot.design import plan_precision
+from fitter.split_plot import plan_precision
 from procedures.precision import Precision
-from procedures.pressure.fit.models import named_formula
+from procedures.pressure.fit import named_formula
 from procedures.pressure.settings import WholePlotProcedure
 from procedures.run_list import RunList
 

@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitter.arrays import FloatArray
+from fitter.confirm import Together
 from fitter.confirm.runs import join
-from fitter.confirm.together import Candidates, Own, Together
+from fitter.confirm.together import Candidates, Own
 from procedures.pressure.data import WholePlotData
 from procedures.pressure.effects.scene import PressureScene
+from procedures.pressure.trace import WholePlotTrace
 from procedures.pressure.trace.problem import raw_columns
-from procedures.pressure.trace.result import WholePlotTrace
 
 
 @dataclass(frozen=True, eq=False)

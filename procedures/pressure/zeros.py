@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from procedures.errors import DataError
-from procedures.pressure.fit.calibration import PressureCalibration
-from procedures.pressure.infer.in_flight import STOOD_DEGC
-from procedures.pressure.infer.zero import Departure, Zero
+from procedures.pressure.fit import PressureCalibration
+from procedures.pressure.infer import STOOD_DEGC, Departure, Zero
 from procedures.table import Table
 
 TEMPERATURES = ("sensor_temperature_degC", "sse_temperature_degC")

@@ -20,7 +20,7 @@ from rig.run_file.reader import RunReader
 from rig.run_file.state import fold
 from rig.run_file.verification import restored
 from rig.run_file.writer import RunWriter
-from rig.tables.observations import run_table
+from rig.tables import run_table
 
 FLIPS = 512
 """In a finished file one bit is flipped in every so many bytes."""

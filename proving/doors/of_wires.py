@@ -20,15 +20,10 @@ import uvicorn
 
 from proving.doors.hostile import TOML_VALUES, VALUES, Material, damaged, edited
 from rig.engine.session import Progress
-from rig.unattended.happenings import Happening, Kind, RunFacts
-from rig.unattended.notify.channels import sender
-from rig.unattended.notify.delivery import NotSent
-from rig.unattended.notify.message import compose
-from rig.unattended.notify.settings import NotifySettings, read_settings
-from rig.watch.access import Access
-from rig.watch.app import make_app
+from rig.unattended import Happening, Kind, RunFacts
+from rig.unattended.notify import NotifySettings, NotSent, compose, read_settings, sender
+from rig.watch import Access, Shelf, make_app
 from rig.watch.server import configuration
-from rig.watch.shelf import Shelf
 
 Acts = Iterator[Callable[[], object]]
 

@@ -8,9 +8,9 @@ from math import hypot
 import numpy as np
 
 from fitter.arrays import FloatArray
-from fitter.split_plot.design import SplitPlotDesign
+from fitter.split_plot import SplitPlotDesign
 from proving.night.play import Played
-from rig.tables.observations import run_table
+from rig.tables import run_table
 from sims.physics.pressure_truth import TransducerTruth
 from sims.physics.truth import SensorTruth
 

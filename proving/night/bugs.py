@@ -12,7 +12,7 @@ from typing import Any
 from unittest.mock import patch
 
 from drivers.scpi import ScpiMeter
-from drivers.wires.serial_line import SerialLine
+from drivers.wires import SerialLine
 from procedures.run_list import Factor, Point
 from rig.engine import at_point, sequencer
 from rig.engine.guard import Guard

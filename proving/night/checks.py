@@ -12,7 +12,7 @@ from proving.night.judged import Night, Violation
 from proving.night.play import Played
 from rig.errors import RunFileError
 from rig.run_file.reader import RunReader
-from rig.run_file.sense.check import judged
+from rig.run_file.sense import judged
 
 INVARIANTS: Mapping[str, Callable[[Night], Iterator[str]]] = {
     "complete": of_records.complete,

@@ -9,9 +9,7 @@ import numpy as np
 from fitter.arrays import FloatArray
 from procedures.attitude.data import AttitudeData
 from procedures.attitude.fit import AttitudeFit
-from procedures.attitude.infer.answer import InferredAttitude
-from procedures.attitude.infer.calibration import AttitudeCalibration
-from procedures.attitude.infer.infer import infer_attitude
+from procedures.attitude.infer import AttitudeCalibration, InferredAttitude, infer_attitude
 from proving.paper.table_2 import Measured
 
 _CERTAIN = 1e-6

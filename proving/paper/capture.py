@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from procedures.attitude.data import SAME_ANGLE_DEG, AttitudeData
 from procedures.attitude.designs import Design
-from procedures.attitude.infer.calibrate import calibrate_package
+from procedures.attitude.infer import calibrate_package
 from procedures.attitude.table import attitude_data
 from proving.paper.nights import Night
 from rig.atomic import write_whole
@@ -19,7 +19,7 @@ from rig.controller import start_run
 from rig.engine.session import Outcome, Progress, Signals
 from rig.errors import RigError
 from rig.plans import load_plan
-from rig.tables.observations import run_table
+from rig.tables import run_table
 
 
 def capture(night: Night, folder: Path, seed: int, on_progress: Callable[[Progress], None]) -> AttitudeData:

@@ -6,7 +6,8 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from procedures.attitude.angles import sin_cos
-from procedures.attitude.infer.singular import normal, singularity
+from procedures.attitude.infer import singularity
+from procedures.attitude.infer.singular import normal
 from proving.paper.packages import Mounting, off_grid, package
 from proving.paper.plots import PITCH, ROLL, Field, Figure, Line, Panel
 from proving.paper.statement import Statement, above, below

@@ -14,10 +14,7 @@ from numpy.typing import ArrayLike
 
 from fitter.arrays import FloatArray
 from procedures.attitude.angles import sin_cos
-from procedures.attitude.infer.answer import InferredAttitude
-from procedures.attitude.infer.calibration import AttitudeCalibration
-from procedures.attitude.infer.infer import infer_attitude
-from procedures.attitude.infer.sensor_model import SensorModel
+from procedures.attitude.infer import AttitudeCalibration, InferredAttitude, SensorModel, infer_attitude
 from procedures.attitude.model import AXES, COLUMNS, linear_coefficients
 
 NOISE = 1e-8

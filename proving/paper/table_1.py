@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from procedures.attitude.designs import roll_circle, uniform
-from procedures.attitude.merit.design_points import DesignPoints, Usage
-from procedures.attitude.merit.merit import figure_of_merit
+from procedures.attitude.merit import DesignPoints, Usage, figure_of_merit
 from proving.paper import printed
 from proving.paper.statement import Statement, digits
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from procedures.attitude.angles import sin_cos
-from procedures.attitude.infer.calibration import AttitudeCalibration
+from procedures.attitude.infer import AttitudeCalibration
 from proving.paper.packages import normalised_sd, off_grid, package, percent, worst
 from proving.paper.plots import PITCH, ROLL, Figure, Line, Panel
 from proving.paper.statement import SMALL, Statement, about, below, digits

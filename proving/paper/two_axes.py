@@ -6,7 +6,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from procedures.attitude.angles import sin_cos
-from procedures.attitude.infer.calibration import AttitudeCalibration
+from procedures.attitude.infer import AttitudeCalibration
 from proving.paper.packages import normalised_sd, off_grid, package, percent, worst
 from proving.paper.plots import ROLL, Figure, Line, Panel
 from proving.paper.statement import SMALL, Statement, above, below

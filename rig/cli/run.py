@@ -38,9 +38,7 @@ from rig.errors import ExitCode, RigError
 from rig.plans import load_plan
 from rig.run_file.reader import RunReader
 from rig.run_file.state import RunState, is_simulated, read_state
-from rig.unattended.happenings import RunFacts
-from rig.unattended.listeners import Listeners
-from rig.unattended.manager import ServiceManager
+from rig.unattended import Listeners, RunFacts, ServiceManager
 from rig.who import VARIABLE, operator
 
 RunArgument = Annotated[Path, typer.Argument(help="the run file, DIR/ID.sqlite", show_default=False)]

@@ -22,7 +22,7 @@ from rig.run_file.elsewhere import goes_on_in
 from rig.run_file.live import controller_alive
 from rig.run_file.reader import RunReader
 from rig.run_file.state import RunState
-from rig.unattended.happenings import RunFacts
+from rig.unattended import RunFacts
 from rig.unattended.service import WATCHDOG_S, ServiceUnit, patience_s
 
 

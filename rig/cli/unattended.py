@@ -14,11 +14,9 @@ import typer
 from rig.engine.session import Progress
 from rig.errors import ConfigurationError, ExitCode
 from rig.run_file.reader import RunReader
+from rig.unattended import Listeners, Log, RunFacts, ServiceManager
 from rig.unattended.earlier import ended_without_a_word
-from rig.unattended.happenings import RunFacts
-from rig.unattended.listeners import Listeners
-from rig.unattended.logs import Log, LogFormat, default_log, file_writer, logged_by_journal, stderr_writer
-from rig.unattended.manager import ServiceManager
+from rig.unattended.logs import LogFormat, default_log, file_writer, logged_by_journal, stderr_writer
 from rig.unattended.places import find_settings
 
 LogOption = Annotated[

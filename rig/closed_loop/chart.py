@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from fitter.errors import FitError
-from fitter.history.chart import Chart, chart
-from fitter.history.components import Between
+from fitter.history import Between, Chart, chart
 from procedures.charting import View
 from rig.closed_loop.chart_inputs import Given, notes
 from rig.closed_loop.chart_json import quantity_json

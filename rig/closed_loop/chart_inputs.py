@@ -19,7 +19,7 @@ from procedures.table import Table
 from procedures.unused import Unused, sentences
 from procedures.words import incomplete
 from rig.errors import UsageError
-from rig.inference.calibration_file import read_calibration
+from rig.inference import read_calibration
 from rig.regular import read_regular_text
 from rig.run_file.bodies import TEXTS
 from rig.tables import read_table

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from fitter.history.chart import QuantityChart
+from fitter.history import QuantityChart
 
 
 def quantity_json(q: QuantityChart, dates: Sequence[str]) -> dict[str, Any]:

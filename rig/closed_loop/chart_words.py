@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from fitter.history.chart import Chart, QuantityChart
+from fitter.history import Chart, QuantityChart
 from procedures.charting import Shown
 
 

@@ -12,7 +12,7 @@ from procedures.inference import Inference
 from procedures.results import Options
 from procedures.table import Reader, Table
 from rig.inference.calibration_file import CalibrationFile, read_calibration
-from rig.tables.csv_tables import read_gappy_csv
+from rig.tables import read_gappy_csv
 
 __all__ = ["CalibrationFile", "Inference", "infer", "read_calibration"]
 

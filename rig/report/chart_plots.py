@@ -9,8 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter, LinearLocator
 
-from fitter.history.chart import QuantityChart
-from fitter.history.components import Between
+from fitter.history import Between, QuantityChart
 from fitter.history.forecast import predict
 from fitter.quantiles import t_limit
 from procedures.pictures import grid, legend_below, png

@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from fitter.confirm.judge import Confirmation
+from fitter.confirm import Confirmation
 from fitter.trace.outcome import Figure
 from procedures.effect_plots import draw
 from procedures.results import Page
 from rig.atomic import write_whole
 from rig.closed_loop import known
-from rig.closed_loop.confirm.answers import Confirmed, chance, sentences, sizes
+from rig.closed_loop.confirm import Confirmed, chance, sentences, sizes
 from rig.report.frame import render
-from rig.tables.observations import run_table
+from rig.tables import run_table
 
 _DRAWN = 3
 """Sensors drawn for each effect, those that show most of it."""

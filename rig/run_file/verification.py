@@ -17,7 +17,7 @@ from rig.run_file.last_word import read_last_word
 from rig.run_file.live import controller_alive
 from rig.run_file.prefix import Restored, restore
 from rig.run_file.reader import RunReader
-from rig.run_file.sense.check import Judged, judged
+from rig.run_file.sense import Judged, judged
 from rig.run_file.state import RunState, read_state
 
 MOST = 1000

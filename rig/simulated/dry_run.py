@@ -15,7 +15,7 @@ from rig.engine.holes import WatchedClock
 from rig.errors import ConfigurationError
 from rig.plugins import installed, load
 from sims.bench import SimBench, world_for
-from sims.physics.truth import WorldError
+from sims.physics import WorldError
 from sims.twin import MakesTwins
 
 Tap = Callable[[str, str, bytes], None]

@@ -11,7 +11,7 @@ from rig.config import parse_toml, read_text
 from rig.contract_files import read_bench
 from rig.errors import ConfigurationError, RigError
 from rig.simulated.dry_run import plain, twin_classes
-from sims.physics.truth import WorldError
+from sims.physics import WorldError
 from sims.serve import serve
 
 

@@ -10,11 +10,11 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import ClassVar, Protocol
 
-from sims.faults.fault import Kind
+from sims.faults import Kind
 from sims.faults.reading_faults import OF_READINGS
 from sims.inputs import Inputs
 from sims.noise import event_at, normal
-from sims.physics.truth import WorldError
+from sims.physics import WorldError
 from sims.twin import Accuracy, Medium, Role
 from sims.wires.dbc import DbcMessage, read_dbc
 from sims.world import Timer, World

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import ClassVar
 
-from sims.faults.fault import Kind
+from sims.faults import Kind
 from sims.faults.instrument_faults import OF_HEADS
 from sims.physics import Plant
 from sims.twin import Medium, Role

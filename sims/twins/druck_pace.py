@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from math import inf
 from typing import ClassVar, Protocol
 
-from sims.faults.fault import Kind
+from sims.faults import Kind
 from sims.faults.instrument_faults import SUPPLY
 from sims.faults.reading_faults import FROZEN, SPIKE
 from sims.inputs import Inputs

@@ -7,7 +7,7 @@ from abc import abstractmethod
 from collections.abc import Mapping
 from typing import ClassVar, NamedTuple
 
-from sims.faults.fault import Kind
+from sims.faults import Kind
 from sims.faults.reading_faults import OF_READINGS
 from sims.inputs import Inputs
 from sims.twin import Accuracy, Role

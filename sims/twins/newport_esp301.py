@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 from functools import lru_cache, partial
 from typing import ClassVar, Protocol
 
-from sims.faults.fault import Kind
+from sims.faults import Kind
 from sims.faults.instrument_faults import ERROR_QUEUE, OF_HEADS
 from sims.twin import Medium, Role
 from sims.twins.newport_axis import PARAMETERS, Axis, Head, Parameter

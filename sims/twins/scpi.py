@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from functools import lru_cache, partial
 from typing import Any, ClassVar
 
-from sims.faults.fault import Kind
+from sims.faults import Kind
 from sims.faults.instrument_faults import ERROR_QUEUE
 from sims.twin import Medium, Role
 from sims.twins.scpi_syntax import Command, ScpiError, boolean, number, split_outside

@@ -15,7 +15,7 @@ from functools import partial
 from math import inf, nan
 from typing import Any, ClassVar, Literal
 
-from sims.faults.fault import Kind
+from sims.faults import Kind
 from sims.faults.instrument_faults import ALARM, DOOR, OWN_SENSOR
 from sims.faults.reading_faults import FROZEN, SPIKE
 from sims.inputs import Inputs

@@ -12,9 +12,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from fitter import LinearFit, RankError, least_squares
 from fitter.arrays import FloatArray
 from fitter.errors import FitError
-from fitter.linear import LinearFit, RankError, least_squares
 from fitter.misfit import lacks_fit, reach_beside
 from fitter.replication import Replication, analyse, replication_spread
 from procedures.attitude.data import AttitudeData

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from fitter import RankError
 from fitter.arrays import FloatArray
-from fitter.linear import RankError
 from procedures.attitude.data import AttitudeData
 from procedures.attitude.fit import parameter_table
 from procedures.attitude.infer.alternatives import by_class, cover_rows

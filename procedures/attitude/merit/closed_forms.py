@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fitter import RankError
 from fitter.arrays import FloatArray
-from fitter.linear import RankError
 from procedures.attitude.angles import sin_cos
 
 T6_VARIANCE = 2.0 / 3.0

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fitter import RankError
 from fitter.arrays import FloatArray
-from fitter.linear import RankError
 from fitter.quantiles import t_limit
 from procedures.attitude.merit.design_points import DesignPoints, Usage
 from procedures.attitude.merit.merit import mean_variance, variance, worst_variance

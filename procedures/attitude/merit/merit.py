@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fitter import LinearFit
 from fitter.arrays import FloatArray
-from fitter.linear import LinearFit
 from procedures.attitude.merit.design_points import DesignPoints, Usage
 from procedures.attitude.model import attitude_columns, fit_columns
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fitter import LinearFit, RankError, least_squares
 from fitter.arrays import FloatArray
-from fitter.linear import LinearFit, RankError, least_squares
 from fitter.replication import Replication, analyse
 from fitter.trace.aliases import NOTHING_LEFT
 from fitter.trace.not_kept import independent

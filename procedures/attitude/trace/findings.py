@@ -15,8 +15,7 @@ from fitter.trace.found import Found, Unnamed, verdict
 from fitter.trace.not_kept import NotKept, for_others
 from fitter.trace.shares import of_rest, shares, unnamed_part
 from procedures.attitude.data import AttitudeData
-from procedures.attitude.effects.effect import Effect
-from procedures.attitude.effects.separation import separate
+from procedures.attitude.effects import Effect, separate
 from procedures.attitude.effects.unnamed import NAMELESS
 from procedures.attitude.fit import AttitudeFit
 from procedures.attitude.model import attitude_columns

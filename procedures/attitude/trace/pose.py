@@ -11,7 +11,7 @@ from fitter.arrays import FloatArray, IntArray
 from fitter.trace.aliases import NOTHING_LEFT
 from fitter.trace.not_kept import NotKept, overflows
 from procedures.attitude.data import AttitudeData
-from procedures.attitude.effects.effect import Effect
+from procedures.attitude.effects import Effect
 from procedures.attitude.fit import fit_all
 from procedures.attitude.trace.levels import LEVELS, Level, levels_of
 from procedures.attitude.trace.problem import Candidate, Problem, Products, columns_of, scene_of

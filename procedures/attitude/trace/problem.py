@@ -16,8 +16,7 @@ import numpy as np
 from fitter.arrays import FloatArray, IntArray
 from fitter.trace.not_kept import NotKept
 from procedures.attitude.data import AttitudeData
-from procedures.attitude.effects.effect import Effect, Term
-from procedures.attitude.effects.scene import Scene
+from procedures.attitude.effects import Effect, Scene, Term
 from procedures.attitude.fit import AttitudeFit
 from procedures.attitude.trace.levels import LEVELS, Level, Levels
 

@@ -7,16 +7,16 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from fitter import LinearFit
 from fitter.arrays import FloatArray
 from fitter.json_values import JsonValue
-from fitter.linear import LinearFit
 from fitter.replication import Replication
 from fitter.sums_of_squares import FTest
 from fitter.trace.found import CONFIRMED, Explanation, Found, Unnamed
 from fitter.trace.outcome import Outcome, Parameter, Row, WithError, run_json
 from fitter.trace.signs import Refused
 from procedures.attitude.data import AttitudeData
-from procedures.attitude.effects.scene import Scene
+from procedures.attitude.effects import Scene
 from procedures.attitude.fit import coefficient_table, table_2, temperature_table
 from procedures.attitude.model import attitude_columns
 from procedures.attitude.temperature import Temperature

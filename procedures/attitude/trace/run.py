@@ -16,8 +16,7 @@ from fitter.trace.not_kept import NotKept
 from fitter.trace.refusals import refusals
 from fitter.trace.search import ROUNDS, names_of, prune, search_and_name
 from procedures.attitude.data import AttitudeData
-from procedures.attitude.effects import CATALOGUE
-from procedures.attitude.effects.effect import Effect
+from procedures.attitude.effects import CATALOGUE, Effect
 from procedures.attitude.effects.unnamed import UNNAMED
 from procedures.attitude.trace.agreement import supported
 from procedures.attitude.trace.alternatives import alternatives

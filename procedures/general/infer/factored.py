@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from fitter import LinearFit
 from fitter.arrays import FloatArray
-from fitter.linear import LinearFit
-from fitter.split_plot.fit import SplitPlotFit
+from fitter.split_plot import SplitPlotFit
 
 LEAST_DIGITS = 1e-3
 """Largest relative rounding error of a variance, and largest of a curve in standard deviations, that is accepted."""

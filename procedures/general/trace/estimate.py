@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fitter import LinearFit, RankError, least_squares
 from fitter.arrays import FloatArray
-from fitter.linear import LinearFit, RankError, least_squares, orthonormal
+from fitter.linear import orthonormal
 from procedures.general.trace.judge import TableJudge
 
 

@@ -11,8 +11,7 @@ import numpy as np
 from fitter.arrays import FloatArray, IntArray
 from fitter.resolution import resolution
 from fitter.trace.not_kept import NotKept, overflows
-from procedures.general.effects import effects_of
-from procedures.general.effects.kind import TableEffect
+from procedures.general.effects import TableEffect, effects_of
 from procedures.general.effects.scene import TableScene, TableTerm
 from procedures.general.trace.noise import Noise
 

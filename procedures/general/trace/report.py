@@ -10,12 +10,12 @@ import numpy as np
 from fitter.arrays import FloatArray
 from fitter.errors import FitError
 from fitter.linear import orthonormal
-from fitter.split_plot.design import fit_split_plot
+from fitter.split_plot import fit_split_plot
 from fitter.trace.aliases import DELTA
 from fitter.trace.found import verdict
 from fitter.trace.search import names_of
 from fitter.trace.shares import of_rest, shares, unnamed_part
-from procedures.general.effects.kind import TableEffect
+from procedures.general.effects import TableEffect
 from procedures.general.effects.of_others import GROUP_GAIN, GROUP_OFFSET
 from procedures.general.trace.cross import left_out
 from procedures.general.trace.estimate import Estimate, estimate

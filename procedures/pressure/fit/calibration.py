@@ -12,8 +12,7 @@ import numpy as np
 from fitter.arrays import FloatArray
 from fitter.errors import FitError
 from fitter.formula import Formula
-from fitter.split_plot.design import fit_split_plot
-from fitter.split_plot.fit import SplitPlotFit
+from fitter.split_plot import SplitPlotFit, fit_split_plot
 from fitter.sums_of_squares import FTest
 from procedures.pressure.data import WholePlotData
 from procedures.pressure.fit import lack_of_fit

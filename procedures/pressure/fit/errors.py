@@ -19,7 +19,7 @@ import numpy as np
 from scipy import special
 
 from fitter.arrays import FloatArray
-from fitter.split_plot.fit import SplitPlotFit
+from fitter.split_plot import SplitPlotFit
 from procedures.pressure.data import WholePlotData
 
 GROWTH_LEVEL = 0.01

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
+from fitter import Triangle
 from fitter.arrays import FloatArray
 from fitter.errors import FitError
 from fitter.formula import Formula
-from fitter.linear import Triangle
-from fitter.split_plot.fit import SplitPlotFit
+from fitter.split_plot import SplitPlotFit
 from procedures.pressure.data import WholePlotData
 from procedures.pressure.fit.errors import Errors, Layout
 from procedures.pressure.fit.in_use import InUse, in_use

@@ -11,13 +11,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from fitter import RankError, Triangle
 from fitter.arrays import FloatArray, IntArray
 from fitter.formula import Formula
 from fitter.formula_text import Factor, Numeric, Term
-from fitter.linear import RankError, Triangle
 from fitter.quantiles import t_tail
-from fitter.split_plot.design import fit_split_plot
-from fitter.split_plot.fit import SplitPlotFit
+from fitter.split_plot import SplitPlotFit, fit_split_plot
 from procedures.pressure.data import WholePlotData
 
 FULL = "full"

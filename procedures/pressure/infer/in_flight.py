@@ -19,7 +19,7 @@ from scipy import special
 
 from fitter.arrays import FloatArray
 from fitter.errors import FitError
-from procedures.pressure.fit.calibration import PressureCalibration
+from procedures.pressure.fit import PressureCalibration
 from procedures.pressure.infer.zero import Departure, Zero, ZeroCorrection, departure, out_of_reach
 
 BEYOND = 0.02

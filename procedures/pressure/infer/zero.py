@@ -15,7 +15,7 @@ import numpy as np
 from fitter.arrays import FloatArray
 from fitter.errors import FitError
 from fitter.quantiles import t_tail
-from procedures.pressure.fit.calibration import PressureCalibration
+from procedures.pressure.fit import PressureCalibration
 
 FARTHEST = 0.2
 """Highest pressure of a zero, as a part of the highest calibrated; above, errors of the slope count."""

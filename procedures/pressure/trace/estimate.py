@@ -9,8 +9,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.quantiles import t_limit
-from fitter.split_plot.design import SplitPlotDesign
-from fitter.split_plot.fit import SplitPlotFit
+from fitter.split_plot import SplitPlotDesign, SplitPlotFit
 from procedures.pressure.trace.problem import Problem
 from procedures.pressure.trace.score import score
 from procedures.pressure.trace.strata import Level

@@ -10,7 +10,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.linear import orthonormal
-from fitter.split_plot.design import SplitPlotDesign
+from fitter.split_plot import SplitPlotDesign
 from fitter.trace.not_kept import NotKept, overflows
 from procedures.pressure.data import WholePlotData
 from procedures.pressure.effects.scene import PressureEffect, PressureScene, PressureTerm

@@ -11,7 +11,7 @@ from fitter.arrays import FloatArray
 from fitter.effects.noise import AUTOCORRELATION, NOISE_GROWS, OUTLIERS
 from fitter.formula import Formula
 from fitter.json_values import JsonValue
-from fitter.split_plot.fit import SplitPlotFit
+from fitter.split_plot import SplitPlotFit
 from fitter.trace.found import CONFIRMED, Explanation, Found, Unnamed
 from fitter.trace.growing_noise import Noise
 from fitter.trace.outcome import OF_REPLICATIONS, Outcome, Parameter, Row, WithError, absent, run_json

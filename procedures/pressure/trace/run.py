@@ -9,13 +9,14 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.errors import FitError
-from fitter.split_plot.design import SplitPlotDesign
+from fitter.split_plot import SplitPlotDesign
 from fitter.trace.found import explanations_of
 from fitter.trace.refusals import refusals
 from procedures.pressure.data import WholePlotData
 from procedures.pressure.effects import PRESSURE_CATALOGUE
 from procedures.pressure.effects.scene import PressureEffect, PressureScene
-from procedures.pressure.fit.models import HIERARCHICAL, check_determined, named_formula
+from procedures.pressure.fit import HIERARCHICAL, named_formula
+from procedures.pressure.fit.models import check_determined
 from procedures.pressure.trace.agreement import named
 from procedures.pressure.trace.estimate import coefficients_of, contributed, estimate
 from procedures.pressure.trace.judge import WholePlotJudge

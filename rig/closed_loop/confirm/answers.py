@@ -10,8 +10,9 @@ from typing import Any, TypeVar
 import numpy as np
 
 from fitter.arrays import FloatArray
-from fitter.confirm.judge import CHANGED, Confirmation, Member, SensorError, confirm_all
-from fitter.confirm.judge import Confirmed as Judged
+from fitter.confirm import Confirmation, Member, SensorError, confirm_all
+from fitter.confirm import Confirmed as Judged
+from fitter.confirm.judge import CHANGED
 from fitter.errors import FitError
 from procedures.words import SMALLEST
 from rig.closed_loop.confirm.first import First, read_later

@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from fitter.confirm.judge import Confirmation
+from fitter.confirm import Confirmation
 from procedures.confirming import SETTLED
 from procedures.results import Fitted, Options
 from rig.closed_loop.confirm.answers import Confirmed, evidence, judge
 from rig.closed_loop.confirm.first import First, open_traced
 from rig.errors import UsageError
-from rig.tables.observations import run_table
+from rig.tables import run_table
 
 
 def fit_confirmed(run: Path, later: Path, options: Options) -> Fitted:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from fitter.confirm.question import Question, questions_of
+from fitter.confirm import Question, questions_of
 from procedures.confirming import Confirming
 from procedures.kind import Procedure, kind_of
 from rig.closed_loop import Traced, known, trace_table
@@ -17,7 +17,7 @@ from rig.config import BenchConfig
 from rig.errors import UsageError
 from rig.plans import plan_of
 from rig.run_file.reader import RunReader
-from rig.tables.observations import run_table
+from rig.tables import run_table
 
 DAY_S = 86400.0
 

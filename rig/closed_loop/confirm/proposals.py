@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from drivers.roles import Chamber
-from fitter.confirm.predict import NOTHING, Pair, Separation, separation
+from fitter.confirm import NOTHING, Pair, Separation, separation
 from procedures.durations import duration
 from procedures.further_runs import Variation, possible
 from procedures.kind import kind_of

@@ -9,10 +9,7 @@ from pathlib import Path
 from rig.errors import ConfigurationError
 from rig.unattended.doctor.findings import Finding, ok, problem, warning
 from rig.unattended.happenings import Happening, Kind, RunFacts
-from rig.unattended.notify.channels import Send, senders
-from rig.unattended.notify.delivery import NotSent
-from rig.unattended.notify.message import compose
-from rig.unattended.notify.settings import read_settings, secret_files
+from rig.unattended.notify import NotSent, Send, compose, read_settings, secret_files, senders
 from rig.unattended.places import find_settings
 
 
