@@ -12,6 +12,10 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Generator, Iterable
 from concurrent import futures
+from contextlib import suppress
+from dataclasses import dataclass
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from rig.errors import RigError, UsageError
@@ -33,6 +37,7 @@ class WorkersDie(RigError):
 class Executor(ABC):
     """Where blocks of seeds are worked through."""
 
+    @abstractmethod
     def run(self, work: Callable[[Seeds], R], blocks: Iterable[Seeds]) -> Generator[tuple[Seeds, R]]:
         """Work through blocks; each is given back once, with its result, as soon as it is done.
 
@@ -45,68 +50,17 @@ class Executor(ABC):
             Exception: what `work` raised.
 
         """
-        waiting = deque(blocks)
-        under_way: dict[futures.Future[R], Seeds] = {}
-        deaths = 0
-        pool = self._open()
-        try:
-            while waiting or under_way:
-                broken = False
-                while waiting and not broken and len(under_way) < 2 * max(self._width(), 1):
-                    try:
-                        under_way[pool.submit(work, waiting[0])] = waiting[0]
-                        waiting.popleft()
-                    except self._lost:
-                        broken = True
-                finished, _ = futures.wait(under_way, return_when=futures.FIRST_COMPLETED)
-                done: list[tuple[Seeds, R]] = []
-                for future in finished:
-                    block = under_way.pop(future)
-                    try:
-                        done.append((block, future.result()))
-                    except self._lost:
-                        waiting.appendleft(block)
-                        broken = True
-                    except futures.CancelledError:
-                        raise WorkersDie("the scheduler has gone, or has been told to forget this campaign") from None
-                deaths = 0 if done else deaths + broken
-                if deaths >= DEATHS:
-                    raise WorkersDie(f"{deaths} workers died one after another, the last with a block of {waiting[0]}")
-                if broken:
-                    pool = self._again(pool, under_way, waiting)
-                yield from done
-        finally:
-            for future in under_way:
-                future.cancel()  # Dask's pool does not do that itself
-            pool.shutdown()
-
-    _lost: tuple[type[BaseException], ...] = (futures.BrokenExecutor,)
-    """What a block ends in whose worker died."""
 
     @abstractmethod
     def close(self) -> None:
         """Leave what it works with."""
 
-    @abstractmethod
-    def _open(self) -> futures.Executor:
-        """Workers, ready."""
-
-    @abstractmethod
-    def _width(self) -> int:
-        """How many blocks are worked on at once."""
-
-    def _again(
-        self, pool: futures.Executor, under_way: dict[futures.Future[R], Seeds], waiting: deque[Seeds]
-    ) -> futures.Executor:
-        """Workers after one has died: the standard library's pool is then of no more use, its other blocks are lost."""
-        pool.shutdown()
-        waiting.extendleft(under_way.values())
-        under_way.clear()
-        return self._open()
-
 
 class Processes(Executor):
     """Processes of this machine; they end with the campaign, however it ends.
+
+    Each has a pipe of its own and shares no lock with another, so that one killed at any moment stops nobody: a pool of
+    the standard library may wait for ever for a lock that a killed worker held.
 
     Args:
         jobs: how many; one is this process itself.
@@ -115,22 +69,100 @@ class Processes(Executor):
 
     def __init__(self, jobs: int) -> None:
         self._jobs = jobs
+        # Workers come from a server without threads: a process with threads (a progress bar's) must not be forked.
+        self._context = multiprocessing.get_context("forkserver")
+        self._context.set_forkserver_preload(["proving.night.campaign"])
 
     def run(self, work: Callable[[Seeds], R], blocks: Iterable[Seeds]) -> Generator[tuple[Seeds, R]]:
         """As `Executor.run`."""
-        return ((block, work(block)) for block in blocks) if self._jobs == 1 else super().run(work, blocks)
+        return ((block, work(block)) for block in blocks) if self._jobs == 1 else self._in_workers(work, deque(blocks))
+
+    def _in_workers(self, work: Callable[[Seeds], R], waiting: deque[Seeds]) -> Generator[tuple[Seeds, R]]:
+        workers: dict[Connection, _Worker] = {}
+        deaths = 0
+        try:
+            while waiting or workers:
+                while waiting and len(workers) < self._jobs:
+                    worker = self._started(work)
+                    workers[worker.pipe] = worker
+                    worker.give(waiting.popleft())
+                for pipe in wait(list(workers)):
+                    assert isinstance(pipe, Connection)
+                    worker = workers[pipe]
+                    try:
+                        finished, result = pipe.recv()
+                    except (EOFError, OSError):  # it died, perhaps in the middle of an answer
+                        del workers[pipe]
+                        worker.end()
+                        waiting.appendleft(worker.block)
+                        deaths += 1
+                        if deaths >= DEATHS:
+                            last = f"the last with a block of {worker.block}"
+                            raise WorkersDie(f"{deaths} workers died one after another, {last}") from None
+                        continue
+                    if not finished:
+                        raise result
+                    deaths, block = 0, worker.block
+                    if waiting:
+                        worker.give(waiting.popleft())
+                    else:
+                        del workers[pipe]
+                        worker.end()
+                    yield block, result
+        finally:
+            for worker in workers.values():
+                worker.end()
+
+    def _started(self, work: Callable[[Seeds], Any]) -> _Worker:
+        pipe, theirs = self._context.Pipe()
+        process = self._context.Process(target=_serve, args=(theirs, work), daemon=True)
+        process.start()
+        theirs.close()  # so that its death closes the pipe
+        return _Worker(process, pipe)
 
     def close(self) -> None:
         """As `Executor.close`; processes have ended with what they did."""
 
-    def _open(self) -> futures.Executor:
-        # Workers come from a server without threads: a process with threads (a progress bar's) must not be forked.
-        context = multiprocessing.get_context("forkserver")
-        context.set_forkserver_preload(["proving.night.campaign"])
-        return futures.ProcessPoolExecutor(self._jobs, context, _end_with_parent)
 
-    def _width(self) -> int:
-        return self._jobs
+@dataclass
+class _Worker:
+    """A process that works on one block at a time.
+
+    Attributes:
+        process: itself.
+        pipe: to it.
+        block: what it works on.
+
+    """
+
+    process: BaseProcess
+    pipe: Connection
+    block: Seeds = ()
+
+    def give(self, block: Seeds) -> None:
+        """Give it a block; that it is dead already is seen where its answer is waited for."""
+        self.block = block
+        with suppress(OSError):
+            self.pipe.send(block)
+
+    def end(self) -> None:
+        """End it, whatever it does."""
+        self.process.kill()
+        self.process.join()
+        self.pipe.close()
+
+
+def _serve(pipe: Connection, work: Callable[[Seeds], Any]) -> None:
+    """In a worker: work on one block after the other."""
+    _end_with_parent()
+    with suppress(EOFError, BrokenPipeError):
+        while True:
+            block = pipe.recv()
+            try:
+                answer = True, work(block)
+            except Exception as error:
+                answer = False, error
+            pipe.send(answer)
 
 
 class Dask(Executor):
@@ -149,7 +181,7 @@ class Dask(Executor):
             from distributed import Client, KilledWorker  # noqa: PLC0415 - an extra
         except ImportError:
             raise UsageError("--scheduler needs Dask: .venv/bin/pip install -c constraints.txt -e '.[dask]'") from None
-        self._lost = (KilledWorker,)
+        self._killed = KilledWorker
         try:
             self._client: Client = Client(address, timeout=_CONNECT_S, set_as_default=False)
         except (OSError, ValueError, TimeoutError) as error:
@@ -157,19 +189,34 @@ class Dask(Executor):
 
     def run(self, work: Callable[[Seeds], R], blocks: Iterable[Seeds]) -> Generator[tuple[Seeds, R]]:
         """As `Executor.run`; a worker does one block at a time, however many threads it has."""
-        return super().run(_Alone(work), blocks)
-
-    def _open(self) -> futures.Executor:
+        waiting, alone = deque(blocks), _Alone(work)
+        under_way: dict[futures.Future[R], Seeds] = {}
+        deaths = 0
         pool: futures.Executor = self._client.get_executor(pure=False)
-        return pool
-
-    def _width(self) -> int:
-        return len(self._client.nthreads())
-
-    def _again(
-        self, pool: futures.Executor, under_way: dict[futures.Future[R], Seeds], waiting: deque[Seeds]
-    ) -> futures.Executor:
-        return pool  # the cluster goes on without the worker that died
+        try:
+            while waiting or under_way:
+                while waiting and len(under_way) < 2 * max(len(self._client.nthreads()), 1):
+                    under_way[pool.submit(alone, waiting[0])] = waiting[0]
+                    waiting.popleft()
+                finished, _ = futures.wait(under_way, return_when=futures.FIRST_COMPLETED)
+                for future in finished:
+                    block = under_way.pop(future)
+                    try:
+                        result = future.result()
+                    except self._killed:  # the cluster goes on without the worker that died
+                        waiting.appendleft(block)
+                        deaths += 1
+                        if deaths >= DEATHS:
+                            raise WorkersDie(f"{deaths} workers died one after another, with {block}") from None
+                        continue
+                    except futures.CancelledError:
+                        raise WorkersDie("the scheduler has gone, or has been told to forget this campaign") from None
+                    deaths = 0
+                    yield block, result
+        finally:
+            for future in under_way:
+                future.cancel()  # Dask's pool does not do that itself
+            pool.shutdown()
 
     def close(self) -> None:
         """As `Executor.close`: the cluster goes on without this campaign."""

@@ -111,6 +111,7 @@ class Killer:
         self._seen = self._changed() if self._rng.random() < 0.75 else -1
         self._at = self._rng.expovariate(1.0 / self.every_s)
         self._since: float | None = None
+        self._whole = self._rng.randrange(self.whole) == 0
 
     def _changed(self) -> int:
         return self.ledger.stat().st_mtime_ns if self.ledger.exists() else 0
@@ -121,13 +122,12 @@ class Killer:
             self._since = self._stopwatch()
         if self._since is None or self._stopwatch() - self._since < self._at:
             return
-        whole = self._rng.randrange(self.whole) == 0
-        victims = [campaign] if whole else workers(campaign)
+        victims = [campaign] if self._whole else workers(campaign)
         if not victims:
-            return
+            return  # they are still being started
         with contextlib.suppress(ProcessLookupError):
             os.kill(self._rng.choice(victims), signal.SIGKILL)
-            self.kills["campaign" if whole else "worker"] += 1
+            self.kills["campaign" if self._whole else "worker"] += 1
         self._next()
 
 

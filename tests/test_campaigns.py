@@ -197,7 +197,8 @@ def add_blocks(path, added, before):
 
 def test_nights_whose_workers_are_killed_come_to_the_same(capsys, monkeypatch):
     """A share of `python -m proving.killed_campaign`, which kills the campaign as well."""
-    monkeypatch.setattr(sys, "argv", ["killed_campaign", "--seeds", "24", "--every", "0.2", "--whole", "99"])
+    options = ("--seeds", "16", "--every", "0.2", "--whole", "99", "--seed", "2")  # of that seed, the first comes early
+    monkeypatch.setattr(sys, "argv", ["killed_campaign", *options])
     assert killed_campaign.main() == 0
     said = capsys.readouterr().out
     print(said)

@@ -15,6 +15,7 @@ from small_run import write_small
 
 from rig.atomic import check_files, check_writable, write_whole
 from rig.errors import UsageError
+from rig.run_file.live import live_path, read_json, replace_json, request_path, send_request
 from rig.tables import write_csv
 from rig.tables.faults import COLUMNS
 
@@ -252,3 +253,12 @@ def test_a_confirming_run_looks_at_its_files_before_its_work(finished, tmp_path,
     with patch("rig.closed_loop.confirm.open_traced", side_effect=AssertionError("its work began")):
         done = rig("confirm", finished, "--dry", *options, cwd=tmp_path)
     assert (done.returncode, says in done.stderr) == (code, True), done.stderr
+
+
+def test_a_run_file_with_a_long_name_can_be_asked_to_stop(tmp_path):
+    run = tmp_path / ("a" * 240 + ".sqlite")
+    replace_json(live_path(run), {"session": 1})
+    with patch("rig.run_file.live.controller_alive", return_value=True):
+        asked = send_request(run, "stop")
+    assert read_json(request_path(run)) == {"id": asked, "session": 1, "verb": "stop"}
+    assert files(tmp_path) == {live_path(run).name, request_path(run).name}

@@ -35,7 +35,7 @@ def request_path(run: Path) -> Path:
 
 def replace_json(path: Path, content: Mapping[str, Any]) -> None:
     """Write a small JSON file so that readers see the old or the new one, never a part."""
-    temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")
+    temporary = path.with_name(f".rig-{os.getpid()}-{secrets.token_hex(4)}.tmp")  # however long its own name is
     try:
         temporary.write_text(json.dumps(content) + "\n", encoding="utf-8")
         os.replace(temporary, path)
@@ -158,7 +158,7 @@ def send_request(run: Path, verb: str) -> str | None:
         return None
     request_id = secrets.token_hex(8)
     request = request_path(run)
-    temporary = request.with_name(f"{request.name}.{request_id}.tmp")
+    temporary = request.with_name(f".rig-{request_id}.tmp")
     content = {"id": request_id, "session": live["session"], "verb": verb}
     try:
         temporary.write_text(json.dumps(content) + "\n", encoding="utf-8")
