@@ -42,7 +42,7 @@ def read_together(
 
     Args:
         sources: files; those that do not say when they were measured as FILE@2026-01-15 or FILE@2026-01-15T18:00.
-        formula: whole plots: the model, a name or a formula; the full second order if None.
+        formula: the model that was asked for, of kinds that take one; the declared model if None.
         sensors: that are charted; none for all.
 
     Raises:
