@@ -149,8 +149,9 @@ def _check_once(given: Sequence[Given]) -> None:
         if run is not None:
             runs[run] = one.source
     for before, after in pairwise(given):
-        for name in before.sensors.keys() & after.sensors.keys():
-            _check_new(name, before, after)
+        for name in before.sensors:
+            if name in after.sensors:
+                _check_new(name, before, after)
         if after.when == before.when:
             raise UsageError(
                 f"{before.source} and {after.source} are of the same time, {after.when:%Y-%m-%d %H:%M}: one sensor is "
