@@ -147,7 +147,7 @@ def test_calibration_files_stand_for_their_runs(runs, charted, tmp_path):
         files.append(run)
         if number % 2 == 0:  # any mixture will do
             files[-1] = str(tmp_path / f"{number}.json")
-            (tmp_path / f"{number}.json").write_text(json.dumps(fit_table(run_table(Path(run))).to_json().to_json()))
+            (tmp_path / f"{number}.json").write_text(json.dumps(fit_table(run_table(Path(run))).to_json()))
     found = chart_calibrations(read_all(files), TODAY, sensors=["x_V"], tolerance=1e-3, usage_deg=30)
     mine, theirs = (c.to_json()["sensors"]["x_V"] for c in (found, charted))
     for name in ("b_V", "S_V"):
@@ -167,6 +167,7 @@ def test_what_does_not_belong_together_is_refused(runs, tables, tmp_path):
         ([tables[0], tables[1].partition("@")[0] + "@soon"], "'soon' is no date"),
         ([runs[0] + "@2024-01-01", runs[1]], "says itself when it was measured"),
         ([tables[0], tables[1].partition("@")[0] + "@2024-01-15"], "of the same time"),
+        ([tables[0], tables[0].partition("@")[0] + "@2025-01-01"], "are of the same data: x_V has"),
         ([str(tmp_path / "no.sqlite"), runs[0]], "there is no file"),
     ):
         with pytest.raises(UsageError, match=re.escape(message)):

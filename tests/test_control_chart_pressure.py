@@ -77,7 +77,7 @@ def test_what_goes_with_another_kind_is_refused(tables, tmp_path):
     with pytest.raises(DataError, match="--usage is a range of pitch"):
         chart_calibrations(read_all(tables[:2]), TODAY, usage_deg=30)
     table = read_table(type(tmp_path)(tables[0].partition("@")[0]))
-    (tmp_path / "kept.json").write_text(json.dumps(fit_table(table).to_json().to_json()))
+    (tmp_path / "kept.json").write_text(json.dumps(fit_table(table).to_json()))
     with pytest.raises(DataError, match="give the run file or table instead"):
         read_all([f"{tmp_path / 'kept.json'}@2022-01-10", tables[1]])
     data, _ = attitude_truth.simulate(attitude_truth.Bench(), attitude_truth.D1(90, 5, 5), 1)

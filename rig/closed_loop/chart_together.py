@@ -42,7 +42,7 @@ def read_together(
 
     Args:
         sources: files; those that do not say when they were measured as FILE@2026-01-15 or FILE@2026-01-15T18:00.
-        formula: whole plots: the model, a name or a formula; the full second order if None.
+        formula: the model that was asked for, of kinds that take one; the declared model if None.
         sensors: that are charted; none for all.
 
     Raises:
@@ -149,8 +149,9 @@ def _check_once(given: Sequence[Given]) -> None:
         if run is not None:
             runs[run] = one.source
     for before, after in pairwise(given):
-        for name in before.sensors.keys() & after.sensors.keys():
-            _check_new(name, before, after)
+        for name in before.sensors:
+            if name in after.sensors:
+                _check_new(name, before, after)
         if after.when == before.when:
             raise UsageError(
                 f"{before.source} and {after.source} are of the same time, {after.when:%Y-%m-%d %H:%M}: one sensor is "
