@@ -37,7 +37,7 @@ def test_a_mistake_of_the_fitter_is_no_error_of_whoever_asked(tmp_path, monkeypa
     table = tmp_path / "table.csv"
     table.write_text("x,y\n" + "".join(f"{k},{2 * k + k % 3}\n" for k in range(12)))
     monkeypatch.setenv("TMPDIR", str(tmp_path))
-    monkeypatch.setattr("rig.closed_loop.general.search", wrong)
+    monkeypatch.setattr("procedures.general.fit.search", wrong)
     done = rig("fit", table, "--response", "y", "--formula", "1 + x")
     assert done.returncode == 1
     assert "unforeseen: ValueError: expected 3 values" in done.stderr

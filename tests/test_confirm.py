@@ -257,7 +257,7 @@ def _proposal(what: str, chance: float, hours: float) -> Proposal:
     """A run that shows both causes surely, and separates them by this chance."""
     pairs = {("pads", "head"): chance, ("pads", NOTHING): 1.0, ("head", NOTHING): 1.0}
     separation = Separation("pads", dict.fromkeys(pairs, 1.0), dict.fromkeys(pairs, (0.5, 2.0)), pairs)
-    return Proposal(Variation(what, parse_procedure(SHORT, "short.toml")), (separation,), hours)
+    return Proposal(Variation(what, parse_procedure(SHORT, "short.toml")), (separation,), hours, "13 x 1", None)
 
 
 def test_a_run_that_is_unlikely_to_decide_does_not_come_first_and_is_said_to_be(opened) -> None:

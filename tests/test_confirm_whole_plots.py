@@ -12,10 +12,10 @@ import pytest
 from command import rig
 from dry_pressure import LAB, dry
 from few_sensors import with_sensors
-from ideal_pressure_bench import PROCEDURE
 from whole_plot_truth import Bench, Run, Transducer, simulate
 
 from fitter.confirm import NOTHING, confirm, confirm_all, questions_of, separation
+from procedures.pressure.confirming import WholePlotConfirming
 from procedures.pressure.options import FitOptions
 from procedures.pressure.together import WholePlotTogether
 from procedures.pressure.trace import trace_whole_plots
@@ -156,5 +156,5 @@ def test_the_terms_of_what_is_confirmed_are_added(followed) -> None:
 def test_what_is_promised_of_two_explanations_is_said_to_be_too_much(other, said) -> None:
     separations = [SimpleNamespace(chances={("hysteresis", other): 0.99})]
     proposal = SimpleNamespace(likely=True, separations=separations, open_pairs=())
-    told = list(otherwise(SimpleNamespace(procedure=PROCEDURE), proposal))
+    told = list(otherwise(SimpleNamespace(confirming=WholePlotConfirming), proposal))
     assert any("two thirds" in line for line in told) is said

@@ -19,8 +19,8 @@ from procedures.attitude.fraction_advice import advised, sentence
 from procedures.attitude.fractions import MeasuredGrid, fit_part
 from procedures.attitude.fractions_compared import compare_fractions, family, nearest, tumble_of
 from procedures.attitude.settings import PitchRollProcedure
+from procedures.errors import DataError
 from procedures.table import Table
-from rig.errors import UsageError
 from rig.tables import write_csv
 
 DOCUMENT = Path(__file__).parent.parent / "docs" / "fractions.md"
@@ -283,14 +283,14 @@ def test_the_smallest_that_does_is_advised():
 def test_points_without_a_grid_are_refused(night):
     rng = np.random.default_rng(6)
     scattered = replace(night, pitch_deg=rng.uniform(-90, 90, len(night)), roll_deg=rng.uniform(-180, 180, len(night)))
-    with pytest.raises(UsageError, match=r"no full grid: \d+ pitch and \d+ roll angles are \d+ pairs, of which 2886"):
+    with pytest.raises(DataError, match=r"no full grid: \d+ pitch and \d+ roll angles are \d+ pairs, of which 2886"):
         compare_fractions(table_of(scattered), "fraction")
 
 
 def test_a_run_cut_short_and_a_fraction_are_refused(night):
-    with pytest.raises(UsageError, match="13 roll angles are 260 pairs, of which 250 were measured"):
+    with pytest.raises(DataError, match="13 roll angles are 260 pairs, of which 250 were measured"):
         compare_fractions(table_of(night.take(np.arange(250))), "fraction")
-    with pytest.raises(UsageError, match="13 pitch and 7 roll angles are 91 pairs, of which 73 were measured"):
+    with pytest.raises(DataError, match="13 pitch and 7 roll angles are 91 pairs, of which 73 were measured"):
         compare_fractions(table_of(night.take(np.flatnonzero(kept(night, (30, -180), (60, -180))))), "fraction")
 
 
@@ -308,20 +308,20 @@ def test_visits_that_some_replications_lack_are_counted(night):
     ],
 )
 def test_what_was_asked_cannot_be(night, which, message):
-    with pytest.raises(UsageError, match=message):
+    with pytest.raises(DataError, match=message):
         compare_fractions(table_of(night), which)
 
 
 def test_too_small_a_grid_and_angles_without_a_tumble(narrow):
     small = simulate(CLEAN, D1(30, 4, 6, replications=1), seed=1)[0]
-    with pytest.raises(UsageError, match="4 pitch by 6 roll angles are too few for a fraction"):
+    with pytest.raises(DataError, match="4 pitch by 6 roll angles are too few for a fraction"):
         compare_fractions(table_of(small), "fraction")
-    with pytest.raises(UsageError, match="not visited: pitch -90, pitch 90, pitch 180 deg"):
+    with pytest.raises(DataError, match="not visited: pitch -90, pitch 90, pitch 180 deg"):
         compare_fractions(table_of(narrow), "tumble")
 
 
 def test_other_tables_are_refused():
-    with pytest.raises(UsageError, match="--points is for pitch-roll calibrations"):
+    with pytest.raises(DataError, match="column replicate is missing; a pitch-roll table has"):
         compare_fractions(Table("plots.csv", {"whole_plot": np.ones(3)}, True, {}), "fraction")
 
 

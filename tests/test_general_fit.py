@@ -65,7 +65,7 @@ def test_without_whole_plots_it_is_ordinary_least_squares(oats):
         (("--response", "Variety", "--formula", "1 + nitro"), "Variety is not a column of numbers"),
         (("--response", "yield", "--formula", "1 + Variety"), "as a category it is C(Variety)"),
         (("--response", "yield"), "--response needs --formula"),
-        (("--whole-plot", "Variety"), "go with --response and --formula"),
+        (("--whole-plot", "Variety"), "any other table is fitted with --response and --formula"),
         (("--response", "yield", "--formula", "1 + nitro + I(2*nitro)"), "nitro"),
     ],
 )

@@ -368,7 +368,6 @@ def test_every_way_out_of_a_run_records_how_the_bench_was_made_safe(tmp_path):
         ("rfc2217://host:4001", "socket://host:4001"),
         ("COM4", "com4"),
         ("can:socketcan/can0", "can:SocketCAN/can0"),
-        ("/dev/tty", "/dev/./tty"),
         ("/dev/tty", "modbus-rtu:///dev/tty/1"),
         ("modbus-rtu:///dev/tty/1", "modbus-rtu:///dev/tty/2"),
         ("can:slcan//dev/tty", "/dev/tty"),

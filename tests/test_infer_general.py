@@ -315,15 +315,15 @@ def test_a_chart_does_not_depend_on_where_the_abscissa_starts(tmp_path, plots):
 
 def test_too_few_digits_are_refused_with_what_to_do(tmp_path):
     """A file of before without a factor, and an abscissa too far off for any: never an answer of rounding errors."""
-    kept = fit_general(_offset_table(tmp_path, 0, ()), "y", "1 + x + x^2")["calibration"]
+    kept = fit_general(FileSource(_offset_table(tmp_path, 0, ())).read, "y", "1 + x + x^2")["calibration"]
     old = {name: value for name, value in kept.items() if name != "covariance_factor"}
     new, before = (infer_curve(CurveCalibration.from_dict(each), np.array([2.6])) for each in (kept, old))
     assert before.hi95[0] == pytest.approx(new.hi95[0], rel=1e-9)
-    kept = fit_general(_offset_table(tmp_path, 2026, ()), "y", "1 + x + x^2")["calibration"]
+    kept = fit_general(FileSource(_offset_table(tmp_path, 2026, ())).read, "y", "1 + x + x^2")["calibration"]
     del kept["covariance_factor"]
     with pytest.raises(ValueError, match=r"no covariance_factor rounding leaves too few digits.* subtract about 2026"):
         infer_curve(CurveCalibration.from_dict(kept), np.array([2.6]))
-    kept = fit_general(_offset_table(tmp_path, 1000000, ()), "y", "1 + x + x^2")["calibration"]
+    kept = fit_general(FileSource(_offset_table(tmp_path, 1000000, ())).read, "y", "1 + x + x^2")["calibration"]
     with pytest.raises(ValueError, match="leaves too few digits of its interval; subtract about 1000000 from x"):
         infer_curve(CurveCalibration.from_dict(kept), np.array([2.6]))
 

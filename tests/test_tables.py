@@ -9,8 +9,9 @@ import pytest
 from command import rig
 from ideal_bench import new_run, run_session
 
+from procedures.attitude.kind import KIND as ATTITUDE
 from procedures.attitude.table import attitude_data
-from procedures.unused import unused_in_fit
+from procedures.errors import DataError
 from rig.errors import RunFileError, UsageError
 from rig.tables import read_table, run_table, write_csv
 
@@ -51,7 +52,7 @@ def test_a_good_table_is_read(tmp_path):
     ],
 )  # fmt: skip
 def test_a_wrong_table_is_explained_in_one_line(tmp_path, lines, says):
-    with pytest.raises(UsageError) as caught:
+    with pytest.raises((UsageError, DataError)) as caught:
         attitude_data(read_table(written(tmp_path, *lines)))
     message = str(caught.value)
     assert says in message
@@ -120,7 +121,7 @@ def test_everything_includes_rejected_observations_with_gaps(tmp_path):
     assert math.isnan(table.columns["x_V"][rejected])
     accepted = run_table(path)
     assert len(accepted) == 18
-    (row,) = unused_in_fit(accepted).to_json()["rows"]
+    (row,) = ATTITUDE.unused(accepted).to_json()["rows"]
     assert row["why"].startswith("1 observations were rejected")
     done = rig("export", path, "--out", tmp_path / "run.csv")
     assert "1 observations that were rejected are not in it; --all" in done.stderr
@@ -145,5 +146,5 @@ def test_a_table_that_cannot_be_written_leaves_nothing(tmp_path):
     ],
 )
 def test_rows_in_messages_are_those_of_the_file_where_lines_are_blank(tmp_path, wrong, says):
-    with pytest.raises(UsageError, match=says):
+    with pytest.raises((UsageError, DataError), match=says):
         attitude_data(read_table(written(tmp_path, HEAD, "", ROWS[0], "", ROWS[1], ROWS[2], wrong, "", *ROWS[4:])))

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from table_truth import CLOCKED, MISSING, Lab, options, simulate
 
+from procedures.errors import DataError
 from procedures.general.roles import Roles, roles_of
 from procedures.general.trace import family, search_table, trace_general
 from procedures.table import Table
-from rig.errors import UsageError
 
 NIST = json.loads((Path(__file__).parent / "reference/nist/linear.json").read_text())["sets"]
 
@@ -268,7 +268,7 @@ def test_what_cannot_be_is_refused_in_words(told, words):
     n = 12
     columns = {"x": np.arange(n) * 1.0, "minus": -np.arange(1.0, n + 1), "one": np.ones(n), "y": np.arange(n) ** 2.0}
     table = Table("t.csv", columns, True, {}, text={"word": np.array(["a"] * n)})
-    with pytest.raises(UsageError, match=words):
+    with pytest.raises(DataError, match=words):
         roles_of(table, Roles(**{"response": "y", "formula": "1 + x", **told}))
 
 

@@ -13,6 +13,7 @@ from procedures.general.trace import family
 from procedures.words import units
 from rig.cli import main
 from rig.cli.show import out
+from rig.present.terminal import show
 
 DECLARED = ("--response", "y", "--formula", "1 + x")
 EFFECT_KEYS = {
@@ -104,7 +105,7 @@ def test_text_tells_what_was_taken_for_what(rig, table):
 def test_a_terminal_gets_the_certificate_wrapped(capsys, monkeypatch):
     monkeypatch.setattr(out, "_force_terminal", True)
     monkeypatch.setattr(out, "_width", 40)
-    show_certificate({"certificate": "it scatters [sic] " * 20})
+    show(show_certificate({"certificate": "it scatters [sic] " * 20}), out)
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) > 8
     assert max(map(len, lines[2:])) <= 40

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from table_truth import MISSING, options, simulate
 
+from procedures.errors import DataError
 from procedures.general import plots as general_plots
 from procedures.general.effects import effects_of
 from procedures.general.evaluate import GeneralTraced
 from procedures.general.roles import Roles, parts_played, roles_of
 from procedures.general.trace import family, trace_general
 from procedures.table import Table
-from rig.errors import UsageError
 from rig.report.frame import render
 
 
@@ -153,7 +153,7 @@ def test_a_groups_size_is_the_difference_of_its_levels_and_text_is_not_passed_ov
 
 
 def test_a_misspelt_column_to_ignore_is_answered_with_those_there_are():
-    with pytest.raises(UsageError, match=r"'humidty'.* the table has x, humidity, y"):
+    with pytest.raises(DataError, match=r"'humidty'.* the table has x, humidity, y"):
         traced(dict.fromkeys(("x", "humidity", "y"), np.arange(9.0)), response="y", formula="1", ignore=("humidty",))
 
 

@@ -15,6 +15,7 @@ from pathlib import Path
 import typer
 
 from drivers.clock import RealClock
+from procedures.errors import DataError
 from proving.doors import of_runs, of_texts, of_wires
 from proving.doors.hostile import Material, Seeded
 from rig.errors import RigError
@@ -96,8 +97,8 @@ def attack(door: str, seed: int, material: Material, found: Found) -> None:
             signal.setitimer(signal.ITIMER_REAL, HANG_S)
             try:
                 act()
-            except (RigError, _USAGE, OSError, SystemExit, typer.Abort) as error:
-                if isinstance(error, RigError) and not str(error).strip():
+            except (RigError, DataError, _USAGE, OSError, SystemExit, typer.Abort) as error:
+                if isinstance(error, (RigError, DataError)) and not str(error).strip():
                     found.tracebacks += 1
                     found.note(f"{type(error).__name__} without a word", at)
             except Hang:

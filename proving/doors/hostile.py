@@ -16,6 +16,7 @@ from typing import Any
 
 import typer
 
+from procedures.errors import DataError
 from proving.crashes.damages import small_finished
 from proving.night.campaign import replay
 from proving.night.scenario import Lab
@@ -79,7 +80,7 @@ class Material:
         calibrations = []
         for number, one in enumerate(runs):
             out = folder / f"calibration{number}.json"
-            with contextlib.suppress(RigError, SystemExit):
+            with contextlib.suppress(RigError, DataError, SystemExit):
                 command("fit", one, "--out", out)
             if out.exists():
                 calibrations.append(json.loads(out.read_text()))

@@ -78,18 +78,15 @@ def confirm(
     Examples: `rig confirm RUN --dry`, `rig confirm RUN --list`, `rig confirm RUN --by LATER_RUN`
     """
     from rig.closed_loop.confirm.answers import judge  # noqa: PLC0415
-    from rig.closed_loop.confirm.first import open_traced  # noqa: PLC0415
     from rig.closed_loop.confirm.plans import plan_for, procedure_text  # noqa: PLC0415
     from rig.closed_loop.confirm.proposals import consider, inseparable, propose  # noqa: PLC0415
-    from rig.tables import FileSource  # noqa: PLC0415
 
     check_files([write, report], [run_file, *filter(None, (bench, world, by))])
     if world is not None and not dry:
         raise UsageError("--world describes a simulated bench; it goes with --dry")
     _check_options(by, write, report, out_dir, only_list=only_list, take=take)
     texts = _texts({"bench": bench, "world": world})
-    _, options = chosen_kind(FileSource(run_file), given, _options)
-    first = open_traced(run_file, **options.model_dump(exclude_unset=True))
+    first = _opened(run_file, given)
     if not as_json:
         headline(run_file.name, first.traced.table)
     if not first.questions:
@@ -146,6 +143,16 @@ def confirm(
         )
         return code
     return _show(judge(first, paths[0]), _listed(first, proposals, never), report, as_json=as_json)
+
+
+def _opened(run_file: Path, given: Mapping[str, Any]) -> First:
+    """The run, traced with the options of its kind."""
+    from rig.closed_loop.confirm.first import check_run_file, open_traced  # noqa: PLC0415
+    from rig.tables import FileSource  # noqa: PLC0415
+
+    check_run_file(run_file)
+    _, options = chosen_kind(FileSource(run_file), given, _options)
+    return open_traced(run_file, **options.model_dump(exclude_unset=True))
 
 
 def _texts(files: Mapping[str, Path | None]) -> dict[str, str | None]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated, Any, TypeVar
 
 import typer
@@ -34,8 +34,7 @@ def with_options_of_kinds(choose: Choose) -> Callable[[Command], Command]:
 
         def wrapper(**values: Any) -> Any:
             own = {name: values.pop(name) for name in fields}
-            given = {name: value for name, value in own.items() if value is not None and value is not False}
-            given |= {name: False for name, value in own.items() if value is False and _tristate(fields[name][0][1])}
+            given = {name: value for name, value in own.items() if value != fields[name][0][1].default}
             return command(**values, given=given)
 
         signature = inspect.signature(command, eval_str=True)
@@ -75,8 +74,16 @@ def chosen(source: Source, given: Mapping[str, Any], choose: Choose) -> tuple[Ki
 
     """
     known = kinds()
+    for name in given:
+        _check_asked(name, given, [one for one in known.values() if name in choose(one).model_fields])
     kind = next((one for one in known.values() if one.asked_by & given.keys()), None) or known_kind(source.table)
     return kind, options_of(kind, given, choose, f"{source.name} is taken for {kind.title}")
+
+
+def _check_asked(name: str, given: Mapping[str, Any], owners: Sequence[Kind]) -> None:
+    """Refuse an option of kinds that have to be asked for, where none of them was."""
+    if owners and all(one.asked_by and not one.asked_by & given.keys() for one in owners):
+        raise UsageError(f"--{name.replace('_', '-')}: {'; '.join(one.described for one in owners)}")
 
 
 def options_of(kind: Kind, given: Mapping[str, Any], choose: Choose, because: str) -> Any:
@@ -91,8 +98,7 @@ def options_of(kind: Kind, given: Mapping[str, Any], choose: Choose, because: st
         if name not in choose(kind).model_fields:
             owners = [one for one in known.values() if name in choose(one).model_fields]
             what = " and ".join(one.title for one in owners)
-            needs = "".join(f"; it goes with --{other}" for one in owners for other in sorted(one.asked_by))
-            raise UsageError(f"--{name.replace('_', '-')} is for {what}{needs}; {because}")
+            raise UsageError(f"--{name.replace('_', '-')} is for {what}; {because}")
     try:
         return choose(kind)(**given)
     except ValidationError as error:

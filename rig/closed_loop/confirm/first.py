@@ -62,6 +62,14 @@ class First:
         return DAY_S * float(np.ceil((self.confirming.data.elapsed_s.max() + 3600.0) / DAY_S))
 
 
+def check_run_file(path: Path) -> None:
+    """Refuse a table. Raises `UsageError`."""
+    if path.suffix == ".csv":
+        raise UsageError(
+            f"{path} is no run file: a further run is made on the bench of the first, which its file holds"
+        )
+
+
 def open_traced(path: Path, **options: Any) -> First:
     """Trace a run.
 
@@ -73,10 +81,7 @@ def open_traced(path: Path, **options: Any) -> First:
         UsageError: it is no run file, or its rows do not determine the declared model.
 
     """
-    if path.suffix == ".csv":
-        raise UsageError(
-            f"{path} is no run file: a further run is made on the bench of the first, which its file holds"
-        )
+    check_run_file(path)
     table = run_table(path)
     with RunReader.open(path) as reader:
         documents, run, began_utc_s = reader.documents(), reader.about(), reader.genesis().utc_s
