@@ -19,9 +19,11 @@ from rig.run_file import storage, wal
 from rig.run_file.chain import Record, encode
 from rig.run_file.creation import Genesis, create
 from rig.run_file.elsewhere import goes_on_in
+from rig.run_file.last_word import read_last_word
 from rig.run_file.live import live_path, read_json, read_live, request_path
 from rig.run_file.reader import RunReader
 from rig.run_file.state import fold
+from rig.run_file.verification import verify_file
 from rig.run_file.writer import RunWriter
 
 RUN_LIST = RunList(
@@ -228,6 +230,7 @@ import os, signal, sys
 sys.path.insert(0, {tests!r})
 from pathlib import Path
 from test_run_file import observation
+from rig.run_file.verification import verify_file
 from rig.run_file.writer import RunWriter
 run = RunWriter.open(Path({path!r}))
 for i in range(5):
@@ -456,6 +459,61 @@ def test_a_second_name_of_a_run_under_way_is_refused(path, tmp_path):
         run.finish(Record(1, "end", 1.0, 1e9, status="complete"))
     with RunReader.open(second) as finished:  # its log is folded: one file, whatever its names
         assert fold(finished.records()).accepted == {0}
+
+
+def test_through_a_symbolic_link_what_is_beside_the_file_is_seen_and_written_there(path, tmp_path):
+    with RunWriter.open(path) as run:
+        run.append(observation(9))
+    _killed_writer(path)
+    log, link = Path(f"{path}-wal"), tmp_path / "links" / "tonight.sqlite"
+    log.write_bytes(log.read_bytes()[: log.stat().st_size // 2 // 4096 * 4096 + 4096])
+    link.parent.mkdir()
+    link.symlink_to(path)
+    direct, through = verify_file(path), verify_file(link)
+    assert "head" in {f.where for f in direct.findings}
+    assert through == direct
+    with RunWriter.open(link) as run:
+        assert run.path == path
+        assert run.dropped.lost_commits > 0
+        run.append(observation(9, "rejected"))
+        assert os.listdir(link.parent) == [link.name]
+        cut(log)
+        with pytest.raises(StorageError, match="its log was cut"):
+            run.append(observation(8))
+    assert list(tmp_path.glob("a-run-rescued-*.sqlite"))
+
+
+@pytest.mark.parametrize("make", [os.symlink, os.link])
+def test_another_file_under_the_name_of_the_last_word_is_left_as_it_is(path, tmp_path, make):
+    with RunWriter.open(path) as run:
+        run.append(observation(0))
+    head, victim = path.with_suffix(".head"), tmp_path / "victim"
+    said = head.read_bytes()
+    victim.write_bytes(said + b"and more")
+    head.unlink()
+    make(victim, head)
+    with RunWriter.open(path) as run:
+        run.append(observation(1))
+        assert read_last_word(path) == run.written
+    assert victim.read_bytes() == said + b"and more"
+    assert not head.is_symlink()
+
+
+@pytest.mark.parametrize("suffix", ["wal", "shm", "journal"])
+def test_a_link_in_place_of_the_log_is_named(path, tmp_path, suffix):
+    _killed_writer(path)
+    beside = Path(f"{path}-{suffix}")
+    beside.rename(tmp_path / "moved") if beside.exists() else (tmp_path / "moved").touch()
+    beside.symlink_to("moved")
+    for look in (RunReader.open, RunWriter.open, verify_file):
+        with pytest.raises(RunFileError, match=rf"-{suffix} is not a file of .*: it is a symbolic link.* Move "):
+            look(path)
+
+
+def test_a_folder_in_place_of_the_log_is_named(path):
+    Path(f"{path}-wal").mkdir()
+    with pytest.raises(RunFileError, match=r"it is a folder\. Nothing was changed\. Move "):
+        verify_file(path)
 
 
 def test_news_and_requests_that_are_none_hold_nobody_up(path):

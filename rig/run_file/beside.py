@@ -156,10 +156,10 @@ def check_journal(path: Path) -> None:
 
 
 def _must_be_a_file(path: Path, suffix: str) -> None:
-    """SQLite would wait for a pipe for ever. Raises `ForeignFileError`."""
+    """SQLite would wait for a pipe for ever, and opens no link. Raises `ForeignFileError`."""
     beside = path.with_name(f"{path.name}-{suffix}")
     try:
-        check_regular(os.stat(beside).st_mode, beside)
+        check_regular(os.lstat(beside).st_mode, beside)
     except FileNotFoundError:
         return
     except OSError as error:

@@ -17,6 +17,7 @@ from typing import Self
 import apsw
 
 from rig.errors import BusyError, RunFileError, StorageError
+from rig.regular import real_path
 from rig.run_file import wal
 from rig.run_file.audit import findings
 from rig.run_file.beside import Alone, check_journal, foreign_log
@@ -50,6 +51,7 @@ class RunWriter(RunReader):
             verified: the head it had when it was verified a moment ago, which need not be done again while it has it.
 
         """
+        path = real_path(path)
         check_header(path)
         lock = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
         try:
