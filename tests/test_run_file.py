@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import re
 import shutil
 import sqlite3
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
 import apsw
@@ -396,6 +399,74 @@ def test_a_file_that_is_damaged_while_it_is_written_is_noticed_at_the_next_commi
         rescued.append(observation(6))
 
 
+@pytest.mark.parametrize("cut_to", [0, 2000])
+@pytest.mark.parametrize("notices", [True, False])
+def test_a_file_whose_log_is_cut_is_left_as_it_was(path, cut_to, notices, monkeypatch):
+    run = RunWriter.open(path)
+    try:
+        for i in range(6):
+            run.append(observation(i))
+        run._db.wal_checkpoint()
+        run.append(observation(6))
+        log, before = Path(f"{path}-wal"), path.read_bytes()
+        os.truncate(log, cut_to)
+        monkeypatch.setattr(run._mirror, "db", None)  # a run too large for memory: no copy can be made
+        if notices:
+            with pytest.raises(StorageError, match=r"no copy could be made.*--restore"):
+                run.append(observation(7))
+    finally:
+        run.close()
+    assert path.read_bytes() == before
+    assert not list(path.parent.glob("*-rescued-*.sqlite"))
+    with RunReader.open(path) as reader:
+        reader.verify()
+        assert fold(reader.records()).accepted == set(range(6))
+
+
+def edit(statement: str) -> Callable[[sqlite3.Connection], None]:
+    def change(db: sqlite3.Connection) -> None:
+        triggers = db.execute("SELECT name, sql FROM sqlite_master WHERE type = 'trigger'").fetchall()
+        for name, _ in triggers:
+            db.execute(f"DROP TRIGGER {name}")
+        db.execute(statement)
+        for _, sql in triggers:
+            db.execute(sql)
+
+    return change
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "CREATE TABLE hello (a)",
+        "UPDATE record SET body = replace(body, '0.1', '0.7') WHERE run_index = 1",
+        "UPDATE record SET status = 'rejected' WHERE run_index = 3",
+        "UPDATE document SET body = 'x = 2' WHERE name = 'procedure.toml'",
+    ],
+)
+def test_a_file_that_another_program_edits_is_rescued_from_memory(path, tmp_path, statement):
+    run = RunWriter.open(path)
+    try:
+        for i in range(6):
+            run.append(observation(i))
+        with contextlib.closing(sqlite3.connect(path)) as other:
+            edit(statement)(other)
+            other.commit()
+        with pytest.raises(StorageError, match=r"changed by another program.*rescued.*rig resume") as told:
+            run.append(observation(6))
+    finally:
+        run.close()
+    (copy,) = tmp_path.glob("a-run-rescued-*.sqlite")
+    assert str(copy) in str(told.value)
+    with RunWriter.open(copy) as rescued:
+        rescued.verify()
+        assert fold(rescued.records()).accepted == set(range(6))
+        assert next(rescued.chained("run_index = 1"))[1] == observation(1)
+    with pytest.raises(RunFileError, match=rf"edited or damaged.*rig resume {re.escape(str(copy))}"):
+        RunWriter.open(path)
+    assert any(f"rig resume {copy}" in note for note in verify_file(path).notes)
+
+
 def test_a_copy_rescued_from_a_rescued_copy_is_the_one_in_which_the_run_goes_on(path, tmp_path, monkeypatch):
     at, files = path, [path]
     for i, pid in enumerate((1001, 1002)):
@@ -412,7 +483,7 @@ def test_a_copy_rescued_from_a_rescued_copy_is_the_one_in_which_the_run_goes_on(
         at = next(file for file in tmp_path.glob("*-rescued-*.sqlite") if file not in files)
         files.append(at)
     first, second, third = files
-    for file, other in ((first, second), (second, third), (third, None)):
+    for file, other in ((first, third), (second, third), (third, None)):
         with RunReader.open(file) as reader:
             assert goes_on_in(reader, fold(reader.records())) == other, file
 

@@ -16,7 +16,7 @@ from rig.run_file.beside import ForeignFileError, check_journal
 from rig.run_file.elsewhere import goes_on_in
 from rig.run_file.last_word import read_last_word
 from rig.run_file.live import controller_alive
-from rig.run_file.opening import check_header
+from rig.run_file.opening import check_header, saved_in
 from rig.run_file.prefix import Restored, restore
 from rig.run_file.reader import RunReader
 from rig.run_file.sense import Judged, judged
@@ -96,7 +96,9 @@ def verify_file(path: Path, expected_head: str | None = None) -> Verification:
     except ForeignFileError:
         raise  # what it says to do comes before anything else
     except RunFileError as error:
-        return Verification(path, 0, "", None, (Finding("file", str(error).split(". ", 1)[0]),), ())
+        return Verification(path, 0, "", None, (Finding("file", str(error).split(". ", 1)[0]),), saved_in(path))
+    if found:
+        notes += [note for note in saved_in(path) if note not in notes]
     if working:
         notes.append("a controller is at work on it: this is how it stood a moment ago")
     return Verification(path, count, head.hex(), simulated, (*found, *heads), tuple(notes))

@@ -217,6 +217,8 @@ class RunWriter(RunReader):
     def close(self) -> None:
         """Close; records not committed are lost, as they would be in a crash."""
         try:
+            if self._lost is None and self._vigil.changed():  # what is left of the log may be another's
+                self._db.config(apsw.SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1)
             super().close()
         finally:
             self._last_word.close(finished=self._finished)
