@@ -16,6 +16,7 @@ from rig.regular import open_regular
 from rig.run_file.beside import Alone, alone, check_journal, has_log
 from rig.run_file.bodies import ContentsError
 from rig.run_file.last_word import head_path
+from rig.run_file.saved import saved_words
 from rig.run_file.schema import APPLICATION_ID, SCHEMA_VERSION, Guarded, guard, strange_tables
 
 _READ_ONLY = apsw.SQLITE_OPEN_READONLY | apsw.SQLITE_OPEN_URI
@@ -30,33 +31,13 @@ _NOTHING_CHANGED = (
 )
 
 
-def _rescued_copies(path: Path) -> list[Path]:
-    """Copies beside a run file into which its controllers have saved what was in it, the last one first."""
-    with contextlib.suppress(OSError):
-        named = (one for one in path.absolute().parent.iterdir() if one.name.startswith(f"{path.stem}-rescued-"))
-        copies = [one for one in named if one.suffix == ".sqlite" and one.is_file() and one != path.absolute()]
-        return sorted(copies, key=lambda one: one.stat().st_mtime, reverse=True)
-    return []
-
-
-def saved_in(path: Path) -> tuple[str, ...]:
-    """Where its controller has saved what was in a file that is not whole: a sentence, or none."""
-    return tuple(
-        f"what its controller saved of it is in {copy}: rig resume {copy}" for copy in _rescued_copies(path)[:1]
-    )
-
-
 def _way_forward(path: Path) -> str:
-    return f"{_rescued(path)}{_NOTHING_CHANGED}"
+    return f"{saved_words(path)}{_NOTHING_CHANGED}"
 
 
 def _copy(path: Path) -> str:
-    saved = _rescued(path)
+    saved = saved_words(path)
     return f". {saved[:-2]}, or{_COPY[1:]}" if saved else _COPY
-
-
-def _rescued(path: Path) -> str:
-    return "".join(f"{words[0].upper()}{words[1:]}. " for words in saved_in(path))
 
 
 def check_header(path: Path) -> None:

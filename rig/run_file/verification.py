@@ -16,9 +16,10 @@ from rig.run_file.beside import ForeignFileError, check_journal
 from rig.run_file.elsewhere import goes_on_in
 from rig.run_file.last_word import read_last_word
 from rig.run_file.live import controller_alive
-from rig.run_file.opening import check_header, saved_in
+from rig.run_file.opening import check_header
 from rig.run_file.prefix import Restored, restore
 from rig.run_file.reader import RunReader
+from rig.run_file.saved import saved_in
 from rig.run_file.sense import Judged, judged
 from rig.run_file.state import RunState, read_state
 
