@@ -30,6 +30,7 @@ from rig.engine.session import Nobody, Observer, Outcome, Progress, Session, Sig
 from rig.errors import BenchFault, UsageError
 from rig.locks import locked_addresses
 from rig.plans import PREVIOUS, Plan, stored_plan
+from rig.regular import real_path
 from rig.room import check_may_write, check_room
 from rig.run_file.bodies import COUNT
 from rig.run_file.creation import Genesis, create
@@ -204,7 +205,7 @@ def resume_run(
         by: who runs this session, else the login name.
 
     """
-    by = by or operator()
+    by, path = by or operator(), real_path(path)
     with RunReader.open(path) as reader:  # a finished run is not opened for writing, and not changed
         head, state = reader.head(), RunState()
         reader.verify(state.add)

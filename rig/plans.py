@@ -13,10 +13,11 @@ from fitter.errors import FitError
 from procedures.kind import Procedure, kind_of
 from procedures.run_list import RunList
 from rig.bench import check_options
-from rig.config import BenchConfig, parse_bench, parse_procedure, parse_toml, read_text
+from rig.config import BenchConfig, InstrumentConfig, parse_bench, parse_procedure, parse_toml, read_text
 from rig.contract_files import files_beside, read_bench, with_contracts, with_files
 from rig.errors import ConfigurationError, RigError, UsageError
 from rig.matching import check_match
+from rig.run_file.bodies import shown
 from rig.run_file.reader import RunReader
 
 PREVIOUS = "previous.json"
@@ -122,6 +123,27 @@ def has_plan(run: RunReader) -> bool:
     return {"bench.toml", "procedure.toml"} <= run.documents().keys()
 
 
+_OF_THE_LINE = frozenset({"baud", "flow", "frame", "interface", "line_end", "timeout_s"})
+"""Options of drivers that say how an instrument is reached, not what it measures or does."""
+
+
+def _other_settings(name: str, began: BaseModel, now: BaseModel) -> list[str]:
+    """Options of an instrument that are not those the run began with, and change what it measures or does."""
+    before, after = began.model_dump(mode="json"), now.model_dump(mode="json")
+    return [
+        f"instruments.{name}.{option} was {shown(before.get(option))}, is {shown(after.get(option))}"
+        for option in sorted((before.keys() | after.keys()) - _OF_THE_LINE)
+        if before.get(option) != after.get(option)
+    ]
+
+
+def _other_date(name: str, began: InstrumentConfig, now: InstrumentConfig) -> list[str]:
+    """Another instrument has another date, which is asked for by its identity; the same one has not."""
+    if (began.asset, began.serial) != (now.asset, now.serial) or began.due == now.due:
+        return []
+    return [f"instruments.{name}.due was {began.due}, is {now.due}"]
+
+
 def stored_plan(run: RunReader, path: Path, bench: Path | None) -> Plan:
     """The plan that a run file was begun with.
 
@@ -142,10 +164,24 @@ def stored_plan(run: RunReader, path: Path, bench: Path | None) -> Plan:
     if bench is None:
         return plan
     other, _ = read_bench(bench)
-    check_options(other, str(bench))
+    options = check_options(other, str(bench))
     for what in ("name", "sensors", "temperatures", "factors", "limits", "interlocks", "safety", "simulated"):
         if getattr(other, what) != getattr(plan.bench, what):
             raise ConfigurationError(f"{bench}: {what} differ from the bench the run began on; only instruments may")
     if {n: i.driver for n, i in other.instruments.items()} != {n: i.driver for n, i in plan.bench.instruments.items()}:
         raise ConfigurationError(f"{bench}: it has other instruments than the bench the run began on")
+    began = check_options(plan.bench, str(path), strict=False)
+    other_settings = [
+        what
+        for name in other.instruments
+        for what in (
+            *_other_settings(name, began[name], options[name]),
+            *_other_date(name, plan.bench.instruments[name], other.instruments[name]),
+        )
+    ]
+    if other_settings:
+        raise ConfigurationError(
+            f"{bench}: only addresses may differ from the bench the run began on, and what a line needs "
+            f"({', '.join(sorted(_OF_THE_LINE))}): {'; '.join(other_settings)}. Put them back, or begin a new run"
+        )
     return Plan(plan.documents, other, plan.procedure, plan.run_list, plan.dry, plan.truth)

@@ -20,6 +20,7 @@ _KINDS = {
     stat.S_IFBLK: "a device",
     stat.S_IFSOCK: "a socket",
     stat.S_IFDIR: "a folder",
+    stat.S_IFLNK: "a symbolic link",
 }
 
 
@@ -40,6 +41,14 @@ def open_regular(path: Path) -> BinaryIO:
         os.close(descriptor)
         raise
     return os.fdopen(descriptor, "rb")
+
+
+def real_path(path: Path) -> Path:
+    """Where the file is that a symbolic link names, for what lies beside it lies there; as given if it is none."""
+    try:
+        return Path(os.path.realpath(path)) if path.is_symlink() else path
+    except (OSError, ValueError):  # links in a circle, a NUL: opening it tells
+        return path
 
 
 def check_regular(mode: int, path: Path) -> None:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import re
 import shutil
 import sqlite3
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
 import apsw
@@ -19,9 +22,11 @@ from rig.run_file import storage, wal
 from rig.run_file.chain import Record, encode
 from rig.run_file.creation import Genesis, create
 from rig.run_file.elsewhere import goes_on_in
+from rig.run_file.last_word import read_last_word
 from rig.run_file.live import live_path, read_json, read_live, request_path
 from rig.run_file.reader import RunReader
 from rig.run_file.state import fold
+from rig.run_file.verification import verify_file
 from rig.run_file.writer import RunWriter
 
 RUN_LIST = RunList(
@@ -228,6 +233,7 @@ import os, signal, sys
 sys.path.insert(0, {tests!r})
 from pathlib import Path
 from test_run_file import observation
+from rig.run_file.verification import verify_file
 from rig.run_file.writer import RunWriter
 run = RunWriter.open(Path({path!r}))
 for i in range(5):
@@ -393,6 +399,74 @@ def test_a_file_that_is_damaged_while_it_is_written_is_noticed_at_the_next_commi
         rescued.append(observation(6))
 
 
+@pytest.mark.parametrize("cut_to", [0, 2000])
+@pytest.mark.parametrize("notices", [True, False])
+def test_a_file_whose_log_is_cut_is_left_as_it_was(path, cut_to, notices, monkeypatch):
+    run = RunWriter.open(path)
+    try:
+        for i in range(6):
+            run.append(observation(i))
+        run._db.wal_checkpoint()
+        run.append(observation(6))
+        log, before = Path(f"{path}-wal"), path.read_bytes()
+        os.truncate(log, cut_to)
+        monkeypatch.setattr(run._mirror, "db", None)  # a run too large for memory: no copy can be made
+        if notices:
+            with pytest.raises(StorageError, match=r"no copy could be made.*--restore"):
+                run.append(observation(7))
+    finally:
+        run.close()
+    assert path.read_bytes() == before
+    assert not list(path.parent.glob("*-rescued-*.sqlite"))
+    with RunReader.open(path) as reader:
+        reader.verify()
+        assert fold(reader.records()).accepted == set(range(6))
+
+
+def edit(statement: str) -> Callable[[sqlite3.Connection], None]:
+    def change(db: sqlite3.Connection) -> None:
+        triggers = db.execute("SELECT name, sql FROM sqlite_master WHERE type = 'trigger'").fetchall()
+        for name, _ in triggers:
+            db.execute(f"DROP TRIGGER {name}")
+        db.execute(statement)
+        for _, sql in triggers:
+            db.execute(sql)
+
+    return change
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "CREATE TABLE hello (a)",
+        "UPDATE record SET body = replace(body, '0.1', '0.7') WHERE run_index = 1",
+        "UPDATE record SET status = 'rejected' WHERE run_index = 3",
+        "UPDATE document SET body = 'x = 2' WHERE name = 'procedure.toml'",
+    ],
+)
+def test_a_file_that_another_program_edits_is_rescued_from_memory(path, tmp_path, statement):
+    run = RunWriter.open(path)
+    try:
+        for i in range(6):
+            run.append(observation(i))
+        with contextlib.closing(sqlite3.connect(path)) as other:
+            edit(statement)(other)
+            other.commit()
+        with pytest.raises(StorageError, match=r"changed by another program.*rescued.*rig resume") as told:
+            run.append(observation(6))
+    finally:
+        run.close()
+    (copy,) = tmp_path.glob("a-run-rescued-*.sqlite")
+    assert str(copy) in str(told.value)
+    with RunWriter.open(copy) as rescued:
+        rescued.verify()
+        assert fold(rescued.records()).accepted == set(range(6))
+        assert next(rescued.chained("run_index = 1"))[1] == observation(1)
+    with pytest.raises(RunFileError, match=rf"edited or damaged.*rig resume {re.escape(str(copy))}"):
+        RunWriter.open(path)
+    assert any(f"rig resume {copy}" in note for note in verify_file(path).notes)
+
+
 def test_a_copy_rescued_from_a_rescued_copy_is_the_one_in_which_the_run_goes_on(path, tmp_path, monkeypatch):
     at, files = path, [path]
     for i, pid in enumerate((1001, 1002)):
@@ -409,7 +483,7 @@ def test_a_copy_rescued_from_a_rescued_copy_is_the_one_in_which_the_run_goes_on(
         at = next(file for file in tmp_path.glob("*-rescued-*.sqlite") if file not in files)
         files.append(at)
     first, second, third = files
-    for file, other in ((first, second), (second, third), (third, None)):
+    for file, other in ((first, third), (second, third), (third, None)):
         with RunReader.open(file) as reader:
             assert goes_on_in(reader, fold(reader.records())) == other, file
 
@@ -456,6 +530,61 @@ def test_a_second_name_of_a_run_under_way_is_refused(path, tmp_path):
         run.finish(Record(1, "end", 1.0, 1e9, status="complete"))
     with RunReader.open(second) as finished:  # its log is folded: one file, whatever its names
         assert fold(finished.records()).accepted == {0}
+
+
+def test_through_a_symbolic_link_what_is_beside_the_file_is_seen_and_written_there(path, tmp_path):
+    with RunWriter.open(path) as run:
+        run.append(observation(9))
+    _killed_writer(path)
+    log, link = Path(f"{path}-wal"), tmp_path / "links" / "tonight.sqlite"
+    log.write_bytes(log.read_bytes()[: log.stat().st_size // 2 // 4096 * 4096 + 4096])
+    link.parent.mkdir()
+    link.symlink_to(path)
+    direct, through = verify_file(path), verify_file(link)
+    assert "head" in {f.where for f in direct.findings}
+    assert through == direct
+    with RunWriter.open(link) as run:
+        assert run.path == path
+        assert run.dropped.lost_commits > 0
+        run.append(observation(9, "rejected"))
+        assert os.listdir(link.parent) == [link.name]
+        cut(log)
+        with pytest.raises(StorageError, match="its log was cut"):
+            run.append(observation(8))
+    assert list(tmp_path.glob("a-run-rescued-*.sqlite"))
+
+
+@pytest.mark.parametrize("make", [os.symlink, os.link])
+def test_another_file_under_the_name_of_the_last_word_is_left_as_it_is(path, tmp_path, make):
+    with RunWriter.open(path) as run:
+        run.append(observation(0))
+    head, victim = path.with_suffix(".head"), tmp_path / "victim"
+    said = head.read_bytes()
+    victim.write_bytes(said + b"and more")
+    head.unlink()
+    make(victim, head)
+    with RunWriter.open(path) as run:
+        run.append(observation(1))
+        assert read_last_word(path) == run.written
+    assert victim.read_bytes() == said + b"and more"
+    assert not head.is_symlink()
+
+
+@pytest.mark.parametrize("suffix", ["wal", "shm", "journal"])
+def test_a_link_in_place_of_the_log_is_named(path, tmp_path, suffix):
+    _killed_writer(path)
+    beside = Path(f"{path}-{suffix}")
+    beside.rename(tmp_path / "moved") if beside.exists() else (tmp_path / "moved").touch()
+    beside.symlink_to("moved")
+    for look in (RunReader.open, RunWriter.open, verify_file):
+        with pytest.raises(RunFileError, match=rf"-{suffix} is not a file of .*: it is a symbolic link.* Move "):
+            look(path)
+
+
+def test_a_folder_in_place_of_the_log_is_named(path):
+    Path(f"{path}-wal").mkdir()
+    with pytest.raises(RunFileError, match=r"it is a folder\. Nothing was changed\. Move "):
+        verify_file(path)
 
 
 def test_news_and_requests_that_are_none_hold_nobody_up(path):

@@ -15,7 +15,8 @@ from small_run import write_small
 
 from rig.engine.session import Outcome, Signals
 from rig.engine.time_left import typical_s
-from rig.plans import load_plan
+from rig.errors import ConfigurationError
+from rig.plans import load_plan, stored_plan
 from rig.run_file.creation import Genesis, create
 from rig.run_file.last_word import head_path
 from rig.run_file.live import replace_json, request_path
@@ -159,6 +160,32 @@ def test_a_resume_that_finds_nobody_at_the_old_addresses_names_the_option_for_ne
     again = rig("resume", path, "--no-notify", "--bench", bench)
     assert "cannot be opened" in again.stderr
     assert says not in again.stderr
+
+
+@pytest.mark.parametrize(
+    ("line", "other", "says"),
+    [
+        ("nplc = 10", "nplc = 1", "instruments.scanner.nplc was 10.0, is 1.0"),
+        ("nplc = 10", "nplc = 10\nrange_V = 1", "instruments.scanner.range_V was 10.0, is 1.0"),
+        ('"thermistor-10k"', '"thermistor-5k"', "instruments.scanner.channels was "),
+        ("due = 2027-03-31", "due = 2028-03-31", "instruments.head.due was 2027-03-31, is 2028-03-31"),
+    ],
+)
+def test_a_resume_on_a_bench_that_measures_otherwise_is_refused_and_one_reached_otherwise_is_not(
+    tmp_path, line, other, says
+):
+    path, bench = run_of_a_bench_that_is_gone(tmp_path, served=False)
+    text = bench.read_text()
+    assert line in text
+    bench.write_text(text.replace(line, other, 1))
+    with RunReader.open(path) as run, pytest.raises(ConfigurationError, match="only addresses may differ") as told:
+        stored_plan(run, path, bench)
+    assert says in str(told.value)
+    bench.write_text(
+        text.replace("/no/", "/elsewhere/").replace("[instruments.scanner]", "[instruments.scanner]\nbaud = 57600")
+    )
+    with RunReader.open(path) as run:
+        assert "/elsewhere/" in stored_plan(run, path, bench).bench.instruments["scanner"].address
 
 
 # --- time left --------------------------------------------------------------------------------------------------------

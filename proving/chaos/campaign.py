@@ -348,6 +348,9 @@ def one_run(
         for kind in KINDS:
             counts[kind] += len(verdict.findings[kind])
             findings += [f"{kind}: {words}" for words in verdict.findings[kind]]
+        verified = run.folder / "verified.out"
+        if run.spawn("verify", run.path, out=verified).wait():  # what was done to it, it makes sense
+            findings.append(f"rig verify: {verified.read_text()[:1000]}")
     except Stuck as stuck:
         findings.append(f"stuck: {stuck}")
     finally:

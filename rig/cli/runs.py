@@ -12,6 +12,7 @@ from rich.table import Table
 from procedures.durations import duration
 from rig.cli.show import err, out, print_json
 from rig.errors import ExitCode, RigError, UsageError
+from rig.regular import real_path
 from rig.run_file.events.sessions import RunCreated
 from rig.run_file.live import controller_alive, read_live
 from rig.run_file.opening import sensible
@@ -51,8 +52,9 @@ def list_runs(folder: Path, *, as_json: bool, check: bool) -> int:
 
 def _changed(path: Path) -> float:
     """When a run was last written to: its log file counts, the main file may be hours behind."""
-    log = path.with_name(path.name + "-wal")
-    return max((p.stat().st_mtime for p in (path, log) if p.exists()), default=0.0)
+    real = real_path(path)
+    log = real.with_name(real.name + "-wal")
+    return max((p.stat().st_mtime for p in (real, log) if p.exists()), default=0.0)
 
 
 def _row(path: Path) -> tuple[dict[str, Any], int]:

@@ -21,6 +21,7 @@ import apsw
 from rig.errors import RunFileError
 from rig.regular import check_regular, open_regular
 from rig.run_file.chain import followed
+from rig.run_file.saved import saved_words
 from rig.run_file.schema import Guarded
 
 _WAL_HEADER, _FRAME_HEADER = 32, 24
@@ -156,10 +157,10 @@ def check_journal(path: Path) -> None:
 
 
 def _must_be_a_file(path: Path, suffix: str) -> None:
-    """SQLite would wait for a pipe for ever. Raises `ForeignFileError`."""
+    """SQLite would wait for a pipe for ever, and opens no link. Raises `ForeignFileError`."""
     beside = path.with_name(f"{path.name}-{suffix}")
     try:
-        check_regular(os.stat(beside).st_mode, beside)
+        check_regular(os.lstat(beside).st_mode, beside)
     except FileNotFoundError:
         return
     except OSError as error:
@@ -170,8 +171,8 @@ def _must_be_a_file(path: Path, suffix: str) -> None:
 
 def _move(path: Path, suffix: str) -> str:
     return (
-        f"Move {path}-{suffix} to another folder and keep it (it may belong to another copy of the run); then "
-        f"`rig verify {path}` says what the file holds"
+        f"{saved_words(path)}Move {path}-{suffix} to another folder and keep it (it may belong to another copy of the "
+        f"run); then `rig verify {path}` says what the file holds"
     )
 
 

@@ -10,16 +10,17 @@ from __future__ import annotations
 
 import contextlib
 import os
+import stat
 from pathlib import Path
 
-from rig.regular import open_regular
+from rig.regular import open_regular, real_path
 
 _SIZE = 8 + 32
 
 
 def head_path(run: Path) -> Path:
     """Where the last word of a run file is."""
-    return run.with_suffix(".head")
+    return real_path(run).with_suffix(".head")
 
 
 def read_last_word(run: Path) -> tuple[int, bytes] | None:
@@ -32,6 +33,31 @@ def read_last_word(run: Path) -> tuple[int, bytes] | None:
     return (int.from_bytes(data[:8], "big"), data[8:]) if len(data) == _SIZE else None
 
 
+def _opened(path: Path) -> int:
+    """The file to write to; another one in its place where it is a link, or has a second name, of somebody's file."""
+    flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
+    with contextlib.suppress(OSError):
+        descriptor = os.open(path, flags, 0o644)
+        found = os.fstat(descriptor)
+        if stat.S_ISREG(found.st_mode) and found.st_nlink == 1:
+            return descriptor
+        os.close(descriptor)
+    said = b""
+    with contextlib.suppress(OSError), open_regular(path) as file:
+        said = file.read(_SIZE)
+    fresh = path.with_name(f"{path.name}.{os.getpid()}.tmp")
+    descriptor = os.open(fresh, flags | os.O_EXCL, 0o644)
+    try:
+        os.write(descriptor, said)
+        os.replace(fresh, path)
+    except OSError:
+        os.close(descriptor)
+        with contextlib.suppress(OSError):
+            fresh.unlink()
+        raise
+    return descriptor
+
+
 class LastWord:
     """Writes it. Failing to write it never disturbs a run."""
 
@@ -39,7 +65,7 @@ class LastWord:
         self._path = head_path(run)
         self._file = -1
         with contextlib.suppress(OSError):
-            self._file = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+            self._file = _opened(self._path)
 
     def say(self, count: int, head: bytes) -> None:
         """Write it; one write within a sector, so that it is never torn."""

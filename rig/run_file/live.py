@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from rig.regular import real_path
 from rig.run_file.bodies import NUMBER
 
 VERBS = ("hold", "release", "stop")
@@ -25,12 +26,12 @@ VERBS = ("hold", "release", "stop")
 
 def live_path(run: Path) -> Path:
     """Where the live state of a run file is."""
-    return run.with_suffix(".live")
+    return real_path(run).with_suffix(".live")
 
 
 def request_path(run: Path) -> Path:
     """Where requests to the controller of a run file go."""
-    return run.with_suffix(".request")
+    return real_path(run).with_suffix(".request")
 
 
 def replace_json(path: Path, content: Mapping[str, Any]) -> None:

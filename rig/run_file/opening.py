@@ -16,6 +16,7 @@ from rig.regular import open_regular
 from rig.run_file.beside import Alone, alone, check_journal, has_log
 from rig.run_file.bodies import ContentsError
 from rig.run_file.last_word import head_path
+from rig.run_file.saved import saved_words
 from rig.run_file.schema import APPLICATION_ID, SCHEMA_VERSION, Guarded, guard, strange_tables
 
 _READ_ONLY = apsw.SQLITE_OPEN_READONLY | apsw.SQLITE_OPEN_URI
@@ -23,11 +24,20 @@ _COPY = (
     ": go on with a copy of it from before, which `rig verify` finds whole, or with what `rig verify FILE --restore "
     "NEW.sqlite` makes of it"
 )
-_WAY_FORWARD = (
+_NOTHING_CHANGED = (
     "Nothing was changed now. Keep the file; `rig export FILE --salvage --out DATA.csv` saves what can still "
     "be read, `rig verify FILE --restore NEW.sqlite` the beginning that is proven; that, or a copy from before the "
     "damage, can be resumed."
 )
+
+
+def _way_forward(path: Path) -> str:
+    return f"{saved_words(path)}{_NOTHING_CHANGED}"
+
+
+def _copy(path: Path) -> str:
+    saved = saved_words(path)
+    return f". {saved[:-2]}, or{_COPY[1:]}" if saved else _COPY
 
 
 def check_header(path: Path) -> None:
@@ -40,9 +50,9 @@ def check_header(path: Path) -> None:
     except OSError as error:
         raise UsageError(f"{path} cannot be read: {error.strerror}") from error
     if not start.startswith(b"SQLite format 3\0") or len(start) < 100:
-        raise UsageError(f"{path} is not a run file (not an SQLite database), or its beginning is damaged{_COPY}")
+        raise UsageError(f"{path} is not a run file (not an SQLite database), or its beginning is damaged{_copy(path)}")
     if int.from_bytes(start[68:72], "big") != APPLICATION_ID:
-        raise UsageError(f"{path} is not a run file (an SQLite database of another program), or damaged{_COPY}")
+        raise UsageError(f"{path} is not a run file (an SQLite database of another program), or damaged{_copy(path)}")
 
 
 _WAL_MODE = b"\x02"
@@ -146,7 +156,7 @@ def checked(path: Path, db: apsw.Connection) -> apsw.Connection:
     if version != SCHEMA_VERSION:
         raise RunFileError(
             f"{path} has run-file format {version}, this program reads format {SCHEMA_VERSION}: "
-            f"use the version of rig that wrote it; if this one did, it is damaged{_COPY}"
+            f"use the version of rig that wrote it; if this one did, it is damaged{_copy(path)}"
         )
     strange = strange_tables(Guarded(db, lambda: size_of(path)))
     if strange is not None:
@@ -157,7 +167,8 @@ def checked(path: Path, db: apsw.Connection) -> apsw.Connection:
 def edited(path: Path, what: str) -> RunFileError:
     """The file was changed by somebody or something else."""
     return RunFileError(
-        f"{path} was edited or damaged: {what}. `rig verify {path}` lists everything that is wrong. {_WAY_FORWARD}"
+        f"{path} was edited or damaged: {what}. `rig verify {path}` lists everything that is wrong. "
+        f"{_way_forward(path)}"
     )
 
 
@@ -167,7 +178,7 @@ def makes_no_sense(path: Path, error: BaseException) -> RunFileError:
         error = ContentsError(f"{type(error).__name__}: {str(error)[:200]}")
     return RunFileError(
         f"{path} holds what makes no sense in a run file: {error}. It was edited, or another version of rig wrote it. "
-        f"{_WAY_FORWARD}"
+        f"{_way_forward(path)}"
     )
 
 
@@ -182,4 +193,4 @@ def sensible(path: Path) -> Iterator[None]:
 
 def unreadable(path: Path, error: Exception) -> RunFileError:
     """SQLite cannot make anything of the file."""
-    return RunFileError(f"{path} is damaged and cannot be read ({error}). {_WAY_FORWARD}")
+    return RunFileError(f"{path} is damaged and cannot be read ({error}). {_way_forward(path)}")

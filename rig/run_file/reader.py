@@ -16,6 +16,7 @@ import apsw
 
 from procedures.run_list import Factor, Point, RunList, rows_sha256
 from rig.errors import RunFileError, UsageError
+from rig.regular import real_path
 from rig.run_file.audit import findings
 from rig.run_file.beside import Alone, ForeignFileError, check_journal, check_log, foreign_log, has_log
 from rig.run_file.bodies import COUNT, NUMBER, TEXT, WHOLE, ContentsError, shown
@@ -57,6 +58,7 @@ class RunReader:
     @classmethod
     def open(cls, path: Path) -> Self:
         """Open for reading. Raises `RunFileError` if this is not a run file, or what lies beside it not its own."""
+        path = real_path(path)
         check_header(path)
         check_name(path)
         check_journal(path)

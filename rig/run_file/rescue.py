@@ -10,9 +10,11 @@ from pathlib import Path
 
 import apsw
 
-from rig.errors import StorageError
+from rig.errors import RigError, StorageError
+from rig.run_file.audit import findings
 from rig.run_file.chain import Record, encode, link
 from rig.run_file.events.sessions import Rescued
+from rig.run_file.reader import RunReader
 from rig.run_file.schema import INSERT_RECORD
 
 
@@ -46,17 +48,21 @@ def rescue(
 
     """
     what = f"{path}: while the run was writing, {happened}"
+    own = sources[0]
+    if own is not None:  # closing it would write what is left of the log over a file that may be sound
+        own.config(apsw.SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1)
     why = "nothing could be read"
     for copy in _places(path):
         for source in (one for one in sources if one is not None):
             try:
                 _copy(source, copy, head)
-            except (OSError, apsw.Error) as error:
+            except (OSError, apsw.Error, RigError) as error:
                 why = str(error)
                 continue
-            if source is sources[0]:
+            if source is own:
                 with contextlib.suppress(apsw.Error):
-                    _hand_over(source, copy)
+                    own.config(apsw.SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 0)
+                    _hand_over(own, copy)
             return StorageError(f"{what}. Everything up to the last observation is in {copy}; then: rig resume {copy}")
     return StorageError(
         f"{what}, and no copy could be made ({why}): look for the file that was moved, or see what "
@@ -73,21 +79,22 @@ def _places(path: Path) -> Iterator[Path]:
 
 
 def _copy(source: apsw.Connection, copy: Path, head: tuple[int, bytes]) -> None:
-    """Copy a database; raises OSError or `apsw.Error` where that fails or the copy does not end as it should."""
+    """Copy a database; raises OSError, `apsw.Error` or `RigError` where that fails or the copy does not verify."""
     copy.parent.mkdir(parents=True, exist_ok=True)
     os.close(os.open(copy, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o644))
     try:
+        source.pragma("shrink_memory")  # what SQLite has in memory is not what is left of the file
         to = apsw.Connection(str(copy))
         try:
             with to.backup("main", source, "main") as backup:
                 backup.step()
-            problem = to.execute("PRAGMA integrity_check(1)").fetchone()
-            last = to.execute("SELECT seq, hash FROM record ORDER BY seq DESC LIMIT 1").fetchone()
-            if problem != ("ok",) or last != head:
-                raise OSError("the file was damaged")
         finally:
             to.close()
-    except (OSError, apsw.Error):
+        with RunReader.open(copy) as run:
+            wrong = next(findings(run, thorough=True), None)
+            if wrong is not None or run.head() != head:
+                raise OSError(f"the file was damaged: {wrong or 'it ends otherwise'}")
+    except (OSError, apsw.Error, RigError):
         with contextlib.suppress(OSError):
             copy.unlink(missing_ok=True)
         raise

@@ -9,14 +9,17 @@ from pathlib import Path
 from procedures.run_list import RunList
 from rig.config import parse_procedure
 from rig.errors import RigError, RunFileError, UsageError
+from rig.regular import real_path
 from rig.run_file import wal
 from rig.run_file.audit import Finding, findings
-from rig.run_file.beside import ForeignFileError
+from rig.run_file.beside import ForeignFileError, check_journal
 from rig.run_file.elsewhere import goes_on_in
 from rig.run_file.last_word import read_last_word
 from rig.run_file.live import controller_alive
+from rig.run_file.opening import check_header
 from rig.run_file.prefix import Restored, restore
 from rig.run_file.reader import RunReader
+from rig.run_file.saved import saved_in
 from rig.run_file.sense import Judged, judged
 from rig.run_file.state import RunState, read_state
 
@@ -69,6 +72,9 @@ def verify_file(path: Path, expected_head: str | None = None) -> Verification:
         ForeignFileError: what lies beside it is not its own.
 
     """
+    path = real_path(path)
+    check_header(path)
+    check_journal(path)
     working = controller_alive(path)
     log = wal.WalState(0, 0, 0, "") if working else wal.inspect(path)
     try:
@@ -91,7 +97,9 @@ def verify_file(path: Path, expected_head: str | None = None) -> Verification:
     except ForeignFileError:
         raise  # what it says to do comes before anything else
     except RunFileError as error:
-        return Verification(path, 0, "", None, (Finding("file", str(error).split(". ", 1)[0]),), ())
+        return Verification(path, 0, "", None, (Finding("file", str(error).split(". ", 1)[0]),), saved_in(path))
+    if found:
+        notes += [note for note in saved_in(path) if note not in notes]
     if working:
         notes.append("a controller is at work on it: this is how it stood a moment ago")
     return Verification(path, count, head.hex(), simulated, (*found, *heads), tuple(notes))
@@ -113,6 +121,9 @@ def glance(path: Path, most: int) -> tuple[RunReader, RunState, Finding | None, 
         UsageError: this is no run file.
 
     """
+    path = real_path(path)
+    check_header(path)
+    check_journal(path)
     log = wal.WalState(0, 0, 0, "") if controller_alive(path) else wal.inspect(path)
     run = RunReader.open(path)
     try:
@@ -136,6 +147,7 @@ def _elsewhere(run: RunReader, state: RunState) -> list[str]:
 
 def restored(path: Path, to: Path, head: str = "") -> Restored:
     """What a damaged run file still proves, in a new one; see `rig.run_file.prefix.restore`."""
+    path = real_path(path)
     if controller_alive(path):
         raise UsageError(f"a controller is at work on {path}: nothing to restore while it writes")
     return restore(path, to, _expanded, head)

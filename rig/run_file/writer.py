@@ -17,6 +17,7 @@ from typing import Self
 import apsw
 
 from rig.errors import BusyError, RunFileError, StorageError
+from rig.regular import real_path
 from rig.run_file import wal
 from rig.run_file.audit import findings
 from rig.run_file.beside import Alone, check_journal, foreign_log
@@ -50,6 +51,7 @@ class RunWriter(RunReader):
             verified: the head it had when it was verified a moment ago, which need not be done again while it has it.
 
         """
+        path = real_path(path)
         check_header(path)
         lock = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
         try:
@@ -215,6 +217,8 @@ class RunWriter(RunReader):
     def close(self) -> None:
         """Close; records not committed are lost, as they would be in a crash."""
         try:
+            if self._lost is None and self._vigil.changed():  # what is left of the log may be another's
+                self._db.config(apsw.SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1)
             super().close()
         finally:
             self._last_word.close(finished=self._finished)

@@ -14,6 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Literal
 
+from rig.regular import real_path
 from rig.unattended.happenings import Happening, RunFacts, utc_text
 from rig.unattended.worker import Worker
 
@@ -27,7 +28,7 @@ _PRIORITY = {"info": 6, "warning": 4, "error": 3}
 
 def default_log(run: Path) -> Path:
     """Where the log of a run goes if nobody says otherwise: beside the run file, where it is found in the morning."""
-    return run.with_suffix(".log")
+    return real_path(run).with_suffix(".log")
 
 
 def as_text(happening: Happening, facts: RunFacts) -> str:

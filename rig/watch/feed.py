@@ -12,6 +12,7 @@ from typing import Any
 from procedures.run_list import Factor
 from rig.errors import RigError
 from rig.previous import Previous
+from rig.regular import real_path
 from rig.run_file.chain import Record
 from rig.run_file.documents import declared_model, mounting_of
 from rig.run_file.live import controller_alive, live_path, read_json
@@ -259,7 +260,8 @@ def _print(path: Path) -> tuple[tuple[object, ...], float]:
     """What changes whenever a run file or its log does, and when that was last, seconds since 1970-01-01."""
     found: list[object] = []
     changed = 0.0
-    for one in (path, path.with_name(path.name + "-wal")):
+    real = real_path(path)
+    for one in (real, real.with_name(real.name + "-wal")):
         try:
             stat = one.stat()
             found.append((stat.st_ino, stat.st_size, stat.st_mtime_ns))

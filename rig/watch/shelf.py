@@ -12,6 +12,7 @@ from pathlib import Path
 
 from rig.errors import RigError
 from rig.previous import Previous
+from rig.regular import real_path
 from rig.run_file.live import controller_alive, live_path, read_json
 from rig.watch.feed import RunFeed
 from rig.watch.reading import WatchReader
@@ -117,7 +118,8 @@ def _made(name: str, changed: float) -> str:
 
 def _changed(path: Path) -> float:
     times = []
-    for one in (path, path.with_name(path.name + "-wal")):
+    real = real_path(path)
+    for one in (real, real.with_name(real.name + "-wal")):
         try:
             times.append(one.stat().st_mtime)
         except OSError:

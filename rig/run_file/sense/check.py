@@ -12,11 +12,15 @@ from rig.run_file.chain import Record
 from rig.run_file.reader import RunReader
 from rig.run_file.sense.accounts import Accounts
 from rig.run_file.sense.case import Case, Rule
+from rig.run_file.sense.durations import Durations
+from rig.run_file.sense.evidence import Evidence
 from rig.run_file.sense.facts import Facts
+from rig.run_file.sense.instruments import Instruments
 from rig.run_file.sense.marks import Marks
 from rig.run_file.sense.places import Places
 from rig.run_file.sense.readings import Readings
 from rig.run_file.sense.times import Times
+from rig.run_file.sense.written import Written, other_version
 from rig.run_file.state import RunState
 
 _NOT_OURS = (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, AssertionError)
@@ -47,12 +51,24 @@ def judged(run: RunReader, most: int) -> Judged:
     """
     case = Case.of(run)
     times = Times(case)
-    rules: tuple[Rule, ...] = (Facts(case), times, Accounts(case), Marks(case), Readings(case), Places(case))
+    evidence, written = Evidence(case), Written(case)
+    rules: tuple[Rule, ...] = (
+        Facts(case),
+        written,
+        times,
+        Durations(case),
+        Accounts(case),
+        Marks(case),
+        Readings(case),
+        Instruments(case),
+        Places(case),
+        evidence,
+    )
     found = tuple(itertools.islice(_findings(run, rules), most))
     told = times.doubts[:_DOUBTS]
     if len(times.doubts) > _DOUBTS:
         told.append(f"and {len(times.doubts) - _DOUBTS} more such dates")
-    return Judged(found, (*case.unread(), *told))
+    return Judged(found, (*case.unread(), *other_version(case), *written.doubts, *told, *evidence.doubts))
 
 
 def _findings(run: RunReader, rules: tuple[Rule, ...]) -> Iterator[Finding]:
