@@ -1,16 +1,22 @@
 """The wheel, installed into an empty environment with what it declares and nothing else, runs the main job elsewhere.
 
+It is built from the sdist, and has to be the wheel of the source tree file by file: so both are tried at once.
+
 What it depends on is not fetched and unpacked again: the environment is lent the distributions installed beside these
 tests, those that the wheel's requirements lead to. One that is imported and not declared is missed there.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import subprocess
 import sys
+import tarfile
+import tomllib
 import venv
+import zipfile
 from importlib.metadata import Distribution, distribution
 from pathlib import Path
 
@@ -51,14 +57,57 @@ def lend(one: Distribution, site: Path) -> None:
             (site / name).symlink_to(Path(str(one.locate_file(name))))
 
 
+PIP = (sys.executable, "-m", "pip", "--disable-pip-version-check", "--quiet")
+
+
+def wheel_of(source: Path, folder: Path) -> Path:
+    quietly(*PIP, "wheel", "--no-deps", "--no-build-isolation", "--no-index", "-w", folder, source)
+    (wheel,) = folder.glob("*.whl")
+    return wheel
+
+
+def files_of(wheel: Path) -> dict[str, str]:
+    with zipfile.ZipFile(wheel) as opened:
+        return {name: hashlib.sha256(opened.read(name)).hexdigest() for name in opened.namelist()}
+
+
+@pytest.fixture(scope="module")
+def sdist(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("sdist")
+    quietly(sys.executable, "-m", "hatchling", "build", "-t", "sdist", "-d", folder, cwd=ROOT)
+    (made,) = folder.glob("*.tar.gz")
+    return made
+
+
+@pytest.fixture(scope="module")
+def wheel(sdist, tmp_path_factory) -> Path:
+    return wheel_of(sdist, tmp_path_factory.mktemp("wheel"))
+
+
+def test_the_sdist_holds_what_a_fresh_copy_is_tested_with(sdist):
+    with tarfile.open(sdist) as opened:
+        held = {name.partition("/")[2]: mode for name, mode in ((m.name, m.mode) for m in opened.getmembers())}
+    listed = subprocess.run(("git", "-C", ROOT, "ls-files", "-z"), capture_output=True, text=True, check=False)
+    if listed.returncode == 0:
+        tracked = set(filter(None, listed.stdout.split("\0")))
+        assert {name for name in tracked if (ROOT / name).is_file()} - set(held) == set()
+    assert {"README.md", "CHANGELOG.md", "CONTRIBUTING.md", "Makefile", "tests/test_documents.py"} <= set(held)
+    assert all(held[name] & 0o100 for name in ("tools/check", "tools/make-venv", ".ci/run"))
+
+
+def test_the_wheel_of_the_sdist_is_the_wheel_of_the_tree(wheel, tmp_path):
+    ours = files_of(wheel_of(ROOT, tmp_path))
+    assert files_of(wheel) == ours
+    packages = {name.split("/")[0] for name in ours if name.count("/") == 1 and name.endswith("/__init__.py")}
+    assert packages == {"rig", "drivers", "sims", "procedures", "fitter", "contracts"}
+    assert all(f"{package}/py.typed" in ours for package in packages)
+
+
 @pytest.mark.timeout(600)
-def test_an_installed_wheel_runs_the_demo(tmp_path):
-    pip = (sys.executable, "-m", "pip", "--disable-pip-version-check", "--quiet")
-    quietly(*pip, "wheel", "--no-deps", "--no-build-isolation", "-w", tmp_path, ROOT)
-    (wheel,) = tmp_path.glob("*.whl")
+def test_an_installed_wheel_runs_the_demo(wheel, tmp_path):
     venv.create(tmp_path / "env", with_pip=False, symlinks=True)
     python = tmp_path / "env" / "bin" / "python"
-    quietly(*pip, "--python", python, "install", "--no-deps", wheel)
+    quietly(*PIP, "--python", python, "install", "--no-deps", wheel)
     (site,) = (tmp_path / "env").glob("lib/python*/site-packages")
     (about,) = site.glob("*.dist-info")
     needed = required(Distribution.at(about))
@@ -83,6 +132,8 @@ def test_an_installed_wheel_runs_the_demo(tmp_path):
     found = {e["effect"] for e in result["sensors"]["x_V"]["effects"]}
     assert found == {"isolation-pad-deflection", "sensitivity-temperature"}
     assert result["sensors"]["x_V"]["verdict"] == "explained"
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    assert quietly(python.parent / "rig", "--version", cwd=elsewhere, env=clean) == f"rig {version}\n"
     # what is proven about the program comes with the source alone, and the commands say so
     assert not (site / "proving").exists()
     night_here = subprocess.run(

@@ -23,7 +23,7 @@ from rig.run_file.contents import senseless
 from rig.run_file.events.event import Event
 from rig.run_file.events.sessions import Ended, RunCreated
 from rig.run_file.restore import changed_column
-from rig.run_file.schema import Guarded, differences
+from rig.run_file.schema import Guarded, Stored, differences
 
 _SEARCHED = 10
 """In so many changed records at most it is searched for what was changed."""
@@ -81,7 +81,7 @@ class Contents(Protocol):
     def run_list_sha256(self) -> str:
         """Hash of the points as they are stored."""
 
-    def chained(self, where: str = "1", values: tuple[object, ...] = ()) -> Iterator[Row]:
+    def chained(self, where: str = "1", values: tuple[Stored, ...] = ()) -> Iterator[Row]:
         """Rows in order."""
 
     def record_rows(self) -> Iterator[list[StoredRow]]:

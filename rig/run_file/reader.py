@@ -36,7 +36,7 @@ from rig.run_file.opening import (
     size_of,
     unreadable,
 )
-from rig.run_file.schema import Guarded
+from rig.run_file.schema import Guarded, Stored
 
 _SLICE = 200
 _LOWEST, _HIGHEST = -(2**63), 2**63 - 1
@@ -192,7 +192,7 @@ class RunReader:
                 with contextlib.suppress(RunFileError):
                     yield from self._sensible("seq = ?", (seq,))
 
-    def chained(self, where: str = "1", values: tuple[object, ...] = ()) -> Iterator[tuple[int, Record, bytes, bytes]]:
+    def chained(self, where: str = "1", values: tuple[Stored, ...] = ()) -> Iterator[tuple[int, Record, bytes, bytes]]:
         """Rows as (seq, record, previous, hash), in order."""
         for rows in self.record_rows(where, values):
             for row in rows:
@@ -200,7 +200,7 @@ class RunReader:
                 record.seq = row[0]
                 yield row[0], record, _bytes(row[10]), _bytes(row[11])
 
-    def _sensible(self, where: str, values: tuple[object, ...]) -> Iterator[Record]:
+    def _sensible(self, where: str, values: tuple[Stored, ...]) -> Iterator[Record]:
         """Records whose own columns and needed fields are of the kinds they should be; a body's others are as read."""
         return (self.sensible(row) for rows in self.record_rows(where, values) for row in rows)
 
@@ -215,7 +215,7 @@ class RunReader:
             raise ContentsError(f"{record.named()}: {wrong[1]}")
         return record
 
-    def record_rows(self, where: str = "1", values: tuple[object, ...] = ()) -> Iterator[list[StoredRow]]:
+    def record_rows(self, where: str = "1", values: tuple[Stored, ...] = ()) -> Iterator[list[StoredRow]]:
         """Records as stored, in order, in lists of a few hundred."""
         return self._slices(f"seq, {_COLUMNS}, previous, hash FROM record", where, values)
 
@@ -259,7 +259,7 @@ class RunReader:
             return
         raise foreign_log(self.path, records, "does not verify")
 
-    def _slices(self, what: str, where: str = "1", values: tuple[object, ...] = ()) -> Iterator[list[Any]]:
+    def _slices(self, what: str, where: str = "1", values: tuple[Stored, ...] = ()) -> Iterator[list[Any]]:
         """Rows in order of their key, in lists of a slice each: no list of all, and no transaction that stays open.
 
         Args:
@@ -280,7 +280,7 @@ class RunReader:
                 return
             since = last + 1
 
-    def _all(self, statement: str, values: tuple[object, ...] = ()) -> list[Any]:
+    def _all(self, statement: str, values: tuple[Stored, ...] = ()) -> list[Any]:
         try:
             return list(self.guarded.rows(statement, values))
         except (apsw.Error, UnicodeDecodeError) as error:

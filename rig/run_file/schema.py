@@ -18,6 +18,8 @@ import apsw
 
 from procedures.run_list import RunList
 
+Stored = int | float | str | bytes | None
+"""What SQLite stores."""
 APPLICATION_ID = 0x52494721
 SCHEMA_VERSION = 2
 TABLES = ("document", "factor", "point", "record")
@@ -148,7 +150,7 @@ class Guarded:
         self._steps += self._EVERY
         return self._steps > self._most_steps
 
-    def rows(self, statement: str, values: tuple[object, ...] = ()) -> Iterator[Any]:
+    def rows(self, statement: str, values: tuple[Stored, ...] = ()) -> Iterator[Any]:
         """The rows of a statement, one after the other.
 
         Raises:

@@ -13,6 +13,8 @@ from typing import NamedTuple
 
 import apsw
 
+from rig.run_file.schema import Stored
+
 
 class _Seen(NamedTuple):
     device: int
@@ -94,7 +96,7 @@ class Mirror:
         with self.db.backup("main", db, "main") as backup:
             backup.step()
 
-    def add(self, rows: list[tuple[object, ...]]) -> None:
+    def add(self, rows: list[tuple[Stored, ...]]) -> None:
         """The records that were just committed."""
         if self.db is None:
             return
