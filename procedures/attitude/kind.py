@@ -20,6 +20,7 @@ from procedures.errors import DataError
 from procedures.expected import Columns, Expecting
 from procedures.further_runs import Limits, Variation
 from procedures.inference import Inference
+from procedures.kind import Kind
 from procedures.precision import Precision
 from procedures.results import Compared, Fitted, Source, Traced
 from procedures.run_list import RunList
@@ -31,15 +32,13 @@ if TYPE_CHECKING:
     from procedures.attitude.infer import AttitudeCalibration
 
 
-class AttitudeKind:
+class AttitudeKind(Kind):
     """Inertial attitude sensors on a dividing head. See `procedures.kind.Kind`."""
 
     name = "pitch-roll"
     title = "attitude sensors"
     settings = PitchRollProcedure
     fit_options, trace_options, infer_options = FitOptions, TraceOptions, InferOptions
-    bench_factors: tuple[str, ...] = ()
-    asked_by: frozenset[str] = frozenset()
     described = "a pitch-roll table has replicate,order,elapsed_s,pitch_deg,roll_deg,sensor_temperature_degC and NAME_V"
 
     @cached_property
@@ -96,10 +95,6 @@ class AttitudeKind:
 
         return AttitudeCalibration.from_dict(given["calibration"])
 
-    def notes_of(self, given: Mapping[str, Any]) -> tuple[str, ...]:
-        """The calibration's own notes have all of them."""
-        return ()
-
     def infer(
         self, calibration: AttitudeCalibration, read: Reader, options: InferOptions, other: Callable[[Path], Reader]
     ) -> Inference:
@@ -145,9 +140,6 @@ class AttitudeKind:
         from procedures.attitude.table import KNOWN, UNIT  # noqa: PLC0415
 
         return unused_in_fit(table, KNOWN, UNIT)
-
-    def check_design(self, procedure: PitchRollProcedure, run_list: RunList) -> None:
-        """Any design will do: `precision` says where it determines nothing."""
 
     def precision(self, procedure: PitchRollProcedure, run_list: RunList) -> Precision:
         """Of a sensor's calibrated output at a few pitch angles."""

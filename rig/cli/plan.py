@@ -16,6 +16,7 @@ from drivers.roles import Chamber
 from fitter.errors import FitError
 from procedures.durations import duration
 from procedures.kind import kind_of
+from procedures.precision import Precision
 from rig.cli import app
 from rig.cli.run import BenchOption, JsonOption, ProcedureArgument
 from rig.cli.show import out, print_json, run_progress
@@ -125,13 +126,7 @@ def plan(
     )
     for line in forecast.assumed:
         out.print(f"  {line}", soft_wrap=True)
-    table = Table(*precise.columns, title="Predicted precision", title_justify="left")
-    for row in precise.cells:
-        table.add_row(*row)
-    out.print(table)
-    for line in precise.further:
-        out.print(f"  {line}", soft_wrap=True)
-    out.print(f"  ({precise.assuming})", soft_wrap=True)
+    _show_precision(precise)
     _show_advice(advice)
     for name, (low, high) in reach.items():
         allowed = limits.get(name)
@@ -159,6 +154,18 @@ def _advice(planned: Plan, usage_deg: float | None) -> list[dict[str, Any]]:
         {"number": a.number, "recommendation": a.recommendation, "holds": a.holds, "sentence": a.sentence}
         for a in advice
     ]
+
+
+def _show_precision(precise: Precision) -> None:
+    if precise.columns:
+        table = Table(*precise.columns, title="Predicted precision", title_justify="left")
+        for row in precise.cells:
+            table.add_row(*row)
+        out.print(table)
+    for line in precise.further:
+        out.print(f"  {line}", soft_wrap=True)
+    if precise.assuming:
+        out.print(f"  ({precise.assuming})", soft_wrap=True)
 
 
 def _show_advice(advice: Sequence[Mapping[str, Any]]) -> None:

@@ -16,7 +16,7 @@ from procedures.table import Table
 from rig.errors import RunFileError
 from rig.run_file.bodies import ContentsError
 from rig.run_file.chain import Record
-from rig.run_file.documents import Stored, declared_model, mounting_of
+from rig.run_file.documents import Stored, declared_model, kind_of_run, mounting_of
 from rig.run_file.events.points import Observed, Skipped, WholePlotLost
 from rig.run_file.events.sessions import Ended, Identified, SessionBegan
 from rig.run_file.reader import RunReader
@@ -107,7 +107,8 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
                 break
     sensors = bench.table("sensors").tables()
     axes_of = {f"{name}_{s.text('unit', 'V')}": s.text("axis") for name, s in sensors if "axis" in s}
-    return Table(str(path), columns, run.simulated, provenance, axes_of, declared_model(documents))
+    declared, kind = declared_model(documents), kind_of_run(documents)
+    return Table(str(path), columns, run.simulated, provenance, axes_of, declared, kind=kind)
 
 
 def _operators(reader: RunReader) -> list[str]:

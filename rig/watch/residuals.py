@@ -19,13 +19,18 @@ _SPARE = 6
 
 
 def residuals(
-    seen: Sequence[Seen], reference: Previous | None, declared: Mapping[str, Any], mounting: Mapping[str, float]
+    seen: Sequence[Seen],
+    reference: Previous | None,
+    kind: str,
+    declared: Mapping[str, Any],
+    mounting: Mapping[str, float],
 ) -> dict[str, Any]:
     """Residuals of every sensor, and what they are residuals of, JSON-ready.
 
     Args:
         seen: the observations to show, in order.
         reference: a previous calibration, if any.
+        kind: of calibration, by name.
         declared: `[model]` of the procedure.
         mounting: how the package is turned.
 
@@ -40,7 +45,7 @@ def residuals(
         why = "" if found or not seen else f"{reference.name} is a calibration of other sensors"
     else:
         against = "the declared model, fitted to the points so far"
-        found, why = _fitted(seen, outputs, declared)
+        found, why = _fitted(seen, outputs, kind, declared)
     return {
         "against": against,
         "why_none": why,
@@ -50,9 +55,9 @@ def residuals(
 
 
 def _fitted(
-    seen: Sequence[Seen], outputs: Mapping[str, FloatArray], declared: Mapping[str, Any]
+    seen: Sequence[Seen], outputs: Mapping[str, FloatArray], kind: str, declared: Mapping[str, Any]
 ) -> tuple[dict[str, FloatArray], str]:
-    columns = model_columns(seen, declared) if seen else None
+    columns = model_columns(seen, kind, declared) if seen else None
     if columns is None:
         return {}, "" if seen else "nothing has been observed yet"
     columns = columns / np.maximum(np.abs(columns).max(axis=0), 1e-300)
