@@ -36,7 +36,7 @@ from procedures.inference import Inference
 from procedures.precision import Precision
 from procedures.results import Compared, Fitted, Options, Source, Traced
 from procedures.run_list import RunList
-from procedures.settings import WarningSettings
+from procedures.settings import Acceptance, WarningSettings
 from procedures.table import Reader, Table
 from procedures.unused import Unused
 
@@ -67,7 +67,7 @@ class Procedure(Protocol):
         """Early warnings while it runs."""
 
     @property
-    def acceptance(self) -> BaseModel:
+    def acceptance(self) -> Acceptance:
         """When a finished calibration is fit for use."""
 
     @property

@@ -10,6 +10,9 @@ import numpy as np
 
 from fitter.arrays import IntArray
 
+Columns = Mapping[str, np.ndarray[Any, np.dtype[np.float64]]]
+SENSOR_TEMPERATURE = "sensor_temperature_degC"
+
 UNITS = {
     "elapsed": "s",
     "pitch": "deg",
@@ -40,7 +43,7 @@ class Table:
     """
 
     source: str
-    columns: Mapping[str, np.ndarray[Any, np.dtype[np.float64]]]
+    columns: Columns
     simulated: bool
     provenance: Mapping[str, Any]
     axes: Mapping[str, str] = field(default_factory=dict)

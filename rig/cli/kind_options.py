@@ -34,8 +34,7 @@ def with_options_of_kinds(choose: Choose) -> Callable[[Command], Command]:
 
         def wrapper(**values: Any) -> Any:
             own = {name: values.pop(name) for name in fields}
-            given = {name: value for name, value in own.items() if value is not None and value is not False}
-            given |= {name: False for name, value in own.items() if value is False and _tristate(fields[name][0][1])}
+            given = {name: value for name, value in own.items() if value != fields[name][0][1].default}
             return command(**values, given=given)
 
         signature = inspect.signature(command, eval_str=True)
