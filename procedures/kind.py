@@ -155,6 +155,11 @@ class Kind(ABC):
         """Options of `rig infer` that only it has."""
         return Options
 
+    @property
+    def in_use(self) -> str:
+        """How its calibrations are used, a paragraph for the help of `rig infer` that follows `title`."""
+        return ""
+
     @abstractmethod
     def calibration_of(self, given: Mapping[str, Any]) -> Any:
         """The calibration in what `rig fit --out` wrote. Raises what indexing and converting texts of others raises."""

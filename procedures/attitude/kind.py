@@ -40,6 +40,14 @@ class AttitudeKind(Kind):
     settings = PitchRollProcedure
     fit_options, trace_options, infer_options = FitOptions, TraceOptions, InferOptions
     described = "a pitch-roll table has replicate,order,elapsed_s,pitch_deg,roll_deg,sensor_temperature_degC and NAME_V"
+    in_use = (
+        "the columns of the calibrated sensors (x_V, y_V, z_V), and the sensor temperature where the calibration "
+        "has it in. A single sensor needs roll that was measured otherwise: `rig infer package.json x-only.csv "
+        "--sensors x_V --roll roll_deg --roll-sd 0.05 --out pitch.csv`. Where an angle is undetermined it is left "
+        "open, with the reason in `flag`. Some packages have two attitudes for the same outputs; rows where --near "
+        "decided are marked in a column `assumed`: `rig infer package.json upside-down.csv --near 0 180 --out "
+        "angles.csv`"
+    )
 
     @cached_property
     def own_effects(self) -> Grammar:

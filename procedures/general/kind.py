@@ -27,6 +27,7 @@ class GeneralKind(Kind):
     title = "any table"
     fit_options, trace_options, infer_options = FitOptions, TraceOptions, InferOptions
     asked_by = frozenset({"response"})
+    in_use = "the response's column; the fitted curve is inverted where it rises or falls all the way"
     described = "any other table is fitted with --response and --formula"
 
     def fit(

@@ -43,6 +43,15 @@ class PressureKind(Kind):
         "a whole-plot table has whole_plot,order,elapsed_s,pressure_psia,sensor_temperature_degC,"
         "sse_temperature_degC and NAME_mV"
     )
+    in_use = (
+        "the output, sensor_temperature_degC and sse_temperature_degC. Reading the zero in vacuum first (in flight, "
+        "before entry) takes out the error that a change of temperature draws again; its own error is in the "
+        "interval: `rig infer calibration.json flight.csv --zero vacuum.csv --out pressures.csv`, or a column "
+        "`vacuum`, 1 for rows read at zero pressure. Intervals hold as long as the temperatures have stood since "
+        "the zero was read: rows at other temperatures are flagged. Values outside the calibrated range are "
+        "flagged, not extrapolated. The zero is compared with the calibration: one that is hard to believe is "
+        "flagged in every row. Several zero rows are of one sitting or independent: --zero-rows says which"
+    )
 
     @cached_property
     def own_effects(self) -> Grammar:

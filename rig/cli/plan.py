@@ -36,17 +36,20 @@ def plan(
     compare: Annotated[
         list[Path] | None,
         typer.Option(
-            help="put other pitch-roll procedures beside it and recommend one; repeatable", show_default=False
+            help="put other procedures of its kind beside it and recommend one; repeatable", show_default=False
         ),
     ] = None,
     usage: Annotated[
         float | None,
         typer.Option(
-            min=0.1, max=180, help="pitch range the sensors will be used in, +- deg", show_default="usage.pitch_deg"
+            min=0.1,
+            max=180,
+            help="range the sensors will be used in, +- deg, for kinds that know one",
+            show_default="of the procedure",
         ),
     ] = None,
     plot: Annotated[
-        Path | None, typer.Option(help="with --compare: a PNG of precision over pitch", show_default=False)
+        Path | None, typer.Option(help="with --compare: a PNG of precision over the range of use", show_default=False)
     ] = None,
 ) -> int:
     """Answer the evening question: how many points, done when and how sure, how precise, is anything in the way?

@@ -171,7 +171,7 @@ def _utc(seconds: float) -> str:
 def _row(record: Record, run_list: RunList, order: int, factors: Mapping[str, str]) -> dict[str, float]:
     """One observation as a row: where, when, how approached, what was read.
 
-    A factor whose value was measured is a column with that value, and one with its setpoint ("pressure_set_psia").
+    A factor whose value was measured is a column with that value, and one with its setpoint (`Factor.set_name`).
 
     Args:
         record: the observation.

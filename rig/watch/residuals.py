@@ -9,11 +9,10 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from rig.previous import Previous
+from rig.quantities import PER_VOLT
 from rig.watch.against import columns_of, model_columns
 from rig.watch.reading import Seen
 
-_SCALE = {"V": 1e6, "mV": 1e3}
-"""Outputs in volts or millivolts to microvolts."""
 _SPARE = 6
 """Observations beyond the model's columns before its residuals mean anything."""
 
@@ -78,12 +77,12 @@ def _fitted(
 
 def _sensor(name: str, values: FloatArray) -> dict[str, Any]:
     unit = name.rpartition("_")[2]
-    scaled = values * _SCALE.get(unit, 1.0)
+    scaled = values * 1e6 / PER_VOLT[unit] if unit in PER_VOLT else values
     finite = scaled[np.isfinite(scaled)]
     rms = float(np.sqrt(np.mean(finite**2))) if finite.size else None
     return {
         "name": name,
-        "unit": "uV" if unit in _SCALE else unit,
+        "unit": "uV" if unit in PER_VOLT else unit,
         "rms": rms,
         "values": [float(f"{v:.4g}") if np.isfinite(v) else None for v in scaled],
     }
