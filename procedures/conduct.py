@@ -93,13 +93,13 @@ class Conduct:
     """
 
     settle: Settle
-    poll_s: float
-    readings: int
-    repeats: int
-    max_sd_V: float | None
-    faults: FaultSettings
-    warnings: WarningSettings
-    hold_max_s: float
+    poll_s: float = 0.5
+    readings: int = 10
+    repeats: int = 2
+    max_sd_V: float | None = None
+    faults: FaultSettings = field(default_factory=FaultSettings)
+    warnings: WarningSettings = field(default_factory=WarningSettings)
+    hold_max_s: float = 12 * 3600.0
     environment: EnvironmentSettings | None = None
     max_gap_s: float = float("inf")
     whole_plots: WholePlotConduct | None = None

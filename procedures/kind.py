@@ -1,7 +1,7 @@
-"""A kind of calibration: all that only it knows, behind one protocol. What is the same for every kind asks through it.
+"""A kind of calibration: all that only it knows, behind one class. What is the same for every kind asks through it.
 
-A kind is a folder (here, or a third party's) and an entry point of the group `rig.kinds` that names an object with the
-members of `Kind`:
+A kind is a folder (here, or a third party's) and an entry point of the group `rig.kinds` that names an instance of a
+class made of `Kind` (docs/kinds.md):
 
     [project.entry-points."rig.kinds"]
     pitch-roll = "procedures.attitude.kind:KIND"
@@ -11,6 +11,7 @@ Methods import what they need themselves: few commands need the fitter, and none
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence, Set
 from functools import cache
 from importlib.metadata import entry_points
@@ -35,7 +36,7 @@ from procedures.inference import Inference
 from procedures.precision import Precision
 from procedures.results import Compared, Fitted, Options, Source, Traced
 from procedures.run_list import RunList
-from procedures.settings import WarningSettings
+from procedures.settings import Acceptance, WarningSettings
 from procedures.table import Reader, Table
 from procedures.unused import Unused
 
@@ -66,7 +67,7 @@ class Procedure(Protocol):
         """Early warnings while it runs."""
 
     @property
-    def acceptance(self) -> BaseModel:
+    def acceptance(self) -> Acceptance:
         """When a finished calibration is fit for use."""
 
     @property
@@ -84,41 +85,50 @@ class Procedure(Protocol):
         """Every point of the run, in order."""
 
 
-class Kind(Protocol):
-    """What is asked of a kind."""
+class Kind(ABC):
+    """What is asked of a kind. What is not abstract has an answer for a kind that has nothing to say there."""
 
     @property
+    @abstractmethod
     def name(self) -> str:
         """As procedures and results name it."""
 
     @property
+    @abstractmethod
     def title(self) -> str:
         """What it calibrates, for headings and messages: "attitude sensors"."""
 
     @property
     def settings(self) -> type[BaseModel] | None:
         """The procedure file, whose instances are a `Procedure`; None where nothing of the kind is run on a bench."""
+        return None
 
     @property
     def bench_factors(self) -> Sequence[str]:
         """Factors for which a bench file may say which instrument sets them."""
+        return ()
 
     @property
+    @abstractmethod
     def described(self) -> str:
         """Its tables in one sentence, for who has another."""
 
     @property
     def asked_by(self) -> Set[str]:
         """Options that ask for this kind whatever the table's columns are."""
+        return frozenset()
 
     @property
     def fit_options(self) -> type[Options]:
         """Options of `rig fit` that only it has."""
+        return Options
 
     @property
     def trace_options(self) -> type[Options]:
         """Options of `rig trace` that only it has."""
+        return Options
 
+    @abstractmethod
     def fit(
         self, source: Source, options: Any, *, leave_out: Sequence[str], own: Sequence[Entry], keep: bool
     ) -> Fitted:
@@ -136,19 +146,29 @@ class Kind(Protocol):
 
         """
 
+    @abstractmethod
     def trace(self, source: Source, options: Any, *, own: Sequence[Entry]) -> Traced:
         """Trace what the declared model lacks; arguments and errors as for `fit`."""
 
     @property
     def infer_options(self) -> type[Options]:
         """Options of `rig infer` that only it has."""
+        return Options
 
+    @property
+    def in_use(self) -> str:
+        """How its calibrations are used, a paragraph for the help of `rig infer` that follows `title`."""
+        return ""
+
+    @abstractmethod
     def calibration_of(self, given: Mapping[str, Any]) -> Any:
         """The calibration in what `rig fit --out` wrote. Raises what indexing and converting texts of others raises."""
 
     def notes_of(self, given: Mapping[str, Any]) -> tuple[str, ...]:
         """What is to be said with every use of a calibration file, and is not in the calibration's own notes."""
+        return ()
 
+    @abstractmethod
     def infer(self, calibration: Any, read: Reader, options: Any, other: Callable[[Path], Reader]) -> Inference:
         """Infer what a calibration is of.
 
@@ -165,9 +185,11 @@ class Kind(Protocol):
 
     def confirming(self, traced: Any) -> Confirming | None:
         """A run that it traced, as the first of two; None where no further run can be made."""
+        return None
 
     def charting(self) -> Charting:
-        """Control charts of its sensors."""
+        """Control charts of its sensors. Raises `DataError` where none are made."""
+        raise DataError(f"control charts are not made of {self.title}")
 
     def expecting(self, calibration: Any) -> Expecting:
         """What a calibration, as `calibration_of` gives it, expects the sensors of a bench to read.
@@ -176,6 +198,7 @@ class Kind(Protocol):
             FitError: it says nothing of a bench.
 
         """
+        raise FitError(f"a calibration of {self.title} does not say what the sensors of a bench should read")
 
     def model_columns(self, columns: Columns, declared: Mapping[str, Any]) -> FloatArray | None:
         """What the outputs are combinations of in the declared model, for residuals of a run that is going on.
@@ -188,22 +211,27 @@ class Kind(Protocol):
             (n, k); None where the quantities are those of another kind of run.
 
         """
+        return None
 
     def unused(self, table: Table) -> Unused:
         """Columns of a table that fits and traces do not look at."""
+        return Unused()
 
     @property
     def own_effects(self) -> Grammar | None:
         """How a laboratory writes effects of its own; None where it cannot."""
+        return None
 
     def recognises(self, columns: Collection[str]) -> bool:
-        """Whether a table with these columns is of this kind."""
+        """Whether a table that does not say of which kind it is, is of this one by its columns."""
+        return False
 
-    def check_design(self, procedure: Any, run_list: RunList) -> None:
+    def check_design(self, procedure: Any, run_list: RunList) -> None:  # noqa: B027 - most refuse none
         """Refuse a design that cannot estimate what the procedure declares. Raises `FitError`."""
 
     def precision(self, procedure: Any, run_list: RunList) -> Precision:
         """Predicted precision of the calibration. Raises `FitError` where the design does not determine the model."""
+        return Precision()
 
     def advice(self, procedure: Any, axes: Sequence[str], usage_deg: float | None) -> Sequence[Advice]:
         """Recommendations held against a procedure, for sensors along these axes.
@@ -212,6 +240,9 @@ class Kind(Protocol):
             FitError: a range of usage is given, and this kind knows of none.
 
         """
+        if usage_deg is not None:
+            raise FitError(f"--usage says nothing of {self.title}, kind {self.name}")
+        return ()
 
     def compare(
         self,
@@ -234,9 +265,11 @@ class Kind(Protocol):
             DataError: this kind does not compare designs.
 
         """
+        raise DataError(f"procedures of kind {self.name} are not compared")
 
     def judge(self, procedure: Any, table: Table) -> Sequence[Verdict]:
         """Every sensor of a complete run against the procedure's limit; none without one. Raises `DataError`."""
+        return ()
 
     def further_runs(self, procedure: Any, limits: Limits, *, chamber: bool) -> Iterator[Variation]:
         """Runs to follow a procedure, grouped by what they change, each group from the smallest to the largest.
@@ -247,6 +280,7 @@ class Kind(Protocol):
             chamber: whether the bench holds the sensors' temperature.
 
         """
+        return iter(())
 
 
 @cache
@@ -277,12 +311,17 @@ def kind_of(procedure: Procedure) -> Kind:
 
 
 def kind_of_table(table: Table) -> Kind | None:
-    """The kind that a table's columns are of; None where no kind knows them.
+    """The kind that a table says it is of, or that knows its columns; None where no kind does.
 
     Raises:
-        DataError: several kinds know them.
+        DataError: several kinds know the columns, or the kind that the table names is not installed.
 
     """
+    if table.kind:
+        if table.kind not in kinds():
+            names = ", ".join(kinds())
+            raise DataError(f"{table.source} is of kind {table.kind!r:.80}, which is not installed; there are {names}")
+        return kinds()[table.kind]
     found = [kind for kind in kinds().values() if kind.recognises(table.columns.keys())]
     if len(found) > 1:
         what = " and of ".join(kind.title for kind in found)

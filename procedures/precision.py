@@ -12,7 +12,7 @@ class Precision:
     """Predicted precision as a table.
 
     Attributes:
-        columns: headings, units included.
+        columns: headings, units included; () where nothing is predicted.
         rows: JSON-ready, one a line.
         cells: the same as text.
         assuming: what it stands on, a sentence.
@@ -20,8 +20,8 @@ class Precision:
 
     """
 
-    columns: tuple[str, ...]
-    rows: Sequence[Mapping[str, Any]]
-    cells: Sequence[tuple[str, ...]]
-    assuming: str
+    columns: tuple[str, ...] = ()
+    rows: Sequence[Mapping[str, Any]] = ()
+    cells: Sequence[tuple[str, ...]] = ()
+    assuming: str = ""
     further: tuple[str, ...] = ()

@@ -39,6 +39,15 @@ class Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
+class Acceptance(Strict):
+    """When a finished calibration is fit for use: limits, None where none is set."""
+
+    @property
+    def limited(self) -> bool:
+        """Whether any limit is set."""
+        return any(getattr(self, name) is not None for name in type(self).model_fields)
+
+
 class WarningSettings(Strict):
     """Early warnings about the sensors while a run goes on. They never stop it by themselves."""
 

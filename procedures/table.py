@@ -10,6 +10,9 @@ import numpy as np
 
 from fitter.arrays import IntArray
 
+Columns = Mapping[str, np.ndarray[Any, np.dtype[np.float64]]]
+SENSOR_TEMPERATURE = "sensor_temperature_degC"
+
 UNITS = {
     "elapsed": "s",
     "pitch": "deg",
@@ -35,11 +38,12 @@ class Table:
         text: columns that hold something else than numbers, for tables of any kind.
         gaps: columns that are not here because values are missing, and the first row of the file that lacks one.
         rows: number in the file of every row, the line of names being row 1; () where they follow it one by one.
+        kind: of calibration, where the source says so.
 
     """
 
     source: str
-    columns: Mapping[str, np.ndarray[Any, np.dtype[np.float64]]]
+    columns: Columns
     simulated: bool
     provenance: Mapping[str, Any]
     axes: Mapping[str, str] = field(default_factory=dict)
@@ -47,6 +51,7 @@ class Table:
     text: Mapping[str, np.ndarray[Any, np.dtype[np.str_]]] = field(default_factory=dict)
     gaps: Mapping[str, int] = field(default_factory=dict)
     rows: Sequence[int] = ()
+    kind: str = ""
 
     def __len__(self) -> int:
         return len(next(iter(self.columns.values())))

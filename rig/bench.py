@@ -19,6 +19,7 @@ from rig.errors import BenchFault, ConfigurationError
 from rig.guarded import guarded
 from rig.plugins import driver_class
 from rig.protection import STATES
+from rig.quantities import HEAD, PER_VOLT, PRESSURE
 
 if TYPE_CHECKING:
     from drivers.driver import DriverClass
@@ -28,8 +29,6 @@ Role = TypeVar("Role")
 
 _OTHERWISE = 4
 _ASK_AGAIN_S = (1.0, 3.0)
-
-_PER_VOLT = {"V": 1.0, "mV": 1e3}
 
 
 def check_options(config: BenchConfig, where: str, *, strict: bool = True) -> dict[str, BaseModel]:
@@ -85,8 +84,7 @@ def playing(config: BenchConfig, role: type[Any]) -> list[str]:
 
 def _quantities(config: BenchConfig) -> list[str]:
     """What axes of a bench read back, by name with unit."""
-    axes = ["pitch_deg", "roll_deg"] if playing(config, Head) else []
-    return axes + (["pressure_psia"] if playing(config, PressureController) else [])
+    return [*(HEAD if playing(config, Head) else ()), *([PRESSURE] if playing(config, PressureController) else [])]
 
 
 def _refuse_unknown(name: str, known: Sequence[str], message: str) -> None:
@@ -175,7 +173,7 @@ class Bench:
         self.instruments = {name: guarded(name, i, limits) for name, i in self.instruments.items()}
         sensors = {f"{name}_{s.unit}": s for name, s in self.config.sensors.items()}
         self.sensors = {column: (s.reader, s.channel) for column, s in sensors.items()}
-        self.scales = {column: _PER_VOLT[s.unit] for column, s in sensors.items()}
+        self.scales = {column: PER_VOLT[s.unit] for column, s in sensors.items()}
         self.temperatures = {name: (t.reader, t.channel) for name, t in self.config.temperatures.items()}
         self._check_channels()
 

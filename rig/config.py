@@ -49,10 +49,10 @@ class InstrumentConfig(BaseModel):
 
 
 class SensorConfig(_Strict):
-    """One `[sensors.NAME]` table: a sensor under calibration, its output recorded as `NAME_V` or `NAME_mV`."""
+    """One `[sensors.NAME]` table: a sensor under calibration, its output recorded as `NAME_UNIT`."""
 
     axis: Literal["x", "y", "z"] | None = Field(
-        None, description="an attitude sensor's axis of the package; a pressure transducer has none"
+        None, description="nominal axis in the package, for kinds of procedures that ask for it"
     )
     unit: Literal["V", "mV"] = Field("V", description="in which its output is recorded; the reader measures volts")
     reader: str = Field(description="which instrument reads it")
@@ -97,7 +97,8 @@ class BenchConfig(_Strict):
     sensors: dict[Name, SensorConfig] = Field(min_length=1)
     temperatures: dict[Name, TemperatureConfig] = Field(default_factory=dict)
     factors: dict[str, str] = Field(
-        default_factory=dict, description="which instrument sets which factor of a whole-plot procedure"
+        default_factory=dict,
+        description="which instrument sets which factor, for kinds of procedures that leave it to the bench",
     )
     limits: dict[str, tuple[float, float]] = Field(default_factory=dict)
     interlocks: dict[str, InterlockConfig] = Field(default_factory=dict)

@@ -2,8 +2,8 @@
 
 A laboratory adds effects without touching this project, by either or both of
 
-- an installed package with entry points of the group `rig.effects`, each an entry of a kind's catalogue (an `Effect`
-  of `procedures.attitude.effects`, say), or a tuple of them;
+- an installed package with entry points of the group `rig.effects`, each an entry of a kind's catalogue, or a tuple
+  of them;
 - a TOML file named by the environment variable `RIG_EFFECTS` (`fitter/effects/own.py` says how it is written).
 """
 

@@ -8,7 +8,7 @@ from rig.errors import UsageError
 
 
 def example(name: str) -> Path:
-    """Folder of one example ("attitude-lab"). Raises `UsageError` if it is nowhere."""
+    """Folder of one example, by its name. Raises `UsageError` if it is nowhere."""
     package = Path(__file__).parent
     for folder in (package / "examples", package.parent / "examples"):
         if (folder / name).is_dir():

@@ -14,6 +14,7 @@ from typing import Any
 
 from drivers.roles import Chamber, Head, Instrument, PressureController
 from rig.errors import BenchFault
+from rig.quantities import PRESSURE
 
 Limits = Mapping[str, tuple[float, float]]
 
@@ -55,7 +56,7 @@ class _GuardedChamber(_Guarded):
 
 class _GuardedPressure(_Guarded):
     def set_pressure(self, psia: float) -> None:
-        self._check("pressure_psia", psia)
+        self._check(PRESSURE, psia)
         self._guarded.set_pressure(psia)
 
 

@@ -11,8 +11,7 @@ from rig.config import BenchConfig
 from rig.engine.guard import Guard
 from rig.engine.whole_plots import renewal
 from rig.errors import ConfigurationError
-
-ATMOSPHERE_PSIA = 14.7
+from rig.quantities import ATMOSPHERE_PSIA
 
 
 def check_match(config: BenchConfig, procedure: Procedure, run_list: RunList, where: str) -> None:

@@ -6,6 +6,8 @@ from typing import Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from rig.quantities import HEAD, PRESSURE
+
 STATES = {"alarms": "empty", "running": "flag", "temperature_degC": "number", "setpoint_degC": "number"}
 """What can be watched of a chamber, and of which kind it is."""
 
@@ -23,7 +25,7 @@ class InterlockConfig(_Strict):
     watch: str = Field(
         min_length=1,
         description="CHAMBER.alarms, CHAMBER.running, CHAMBER.temperature_degC, CHAMBER.setpoint_degC; an axis "
-        "readback (pitch_deg, roll_deg, pressure_psia); or a temperature column",
+        f"readback ({', '.join((*HEAD, PRESSURE))}); or a temperature column",
     )
     within: tuple[float, float] | None = Field(None, description="a number must be in here, ends included")
     must_be: bool | None = Field(None, description="CHAMBER.running must be this")

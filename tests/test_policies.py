@@ -15,9 +15,8 @@ from ideal_pressure_bench import EACH, IN_ALL, PressureBench
 
 from drivers.errors import BadReply, InstrumentError, NoReply, Unreachable
 from drivers.roles import ChamberState, Identity
-from procedures.attitude.faults import PitchRollFaults
 from procedures.attitude.settings import PitchRollProcedure
-from procedures.faults import Step, step_at
+from procedures.faults import HeadFaults, Step, step_at
 from procedures.pressure.faults import WholePlotFaults
 from procedures.words import incomplete
 from rig.bench import check_options, open_bench
@@ -79,15 +78,15 @@ def test_a_policy_of_one_word_is_the_last_step_after_the_retries_as_it_always_wa
 
 
 def test_steps_are_taken_one_after_the_other():
-    plan = PitchRollFaults(no_reply=["retry 2", "re-home", "skip"]).plan("no_reply")
+    plan = HeadFaults(no_reply=["retry 2", "re-home", "skip"]).plan("no_reply")
     assert [step_at(plan, n) for n in range(1, 6)] == [
         ("retry", 1), ("retry", 2), ("re-home", 1), ("skip", 1), ("skip", 1),
     ]  # fmt: skip
-    assert step_at(PitchRollFaults(no_reply=["retry 1"]).plan("no_reply"), 2) == ("abort", 1), "nothing else ends it"
+    assert step_at(HeadFaults(no_reply=["retry 1"]).plan("no_reply"), 2) == ("abort", 1), "nothing else ends it"
 
 
 def test_by_default_a_cable_that_was_loose_for_minutes_is_waited_for_with_growing_pauses():
-    faults = PitchRollFaults()
+    faults = HeadFaults()
     pauses = [faults.pause(n) for n in range(1, 12)]
     assert pauses == sorted(pauses)
     assert pauses[-1] == faults.pause_max_s

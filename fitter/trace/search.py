@@ -15,12 +15,8 @@ MOST = 16
 ROUNDS = 3
 
 
-class Judge(Protocol):
+class Searched(Protocol):
     """What a search asks of a run, whatever its strata are. Candidates are known by index."""
-
-    @property
-    def candidates(self) -> Sequence[Named]:
-        """All there are, in catalogue order."""
 
     def unit(self, j: int) -> tuple[int, ...]:
         """Candidates that come and go together, `j` among them: sine and cosine of one frequency."""
@@ -31,17 +27,26 @@ class Judge(Protocol):
     def p_adjusted(self, chosen: tuple[int, ...], j: int) -> float:
         """Probability that the best of the family looks as good as `j`'s unit beside the other `chosen` by chance."""
 
-    def rivals(self, chosen: tuple[int, ...], effect: str) -> tuple[Rival, ...]:
-        """All explanations of what the terms of `effect` among `chosen` explain, best first."""
-
-    def refined(self: J, chosen: tuple[int, ...]) -> J:
+    def refined(self: S, chosen: tuple[int, ...]) -> S:
         """The judge with the searched constants of what is `chosen` placed more closely."""
 
 
+class Judge(Searched, Protocol):
+    """What it takes to name what a search found."""
+
+    @property
+    def candidates(self) -> Sequence[Named]:
+        """All there are, in catalogue order."""
+
+    def rivals(self, chosen: tuple[int, ...], effect: str) -> tuple[Rival, ...]:
+        """All explanations of what the terms of `effect` among `chosen` explain, best first."""
+
+
+S = TypeVar("S", bound=Searched)
 J = TypeVar("J", bound=Judge)
 
 
-def search(judge: J, start: tuple[int, ...] = ()) -> tuple[J, tuple[int, ...]]:
+def search(judge: S, start: tuple[int, ...] = ()) -> tuple[S, tuple[int, ...]]:
     """Indices of the candidates that belong in the model, in the order found, from `start` on."""
     chosen, seen = start, {frozenset(start)}
     while len(chosen) < MOST:
@@ -56,7 +61,7 @@ def search(judge: J, start: tuple[int, ...] = ()) -> tuple[J, tuple[int, ...]]:
     return judge, chosen
 
 
-def prune(judge: Judge, chosen: tuple[int, ...], level: float = ALPHA) -> tuple[int, ...]:
+def prune(judge: Searched, chosen: tuple[int, ...], level: float = ALPHA) -> tuple[int, ...]:
     """`chosen` without the units whose p beside the others is above a level, the weakest dropped first."""
     while chosen:
         units = list(dict.fromkeys(tuple(k for k in judge.unit(j) if k in chosen) for j in chosen))

@@ -20,6 +20,7 @@ from procedures.errors import DataError
 from procedures.expected import Columns, Expecting
 from procedures.further_runs import Limits, Variation
 from procedures.inference import Inference
+from procedures.kind import Kind
 from procedures.precision import Precision
 from procedures.results import Compared, Fitted, Source, Traced
 from procedures.run_list import RunList
@@ -31,16 +32,22 @@ if TYPE_CHECKING:
     from procedures.attitude.infer import AttitudeCalibration
 
 
-class AttitudeKind:
+class AttitudeKind(Kind):
     """Inertial attitude sensors on a dividing head. See `procedures.kind.Kind`."""
 
     name = "pitch-roll"
     title = "attitude sensors"
     settings = PitchRollProcedure
     fit_options, trace_options, infer_options = FitOptions, TraceOptions, InferOptions
-    bench_factors: tuple[str, ...] = ()
-    asked_by: frozenset[str] = frozenset()
     described = "a pitch-roll table has replicate,order,elapsed_s,pitch_deg,roll_deg,sensor_temperature_degC and NAME_V"
+    in_use = (
+        "the columns of the calibrated sensors (x_V, y_V, z_V), and the sensor temperature where the calibration "
+        "has it in. A single sensor needs roll that was measured otherwise: `rig infer package.json x-only.csv "
+        "--sensors x_V --roll roll_deg --roll-sd 0.05 --out pitch.csv`. Where an angle is undetermined it is left "
+        "open, with the reason in `flag`. Some packages have two attitudes for the same outputs; rows where --near "
+        "decided are marked in a column `assumed`: `rig infer package.json upside-down.csv --near 0 180 --out "
+        "angles.csv`"
+    )
 
     @cached_property
     def own_effects(self) -> Grammar:
@@ -96,10 +103,6 @@ class AttitudeKind:
 
         return AttitudeCalibration.from_dict(given["calibration"])
 
-    def notes_of(self, given: Mapping[str, Any]) -> tuple[str, ...]:
-        """The calibration's own notes have all of them."""
-        return ()
-
     def infer(
         self, calibration: AttitudeCalibration, read: Reader, options: InferOptions, other: Callable[[Path], Reader]
     ) -> Inference:
@@ -145,9 +148,6 @@ class AttitudeKind:
         from procedures.attitude.table import KNOWN, UNIT  # noqa: PLC0415
 
         return unused_in_fit(table, KNOWN, UNIT)
-
-    def check_design(self, procedure: PitchRollProcedure, run_list: RunList) -> None:
-        """Any design will do: `precision` says where it determines nothing."""
 
     def precision(self, procedure: PitchRollProcedure, run_list: RunList) -> Precision:
         """Of a sensor's calibrated output at a few pitch angles."""

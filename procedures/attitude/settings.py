@@ -13,11 +13,11 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from procedures.attitude.designs import Design, fraction, grid, roll_circle, tumble, uniform
-from procedures.attitude.faults import PitchRollFaults
 from procedures.attitude.orders import Visit, random_order, reversed_pass, walk
 from procedures.conduct import Conduct, EnvironmentSettings
+from procedures.faults import HeadFaults
 from procedures.run_list import Factor, Point, RunList, Settle
-from procedures.settings import Name, Positive, Strict, WarningSettings
+from procedures.settings import Acceptance, Name, Positive, Strict, WarningSettings
 
 _PASS_KEPT = 10_000
 """A pass over a larger design than this is not kept for the next replication, but made again."""
@@ -187,7 +187,7 @@ class ModelSettings(Strict):
     temperature: bool = Field(False, description="offset and sensitivity follow the sensor temperature")
 
 
-class AcceptanceSettings(Strict):
+class AcceptanceSettings(Acceptance):
     """When a finished calibration is fit for use; outside it `rig run` ends with exit code 3."""
 
     sigma_E_deg: Positive | None = Field(None, description="largest standard error of the fit")
@@ -213,7 +213,7 @@ class PitchRollProcedure(Strict):
     measure: MeasureSettings = MeasureSettings()
     environment: EnvironmentSettings | None = None
     recovery: RecoverySettings = RecoverySettings()
-    faults: PitchRollFaults = PitchRollFaults()
+    faults: HeadFaults = HeadFaults()
     warnings: WarningSettings = WarningSettings()
     mounting: MountingSettings = MountingSettings()
     model: ModelSettings = ModelSettings()

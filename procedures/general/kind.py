@@ -2,45 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fitter.effects.entry import Entry
 from fitter.errors import FitError
-from procedures.acceptance import Verdict
-from procedures.advice import Advice
 from procedures.charting import Charting
 from procedures.errors import DataError
-from procedures.expected import Columns, Expecting
-from procedures.further_runs import Limits, Variation
 from procedures.general.options import FitOptions, InferOptions, TraceOptions
 from procedures.inference import Inference
-from procedures.precision import Precision
-from procedures.results import Compared, Fitted, Source, Traced
-from procedures.run_list import RunList
-from procedures.table import Reader, Table
-from procedures.unused import Unused
+from procedures.kind import Kind
+from procedures.results import Fitted, Source, Traced
+from procedures.table import Reader
 
 if TYPE_CHECKING:
     from procedures.general.infer import CurveCalibration
 
 
-class GeneralKind:
+class GeneralKind(Kind):
     """A table of anything, with a declared formula. See `procedures.kind.Kind`."""
 
     name = "general"
     title = "any table"
-    settings = None
     fit_options, trace_options, infer_options = FitOptions, TraceOptions, InferOptions
-    bench_factors: tuple[str, ...] = ()
     asked_by = frozenset({"response"})
+    in_use = "the response's column; the fitted curve is inverted where it rises or falls all the way"
     described = "any other table is fitted with --response and --formula"
-    own_effects = None
-
-    def recognises(self, columns: Collection[str]) -> bool:
-        """A table does not say by itself which column is explained: options do."""
-        return False
 
     def fit(
         self, source: Source, options: FitOptions, *, leave_out: Sequence[str], own: Sequence[Entry], keep: bool
@@ -83,10 +71,6 @@ class GeneralKind:
             raise FitError("it was written before tables of any kind could be inferred from; fit the table again")
         return CurveCalibration.from_dict(given["calibration"])
 
-    def notes_of(self, given: Mapping[str, Any]) -> tuple[str, ...]:
-        """As for a calibration with effects that a follow-up run confirmed; there is none."""
-        return ()
-
     def infer(
         self, calibration: CurveCalibration, read: Reader, options: InferOptions, other: Callable[[Path], Reader]
     ) -> Inference:
@@ -95,55 +79,11 @@ class GeneralKind:
 
         return infer_general(calibration, read)
 
-    def confirming(self, traced: Any) -> None:
-        """Nothing of this kind is run on a bench."""
-
     def charting(self) -> Charting:
         """See `Kind`."""
         from procedures.general.charting import CHARTING  # noqa: PLC0415
 
         return CHARTING
-
-    def expecting(self, calibration: CurveCalibration) -> Expecting:
-        """A column of a table is no sensor of a bench."""
-        raise FitError("it is of a table of any kind, which says nothing of what a bench's sensors should read")
-
-    def model_columns(self, columns: Columns, declared: Mapping[str, Any]) -> None:
-        """Nothing of this kind is run on a bench."""
-
-    def unused(self, table: Table) -> Unused:
-        """Fits and traces say it themselves: it depends on the formula."""
-        return Unused()
-
-    def check_design(self, procedure: Any, run_list: RunList) -> None:
-        """Nothing of this kind is run on a bench."""
-
-    def precision(self, procedure: Any, run_list: RunList) -> Precision:
-        """Nothing of this kind is run on a bench."""
-        raise NotImplementedError
-
-    def advice(self, procedure: Any, axes: Sequence[str], usage_deg: float | None) -> Sequence[Advice]:
-        """There is none."""
-        return ()
-
-    def compare(
-        self,
-        procedures: Sequence[Any],
-        names: Sequence[str],
-        axes: Collection[str],
-        usage: float | None,
-        hours: Sequence[float],
-    ) -> Compared:
-        """There is no figure of merit for these."""
-        raise DataError(f"procedures of kind {self.name} are not compared")
-
-    def judge(self, procedure: Any, table: Table) -> Sequence[Verdict]:
-        """No limits are set for it."""
-        return ()
-
-    def further_runs(self, procedure: Any, limits: Limits, *, chamber: bool) -> Iterator[Variation]:
-        """Nothing of this kind is run on a bench."""
-        return iter(())
 
 
 def _names(given: Sequence[str] | None) -> tuple[str, ...]:

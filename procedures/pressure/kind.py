@@ -12,17 +12,16 @@ from fitter.effects.entry import Entry
 from fitter.effects.own import Grammar
 from fitter.errors import FitError
 from procedures.acceptance import Verdict
-from procedures.advice import Advice
 from procedures.charting import Charting
 from procedures.confirming import Confirming
-from procedures.errors import DataError
 from procedures.expected import Columns, Expecting
 from procedures.further_runs import Limits, Variation
 from procedures.inference import Inference
+from procedures.kind import Kind
 from procedures.precision import Precision
 from procedures.pressure.options import FitOptions, InferOptions, TraceOptions
 from procedures.pressure.settings import FACTORS, WholePlotProcedure
-from procedures.results import Compared, Fitted, Source, Traced
+from procedures.results import Fitted, Source, Traced
 from procedures.run_list import RunList
 from procedures.table import Reader, Table
 from procedures.unused import Unused, unused_in_fit
@@ -32,7 +31,7 @@ if TYPE_CHECKING:
     from procedures.pressure.fit import PressureCalibration
 
 
-class PressureKind:
+class PressureKind(Kind):
     """Pressure transducers in temperature whole plots. See `procedures.kind.Kind`."""
 
     name = "whole-plot"
@@ -40,10 +39,18 @@ class PressureKind:
     settings = WholePlotProcedure
     fit_options, trace_options, infer_options = FitOptions, TraceOptions, InferOptions
     bench_factors: tuple[str, ...] = FACTORS
-    asked_by: frozenset[str] = frozenset()
     described = (
         "a whole-plot table has whole_plot,order,elapsed_s,pressure_psia,sensor_temperature_degC,"
         "sse_temperature_degC and NAME_mV"
+    )
+    in_use = (
+        "the output, sensor_temperature_degC and sse_temperature_degC. Reading the zero in vacuum first (in flight, "
+        "before entry) takes out the error that a change of temperature draws again; its own error is in the "
+        "interval: `rig infer calibration.json flight.csv --zero vacuum.csv --out pressures.csv`, or a column "
+        "`vacuum`, 1 for rows read at zero pressure. Intervals hold as long as the temperatures have stood since "
+        "the zero was read: rows at other temperatures are flagged. Values outside the calibrated range are "
+        "flagged, not extrapolated. The zero is compared with the calibration: one that is hard to believe is "
+        "flagged in every row. Several zero rows are of one sitting or independent: --zero-rows says which"
     )
 
     @cached_property
@@ -141,23 +148,6 @@ class PressureKind:
             return precision(procedure, run_list)
         except FitError as error:
             raise FitError(f"{error}; or plan a smaller model ([model] formula)") from error
-
-    def advice(self, procedure: WholePlotProcedure, axes: Sequence[str], usage_deg: float | None) -> Sequence[Advice]:
-        """The paper has no recommendations."""
-        if usage_deg is not None:
-            raise FitError(f"--usage is for attitude sensors; this procedure is of kind {self.name}")
-        return ()
-
-    def compare(
-        self,
-        procedures: Sequence[Any],
-        names: Sequence[str],
-        axes: Collection[str],
-        usage: float | None,
-        hours: Sequence[float],
-    ) -> Compared:
-        """There is no figure of merit for these."""
-        raise DataError(f"procedures of kind {self.name} are not compared")
 
     def judge(self, procedure: WholePlotProcedure, table: Table) -> Sequence[Verdict]:
         """See `Kind`."""

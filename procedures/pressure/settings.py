@@ -18,7 +18,7 @@ from procedures.conduct import Conduct, SoakSettings, WholePlotConduct
 from procedures.pressure.central_composite import spherical
 from procedures.pressure.faults import WholePlotFaults
 from procedures.run_list import Factor, Point, RunList, Settle
-from procedures.settings import Name, Positive, Strict, WarningSettings
+from procedures.settings import Acceptance, Name, Positive, Strict, WarningSettings
 
 PRESSURE, SENSOR, SSE = "pressure_psia", "sensor_temperature_degC", "sse_temperature_degC"
 
@@ -173,7 +173,7 @@ def declared_model(formula: str | None, expected: str | None) -> str:
     return formula or expected or FULL
 
 
-class WholePlotAcceptance(Strict):
+class WholePlotAcceptance(Acceptance):
     """When a finished calibration is fit for use; outside it `rig run` ends with exit code 3."""
 
     reading_error_pct: Positive | None = Field(
@@ -181,6 +181,11 @@ class WholePlotAcceptance(Strict):
         description="largest reading error in use with in-flight zero + WLS, the zero's own error in it",
     )
     at_psia: Pressure = Field(0.12, description="at this pressure")
+
+    @property
+    def limited(self) -> bool:
+        """Whether a limit is set; the pressure is none."""
+        return self.reading_error_pct is not None
 
 
 def square_of_pressure(given: Mapping[str, float]) -> tuple[float, ...]:

@@ -36,8 +36,7 @@ class Acceptance:
     @classmethod
     def of(cls, procedure: Procedure, run_file: Path) -> Acceptance:
         """Of a complete run by the limits of a procedure. Nothing that fits is loaded where there are none."""
-        limits = procedure.acceptance.model_dump(exclude={"at_psia"})
-        if all(limit is None for limit in limits.values()):
+        if not procedure.acceptance.limited:
             return cls()
         from rig.acceptance import judge  # noqa: PLC0415
 

@@ -42,7 +42,10 @@ def chart(
     usage: Annotated[
         float | None,
         typer.Option(
-            min=0.1, max=180, help="attitude: pitch they are used in, +- deg", show_default="as calibrated last"
+            min=0.1,
+            max=180,
+            help="range they are used in, +- deg, for kinds that know one",
+            show_default="as calibrated last",
         ),
     ] = None,
     sensor: Annotated[

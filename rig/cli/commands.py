@@ -68,7 +68,7 @@ COMMANDS = {
     "infer": Entry(
         _DATA,
         "rig.cli.infer",
-        "Infer pitch and roll, pressure, or the abscissa of a curve from outputs, with 95 % intervals.",
+        "Infer from outputs what their sensors were calibrated for, with 95 % intervals.",
     ),
     "export": Entry(_DATA, "rig.cli.export", "Write a run's observations as CSV, units in the column names."),
     "chart": Entry(

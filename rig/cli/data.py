@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 from rich.markup import escape
 
+from procedures.kind import Kind
 from procedures.results import Fitted, Page, Traced
 from rig.atomic import check_files, write_whole
 from rig.cli import app
@@ -117,16 +118,16 @@ def trace(
     if as_json:
         print_json(result)
     else:
-        show_trace(traced)
+        _show_trace(kind, traced)
     show_unused(result["unused"])
     return ExitCode.DONE
 
 
-def show_trace(traced: Traced) -> None:
+def _show_trace(kind: Kind, traced: Traced) -> None:
     """Show what was found, and how to confirm it where a run can be made."""
     show(traced.blocks(), out)
     found = any(finding.kind == "effect" for outcome in traced.outcomes for finding in outcome.findings)
-    if found and "run_id" in traced.table.provenance:
+    if found and "run_id" in traced.table.provenance and kind.confirming(traced) is not None:
         out.print(
             f"\nto confirm what was found by a further run: rig confirm {escape(traced.table.source)} --list",
             soft_wrap=True,

@@ -20,10 +20,17 @@ Choose = Callable[[Kind], type[Options]]
 """The options of a command that a kind declares."""
 
 
-def with_options_of_kinds(choose: Choose) -> Callable[[Command], Command]:
+def with_options_of_kinds(
+    choose: Choose, told: Callable[[Kind], str] = lambda kind: ""
+) -> Callable[[Command], Command]:
     """A command whose last parameter, `given`, takes the options that kinds declare: by name, those that were given.
 
     Each stands in the help under the heading of its kind; one that several kinds have is one option.
+
+    Args:
+        choose: the options of the command that a kind declares.
+        told: what the help says of a kind besides; "" for nothing.
+
     """
 
     def decorate(command: Command) -> Command:
@@ -42,7 +49,9 @@ def with_options_of_kinds(choose: Choose) -> Callable[[Command], Command]:
         added = [_parameter(name, owners) for name, owners in fields.items()]
         wrapper.__signature__ = signature.replace(parameters=[*kept, *added])  # type: ignore[attr-defined]
         wrapper.__annotations__ = {p.name: p.annotation for p in (*kept, *added)}
-        wrapper.__name__, wrapper.__doc__ = command.__name__, command.__doc__
+        wrapper.__name__ = command.__name__
+        words = [f"{kind.title.capitalize()}: {text}" for kind in kinds().values() if (text := told(kind))]
+        wrapper.__doc__ = "\n\n".join([inspect.cleandoc(command.__doc__ or ""), *words])
         return wrapper  # type: ignore[return-value]
 
     return decorate

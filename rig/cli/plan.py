@@ -16,6 +16,7 @@ from drivers.roles import Chamber
 from fitter.errors import FitError
 from procedures.durations import duration
 from procedures.kind import kind_of
+from procedures.precision import Precision
 from rig.cli import app
 from rig.cli.run import BenchOption, JsonOption, ProcedureArgument
 from rig.cli.show import out, print_json, run_progress
@@ -35,17 +36,20 @@ def plan(
     compare: Annotated[
         list[Path] | None,
         typer.Option(
-            help="put other pitch-roll procedures beside it and recommend one; repeatable", show_default=False
+            help="put other procedures of its kind beside it and recommend one; repeatable", show_default=False
         ),
     ] = None,
     usage: Annotated[
         float | None,
         typer.Option(
-            min=0.1, max=180, help="pitch range the sensors will be used in, +- deg", show_default="usage.pitch_deg"
+            min=0.1,
+            max=180,
+            help="range the sensors will be used in, +- deg, for kinds that know one",
+            show_default="of the procedure",
         ),
     ] = None,
     plot: Annotated[
-        Path | None, typer.Option(help="with --compare: a PNG of precision over pitch", show_default=False)
+        Path | None, typer.Option(help="with --compare: a PNG of precision over the range of use", show_default=False)
     ] = None,
 ) -> int:
     """Answer the evening question: how many points, done when and how sure, how precise, is anything in the way?
@@ -125,13 +129,7 @@ def plan(
     )
     for line in forecast.assumed:
         out.print(f"  {line}", soft_wrap=True)
-    table = Table(*precise.columns, title="Predicted precision", title_justify="left")
-    for row in precise.cells:
-        table.add_row(*row)
-    out.print(table)
-    for line in precise.further:
-        out.print(f"  {line}", soft_wrap=True)
-    out.print(f"  ({precise.assuming})", soft_wrap=True)
+    _show_precision(precise)
     _show_advice(advice)
     for name, (low, high) in reach.items():
         allowed = limits.get(name)
@@ -159,6 +157,18 @@ def _advice(planned: Plan, usage_deg: float | None) -> list[dict[str, Any]]:
         {"number": a.number, "recommendation": a.recommendation, "holds": a.holds, "sentence": a.sentence}
         for a in advice
     ]
+
+
+def _show_precision(precise: Precision) -> None:
+    if precise.columns:
+        table = Table(*precise.columns, title="Predicted precision", title_justify="left")
+        for row in precise.cells:
+            table.add_row(*row)
+        out.print(table)
+    for line in precise.further:
+        out.print(f"  {line}", soft_wrap=True)
+    if precise.assuming:
+        out.print(f"  ({precise.assuming})", soft_wrap=True)
 
 
 def _show_advice(advice: Sequence[Mapping[str, Any]]) -> None:

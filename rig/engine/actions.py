@@ -21,6 +21,7 @@ from rig.engine.guard import Guard
 from rig.engine.measuring import Observation, assemble
 from rig.engine.motion import Arrival, Leg, arrived
 from rig.engine.settling import Criteria, Settling
+from rig.quantities import PRESSURE
 
 _HOMING_TIMEOUT_S = 900.0
 _INTERLOCK_S = 60.0
@@ -209,7 +210,7 @@ class BenchActions:
             readings = self.axes()
             for axis, target in leg.items():
                 reading = readings[axis]
-                reading.check(axis, controlled=reading.quantity != "pressure_psia", homed=True)
+                reading.check(axis, controlled=reading.quantity != PRESSURE, homed=True)
                 self._guard.check_command(reading.quantity, target)
             start = {axis: reading.value for axis, reading in readings.items()}
             for axis in leg:

@@ -15,6 +15,7 @@ from drivers.roles import Chamber, Head, PressureController, Referenced
 from procedures.run_list import Factor, RunList
 from rig.bench import Bench
 from rig.engine.faults import DriveFault, NotHomed, SupplyFailure
+from rig.quantities import HEAD_AXES, PRESSURE
 
 
 @dataclass(frozen=True)
@@ -22,7 +23,7 @@ class AxisReading:
     """One axis at one moment.
 
     Attributes:
-        quantity: name with its unit, as in limits and tables ("pitch_deg").
+        quantity: name with its unit, as in limits and tables.
         value: readback, in that unit.
         moving: still under way to its target.
         homed: what it reads can be trusted since power-on.
@@ -53,7 +54,7 @@ class AxisReading:
             NotHomed: its zero is not known.
 
         """
-        pressure = self.quantity == "pressure_psia"
+        pressure = self.quantity == PRESSURE
         if self.fault:
             raise (SupplyFailure if pressure else DriveFault)(axis, 0, self.fault)
         if controlled and not self.enabled:
@@ -152,7 +153,7 @@ class PressureMover:
         """See `Mover`."""
         s = self._controller.read()
         moving = s.venting or (s.controlling and not s.in_limits)
-        reading = AxisReading("pressure_psia", s.pressure_psia, moving, True, s.controlling, "; ".join(s.faults))
+        reading = AxisReading(PRESSURE, s.pressure_psia, moving, True, s.controlling, "; ".join(s.faults))
         return {"pressure": reading}
 
     def go(self, targets: Mapping[str, float]) -> None:
@@ -224,10 +225,10 @@ class Axes:
 def axes_of(bench: Bench, factors: Sequence[Factor]) -> Axes:
     """What moves these factors on a bench. Raises `ConfigurationError` where nothing does."""
     movers: list[Mover] = []
-    if any(f.axis in ("pitch", "roll") for f in factors):
+    if any(f.axis in HEAD_AXES for f in factors):
         movers.append(HeadMover(bench.head))
     if any(f.axis == "pressure" for f in factors):
-        movers.append(PressureMover(bench.setting("pressure_psia", PressureController)[1]))
+        movers.append(PressureMover(bench.setting(PRESSURE, PressureController)[1]))
     return Axes(movers)
 
 

@@ -19,6 +19,7 @@ from procedures.conduct import Conduct
 from procedures.run_list import Point, RunList
 from rig.engine.response_test import ResponseTest, Row
 from rig.engine.warning_tests import ALARM, NoiseTest, Number, PreviousTest, RepeatTest, StillTest
+from rig.quantities import PER_VOLT
 from rig.run_file.chain import Record
 from rig.run_file.events.bench import Warned
 from rig.run_file.reader import RunReader
@@ -176,13 +177,13 @@ class EarlyWarnings:
 
 def in_unit(unit: str, value: float) -> str:
     """A value for people: "-34 uV" of -3.4e-5 V."""
-    volts = {"V": 1.0, "mV": 1e-3}.get(unit)
-    if volts is None:
+    if unit not in PER_VOLT:
         return f"{value:.3g} {unit}"
-    for name, scale in (("V", 1.0), ("mV", 1e-3)):
-        if abs(value) * volts >= 0.5 * scale:
-            return f"{value * volts / scale:.4g} {name}"
-    return f"{value * volts * 1e6:.3g} uV"
+    volts = value / PER_VOLT[unit]
+    for name, per_volt in PER_VOLT.items():
+        if abs(volts) * per_volt >= 0.5:
+            return f"{volts * per_volt:.4g} {name}"
+    return f"{volts * 1e6:.3g} uV"
 
 
 def warnings_of(run: RunReader) -> Iterator[tuple[Record, Warned]]:

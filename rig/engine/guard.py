@@ -17,6 +17,7 @@ from rig.engine.faults import LimitViolation
 from rig.engine.interlocks import Interlocks
 from rig.errors import ConfigurationError
 from rig.protection import InterlockConfig
+from rig.quantities import PRESSURE
 
 _READBACK_MARGIN = 0.05
 """A readback may pass a limit by this much, degrees or psi, while an axis rests against it."""
@@ -35,7 +36,7 @@ class Guard:
     """Refuses what the bench file forbids.
 
     Args:
-        limits: (low, high) by quantity, named with its unit: "pitch_deg", "enclosure_degC".
+        limits: (low, high) by quantity, named with its unit: "enclosure_degC".
         factors: which instrument sets a factor; a chamber's limits are those of the temperature it sets.
         interlocks: what must hold besides, by name.
         now: bench time, by which rates and durations are counted.
@@ -114,7 +115,7 @@ class Guard:
             if not low - _READBACK_MARGIN <= reading.value <= high + _READBACK_MARGIN:
                 unit = reading.quantity.rpartition("_")[2]
                 raise LimitViolation(f"{axis} is at {reading.value:g} {unit}, outside {low:g} to {high:g}")
-            if reading.quantity == "pressure_psia":
+            if reading.quantity == PRESSURE:
                 self._check_rate(axis, "pressure_psi_per_s", reading.value)
             self._interlocks.check(reading.quantity, reading.value)
 

@@ -52,7 +52,7 @@ class Observation:
     Attributes:
         outputs: by column name, `x_V`, in the column's unit.
         temperatures: by column name, `sensor_temperature_degC`.
-        references: what the sensors were calibrated against, read meanwhile: by column name, `pressure_psia`.
+        references: what the sensors were calibrated against, read meanwhile: by column name.
         flags: what a reader of the data should know of it ("noisy").
 
     """

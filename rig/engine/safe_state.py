@@ -13,6 +13,7 @@ from drivers.clock import Clock
 from drivers.roles import Chamber, Head, Instrument, PressureController, Reader
 from rig.bench import Bench
 from rig.protection import SafetyConfig
+from rig.quantities import PRESSURE
 from rig.run_file.events.bench import MadeSafe
 
 _POLL_S = 0.5
@@ -111,7 +112,7 @@ class _PressureController(_Task):
 
     def _read_back(self, last: bool) -> str:
         state = self._instrument.read()
-        self.found |= {"pressure_psia": state.pressure_psia, "controlling": state.controlling}
+        self.found |= {PRESSURE: state.pressure_psia, "controlling": state.controlling}
         self._watch_slew(state.pressure_psia)
         if self._venting:
             if state.venting and not last:

@@ -66,6 +66,11 @@ class Stored:
         return name in self._values
 
 
+def kind_of_run(documents: Mapping[str, str]) -> str:
+    """The kind of calibration that its procedure names; "" where there is none."""
+    return Stored.of(documents, "procedure.toml").text("kind")
+
+
 def declared_model(documents: Mapping[str, str]) -> dict[str, Any]:
     """The model that the procedure declares: `formula`, None where it has none, and `temperature`."""
     procedure = Stored.of(documents, "procedure.toml")

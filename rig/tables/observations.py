@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -12,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from procedures.run_list import RunList
-from procedures.table import Table
+from procedures.table import SENSOR_TEMPERATURE, Columns, Table
 from rig.errors import RunFileError
 from rig.run_file.bodies import ContentsError
 from rig.run_file.chain import Record
-from rig.run_file.documents import Stored, declared_model, mounting_of
+from rig.run_file.documents import Stored, declared_model, kind_of_run, mounting_of
 from rig.run_file.events.points import Observed, Skipped, WholePlotLost
 from rig.run_file.events.sessions import Ended, Identified, SessionBegan
 from rig.run_file.reader import RunReader
@@ -100,14 +101,20 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False) ->
         **({"left_out_in_doubt": left_out} if left_out else {}),
         **({"observations_rejected": rejected} if rejected else {}),
     }
-    if "sensor_temperature_degC" not in columns:  # a bench may call the package's temperature by another name
-        for name, entry in bench.table("temperatures").tables():
-            if entry.text("place", "package") == "package" and name in columns:
-                columns = {"sensor_temperature_degC": columns[name], **columns}
-                break
     sensors = bench.table("sensors").tables()
     axes_of = {f"{name}_{s.text('unit', 'V')}": s.text("axis") for name, s in sensors if "axis" in s}
-    return Table(str(path), columns, run.simulated, provenance, axes_of, declared_model(documents))
+    about = Table(str(path), _package_temperature(columns, bench), run.simulated, provenance, axes_of)
+    return replace(about, declared=declared_model(documents), kind=kind_of_run(documents))
+
+
+def _package_temperature(columns: Columns, bench: Stored) -> Columns:
+    """With the package's temperature under the name that tables have for it; a bench may call it otherwise."""
+    if SENSOR_TEMPERATURE in columns:
+        return columns
+    for name, entry in bench.table("temperatures").tables():
+        if entry.text("place", "package") == "package" and name in columns:
+            return {SENSOR_TEMPERATURE: columns[name], **columns}
+    return columns
 
 
 def _operators(reader: RunReader) -> list[str]:
@@ -164,7 +171,7 @@ def _utc(seconds: float) -> str:
 def _row(record: Record, run_list: RunList, order: int, factors: Mapping[str, str]) -> dict[str, float]:
     """One observation as a row: where, when, how approached, what was read.
 
-    A factor whose value was measured is a column with that value, and one with its setpoint ("pressure_set_psia").
+    A factor whose value was measured is a column with that value, and one with its setpoint (`Factor.set_name`).
 
     Args:
         record: the observation.

@@ -13,13 +13,13 @@ from drivers.wires.addresses import CanAddress, parse_address
 from rig.bench import check_options
 from rig.config import BenchConfig
 from rig.errors import ExitCode, UsageError
+from rig.quantities import ATMOSPHERE_PSIA
 
 WATCHDOG_S = 900.0
 """Without news for so long the controller hangs. The longest that it is silent for a good reason is while a pressure
 line goes to the atmosphere: from 15 psi at 0.2 psi/s about four minutes."""
 
 _VENT_S = 120.0
-_ATMOSPHERE_PSIA = 14.7
 
 FINAL = (
     ExitCode.DONE,
@@ -231,7 +231,7 @@ def patience_s(config: BenchConfig) -> float:
     for options in check_options(config, "bench").values():
         slew, high = getattr(options, "vent_psi_per_s", None), getattr(options, "high_psia", None)
         if slew and high is not None:
-            way = max(_ATMOSPHERE_PSIA, abs(high - _ATMOSPHERE_PSIA))
+            way = max(ATMOSPHERE_PSIA, abs(high - ATMOSPHERE_PSIA))
             longest = max(longest, 1.5 * way / slew + _VENT_S)
     return max(WATCHDOG_S, 2.0 * longest)
 

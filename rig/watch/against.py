@@ -21,8 +21,7 @@ def columns_of(seen: Sequence[Seen]) -> dict[str, FloatArray]:
     }
 
 
-def model_columns(seen: Sequence[Seen], declared: Mapping[str, Any]) -> FloatArray | None:
-    """(n, k) columns of the declared model at these observations; None for a run of no kind we know a model of."""
-    given = columns_of(seen)
-    asked = (kind.model_columns(given, declared) for kind in kinds().values())
-    return next((columns for columns in asked if columns is not None), None)
+def model_columns(seen: Sequence[Seen], kind: str, declared: Mapping[str, Any]) -> FloatArray | None:
+    """(n, k) columns of the declared model of a kind at these observations; None where it has none, or is not known."""
+    known = kinds().get(kind)
+    return None if known is None else known.model_columns(columns_of(seen), declared)

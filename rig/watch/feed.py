@@ -14,7 +14,7 @@ from rig.errors import RigError
 from rig.previous import Previous
 from rig.regular import real_path
 from rig.run_file.chain import Record
-from rig.run_file.documents import declared_model, mounting_of
+from rig.run_file.documents import declared_model, kind_of_run, mounting_of
 from rig.run_file.live import controller_alive, live_path, read_json
 from rig.run_file.state import RunState
 from rig.watch.lines import Lines
@@ -70,6 +70,7 @@ class RunFeed:
         self._factors: tuple[Factor, ...] = ()
         self._whole_plots = 0
         self._about: dict[str, Any] = {}
+        self._kind = ""
         self._declared: Mapping[str, Any] = {}
         self._mounting: Mapping[str, float] = {}
         self._loaded: dict[int, Seen] = {}
@@ -150,7 +151,8 @@ class RunFeed:
     def _begin(self, reader: WatchReader) -> None:
         genesis, documents = reader.genesis(), reader.documents()
         self._factors, self._whole_plots = reader.factors(), reader.planned_whole_plots()
-        self._declared, self._mounting = declared_model(documents), mounting_of(documents)
+        self._kind, self._declared = kind_of_run(documents), declared_model(documents)
+        self._mounting = mounting_of(documents)
         run = reader.about()
         self._about = {
             "run_id": run.run_id,
@@ -239,7 +241,7 @@ class RunFeed:
         }
 
     def _residuals(self, shown: list[Seen]) -> dict[str, Any]:
-        return residuals(shown, self._reference, self._declared, self._mounting)
+        return residuals(shown, self._reference, self._kind, self._declared, self._mounting)
 
 
 def _temperatures(shown: list[Seen]) -> dict[str, Any]:

@@ -9,23 +9,27 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from rig.previous import Previous
+from rig.quantities import PER_VOLT
 from rig.watch.against import columns_of, model_columns
 from rig.watch.reading import Seen
 
-_SCALE = {"V": 1e6, "mV": 1e3}
-"""Outputs in volts or millivolts to microvolts."""
 _SPARE = 6
 """Observations beyond the model's columns before its residuals mean anything."""
 
 
 def residuals(
-    seen: Sequence[Seen], reference: Previous | None, declared: Mapping[str, Any], mounting: Mapping[str, float]
+    seen: Sequence[Seen],
+    reference: Previous | None,
+    kind: str,
+    declared: Mapping[str, Any],
+    mounting: Mapping[str, float],
 ) -> dict[str, Any]:
     """Residuals of every sensor, and what they are residuals of, JSON-ready.
 
     Args:
         seen: the observations to show, in order.
         reference: a previous calibration, if any.
+        kind: of calibration, by name.
         declared: `[model]` of the procedure.
         mounting: how the package is turned.
 
@@ -40,7 +44,7 @@ def residuals(
         why = "" if found or not seen else f"{reference.name} is a calibration of other sensors"
     else:
         against = "the declared model, fitted to the points so far"
-        found, why = _fitted(seen, outputs, declared)
+        found, why = _fitted(seen, outputs, kind, declared)
     return {
         "against": against,
         "why_none": why,
@@ -50,9 +54,9 @@ def residuals(
 
 
 def _fitted(
-    seen: Sequence[Seen], outputs: Mapping[str, FloatArray], declared: Mapping[str, Any]
+    seen: Sequence[Seen], outputs: Mapping[str, FloatArray], kind: str, declared: Mapping[str, Any]
 ) -> tuple[dict[str, FloatArray], str]:
-    columns = model_columns(seen, declared) if seen else None
+    columns = model_columns(seen, kind, declared) if seen else None
     if columns is None:
         return {}, "" if seen else "nothing has been observed yet"
     columns = columns / np.maximum(np.abs(columns).max(axis=0), 1e-300)
@@ -73,12 +77,12 @@ def _fitted(
 
 def _sensor(name: str, values: FloatArray) -> dict[str, Any]:
     unit = name.rpartition("_")[2]
-    scaled = values * _SCALE.get(unit, 1.0)
+    scaled = values * 1e6 / PER_VOLT[unit] if unit in PER_VOLT else values
     finite = scaled[np.isfinite(scaled)]
     rms = float(np.sqrt(np.mean(finite**2))) if finite.size else None
     return {
         "name": name,
-        "unit": "uV" if unit in _SCALE else unit,
+        "unit": "uV" if unit in PER_VOLT else unit,
         "rms": rms,
         "values": [float(f"{v:.4g}") if np.isfinite(v) else None for v in scaled],
     }

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
+from rig.quantities import PER_VOLT
 from rig.run_file.chain import Record
 from rig.run_file.events.event import Event
 from rig.run_file.events.points import Observed
@@ -19,7 +20,6 @@ _MEAN, _SD = 1e-12, 1e-9
 _SURE_BITS = 30.0
 """Readings that repeat those of another observation by chance once in two to this power are not taken for chance."""
 _REMEMBERED = 200_000
-_PER_VOLT = {"V": 1.0, "mV": 1e3}
 
 
 class Readings:
@@ -38,7 +38,7 @@ class Readings:
         self._columns: dict[str, set[str]] = {}
         self._scales: dict[str, float] = {}
         if bench is not None:
-            self._scales = {f"{name}_{s.unit}": _PER_VOLT[s.unit] for name, s in bench.sensors.items()}
+            self._scales = {f"{name}_{s.unit}": PER_VOLT[s.unit] for name, s in bench.sensors.items()}
             self._columns = {"outputs": set(self._scales), "temperatures": set(bench.temperatures)}
 
     def look(self, record: Record, event: Event, _fold: RunState) -> Iterator[str]:

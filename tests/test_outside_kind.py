@@ -1,0 +1,214 @@
+"""A kind of calibration of another package has all that ours have, by the command line."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import outside_package
+import pytest
+from command import in_its_own_process as rig
+
+from rig.run_file.reader import RunReader
+
+PROCEDURE = """
+kind = "acme-tilt"
+name = "level, up and down"
+replications = 6
+readings = 10
+[design]
+pitch_deg = [-2, -1, 0, 1, 2]
+[acceptance]
+sigma_deg = 0.0004
+"""
+WORLD = """
+seed = 7
+[sensors.x]
+offset_V = 0.0123
+sensitivity_V_per_g = 5.02
+noise_V = 25e-6
+coning_deg = 0
+"""
+BACKLASH = "[effects.backlash]\npitch_arcsec = 6\n"
+HALF_V = 5.02 * 6 / 3600 / 57.29578
+"""What six seconds of arc between up and down come to, V."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _outside() -> Iterator[None]:
+    with outside_package.installed():
+        yield
+
+
+def of_one_sensor() -> str:
+    """The bench of the outside instrument with one level sensor on it."""
+    text = re.sub(r"\[sensors\.[yz]\]\n(?:[^\[\n].*\n|\n)*", "", outside_package.bench_text())
+    assert text.count("[sensors.") == 1
+    return text
+
+
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("lab")
+    (folder / "bench.toml").write_text(of_one_sensor())
+    (folder / "level.toml").write_text(PROCEDURE)
+    (folder / "world.toml").write_text(WORLD)
+    (folder / "lagging.toml").write_text(WORLD + BACKLASH)
+    return folder
+
+
+def run(lab: Path, world: str, *more: object) -> subprocess.CompletedProcess[str]:
+    arguments = ("level.toml", "--bench", "bench.toml", "--dry", "--world", world, "--out", "runs")
+    return rig("run", *arguments, *more, cwd=lab)
+
+
+def path_of(done: subprocess.CompletedProcess[str], lab: Path) -> Path:
+    assert done.stdout, done.stderr
+    return lab / done.stdout.splitlines()[0]
+
+
+@pytest.fixture(scope="module")
+def plain(lab: Path) -> Path:
+    """A run with nothing hidden."""
+    done = run(lab, "world.toml")
+    assert done.returncode == 0, done.stderr
+    assert "every sensor is inside acceptance (standard error up to 0.0004 deg)" in done.stderr
+    return path_of(done, lab)
+
+
+@pytest.fixture(scope="module")
+def lagging(lab: Path) -> Path:
+    """A run on a head with backlash, which makes it miss its acceptance, killed at its twentieth point and resumed."""
+    killed = run(lab, "lagging.toml", "--kill-at-point", 20)
+    assert killed.returncode == -signal.SIGKILL, killed.stderr
+    path = path_of(killed, lab)
+    done = rig("resume", path, cwd=lab)
+    assert done.returncode == 3, done.stderr
+    assert "x_V is outside acceptance: standard error" in done.stderr
+    return path
+
+
+def result_of(*arguments: object) -> dict:
+    done = rig(*arguments, "--json")
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def test_nothing_in_the_tree_names_it():
+    root = outside_package.SOURCE.parent.parent
+    folders = ("rig", "drivers", "sims", "procedures", "fitter", "contracts", "proving", "examples", "pyproject.toml")
+    files = [f for folder in folders for f in ([root / folder, *(root / folder).rglob("*")]) if f.is_file()]
+    assert len(files) > 300
+    assert not [f for f in files if f.suffix in (".py", ".toml", ".j2") and b"acme-tilt" in f.read_bytes()]
+
+
+def test_it_is_planned(lab):
+    plan = result_of("plan", lab / "level.toml", "--bench", lab / "bench.toml")
+    assert (plan["points"], plan["replications"], plan["precision"]) == (60, 6, [])
+    assert plan["reach"] == {"pitch_deg": [-3.0, 3.0]}
+    shown = rig("plan", lab / "level.toml", "--bench", lab / "bench.toml")
+    assert shown.returncode == 0, shown.stderr
+    assert "Predicted precision" not in shown.stdout
+
+
+def test_a_design_of_its_own_is_checked_by_its_own_settings(lab, tmp_path):
+    (tmp_path / "two.toml").write_text(PROCEDURE.replace("-2, -1, 0, 1, 2", "0, 1"))
+    done = rig("plan", tmp_path / "two.toml", "--bench", lab / "bench.toml")
+    assert done.returncode == 78
+    assert "design.pitch_deg" in done.stderr
+
+
+def test_status_and_verify_and_acceptance_know_its_run(plain):
+    status = result_of("status", plain)
+    assert status["acceptance"]["inside"] is True
+    assert status["acceptance"]["sensors"]["x_V"]["limit"] == "standard error up to 0.0004 deg"
+    assert rig("verify", plain).returncode == 0
+
+
+def test_a_run_that_was_killed_is_resumed_whole(lagging):
+    with RunReader.open(lagging) as reader:
+        points = [r.run_index for r in reader.records("observation") if r.status == "accepted"]
+    assert sorted(points) == list(range(60))
+    assert rig("verify", lagging).returncode == 0
+
+
+def test_it_is_fitted_and_used(plain, tmp_path):
+    fitted = result_of("fit", plain, "--out", tmp_path / "level.json")
+    sensor = fitted["sensors"]["x_V"]
+    assert fitted["data"]["kind"] == "acme-tilt"
+    for term, true in (("offset", 0.0123), ("slope", 5.02)):
+        found = sensor["coefficients"][term]
+        assert abs(found["estimate"] - true) < 4 * found["stderr"] + 1e-5, (term, found)
+    (tmp_path / "use.csv").write_text(f"x_V\n{0.0123 + 5.02 * 0.0174524:.6f}\n1.0\n")
+    done = rig("infer", tmp_path / "level.json", tmp_path / "use.csv", "--out", tmp_path / "angles.csv", "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["quantities"] == ["pitch_deg"]
+    rows = list(csv.DictReader((tmp_path / "angles.csv").read_text().splitlines()))
+    assert float(rows[0]["pitch_deg_lo95"]) < 1.0 < float(rows[0]["pitch_deg_hi95"])
+    assert [row["flag"] for row in rows] == ["", "outside the calibrated -2 to 2 deg"]
+
+
+def test_nothing_is_added_where_nothing_is_missing(plain):
+    sensor = result_of("trace", plain)["sensors"]["x_V"]
+    assert (sensor["verdict"], sensor["effects"]) == ("nothing to add", [])
+
+
+def test_what_hides_is_traced_and_reported(lagging, tmp_path):
+    sensor = result_of("trace", lagging, "--report", tmp_path / "level.html")["sensors"]["x_V"]
+    assert sensor["verdict"] == "explained"
+    (effect,) = sensor["effects"]
+    assert effect["effect"] == "hysteresis"
+    ((low, high),) = effect["interval_95"]
+    assert low < HALF_V < high or low < -HALF_V < high, effect
+    assert sensor["after"]["sigma_E"] < sensor["before"]["sigma_E"]
+    page = (tmp_path / "level.html").read_text()
+    assert "<h4>hysteresis" in page
+    assert "SIMULATED" in page
+    shown = rig("trace", lagging)
+    assert "hysteresis" in shown.stdout
+    assert "rig confirm" not in shown.stdout, "no further run is made of this kind"
+
+
+def test_what_it_does_not_do_is_said_in_a_line(plain):
+    for command, words in (("confirm", "no further run is made of level sensors"), ("chart", "control charts are not")):
+        done = rig(command, plain, "--list") if command == "confirm" else rig(command, plain, plain)
+        assert done.returncode == 2
+        assert words in done.stderr
+        assert len(done.stderr.splitlines()) == 1
+
+
+def test_its_table_is_exported_and_read_again(plain, tmp_path):
+    assert rig("export", plain, "--out", tmp_path / "level.csv").returncode == 0
+    of_run, of_table = result_of("fit", plain), result_of("fit", tmp_path / "level.csv", "--tilt")
+    for term in ("offset", "slope"):
+        first, second = (one["sensors"]["x_V"]["coefficients"][term]["estimate"] for one in (of_run, of_table))
+        assert first == pytest.approx(second, rel=1e-9)
+    assert "--traced is for attitude sensors" in rig("fit", tmp_path / "level.csv", "--tilt", "--traced").stderr
+
+
+def test_its_options_and_settings_stand_in_help_and_reference():
+    assert "--tilt" in rig("fit", "--help").stdout
+    done = subprocess.run([sys.executable, "-m", "rig.reference"], capture_output=True, text=True, check=True)
+    assert '## procedure.toml, `kind = "acme-tilt"`' in done.stdout
+
+
+def test_the_page_shows_residuals_of_its_model(plain):
+    from procedures.kind import kinds  # noqa: PLC0415
+    from rig.watch.feed import RunFeed  # noqa: PLC0415
+
+    kinds.cache_clear()
+    try:
+        feed = RunFeed(plain, None, lambda: 0.0, lambda: 0.0)
+        feed.refresh()
+        residuals = feed.view()["charts"]["residuals"]
+    finally:
+        kinds.cache_clear()
+    (sensor,) = residuals["sensors"]
+    assert (sensor["name"], sensor["unit"], len(sensor["values"])) == ("x_V", "uV", 60)
+    assert 10 < sensor["rms"] < 40, "of 25 uV noise, less what four readings average"
