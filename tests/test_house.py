@@ -29,6 +29,10 @@ EXCEPTIONS: dict[str, tuple[set[str], str]] = {
     "protection.py": ({"psia"}, _CONTROLLER),
     "quantities.py": ({"pitch", "roll", "psia", "mv"}, "what the roles of instruments set, and units of outputs"),
     "run_file/events/points.py": ({"whole-plot"}, "a status in run files, of runs with hard-to-change factors"),
+    "run_file/sense/instruments.py": (
+        {"psia", "mv"},
+        "units of scanners' outputs, and the role of a pressure controller",
+    ),
     "unattended/service.py": ({"psia"}, _CONTROLLER),
 }
 """Files of rig that have words of kinds, and why they may."""
