@@ -17,12 +17,13 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+from procedures.expected import Previous
 from rig.controller import start_run
 from rig.engine.early_warning import EarlyWarnings, Warned
 from rig.engine.session import Signals
 from rig.examples import example
 from rig.plans import load_plan, plan_of
-from rig.previous import Previous, read_previous
+from rig.previous import read_previous
 from rig.run_file.reader import RunReader
 
 Body = dict[str, Any]

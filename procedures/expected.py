@@ -42,3 +42,21 @@ Expecting = Callable[[Columns, Mapping[str, float]], Mapping[str, Expected]]
 """By output, from quantities and how the procedure turns the package, degrees by "x_deg" and so on; {} where the
 quantities are those of another kind of run.
 """
+
+
+@dataclass(frozen=True, eq=False)
+class Previous:
+    """A previous calibration.
+
+    Attributes:
+        name: of the file it came from.
+        expecting: what it expects, as its kind has it.
+
+    """
+
+    name: str
+    expecting: Expecting
+
+    def expected(self, columns: Columns, mounting: Mapping[str, float]) -> Mapping[str, Expected]:
+        """By output; {} for a run of another kind. `mounting` is the procedure's, how the package is turned."""
+        return self.expecting(columns, mounting)

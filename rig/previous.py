@@ -4,35 +4,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from fitter.errors import FitError
 from procedures.errors import DataError
-from procedures.expected import Columns, Expected, Expecting
+from procedures.expected import Expecting, Previous
 from procedures.kind import kinds
 from rig.errors import UsageError
 from rig.inference import read_calibration
 from rig.regular import read_regular_text
-
-
-@dataclass(frozen=True, eq=False)
-class Previous:
-    """A previous calibration.
-
-    Attributes:
-        name: of the file it came from.
-        expecting: what it expects, as its kind has it.
-
-    """
-
-    name: str
-    expecting: Expecting
-
-    def expected(self, columns: Columns, mounting: Mapping[str, float]) -> Mapping[str, Expected]:
-        """By output; {} for a run of another kind. `mounting` is the procedure's, how the package is turned."""
-        return self.expecting(columns, mounting)
 
 
 def read_previous(path: Path) -> Previous:

@@ -25,7 +25,7 @@ from rig.run_file.events.bench import Warned
 from rig.run_file.reader import RunReader
 
 if TYPE_CHECKING:
-    from rig.previous import Previous
+    from procedures.expected import Previous
 
 _SETTINGS = 400
 """Settings whose first readings are kept for comparison, at most about so many, however long the run."""

@@ -46,7 +46,7 @@ from rig.run_file.state import RunState
 from rig.run_file.writer import RunWriter
 
 if TYPE_CHECKING:
-    from rig.previous import Previous
+    from procedures.expected import Previous
 
 
 class Sequencer:

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from procedures.expected import Previous
 from procedures.run_list import Factor
 from rig.errors import RigError
-from rig.previous import Previous
 from rig.regular import real_path
 from rig.run_file.chain import Record
 from rig.run_file.documents import declared_model, kind_of_run, mounting_of

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from fitter.arrays import FloatArray
-from rig.previous import Previous
+from procedures.expected import Previous
 from rig.quantities import PER_VOLT
 from rig.watch.against import columns_of, model_columns
 from rig.watch.reading import Seen

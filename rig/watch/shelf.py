@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
+from procedures.expected import Previous
 from rig.errors import RigError
-from rig.previous import Previous
 from rig.regular import real_path
 from rig.run_file.live import controller_alive, live_path, read_json
 from rig.watch.feed import RunFeed
