@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
@@ -36,6 +37,12 @@ def test_its_picture_is_small():
     data = (ROOT / picture).read_bytes()
     assert data.startswith(b"\x89PNG\r\n")
     assert len(data) < MOST_BYTES
+
+
+def test_the_changelog_begins_with_this_version():
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
+    (first, *_) = re.findall(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
+    assert first.rstrip(",") == version
 
 
 def test_every_document_can_be_reached():
