@@ -10,8 +10,8 @@ from typing import Any
 import dry
 import dry_pressure
 import pytest
-from forger import Opened, forge
 
+from proving.forger import Opened, forge
 from rig.run_file.verification import verify_file
 
 Change = Callable[[Opened], object]
