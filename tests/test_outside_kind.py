@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import csv
 import json
 import re
@@ -10,23 +11,21 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from textwrap import dedent
 
 import outside_package
 import pytest
 from command import in_its_own_process as rig
 
+from procedures.kind import Kind, kinds
 from rig.run_file.reader import RunReader
+from rig.watch.feed import RunFeed
 
-PROCEDURE = """
-kind = "acme-tilt"
-name = "level, up and down"
-replications = 6
-readings = 10
-[design]
-pitch_deg = [-2, -1, 0, 1, 2]
-[acceptance]
-sigma_deg = 0.0004
-"""
+TILT = outside_package.SOURCE / "acme_rig" / "tilt"
+DOCUMENT = (outside_package.SOURCE.parent.parent / "docs" / "kinds.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"(?:`([\w./]+)`:\n\n)?```(\w+)\n(.*?)```\n", DOCUMENT, re.DOTALL)
+"""File that a block of code is said to be of, its language, and the code."""
+(PROCEDURE,) = (text for _, language, text in BLOCKS if language == "toml" and text.startswith("kind = "))
 WORLD = """
 seed = 7
 [sensors.x]
@@ -106,6 +105,39 @@ def test_nothing_in_the_tree_names_it():
     files = [f for folder in folders for f in ([root / folder, *(root / folder).rglob("*")]) if f.is_file()]
     assert len(files) > 300
     assert not [f for f in files if f.suffix in (".py", ".toml", ".j2") and b"acme-tilt" in f.read_bytes()]
+
+
+def test_the_document_shows_the_code_as_it_is():
+    shown = [(file, text) for file, language, text in BLOCKS if language in ("python", "jinja")]
+    assert len(shown) >= 8
+    for file, text in shown:
+        code, stale = (TILT / file).read_text(), f"{file} is no longer as docs/kinds.md has it: {text}"
+        if file.endswith(".py"):  # by what it says: in a document it may be indented and wrapped otherwise
+            known = {ast.dump(node) for node in ast.walk(ast.parse(code))}
+            assert {ast.dump(node) for node in ast.parse(dedent(text)).body} <= known, stale
+        else:
+            assert text == code, stale
+    (entry,) = (text for _, language, text in BLOCKS if language == "toml" and text != PROCEDURE)
+    assert entry in (outside_package.SOURCE / "pyproject.toml").read_text()
+
+
+def test_the_document_names_every_member():
+    members = {name for name in vars(Kind) if not name.startswith("_")}
+    assert members - set(re.findall(r"`(\w+)`", DOCUMENT)) == set()
+
+
+def test_the_commands_of_the_document_run(lab, tmp_path):
+    for name in ("bench.toml", "level.toml"):
+        (tmp_path / name).write_text((lab / name).read_text())
+    (commands,) = (text for _, language, text in BLOCKS if language == "sh")
+    run_file = ""
+    for line in commands.splitlines():
+        program, *arguments = line.replace("RUN", run_file).split()
+        done = rig(*arguments, cwd=tmp_path)
+        assert program == "rig"
+        assert done.returncode in (0, *([3] if arguments[0] == "run" else [])), (line, done.stderr)
+        run_file = run_file or (done.stdout.splitlines()[0] if arguments[0] == "run" else "")
+    assert {"level.json", "level.html", "level.csv", "angles.csv"} <= {path.name for path in tmp_path.iterdir()}
 
 
 def test_it_is_planned(lab):
@@ -199,9 +231,6 @@ def test_its_options_and_settings_stand_in_help_and_reference():
 
 
 def test_the_page_shows_residuals_of_its_model(plain):
-    from procedures.kind import kinds  # noqa: PLC0415
-    from rig.watch.feed import RunFeed  # noqa: PLC0415
-
     kinds.cache_clear()
     try:
         feed = RunFeed(plain, None, lambda: 0.0, lambda: 0.0)

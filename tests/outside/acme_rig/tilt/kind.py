@@ -37,6 +37,7 @@ class TiltKind(Kind):
     title = "level sensors"
     settings = TiltProcedure
     described = "a level table has replicate,order,elapsed_s,pitch_deg,pitch_side and NAME_V, and needs --tilt"
+    in_use = "the output of one level sensor"
     fit_options = trace_options = TiltOptions
     asked_by = frozenset({"tilt"})
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Mapping
 from typing import Literal
 
 from pydantic import Field
@@ -32,6 +33,11 @@ class TiltAcceptance(Acceptance):
     sigma_deg: Positive | None = Field(None, description="largest standard error of one observation, as an angle")
 
 
+def line(given: Mapping[str, float]) -> tuple[float, ...]:
+    """What early warnings hold an output against."""
+    return (1.0, math.sin(math.radians(given["pitch_deg"])))
+
+
 class TiltProcedure(Strict):
     """A whole `procedure.toml` of kind acme-tilt."""
 
@@ -50,7 +56,7 @@ class TiltProcedure(Strict):
     def conduct(self) -> Conduct:
         """How the run is carried out."""
         settle = Settle(self.settle.band_deg, self.settle.dwell_s, drift_per_s=0.001, timeout_s=120.0)
-        return Conduct(settle=settle, readings=self.readings, faults=self.faults, warnings=self.warnings)
+        return Conduct(settle=settle, readings=self.readings, faults=self.faults, warnings=self.warnings, response=line)
 
     def expand(self) -> RunList:
         """Every point of the run, in order."""
