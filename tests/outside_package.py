@@ -15,6 +15,7 @@ from importlib import invalidate_caches
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from procedures.kind import kinds
 from rig.examples import example
 
 SOURCE = Path(__file__).parent / "outside"
@@ -49,9 +50,11 @@ def installed() -> Iterator[Path]:
     sys.path.append(str(where))
     os.environ["PYTHONPATH"] = str(where) if before is None else f"{before}{os.pathsep}{where}"
     invalidate_caches()
+    kinds.cache_clear()
     try:
         yield where
     finally:
+        kinds.cache_clear()
         sys.path.remove(str(where))
         os.environ.pop("PYTHONPATH")
         if before is not None:

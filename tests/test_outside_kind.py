@@ -17,7 +17,8 @@ import outside_package
 import pytest
 from command import in_its_own_process as rig
 
-from procedures.kind import Kind, kinds
+from procedures.kind import Kind
+from rig.run_file.documents import declared_model
 from rig.run_file.reader import RunReader
 from rig.watch.feed import RunFeed
 
@@ -230,14 +231,15 @@ def test_its_options_and_settings_stand_in_help_and_reference():
     assert '## procedure.toml, `kind = "acme-tilt"`' in done.stdout
 
 
+def test_a_kind_is_given_all_of_the_declared_model():
+    declared = declared_model({"procedure.toml": "[model]\ncubic = true\ntemperature = true\n"})
+    assert declared == {"cubic": True, "temperature": True, "formula": None}
+
+
 def test_the_page_shows_residuals_of_its_model(plain):
-    kinds.cache_clear()
-    try:
-        feed = RunFeed(plain, None, lambda: 0.0, lambda: 0.0)
-        feed.refresh()
-        residuals = feed.view()["charts"]["residuals"]
-    finally:
-        kinds.cache_clear()
+    feed = RunFeed(plain, None, lambda: 0.0, lambda: 0.0)
+    feed.refresh()
+    residuals = feed.view()["charts"]["residuals"]
     (sensor,) = residuals["sensors"]
     assert (sensor["name"], sensor["unit"], len(sensor["values"])) == ("x_V", "uV", 60)
     assert 10 < sensor["rms"] < 40, "of 25 uV noise, less what four readings average"

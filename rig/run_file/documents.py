@@ -56,6 +56,10 @@ class Stored:
         """Everything in it, all numbers."""
         return {name: float(self._value(name, NUMBER, 0.0)) for name in self._values}
 
+    def everything(self) -> dict[str, Any]:
+        """Everything in it, unchecked."""
+        return dict(self._values)
+
     def _value(self, name: str, kind: Kind, default: Any) -> Any:
         value = self._values.get(name, default)
         if not kind.holds(value):
@@ -72,11 +76,14 @@ def kind_of_run(documents: Mapping[str, str]) -> str:
 
 
 def declared_model(documents: Mapping[str, str]) -> dict[str, Any]:
-    """The model that the procedure declares: `formula`, None where it has none, and `temperature`."""
+    """What stands in `[model]` of the procedure, and always `formula`, None where it has none, and `temperature`.
+
+    What only one kind of calibration has there is as the file has it, and for that kind to check.
+    """
     procedure = Stored.of(documents, "procedure.toml")
     model = procedure.table("model")
     formula = model.maybe_text("formula") or procedure.table("expect").maybe_text("model")
-    return {"formula": formula, "temperature": model.truth("temperature")}
+    return {**model.everything(), "formula": formula, "temperature": model.truth("temperature")}
 
 
 def mounting_of(documents: Mapping[str, str]) -> dict[str, float]:
