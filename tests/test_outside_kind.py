@@ -12,6 +12,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 from textwrap import dedent
+from urllib.request import urlopen
 
 import outside_package
 import pytest
@@ -20,7 +21,6 @@ from command import in_its_own_process as rig
 from procedures.kind import Kind
 from rig.run_file.documents import declared_model
 from rig.run_file.reader import RunReader
-from rig.watch.feed import RunFeed
 
 TILT = outside_package.SOURCE / "acme_rig" / "tilt"
 DOCUMENT = (outside_package.SOURCE.parent.parent / "docs" / "kinds.md").read_text(encoding="utf-8")
@@ -237,9 +237,16 @@ def test_a_kind_is_given_all_of_the_declared_model():
 
 
 def test_the_page_shows_residuals_of_its_model(plain):
-    feed = RunFeed(plain, None, lambda: 0.0, lambda: 0.0)
-    feed.refresh()
-    residuals = feed.view()["charts"]["residuals"]
+    command = [sys.executable, "-m", "rig", "watch", str(plain), "--port", "0"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as server:
+        try:
+            assert server.stdout is not None
+            address = re.search(r"http://127\.0\.0\.1:\d+/", server.stdout.readline())
+            assert address
+            with urlopen(f"{address[0]}run/{plain.stem}/state.json", timeout=60) as answer:
+                residuals = json.load(answer)["charts"]["residuals"]
+        finally:
+            server.kill()
     (sensor,) = residuals["sensors"]
     assert (sensor["name"], sensor["unit"], len(sensor["values"])) == ("x_V", "uV", 60)
-    assert 10 < sensor["rms"] < 40, "of 25 uV noise, less what four readings average"
+    assert 10 < sensor["rms"] < 40, "the noise of a mean over one second is 25 uV"
