@@ -30,7 +30,10 @@ def block(name: str) -> str:
     return found
 
 
-def shell(script: str, cwd: Path, **environment: str) -> str:
+def shell(script: str, cwd: Path, *, site: Path | None = None, **environment: str) -> str:
+    """Run a script; `site` is where packages lie that it finds beside those of these tests."""
+    if site is not None:
+        environment["PYTHONPATH"] = os.pathsep.join(filter(None, (str(site), os.environ.get("PYTHONPATH"))))
     done = subprocess.run(
         ["sh", "-ec", script],
         cwd=cwd,
@@ -80,12 +83,14 @@ def test_an_effect_that_is_installed(lab, tmp_path):
         (source / name).write_text(block(name), encoding="utf-8")
     pip = "python -m pip --disable-pip-version-check --quiet --no-input install"
     shell(f"{pip} --no-index --no-deps --no-build-isolation --target {site} {source}", tmp_path)
-    told = shell("rig trace night.csv --json", lab, PYTHONPATH=str(site))
+    told = shell("rig trace night.csv --json", lab, site=site)
     assert found(told) == {"x_V": ["draught"], **NOT_HIDDEN}
 
 
-def test_an_instrument_in_an_hour(tmp_path):
-    tree, site = tmp_path / "tree", tmp_path / "site"
+@pytest.fixture(scope="module")
+def tree(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy of the tree in which the steps for an instrument were taken, with the bench file of the next step."""
+    tree = tmp_path_factory.mktemp("work") / "tree"
     tree.mkdir()
     shutil.copytree(ROOT / "tests", tree / "tests", ignore=shutil.ignore_patterns("__pycache__", "data", "page"))
     shutil.copytree(ROOT / "examples", tree / "examples")
@@ -93,11 +98,25 @@ def test_an_instrument_in_an_hour(tmp_path):
     install = "pip install --no-deps --no-build-isolation --editable"
     assert block("instrument").count(install) == 1
     # not into the environment of these tests: beside it
-    beside = f"pip install --quiet --no-index --no-deps --no-build-isolation --target {site}"
-    told = shell(block("instrument").replace(install, beside), tree, PYTHONPATH=str(site), OLDPWD=str(tree))
+    beside = "pip install --quiet --no-index --no-deps --no-build-isolation --target ../site"
+    told = shell(block("instrument").replace(install, beside), tree, site=tree.parent / "site", OLDPWD=str(tree))
     assert "*IDN?" in told
     bench = outside_package.bench_text().replace(outside_package.DRIVER, "my-meter")
     (tree / "bench.toml").write_text(bench, encoding="utf-8")
-    for line in block("bench").splitlines():
-        shell(line, tree, PYTHONPATH=str(site), XDG_CONFIG_HOME=str(tmp_path), RIG_NOTIFY="")
+    return tree
+
+
+def walked(name: str, tree: Path) -> None:
+    shell(block(name), tree, site=tree.parent / "site", XDG_CONFIG_HOME=str(tree.parent), RIG_NOTIFY="")
+
+
+def test_an_instrument_in_an_hour(tree):
+    walked("bench", tree)
     assert list((tree / "runs").glob("*.sqlite"))
+
+
+def test_a_kind_in_a_day(tree):
+    (tree / "level.toml").write_text(block("level.toml"), encoding="utf-8")
+    walked("kind", tree)
+    assert json.loads((tree / "level.json").read_text(encoding="utf-8"))["data"]["kind"] == "my-tilt"
+    assert "SIMULATED" in (tree / "level.html").read_text(encoding="utf-8")
