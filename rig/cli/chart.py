@@ -78,9 +78,10 @@ def chart(
         given, _today(today), sensors=sensor or (), tolerance=tolerance, usage_deg=usage, left_out=left_out
     )
     if report is not None:
-        from rig.report.chart import write_chart_report  # noqa: PLC0415
+        from rig.report import write_page  # noqa: PLC0415
+        from rig.report.chart import chart_page  # noqa: PLC0415
 
-        write_chart_report(report, charted)
+        write_page(report, chart_page(charted))
         err.print(f"report: {escape(str(report))}", soft_wrap=True)
     result = charted.to_json()
     if as_json:
