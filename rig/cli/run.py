@@ -18,7 +18,7 @@ from procedures.durations import duration
 from rig.atomic import check_added_to
 from rig.cli import app
 from rig.cli.accepted import Acceptance
-from rig.cli.show import err, mark, run_progress, visible
+from rig.cli.show import err, mark, run_progress
 from rig.cli.unattended import (
     Listening,
     LogFormatOption,
@@ -36,6 +36,7 @@ from rig.engine.early_warning import warnings_of
 from rig.engine.session import Outcome, Progress, Signals
 from rig.errors import ExitCode, RigError
 from rig.plans import load_plan
+from rig.present.visible import visible
 from rig.run_file.reader import RunReader
 from rig.run_file.state import RunState, is_simulated, read_state
 from rig.unattended import Listeners, RunFacts, ServiceManager
