@@ -8,10 +8,13 @@ if TYPE_CHECKING:
     from typing import Any
 
     from procedures.errors import DataError
+    from rig.api.charts import ControlChart, chart
     from rig.api.data import Calibration, Data, Trace, open  # noqa: A004 - rig.open, as one opens a file
     from rig.api.inferred import Inferred, infer
     from rig.api.observations import Observations
+    from rig.api.planned import Plan, plan
     from rig.api.result import Plots, Result
+    from rig.api.run import Run, run
     from rig.errors import BenchFault, BusyError, ConfigurationError, RigError, RunFileError, StorageError, UsageError
 
 __all__ = [
@@ -19,26 +22,35 @@ __all__ = [
     "BusyError",
     "Calibration",
     "ConfigurationError",
+    "ControlChart",
     "Data",
     "DataError",
     "Inferred",
     "Observations",
+    "Plan",
     "Plots",
     "Result",
     "RigError",
+    "Run",
     "RunFileError",
     "StorageError",
     "Trace",
     "UsageError",
+    "chart",
     "infer",
     "open",
+    "plan",
+    "run",
 ]
 
 _WHERE = {
+    "rig.api.charts": ("ControlChart", "chart"),
     "rig.api.data": ("Calibration", "Data", "Trace", "open"),
     "rig.api.inferred": ("Inferred", "infer"),
     "rig.api.observations": ("Observations",),
+    "rig.api.planned": ("Plan", "plan"),
     "rig.api.result": ("Plots", "Result"),
+    "rig.api.run": ("Run", "run"),
     "procedures.errors": ("DataError",),
     "rig.errors": (
         "BenchFault",

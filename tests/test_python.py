@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import inspect
 import json
+import re
+import shutil
+import signal
 import subprocess
 import sys
+from datetime import UTC, datetime, timedelta
 from html.parser import HTMLParser
 from pathlib import Path
 
 import command
+import dry
 import dry_pressure
 import numpy as np
 import pandas as pd
@@ -17,7 +23,10 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 import rig
+from rig.cli.show import out
+from rig.engine.session import Progress
 
+ROOT = Path(__file__).parent.parent
 ATTITUDE = Path(__file__).parent / "data" / "attitude-20261121.sqlite"
 OUTPUTS = ("x_V", "y_V", "z_V")
 GENERAL = {"response": "y_mV", "formula": "1 + x_mm"}
@@ -45,6 +54,12 @@ def printed(*arguments: object) -> object:
     done = command.rig(*arguments, "--json")
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
+
+
+def shown(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> str:
+    """What a command shows on a terminal as wide as `str(result)` takes it to be."""
+    monkeypatch.setattr(out, "width", 120)
+    return command.rig(*arguments).stdout
 
 
 def options(given: dict[str, str]) -> list[str]:
@@ -248,3 +263,153 @@ def test_importing_rig_loads_nothing():
     assert done.stdout == "['rig']\n"
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         _ = rig.nothing  # type: ignore[attr-defined]
+
+
+@pytest.fixture(scope="module")
+def nights(tmp_path_factory):
+    """Three runs of one bench, half a year apart."""
+    folder = tmp_path_factory.mktemp("nights")
+    paths = []
+    for number in range(3):
+        world = folder / f"world-{number}.toml"
+        began = datetime(2024, 1, 15, tzinfo=UTC) + timedelta(days=182 * number)
+        world.write_text(f"seed = {number + 1}\nepoch = {began:%Y-%m-%dT%H:%M:%S}Z\n")
+        done = rig.run(dry.write_short(folder), dry.LAB / "bench.toml", world=world, out=folder)
+        assert done.complete
+        paths.append(done.path)
+    return paths
+
+
+def test_a_run_is_what_status_prints(tmp_path, monkeypatch):
+    done = rig.run(dry.write_short(tmp_path), str(dry.LAB / "bench.toml"), out=tmp_path, operator="A. Person")
+    assert done.outcome == "complete"
+    assert done.path.parent == tmp_path
+    assert done.to_json() == printed("status", done.path)
+    assert done.to_json()["operators"] == ["A. Person"]
+    assert done.to_json()["simulated"]
+    assert shown(monkeypatch, "status", done.path) == str(done)
+    assert Seen(done._repr_html_()).text.startswith("SIMULATED short on attitude-lab: complete")
+    assert done.data.fit().to_json() == printed("fit", done.path)
+    assert len(done.to_pandas()) == len(done.data.table) == done.to_json()["accepted"]
+
+
+def test_a_run_that_cannot_begin_says_why(tmp_path):
+    with pytest.raises(rig.UsageError, match="--world describes a simulated bench; it goes with --dry"):
+        rig.run(dry.write_short(tmp_path), dry.LAB / "bench.toml", dry=False, world=dry.LAB / "world.toml")
+    with pytest.raises(rig.ConfigurationError, match=r"none\.toml"):
+        rig.run(tmp_path / "none.toml", dry.LAB / "bench.toml", out=tmp_path)
+    assert not list(tmp_path.glob("*.sqlite"))
+
+
+def test_an_interrupt_leaves_a_run_that_goes_on(tmp_path):
+    def interrupt(news: Progress) -> None:
+        if news.done == 7:
+            signal.raise_signal(signal.SIGINT)
+
+    before = signal.getsignal(signal.SIGINT)
+    done = rig.run(dry.write_short(tmp_path), dry.LAB / "bench.toml", out=tmp_path, on_progress=interrupt)
+    assert signal.getsignal(signal.SIGINT) is before
+    assert (done.outcome, done.complete) == ("interrupted", False)
+    assert 0 < done.to_json()["accepted"] < done.to_json()["points"]
+    assert command.rig("resume", done.path).returncode == 0
+    assert done.to_json()["state"] == "complete"
+
+
+def test_a_chart_is_what_the_command_prints(monkeypatch, nights):
+    given = {"tolerance": 1e-3, "usage": 30.0, "today": "2026-01-01"}
+    told = printed("chart", *nights, *(f"--{name}={value}" for name, value in given.items()), "--sensor", "x_V")
+    found = rig.chart([rig.open(nights[0]), *map(str, nights[1:])], sensors=["x_V"], **given)
+    assert found.to_json() == told
+    options = [f"--{name}={value}" for name, value in given.items()]
+    assert shown(monkeypatch, "chart", *nights, *options, "--sensor", "x_V") == str(found)
+    rows = found.to_pandas()
+    assert rows["date"].nunique() == 3
+    assert set(rows["parameter"]) == set(told["sensors"]["x_V"]["calibrations"][0]["parameters"])
+    assert len(found.plot()) == 2
+    with pytest.raises(rig.UsageError, match="at least two calibrations"):
+        rig.chart(nights[:1])
+
+
+def test_a_plan_is_what_the_command_prints(tmp_path, monkeypatch):
+    monkeypatch.setattr("drivers.clock.RealClock.utc", lambda _self: 1_800_000_000.0)
+    monkeypatch.setattr("shutil.disk_usage", lambda _path: shutil._ntuple_diskusage(3, 1, 2 * 10**9))
+    procedure, bench = dry.write_short(tmp_path), dry.LAB / "bench.toml"
+    found = rig.plan(procedure, bench, usage=30.0)
+    assert found.to_json() == printed("plan", procedure, "--bench", bench, "--usage", 30)
+    assert shown(monkeypatch, "plan", procedure, "--bench", bench, "--usage", 30) == str(found)
+    assert found.finish < found.finish_latest
+    assert len(found.to_pandas()) == len(found.to_json()["precision"])
+    (figure,) = found.plot()
+    assert [axis.get_title() for axis in figure.axes] == ["pitch / deg", "roll / deg"]
+
+
+PUBLIC = {
+    "chart": "(calibrations: 'Sequence[str | Path | Data]', *, tolerance: 'float | None' = None, usage: 'float | None' "
+    "= None, sensors: 'Sequence[str]' = (), formula: 'str | None' = None, today: 'str | date | None' = None) -> "
+    "'ControlChart'",
+    "infer": "(calibration: 'str | Path', readings: 'Readings', *, out: 'str | Path | None' = None, **options: 'Any') "
+    "-> 'Inferred'",
+    "open": "(path: 'str | Path') -> 'Data'",
+    "plan": "(procedure: 'str | Path', bench: 'str | Path', *, out: 'str | Path' = 'runs', usage: 'float | None' = "
+    "None, on_progress: 'Callable[[Progress], None]' = <lambda>) -> 'Plan'",
+    "run": "(procedure: 'str | Path', bench: 'str | Path', *, dry: 'bool' = True, world: 'str | Path | None' = None, "
+    "out: 'str | Path' = 'runs', operator: 'str | None' = None, on_progress: 'Callable[[Progress], None]' = <lambda>)"
+    " -> 'Run'",
+}
+RESULT = {"plot", "to_json", "to_pandas", "to_xarray", "blocks", "notes", "frame"}
+MEMBERS = {
+    "Data": {"table", "fit", "trace"},
+    "Calibration": RESULT | {"infer", "report", "save"},
+    "Trace": RESULT | {"report", "verdicts"},
+    "ControlChart": RESULT | {"report"},
+    "Inferred": RESULT | {"columns", "words"},
+    "Observations": RESULT | {"columns", "provenance", "simulated"},
+    "Plan": RESULT | {"finish", "finish_latest", "overdue"},
+    "Run": RESULT | {"complete", "data"},
+    "Result": RESULT,
+}
+ERRORS = {"BenchFault", "BusyError", "ConfigurationError", "RigError", "RunFileError", "StorageError", "UsageError"}
+
+
+def test_what_is_public_is_written_down():
+    assert set(rig.__all__) == {*PUBLIC, *MEMBERS, *ERRORS, "DataError", "Plots"}
+    assert {*rig.__all__, "__version__"} <= set(dir(rig))
+    for name, signature in PUBLIC.items():
+        told = re.sub(r"<function <lambda> at \w+>", "<lambda>", str(inspect.signature(getattr(rig, name))))
+        assert told == signature, name
+    for name, members in MEMBERS.items():
+        has = {member for member in dir(getattr(rig, name)) if not member.startswith("_")}
+        fields = set(getattr(getattr(rig, name), "__dataclass_fields__", ()))
+        assert has - fields == members, name
+    for name in ERRORS:
+        assert issubclass(getattr(rig, name), rig.RigError)
+    assert not issubclass(rig.DataError, rig.RigError)
+
+
+def test_types_are_known_to_a_checker(tmp_path):
+    """A program that uses all of it is checked as a stranger's would be."""
+    program = tmp_path / "program.py"
+    program.write_text(
+        "import rig\n"
+        "run = rig.open('run.sqlite')\n"
+        "reveal_type(run.table)\nreveal_type(run.fit(temperature=True))\nreveal_type(run.trace().to_json())\n"
+        "reveal_type(run.fit().infer({'x_V': [1.0]}).to_pandas())\nreveal_type(rig.chart([run]).plot())\n"
+        "reveal_type(rig.plan('p', 'b').to_xarray())\nreveal_type(rig.run('p', 'b').data)\n"
+        "reveal_type(rig.UsageError)\n"
+        "rig.open(3)\n"
+    )
+    command_line = [sys.executable, "-m", "mypy", "--strict", "--no-incremental", "--follow-imports=silent", program]
+    done = subprocess.run(command_line, capture_output=True, text=True, check=False, cwd=ROOT)
+    told = re.findall(r'Revealed type is "(.*)"', done.stdout)
+    assert told == [
+        "rig.api.observations.Observations",
+        "rig.api.data.Calibration",
+        "dict[str, Any]",
+        "pandas.core.frame.DataFrame",
+        "rig.api.result.Plots",
+        "xarray.core.dataset.Dataset",
+        "rig.api.data.Data",
+        "def (*args: object) -> rig.errors.UsageError",
+    ], done.stdout
+    assert done.stdout.count("error:") == 1
+    assert 'Argument 1 to "open" has incompatible type "int"' in done.stdout

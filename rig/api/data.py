@@ -67,8 +67,8 @@ class Calibration(Reported):
         """What of the table was not used."""
         return sentences(self._kept["unused"])
 
-    def page(self) -> Page:
-        """Its report. Raises `UsageError` where its kind has none."""
+    @cached_property
+    def _page(self) -> Page:
         page = self.fitted.page()
         if page is None:
             trace = f"rig trace {self.source} --report writes one"
@@ -131,8 +131,8 @@ class Trace(Reported):
         """What of the table was not used."""
         return sentences(self._told["unused"])
 
-    def page(self) -> Page:
-        """Its report."""
+    @cached_property
+    def _page(self) -> Page:
         return self.traced.page()
 
     def frame(self) -> Frame:

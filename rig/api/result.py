@@ -88,16 +88,17 @@ class Result(ABC):
 class Reported(Result):
     """A result that has a report."""
 
+    @property
     @abstractmethod
-    def page(self) -> Page:
-        """Its report. Raises `UsageError` where it has none."""
+    def _page(self) -> Page:
+        """Its report, with its figures drawn. Raises `UsageError` where it has none."""
 
     def plot(self) -> Plots:
         """The figures of its report. Raises `UsageError` where it has none."""
-        return Plots(self.page().figures)
+        return Plots(self._page.figures)
 
     def report(self, path: Path | str) -> None:
         """Write its report as HTML that needs nothing else. Raises `UsageError` where it has none."""
         from rig.report import write_page  # noqa: PLC0415 - templates are needed for reports alone
 
-        write_page(Path(path), self.page())
+        write_page(Path(path), self._page)
