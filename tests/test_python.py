@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import doctest
 import inspect
 import json
 import re
@@ -34,14 +35,18 @@ GENERAL = {"response": "y_mV", "formula": "1 + x_mm"}
 
 @pytest.fixture(scope="module")
 def table(tmp_path_factory):
+    path = tmp_path_factory.mktemp("table") / "line.csv"
+    path.write_text(line(seed=7))
+    return path
+
+
+def line(seed: int) -> str:
     """A table of anything: a line, its noise, and a wave over time that nobody declared."""
-    rng = np.random.default_rng(7)
+    rng = np.random.default_rng(seed)
     time = np.arange(60.0) * 10
     x = np.tile(np.arange(6.0), 10)
     y = 3 + 2 * x + 0.1 * np.sin(2 * np.pi * time / 200) + rng.normal(0, 0.01, 60)
-    path = tmp_path_factory.mktemp("table") / "line.csv"
-    path.write_text("x_mm,y_mV,t_s\n" + "".join(f"{a},{b},{c}\n" for a, b, c in zip(x, y, time, strict=True)))
-    return path
+    return "x_mm,y_mV,t_s\n" + "".join(f"{a},{b},{c}\n" for a, b, c in zip(x, y, time, strict=True))
 
 
 @pytest.fixture(scope="module")
@@ -413,3 +418,41 @@ def test_types_are_known_to_a_checker(tmp_path):
     ], done.stdout
     assert done.stdout.count("error:") == 1
     assert 'Argument 1 to "open" has incompatible type "int"' in done.stdout
+
+
+PROCEDURE = """
+kind = "pitch-roll"
+name = "few angles"
+replications = 2
+[design]
+type = "T6"
+[settle]
+dwell_s = 2
+[measure]
+readings = 4
+"""
+
+
+def test_the_examples_of_the_document_run(tmp_path, monkeypatch, table, few_draws):
+    shutil.copy(ATTITUDE, tmp_path / "night.sqlite")
+    shutil.copy(table, tmp_path / "line.csv")
+    (tmp_path / "line-2026.csv").write_text(line(seed=8))
+    for name in ("bench.toml", "world.toml"):
+        shutil.copy(dry.LAB / name, tmp_path)
+    (tmp_path / "procedure.toml").write_text(PROCEDURE)
+    (tmp_path / "readings.csv").write_text("x_V,y_V,z_V\n-2.485,4.308,0.016\n0.1,0,-5.05\n")
+    monkeypatch.chdir(tmp_path)
+    flags = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+    text = (ROOT / "docs" / "python.md").read_text().replace("```", "")
+    examples = doctest.DocTestParser().get_doctest(text, {}, "python.md", "docs/python.md", 0)
+    assert len(examples.examples) >= 20
+    told: list[str] = []
+    doctest.DocTestRunner(optionflags=flags).run(examples, out=told.append)
+    assert told == [], "".join(told)
+
+
+def test_the_document_names_all_that_is_public():
+    text = (ROOT / "docs" / "python.md").read_text()
+    assert [
+        name for name in rig.__all__ if not re.search(rf"\b{name}\b", text) and name not in ("Plots", "Result")
+    ] == []
