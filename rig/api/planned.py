@@ -137,7 +137,7 @@ class Plan(Result):
         yield Line(f"  {duration(found.preparation_s)} of preparation{soaks};")
         for_soaks = "" if found.soak_s is None else f" and {SOAK_ALLOWANCE:.0%} for soaks"
         yield Line(f"  the latest allows {ALLOWANCE:.0%} for repeats and retries{for_soaks}")
-        yield from (Line(f"  {line}") for line in found.assumed)
+        yield from (Line(f"  {escape(line)}") for line in found.assumed)
 
     def _advised(self) -> Iterator[Block]:
         yield from (Line(f"  [yellow]advice:[/] {escape(a.sentence)}") for a in self.advice if not a.holds)
