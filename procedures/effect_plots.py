@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from fitter.trace.outcome import Figure
-from procedures.pictures import png, three_panels
+from fitter.trace.outcome import Figure as View
+from procedures.pictures import three_panels
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 Groups = np.ndarray[Any, np.dtype[np.int64]]
@@ -21,18 +22,18 @@ _OWN = 0.5
 """Share of an effect that its own variable must show when all else is averaged; below, it is shown on both sides."""
 
 
-def drawn(figures: Mapping[str, Figure]) -> dict[str, str]:
-    """Base64 PNG for every effect and finding about the noise, by its name."""
-    return {name: draw(figure) for name, figure in figures.items()}
+def drawn(views: Mapping[str, View]) -> dict[str, Figure]:
+    """What every effect and finding about the noise looks like, by its name."""
+    return {name: draw(view) for name, view in views.items()}
 
 
-def draw(figure: Figure) -> str:
-    """An effect or a finding about the noise; base64 PNG."""
-    return _noise_plot(figure) if figure.adds is None else _effect_plot(figure, figure.adds)
+def draw(view: View) -> Figure:
+    """The plot of an effect or of a finding about the noise."""
+    return _noise_plot(view) if view.adds is None else _effect_plot(view, view.adds)
 
 
-def _effect_plot(view: Figure, adds: Array) -> str:
-    """Residual without and with an effect over its own variable, and over what the effect adds; base64 PNG.
+def _effect_plot(view: View, adds: Array) -> Figure:
+    """Residual without and with an effect over its own variable, and over what the effect adds.
 
     Dots are observations; marks their means with 95 % intervals; lines what was fitted. An effect that cancels in the
     means over its own variable, as one does whose sign goes by direction or by a second angle, is shown apart where it
@@ -63,11 +64,11 @@ def _effect_plot(view: Figure, adds: Array) -> str:
     without.set_ylabel(f"residual / {view.unit}", fontsize=9)
     bound = 1.1 * float(np.percentile(np.abs(left), 99.5))
     without.set_ylim(-bound, bound)
-    return png(figure)
+    return figure
 
 
-def _noise_plot(view: Figure) -> str:
-    """Residual over the variable that a finding about the noise goes by: readings, means and scatter; base64 PNG."""
+def _noise_plot(view: View) -> Figure:
+    """Residual over the variable that a finding about the noise goes by: readings, means and scatter."""
     x, residual = view.x, view.left
     figure, (readings, means, scatter) = three_panels(2.9, share_y=False)
     bins = _bins(x)
@@ -82,7 +83,7 @@ def _noise_plot(view: Figure) -> str:
     for axis, title in ((readings, "readings"), (means, "their means"), (scatter, "their standard deviation")):
         _dress(axis, title, view.label)
     readings.set_ylabel(f"residual / {view.unit}", fontsize=9)
-    return png(figure)
+    return figure
 
 
 def _bins(x: Array) -> Groups:

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from procedures.words import capitalised, chance, share, units, unnamed, with_error
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
-def effects_part(found: Mapping[str, Any], plots: Mapping[str, str]) -> dict[str, Any]:
+
+def effects_part(found: Mapping[str, Any], plots: Mapping[str, Figure]) -> dict[str, Any]:
     """What the template of the effects takes of one sensor.
 
     Args:
         found: its JSON, as `rig trace --json` has it.
-        plots: before and after, base64 PNG, by effect; none of those that the report shows elsewhere.
+        plots: before and after, by effect; none of those that the report shows elsewhere.
 
     """
     strata = [effect["stratum"] for effect in found["effects"]]
@@ -21,18 +24,18 @@ def effects_part(found: Mapping[str, Any], plots: Mapping[str, str]) -> dict[str
     kinds += ["findings about the noise"] if "noise" in strata else []
     return {
         "heading": capitalised(", and ".join(kinds)),
-        "effects": [effect_rows(effect, plots.get(effect["effect"], "")) for effect in found["effects"]],
+        "effects": [effect_rows(effect, plots.get(effect["effect"])) for effect in found["effects"]],
         "unnamed": unnamed(found),
         "certificate": found["certificate"],
     }
 
 
-def effect_rows(effect: dict[str, Any], plot: str = "") -> dict[str, Any]:
+def effect_rows(effect: dict[str, Any], plot: Figure | None = None) -> dict[str, Any]:
     """An effect's JSON with numbers as text and a row a term.
 
     Args:
         effect: as `rig trace --json` has it.
-        plot: before and after, base64 PNG; "" where the report shows that elsewhere.
+        plot: before and after; None where the report shows that elsewhere.
 
     """
     columns = (effect["terms"], effect["coefficients"], effect["stderr"], effect["interval_95"], units(effect))

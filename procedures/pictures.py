@@ -1,4 +1,4 @@
-"""Figures as embedded PNG.
+"""Figures of reports.
 
 Margins are fixed, in inches: to fit them to every label takes twice as long as to draw the figure.
 """
@@ -96,7 +96,7 @@ def colour_scale(figure: Figure, mappable: ScalarMappable, label: str) -> None:
 
 
 def png(figure: Figure) -> str:
-    """Base64 of a figure."""
+    """Base64 of a figure as PNG."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", metadata={"Software": None})
     return base64.b64encode(buffer.getvalue()).decode("ascii")

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import IO, Any, Protocol
+from typing import IO, TYPE_CHECKING, Any, Protocol
 
 from fitter.trace.outcome import Outcome
 from procedures.blocks import Block
 from procedures.settings import Strict
 from procedures.table import Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 class Options(Strict):
@@ -51,6 +54,23 @@ class Page:
     span_s: float
     unused: Mapping[str, Any]
     contents: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def figures(self) -> tuple[Figure, ...]:
+        """Its plots, in the order of its contents."""
+        from matplotlib.figure import Figure  # noqa: PLC0415 - pages alone have plots
+
+        def of(value: Any) -> Iterator[Figure]:
+            if isinstance(value, Figure):
+                yield value
+            elif isinstance(value, Mapping):
+                for one in value.values():
+                    yield from of(one)
+            elif isinstance(value, (list, tuple)):
+                for one in value:
+                    yield from of(one)
+
+        return tuple(of(self.contents))
 
 
 class Fitted(Protocol):

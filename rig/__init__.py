@@ -1,13 +1,84 @@
-"""The controller: benches, the sequencer, the run file, recovery, the closed loop, the command line."""
+"""The controller: benches, the sequencer, the run file, recovery, the closed loop, the command line.
+
+`import rig` is also its Python door (docs/python.md): what `__all__` lists is public, and loaded when it is asked for.
+"""
+
+TYPE_CHECKING = False  # as in `typing`, which whoever only wants `rig --help` need not load
+if TYPE_CHECKING:
+    from typing import Any
+
+    from procedures.errors import DataError
+    from rig.api.charts import ControlChart, chart
+    from rig.api.data import Calibration, Data, Trace, open  # noqa: A004 - rig.open, as one opens a file
+    from rig.api.inferred import Inferred, infer
+    from rig.api.observations import Observations
+    from rig.api.planned import Plan, plan
+    from rig.api.result import Plots, Result
+    from rig.api.run import Run, run
+    from rig.errors import BenchFault, BusyError, ConfigurationError, RigError, RunFileError, StorageError, UsageError
+
+__all__ = [
+    "BenchFault",
+    "BusyError",
+    "Calibration",
+    "ConfigurationError",
+    "ControlChart",
+    "Data",
+    "DataError",
+    "Inferred",
+    "Observations",
+    "Plan",
+    "Plots",
+    "Result",
+    "RigError",
+    "Run",
+    "RunFileError",
+    "StorageError",
+    "Trace",
+    "UsageError",
+    "chart",
+    "infer",
+    "open",
+    "plan",
+    "run",
+]
+
+_WHERE = {
+    "rig.api.charts": ("ControlChart", "chart"),
+    "rig.api.data": ("Calibration", "Data", "Trace", "open"),
+    "rig.api.inferred": ("Inferred", "infer"),
+    "rig.api.observations": ("Observations",),
+    "rig.api.planned": ("Plan", "plan"),
+    "rig.api.result": ("Plots", "Result"),
+    "rig.api.run": ("Run", "run"),
+    "procedures.errors": ("DataError",),
+    "rig.errors": (
+        "BenchFault",
+        "BusyError",
+        "ConfigurationError",
+        "RigError",
+        "RunFileError",
+        "StorageError",
+        "UsageError",
+    ),
+}
+"""Module of every public name."""
 
 
-def __getattr__(name: str) -> str:
-    """`__version__`, looked up when it is asked for: nothing is loaded before `rig.__main__` heeds interrupts."""
-    if name != "__version__":
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from importlib.metadata import PackageNotFoundError, version  # noqa: PLC0415
+def __getattr__(name: str) -> "Any":
+    """A public name, or `__version__`: nothing is loaded before `rig.__main__` heeds interrupts."""
+    if name == "__version__":
+        from rig.version import VERSION  # noqa: PLC0415
 
-    try:
-        return version("calibration-rig")
-    except PackageNotFoundError:  # a source tree that was never installed
-        return "0+source"
+        return VERSION
+    for module, names in _WHERE.items():
+        if name in names:
+            from importlib import import_module  # noqa: PLC0415
+
+            globals()[name] = getattr(import_module(module), name)
+            return globals()[name]
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__, "__version__"})

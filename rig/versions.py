@@ -5,8 +5,8 @@ from __future__ import annotations
 import platform
 from collections.abc import Iterable
 
-from rig import __version__
 from rig.plugins import packages
+from rig.version import VERSION
 
 
 def versions(drivers: Iterable[str] = ()) -> dict[str, str]:
@@ -15,7 +15,7 @@ def versions(drivers: Iterable[str] = ()) -> dict[str, str]:
     import numpy as np  # noqa: PLC0415
 
     return {
-        "calibration-rig": __version__,
+        "calibration-rig": VERSION,
         "python": platform.python_version(),
         "sqlite": apsw.sqlite_lib_version(),
         "numpy": np.__version__,

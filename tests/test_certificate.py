@@ -19,6 +19,7 @@ from procedures.attitude.evaluate import AttitudeTraced
 from procedures.attitude.trace import trace
 from procedures.certificate import Change, Errors, certificate, with_words
 from procedures.effect_plots import drawn
+from procedures.pictures import png
 from procedures.pressure.effects import PRESSURE_CATALOGUE
 from procedures.pressure.evaluate import Declared, WholePlotTraced
 from procedures.pressure.trace import trace_whole_plots
@@ -216,4 +217,4 @@ def test_an_effect_of_a_transducer_has_interval_sentence_and_figure():
     assert ("this grew: the data left out do not confirm" in found["certificate"]) == (after > before)
     assert "bear it out" not in found["certificate"]
     (figure,) = drawn(traced.outcomes[0].figures).values()
-    assert base64.b64decode(figure).startswith(b"\x89PNG")
+    assert base64.b64decode(png(figure)).startswith(b"\x89PNG")

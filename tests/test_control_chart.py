@@ -18,7 +18,8 @@ from rig.closed_loop import fit_table
 from rig.closed_loop.chart import chart_calibrations
 from rig.closed_loop.chart_together import read_all
 from rig.errors import UsageError
-from rig.report.chart import chart_report
+from rig.report.chart import chart_page
+from rig.report.frame import render
 from rig.tables import run_table, write_csv
 
 PROCEDURE = SHORT.replace("replications = 2", "replications = 4")
@@ -232,7 +233,7 @@ def test_command_refuses_what_it_cannot_do(runs):
 
 
 def test_report_holds_charts_tests_and_where_everything_is_from(charted):
-    html = chart_report(charted)
+    html = render(chart_page(charted))
     assert html.count("data:image/png;base64,") == 2
     assert all(one.provenance["run_id"] in html for one in charted.given)
     assert escape(charted.to_json()["sensors"]["x_V"]["sentences"][0]) in html

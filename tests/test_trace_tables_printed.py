@@ -169,8 +169,7 @@ def test_a_class_of_curves_is_led_by_its_simplest_order():
     assert curved.p_adjusted < 0.1
 
 
-def test_levels_are_drawn_by_name_with_means_and_both_panels_on_one_scale(monkeypatch):
-    monkeypatch.setattr(general_plots, "png", lambda figure: figure)
+def test_levels_are_drawn_by_name_with_means_and_both_panels_on_one_scale():
     level, left = np.array([0.0, 0.0, 1.0, 2.0]), np.array([1.0, 3.0, 5.0, -9.0])
     figure = general_plots.residuals_over("unit", level, (left, 0.1 * left), "y", ("a", "b", "c"))
     before, after = figure.axes

@@ -82,7 +82,7 @@ def _picture(traced: AttitudeTraced, name: str) -> Picture:
     )
 
 
-def _plots(name: str, picture: Picture) -> list[dict[str, str]]:
+def _plots(name: str, picture: Picture) -> list[dict[str, Any]]:
     over = [
         (picture.pitch_deg, "pitch / deg"),
         (picture.roll_deg, "roll / deg"),
@@ -93,12 +93,12 @@ def _plots(name: str, picture: Picture) -> list[dict[str, str]]:
     plots = [
         {
             "alt": f"{name}: residuals over {label}, before and after",
-            "png": residuals_against(picture, x, label, legend=i == 0),
+            "figure": residuals_against(picture, x, label, legend=i == 0),
         }
         for i, (x, label) in enumerate((x, label) for x, label in over if np.ptp(x) > 0)
     ]
     if np.ptp(picture.roll_deg) > 0:
-        plots.append({"alt": f"{name}: mean residual over pitch and roll", "png": residual_map(picture)})
+        plots.append({"alt": f"{name}: mean residual over pitch and roll", "figure": residual_map(picture)})
     return plots
 
 

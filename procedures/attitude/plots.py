@@ -1,4 +1,4 @@
-"""Residual plots as embedded PNG: before beside after, on one scale."""
+"""Residual plots: before beside after, on one scale."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from procedures.attitude.parameters import SCALE, UNIT
-from procedures.pictures import colour_scale, legend_below, png, side_by_side
+from procedures.pictures import colour_scale, legend_below, side_by_side
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -42,8 +43,8 @@ class Picture:
     interval_deg: tuple[float, float]
 
 
-def residuals_against(picture: Picture, x: Array, label: str, *, legend: bool) -> str:
-    """Residuals before and after over one variable, a colour for each replication, a legend if asked; base64 PNG."""
+def residuals_against(picture: Picture, x: Array, label: str, *, legend: bool) -> Figure:
+    """Residuals before and after over one variable, a colour for each replication, a legend if asked."""
     figure, axes = side_by_side(3.2)
     for axis, residual, half, title in (
         (axes[0], picture.before_deg, picture.interval_deg[0], "before: declared model"),
@@ -60,7 +61,7 @@ def residuals_against(picture: Picture, x: Array, label: str, *, legend: bool) -
         legend_below(figure, handles, labels, 10, markerscale=2)
     bound = 1.15 * SCALE * float(np.percentile(np.abs(picture.before_deg), 99.8))
     axes[0].set_ylim(-bound, bound)
-    return png(figure)
+    return figure
 
 
 def _by_replication(axis: Axes, x: Array, residual: Array, replicate: np.ndarray[Any, np.dtype[np.int64]]) -> None:
@@ -79,8 +80,8 @@ def _by_replication(axis: Axes, x: Array, residual: Array, replicate: np.ndarray
     axis.axhline(0, color="0.5", linewidth=0.7)
 
 
-def residual_map(picture: Picture) -> str:
-    """Mean residual over pitch and roll, before and after, on one colour scale; base64 PNG."""
+def residual_map(picture: Picture) -> Figure:
+    """Mean residual over pitch and roll, before and after, on one colour scale."""
     figure, axes = side_by_side(2.9)
     pitch, i = np.unique(np.round(picture.pitch_deg, 3), return_inverse=True)
     roll, j = np.unique(np.round(picture.roll_deg, 3), return_inverse=True)
@@ -100,4 +101,4 @@ def residual_map(picture: Picture) -> str:
         axis.tick_params(labelsize=8)
     axes[0].set_ylabel("roll / deg", fontsize=9)
     colour_scale(figure, mesh, UNIT)
-    return png(figure)
+    return figure

@@ -57,7 +57,7 @@ def _plots(traced: GeneralTraced) -> list[dict[str, Any]]:
     return [
         {
             "alt": f"residuals of {trace.response} over {name}, before and after",
-            "png": residuals_over(name, trace.variables[name], left, trace.response, trace.levels.get(name)),
+            "figure": residuals_over(name, trace.variables[name], left, trace.response, trace.levels.get(name)),
         }
         for name in shown
     ]

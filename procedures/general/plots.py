@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
-from procedures.pictures import png, side_by_side
+from procedures.pictures import side_by_side
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -20,8 +21,8 @@ _TICKS, _WIDE = 24, 50
 
 def residuals_over(
     name: str, values: Array, left: tuple[Array, Array], response: str, levels: Sequence[str] | None = None
-) -> str:
-    """Residuals (n,) before and after over a variable (n,), on one scale; base64 PNG.
+) -> Figure:
+    """Residuals (n,) before and after over a variable (n,), on one scale.
 
     Args:
         name: of the variable.
@@ -51,7 +52,7 @@ def residuals_over(
             _name_ticks(axis, values, levels)
     axes[0].set_ylabel(f"residual of {response}", fontsize=9)
     axes[0].legend(fontsize=7, frameon=False)
-    return png(figure)
+    return figure
 
 
 def _name_ticks(axis: Any, values: Array, levels: Sequence[str] | None) -> None:

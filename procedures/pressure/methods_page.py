@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
-from procedures.pictures import grid, png
+from procedures.pictures import grid
 from procedures.pressure.evaluate import HOLD_AT, IN_USE, errors_in_words, in_use_words, low_pressure
 from procedures.pressure.fit import METHODS, PressureFit
 from procedures.results import Page
@@ -90,12 +91,12 @@ def _transducer(name: str, result: dict[str, Any], fitted: WholePlotFitted) -> d
             }
             for term, value in methods[fitted.method]["coefficients"].items()
         ],
-        "plot": {"alt": f"{name}: reading error over pressure by every method", "png": methods_plot(fit)},
+        "plot": {"alt": f"{name}: reading error over pressure by every method", "figure": methods_plot(fit)},
     }
 
 
-def methods_plot(fit: PressureFit) -> str:
-    """Residuals over pressure in percent of it, one plot a method, and the 95 % prediction interval; base64 PNG.
+def methods_plot(fit: PressureFit) -> Figure:
+    """Residuals over pressure in percent of it, one plot a method, and the 95 % prediction interval.
 
     All methods share one scale but the biased ones, beside which nothing else could be seen.
     """
@@ -123,7 +124,7 @@ def methods_plot(fit: PressureFit) -> str:
     for axis, fitted in zip(axes, fit.methods.values(), strict=False):
         if not fitted.biased:
             axis.set_ylim(-1.2 * bound, 1.2 * bound)
-    return png(figure)
+    return figure
 
 
 def _number(value: float | None, digits: int = 3) -> str:

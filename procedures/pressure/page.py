@@ -58,9 +58,9 @@ def _transducer(outcome: Outcome, result: dict[str, Any], traced: WholePlotTrace
         ],
         **effects_part(result, drawn(outcome.figures)),
         "plots": [
-            {"alt": f"{name}: reading error over pressure, before and after", "png": reading_errors(residuals)},
-            {"alt": f"{name}: residuals within whole plots over pressure", "png": within_whole_plots(residuals)},
-            {"alt": f"{name}: mean residual of each whole plot", "png": between_whole_plots(residuals)},
+            {"alt": f"{name}: reading error over pressure, before and after", "figure": reading_errors(residuals)},
+            {"alt": f"{name}: residuals within whole plots over pressure", "figure": within_whole_plots(residuals)},
+            {"alt": f"{name}: mean residual of each whole plot", "figure": between_whole_plots(residuals)},
         ],
     }
 

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from procedures.pictures import colour_scale, png, side_by_side
+from procedures.pictures import colour_scale, side_by_side
 from procedures.pressure.data import WholePlotData
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
@@ -39,8 +40,8 @@ class Residuals:
         return self.before_mV, self.after_mV
 
 
-def within_whole_plots(residuals: Residuals) -> str:
-    """Residuals less their whole plot's mean over pressure, a colour for each side of approach; base64 PNG."""
+def within_whole_plots(residuals: Residuals) -> Figure:
+    """Residuals less their whole plot's mean over pressure, a colour for each side of approach."""
     data, means = residuals.data, [_less_means(residuals.data, side) for side in residuals.sides]
     figure, axes = side_by_side(3.2)
     for axis, left, title in zip(axes, means, _TITLES, strict=True):
@@ -51,11 +52,11 @@ def within_whole_plots(residuals: Residuals) -> str:
         axis.set_xscale("log")
     axes[0].set_ylabel("within whole plots / mV", fontsize=9)
     axes[0].legend(fontsize=7, frameon=False, ncols=3)
-    return png(figure)
+    return figure
 
 
-def reading_errors(residuals: Residuals) -> str:
-    """Residuals over pressure as a percentage of reading, whole-plot errors left in; base64 PNG."""
+def reading_errors(residuals: Residuals) -> Figure:
+    """Residuals over pressure as a percentage of reading, whole-plot errors left in."""
     data = residuals.data
     figure, axes = side_by_side(3.2)
     nonzero = data.pressure_psia > 0
@@ -67,11 +68,11 @@ def reading_errors(residuals: Residuals) -> str:
         axis.set_xscale("log")
         axis.set_yscale("symlog", linthresh=1.0)
     axes[0].set_ylabel("reading error / %", fontsize=9)
-    return png(figure)
+    return figure
 
 
-def between_whole_plots(residuals: Residuals) -> str:
-    """Whole plots' mean residuals in the order they were run, coloured by sensor temperature; base64 PNG."""
+def between_whole_plots(residuals: Residuals) -> Figure:
+    """Whole plots' mean residuals in the order they were run, coloured by sensor temperature."""
     data = residuals.data
     index, count = data.whole_plot_index, np.bincount(data.whole_plot_index)
     began = np.array([data.order[index == i].min() for i in range(len(count))])
@@ -84,7 +85,7 @@ def between_whole_plots(residuals: Residuals) -> str:
         _dress(axis, "whole plot, in the order of running", title)
     axes[0].set_ylabel("mean residual / mV", fontsize=9)
     colour_scale(figure, dots, "sensor / degC")
-    return png(figure)
+    return figure
 
 
 def _less_means(data: WholePlotData, side: Array) -> Array:

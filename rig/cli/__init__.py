@@ -63,7 +63,7 @@ def main() -> None:
         code = app(standalone_mode=False)
         sys.stdout.flush()
     except (RigError, DataError) as error:
-        from rig.cli.show import visible  # noqa: PLC0415
+        from rig.present.visible import visible  # noqa: PLC0415
 
         print(f"rig: {visible(str(error))}", file=sys.stderr)
         code = error.exit_code if isinstance(error, RigError) else ExitCode.USAGE

@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 from rich.markup import escape
-from rich.table import Table as RichTable
 
 from rig.atomic import check_files
 from rig.cli import app
 from rig.cli.run import JsonOption
-from rig.cli.show import err, mark, out, print_json
-from rig.errors import ExitCode, UsageError
-
-if TYPE_CHECKING:
-    from procedures.charting import View
+from rig.cli.show import err, show_result
+from rig.errors import ExitCode
 
 
 @app.command()
@@ -71,69 +65,15 @@ def chart(
 
     Example: `rig chart runs/2026*.sqlite --tolerance 5e-4 --usage 30 --report chart.html`
     """
-    from rig.closed_loop.chart import chart_calibrations  # noqa: PLC0415
+    from rig.api.charts import chart as chart_files  # noqa: PLC0415
     from rig.closed_loop.chart_inputs import path_of  # noqa: PLC0415
-    from rig.closed_loop.chart_together import read_together  # noqa: PLC0415
 
     check_files([report], [path_of(source) for source in calibrations])
-    given, left_out = read_together(calibrations, formula, sensor or ())
-    charted = chart_calibrations(
-        given, _today(today), sensors=sensor or (), tolerance=tolerance, usage_deg=usage, left_out=left_out
+    charted = chart_files(
+        calibrations, tolerance=tolerance, usage=usage, sensors=sensor or (), formula=formula, today=today
     )
     if report is not None:
-        from rig.report.chart import write_chart_report  # noqa: PLC0415
-
-        write_chart_report(report, charted)
+        charted.report(report)
         err.print(f"report: {escape(str(report))}", soft_wrap=True)
-    result = charted.to_json()
-    if as_json:
-        print_json(result)
-        return ExitCode.DONE
-    first, last = charted.given[0].date, charted.given[-1].date
-    out.print(f"{mark(charted.simulated)}[bold]{len(charted.given)} calibrations[/] from {first} to {last}")
-    for name, found in result["sensors"].items():
-        _show_sensor(name, charted.sensors[name].view, found)
-    for note in charted.notes:
-        out.print(f"  [yellow]{escape(note)}[/]", soft_wrap=True)
+    show_result(charted, as_json=as_json)
     return ExitCode.DONE
-
-
-def _today(given: str | None) -> datetime:
-    if given is None:
-        from drivers.clock import RealClock  # noqa: PLC0415
-
-        return datetime.fromtimestamp(RealClock().utc(), UTC)
-    try:
-        moment = datetime.fromisoformat(given)
-    except ValueError:
-        raise UsageError(f"--today: {given!r} is no date; write 2026-01-15") from None
-    return moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
-
-
-def _show_sensor(name: str, view: View, found: Mapping[str, Any]) -> None:
-    from procedures.numbers import with_error  # noqa: PLC0415
-    from rig.closed_loop.chart_words import due_date  # noqa: PLC0415
-
-    rows = found["calibrations"]
-    table = RichTable("date", *rows[0]["parameters"], "outside", title=f"\n{name}, {found['model']}")
-    table.title_justify = "left"
-    cells = [[with_error(v["estimate"], v["stderr"]) for v in row["parameters"].values()] for row in rows]
-    alike = all([error for _, error in each] == [error for _, error in cells[0]] for each in cells)
-    for row, each in zip(rows, cells, strict=True):
-        outside = ", ".join(f"{view.shown[q].label} {limit}" for q, limit in row["outside"].items())
-        values = [value if alike else f"{value} +- {error}" for value, error in each]
-        table.add_row(row["date"], *values, f"[yellow]{outside}[/]" if outside else "")
-    if alike:
-        table.add_row("std. error", *(error for _, error in cells[0]), style="dim")
-    out.print(table)
-    if not alike:
-        out.print("  values +- one standard error")
-    for sentence in found["sentences"]:
-        out.print(f"  {escape(sentence)}", soft_wrap=True)
-    if found["due"]["status"] == "too few":
-        return
-    table = RichTable(f"tolerance / {found['due']['unit']}", "due", "if calibrations scatter", "if the sensor wanders")
-    for due in found["due_by_tolerance"]:
-        table.add_row(f"{due['tolerance']:.2g}", due_date(due), *(v or "-" for v in due["by_variation"].values()))
-    out.print(table)
-    out.print(f"  (95 % probability, {view.usage_words}; the earlier of both)")

@@ -16,7 +16,6 @@ from procedures.kind import Kind
 from procedures.results import Options
 from rig.atomic import check_files, write_whole
 from rig.cli import app
-from rig.cli.kind_options import chosen as chosen_kind
 from rig.cli.kind_options import with_options_of_kinds
 from rig.cli.run import JsonOption, RunArgument, conclude, signals
 from rig.cli.show import err, headline, mark, out, print_json, run_progress
@@ -24,6 +23,7 @@ from rig.config import parse_toml, read_text
 from rig.controller import start_run
 from rig.engine.session import Outcome
 from rig.errors import ExitCode, UsageError
+from rig.options import chosen as chosen_kind
 
 SHOWN = 5
 """Proposals shown where nobody asked for all."""

@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.markup import escape
 
 from procedures.kind import Kind
-from procedures.results import Fitted, Page, Traced
-from rig.atomic import check_files, write_whole
+from procedures.results import Traced
+from rig.atomic import check_files
 from rig.cli import app
-from rig.cli.kind_options import chosen, with_options_of_kinds
+from rig.cli.kind_options import with_options_of_kinds
 from rig.cli.run import JsonOption
-from rig.cli.show import err, out, print_json, show_unused
-from rig.errors import ExitCode, UsageError
+from rig.cli.show import err, out, show_notes, show_result
+from rig.errors import ExitCode
 from rig.present.terminal import show
+
+if TYPE_CHECKING:
+    from rig.api.result import Reported
 
 DataArgument = Annotated[Path, typer.Argument(help="a run file, or a CSV table", show_default=False)]
 
@@ -58,36 +60,17 @@ def fit(
     Examples: `rig fit runs/20260115T180000-night-1a2b.sqlite`, `rig fit RUN --traced --temperature --out package.json`,
     `rig fit RUN --points 73`, `rig fit table.csv --response y --formula "1 + x"`
     """
-    from rig.effects import laboratory_effects  # noqa: PLC0415
+    from rig.api.data import fit_source  # noqa: PLC0415
     from rig.tables import FileSource  # noqa: PLC0415
 
     check_files([out_file, report], [data, *filter(None, (confirmed_by,))])
-    kind, options = chosen(FileSource(data), given, lambda one: one.fit_options)
-    fitted: Fitted
-    if confirmed_by is not None:
-        from rig.closed_loop.confirm import fit_confirmed  # noqa: PLC0415
-
-        if leave_out:
-            raise UsageError("--confirmed-by keeps every row: leave --leave-out away")
-        fitted = fit_confirmed(data, confirmed_by, options)
-    else:
-        fitted = kind.fit(
-            FileSource(data), options, leave_out=leave_out or (), own=laboratory_effects(), keep=out_file is not None
-        )
-    result = fitted.to_json()
+    fitted = fit_source(FileSource(data), given, leave_out or (), confirmed_by, keep=out_file is not None)
     if report is not None:
-        page = fitted.page()
-        if page is None:
-            raise UsageError(f"--report: a fit of {kind.title} has none; rig trace {data} --report writes one")
-        _write_report(report, page)
+        _write_report(fitted, report)
     if out_file is not None:
-        write_whole(out_file, lambda file: json.dump(result, file, indent=2, allow_nan=False))
+        fitted.save(out_file)
         err.print(f"calibration: {escape(str(out_file))}", soft_wrap=True)
-    if as_json:
-        print_json(result)
-    else:
-        show(fitted.blocks(), out)
-    show_unused(result["unused"])
+    show_result(fitted, as_json=as_json)
     return ExitCode.DONE
 
 
@@ -105,21 +88,18 @@ def trace(
     Examples: `rig trace runs/20260115T180000-night-1a2b.sqlite --report night.html`,
     `rig trace table.csv --response y --formula "1 + x" --group batch --time t_s`
     """
-    from rig.effects import laboratory_effects  # noqa: PLC0415
+    from rig.api.data import trace_source  # noqa: PLC0415
     from rig.tables import FileSource  # noqa: PLC0415
 
     check_files([report], [data])
-    source = FileSource(data)
-    kind, options = chosen(source, given, lambda one: one.trace_options)
-    traced = kind.trace(source, options, own=laboratory_effects())
+    found = trace_source(FileSource(data), given)
     if report is not None:
-        _write_report(report, traced.page())
-    result = traced.to_json()
+        _write_report(found, report)
     if as_json:
-        print_json(result)
+        show_result(found, as_json=True)
     else:
-        _show_trace(kind, traced)
-    show_unused(result["unused"])
+        _show_trace(found.kind, found.traced)
+        show_notes(found)
     return ExitCode.DONE
 
 
@@ -134,8 +114,6 @@ def _show_trace(kind: Kind, traced: Traced) -> None:
         )
 
 
-def _write_report(path: Path, page: Page) -> None:
-    from rig.report import write_page  # noqa: PLC0415
-
-    write_page(path, page)
+def _write_report(result: Reported, path: Path) -> None:
+    result.report(path)
     err.print(f"report: {escape(str(path))}", soft_wrap=True)

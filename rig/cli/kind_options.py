@@ -1,23 +1,18 @@
-"""Options that kinds of calibration declare, as options of the command line; and which kind a command is about."""
+"""Options that kinds of calibration declare, as options of the command line."""
 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Annotated, Any, TypeVar
 
 import typer
-from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 
 from procedures.kind import Kind, kinds
-from procedures.results import Options, Source
-from rig.closed_loop import known as known_kind
-from rig.errors import UsageError
+from rig.options import Choose
 
 Command = TypeVar("Command", bound=Callable[..., Any])
-Choose = Callable[[Kind], type[Options]]
-"""The options of a command that a kind declares."""
 
 
 def with_options_of_kinds(
@@ -73,43 +68,3 @@ def _parameter(name: str, owners: list[tuple[Kind, FieldInfo]]) -> inspect.Param
     option = typer.Option(flags, help="; ".join(words), show_default=shown, rich_help_panel=heading.capitalize())
     annotation = Annotated[field.annotation, option]  # type: ignore[name-defined]
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=field.default, annotation=annotation)
-
-
-def chosen(source: Source, given: Mapping[str, Any], choose: Choose) -> tuple[Kind, Any]:
-    """The kind that a table is of, or that options ask for, and its options.
-
-    Raises:
-        UsageError: no kind knows the table, or an option was given that its kind does not have.
-
-    """
-    known = kinds()
-    for name in given:
-        _check_asked(name, given, [one for one in known.values() if name in choose(one).model_fields])
-    kind = next((one for one in known.values() if one.asked_by & given.keys()), None) or known_kind(source.table)
-    return kind, options_of(kind, given, choose, f"{source.name} is taken for {kind.title}")
-
-
-def _check_asked(name: str, given: Mapping[str, Any], owners: Sequence[Kind]) -> None:
-    """Refuse an option of kinds that have to be asked for, where none of them was."""
-    if owners and all(one.asked_by and not one.asked_by & given.keys() for one in owners):
-        raise UsageError(f"--{name.replace('_', '-')}: {'; '.join(one.described for one in owners)}")
-
-
-def options_of(kind: Kind, given: Mapping[str, Any], choose: Choose, because: str) -> Any:
-    """The options of a kind.
-
-    Raises:
-        UsageError: one was given that it does not have; the message ends with `because`.
-
-    """
-    known = kinds()
-    for name in given:
-        if name not in choose(kind).model_fields:
-            owners = [one for one in known.values() if name in choose(one).model_fields]
-            what = " and ".join(one.title for one in owners)
-            raise UsageError(f"--{name.replace('_', '-')} is for {what}; {because}")
-    try:
-        return choose(kind)(**given)
-    except ValidationError as error:
-        first = error.errors()[0]
-        raise UsageError(f"--{str(first['loc'][0]).replace('_', '-')}: {first['msg']}") from error

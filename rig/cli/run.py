@@ -15,10 +15,10 @@ import typer
 from rich.markup import escape
 
 from procedures.durations import duration
+from rig.accepted import Acceptance
 from rig.atomic import check_added_to
 from rig.cli import app
-from rig.cli.accepted import Acceptance
-from rig.cli.show import err, mark, run_progress, visible
+from rig.cli.show import err, mark, run_progress
 from rig.cli.unattended import (
     Listening,
     LogFormatOption,
@@ -32,10 +32,12 @@ from rig.cli.unattended import (
     outside,
 )
 from rig.controller import Result, resume_run, start_run
-from rig.engine.early_warning import warnings_of
+from rig.engine.early_warning import warnings_in
 from rig.engine.session import Outcome, Progress, Signals
-from rig.errors import ExitCode, RigError
+from rig.errors import ExitCode
 from rig.plans import load_plan
+from rig.present.terminal import show
+from rig.present.visible import visible
 from rig.run_file.reader import RunReader
 from rig.run_file.state import RunState, is_simulated, read_state
 from rig.unattended import Listeners, RunFacts, ServiceManager
@@ -118,13 +120,13 @@ def run(
             if not create_only:
                 add_default_log(listeners, asked)
 
-        with run_progress(simulated=simulated) as show:
+        with run_progress(simulated=simulated) as progress:
             result = start_run(
                 plan,
                 out_dir,
                 signals=signals(),
                 announce=announce,
-                on_progress=_killing(heard(listeners, show), kill_at_point),
+                on_progress=_killing(heard(listeners, progress), kill_at_point),
                 observer=listeners,
                 create_only=create_only,
                 by=by,
@@ -182,11 +184,11 @@ def resume(
         return ExitCode.STOPPED
     asked = Listening(log, log_format, notify, notify_file, dry=dry, strict=False)
     with listening(facts_of(run_file), asked, _warn) as listeners:
-        with run_progress(simulated=simulated) as show:
+        with run_progress(simulated=simulated) as progress:
             result = resume_run(
                 run_file,
                 signals=signals(),
-                on_progress=_killing(heard(listeners, show), kill_at_point),
+                on_progress=_killing(heard(listeners, progress), kill_at_point),
                 bench=bench,
                 accept=frozenset(accept or ()),
                 dry_gap_s=gap,
@@ -238,19 +240,12 @@ def conclude(result: Result) -> int:
     return _EXIT[result.outcome]
 
 
-def warnings_in(run_file: Path) -> list[str]:
-    """Early warnings of a run; none of a file that cannot be read, about which others say more."""
-    with contextlib.suppress(RigError), RunReader.open(run_file) as reader:
-        return [warned.message for _, warned in warnings_of(reader)]
-    return []
-
-
 def _outside_acceptance(result: Result) -> bool:
     """Hold a complete run against the procedure's acceptance limits; says what it found."""
     if result.procedure is None:
         return False
     acceptance = Acceptance.of(result.procedure, result.path)
-    acceptance.show(err)
+    show(acceptance.blocks(), err)
     return acceptance.outside
 
 

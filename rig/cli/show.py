@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-import re
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -19,18 +18,13 @@ from procedures.blocks import headline as headline_of
 from procedures.blocks import simulated_mark
 from procedures.durations import duration
 from rig.engine.session import Progress as News
+from rig.present.as_json import finite
 from rig.present.terminal import show
+from rig.present.visible import visible
 
 if TYPE_CHECKING:
     from procedures.table import Table
-
-
-_UNSEEN = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
-
-
-def visible(text: str) -> str:
-    """Text with characters that would steer a terminal, turn its lines round, or are none, written out."""
-    return _UNSEEN.sub(lambda found: f"\\x{ord(found.group()):02x}", text)
+    from rig.api.result import Result
 
 
 class _Console(Console):
@@ -49,18 +43,8 @@ err = _Console(stderr=True, highlight=False)
 
 def print_json(value: object) -> None:
     """A result as JSON on stdout; NaN and infinity become null, which JSON has."""
-    json.dump(_finite(value), sys.stdout, indent=2, allow_nan=False)
+    json.dump(finite(value), sys.stdout, indent=2, allow_nan=False)
     sys.stdout.write("\n")
-
-
-def _finite(value: object) -> object:
-    if isinstance(value, float):
-        return value if abs(value) != float("inf") and value == value else None  # noqa: PLR0124 - NaN is not itself
-    if isinstance(value, Mapping):
-        return {str(k): _finite(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(v) for v in value]
-    return value
 
 
 mark = simulated_mark
@@ -71,12 +55,19 @@ def headline(file: str, table: Table, console: Console = out) -> None:
     show((headline_of(file, table),), console)
 
 
-def show_unused(unused: Mapping[str, Any]) -> None:
-    """Which columns and rows play no part, and why."""
-    from procedures.unused import sentences  # noqa: PLC0415
+def show_notes(result: Result) -> None:
+    """What a reader should know besides: which columns and rows play no part, and why."""
+    for note in result.notes():
+        err.print(f"[yellow]{escape(note)}[/]", soft_wrap=True)
 
-    for sentence in sentences(unused):
-        err.print(f"[yellow]{escape(sentence)}[/]", soft_wrap=True)
+
+def show_result(result: Result, *, as_json: bool) -> None:
+    """A result on stdout, its notes on stderr."""
+    if as_json:
+        print_json(result.to_json())
+    else:
+        show(result.blocks(), out)
+    show_notes(result)
 
 
 class _Bar(Progress):

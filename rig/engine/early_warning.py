@@ -6,11 +6,13 @@ run file, shown by `rig status`, `rig watch` and at the end of `rig run`; with `
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,6 +21,7 @@ from procedures.conduct import Conduct
 from procedures.run_list import Point, RunList
 from rig.engine.response_test import ResponseTest, Row
 from rig.engine.warning_tests import ALARM, NoiseTest, Number, PreviousTest, RepeatTest, StillTest
+from rig.errors import RigError
 from rig.quantities import PER_VOLT
 from rig.run_file.chain import Record
 from rig.run_file.events.bench import Warned
@@ -191,3 +194,10 @@ def warnings_of(run: RunReader) -> Iterator[tuple[Record, Warned]]:
     for _, record, _, _ in run.chained("kind = 'event' AND status = 'warning'"):
         if isinstance(record.event, Warned):
             yield record, record.event
+
+
+def warnings_in(run_file: Path) -> list[str]:
+    """Early warnings of a run; none of a file that cannot be read, about which others say more."""
+    with contextlib.suppress(RigError), RunReader.open(run_file) as reader:
+        return [warned.message for _, warned in warnings_of(reader)]
+    return []

@@ -11,18 +11,18 @@ import numpy as np
 from procedures.inference import Inference
 from procedures.results import Options
 from procedures.table import Reader, Table
-from rig.inference.calibration_file import CalibrationFile, read_calibration
+from rig.inference.calibration_file import CalibrationFile, calibration_in, read_calibration
 from rig.tables import read_gappy_csv
 
-__all__ = ["CalibrationFile", "Inference", "infer", "read_calibration"]
+__all__ = ["CalibrationFile", "Inference", "calibration_in", "csv_reader", "infer", "read_calibration"]
 
 
-def infer(file: CalibrationFile, data: Path, options: Options) -> Inference:
-    """Infer what a calibration is of from a CSV table.
+def infer(file: CalibrationFile, read: Reader, options: Options) -> Inference:
+    """Infer what a calibration is of from a table.
 
     Args:
         file: the calibration.
-        data: the table.
+        read: reads the table, in which values may be missing.
         options: as the calibration's kind declares them.
 
     Raises:
@@ -30,7 +30,7 @@ def infer(file: CalibrationFile, data: Path, options: Options) -> Inference:
         procedures.errors.DataError: a column is missing, or a value cannot be used.
 
     """
-    found = file.kind.infer(file.calibration, _reader(data), options, _reader)
+    found = file.kind.infer(file.calibration, read, options, csv_reader)
     if file.incomplete:
         found = replace(found, notes=(f"the calibration is of an incomplete run: {file.incomplete}", *found.notes))
     found = replace(found, notes=(*file.notes, *found.notes))
@@ -40,7 +40,9 @@ def infer(file: CalibrationFile, data: Path, options: Options) -> Inference:
     return found
 
 
-def _reader(path: Path) -> Reader:
+def csv_reader(path: Path) -> Reader:
+    """Reads a CSV file in which values may be missing."""
+
     def read(needed: Collection[str]) -> Table:
         return read_gappy_csv(path, needed)
 

@@ -39,22 +39,34 @@ def read_calibration(path: Path) -> CalibrationFile:
     if path.suffix == ".sqlite":
         raise UsageError(f"{path} is a run file; make a calibration of it first: rig fit {path} --out calibration.json")
     try:
-        given = json.loads(read_regular_text(path))
-        about, kind = given["data"], _kind(given)
-        words = kind.notes_of(given)
-        return CalibrationFile(kind, kind.calibration_of(given), bool(about.get("simulated")), incomplete(about), words)
+        text = read_regular_text(path)
     except FileNotFoundError:
         raise UsageError(f"there is no file {path}") from None
     except OSError as error:
         raise UsageError(f"{path} cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
-        raise UsageError(
-            f"{path} is not a calibration file of `rig fit --out`: it is not UTF-8 text (byte {error.start})"
-        ) from error
+        why = f"it is not UTF-8 text (byte {error.start})"
+        raise UsageError(f"{path} is not a calibration file of `rig fit --out`: {why}") from error
+    except ValueError as error:
+        raise _no_calibration(str(path), error) from error
+    return calibration_in(text, str(path))
+
+
+def calibration_in(text: str, source: str) -> CalibrationFile:
+    """The calibration in what `rig fit --out` wrote; `source` is its name in messages. Raises `UsageError`."""
+    try:
+        given = json.loads(text)
+        about, kind = given["data"], _kind(given)
+        words = kind.notes_of(given)
+        return CalibrationFile(kind, kind.calibration_of(given), bool(about.get("simulated")), incomplete(about), words)
     except RecursionError:
-        raise UsageError(f"{path} is nested too deeply to be a calibration file") from None
+        raise UsageError(f"{source} is nested too deeply to be a calibration file") from None
     except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
-        raise UsageError(f"{path} is not a calibration file of `rig fit --out`: {error}") from error
+        raise _no_calibration(source, error) from error
+
+
+def _no_calibration(source: str, error: Exception) -> UsageError:
+    return UsageError(f"{source} is not a calibration file of `rig fit --out`: {error}")
 
 
 def calibration_of(given: Mapping[str, Any]) -> Any:

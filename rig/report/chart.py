@@ -3,29 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 from procedures.numbers import with_error as estimate_and_error
 from procedures.results import Page
 from procedures.unused import Unused
 from procedures.words import capitalised
-from rig.atomic import write_whole
 from rig.closed_loop.chart import ControlCharts, SensorChart
 from rig.closed_loop.chart_inputs import as_table
 from rig.closed_loop.chart_words import due_date, probability, with_error
 from rig.report.chart_plots import error_chart, parameter_charts
-from rig.report.frame import render
 
 
-def write_chart_report(path: Path, charted: ControlCharts) -> None:
-    """Write a self-contained HTML report, whole or not at all. Raises `UsageError` if the disk refuses."""
-    text = chart_report(charted)
-    write_whole(path, lambda file: file.write(text))
-
-
-def chart_report(charted: ControlCharts) -> str:
-    """The report as HTML."""
+def chart_page(charted: ControlCharts) -> Page:
+    """The report."""
     result = charted.to_json()
     title = f"Control charts of {', '.join(charted.sensors)}"
     first, last = charted.given[0], charted.given[-1]
@@ -36,13 +27,13 @@ def chart_report(charted: ControlCharts) -> str:
         "sensors": [_sensor(sensor, result["sensors"][name]) for name, sensor in charted.sensors.items()],
     }
     table, span_s = as_table(charted.given, title), (last.when - first.when).total_seconds()
-    return render(Page("rig.report", "chart.html.j2", table, span_s, Unused().to_json(), contents))
+    return Page("rig.report", "chart.html.j2", table, span_s, Unused().to_json(), contents)
 
 
 def _sensor(sensor: SensorChart, result: Mapping[str, Any]) -> dict[str, Any]:
-    plots = [{"alt": f"{sensor.name}: control charts of its parameters", "png": parameter_charts(sensor)}]
+    plots = [{"alt": f"{sensor.name}: control charts of its parameters", "figure": parameter_charts(sensor)}]
     if sensor.chart.bound is not None:
-        plots.append({"alt": f"{sensor.name}: error of the last calibration over date", "png": error_chart(sensor)})
+        plots.append({"alt": f"{sensor.name}: error of the last calibration over date", "figure": error_chart(sensor)})
     return {
         "name": sensor.name,
         "model": result["model"],

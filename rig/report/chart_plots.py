@@ -1,4 +1,4 @@
-"""Control charts as embedded PNG: a parameter over date, and the error of the last calibration as it ages."""
+"""Control charts: a parameter over date, and the error of the last calibration as it ages."""
 
 from __future__ import annotations
 
@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LinearLocator
 
 from fitter.history import Between, QuantityChart
 from fitter.history.forecast import predict
 from fitter.quantiles import t_limit
-from procedures.pictures import grid, legend_below, png
+from procedures.pictures import grid, legend_below
 from rig.closed_loop.chart import DAYS, SensorChart
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
@@ -21,8 +22,8 @@ _COLOURS = {Between.SCATTER: "#4477aa", Between.WALK: "#b3460b"}
 _WORDS = {Between.SCATTER: "if calibrations scatter", Between.WALK: "if the sensor wanders"}
 
 
-def parameter_charts(sensor: SensorChart) -> str:
-    """One chart a parameter: points with error bars, centre, limits, trend, forecast, due date; base64 PNG."""
+def parameter_charts(sensor: SensorChart) -> Figure:
+    """One chart a parameter: points with error bars, centre, limits, trend, forecast, due date."""
     charts = sensor.chart.quantities
     figure, axes = grid(len(charts), columns=2, height=3.0)
     due = sensor.due(sensor.tolerance)
@@ -31,7 +32,7 @@ def parameter_charts(sensor: SensorChart) -> str:
         _dates(axis, due)
     handles, labels = axes[0].get_legend_handles_labels()
     legend_below(figure, handles, labels, 7)
-    return png(figure)
+    return figure
 
 
 def _parameter(axis: Axes, q: QuantityChart, sensor: SensorChart) -> None:
@@ -91,8 +92,8 @@ def _quantile_half(mean: Array, sd: Array) -> Array:
     return np.asarray(np.quantile(np.abs(drawn - np.median(mean, axis=0)), 0.95, axis=0))
 
 
-def error_chart(sensor: SensorChart) -> str:
-    """Bound on the error of the output over date, tolerance and due date; base64 PNG."""
+def error_chart(sensor: SensorChart) -> Figure:
+    """Bound on the error of the output over date, tolerance and due date."""
     bound = sensor.chart.bound
     assert bound is not None
     figure, (axis,) = grid(1, columns=1, height=3.0, width=7.0)
@@ -107,7 +108,7 @@ def error_chart(sensor: SensorChart) -> str:
     axis.set_title(f"error of the last calibration's output, 95 % / {unit}", fontsize=9)
     axis.grid(color="0.92", linewidth=0.6)
     axis.legend(fontsize=7, frameon=False)
-    return png(figure)
+    return figure
 
 
 def _reach(sensor: SensorChart) -> float:

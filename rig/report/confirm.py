@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from fitter.confirm import Confirmation
-from fitter.trace.outcome import Figure
+from fitter.trace.outcome import Figure as View
 from procedures.effect_plots import draw
 from procedures.results import Page
 from rig.atomic import write_whole
@@ -65,14 +66,14 @@ def _answer(confirmed: Confirmed, answer: Confirmation, told: dict[str, Any]) ->
         "plots": [
             {
                 "alt": f"{name}: this run less what the first predicts, without {answer.effect} and with all effects",
-                "png": _plot(confirmed, answer, name),
+                "figure": _plot(confirmed, answer, name),
             }
             for name in most[:_DRAWN]
         ],
     }
 
 
-def _plot(confirmed: Confirmed, answer: Confirmation, sensor: str) -> str:
+def _plot(confirmed: Confirmed, answer: Confirmation, sensor: str) -> Figure:
     """Residuals of the further run without and with one effect, over the variable its best explanation goes by."""
     against, data, judged = answer.members[0].against, confirmed.data, confirmed.judged
     variables = {**confirmed.first.confirming.variables(), "elapsed_s": ("bench time / h", 1 / 3600.0)}
@@ -82,4 +83,4 @@ def _plot(confirmed: Confirmed, answer: Confirmation, sensor: str) -> str:
     error = judged.errors[sensor]
     unit, scale = confirmed.first.confirming.drawn
     adds = confirmed.inferred(error, judged.adds[answer.effect, sensor]) * scale
-    return draw(Figure(values, label, confirmed.inferred(error, error.residual_after) * scale, adds, unit))
+    return draw(View(values, label, confirmed.inferred(error, error.residual_after) * scale, adds, unit))

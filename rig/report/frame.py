@@ -7,6 +7,7 @@ from pathlib import Path
 
 import jinja2
 
+from procedures.pictures import png
 from procedures.results import Page
 from procedures.words import incomplete
 from rig.report.story import story
@@ -18,7 +19,9 @@ _HERE = "rig.report"
 def _templates(package: str) -> jinja2.Environment:
     """Templates of a package, which may extend and include ours."""
     loaders = [jinja2.PackageLoader(name) for name in dict.fromkeys((package, _HERE))]
-    return jinja2.Environment(loader=jinja2.ChoiceLoader(loaders), autoescape=True, undefined=jinja2.StrictUndefined)
+    found = jinja2.Environment(loader=jinja2.ChoiceLoader(loaders), autoescape=True, undefined=jinja2.StrictUndefined)
+    found.filters["png"] = png
+    return found
 
 
 def render(page: Page) -> str:

@@ -15,7 +15,6 @@ from typing import Protocol
 import apsw
 
 from procedures.run_list import RunList
-from rig import __version__
 from rig.errors import RunFileError
 from rig.run_file.bodies import COUNT, ContentsError
 from rig.run_file.chain import GENESIS, Record, StoredRow, followed, link
@@ -24,6 +23,7 @@ from rig.run_file.events.event import Event
 from rig.run_file.events.sessions import Ended, RunCreated
 from rig.run_file.restore import changed_column
 from rig.run_file.schema import Guarded, Stored, differences
+from rig.version import VERSION
 
 _SEARCHED = 10
 """In so many changed records at most it is searched for what was changed."""
@@ -283,11 +283,7 @@ def _run_list(run: Contents, declared: RunCreated, planned: RunList | None) -> I
         points = _points(run)
         if points != declared.points:
             yield Finding("run list", f"it has {points} points, the run was created with {declared.points}")
-        elif (
-            planned is not None
-            and declared.software.get("calibration-rig") == __version__
-            and planned.sha256() != stored
-        ):
+        elif planned is not None and declared.software.get("calibration-rig") == VERSION and planned.sha256() != stored:
             yield Finding("run list", "the run list is not the one that the stored procedure makes")
             yield from _points_changed(run, planned)
         return

@@ -14,6 +14,7 @@ from rig.tables.observations import run_table
 __all__ = [
     "FileSource",
     "Table",
+    "is_run",
     "read_any_csv",
     "read_gappy_csv",
     "read_table",
@@ -22,8 +23,8 @@ __all__ = [
 ]
 
 
-def read_table(path: Path) -> Table:
-    """A CSV file or the accepted observations of a run file. Raises `UsageError` or `RunFileError`."""
+def is_run(path: Path) -> bool:
+    """Whether a file is a run file, else taken for a CSV table. Raises `UsageError` where there is no such file."""
     if not path.exists():
         raise UsageError(f"there is no file {path}")
     if path.is_dir():
@@ -33,9 +34,12 @@ def read_table(path: Path) -> Table:
             start = file.read(16)
     except OSError as error:
         raise UsageError(f"{path} cannot be read: {error.strerror}") from error
-    if start.startswith(b"SQLite format 3"):
-        return run_table(path)
-    return read_csv(path)
+    return start.startswith(b"SQLite format 3")
+
+
+def read_table(path: Path) -> Table:
+    """A CSV file or the accepted observations of a run file. Raises `UsageError` or `RunFileError`."""
+    return run_table(path) if is_run(path) else read_csv(path)
 
 
 @dataclass(frozen=True)

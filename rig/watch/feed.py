@@ -12,6 +12,7 @@ from typing import Any
 from procedures.expected import Previous
 from procedures.run_list import Factor
 from rig.errors import RigError
+from rig.present.as_json import finite
 from rig.regular import real_path
 from rig.run_file.chain import Record
 from rig.run_file.documents import declared_model, kind_of_run, mounting_of
@@ -278,14 +279,4 @@ def encoded(value: object) -> str:
     try:
         return json.dumps(value, separators=(",", ":"), allow_nan=False)
     except ValueError:
-        return json.dumps(_finite(value), separators=(",", ":"), allow_nan=False)
-
-
-def _finite(value: object) -> object:
-    if isinstance(value, float):
-        return value if abs(value) < float("inf") else None
-    if isinstance(value, Mapping):
-        return {str(k): _finite(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(v) for v in value]
-    return value
+        return json.dumps(finite(value), separators=(",", ":"), allow_nan=False)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from rig import __version__
 from rig.run_file.chain import Record
 from rig.run_file.events.bench import Fault, MadeSafe, Prepared, Preparing
 from rig.run_file.events.event import Event, Unknown
@@ -12,6 +11,7 @@ from rig.run_file.events.points import Observed, WholePlotLost
 from rig.run_file.events.sessions import Ended, Held, Released, SessionBegan
 from rig.run_file.sense.case import NOTED, Case
 from rig.run_file.state import RunState
+from rig.version import VERSION
 
 _RIG = "calibration-rig"
 _DECISIONS = {"retry", "re-home", "re-soak", "skip", "hold", "abort", "leave"}
@@ -25,11 +25,11 @@ _DOUBTED = " readings are in doubt and left out)"
 def other_version(case: Case) -> Iterator[str]:
     """What is not held against the stored procedure since another version of rig is said to have begun the run."""
     said = case.about.software.get(_RIG, "none")
-    if said == __version__ or case.procedure is None:
+    if said == VERSION or case.procedure is None:
         return
     if case.procedure.expand().sha256() != case.run_list.sha256():
         yield (
-            f"its first record says that version {said} of rig began it, and this is {__version__}, which makes "
+            f"its first record says that version {said} of rig began it, and this is {VERSION}, which makes "
             f"another run list of its procedure: nothing tells whether the run list is that version's"
         )
 
@@ -61,7 +61,7 @@ class Written:
     def look(self, record: Record, event: Event, _fold: RunState) -> Iterator[str]:
         """See `Rule.look`."""
         if isinstance(event, SessionBegan):
-            self._ours = event.software.get(_RIG) == __version__
+            self._ours = event.software.get(_RIG) == VERSION
             self._writes_all = event.writes_all
             if not (self._ours and self._writes_all):
                 said = f"of version {event.software.get(_RIG, 'none')} of rig" if not self._ours else "an early one's"
@@ -69,7 +69,7 @@ class Written:
             self._held = self._preparing = self._safe = False
             self._lost = None
         if self._ours and isinstance(event, Unknown):
-            yield f"it is a {event.sort}, which no controller of its version ({__version__}) writes"
+            yield f"it is a {event.sort}, which no controller of its version ({VERSION}) writes"
         if self._ours and self._writes_all:
             yield from self._fields(record, event)
         yield from self._order(event)

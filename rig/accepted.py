@@ -1,15 +1,15 @@
-"""A complete run beside the acceptance limits of its procedure, for the terminal."""
+"""A complete run beside the acceptance limits of its procedure."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
 from rich.markup import escape
 
+from procedures.blocks import Block, Line
 from procedures.errors import DataError
 from procedures.kind import Procedure
 from rig.errors import RigError
@@ -62,18 +62,17 @@ class Acceptance:
         """Whether a sensor is outside its limit, or that cannot be told."""
         return bool(self.problem) or any(not verdict.inside for verdict in self.verdicts)
 
-    def show(self, console: Console, indent: str = "") -> None:
-        """Say it; nothing without a limit."""
+    def blocks(self, indent: str = "") -> Iterator[Block]:
+        """What a person reads of it; nothing without a limit."""
         if self.problem:
-            console.print(f"{indent}[red]acceptance cannot be judged:[/] {escape(self.problem)}", soft_wrap=True)
+            yield Line(f"{indent}[red]acceptance cannot be judged:[/] {escape(self.problem)}")
         for one in self.verdicts:
             if not one.inside:
-                said = f"[red]{escape(one.sensor)} is outside acceptance:[/] {escape(one.found)}"
-                console.print(f"{indent}{said}", soft_wrap=True)
+                yield Line(f"{indent}[red]{escape(one.sensor)} is outside acceptance:[/] {escape(one.found)}")
         if self.verdicts and not self.outside:
-            console.print(f"{indent}every sensor is inside acceptance ({self.verdicts[0].limit}):")
+            yield Line(f"{indent}every sensor is inside acceptance ({self.verdicts[0].limit}):")
             for one in self.verdicts:
-                console.print(f"{indent}  {escape(one.sensor)}: {escape(one.found)}", soft_wrap=True)
+                yield Line(f"{indent}  {escape(one.sensor)}: {escape(one.found)}")
 
     def to_json(self) -> dict[str, Any] | None:
         """None without a limit; `inside` is None where it cannot be judged."""

@@ -1,0 +1,259 @@
+"""`rig.open`: a run file or a CSV table, to fit and to trace."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from procedures.blocks import Block
+from procedures.kind import Kind
+from procedures.results import Fitted, Page, Traced
+from procedures.unused import sentences, unit_of
+from procedures.words import units
+from rig.api.frames import Frame, of_rows
+from rig.api.inferred import Inferred, check_readings, infer_from
+from rig.api.observations import Observations
+from rig.api.result import Reported
+from rig.atomic import write_whole
+from rig.effects import laboratory_effects
+from rig.errors import UsageError
+from rig.inference import calibration_in
+from rig.options import chosen
+from rig.present.as_json import finite
+from rig.tables import FileSource, is_run
+
+if TYPE_CHECKING:
+    from rig.api.inferred import Readings
+
+_ESTIMATES = ("sensor", "of", "name", "unit"), ("estimate", "stderr", "df")
+_EFFECTS = (
+    ("sensor", "effect", "stratum", "term", "unit", "doubtful"),
+    ("coefficient", "stderr", "share", "p_adjusted"),
+)
+
+
+class Calibration(Reported):
+    """A fit of the declared model to every sensor.
+
+    Attributes:
+        fitted: as its kind has it.
+        kind: of calibration.
+        source: the file that was fitted.
+
+    """
+
+    def __init__(self, fitted: Fitted, kind: Kind, source: str) -> None:
+        self.fitted = fitted
+        self.kind = kind
+        self.source = source
+
+    @cached_property
+    def _kept(self) -> dict[str, Any]:
+        return self.fitted.to_json()
+
+    def to_json(self) -> dict[str, Any]:
+        """What `rig fit --json` prints."""
+        found: dict[str, Any] = finite(self._kept)
+        return found
+
+    def blocks(self) -> Iterable[Block]:
+        """What a person reads of it."""
+        return self.fitted.blocks()
+
+    def notes(self) -> Sequence[str]:
+        """What of the table was not used."""
+        return sentences(self._kept["unused"])
+
+    @cached_property
+    def _page(self) -> Page:
+        page = self.fitted.page()
+        if page is None:
+            trace = f"rig trace {self.source} --report writes one"
+            raise UsageError(f"--report: a fit of {self.kind.title} has none; {trace}")
+        return page
+
+    def frame(self) -> Frame:
+        """A row a coefficient and parameter. Raises `UsageError` where nothing was estimated."""
+        rows = list(_estimates(self._kept))
+        if not rows:
+            raise UsageError(f"what was asked of {self.source} is no calibration: it has no table of estimates")
+        return of_rows(rows, *_ESTIMATES, {"source": self.source, "kind": self.kind.name})
+
+    def save(self, path: str | Path) -> None:
+        """Write it as `rig fit --out` does. Raises `UsageError` if the disk refuses."""
+        write_whole(Path(path), lambda file: json.dump(self._kept, file, indent=2, allow_nan=False))
+
+    def infer(self, readings: Readings, *, out: str | Path | None = None, **options: Any) -> Inferred:
+        """Infer what it is a calibration of; arguments and errors as for `rig.infer`."""
+        check_readings(readings, out, [Path(self.source)], options)
+        file = calibration_in(json.dumps(self._kept), f"the fit of {self.source}")
+        return infer_from(file, readings, out, options)
+
+    def __repr__(self) -> str:
+        return f"<rig.Calibration of {self.source}: {self.kind.title}>"
+
+
+class Trace(Reported):
+    """What the declared model lacks.
+
+    Attributes:
+        traced: as its kind has it.
+        kind: of calibration.
+        source: the file that was traced.
+
+    """
+
+    def __init__(self, traced: Traced, kind: Kind, source: str) -> None:
+        self.traced = traced
+        self.kind = kind
+        self.source = source
+
+    @cached_property
+    def _told(self) -> dict[str, Any]:
+        return self.traced.to_json()
+
+    def to_json(self) -> dict[str, Any]:
+        """What `rig trace --json` prints."""
+        found: dict[str, Any] = finite(self._told)
+        return found
+
+    @property
+    def verdicts(self) -> Mapping[str, str]:
+        """By sensor: "explained", "nothing to add", "partly explained" or "unexplained"."""
+        return {name: str(found["verdict"]) for name, found in self._told["sensors"].items()}
+
+    def blocks(self) -> Iterable[Block]:
+        """What a person reads of it."""
+        return self.traced.blocks()
+
+    def notes(self) -> Sequence[str]:
+        """What of the table was not used."""
+        return sentences(self._told["unused"])
+
+    @cached_property
+    def _page(self) -> Page:
+        return self.traced.page()
+
+    def frame(self) -> Frame:
+        """A row a term of every effect and finding about the noise."""
+        return of_rows(_effects(self._told), *_EFFECTS, {"source": self.source})
+
+    def __repr__(self) -> str:
+        told = "; ".join(f"{name}: {verdict}" for name, verdict in self.verdicts.items())
+        return f"<rig.Trace of {self.source}: {told}>"
+
+
+class Data:
+    """A run file or a CSV table, read when something is asked of it, once.
+
+    Attributes:
+        path: the file.
+
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        self._run = is_run(self.path)
+        self._source = FileSource(self.path)
+
+    @cached_property
+    def table(self) -> Observations:
+        """Its observations: of a run those that were accepted. Raises `UsageError` or `RunFileError`."""
+        return Observations(self._source.table if self._run else self._source.read(()))
+
+    def fit(
+        self,
+        *,
+        leave_out: str | int | Iterable[str | int] = (),
+        confirmed_by: str | Path | None = None,
+        **options: Any,
+    ) -> Calibration:
+        """Fit the declared model to every sensor.
+
+        Args:
+            leave_out: "gross" for the gross errors found, or numbers of rows.
+            confirmed_by: a later run file, to keep the causes that it confirmed.
+            options: of `rig fit` for this kind of table, with underscores for hyphens.
+
+        Raises:
+            UsageError: the table is of no kind that is known, or an option does not go with it.
+            DataError: it lacks something, or its rows do not determine the model.
+            RunFileError: the run file is damaged.
+
+        """
+        rows = [leave_out] if isinstance(leave_out, (str, int)) else list(leave_out)
+        later = None if confirmed_by is None else Path(confirmed_by)
+        return fit_source(self._source, options, [str(row) for row in rows], later)
+
+    def trace(self, **options: Any) -> Trace:
+        """Trace what the declared model lacks; options of `rig trace` for this kind of table, errors as for `fit`."""
+        return trace_source(self._source, options)
+
+    def _repr_html_(self) -> str:
+        return self.table._repr_html_()
+
+    def __str__(self) -> str:
+        return str(self.table)
+
+    def __repr__(self) -> str:
+        return f"rig.open({str(self.path)!r})"
+
+
+def open(path: str | Path) -> Data:  # noqa: A001 - rig.open, as one opens a file
+    """A run file or a CSV table. Raises `UsageError` where there is no such file."""
+    return Data(path)
+
+
+def fit_source(
+    source: FileSource,
+    given: Mapping[str, Any],
+    leave_out: Sequence[str] = (),
+    confirmed_by: Path | None = None,
+    *,
+    keep: bool = False,
+) -> Calibration:
+    """`rig fit`: arguments and errors as for `Data.fit`; `keep` says that the result is to become a file."""
+    kind, options = chosen(source, _asked(given), lambda one: one.fit_options)
+    fitted: Fitted
+    if confirmed_by is not None:
+        from rig.closed_loop.confirm import fit_confirmed  # noqa: PLC0415 - which few fits need
+
+        if leave_out:
+            raise UsageError("--confirmed-by keeps every row: leave --leave-out away")
+        fitted = fit_confirmed(source.path, confirmed_by, options)
+    else:
+        fitted = kind.fit(source, options, leave_out=leave_out, own=laboratory_effects(), keep=keep)
+    return Calibration(fitted, kind, source.name)
+
+
+def trace_source(source: FileSource, given: Mapping[str, Any]) -> Trace:
+    """`rig trace`: arguments and errors as for `Data.trace`."""
+    kind, options = chosen(source, _asked(given), lambda one: one.trace_options)
+    return Trace(kind.trace(source, options, own=laboratory_effects()), kind, source.name)
+
+
+def _asked(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Options that were given: None is not."""
+    return {name: value for name, value in given.items() if value is not None}
+
+
+def _estimates(result: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    sensors = result.get("sensors") or {str(result.get("response", "")): result}
+    for sensor, found in sensors.items():
+        for of in ("coefficients", "parameters"):
+            for name, value in (found.get(of) or {}).items():
+                if isinstance(value, Mapping) and "estimate" in value:
+                    unit = value.get("unit", unit_of(name) if of == "parameters" else "")
+                    yield {"sensor": sensor, "of": of.removesuffix("s"), "name": name, **value, "unit": unit}
+
+
+def _effects(result: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    for sensor, found in result["sensors"].items():
+        for effect in found["effects"]:
+            each = zip(effect["terms"], effect["coefficients"], effect["stderr"], units(effect), strict=True)
+            for term, coefficient, stderr, unit in each:
+                of_term = {"term": term, "coefficient": coefficient, "stderr": stderr, "unit": unit}
+                yield {**effect, **of_term, "sensor": sensor}

@@ -1,0 +1,103 @@
+"""Results as data frames (pandas) and as labelled arrays (xarray), with units. Both libraries are optional."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from procedures.unused import unit_of
+from rig.errors import UsageError
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+    from xarray import Dataset
+
+ROW = "row"
+"""Name of the one dimension of every labelled array."""
+_ENDS = ("_sd", "_lo95", "_hi95")
+"""Of columns whose unit stands before them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """A table of anything.
+
+    Attributes:
+        columns: (n,) values by name: numbers, text, truth values.
+        units: of columns that have one, by name.
+        about: what is known of all of it; numbers and text only, which every file format can hold.
+
+    """
+
+    columns: Mapping[str, np.ndarray[Any, Any]]
+    units: Mapping[str, str]
+    about: Mapping[str, str | int | float] = field(default_factory=dict)
+
+    def to_pandas(self) -> DataFrame:
+        """With `attrs["units"]`, a unit by column. Raises `UsageError` where pandas is not installed."""
+        frame: DataFrame = _library("pandas").DataFrame(dict(self.columns))
+        frame.attrs["units"] = dict(self.units)
+        for name, value in self.about.items():
+            frame.attrs[name] = value
+        return frame
+
+    def to_xarray(self) -> Dataset:
+        """With `attrs["units"]` at every variable that has one. Raises `UsageError` where xarray is not installed."""
+        variables = {
+            name: (ROW, values, {"units": self.units[name]} if name in self.units else {})
+            for name, values in self.columns.items()
+        }
+        found: Dataset = _library("xarray").Dataset(variables, attrs=dict(self.about))
+        return found
+
+
+def of_columns(columns: Mapping[str, Any], about: Mapping[str, str | int | float]) -> Frame:
+    """Columns whose names end in their unit."""
+    units = {name: unit for name in columns if (unit := _unit(name))}
+    arrays = {name: np.asarray(values) for name, values in columns.items()}
+    return Frame({n: v.astype(str) if v.dtype == object else v for n, v in arrays.items()}, units, about)
+
+
+def of_rows(
+    rows: Iterable[Mapping[str, Any]],
+    text: Collection[str],
+    numbers: Collection[str],
+    about: Mapping[str, str | int | float],
+    units: Mapping[str, str] | None = None,
+) -> Frame:
+    """One row each; what a row does not have is "" in a column of text, NaN in one of numbers.
+
+    Args:
+        rows: values by column.
+        text: columns of text, which come first.
+        numbers: columns of numbers.
+        about: see `Frame`.
+        units: of columns that have one.
+
+    """
+    every = list(rows)
+    words = {name: [row.get(name) for row in every] for name in text}
+    values = {name: [row.get(name) for row in every] for name in numbers}
+    return Frame(
+        {name: np.array(["" if v is None else str(v) for v in column]) for name, column in words.items()}
+        | {name: np.array([np.nan if v is None else v for v in column], float) for name, column in values.items()},
+        units or {},
+        about,
+    )
+
+
+def _unit(name: str) -> str:
+    for end in _ENDS:
+        name = name.removesuffix(end)
+    return unit_of(name)
+
+
+def _library(name: str) -> Any:
+    try:
+        return import_module(name)
+    except ImportError as error:
+        raise UsageError(f"{name} is not installed: pip install 'calibration-rig[{name}]'") from error

@@ -1,0 +1,149 @@
+"""`rig infer`: a calibration in use."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from rich.markup import escape
+
+from procedures.blocks import Block, Line, simulated_mark
+from procedures.inference import Inference
+from procedures.table import Reader
+from procedures.unused import sentences
+from rig import inference
+from rig.api.frames import Frame, of_columns
+from rig.api.observations import first_rows
+from rig.api.result import Plots, Result
+from rig.atomic import check_files
+from rig.inference import CalibrationFile, csv_reader, read_calibration
+from rig.options import options_of
+from rig.present.as_json import finite
+from rig.tables.csv_tables import write_csv
+from rig.tables.given import table_given
+
+if TYPE_CHECKING:
+    from rig.tables.given import Columns
+
+    Readings = str | Path | Columns
+    """A CSV file, or columns by name."""
+
+
+class Inferred(Result):
+    """What was inferred from readings, with standard deviations and 95 % intervals.
+
+    Attributes:
+        found: columns of the readings and those that were added, notes, flags.
+        simulated: whether the calibration is of a simulated run.
+        file: that was written; None where none was.
+
+    """
+
+    def __init__(self, found: Inference, *, simulated: bool, file: Path | None) -> None:
+        self.found = found
+        self.simulated = simulated
+        self.file = file
+
+    def __len__(self) -> int:
+        return len(next(iter(self.columns.values())))
+
+    def __getitem__(self, name: str) -> np.ndarray[Any, Any]:
+        """(n,) values of a column. Raises `KeyError`."""
+        return self.columns[name]
+
+    @property
+    def columns(self) -> Mapping[str, np.ndarray[Any, Any]]:
+        """(n,) values by column name: those of the readings, then those that were added."""
+        return {name: np.asarray(values) for name, values in self.found.columns.items()}
+
+    def to_json(self) -> dict[str, Any]:
+        """What `rig infer --json` prints; "file" is None where none was written."""
+        file = None if self.file is None else str(self.file)
+        found: dict[str, Any] = finite({"file": file, "simulated": self.simulated, **self.found.to_json()})
+        return found
+
+    @property
+    def words(self) -> str:
+        """How many rows, how many flagged, and what was added."""
+        added = f"{', '.join(self.found.quantities)} with _sd, _lo95, _hi95 and flag"
+        return f"{len(self)} rows, {self.found.flagged} flagged; {added}"
+
+    def blocks(self) -> Iterable[Block]:
+        """In short, and the first rows of what was inferred."""
+        yield Line(f"{simulated_mark(self.simulated)}{escape(self.words)}")
+        yield from first_rows({name: self.columns[name] for name in self.found.added})
+
+    def notes(self) -> Sequence[str]:
+        """Of the calibration and of the readings, and what of them was not used."""
+        return (*self.found.notes, *sentences(self.found.unused.to_json()))
+
+    def frame(self) -> Frame:
+        """All columns."""
+        return of_columns(self.columns, {"simulated": int(self.simulated)})
+
+    def plot(self) -> Plots:
+        """One figure: every quantity with its 95 % interval, row by row."""
+        from procedures.pictures import grid  # noqa: PLC0415 - matplotlib takes a second to import
+
+        columns, row = self.columns, np.arange(len(self)) + 1
+        figure, axes = grid(len(self.found.quantities), columns=1, height=2.6)
+        for axis, name in zip(axes, self.found.quantities, strict=True):
+            value, low, high = (np.asarray(columns[name + end], np.float64) for end in ("", "_lo95", "_hi95"))
+            axis.vlines(row, low, high, color="0.6", lw=1.0, label="95 % interval")
+            axis.plot(row, value, ".", ms=4, label=name)
+            axis.set_title(name, fontsize=9)
+            axis.set_xlabel("row", fontsize=8)
+            axis.legend(fontsize=7, frameon=False)
+        return Plots((figure,))
+
+    def __repr__(self) -> str:
+        return f"<rig.Inferred: {self.words}>"
+
+
+def infer(calibration: str | Path, readings: Readings, *, out: str | Path | None = None, **options: Any) -> Inferred:
+    """Infer what a kept calibration is of.
+
+    Args:
+        calibration: what `rig fit --out` or `Calibration.save` wrote.
+        readings: a CSV file, or columns by name, in which values may be missing.
+        out: a CSV file to write; None for none.
+        options: of `rig infer`, with underscores for hyphens.
+
+    Raises:
+        UsageError: a file cannot be used, or an option does not go with this calibration.
+        DataError: a column is missing, or a value cannot be used.
+
+    """
+    path = Path(calibration)
+    check_readings(readings, out, [path], options)
+    return infer_from(read_calibration(path), readings, out, options)
+
+
+def infer_from(
+    file: CalibrationFile, readings: Readings, out: str | Path | None, options: Mapping[str, Any]
+) -> Inferred:
+    """The same with a calibration that was read; arguments and errors as for `infer`."""
+    given = {name: value for name, value in options.items() if value is not None}
+    chosen = options_of(file.kind, given, lambda kind: kind.infer_options, f"this calibration is of {file.kind.title}")
+    found = inference.infer(file, _reader(readings), chosen)
+    if out is not None:
+        write_csv(found.columns, Path(out))
+    return Inferred(found, simulated=file.simulated, file=None if out is None else Path(out))
+
+
+def check_readings(
+    readings: Readings, out: str | Path | None, read: Sequence[Path], options: Mapping[str, Any]
+) -> None:
+    """Refuse to write over what is read. Raises `UsageError`."""
+    files = [readings] if isinstance(readings, (str, Path)) else []
+    named = [value for value in options.values() if isinstance(value, Path)]
+    check_files([None if out is None else Path(out)], [*read, *map(Path, files), *named])
+
+
+def _reader(readings: Readings) -> Reader:
+    if isinstance(readings, (str, Path)):
+        return csv_reader(Path(readings))
+    table = table_given(readings)
+    return lambda needed: table

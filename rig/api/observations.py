@@ -1,0 +1,104 @@
+"""Tables of observations: what a run measured, or a CSV file holds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import PurePath
+from typing import Any
+
+import numpy as np
+from rich.markup import escape
+
+from procedures.blocks import Block, Grid, Line, headline
+from procedures.numbers import number
+from procedures.table import Table
+from procedures.unused import unit_of
+from rig.api.frames import Frame, of_columns
+from rig.api.result import Plots, Result
+from rig.present.as_json import finite
+
+_SHOWN = 10
+_TIME = "elapsed_s"
+
+
+class Observations(Result):
+    """A table: columns of numbers and of text, with units in their names.
+
+    Attributes:
+        table: as fits and traces take it.
+
+    """
+
+    def __init__(self, table: Table) -> None:
+        self.table = table
+
+    def __len__(self) -> int:
+        return len(next(iter(self.columns.values())))
+
+    def __getitem__(self, name: str) -> np.ndarray[Any, Any]:
+        """(n,) values of a column. Raises `KeyError`."""
+        return self.columns[name]
+
+    @property
+    def columns(self) -> Mapping[str, np.ndarray[Any, Any]]:
+        """(n,) values by column name; a column with gaps in it is not here."""
+        return {**self.table.columns, **self.table.text}
+
+    @property
+    def simulated(self) -> bool:
+        """Whether no real instrument was involved, as far as is known."""
+        return self.table.simulated
+
+    @property
+    def provenance(self) -> Mapping[str, Any]:
+        """What is known of where the numbers come from."""
+        return self.table.provenance
+
+    def to_json(self) -> dict[str, Any]:
+        """Where it comes from and all of its columns; no command prints this."""
+        about = {"source": self.table.source, "simulated": self.simulated, "provenance": dict(self.provenance)}
+        found: dict[str, Any] = finite({**about, "columns": {n: v.tolist() for n, v in self.columns.items()}})
+        return found
+
+    def blocks(self) -> Iterable[Block]:
+        """Where it comes from, and its first rows."""
+        yield headline(PurePath(self.table.source).name, self.table)
+        yield from first_rows(self.columns)
+
+    def frame(self) -> Frame:
+        """All columns."""
+        return of_columns(self.columns, {"source": self.table.source, "simulated": int(self.simulated)})
+
+    def plot(self) -> Plots:
+        """One figure: every column of numbers that varies, in the order of the rows, or over time."""
+        from procedures.pictures import grid  # noqa: PLC0415 - matplotlib takes a second to import
+
+        shown = {n: v for n, v in self.table.columns.items() if n != _TIME and np.ptp(v) > 0}
+        time = self.table.columns.get(_TIME)
+        x, label = (np.arange(len(self)) + 1, "row") if time is None else (time / 3600.0, "elapsed / h")
+        figure, axes = grid(max(len(shown), 1), columns=2, height=2.2)
+        for axis, (name, values) in zip(axes, shown.items(), strict=False):
+            axis.plot(x, values, ".", ms=3)
+            unit = unit_of(name)
+            axis.set_title(f"{name.removesuffix(f'_{unit}')} / {unit}" if unit else name, fontsize=9)
+            axis.set_xlabel(label, fontsize=8)
+            axis.tick_params(labelsize=7)
+        return Plots((figure,))
+
+    def __repr__(self) -> str:
+        return f"<rig.Observations of {self.table.source}: {len(self)} rows, {', '.join(self.columns)}>"
+
+
+def first_rows(columns: Mapping[str, np.ndarray[Any, Any]]) -> Iterable[Block]:
+    """A table of the first rows, and how many more there are."""
+    grid = Grid([escape(name) for name in columns], frame="rule")
+    every = list(columns.values())
+    for i in range(min(_SHOWN, len(every[0]))):
+        grid.add_row(*(_cell(values[i]) for values in every))
+    yield grid
+    if len(every[0]) > _SHOWN:
+        yield Line(f"... {len(every[0]) - _SHOWN} more rows")
+
+
+def _cell(value: Any) -> str:
+    return escape(str(value)) if isinstance(value, str) else number(float(value), 7)

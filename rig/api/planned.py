@@ -1,0 +1,272 @@
+"""`rig plan`: the evening question."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, date, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.markup import escape
+
+from drivers.clock import RealClock
+from drivers.roles import Chamber
+from fitter.errors import FitError
+from procedures.advice import Advice
+from procedures.blocks import Block, Grid, Line
+from procedures.durations import duration
+from procedures.kind import kind_of
+from procedures.precision import Precision
+from procedures.unused import unit_of
+from rig.api.frames import Frame, of_rows
+from rig.api.result import Plots, Result
+from rig.engine.guard import Guard
+from rig.engine.session import Progress
+from rig.errors import ConfigurationError, UsageError
+from rig.forecast import ALLOWANCE, SOAK_ALLOWANCE, Forecast, rehearse
+from rig.plans import Plan as Checked
+from rig.plans import load_plan
+from rig.plugins import driver_class
+from rig.present.as_json import finite
+from rig.room import needed_bytes
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Plan(Result):
+    """What a run will take and give, and what is in its way.
+
+    Attributes:
+        checked: bench, procedure and run list.
+        precision: predicted.
+        advice: what is recommended for this kind of procedure, held against it.
+        forecast: how long it will take.
+        now: when it would be started.
+        disk: bytes that are free where its file would go, and that it needs.
+
+    """
+
+    checked: Checked
+    precision: Precision
+    advice: Sequence[Advice]
+    forecast: Forecast
+    now: datetime
+    disk: tuple[int, int]
+
+    @property
+    def finish(self) -> datetime:
+        """When it would be done, with nothing going wrong."""
+        return self.now + timedelta(seconds=self.forecast.total_s)
+
+    @property
+    def finish_latest(self) -> datetime:
+        """When it would be done at the latest."""
+        return self.now + timedelta(seconds=self.forecast.latest_s)
+
+    @property
+    def overdue(self) -> Sequence[str]:
+        """Instruments whose own calibration is due before the end, or nobody knows, a sentence each."""
+        return list(_due(self.checked.bench.instruments, self.finish_latest.date()))
+
+    def to_json(self) -> dict[str, Any]:
+        """What `rig plan --json` prints."""
+        run_list, forecast = self.checked.run_list, self.forecast
+        told = {
+            "procedure": self.checked.procedure.name,
+            "bench": self.checked.bench.name,
+            "points": len(run_list),
+            "replications": self.checked.procedure.replications,
+            "whole_plots": run_list.whole_plots,
+            "run_list": run_list.sha256(),
+            "seconds": {
+                "preparation": forecast.preparation_s,
+                "point": forecast.point_s,
+                "soak": forecast.soak_s,
+                "total": forecast.total_s,
+                "latest": forecast.latest_s,
+            },
+            "rehearsed_points": forecast.rehearsed,
+            "assumed": forecast.assumed,
+            "finish": self.finish.isoformat(timespec="minutes"),
+            "finish_latest": self.finish_latest.isoformat(timespec="minutes"),
+            "precision": self.precision.rows,
+            "reach": run_list.extremes(),
+            "limits": self._limits,
+            "overdue": self.overdue,
+            "disk_free_bytes": self.disk[0],
+            "disk_needed_bytes": self.disk[1],
+            "environment": _environment(self.checked),
+            "advice": [
+                {"number": a.number, "recommendation": a.recommendation, "holds": a.holds, "sentence": a.sentence}
+                for a in self.advice
+            ],
+        }
+        found: dict[str, Any] = finite(told)
+        return found
+
+    @property
+    def _limits(self) -> Mapping[str, tuple[float, float]]:
+        return Guard(self.checked.bench.limits, self.checked.bench.factors).limits
+
+    def blocks(self) -> Iterable[Block]:
+        """What a person reads of it."""
+        checked, run_list = self.checked, self.checked.run_list
+        yield Line(f"[bold]{escape(checked.procedure.name)}[/] on {escape(checked.bench.name)}")
+        plots = f"{run_list.whole_plots} whole plots, " if run_list.whole_plots else ""
+        yield Line(f"  {len(run_list)} points, {plots}{checked.procedure.replications} replication(s)")
+        yield from self._time()
+        yield from self._precise()
+        yield from self._advised()
+        yield from self._in_the_way()
+
+    def _precise(self) -> Iterator[Block]:
+        precise = self.precision
+        if precise.columns:
+            grid = Grid(precise.columns, title="Predicted precision")
+            for row in precise.cells:
+                grid.add_row(*row)
+            yield grid
+        yield from (Line(f"  {line}") for line in precise.further)
+        if precise.assuming:
+            yield Line(f"  ({precise.assuming})")
+
+    def _time(self) -> Iterator[Block]:
+        found = self.forecast
+        yield Line(f"  started now, done {_when(self.finish)} ({duration(found.total_s)}),")
+        yield Line(f"  at the latest {_when(self.finish_latest)}")
+        soaks = "" if found.soak_s is None else f", {duration(found.soak_s)} a soak between whole plots"
+        yield Line(
+            f"  {found.point_s:.1f} s a point (sd {found.point_sd_s:.1f} s, {found.rehearsed} points rehearsed),"
+        )
+        yield Line(f"  {duration(found.preparation_s)} of preparation{soaks};")
+        for_soaks = "" if found.soak_s is None else f" and {SOAK_ALLOWANCE:.0%} for soaks"
+        yield Line(f"  the latest allows {ALLOWANCE:.0%} for repeats and retries{for_soaks}")
+        yield from (Line(f"  {escape(line)}") for line in found.assumed)
+
+    def _advised(self) -> Iterator[Block]:
+        yield from (Line(f"  [yellow]advice:[/] {escape(a.sentence)}") for a in self.advice if not a.holds)
+        followed = [str(a.number) for a in self.advice if a.holds and a.number]
+        if followed:
+            numbers = ", ".join(followed)
+            yield Line(f"  follows the paper's recommendations {numbers}; --json says with which numbers")
+
+    def _in_the_way(self) -> Iterator[Block]:
+        for name, (low, high) in self.checked.run_list.extremes().items():
+            allowed = self._limits.get(name)
+            no_limit = "[yellow]no limit in the bench file[/]"
+            shown = f"limits {allowed[0]:g} to {allowed[1]:g}: ok" if allowed else no_limit
+            yield Line(f"  {name} goes from {low:g} to {high:g}, overtravel included; {shown}")
+        environment = _environment(self.checked)
+        if environment:
+            yield Line(f"  environment: {escape(environment)}")
+        yield from (Line(f"  [yellow]{escape(line)}[/]") for line in self.overdue)
+        if not self.overdue:
+            yield Line("  every instrument's own calibration is in date until then")
+        free, needed = self.disk
+        verdict = "ok" if free > needed else "[red]not enough[/]"
+        yield Line(f"  disk: needs {needed / 1e6:.0f} MB, {free / 1e9:.1f} GB free: {verdict}")
+
+    def frame(self) -> Frame:
+        """The predicted precision."""
+        rows = self.precision.rows
+        text = [name for name in rows[0] if any(isinstance(row.get(name), str) for row in rows)]
+        numbers = [name for name in rows[0] if name not in text]
+        units = {name: unit for name in numbers if (unit := unit_of(name))}
+        return of_rows(rows, text, numbers, {"procedure": self.checked.procedure.name}, units)
+
+    def plot(self) -> Plots:
+        """One figure: every factor's setting, point by point."""
+        from procedures.pictures import grid  # noqa: PLC0415 - matplotlib takes a second to import
+
+        run_list = self.checked.run_list
+        settings = [run_list.setting(point) for point in run_list.points]
+        figure, axes = grid(len(run_list.factors), columns=1, height=2.0)
+        for axis, factor in zip(axes, run_list.factors, strict=True):
+            unit = unit_of(factor.name)
+            axis.plot(np.arange(len(settings)) + 1, [one[factor.name] for one in settings], ".", ms=3)
+            axis.set_title(f"{factor.name.removesuffix(f'_{unit}')} / {unit}", fontsize=9)
+            axis.set_xlabel("point, in the order of running", fontsize=8)
+        return Plots((figure,))
+
+    def __repr__(self) -> str:
+        return f"<rig.Plan of {self.checked.procedure.name}: {len(self.checked.run_list)} points>"
+
+
+def plan(
+    procedure: str | Path,
+    bench: str | Path,
+    *,
+    out: str | Path = "runs",
+    usage: float | None = None,
+    on_progress: Callable[[Progress], None] = lambda _: None,
+) -> Plan:
+    """Answer the evening question: how many points, done when and how sure, how precise, is anything in the way?
+
+    Args:
+        procedure: the procedure file.
+        bench: the bench file.
+        out: folder the run file would go to.
+        usage: attitude: pitch range the sensors will be used in, plus and minus, deg; None for the procedure's.
+        on_progress: called with news of the rehearsal, often.
+
+    Raises:
+        ConfigurationError: a file is wrong, or the design does not determine a sensor.
+        UsageError: `usage` is given, and this kind knows of none.
+        RigError: the rehearsal failed.
+
+    """
+    checked = load_plan(Path(procedure), Path(bench))
+    try:
+        precise = kind_of(checked.procedure).precision(checked.procedure, checked.run_list)
+    except FitError as error:
+        why = f"the design does not determine a sensor: {error}; visit more settings"
+        raise ConfigurationError(f"{procedure}: {why}") from error
+    advice = _advice(checked, usage)
+    forecast = rehearse(checked, on_progress)
+    now = datetime.fromtimestamp(RealClock().utc(), UTC).astimezone()
+    folder = Path(out)
+    existing = next(p for p in (folder, *folder.absolute().parents) if p.exists())
+    disk = shutil.disk_usage(existing).free, needed_bytes(len(checked.run_list))
+    return Plan(checked, precise, advice, forecast, now, disk)
+
+
+def _advice(checked: Checked, usage_deg: float | None) -> Sequence[Advice]:
+    axes = [s.axis for s in checked.bench.sensors.values() if s.axis is not None]
+    try:
+        return kind_of(checked.procedure).advice(checked.procedure, axes, usage_deg)
+    except FitError as error:
+        raise UsageError(str(error)) from error
+
+
+def _when(moment: datetime) -> str:
+    return f"{moment:%A %Y-%m-%d %H:%M} {_zone(moment)}"
+
+
+def _zone(moment: datetime) -> str:
+    """The zone's name beside its offset, since names are not unique; the offset alone where it has no other name."""
+    offset, name = f"{moment:%z}", moment.tzname() or ""
+    offset = f"UTC{offset[:3]}:{offset[3:5]}"
+    return name if name == "UTC" else f"{name} ({offset})" if name.isalpha() else offset
+
+
+def _environment(checked: Checked) -> str | None:
+    """What the procedure asks of the environment, or that nothing on the bench can give it; None if not asked."""
+    wanted = checked.procedure.conduct.environment
+    if wanted is None:
+        return None
+    asked = f"{wanted.setpoint_degC:g} degC for {duration(wanted.dwell_s)}"
+    drivers: dict[str, Any] = {n: driver_class(i.driver) for n, i in checked.bench.instruments.items()}
+    names = [name for name, driver in drivers.items() if issubclass(driver, Chamber)]
+    if not names:
+        return f"the procedure wants {asked}; there is nothing on this bench to control it"
+    return f"{', '.join(names)}: {asked}"
+
+
+def _due(instruments: Mapping[str, Any], on: date) -> Iterator[str]:
+    for name, instrument in instruments.items():
+        if instrument.due is None:
+            yield f"{name}: the bench file does not say when its calibration is due"
+        elif instrument.due < on:
+            yield f"{name}: its calibration is due {instrument.due}, before this run would end"

@@ -1,0 +1,104 @@
+"""What every result can do: JSON, HTML, text, figures, data frames."""
+
+from __future__ import annotations
+
+import io
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+from rich.markup import escape
+
+from procedures.blocks import Block, Line
+from procedures.results import Page
+from rig.api.frames import Frame
+from rig.present.html import html
+from rig.present.terminal import show
+from rig.present.visible import visible
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from pandas import DataFrame
+    from xarray import Dataset
+
+_WIDTH = 120
+
+
+class Plots(tuple["Figure", ...]):
+    """Figures, which a notebook shows one below the other."""
+
+    __slots__ = ()
+
+    def _repr_html_(self) -> str:
+        from procedures.pictures import png  # noqa: PLC0415 - matplotlib takes a second to import
+
+        return "".join(f'<img src="data:image/png;base64,{png(figure)}">' for figure in self)
+
+
+class Result(ABC):
+    """A result: what a command prints, as an object."""
+
+    @abstractmethod
+    def to_json(self) -> dict[str, Any]:
+        """What the command prints with `--json`, read back: dictionaries, lists, text, numbers, None."""
+
+    @abstractmethod
+    def blocks(self) -> Iterable[Block]:
+        """What a person reads of it, for a terminal or a page."""
+
+    def notes(self) -> Sequence[str]:
+        """What a reader should know besides, a sentence each."""
+        return ()
+
+    @abstractmethod
+    def frame(self) -> Frame:
+        """Its numbers as one table."""
+
+    @abstractmethod
+    def plot(self) -> Plots:
+        """Matplotlib figures, which a notebook shows. Raises `UsageError` where it has none."""
+
+    def to_pandas(self) -> DataFrame:
+        """Its numbers as a data frame; `attrs["units"]` has a unit by column. Raises `UsageError` without pandas."""
+        return self.frame().to_pandas()
+
+    def to_xarray(self) -> Dataset:
+        """Its numbers as labelled arrays, with `attrs["units"]` each. Raises `UsageError` without xarray."""
+        return self.frame().to_xarray()
+
+    def _repr_html_(self) -> str:
+        return html(self._said())
+
+    def __str__(self) -> str:
+        console = Console(file=io.StringIO(), width=_WIDTH, highlight=False, color_system=None)
+        with console.capture() as said:
+            show(self._said(), console)
+        return visible(said.get())
+
+    def _said(self) -> Iterator[Block]:
+        yield from self.blocks()
+        yield from (Line(f"[yellow]{escape(note)}[/]") for note in self.notes())
+
+    def __repr__(self) -> str:
+        return f"<rig.{type(self).__name__}>"
+
+
+class Reported(Result):
+    """A result that has a report."""
+
+    @property
+    @abstractmethod
+    def _page(self) -> Page:
+        """Its report, with its figures drawn. Raises `UsageError` where it has none."""
+
+    def plot(self) -> Plots:
+        """The figures of its report. Raises `UsageError` where it has none."""
+        return Plots(self._page.figures)
+
+    def report(self, path: Path | str) -> None:
+        """Write its report as HTML that needs nothing else. Raises `UsageError` where it has none."""
+        from rig.report import write_page  # noqa: PLC0415 - templates are needed for reports alone
+
+        write_page(Path(path), self._page)

@@ -1,0 +1,129 @@
+"""`rig run`: a procedure carried out on a bench, dry unless asked otherwise."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from functools import cached_property
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+from procedures.blocks import Block
+from rig.api.data import Data
+from rig.api.frames import Frame
+from rig.api.result import Plots, Result
+from rig.api.status import status_of
+from rig.controller import Result as Ended
+from rig.controller import start_run
+from rig.engine.session import Outcome, Progress, Signals
+from rig.plans import load_plan
+from rig.who import operator as operator_of
+
+
+class Run(Result):
+    """A run, as its session left it.
+
+    Attributes:
+        path: the run file.
+        outcome: "complete", "stopped", "interrupted", "fault" or "unsafe".
+        message: why, "" if there is nothing to explain.
+        head: hash of the run file's last record: kept elsewhere, it tells whether the file was changed.
+
+    """
+
+    def __init__(self, ended: Ended) -> None:
+        self.path = ended.path
+        self.outcome = ended.outcome.value
+        self.message = ended.message
+        self.head = ended.head
+
+    @property
+    def complete(self) -> bool:
+        """Whether every point was observed or given up for good."""
+        return self.outcome == Outcome.COMPLETE.value
+
+    @cached_property
+    def data(self) -> Data:
+        """What it measured: to fit, to trace. Raises `RunFileError`."""
+        return Data(self.path)
+
+    def to_json(self) -> dict[str, Any]:
+        """What `rig status RUN --json` prints."""
+        return status_of(self.path).to_json()
+
+    def blocks(self) -> Iterable[Block]:
+        """What `rig status RUN` shows."""
+        return status_of(self.path).blocks()
+
+    def notes(self) -> tuple[str, ...]:
+        """Why it ended, where there is something to explain."""
+        return (self.message,) if self.message else ()
+
+    def frame(self) -> Frame:
+        """Its observations."""
+        return self.data.table.frame()
+
+    def plot(self) -> Plots:
+        """Its observations."""
+        return self.data.table.plot()
+
+    def __repr__(self) -> str:
+        return f"<rig.Run {self.path}: {self.outcome}>"
+
+
+def run(
+    procedure: str | Path,
+    bench: str | Path,
+    *,
+    dry: bool = True,
+    world: str | Path | None = None,
+    out: str | Path = "runs",
+    operator: str | None = None,
+    on_progress: Callable[[Progress], None] = lambda _: None,
+) -> Run:
+    """Carry out a procedure on a bench, to its end or an interrupt.
+
+    An interrupt from the keyboard stops motion and leaves the run resumable: `rig resume`. Nothing is logged or sent
+    and no instrument is watched after this process has ended: for a night, use `rig run`.
+
+    Args:
+        procedure: the procedure file.
+        bench: the bench file.
+        dry: let simulated instruments take the place of the real ones.
+        world: the truth behind the simulated bench.
+        out: folder for the run file.
+        operator: who runs it; None for RIG_OPERATOR or the login name.
+        on_progress: called with news, often.
+
+    Raises:
+        ConfigurationError: a file is wrong.
+        BenchFault: an instrument cannot be reached.
+        BusyError: another controller has one of the addresses.
+
+    """
+    plan = load_plan(Path(procedure), Path(bench), dry=dry, world=None if world is None else Path(world))
+    by = operator_of(operator)
+    with _interruptible() as signals:
+        ended = start_run(plan, Path(out), signals=signals, announce=lambda _: None, on_progress=on_progress, by=by)
+    return Run(ended)
+
+
+@contextmanager
+def _interruptible() -> Iterator[Signals]:
+    """Signals that SIGINT sets, where this is the thread that hears of it; afterwards it does what it did before."""
+    signals = Signals()
+    if threading.current_thread() is not threading.main_thread():
+        yield signals
+        return
+
+    def note(number: int, _frame: FrameType | None) -> None:
+        signals.interrupt = signal.Signals(number).name
+
+    before = signal.signal(signal.SIGINT, note)
+    try:
+        yield signals
+    finally:
+        signal.signal(signal.SIGINT, before)

@@ -1,0 +1,203 @@
+"""`rig status`: what a run has come to."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from rich.markup import escape
+
+from drivers.clock import RealClock
+from procedures.blocks import Block, Line, simulated_mark
+from procedures.durations import duration
+from rig.accepted import Acceptance
+from rig.engine.early_warning import warnings_in
+from rig.engine.time_left import left_when_resumed_s
+from rig.errors import RigError
+from rig.plans import has_plan, stored_plan
+from rig.present.as_json import finite
+from rig.run_file.audit import Finding
+from rig.run_file.chain import Record
+from rig.run_file.elsewhere import goes_on_in
+from rig.run_file.events.bench import Fault
+from rig.run_file.live import read_live, silent_s
+from rig.run_file.opening import sensible
+from rig.run_file.reader import RunReader
+from rig.run_file.state import RunState
+from rig.run_file.verification import CUT_SHORT, glance
+
+_FAULTS_TOLD, _QUIET_S = 5, 60.0
+VERIFIED = 100_000
+"""A run of so many records at most is verified on the way: about two seconds."""
+
+
+@dataclass(frozen=True)
+class Status:
+    """What a run has come to.
+
+    Attributes:
+        path: the run file.
+        state: what its records say.
+        told: what `rig status --json` prints.
+        acceptance: of a complete run.
+        wrong: what is wrong with the file; None where nothing is, or it was not verified.
+        other: the file it goes on in.
+
+    """
+
+    path: Path
+    state: RunState
+    told: Mapping[str, Any]
+    acceptance: Acceptance
+    wrong: Finding | None
+    other: Path | None
+
+    @property
+    def broken(self) -> bool:
+        """Whether the file was edited or damaged: more than cut short."""
+        return self.wrong is not None and self.wrong.where not in CUT_SHORT
+
+    def to_json(self) -> dict[str, Any]:
+        """What `rig status --json` prints."""
+        found: dict[str, Any] = finite(self.told)
+        return found
+
+    def blocks(self) -> Iterable[Block]:
+        """What a person reads of it."""
+        with sensible(self.path):
+            return list(self._blocks())
+
+    def _blocks(self) -> Iterator[Block]:
+        told, state, running = self.told, self.state, self.told["running"]
+        what, where, name = (escape(str(one)) for one in (told["procedure"], told["bench"], self.path))
+        yield Line(f"{simulated_mark(state.simulated)}[bold]{what}[/] on {where}: {escape(told['state'])}")
+        left = "" if told["remaining_s"] is None else f", {duration(told['remaining_s'])} left"
+        if left and not running:
+            left = f", about {duration(told['remaining_s'])} left once it is resumed"
+        yield Line(f"  {told['accepted']} of {told['points']} points in {duration(told['elapsed_s'])}{left}")
+        by = f" by {escape(', '.join(state.operators))}" if state.operators else ""
+        yield Line(f"  {told['sessions']} session(s){by}, last record {told['last_record_utc']}")
+        yield Line(f"  head {told['head']} of {told['records']} records")
+        yield from self.acceptance.blocks("  ")
+        yield from self._whole(name)
+        for index, why in told["skipped"].items():
+            yield Line(f"  [yellow]point {index} skipped:[/] {escape(why)}")
+        for number, why in told["whole_plots_lost"].items():
+            yield Line(f"  [yellow]whole plot {number} was lost and measured again:[/] {escape(why)}")
+        for words in told["warnings"]:
+            yield Line(f"  [bold yellow]warning:[/] {escape(words)}")
+        yield from self._faults()
+        if told["message"]:
+            yield Line(f"  {escape(told['message'])}")
+        yield from self._way_forward(name)
+
+    def _whole(self, name: str) -> Iterator[Block]:
+        """Whether the file is whole."""
+        if self.wrong is not None and not self.broken:
+            again = "rig resume measures again what is gone"
+            yield Line(f"  [bold yellow]cut short:[/] {escape(str(self.wrong))}; {again}")
+        elif self.wrong is not None:
+            trust = f"Do not trust what is said here; rig verify {name} lists all"
+            yield Line(f"  [bold red]NOT WHOLE:[/] edited or damaged: {escape(str(self.wrong))}. {trust}")
+        elif self.told["whole"] is None:
+            yield Line(f"  not verified, {self.told['records']} records take a while: rig verify {name}")
+
+    def _faults(self) -> Iterator[Block]:
+        """What went wrong so far, what was done about it, and what is still wrong."""
+        state = self.state
+        if state.decisions:
+            counts = ", ".join(f"{decision} {count}x" for decision, count in state.decisions.items())
+            yield Line(f"  [yellow]faults, and what was done:[/] {escape(counts)}")
+            for record in list(state.faults)[-_FAULTS_TOLD:]:
+                yield Line(f"    {escape(f'{duration(record.elapsed_s)}: {record.sentence()}')}")
+        if self.told["running"] or state.ended is not None:
+            return
+        if state.last_fault:
+            yield Line(f"  [red]last fault:[/] {escape(state.last_fault)}")
+        if state.safe.get("unsafe"):
+            unsafe = "; ".join(map(str, state.safe["unsafe"]))
+            yield Line(f"  [bold red]NOT in its safe state:[/] {escape(unsafe)}")
+
+    def _way_forward(self, name: str) -> Iterator[Block]:
+        state, running = self.state, self.told["running"]
+        quiet_s = silent_s(self.path, RealClock().utc()) if running else 0.0
+        if quiet_s > _QUIET_S:
+            yield Line(f"  [bold yellow]nothing heard from its controller for {duration(quiet_s)}[/]")
+        if self.other is not None:
+            yield Line("  [bold yellow]it was moved or replaced while it was written, and goes on in another file[/]")
+        elif state.rescued:
+            lost = f"goes on in {escape(state.rescued)}, which is not there: look for it before you carry on here"
+            yield Line(f"  [bold yellow]{lost}[/]")
+        if not running and state.ended is None and not self.broken:
+            yield Line(f"  carry on with: rig resume {name if self.other is None else escape(str(self.other))}")
+
+
+def status_of(run_file: Path) -> Status:
+    """What a run has come to, running or not. Raises `UsageError` or `RunFileError` where it cannot be read."""
+    with sensible(run_file):
+        return _status(run_file)
+
+
+def _status(run_file: Path) -> Status:
+    reader, state, wrong, looked = glance(run_file, VERIFIED)
+    with reader:
+        run = reader.about()
+        count, head = reader.head()
+        other = goes_on_in(reader, state)
+        said = read_live(run_file)
+        running, live = said is not None, said or {}
+        broken = wrong is not None and wrong.where not in CUT_SHORT
+        remaining_s = live.get("remaining_s") if running or broken else _left_when_resumed_s(reader, state, run_file)
+    summary: dict[str, Any] = {
+        "run_id": state.run_id,
+        "simulated": state.simulated,
+        "procedure": run.procedure or "",
+        "bench": run.bench or "",
+        "state": live["state"] if running else state.ended or state.rested,
+        "running": running,
+        "points": state.points,
+        "accepted": len(state.accepted),
+        "skipped": {str(k): v for k, v in state.skipped.items()},
+        "sessions": state.sessions,
+        "operators": state.operators,
+        "elapsed_s": live.get("elapsed_s", state.elapsed_s),
+        "remaining_s": remaining_s,
+        "last_record_utc": datetime.fromtimestamp(state.utc_s, UTC).isoformat(timespec="seconds"),
+        "last_fault": state.last_fault,
+        "decisions": state.decisions,
+        "faults": [_fault(record) for record in state.faults],
+        "safe": state.safe,
+        "message": f"{live.get('message', '')} {live.get('detail', '')}".strip() if running else "",
+        "warnings": warnings_in(run_file),
+        "whole_plots_lost": {str(k): v for k, v in state.lost.items()},
+        "records": count,
+        "head": head.hex(),
+        "whole": False if wrong else True if looked else None,
+        "finding": str(wrong) if wrong else "",
+        "goes_on_in": str(other) if other else None,
+    }
+    judged = state.ended == "complete" and state.accepted and not broken
+    acceptance = Acceptance.of_run(run_file) if judged else Acceptance()
+    summary["acceptance"] = acceptance.to_json()
+    return Status(run_file, state, summary, acceptance, wrong, other)
+
+
+def _left_when_resumed_s(reader: RunReader, state: RunState, run_file: Path) -> float | None:
+    """How long the rest of an interrupted run will take; None where that cannot be told."""
+    if state.ended is not None or not has_plan(reader):
+        return None
+    try:
+        plan = stored_plan(reader, run_file, None)
+        return left_when_resumed_s(reader, state, plan.run_list, plan.procedure.conduct, plan.bench)
+    except RigError:
+        return None  # what is wrong with the file stands elsewhere
+
+
+def _fault(record: Record) -> dict[str, Any]:
+    event = record.event
+    assert isinstance(event, Fault)
+    about = {"elapsed_s": record.elapsed_s, "point": record.run_index}
+    return about | {"message": event.message, "decision": event.decided}

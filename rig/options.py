@@ -1,0 +1,59 @@
+"""Which kind a table is of, and what was asked of it: options of kinds, from the command line or from Python."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from pydantic import ValidationError
+
+from procedures.kind import Kind, kinds
+from procedures.results import Options, Source
+from rig.closed_loop import known as known_kind
+from rig.errors import UsageError
+
+Choose = Callable[[Kind], type[Options]]
+"""The options of a command that a kind declares."""
+
+
+def chosen(source: Source, given: Mapping[str, Any], choose: Choose) -> tuple[Kind, Any]:
+    """The kind that a table is of, or that options ask for, and its options.
+
+    Raises:
+        UsageError: no kind knows the table, or an option was given that its kind does not have.
+
+    """
+    known = kinds()
+    for name in given:
+        _check_asked(name, given, [one for one in known.values() if name in choose(one).model_fields])
+    kind = next((one for one in known.values() if one.asked_by & given.keys()), None) or known_kind(source.table)
+    return kind, options_of(kind, given, choose, f"{source.name} is taken for {kind.title}")
+
+
+def _check_asked(name: str, given: Mapping[str, Any], owners: Sequence[Kind]) -> None:
+    """Refuse an option of kinds that have to be asked for, where none of them was."""
+    if owners and all(one.asked_by and not one.asked_by & given.keys() for one in owners):
+        raise UsageError(f"--{name.replace('_', '-')}: {'; '.join(one.described for one in owners)}")
+
+
+def options_of(kind: Kind, given: Mapping[str, Any], choose: Choose, because: str) -> Any:
+    """The options of a kind.
+
+    Raises:
+        UsageError: one was given that it does not have; the message ends with `because`.
+
+    """
+    known = kinds()
+    for name in given:
+        if name not in choose(kind).model_fields:
+            owners = [one for one in known.values() if name in choose(one).model_fields]
+            if not owners:
+                has = ", ".join(choose(kind).model_fields) or "none of its own"
+                raise UsageError(f"there is no option {name}; {because}, whose options are: {has}")
+            what = " and ".join(one.title for one in owners)
+            raise UsageError(f"--{name.replace('_', '-')} is for {what}; {because}")
+    try:
+        return choose(kind)(**given)
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise UsageError(f"--{str(first['loc'][0]).replace('_', '-')}: {first['msg']}") from error
