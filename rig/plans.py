@@ -18,6 +18,7 @@ from rig.contract_files import files_beside, read_bench, with_contracts, with_fi
 from rig.errors import ConfigurationError, RigError, UsageError
 from rig.matching import check_match
 from rig.run_file.bodies import shown
+from rig.run_file.events.sessions import Identified
 from rig.run_file.reader import RunReader
 
 PREVIOUS = "previous.json"
@@ -137,11 +138,18 @@ def _other_settings(name: str, began: BaseModel, now: BaseModel) -> list[str]:
     ]
 
 
-def _other_date(name: str, began: InstrumentConfig, now: InstrumentConfig) -> list[str]:
-    """Another instrument has another date, which is asked for by its identity; the same one has not."""
-    if (began.asset, began.serial) != (now.asset, now.serial) or began.due == now.due:
+def _other_instrument(name: str, began: InstrumentConfig, now: InstrumentConfig, *, nobody: bool) -> list[str]:
+    """Declared otherwise. Another instrument in the place of one is asked for by its identity; there may be `nobody`.
+
+    The same one has no other date.
+    """
+    if not nobody and (began.asset, began.serial) != (now.asset, now.serial):
         return []
-    return [f"instruments.{name}.due was {began.due}, is {now.due}"]
+    return [
+        f"instruments.{name}.{what} was {getattr(began, what)}, is {getattr(now, what)}"
+        for what in ("asset", "serial", "due")
+        if getattr(began, what) != getattr(now, what)
+    ]
 
 
 def stored_plan(run: RunReader, path: Path, bench: Path | None) -> Plan:
@@ -171,12 +179,13 @@ def stored_plan(run: RunReader, path: Path, bench: Path | None) -> Plan:
     if {n: i.driver for n, i in other.instruments.items()} != {n: i.driver for n, i in plan.bench.instruments.items()}:
         raise ConfigurationError(f"{bench}: it has other instruments than the bench the run began on")
     began = check_options(plan.bench, str(path), strict=False)
+    nobody = next(run.chained("kind = ?", (Identified.kind,)), None) is None  # whom another one could take over from
     other_settings = [
         what
         for name in other.instruments
         for what in (
             *_other_settings(name, began[name], options[name]),
-            *_other_date(name, plan.bench.instruments[name], other.instruments[name]),
+            *_other_instrument(name, plan.bench.instruments[name], other.instruments[name], nobody=nobody),
         )
     ]
     if other_settings:

@@ -168,6 +168,7 @@ def test_a_resume_that_finds_nobody_at_the_old_addresses_names_the_option_for_ne
         ("nplc = 10", "nplc = 1", "instruments.scanner.nplc was 10.0, is 1.0"),
         ("nplc = 10", "nplc = 10\nrange_V = 1", "instruments.scanner.range_V was 10.0, is 1.0"),
         ('"thermistor-10k"', '"thermistor-5k"', "instruments.scanner.channels was "),
+        ('asset = "HD-0417"', 'asset = "HD-9"', "instruments.head.asset was HD-0417, is HD-9"),
         ("due = 2027-03-31", "due = 2028-03-31", "instruments.head.due was 2027-03-31, is 2028-03-31"),
     ],
 )
