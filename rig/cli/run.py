@@ -145,7 +145,11 @@ def run(
 def resume(
     run_file: RunArgument,
     bench: Annotated[
-        Path | None, typer.Option(help="a bench file with new addresses for the same instruments", show_default=False)
+        Path | None,
+        typer.Option(
+            help="a bench file with new addresses for the same instruments; all else in it must be as it was",
+            show_default=False,
+        ),
     ] = None,
     accept: Annotated[
         list[str] | None,

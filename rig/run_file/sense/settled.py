@@ -50,8 +50,9 @@ def unsettled(name: str, evidence: Mapping[str, Any], asked: Asked) -> Iterator[
     if inside_s < asked.dwell_s - _ROUNDED_S * len(samples):
         yield f"{name} was within {asked.band:g} of {asked.target:g} for {inside_s:.1f} s, not {asked.dwell_s:g}"
         return
-    slope = min((_slope(samples, asked, more_s) for more_s in (-_ROUNDED_S, _ROUNDED_S)), key=abs)
-    if abs(slope) > _SLOPE * asked.drift_per_s:
+    most = _SLOPE * asked.drift_per_s
+    slope = _slope(samples, asked, _ROUNDED_S)
+    if abs(slope) > most and abs(_slope(samples, asked, -_ROUNDED_S)) > most:
         yield f"{name} drifted by {slope:.2g} a second at the end of its settling, and {asked.drift_per_s:.2g} is asked"
 
 
