@@ -8,14 +8,14 @@ if TYPE_CHECKING:
     from typing import Any
 
     from procedures.errors import DataError
-    from rig.api.charts import ControlChart, chart
-    from rig.api.data import Calibration, Data, Trace, open  # noqa: A004 - rig.open, as one opens a file
-    from rig.api.inferred import Inferred, infer
-    from rig.api.observations import Observations
-    from rig.api.planned import Plan, plan
-    from rig.api.result import Plots, Result
-    from rig.api.run import Run, run
     from rig.errors import BenchFault, BusyError, ConfigurationError, RigError, RunFileError, StorageError, UsageError
+    from rig.results.charts import ControlChart, chart
+    from rig.results.data import Calibration, Data, Trace, open  # noqa: A004 - rig.open, as one opens a file
+    from rig.results.inferred import Inferred, infer
+    from rig.results.observations import Observations
+    from rig.results.planned import Plan, plan
+    from rig.results.result import Plots, Result
+    from rig.results.run import Run, run
 
 __all__ = [
     "BenchFault",
@@ -44,13 +44,13 @@ __all__ = [
 ]
 
 _WHERE = {
-    "rig.api.charts": ("ControlChart", "chart"),
-    "rig.api.data": ("Calibration", "Data", "Trace", "open"),
-    "rig.api.inferred": ("Inferred", "infer"),
-    "rig.api.observations": ("Observations",),
-    "rig.api.planned": ("Plan", "plan"),
-    "rig.api.result": ("Plots", "Result"),
-    "rig.api.run": ("Run", "run"),
+    "rig.results.charts": ("ControlChart", "chart"),
+    "rig.results.data": ("Calibration", "Data", "Trace", "open"),
+    "rig.results.inferred": ("Inferred", "infer"),
+    "rig.results.observations": ("Observations",),
+    "rig.results.planned": ("Plan", "plan"),
+    "rig.results.result": ("Plots", "Result"),
+    "rig.results.run": ("Run", "run"),
     "procedures.errors": ("DataError",),
     "rig.errors": (
         "BenchFault",

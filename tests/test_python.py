@@ -407,13 +407,13 @@ def test_types_are_known_to_a_checker(tmp_path):
     done = subprocess.run(command_line, capture_output=True, text=True, check=False, cwd=ROOT)
     told = re.findall(r'Revealed type is "(.*)"', done.stdout)
     assert told == [
-        "rig.api.observations.Observations",
-        "rig.api.data.Calibration",
+        "rig.results.observations.Observations",
+        "rig.results.data.Calibration",
         "dict[str, Any]",
         "pandas.core.frame.DataFrame",
-        "rig.api.result.Plots",
+        "rig.results.result.Plots",
         "xarray.core.dataset.Dataset",
-        "rig.api.data.Data",
+        "rig.results.data.Data",
         "def (*args: object) -> rig.errors.UsageError",
     ], done.stdout
     assert done.stdout.count("error:") == 1

@@ -113,7 +113,7 @@ def test_status_of_a_whole_file_says_nothing_of_it_and_of_one_too_long_that_it_i
     path = run_to_its_end(tmp_path)
     assert json.loads(rig("status", path, "--json").stdout)["whole"] is True
     assert "verif" not in rig("status", path).stdout
-    monkeypatch.setattr("rig.api.status.VERIFIED", 5)
+    monkeypatch.setattr("rig.results.status.VERIFIED", 5)
     shown = rig("status", edited(path))
     assert shown.returncode == 0
     assert f"not verified, {RunReader.open(path).head()[0]} records take a while: rig verify" in shown.stdout

@@ -65,8 +65,8 @@ def chart(
 
     Example: `rig chart runs/2026*.sqlite --tolerance 5e-4 --usage 30 --report chart.html`
     """
-    from rig.api.charts import chart as chart_files  # noqa: PLC0415
     from rig.closed_loop.chart_inputs import path_of  # noqa: PLC0415
+    from rig.results.charts import chart as chart_files  # noqa: PLC0415
 
     check_files([report], [path_of(source) for source in calibrations])
     charted = chart_files(

@@ -19,7 +19,7 @@ from rig.errors import ExitCode
 from rig.present.terminal import show
 
 if TYPE_CHECKING:
-    from rig.api.result import Reported
+    from rig.results.result import Reported
 
 DataArgument = Annotated[Path, typer.Argument(help="a run file, or a CSV table", show_default=False)]
 
@@ -60,7 +60,7 @@ def fit(
     Examples: `rig fit runs/20260115T180000-night-1a2b.sqlite`, `rig fit RUN --traced --temperature --out package.json`,
     `rig fit RUN --points 73`, `rig fit table.csv --response y --formula "1 + x"`
     """
-    from rig.api.data import fit_source  # noqa: PLC0415
+    from rig.results.data import fit_source  # noqa: PLC0415
     from rig.tables import FileSource  # noqa: PLC0415
 
     check_files([out_file, report], [data, *filter(None, (confirmed_by,))])
@@ -88,7 +88,7 @@ def trace(
     Examples: `rig trace runs/20260115T180000-night-1a2b.sqlite --report night.html`,
     `rig trace table.csv --response y --formula "1 + x" --group batch --time t_s`
     """
-    from rig.api.data import trace_source  # noqa: PLC0415
+    from rig.results.data import trace_source  # noqa: PLC0415
     from rig.tables import FileSource  # noqa: PLC0415
 
     check_files([report], [data])

@@ -32,7 +32,7 @@ def infer(
 
     Example: `rig infer calibration.json readings.csv --out inferred.csv`
     """
-    from rig.api.inferred import infer as infer_readings  # noqa: PLC0415
+    from rig.results.inferred import infer as infer_readings  # noqa: PLC0415
 
     found = infer_readings(calibration, data, out=out_file, **given)
     show_notes(found)

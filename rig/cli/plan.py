@@ -51,7 +51,7 @@ def plan(
 
         compare_files([procedure, *compare], bench, usage, plot, as_json=as_json)
         return ExitCode.DONE
-    from rig.api.planned import plan as plan_run  # noqa: PLC0415
+    from rig.results.planned import plan as plan_run  # noqa: PLC0415
 
     with run_progress(simulated=True) as progress:
         planned = plan_run(procedure, bench, out=out_dir, usage=usage, on_progress=progress)

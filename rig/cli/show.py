@@ -24,7 +24,7 @@ from rig.present.visible import visible
 
 if TYPE_CHECKING:
     from procedures.table import Table
-    from rig.api.result import Result
+    from rig.results.result import Result
 
 
 class _Console(Console):

@@ -1,4 +1,4 @@
-"""`rig status`: what a run has come to, or the runs of a folder."""
+"""The command `rig status`: its options; what it prints of a run is in `rig.results.status`, of a folder in `runs`."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from typing import Annotated
 
 import typer
 
-from rig.api.status import status_of
 from rig.cli import app
 from rig.cli.run import JsonOption
 from rig.cli.runs import check_code, list_runs
 from rig.cli.show import out, print_json
 from rig.errors import ExitCode
 from rig.present.terminal import show
+from rig.results.status import status_of
 
 
 @app.command()

@@ -14,6 +14,9 @@ Outcome = Literal["waiting", "settled", "timed-out", "drifting"]
 _KEPT = 200
 """Samples kept as evidence; a longer trace is thinned, its first and last samples always staying."""
 
+SETPOINT_STANDS = 0.05
+"""A setpoint within this of what was commanded is that one; instruments keep tenths or hundredths of a degree."""
+
 
 @dataclass(frozen=True)
 class Criteria:

@@ -8,10 +8,8 @@ from typing import Any
 from procedures.conduct import Conduct
 from rig.engine.journal import Journal
 from rig.engine.queue import PointQueue
+from rig.engine.settling import SETPOINT_STANDS
 from rig.engine.soaking import Soaking
-
-_SETPOINT_STANDS = 0.05
-"""A setpoint within this of what was commanded is that one; instruments keep tenths or hundredths of a degree."""
 
 
 class Standing:
@@ -67,7 +65,7 @@ class Standing:
         wanted = self._conduct.environment
         return wanted is None or all(
             c["running"]
-            and abs(c["setpoint_degC"] - wanted.setpoint_degC) < _SETPOINT_STANDS
+            and abs(c["setpoint_degC"] - wanted.setpoint_degC) < SETPOINT_STANDS
             and abs(c["temperature_degC"] - wanted.setpoint_degC) <= wanted.tolerance_degC
             for c in as_found["chambers"].values()
         )

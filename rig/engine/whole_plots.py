@@ -17,11 +17,8 @@ from procedures.conduct import WholePlotConduct
 from procedures.run_list import Point, RunList
 from rig.bench import Bench
 from rig.engine.measuring import Channel
-from rig.engine.settling import Criteria
+from rig.engine.settling import SETPOINT_STANDS, Criteria
 from rig.errors import BenchFault
-
-_SETPOINT_STANDS = 0.05
-"""A setpoint within this of what was commanded is that one; instruments keep tenths or hundredths of a degree."""
 
 AMBIENT_DEGC = 23.0
 """Towards which temperatures are left, since there chambers reach either side of it."""
@@ -149,7 +146,7 @@ class WholePlots:
             state = chambers[chamber]
             if not state["running"]:
                 return f"{chamber} is not controlling any more: was it switched off at its panel, or without power?"
-            if abs(state["setpoint_degC"] - target) > _SETPOINT_STANDS:
+            if abs(state["setpoint_degC"] - target) > SETPOINT_STANDS:
                 return f"{chamber} is set to {state['setpoint_degC']:g} degC, not to {target:g} degC as commanded"
         return ""
 
@@ -218,7 +215,7 @@ class WholePlots:
             name, target, state = soaked.chamber, targets[soaked.chamber], chambers[soaked.chamber]
             if not state["running"]:
                 return f"{name} is not controlling"
-            if abs(state["setpoint_degC"] - target) > _SETPOINT_STANDS:
+            if abs(state["setpoint_degC"] - target) > SETPOINT_STANDS:
                 return f"{name} is set to {state['setpoint_degC']:g} degC, not to {target:g} degC"
             if abs(state["temperature_degC"] - target) > self._soak.tolerance_degC:
                 return f"{name} is at {state['temperature_degC']:.2f} degC, not at {target:g} degC"

@@ -1,7 +1,7 @@
 """The catalogue of effects that a pressure calibration over temperature may lack.
 
-`pressure_response` has the terms of the transducer's own response, `pressure_line` those of the line and the reference,
-`pressure_memory` what was before, `pressure_time` drifts and steps.
+`response` has the terms of the transducer's own response, `line` those of the line and the reference,
+`memory` what was before, `time` drifts and steps.
 """
 
 from __future__ import annotations

@@ -13,9 +13,9 @@ from procedures.blocks import Block, Grid, Line, headline
 from procedures.numbers import number
 from procedures.table import Table
 from procedures.unused import unit_of
-from rig.api.frames import Frame, of_columns
-from rig.api.result import Plots, Result
 from rig.present.as_json import finite
+from rig.results.frames import Frame, of_columns
+from rig.results.result import Plots, Result
 
 _SHOWN = 10
 _TIME = "elapsed_s"

@@ -14,13 +14,13 @@ from procedures.inference import Inference
 from procedures.table import Reader
 from procedures.unused import sentences
 from rig import inference
-from rig.api.frames import Frame, of_columns
-from rig.api.observations import first_rows
-from rig.api.result import Plots, Result
 from rig.atomic import check_files
 from rig.inference import CalibrationFile, csv_reader, read_calibration
 from rig.options import options_of
 from rig.present.as_json import finite
+from rig.results.frames import Frame, of_columns
+from rig.results.observations import first_rows
+from rig.results.result import Plots, Result
 from rig.tables.csv_tables import write_csv
 from rig.tables.given import table_given
 

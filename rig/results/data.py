@@ -13,20 +13,20 @@ from procedures.kind import Kind
 from procedures.results import Fitted, Page, Traced
 from procedures.unused import sentences, unit_of
 from procedures.words import units
-from rig.api.frames import Frame, of_rows
-from rig.api.inferred import Inferred, check_readings, infer_from
-from rig.api.observations import Observations
-from rig.api.result import Reported
 from rig.atomic import write_whole
 from rig.effects import laboratory_effects
 from rig.errors import UsageError
 from rig.inference import calibration_in
 from rig.options import chosen
 from rig.present.as_json import finite
+from rig.results.frames import Frame, of_rows
+from rig.results.inferred import Inferred, check_readings, infer_from
+from rig.results.observations import Observations
+from rig.results.result import Reported
 from rig.tables import FileSource, is_run
 
 if TYPE_CHECKING:
-    from rig.api.inferred import Readings
+    from rig.results.inferred import Readings
 
 _ESTIMATES = ("sensor", "of", "name", "unit"), ("estimate", "stderr", "df")
 _EFFECTS = (

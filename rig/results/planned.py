@@ -21,8 +21,6 @@ from procedures.durations import duration
 from procedures.kind import kind_of
 from procedures.precision import Precision
 from procedures.unused import unit_of
-from rig.api.frames import Frame, of_rows
-from rig.api.result import Plots, Result
 from rig.engine.guard import Guard
 from rig.engine.session import Progress
 from rig.errors import ConfigurationError, UsageError
@@ -31,6 +29,8 @@ from rig.plans import Plan as Checked
 from rig.plans import load_plan
 from rig.plugins import driver_class
 from rig.present.as_json import finite
+from rig.results.frames import Frame, of_rows
+from rig.results.result import Plots, Result
 from rig.room import needed_bytes
 
 

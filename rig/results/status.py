@@ -1,4 +1,4 @@
-"""`rig status`: what a run has come to."""
+"""What `rig status` prints of a run, and `rig.run` gives."""
 
 from __future__ import annotations
 

@@ -12,14 +12,14 @@ from types import FrameType
 from typing import Any
 
 from procedures.blocks import Block
-from rig.api.data import Data
-from rig.api.frames import Frame
-from rig.api.result import Plots, Result
-from rig.api.status import status_of
 from rig.controller import Result as Ended
 from rig.controller import start_run
 from rig.engine.session import Outcome, Progress, Signals
 from rig.plans import load_plan
+from rig.results.data import Data
+from rig.results.frames import Frame
+from rig.results.result import Plots, Result
+from rig.results.status import status_of
 from rig.who import operator as operator_of
 
 

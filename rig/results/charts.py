@@ -15,14 +15,14 @@ from procedures.blocks import Block, Grid, Line, simulated_mark
 from procedures.charting import View
 from procedures.numbers import with_error
 from procedures.results import Page
-from rig.api.data import Data
-from rig.api.frames import Frame, of_rows
-from rig.api.result import Reported
 from rig.closed_loop.chart import ControlCharts, chart_calibrations
 from rig.closed_loop.chart_together import read_together
 from rig.closed_loop.chart_words import due_date
 from rig.errors import UsageError
 from rig.present.as_json import finite
+from rig.results.data import Data
+from rig.results.frames import Frame, of_rows
+from rig.results.result import Reported
 
 
 class ControlChart(Reported):

@@ -13,10 +13,10 @@ from rich.markup import escape
 
 from procedures.blocks import Block, Line
 from procedures.results import Page
-from rig.api.frames import Frame
 from rig.present.html import html
 from rig.present.terminal import show
 from rig.present.visible import visible
+from rig.results.frames import Frame
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
