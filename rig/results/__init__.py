@@ -1,1 +1,1 @@
-"""What commands give: the lines that they print, their JSON, and the same from Python (`import rig`, docs/python.md)."""
+"""What commands give: the lines they print, their JSON, and the same from Python (`import rig`, docs/python.md)."""
