@@ -91,7 +91,7 @@ def chart(
         calibrations: run files, calibration files, or CSV tables with their date as in "table.csv@2026-01-15".
         tolerance: error of the output that the last calibration may come to have, in its unit; None for the 95 %
             interval of one reading.
-        usage: attitude: pitch they are used in, plus and minus, deg; None for the range calibrated last.
+        usage: range they are used in, plus and minus, deg, for kinds that know one; None for the range calibrated last.
         sensors: chart these only, such as "x_V".
         formula: whole plots: the model, where not the one declared.
         today: date that "in N days" counts from.
