@@ -208,7 +208,8 @@ def plan(
         procedure: the procedure file.
         bench: the bench file.
         out: folder the run file would go to.
-        usage: range the sensors will be used in, plus and minus, deg, for kinds that know one; None for the procedure's.
+        usage: range the sensors will be used in, plus and minus, deg, for kinds that know one; that of the procedure
+            if None.
         on_progress: called with news of the rehearsal, often.
 
     Raises:
