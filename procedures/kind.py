@@ -14,7 +14,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence, Set
 from functools import cache
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -29,7 +29,7 @@ from procedures.advice import Advice
 from procedures.charting import Charting
 from procedures.conduct import Conduct
 from procedures.confirming import Confirming
-from procedures.errors import DataError
+from procedures.errors import BrokenKind, DataError
 from procedures.expected import Columns, Expecting
 from procedures.further_runs import Limits, Variation
 from procedures.inference import Inference
@@ -288,21 +288,30 @@ def kinds() -> Mapping[str, Kind]:
     """Every kind that is installed, by name, ours first.
 
     Raises:
-        FitError: an entry point of `rig.kinds` cannot be loaded, or two have one name.
+        BrokenKind: an entry point of `rig.kinds` cannot be loaded or names no kind, or two have one name.
 
     """
     found: dict[str, Kind] = {}
-    points = sorted(entry_points(group=GROUP), key=lambda p: (not p.value.startswith("procedures."), p.name))
-    for point in points:
+    points = {point.value: point for point in entry_points(group=GROUP)}  # one package may be found on two paths
+    for point in sorted(points.values(), key=lambda p: (not p.value.startswith("procedures."), p.name)):
         if point.name in found:
-            raise FitError(
-                f"two kinds of calibration are called {point.name} (entry points {GROUP}): remove one package"
+            raise BrokenKind(
+                f"two packages have a kind of calibration {point.name!r}: remove one of them{_whose(point)}"
             )
         try:
-            found[point.name] = point.load()
-        except (ImportError, AttributeError) as error:
-            raise FitError(f"entry point {point.name} of {GROUP} ({point.value}) cannot be loaded: {error}") from error
+            kind = point.load()
+        except Exception as error:
+            why = f"{type(error).__name__}: {error}"
+            raise BrokenKind(f"the kind of calibration {point.name!r} cannot be used: {why}{_whose(point)}") from error
+        if not isinstance(kind, Kind):
+            raise BrokenKind(f"{point.value} is no kind of calibration, which its package calls it{_whose(point)}")
+        found[point.name] = kind
     return found
+
+
+def _whose(point: EntryPoint) -> str:
+    """The package of an entry point, to end a message."""
+    return "" if point.dist is None else f" (package {point.dist.name} {point.dist.version})"
 
 
 def kind_of(procedure: Procedure) -> Kind:

@@ -16,6 +16,7 @@ from rig.run_file.chain import Record, encode
 from rig.run_file.events.bench import Warned
 from rig.run_file.events.event import Event, Unknown
 from rig.run_file.reader import RunReader
+from rig.run_file.state import RunState
 from rig.tables.faults import faults, write_faults
 from rig.unattended import Kind
 from rig.unattended.happenings import from_record, one_line
@@ -118,3 +119,13 @@ def test_fields_of_a_later_version_are_passed_over_and_of_an_earlier_one_may_be_
     assert record("hold").sentence() == "held at point 3"
     with pytest.raises(ContentsError, match=r"the record to be written \(skip of point 3\): its body has no reason"):
         _ = record("skip", "later").event
+
+
+def test_an_identity_that_says_less_is_compared_by_what_it_says():
+    state = RunState()
+    state.add(record("identity", "head", '{"maker":"Newport"}'))
+    assert {name: state.identities["head"][name] for name in ("maker", "model", "serial")} == {
+        "maker": "Newport",
+        "model": None,
+        "serial": None,
+    }

@@ -7,7 +7,11 @@ from types import SimpleNamespace
 
 import pytest
 
+from procedures import kind as kind_module
+from procedures.errors import BrokenKind
+from procedures.kind import kinds
 from rig import plugins
+from rig.cli import main
 from rig.errors import ConfigurationError
 
 OURS = "drivers.keysight_34401a:Keysight34401A"
@@ -37,3 +41,50 @@ def test_a_package_that_is_found_twice_is_one_package(monkeypatch):
     """As in a source tree that is installed from itself."""
     monkeypatch.setattr(plugins, "_points", lambda _: [point(OURS, "ours"), point(OURS, "ours")])
     assert plugins.load("rig.drivers", "meter", ()).__name__ == "Keysight34401A"
+
+
+ATTITUDE = "procedures.attitude.kind:KIND"
+
+
+def kind_point(value: str, package: str) -> EntryPoint:
+    return EntryPoint("pitch-roll", value, "rig.kinds")._for(SimpleNamespace(name=package, version="1.0"))
+
+
+@pytest.fixture
+def install_kinds(monkeypatch):
+    """Says what is installed, for a test; afterwards what really is."""
+
+    def install(*points: EntryPoint) -> None:
+        kinds.cache_clear()
+        monkeypatch.setattr(kind_module, "entry_points", lambda *, group: points)
+
+    yield install
+    kinds.cache_clear()
+
+
+@pytest.mark.parametrize(
+    ("value", "says"),
+    [
+        ("no_such_package:KIND", "'pitch-roll' cannot be used: ModuleNotFoundError: No module named 'no_such"),
+        ("procedures.attitude.kind:OTHER", "cannot be used: AttributeError: .*'OTHER'"),
+        ("procedures.errors:DataError", "procedures.errors:DataError is no kind of calibration"),
+    ],
+)
+def test_a_kind_that_cannot_be_used_is_named_with_its_package(install_kinds, capsys, monkeypatch, value, says):
+    install_kinds(kind_point(value, "theirs"))
+    with pytest.raises(BrokenKind, match=says) as caught:
+        kinds()
+    assert str(caught.value).endswith("(package theirs 1.0)")
+    monkeypatch.setattr("rig.cli.app", lambda **_: kinds())
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 78
+    assert "package theirs 1.0" in capsys.readouterr().err
+
+
+def test_two_packages_with_one_kind_are_refused_and_one_found_twice_is_one(install_kinds):
+    install_kinds(kind_point(ATTITUDE, "ours"), kind_point("acme:KIND", "theirs"))
+    with pytest.raises(BrokenKind, match="two packages have a kind of calibration 'pitch-roll': remove one"):
+        kinds()
+    install_kinds(kind_point(ATTITUDE, "ours"), kind_point(ATTITUDE, "ours"))
+    assert list(kinds()) == ["pitch-roll"]

@@ -16,7 +16,7 @@ from typing import Annotated
 
 import typer
 
-from procedures.errors import DataError
+from procedures.errors import BrokenKind, DataError
 from rig.cli.commands import Commands
 from rig.errors import ExitCode, RigError
 
@@ -62,11 +62,11 @@ def main() -> None:
     try:
         code = app(standalone_mode=False)
         sys.stdout.flush()
-    except (RigError, DataError) as error:
+    except (RigError, DataError, BrokenKind) as error:
         from rig.present.visible import visible  # noqa: PLC0415
 
         print(f"rig: {visible(str(error))}", file=sys.stderr)
-        code = error.exit_code if isinstance(error, RigError) else ExitCode.USAGE
+        code = _exit_code(error)
     except _UsageProblem as error:
         error.show(file=sys.stderr)  # type: ignore[attr-defined]  # every ClickException has it
         code = ExitCode.USAGE
@@ -110,6 +110,13 @@ def _open_what_is_closed() -> None:
         sys.stdout = _ClosedOutput()
     if sys.stderr is None:  # print() would take None for standard output
         sys.stderr = os.fdopen(2, "w", encoding="utf-8")
+
+
+def _exit_code(error: Exception) -> ExitCode:
+    """Of an error that is meant for people."""
+    if isinstance(error, RigError):
+        return error.exit_code
+    return ExitCode.CONFIGURATION if isinstance(error, BrokenKind) else ExitCode.USAGE
 
 
 _BY_SIGINT = 130

@@ -129,7 +129,7 @@ class RunState:
             case Stopped():
                 self.rested = "stopped"
             case Identified():
-                self.identities[event.instrument] = record.data
+                self.identities[event.instrument] = event.body()
             case Ended():
                 self.ended = event.how
             case Skipped() | Fault():
