@@ -29,8 +29,8 @@ from whole_plot_truth import simulate as simulate_whole_plots
 
 from procedures.attitude.evaluate import AttitudeTraced
 from procedures.attitude.trace import trace
+from procedures.general.column_roles import Roles, roles_of
 from procedures.general.evaluate import GeneralTraced
-from procedures.general.roles import Roles, roles_of
 from procedures.general.trace import trace_general
 from procedures.pressure.evaluate import Declared, WholePlotTraced
 from procedures.pressure.trace import trace_whole_plots

@@ -19,7 +19,7 @@ from fitter.linear import orthonormal
 from procedures.attitude.effects import CATALOGUE
 from procedures.attitude.trace import trace
 from procedures.attitude.trace.pose import pose
-from procedures.general.roles import Roles, roles_of
+from procedures.general.column_roles import Roles, roles_of
 from procedures.general.trace import search_table
 from procedures.general.trace.estimate import estimate
 from procedures.general.trace.run import problem_of

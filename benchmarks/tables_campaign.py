@@ -30,8 +30,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 import numpy as np
 from table_truth import MISSING, Lab, options, simulate
 
+from procedures.general.column_roles import Roles, roles_of
 from procedures.general.evaluate import trace_general_table
-from procedures.general.roles import Roles, roles_of
 from procedures.general.trace import search_table, trace_general
 from procedures.table import Table
 

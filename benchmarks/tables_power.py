@@ -16,7 +16,7 @@ import numpy as np
 from scipy import optimize, special, stats
 
 from benchmarks.tables_campaign import found_or_alike, roles_of
-from procedures.general.roles import Roles
+from procedures.general.column_roles import Roles
 from procedures.general.trace import search_table
 from procedures.general.trace.estimate import estimate
 from procedures.table import Table

@@ -8,7 +8,7 @@ from typing import Self
 
 from pydantic import Field, model_validator
 
-from procedures.faults import FaultSettings
+from procedures.fault_policies import FaultSettings
 from procedures.run_list import Settle
 from procedures.settings import Positive, Strict, WarningSettings
 

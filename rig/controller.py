@@ -21,6 +21,7 @@ from drivers.clock import Clock, RealClock, ScaledClock, boot_id
 from drivers.errors import DriverError
 from procedures.kind import Procedure
 from rig.bench import Bench, check_options, identities, open_bench
+from rig.disk_space import check_may_write, check_room
 from rig.engine.axes import own_limits
 from rig.engine.gap import Gap, gap_since
 from rig.engine.guard import Guard
@@ -31,7 +32,6 @@ from rig.errors import BenchFault, UsageError
 from rig.locks import locked_addresses
 from rig.plans import PREVIOUS, Plan, stored_plan
 from rig.regular import real_path
-from rig.room import check_may_write, check_room
 from rig.run_file.bodies import COUNT
 from rig.run_file.creation import Genesis, create
 from rig.run_file.elsewhere import goes_on_in

@@ -18,7 +18,7 @@ from ideal_bench import PROCEDURE, new_run, run_session
 from procedures.attitude.settings import PitchRollProcedure
 from rig.engine.early_warning import EarlyWarnings, in_unit, warnings_of
 from rig.engine.session import Outcome
-from rig.engine.warning_tests import NoiseTest, Number, PreviousTest, RepeatTest, StillTest
+from rig.engine.warning_statistics import NoiseTest, Number, PreviousTest, RepeatTest, StillTest
 from rig.examples import example
 from rig.run_file.reader import RunReader
 

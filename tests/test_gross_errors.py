@@ -16,8 +16,8 @@ from command import rig
 from fitter.formula import Formula
 from fitter.gross import gross_errors
 from procedures.attitude.gross import of_attitude
+from procedures.general.column_roles import Roles, read_roles
 from procedures.general.gross import of_table
-from procedures.general.roles import Roles, read_roles
 from procedures.pressure.fit import named_formula
 from procedures.pressure.gross import of_whole_plots
 from rig.tables import FileSource, write_csv

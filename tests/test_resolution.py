@@ -12,9 +12,9 @@ from whole_plot_truth import simulate as whole_plots
 
 from fitter.resolution import least_sd, resolution, robust_sd
 from procedures.attitude.trace.outliers import outliers
+from procedures.general.column_roles import Roles
 from procedures.general.evaluate import trace_general_table
 from procedures.general.gross import of_table
-from procedures.general.roles import Roles
 from procedures.general.trace.robust import excess, scale
 from procedures.pressure.fit import named_formula
 from rig.tables import FileSource, write_csv

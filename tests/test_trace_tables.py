@@ -10,7 +10,7 @@ import pytest
 from table_truth import CLOCKED, MISSING, Lab, options, simulate
 
 from procedures.errors import DataError
-from procedures.general.roles import Roles, roles_of
+from procedures.general.column_roles import Roles, roles_of
 from procedures.general.trace import family, search_table, trace_general
 from procedures.table import Table
 

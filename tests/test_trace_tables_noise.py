@@ -7,8 +7,8 @@ import pytest
 from scipy.special import fdtrc
 from table_truth import MISSING, Lab, options, simulate
 
+from procedures.general.column_roles import Roles, roles_of
 from procedures.general.effects.scene import TableScene
-from procedures.general.roles import Roles, roles_of
 from procedures.general.trace import search_table
 from procedures.general.trace.family import family_of
 from procedures.general.trace.likelihood import Grid

@@ -10,9 +10,9 @@ from table_truth import MISSING, options, simulate
 
 from procedures.errors import DataError
 from procedures.general import plots as general_plots
+from procedures.general.column_roles import Roles, parts_played, roles_of
 from procedures.general.effects import effects_of
 from procedures.general.evaluate import GeneralTraced
-from procedures.general.roles import Roles, parts_played, roles_of
 from procedures.general.trace import family, trace_general
 from procedures.table import Table
 from rig.report.frame import render

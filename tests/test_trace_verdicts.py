@@ -22,7 +22,7 @@ from procedures.attitude.trace.judge import AttitudeJudge
 from procedures.attitude.trace.pose import pose
 from procedures.attitude.trace.run import stays
 from procedures.attitude.trace.score import score
-from procedures.general.roles import Roles, roles_of
+from procedures.general.column_roles import Roles, roles_of
 from procedures.general.trace import family, trace_general
 from procedures.general.trace.run import LEVEL
 from procedures.pressure.trace import trace_whole_plots

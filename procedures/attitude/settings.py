@@ -15,7 +15,7 @@ from pydantic import Field, model_validator
 from procedures.attitude.designs import Design, fraction, grid, roll_circle, tumble, uniform
 from procedures.attitude.orders import Visit, random_order, reversed_pass, walk
 from procedures.conduct import Conduct, EnvironmentSettings
-from procedures.faults import HeadFaults
+from procedures.fault_policies import HeadFaults
 from procedures.run_list import Factor, Point, RunList, Settle
 from procedures.settings import Acceptance, Name, Positive, Strict, WarningSettings
 

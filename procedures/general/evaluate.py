@@ -16,7 +16,7 @@ from fitter.trace.outcome import Finding, Outcome, run_json
 from procedures.blocks import Block
 from procedures.certificate import Change, Errors, certified, with_words
 from procedures.errors import DataError
-from procedures.general.roles import Roles, parts_played, read_roles, used_columns
+from procedures.general.column_roles import Roles, parts_played, read_roles, used_columns
 from procedures.general.trace import FoundTableEffect, TableTrace, trace_general
 from procedures.results import Page
 from procedures.table import Reader, Table

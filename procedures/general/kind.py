@@ -44,8 +44,8 @@ class GeneralKind(Kind):
 
     def trace(self, source: Source, options: TraceOptions, *, own: Sequence[Entry]) -> Traced:
         """See `Kind`."""
+        from procedures.general.column_roles import Roles  # noqa: PLC0415
         from procedures.general.evaluate import trace_general_table  # noqa: PLC0415
-        from procedures.general.roles import Roles  # noqa: PLC0415
 
         if options.response is None or options.formula is None:
             raise DataError("--response needs --formula, the declared model, such as --formula '1 + x'")

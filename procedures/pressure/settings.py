@@ -16,7 +16,7 @@ from pydantic import Field, field_validator, model_validator
 
 from procedures.conduct import Conduct, SoakSettings, WholePlotConduct
 from procedures.pressure.central_composite import spherical
-from procedures.pressure.faults import WholePlotFaults
+from procedures.pressure.fault_policies import WholePlotFaults
 from procedures.run_list import Factor, Point, RunList, Settle
 from procedures.settings import Acceptance, Name, Positive, Strict, WarningSettings
 

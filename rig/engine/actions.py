@@ -16,7 +16,7 @@ from procedures.conduct import EnvironmentSettings
 from procedures.run_list import Factor, Settle
 from rig.bench import Bench
 from rig.engine.axes import Axes, AxisReading
-from rig.engine.faults import NotHomed, NotSettled, TemperaturesNotSettled
+from rig.engine.fault_classes import NotHomed, NotSettled, TemperaturesNotSettled
 from rig.engine.guard import Guard
 from rig.engine.measuring import Observation, assemble
 from rig.engine.motion import Arrival, Leg, arrived

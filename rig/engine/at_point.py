@@ -15,7 +15,7 @@ from procedures.run_list import Point, RunList
 from rig.bench import Bench
 from rig.engine.actions import BenchActions
 from rig.engine.early_warning import EarlyWarnings
-from rig.engine.faults import FrozenReading, NotSettled, OverloadedError, TemperatureLeft, TooNoisy
+from rig.engine.fault_classes import FrozenReading, NotSettled, OverloadedError, TemperatureLeft, TooNoisy
 from rig.engine.holes import HoleInTime
 from rig.engine.journal import Journal, PointInHand
 from rig.engine.liveness import Liveness

@@ -14,7 +14,7 @@ from drivers.errors import DriverError, InstrumentError, NotReady
 from drivers.roles import Chamber, Head, PressureController, Referenced
 from procedures.run_list import Factor, RunList
 from rig.bench import Bench
-from rig.engine.faults import DriveFault, NotHomed, SupplyFailure
+from rig.engine.fault_classes import DriveFault, NotHomed, SupplyFailure
 from rig.quantities import HEAD_AXES, PRESSURE
 
 

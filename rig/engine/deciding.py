@@ -12,9 +12,9 @@ from dataclasses import replace
 
 from drivers.clock import Clock
 from drivers.errors import DriverError, NoReply, Unreachable
-from procedures.faults import ABORT, HOLD, SKIP
+from procedures.fault_policies import ABORT, HOLD, SKIP
 from rig.engine.actions import BenchActions
-from rig.engine.faults import FAULTS, TemperatureLeft
+from rig.engine.fault_classes import FAULTS, TemperatureLeft
 from rig.engine.journal import Journal
 from rig.engine.policies import Decision, Policies
 from rig.engine.states import AT_POINT, State

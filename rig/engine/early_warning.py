@@ -19,8 +19,8 @@ import numpy as np
 
 from procedures.conduct import Conduct
 from procedures.run_list import Point, RunList
-from rig.engine.response_test import ResponseTest, Row
-from rig.engine.warning_tests import ALARM, NoiseTest, Number, PreviousTest, RepeatTest, StillTest
+from rig.engine.response_statistics import ResponseTest, Row
+from rig.engine.warning_statistics import ALARM, NoiseTest, Number, PreviousTest, RepeatTest, StillTest
 from rig.errors import RigError
 from rig.quantities import PER_VOLT
 from rig.run_file.chain import Record

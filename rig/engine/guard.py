@@ -13,7 +13,7 @@ from types import MappingProxyType
 from drivers.roles import ChamberState
 from procedures.run_list import RunList
 from rig.engine.axes import AxisReading
-from rig.engine.faults import LimitViolation
+from rig.engine.fault_classes import LimitViolation
 from rig.engine.interlocks import Interlocks
 from rig.errors import ConfigurationError
 from rig.protection import InterlockConfig

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from typing import Any
 
 from drivers.roles import ChamberState, is_overload
-from rig.engine.faults import InterlockHold, LimitViolation
+from rig.engine.fault_classes import InterlockHold, LimitViolation
 from rig.protection import InterlockConfig
 
 

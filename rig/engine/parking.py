@@ -10,7 +10,7 @@ from drivers.errors import DriverError
 from rig.bench import Bench
 from rig.engine.actions import BenchActions
 from rig.engine.deciding import LEAVE, Deciding
-from rig.engine.faults import FAULTS, InterlockHold
+from rig.engine.fault_classes import FAULTS, InterlockHold
 from rig.engine.journal import Journal
 from rig.engine.safe_state import make_safe
 from rig.engine.states import State

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 from drivers.errors import DriverError
 from procedures.conduct import Conduct
-from procedures.faults import ABORT, ACCEPT, HOLD, RE_HOME, RE_SOAK, RETRY, SKIP, step_at
-from rig.engine.faults import fault_class
+from procedures.fault_policies import ABORT, ACCEPT, HOLD, RE_HOME, RE_SOAK, RETRY, SKIP, step_at
+from rig.engine.fault_classes import fault_class
 
 __all__ = ["ABORT", "HOLD", "RETRY", "RE_HOME", "RE_SOAK", "SKIP", "Decision", "Policies"]
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from drivers.clock import Clock
 from drivers.errors import DriverError
 from procedures.conduct import Conduct
-from procedures.faults import ABORT, HOLD, RE_HOME, RE_SOAK, SKIP
+from procedures.fault_policies import ABORT, HOLD, RE_HOME, RE_SOAK, SKIP
 from procedures.run_list import RunList
 from rig.bench import Bench, identities
 from rig.engine.actions import BenchActions
@@ -22,7 +22,7 @@ from rig.engine.at_point import AtPoint
 from rig.engine.axes import axes_of, own_limits
 from rig.engine.deciding import Deciding
 from rig.engine.early_warning import EarlyWarnings
-from rig.engine.faults import FAULTS, InterlockHold, TemperatureLeft
+from rig.engine.fault_classes import FAULTS, InterlockHold, TemperatureLeft
 from rig.engine.guard import Guard
 from rig.engine.holes import HoleInTime, watched
 from rig.engine.identities import compare_identities

@@ -11,7 +11,7 @@ from procedures.conduct import WholePlotConduct
 from procedures.run_list import Point, RunList
 from rig.bench import Bench
 from rig.engine.actions import BenchActions
-from rig.engine.faults import TemperatureLeft, TemperaturesNotSettled
+from rig.engine.fault_classes import TemperatureLeft, TemperaturesNotSettled
 from rig.engine.journal import Journal
 from rig.engine.measuring import Channel
 from rig.engine.queue import PointQueue

@@ -21,6 +21,7 @@ from procedures.durations import duration
 from procedures.kind import kind_of
 from procedures.precision import Precision
 from procedures.unused import unit_of
+from rig.disk_space import needed_bytes
 from rig.engine.guard import Guard
 from rig.engine.session import Progress
 from rig.errors import ConfigurationError, UsageError
@@ -31,7 +32,6 @@ from rig.plugins import driver_class
 from rig.present.as_json import finite
 from rig.results.frames import Frame, of_rows
 from rig.results.result import Plots, Result
-from rig.room import needed_bytes
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -21,8 +21,8 @@ from rig.run_file.chain import GENESIS, Record, StoredRow, followed, link
 from rig.run_file.contents import senseless
 from rig.run_file.events.event import Event
 from rig.run_file.events.sessions import Ended, RunCreated
-from rig.run_file.restore import changed_column
 from rig.run_file.schema import Guarded, Stored, differences
+from rig.run_file.what_changed import changed_column
 from rig.version import VERSION
 
 _SEARCHED = 10

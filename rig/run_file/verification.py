@@ -17,8 +17,8 @@ from rig.run_file.elsewhere import goes_on_in
 from rig.run_file.last_word import read_last_word
 from rig.run_file.live import controller_alive
 from rig.run_file.opening import check_header
-from rig.run_file.prefix import Restored, restore
 from rig.run_file.reader import RunReader
+from rig.run_file.restored import Restored, restore
 from rig.run_file.saved import saved_in
 from rig.run_file.sense import Judged, judged
 from rig.run_file.state import RunState, read_state
@@ -146,7 +146,7 @@ def _elsewhere(run: RunReader, state: RunState) -> list[str]:
 
 
 def restored(path: Path, to: Path, head: str = "") -> Restored:
-    """What a damaged run file still proves, in a new one; see `rig.run_file.prefix.restore`."""
+    """What a damaged run file still proves, in a new one; see `rig.run_file.restored.restore`."""
     path = real_path(path)
     if controller_alive(path):
         raise UsageError(f"a controller is at work on {path}: nothing to restore while it writes")

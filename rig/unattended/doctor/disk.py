@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from drivers.clock import RealClock
-from rig.room import largest_file_bytes, needed_bytes
+from rig.disk_space import largest_file_bytes, needed_bytes
 from rig.unattended.doctor.findings import Finding, ok, problem, warning
 
 _NETWORK = {

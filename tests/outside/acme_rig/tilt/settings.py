@@ -9,7 +9,7 @@ from typing import Literal
 from pydantic import Field
 
 from procedures.conduct import Conduct
-from procedures.faults import HeadFaults
+from procedures.fault_policies import HeadFaults
 from procedures.run_list import Factor, Point, RunList, Settle
 from procedures.settings import Acceptance, Name, Positive, Strict, WarningSettings
 

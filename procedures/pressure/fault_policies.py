@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from pydantic import Field
 
-from procedures.faults import ABORT, HOLD, RE_SOAK, RETRY, SKIP, FaultSettings, Policy
+from procedures.fault_policies import ABORT, HOLD, RE_SOAK, RETRY, SKIP, FaultSettings, Policy
 
 
 class WholePlotFaults(FaultSettings):
