@@ -46,7 +46,8 @@ def open_regular(path: Path) -> BinaryIO:
 def real_path(path: Path) -> Path:
     """Where the file is that a symbolic link names, for what lies beside it lies there; as given if it is none."""
     try:
-        return Path(os.path.realpath(path)) if path.is_symlink() else path
+        real = Path(os.path.realpath(path)) if path.is_symlink() else path
+        return path if real.is_dir() else real  # a folder has nothing beside it that would be of a file
     except (OSError, ValueError):  # links in a circle, a NUL: opening it tells
         return path
 

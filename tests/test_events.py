@@ -129,3 +129,7 @@ def test_an_identity_that_says_less_is_compared_by_what_it_says():
         "model": None,
         "serial": None,
     }
+
+
+def test_a_kind_of_record_that_is_no_text_is_told_too():
+    assert record(b"\xff-x", 7).event == Unknown(sort="b'\\xff x' 7", content={})

@@ -265,6 +265,11 @@ def test_only_what_is_there_is_found(tmp_path, path):
     assert ask(app_of(tmp_path), path).status == 404
 
 
+def test_a_link_to_a_folder_is_no_run(tmp_path):
+    (tmp_path / "root.sqlite").symlink_to("/")
+    assert [entry.name for entry in Shelf(tmp_path, None, lambda: 0.0, lambda: 2e9).entries()] == ["root"]
+
+
 def test_a_folder_lists_its_runs_the_newest_first(tmp_path):
     for name in ("20260101T180000-b", "20260102T180000-a"):
         with RunWriter.open(small_run(tmp_path, name)) as run:

@@ -122,7 +122,7 @@ def mutated(value: Any, rng: random.Random) -> Any:
                 return [*value, value[at]]
         return [*value[:at], mutated(value[at], rng), *value[at + 1 :]]
     if isinstance(value, int | float) and not isinstance(value, bool) and rng.random() < 0.2:
-        return rng.choice((-value, value + 1, value * 1e6, str(value), [value], bool(value), int(value * 0 == 0)))
+        return rng.choice((-value, value + 1, value * 1_000_000, str(value), [value], bool(value), int(value * 0 == 0)))
     return rng.choice(VALUES)
 
 

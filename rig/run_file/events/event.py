@@ -199,7 +199,7 @@ def decode(kind: str, status: str | None, body: Mapping[str, Any]) -> Event:
     """The event that a record holds; its body was checked."""
     cls = class_of(kind, status)
     if cls is Unknown:
-        return Unknown(sort=" ".join(filter(None, (kind, status))).replace("-", " "), content=body)
+        return Unknown(sort=" ".join(str(part) for part in (kind, status) if part).replace("-", " "), content=body)
     return cls.of_body(body, status)
 
 
