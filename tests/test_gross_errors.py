@@ -15,6 +15,7 @@ from command import rig
 
 from fitter.formula import Formula
 from fitter.gross import gross_errors
+from fitter.trace.growing_noise import noise_of
 from procedures.attitude.gross import of_attitude
 from procedures.general.column_roles import Roles, read_roles
 from procedures.general.gross import of_table
@@ -273,3 +274,13 @@ def test_a_row_number_that_no_file_has_is_refused_in_one_line(tmp_path, number):
     assert done.returncode == 2
     assert done.stderr.startswith(f"rig: --leave-out {number[:40]}: ")
     assert len(done.stderr.splitlines()) == 1
+
+
+def test_growth_of_noise_that_rows_cannot_tell_has_no_error():
+    """The one row with another value of the driver is gone through by the fit: nothing is left of it."""
+    driver = np.array([1.0, *[0.0] * 29])
+    left = 1.0 - driver
+    residual = 0.1 * np.random.default_rng(0).standard_normal(30) * left
+    found = noise_of(residual, left, driver)
+    assert np.isnan(found.stderr).all()
+    assert found.at_zero == pytest.approx(0.083, abs=0.001)

@@ -23,7 +23,8 @@ class Noise:
     Attributes:
         at_zero: a.
         per_unit: a c.
-        stderr: of both, from the curvature of the likelihood; some 20 % too small, as residuals are tied.
+        stderr: of both, from the curvature of the likelihood; some 20 % too small, as residuals are tied. NaN where the
+            rows cannot tell them apart.
         p: probability of so clear a relation between squared residual and driver where there is none.
 
     """
@@ -72,8 +73,11 @@ def noise_of(residual: FloatArray, left: FloatArray, driver: FloatArray) -> Nois
     at_zero = float(np.sqrt(share @ (squares / (1.0 + slope * driver) ** 2)))
     sd = at_zero * (1.0 + slope * driver)
     design = np.column_stack([np.ones(n), driver]) / sd[:, None]
-    spread = np.linalg.inv(2.0 * design.T @ (design * left[:, None]))
-    return Noise(at_zero, at_zero * slope, (float(np.sqrt(spread[0, 0])), float(np.sqrt(spread[1, 1]))), chance)
+    try:
+        spread = np.diag(np.linalg.inv(2.0 * design.T @ (design * left[:, None])))
+    except np.linalg.LinAlgError:  # all of the noise is at one value of the driver
+        spread = np.full(2, np.nan)
+    return Noise(at_zero, at_zero * slope, (float(np.sqrt(spread[0])), float(np.sqrt(spread[1]))), chance)
 
 
 FEWEST = 20
