@@ -1,0 +1,193 @@
+"""Shapes without a name: does what is left follow a smooth curve of something that was recorded?
+
+A block is a set of columns over one place: waves over the pitch angle, over the time, over the temperature times
+gravity, the slowest first. A residual without structure follows none of them by more than chance. What it follows is
+there, whether or not a catalogue has a name for it.
+
+Each block is tried in a few orders. The statistic is an F, and where readings scatter unequally Wald's with the scatter
+of each row's own contribution (White, Econometrica 48 (1980) 817): the less clear of the two counts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from fitter.arrays import FloatArray
+
+NOTHING_LEFT = 1e-2
+"""A column of which no larger share than this is left beside the model says nothing of its own."""
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Columns over one place.
+
+    Attributes:
+        place: in words: "over the pitch angle".
+        columns: (n, m), the slowest first.
+        orders: how many of them are tried together, ascending.
+        roughness: (m,) how many half waves each has, one at least.
+
+    """
+
+    place: str
+    columns: FloatArray
+    orders: tuple[int, ...]
+    roughness: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Remainder:
+    """What a block takes up of what is left.
+
+    Attributes:
+        place: of the block.
+        p: probability of so much by chance, this block and order alone.
+        gain: sum of squares that it takes up.
+        rank: columns that it took.
+        share: of the residual sum of squares.
+        shape: (n,) what it takes up, row by row.
+        basis: (n, rank) of the columns it took, orthonormal.
+
+    """
+
+    place: str
+    p: float
+    gain: float
+    rank: int
+    share: float
+    shape: FloatArray
+    basis: FloatArray
+
+
+def waves(values: FloatArray, most: int) -> FloatArray:
+    """(n, m) half waves over the range of a variable (n,); at most one fewer than its distinct values.
+
+    The ranks of the values count half: a variable that is dense in one part of its range is resolved there.
+    """
+    distinct = np.unique(np.round((values - values.min()) / max(float(np.ptp(values)), np.finfo(float).tiny), 6))
+    count = min(most, distinct.size - 1)
+    if count < 1:
+        return np.empty((values.size, 0))
+    u = (values - values.min()) / np.ptp(values)
+    return np.asarray(np.cos(np.pi * np.arange(1, count + 1) * u[:, None]))
+
+
+def turns(angle_deg: FloatArray, most: int) -> FloatArray:
+    """(n, 2 m) sine and cosine of up to `most` periods a turn, as far as the angles (n,) tell them apart."""
+    distinct = np.unique(np.round(np.mod(angle_deg, 360.0), 3)).size
+    count = min(most, (distinct - 1) // 2)
+    angle = np.radians(angle_deg)[:, None] * np.arange(1, count + 1)
+    return np.asarray(np.stack([np.cos(angle), np.sin(angle)], axis=2).reshape(angle_deg.size, -1))
+
+
+def orders_of(columns: FloatArray, tried: Sequence[int] = (3, 6, 12)) -> tuple[int, ...]:
+    """Orders in which a block of so many columns is tried."""
+    most = columns.shape[1]
+    return tuple(dict.fromkeys(min(order, most) for order in tried if most))
+
+
+def remainders(
+    left: FloatArray, df: int, blocks: Iterable[Block], project: Callable[[FloatArray], FloatArray]
+) -> list[Remainder]:
+    """For each block what it takes up in the order in which that is clearest, the clearest block first.
+
+    Args:
+        left: (n,) residual.
+        df: its degrees of freedom.
+        blocks: to try.
+        project: what the model leaves of columns (n, m).
+
+    """
+    found: list[Remainder] = []
+    rss = float(left @ left)
+    if rss <= 0 or df < 2:
+        return []
+    for block in blocks:
+        if not block.columns.shape[1]:
+            continue
+        basis, kept = _independent(project(block.columns), np.linalg.norm(block.columns, axis=0))
+        best: Remainder | None = None
+        for order in block.orders:
+            own = basis[:, kept < order]
+            rank = own.shape[1]
+            if rank < 1 or df - rank < 2:
+                continue
+            along = own.T @ left
+            gain = float(along @ along)
+            p = _p(own, left, along, rss, df)
+            if best is None or p < best.p:
+                best = Remainder(block.place, p, gain, rank, gain / rss, own @ along, own)
+        if best is not None:
+            found.append(best)
+    return sorted(found, key=lambda one: one.p)
+
+
+DECAYS = (1.0, 2.0, 3.0)
+"""Powers of the roughness with which the size of a wave falls: a kink, a curve, a very smooth curve."""
+SIZES = 4.0 ** np.arange(-3, 13)
+"""Variances of the slowest wave that are tried, over the error's."""
+HYPER = 2.0
+"""Price in nats of a size and a decay that are chosen by the data."""
+
+
+def evidence(y: FloatArray, columns: FloatArray, roughness: FloatArray | None = None) -> float:
+    """Logarithm of how much likelier y (n,), of unit error, is with smooth columns (n, m) than with none.
+
+    Coefficients are drawn from one normal distribution that is as wide as makes y likeliest; of waves, narrower the
+    rougher they are, as for a Gaussian process. What a coefficient could have been and is not is paid for.
+    """
+    if not columns.shape[1]:
+        return 0.0
+    scale = np.linalg.norm(columns, axis=0)
+    kept = scale > 0
+    if not np.any(kept):
+        return 0.0
+    columns = columns[:, kept]
+    typical = float(np.max(scale))
+    best = 0.0
+    gram, along = columns.T @ columns / typical**2, columns.T @ y / typical
+    for decay in (0.0,) if roughness is None else DECAYS:
+        falls = 1.0 if roughness is None else roughness[kept] ** -decay
+        values, vectors = np.linalg.eigh(gram * np.outer(falls, falls) if roughness is not None else gram)
+        values = np.maximum(values, 0.0)
+        square = (vectors.T @ (falls * along)) ** 2
+        one = 1.0 + SIZES[:, None] * values
+        best = max(best, float(np.max(0.5 * np.sum(SIZES[:, None] * square / one - np.log(one), axis=1))))
+    return best - (0.0 if roughness is None else HYPER)
+
+
+def tried(blocks: Iterable[Block]) -> int:
+    """How many tests the blocks are."""
+    return sum(len(block.orders) for block in blocks if block.columns.shape[1])
+
+
+def _p(own: FloatArray, left: FloatArray, along: FloatArray, rss: float, df: int) -> float:
+    rank, gain = own.shape[1], float(along @ along)
+    below = df - rank
+    error = max((rss - gain) / below, np.finfo(float).tiny)
+    f = gain / rank / error
+    rest = left - own @ along
+    meat = (own * rest[:, None] ** 2).T @ own * (left.size / below)
+    values, vectors = np.linalg.eigh(meat)
+    floor = np.finfo(float).eps * max(float(values[-1]), np.finfo(float).tiny) * values.size
+    wald = float(np.sum((vectors.T @ along) ** 2 / np.maximum(values, floor))) / rank
+    return float(special.fdtrc(rank, below, max(min(f, wald), 0.0)))
+
+
+def _independent(columns: FloatArray, length: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(n, r) orthonormal columns one after the other, and (r,) which of the given ones each came from."""
+    basis = np.empty((columns.shape[0], 0))
+    kept: list[int] = []
+    for k in range(columns.shape[1]):
+        one = columns[:, k] - basis @ (basis.T @ columns[:, k])
+        one = one - basis @ (basis.T @ one)
+        size = float(np.linalg.norm(one))
+        if size > NOTHING_LEFT * length[k] and size > 0:
+            basis = np.column_stack([basis, one / size])
+            kept.append(k)
+    return basis, np.array(kept)

@@ -1,0 +1,166 @@
+"""Where something without a name may live in a pitch-roll run: blocks of smooth columns over what was recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitter.arrays import FloatArray, IntArray
+from fitter.trace.flexible import Block, orders_of, turns, waves
+from procedures.attitude.effects import Scene
+from procedures.attitude.trace.levels import Level
+
+PITCH, ROLL, TIME, TEMPERATURE, GRAVITY = 8, 6, 12, 5, 12
+"""Waves at most over each."""
+BOTH = 4
+"""Of pitch and of roll in their products."""
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """A block of one sensor, or with one set of coefficients for all.
+
+    Attributes:
+        block: its columns are (S n, m), those of the first sensor first.
+        level: at which what lives there is seen.
+        sensor: its index; None for all.
+
+    """
+
+    block: Block
+    level: Level
+    sensor: int | None
+
+
+def places_of(scene: Scene) -> tuple[Place, ...]:
+    """All places of a run."""
+    found: list[Place] = []
+    for level, make in (("replications", _between_points), ("points", _within_points)):
+        for place, columns, rough in make(scene):
+            orders = orders_of(columns(0), (3, 6, 12, 40) if level == "replications" else (3, 6, 12))
+            each = [columns(i) for i in range(len(scene.data.sensors))]
+            if place.startswith("package"):
+                found.append(Place(Block(place, np.concatenate(each), orders, rough), level, None))
+                continue
+            for i, own in enumerate(each):
+                found.append(Place(Block(place, own, orders, rough), level, i))
+    return tuple(found)
+
+
+_Made = tuple[str, Callable[[int], FloatArray], FloatArray]
+
+
+def _between_points(scene: Scene) -> list[_Made]:
+    data, sensors = scene.data, scene.data.sensors
+    pitch, ones = waves(data.pitch_deg, PITCH), np.ones((len(data), 1))
+    with_one = np.column_stack([ones, pitch])
+    along = [waves(scene.along(s), GRAVITY) for s in sensors]
+    found: list[_Made] = [
+        ("over the pitch angle", lambda _i: pitch, _rough(pitch)),
+        ("over gravity along the sensor", lambda i: along[i], _rough(along[0])),
+        (
+            "package: an error of pitch over the pitch angle",
+            lambda i: _times(scene.per_pitch(sensors[i]), with_one),
+            np.append(1.0, _rough(pitch)),
+        ),
+    ]
+    if scene.roll:
+        roll, both = turns(data.roll_deg, ROLL), _products(waves(data.pitch_deg, BOTH), turns(data.roll_deg, BOTH))
+        rough = _rough_turns(roll)
+        rolled = np.column_stack([ones, roll])
+        found += [
+            ("over the roll angle", lambda _i: roll, rough),
+            (
+                "package: an error of roll over the roll angle",
+                lambda i: _times(scene.per_roll(sensors[i]), rolled),
+                np.append(1.0, rough),
+            ),
+            ("package: an error of pitch over the roll angle", lambda i: _times(scene.per_pitch(sensors[i]), roll), rough),
+            ("over pitch and roll", lambda _i: both[0], both[1]),
+        ]
+    return found
+
+
+def _within_points(scene: Scene) -> list[_Made]:
+    data, sensors, g = scene.data, scene.data.sensors, scene.g
+    time, ones = waves(data.elapsed_s, TIME), np.ones((len(data), 1))
+    since = waves(_since(data.replicate_index, data.elapsed_s), 6)
+    found: list[_Made] = [
+        ("along the run", lambda _i: time, _rough(time)),
+        ("along the run, times gravity", lambda _i: _times3(g, time[:, :6]), np.repeat(_rough(time[:, :6]), 3)),
+        ("along each replication", lambda _i: since, _rough(since)),
+        ("package: an error of pitch along the run", lambda i: _times(scene.per_pitch(sensors[i]), time), _rough(time)),
+    ]
+    if scene.roll:
+        found.append(
+            ("package: an error of roll along the run", lambda i: _times(scene.per_roll(sensors[i]), time), _rough(time))
+        )
+    if scene.temperature_degC is not None and data.sensor_temperature_degC is not None:
+        warm = waves(data.sensor_temperature_degC, TEMPERATURE)
+        found += [
+            ("over the temperature", lambda _i: warm, _rough(warm)),
+            ("over the temperature, times gravity", lambda _i: _times3(g, warm[:, :3]), np.repeat(_rough(warm[:, :3]), 3)),
+        ]
+    sides = [("pitch", data.pitch_side, waves(data.pitch_deg, 6), 1.0)]
+    if scene.roll:
+        sides.append(("roll", data.roll_side, turns(data.roll_deg, 4), 2.0))
+    for axis, side, smooth, _ in sides:
+        if np.ptp(side) > 0:
+            by = [ones, smooth, g]
+            rough = [np.ones(1), _rough(smooth), np.ones(3)]
+            if scene.temperature_degC is not None:
+                by.append(scene.warmth()[:, None])
+                rough.append(np.ones(1))
+            both = _times(side.astype(np.float64), np.column_stack(by))
+            found.append(
+                (f"over the side from which {axis} was approached", lambda _i, both=both: both, np.concatenate(rough))
+            )
+    moves = [data.pitch_deg - data.previous_pitch_deg]
+    if scene.roll:
+        moves.append(_wrapped(data.roll_deg - data.previous_roll_deg))
+    moved = [waves(np.arcsinh(move), 5) for move in moves if np.ptp(move) > 0]
+    if moved:
+        both = np.column_stack(moved)
+        found.append(("over the move before", lambda _i: both, np.concatenate([_rough(one) for one in moved])))
+    return found
+
+
+def _rough(columns: FloatArray) -> FloatArray:
+    return np.arange(1.0, columns.shape[1] + 1)
+
+
+def _rough_turns(columns: FloatArray) -> FloatArray:
+    return np.repeat(np.arange(1.0, columns.shape[1] // 2 + 1), 2)
+
+
+def _since(group: IntArray, values: FloatArray) -> FloatArray:
+    """(n,) values since the first of each group."""
+    first = np.full(int(group.max()) + 1, np.inf)
+    np.minimum.at(first, group, values)
+    return np.asarray(values - first[group])
+
+
+def _times(one: FloatArray, columns: FloatArray) -> FloatArray:
+    return np.asarray(one[:, None] * columns)
+
+
+def _times3(g: FloatArray, columns: FloatArray) -> FloatArray:
+    """(n, 3 m) products with the three components of gravity, the slowest wave first."""
+    return np.asarray((columns[:, :, None] * g[:, None, :]).reshape(len(g), -1))
+
+
+def _products(one: FloatArray, other: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(n, p q) products of columns, the slowest first, and their roughness."""
+    pairs = sorted((i + 1 + j // 2 + 1 - 1, i, j) for i in range(one.shape[1]) for j in range(other.shape[1]))
+    if not pairs:
+        return np.empty((one.shape[0], 0)), np.empty(0)
+    return (
+        np.column_stack([one[:, i] * other[:, j] for _, i, j in pairs]),
+        np.array([float(r) for r, _, _ in pairs]),
+    )
+
+
+def _wrapped(angle_deg: FloatArray) -> FloatArray:
+    return np.asarray(np.mod(angle_deg + 180.0, 360.0) - 180.0)
