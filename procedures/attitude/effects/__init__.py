@@ -8,6 +8,8 @@ from procedures.attitude.effects.head import (
     AXES_NOT_SQUARE,
     BACKLASH_PITCH,
     BACKLASH_ROLL,
+    BACKLASH_TEMPERATURE,
+    CABLE,
     GEAR_PITCH,
     GEAR_ROLL,
     HEAD_ONCE,
@@ -17,14 +19,25 @@ from procedures.attitude.effects.head import (
     ROLL_HEAD_ONCE,
     ROLL_HEAD_TWICE,
     ROLL_WOBBLE,
+    TILT_DAILY,
+    TILT_DRIFT,
 )
 from procedures.attitude.effects.memory import CREEP, HYSTERESIS_PITCH, HYSTERESIS_ROLL, SETTLING_PITCH, SETTLING_ROLL
-from procedures.attitude.effects.package import ISOLATION_PADS, MOUNTING_SLIP
+from procedures.attitude.effects.package import (
+    ISOLATION_PADS,
+    MOUNTING_SLIP,
+    MOUNTING_SLIP_UNRECORDED,
+    SCALE_ATTITUDE,
+)
 from procedures.attitude.effects.scene import Scene
 from procedures.attitude.effects.sensor import (
+    ASYMMETRY,
     CROSS_AXIS,
     DAILY_CYCLE,
+    DEAD_ZONE,
+    MAGNETIC,
     OFFSET_DRIFT,
+    SATURATION,
     SECOND_ORDER,
     SENSITIVITY_DRIFT,
     THIRD_ORDER,
@@ -79,11 +92,21 @@ CATALOGUE: tuple[Effect, ...] = (
     THERMAL_LAG,
     DAILY_CYCLE,
     INDEX_SHIFT,
+    SCALE_ATTITUDE,
+    CABLE,
+    ASYMMETRY,
+    DEAD_ZONE,
+    SATURATION,
+    MAGNETIC,
+    BACKLASH_TEMPERATURE,
+    TILT_DRIFT,
+    TILT_DAILY,
     MOUNTING_SLIP,
     VOLTMETER_RANGE,
     GEAR_PITCH,
     GEAR_ROLL,
     OFFSET_STEP_UNRECORDED,
+    MOUNTING_SLIP_UNRECORDED,
 )
 
 __all__ = [

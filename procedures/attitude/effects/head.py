@@ -6,12 +6,13 @@ An error of an angle changes an output by dv/d(angle) times the error: one coeff
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.effects.entry import Alias, Largest, Signed
-from fitter.effects.sizes import amplitude, arcsec
+from fitter.effects.sizes import amplitude, arcsec, each
 from procedures.attitude.data import AttitudeData
 from procedures.attitude.data import settings as settings_of
 from procedures.attitude.effects.effect import Effect, Term, fixed
@@ -31,6 +32,9 @@ _DEGREE = np.radians(1.0)
 
 _ONE_DEGREE = Largest(1.0, "1 deg")
 """Heads and gears that are worth a calibration are hundreds of times better: docs/trace.md."""
+
+FEWEST_TEETH = 3
+"""Periods a turn of a gear or a scale, at least: fewer are an eccentric or an elliptic one, which have their names."""
 
 Error = Callable[[Scene], FloatArray]
 
@@ -59,18 +63,20 @@ def _waves(of: Callable[..., Term], angle: str, k: float) -> tuple[Term, Term]:
 
 
 def periods(angle_deg: FloatArray) -> tuple[float, ...]:
-    """Periods a turn that a search over the angles visited tries: halves and whole numbers but 1 and 2.
+    """Periods a turn that a search over the angles visited tries: whole numbers from three on.
 
-    Up to where half a period is one step of the design; errors of more periods look like one of fewer. Where less than
-    a turn is visited, no closer than half a period over what is.
+    Up to where half a period is one step of the design; errors of more periods look like one of fewer, of halves too
+    where a turn is no whole number of steps. Where less than a turn is visited, no closer than half a period over what
+    is.
     """
     setting = settings_of(angle_deg)
     at = np.bincount(setting, angle_deg) / np.bincount(setting)
     if at.size < 5:
         return ()
     step, turn = float(np.median(np.diff(at))), float(at[-1] - at[0])
-    spacing = max(0.5, np.ceil(2 * 180.0 / turn) / 2)
-    return tuple(k for k in np.arange(spacing, 180.0 / step + 1e-6, spacing).tolist() if k not in (1.0, 2.0))
+    spacing = max(1.0 if (360.0 / step) % 1.0 < 1e-6 else 0.5, np.ceil(2 * 180.0 / turn) / 2)
+    tried = np.arange(spacing, 180.0 / step + 1e-6, spacing)
+    return tuple(tried[tried >= FEWEST_TEETH].tolist())
 
 
 _PLAY = Signed(
@@ -326,4 +332,95 @@ ROLL_WOBBLE = Effect(
     usual_size="seconds of arc, 3e-4 deg",
     known_aliases={},
     needs=("roll",),
+)
+
+
+def _leans(name: str, course: Error, group: str = "") -> tuple[Term, Term]:
+    """The base of the head leans along pitch, and sideways, by `course` (n,) degrees for coefficients of one."""
+    return (
+        pitch_error(name, course, group=group),
+        replace(_sideways(f"sideways*{name}", course), group=f"sideways {group}" if group else ""),
+    )
+
+
+TILT_DRIFT = Effect(
+    name="tilt-drift",
+    cause="the base of the head tilts steadily with time: the floor or the pier sinks to one side",
+    source="time",
+    scope="package",
+    stratum="point-by-replication",
+    unit="deg/h",
+    size=each("deg/h"),
+    against="elapsed_s",
+    terms=fixed(*_leans("time", lambda scene: scene.hours())),
+    separate_by="read an electronic level on the base of the head through a night",
+    usual_size="1e-4 deg/h",
+    known_aliases={},
+    needs=("time", "roll"),
+)
+
+TILT_DAILY = Effect(
+    name="tilt-daily",
+    cause="the base of the head tilts with the time of day: the sun or the heating warms one side of the pier",
+    source="time",
+    scope="package",
+    stratum="point-by-replication",
+    unit="deg",
+    size=arcsec,
+    against="elapsed_s",
+    terms=fixed(
+        *_leans("sin(time/day)", lambda scene: np.sin(np.pi / 12 * scene.hours()), group="day"),
+        *_leans("cos(time/day)", lambda scene: np.cos(np.pi / 12 * scene.hours()), group="day"),
+    ),
+    separate_by="read an electronic level on the base of the head through a day and a night",
+    usual_size="1e-3 deg",
+    known_aliases={},
+    needs=("a night", "roll"),
+)
+
+CABLE = Effect(
+    name="cable-wind-up",
+    cause="the cable to the package winds up as the head rolls: its torque turns the package in proportion to the roll",
+    source="roll axis",
+    scope="package",
+    stratum="between-point",
+    unit="deg/turn",
+    size=each("deg/turn"),
+    against="roll_deg",
+    terms=fixed(
+        roll_error("roll/turn", lambda scene: scene.data.roll_deg / 360.0),
+        pitch_error("roll/turn", lambda scene: scene.data.roll_deg / 360.0),
+    ),
+    largest=_ONE_DEGREE,
+    separate_by="free the cable, or lead it another way, and repeat a few points at both ends of the roll",
+    usual_size="1e-3 deg/turn",
+    known_aliases={},
+    needs=("roll",),
+)
+
+def _warm_play(data: AttitudeData) -> tuple[Term, ...]:
+    found: list[Term] = []
+    if np.ptp(data.pitch_side) > 0:
+        name = "(-side/2)*temperature"
+        found.append(pitch_error(name, lambda scene: _late(scene.data.pitch_side) * scene.warmth()))
+    if data.has_roll and np.ptp(data.roll_side) > 0:
+        found.append(roll_error("(-side/2)*temperature", lambda scene: _late(scene.data.roll_side) * scene.warmth()))
+    return tuple(found)
+
+
+BACKLASH_TEMPERATURE = Effect(
+    name="backlash-temperature",
+    cause="the backlash of an axis changes with the temperature",
+    source="temperature",
+    scope="package",
+    stratum="point-by-replication",
+    unit="deg/degC",
+    size=each("deg/degC"),
+    against="sensor_temperature_degC",
+    terms=_warm_play,
+    largest=Largest(0.1, "0.1 deg/degC"),
+    separate_by="visit some points from both sides at another temperature",
+    usual_size="1e-5 deg/degC",
+    known_aliases={},
+    needs=("temperature",),
 )

@@ -45,17 +45,17 @@ def starts(data: AttitudeData) -> tuple[Moment, ...]:
     return (*blocks(data), *begun)
 
 
-def evenly(data: AttitudeData) -> tuple[Moment, ...]:
-    """`SEARCHED` moments spread evenly over the observations."""
+def evenly(data: AttitudeData, count: int = SEARCHED) -> tuple[Moment, ...]:
+    """`count` moments spread evenly over the observations."""
     between = _between(data)
-    at = np.linspace(0, between.size, SEARCHED + 2)[1:-1]
+    at = np.linspace(0, between.size, count + 2)[1:-1]
     return tuple(_at(t) for t in dict.fromkeys(between[at.astype(np.int64)].tolist()))
 
 
-def near(data: AttitudeData, moment: Moment) -> tuple[Moment, ...]:
-    """Every moment between two observations, closer to a searched one than its neighbours."""
+def near(data: AttitudeData, moment: Moment, count: int = SEARCHED) -> tuple[Moment, ...]:
+    """Every moment between two observations, closer to one of `count` searched ones than its neighbours."""
     between = _between(data)
-    middle, reach = int(np.searchsorted(between, moment.value)), between.size // (SEARCHED + 1) + 1
+    middle, reach = int(np.searchsorted(between, moment.value)), between.size // (count + 1) + 1
     return tuple(_at(t) for t in between[max(middle - reach, 0) : middle + reach + 1].tolist())
 
 

@@ -6,6 +6,8 @@ A small rotation w of the package, in package axes, changes gravity there by -w 
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from fitter.arrays import FloatArray
@@ -14,7 +16,7 @@ from fitter.effects.sizes import arcsec, each
 from procedures.attitude.data import AttitudeData
 from procedures.attitude.effects.effect import Effect, Term, fixed
 from procedures.attitude.effects.head import REVERSED
-from procedures.attitude.effects.moments import Moment, starts
+from procedures.attitude.effects.moments import Moment, evenly, near, starts
 from procedures.attitude.effects.scene import Scene
 
 _DEGREE = np.radians(1.0)
@@ -93,6 +95,21 @@ def _turns(data: AttitudeData) -> tuple[Term, ...]:
     return tuple(_turn(axis, since) for since in starts(data) for axis in range(3))
 
 
+SLIPS = 24
+"""Moments at which a slip within a replication is tried over a run, before it is placed between two observations."""
+
+
+def _slips(data: AttitudeData) -> tuple[Term, ...]:
+    return tuple(term for since in evenly(data, SLIPS) for term in _slip(since))
+
+
+def _slip(since: Moment) -> tuple[Term, ...]:
+    def finer(data: AttitudeData) -> tuple[tuple[Term, ...], ...]:
+        return tuple(_slip(moment) for moment in near(data, since, SLIPS))
+
+    return tuple(replace(_turn(axis, since), finer=finer) for axis in range(3))
+
+
 def _turn(axis: int, since: Moment) -> Term:
     """The package stands turned about one of its axes from some moment on; all three axes are judged together."""
 
@@ -117,4 +134,58 @@ MOUNTING_SLIP = Effect(
     known_aliases={},
     needs=("starts",),
     searched=True,
+)
+
+MOUNTING_SLIP_UNRECORDED = Effect(
+    name="mounting-slip-unrecorded",
+    cause="the package slipped in its mounting at a moment of which nothing is recorded, and stands turned since",
+    source="package",
+    scope="package",
+    stratum="point-by-replication",
+    unit="deg",
+    size=arcsec,
+    against="elapsed_s",
+    terms=_slips,
+    largest=Largest(1.0, "1 deg"),
+    separate_by="look up what happened in the laboratory then; read an autocollimator on the package through the run",
+    usual_size="1e-3 deg",
+    known_aliases={},
+    needs=("time",),
+    searched=True,
+)
+
+
+def _scaled(axis: int) -> Term:
+    """All outputs change in proportion to the weight along one axis of the package."""
+
+    def column(scene: Scene, sensor: str) -> FloatArray:
+        return np.asarray(scene.g[:, axis] * (scene.g @ scene.axes[sensor]))
+
+    def shown(scene: Scene, sensor: str) -> tuple[str, float]:
+        m = scene.axes[sensor]
+        main = int(np.argmax(np.abs(m)))
+        text, factor = product_formula(main, axis, roll=scene.roll)
+        return text, float(m[main] * factor)
+
+    return Term(f"output * weight along {'xyz'[axis]}", column, shown)
+
+
+SCALE_ATTITUDE = Effect(
+    name="scale-attitude",
+    cause="the sensitivity of all sensors changes alike with the attitude of the package: a common supply or reference "
+    "whose cooling depends on it, or gravity that is not what was declared",
+    source="package",
+    scope="package",
+    stratum="between-point",
+    unit="V",
+    size=each("per g"),
+    against="pitch_deg",
+    terms=fixed(*(_scaled(axis) for axis in range(3))),
+    largest=Largest(0.1, "10 % per g"),
+    separate_by="read the common supply or reference at several attitudes",
+    usual_size="1e-5 per g",
+    known_aliases={
+        "sensor-second-order": Alias("for a sensor by itself", "read the common supply at several attitudes"),
+        "cross-axis": Alias("for a sensor by itself", "read the common supply at several attitudes"),
+    },
 )

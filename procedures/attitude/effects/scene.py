@@ -84,6 +84,11 @@ class Scene:
         r = self.rolled
         return self.mounted(np.column_stack([np.zeros_like(r), np.cos(r), -np.sin(r)]))
 
+    @cached_property
+    def g_ahead(self) -> FloatArray:
+        """(n, 3) level direction across the pitch axis in package axes."""
+        return np.asarray(np.cross(self.g, self.sideways))
+
     def along(self, sensor: str) -> FloatArray:
         """(n,) gravity along the sensitive axis, in g."""
         m = self.axes[sensor]

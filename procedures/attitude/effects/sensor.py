@@ -148,3 +148,100 @@ CROSS_AXIS = Effect(
     },
     needs=("roll",),
 )
+
+
+def _null(at: float) -> Term:
+    """The output lags behind by the coefficient, on either side of a point of its axis."""
+
+    def column(scene: Scene, sensor: str) -> FloatArray:
+        return np.sign(scene.along(sensor) - at)
+
+    return Term(f"sign(gravity - {at:g} g)" if at else "sign(gravity)", column)
+
+
+DEAD_ZONE = Effect(
+    name="dead-zone",
+    cause="the sensor sticks: about its null it does not answer, and lags by half of that zone elsewhere",
+    source="sensor",
+    scope="sensor",
+    stratum="between-point",
+    unit="V",
+    size=micro("uV"),
+    against="pitch_deg",
+    terms=fixed(*(_null(at) for at in (0.0, -0.1, 0.1, -0.03, 0.03))),
+    separate_by="tilt the sensor in small steps through its null, up and down",
+    usual_size="1e-6 g",
+    known_aliases={},
+    searched=True,
+)
+
+ASYMMETRY = Effect(
+    name="sensor-asymmetry",
+    cause="the sensitivity is not the same for both signs of the acceleration",
+    source="sensor",
+    scope="sensor",
+    stratum="between-point",
+    unit="V/g",
+    size=relative("ppm"),
+    against="pitch_deg",
+    terms=fixed(Term("|gravity|", lambda scene, sensor: np.abs(scene.along(sensor)))),
+    largest=_TENTH,
+    separate_by="compare the slopes at small positive and small negative acceleration",
+    usual_size="1e-5 of the sensitivity",
+    known_aliases={},
+)
+
+
+def _beyond(share: float) -> Term:
+    """What is beyond a share of 1 g, on either side."""
+
+    def column(scene: Scene, sensor: str) -> FloatArray:
+        along = scene.along(sensor)
+        return np.asarray(np.sign(along) * np.maximum(np.abs(along) - share, 0.0))
+
+    return Term(f"gravity beyond {share:g} g", column)
+
+
+SATURATION = Effect(
+    name="saturation",
+    cause="the sensitivity is smaller near the end of the range: the sensor or its amplifier saturates",
+    source="sensor",
+    scope="sensor",
+    stratum="between-point",
+    unit="V/g",
+    size=relative("ppm"),
+    against="pitch_deg",
+    terms=fixed(*(_beyond(share) for share in (0.5, 0.7, 0.8, 0.9, 0.95))),
+    largest=_TENTH,
+    separate_by="look at more points between 0.8 g and 1 g, on both sides",
+    usual_size="1e-5 of the sensitivity",
+    known_aliases={},
+    searched=True,
+)
+
+
+def _field(axis: int, lab: str) -> Term:
+    """A field that is level in the laboratory, seen along one axis of the package."""
+
+    def column(scene: Scene, _sensor: str) -> FloatArray:
+        level = scene.sideways if lab == "along the pitch axis" else scene.g_ahead
+        return level[:, axis]
+
+    return Term(f"level field {lab}, axis {'xyz'[axis]}", column, group=lab)
+
+
+MAGNETIC = Effect(
+    name="magnetic-heading",
+    cause="the sensor answers to a field that is level in the laboratory: the Earth's magnetic field",
+    source="sensor",
+    scope="sensor",
+    stratum="between-point",
+    unit="V",
+    size=micro("uV"),
+    against="roll_deg",
+    terms=fixed(*(_field(axis, lab) for lab in ("along the pitch axis", "across the pitch axis") for axis in range(3))),
+    separate_by="turn the head to another heading, or bring a magnet near",
+    usual_size="1e-6 g",
+    known_aliases={},
+    needs=("roll",),
+)

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitter.trace.aliases import NOTHING_LEFT
-from procedures.attitude.trace.problem import Candidate, Problem, raw_columns
-from procedures.attitude.trace.score import errors, whiten
+from procedures.attitude.trace.problem import Candidate, Problem, columns_of
+from procedures.attitude.trace.score import errors, inverse, whiten
 
 
 def refined(problem: Problem, chosen: tuple[int, ...]) -> Problem:
@@ -27,18 +26,22 @@ def _placed(problem: Problem, others: tuple[int, ...], u: int) -> Problem:
     sigma = errors(problem, (*others, *unit))
     left = whiten(problem, level, others, sigma).outputs
     taken = whiten(problem, level, (), sigma, others).columns
-    gain = np.zeros(len(tries))
+    q = len(unit)
+    gram, dot, length2 = np.zeros((len(tries), q, q)), np.zeros((len(tries), q)), np.zeros((len(tries), q))
+    every = [Candidate(first.effect, term, first.sensor) for terms in tries for term in terms]
     for i, sensor in enumerate(problem.sensors):
         if first.sensor not in (None, sensor):
             continue
-        raw = raw_columns(problem.scene, [Candidate(first.effect, terms[0], first.sensor) for terms in tries])[i]
+        raw = columns_of(problem.scene, every, sensor) / sigma[i]
         columns = problem.left(i, raw, level)
         if others:
             basis = np.linalg.qr(taken[i][:, np.any(taken[i] != 0, axis=0)])[0]
             columns = columns - basis @ (basis.T @ columns)
-        norm2 = np.sum(columns**2, axis=0)
-        enough = norm2 > NOTHING_LEFT * np.sum(raw**2, axis=0)
-        gain += np.where(enough, (left[i] @ columns) ** 2 / np.where(enough, norm2, 1.0), 0.0)
+        each = columns.reshape(len(columns), len(tries), q)
+        gram += np.einsum("ntj,ntk->tjk", each, each, optimize=True)
+        dot += (left[i] @ columns).reshape(len(tries), q)
+        length2 += np.sum(raw**2, axis=0).reshape(len(tries), q)
+    gain = np.einsum("tj,tjk,tk->t", dot, inverse(gram, length2), dot)
     if not np.any(gain):
         return problem
     return problem.with_terms(u, tries[int(np.argmax(gain))])
