@@ -35,6 +35,7 @@ class Found:
         separation: standard errors by which every other explanation falls behind, by effect.
         separate_by: the measurement that would tell it from its aliases, with the size it would show.
         against: field of the data to plot it against.
+        doubtful: why its name should not be believed yet; None where nothing speaks against it.
 
     """
 
@@ -53,6 +54,7 @@ class Found:
     separation: Mapping[str, float]
     separate_by: str
     against: str
+    doubtful: str | None = field(default=None, kw_only=True)
 
     @classmethod
     def of_noise(
@@ -122,6 +124,7 @@ class Found:
             aliases=self.aliases,
             separation=self.separation,
             separate_by=self.separate_by,
+            doubtful=self.doubtful,
             more=self.own_keys,
         )
 
@@ -156,7 +159,7 @@ class Unnamed:
         return Finding("unnamed", self.where, self.stratum, self.share, added=self.added, more=more)
 
 
-def verdict(*, found: bool, fell: bool, rest: Iterable[Unnamed]) -> str:
+def verdict(*, found: bool, fell: bool, rest: Iterable[Unnamed], doubtful: bool = False) -> str:
     """One word or two for a sensor, by one rule in every kind of run.
 
     Findings about the noise are no effects: they explain nothing, and leave nothing to be added to the model.
@@ -165,11 +168,12 @@ def verdict(*, found: bool, fell: bool, rest: Iterable[Unnamed]) -> str:
         found: whether effects were, findings about the noise apart.
         fell: whether the error is smaller with them.
         rest: what is left.
+        doubtful: whether any name of an effect is.
 
     """
     remains = any(one.stratum != "noise" for one in rest)
     if found:
-        return "explained" if fell and not remains else "partly explained"
+        return "explained" if fell and not remains and not doubtful else "partly explained"
     return "unexplained" if remains else "nothing to add"
 
 

@@ -398,6 +398,7 @@ CABLE = Effect(
     needs=("roll",),
 )
 
+
 def _warm_play(data: AttitudeData) -> tuple[Term, ...]:
     found: list[Term] = []
     if np.ptp(data.pitch_side) > 0:

@@ -21,6 +21,8 @@ from procedures.attitude.fit import AttitudeFit
 from procedures.attitude.model import attitude_columns
 from procedures.attitude.trace.estimate import Estimate, concerns, predict
 from procedures.attitude.trace.judge import AttitudeJudge
+from procedures.attitude.trace.levels import LEVELS
+from procedures.attitude.trace.nameless import Nameless
 from procedures.attitude.trace.noise import noise_findings, outlier_finding
 from procedures.attitude.trace.outliers import outliers
 from procedures.attitude.trace.problem import Problem, raw_columns
@@ -45,6 +47,7 @@ def sensor_trace(
     classes: dict[str, tuple[Rival, ...]],
     i: int,
     cv: FloatArray | None,
+    nameless: Nameless,
 ) -> SensorTrace:
     """What was found in sensor `i`.
 
@@ -58,16 +61,20 @@ def sensor_trace(
         classes: all explanations of each effect found, by its name.
         i: the sensor.
         cv: (2,) rms errors left out, before and after.
+        nameless: shapes without a name beside what was found.
 
     """
     problem = judge.problem
     sensor = problem.sensors[i]
     declared: AttitudeFit = problem.fits[sensor]
-    rest = _unnamed(problem, after, i)
+    rest = _unnamed(problem, after, nameless, i)
     shown = [e for name in classes if (e := _found(judge, whole, after, classes[name], name, i)) is not None]
     divided = _shares(problem, after, [effect.effect for effect in shown], unnamed_part(rest), i)
     every = sorted(
-        (replace(effect, share=float(share)) for effect, share in zip(shown, divided, strict=True)),
+        (
+            replace(effect, share=float(share), doubtful=nameless.doubts.get(effect.effect))
+            for effect, share in zip(shown, divided, strict=True)
+        ),
         key=lambda effect: -effect.share,
     )
     fell = after.tables[i].sigma_E < before.tables[i].sigma_E
@@ -77,7 +84,7 @@ def sensor_trace(
     return SensorTrace(
         sensor=sensor,
         declared=declared.declared,
-        verdict=verdict(found=bool(effects), fell=fell, rest=unnamed),
+        verdict=verdict(found=bool(effects), fell=fell, rest=unnamed, doubtful=any(e.doubtful for e in effects)),
         before=before.tables[i],
         after=after.tables[i],
         cv_rms_before=None if cv is None else float(cv[0]),
@@ -221,12 +228,20 @@ def _pure_variance(table: Replication) -> float:
     return table.sigma_pr**2 if np.isfinite(table.sigma_pr) else table.sigma_E**2
 
 
-def _unnamed(problem: Problem, after: Estimate, i: int) -> tuple[Unnamed, ...]:
-    table, rest = after.tables[i], []
+def _unnamed(problem: Problem, after: Estimate, nameless: Nameless, i: int) -> tuple[Unnamed, ...]:
+    table, rest = after.tables[i], list[Unnamed]()
     if table.sigma_E < RESOLVED * np.ptp(after.corrected[i]):
         return ()
+    between, within = (nameless.left_in(i, level) for level in LEVELS[1:])
     if table.bias.p < UNEXPLAINED:
         rest.append(strongest_wave(problem, after.corrected[i]))
+    elif between is not None and between.p < UNEXPLAINED:
+        rest.append(Unnamed(between.where, _part(table, between.remainder.share)))
+    line = nameless.lines[i]
+    if line is not None and line.p < UNEXPLAINED:
+        rest.append(Unnamed(line.where, _part(table, line.share)))
+    elif within is not None and within.p < UNEXPLAINED:
+        rest.append(Unnamed(within.where, _part(table, within.remainder.share)))
     if problem.wander[i] > 0:
         walk = "along the run: the offset takes a random walk"
         rest.append(Unnamed(walk, _walk_share(problem, i), stratum="noise"))
@@ -234,6 +249,12 @@ def _unnamed(problem: Problem, after: Estimate, i: int) -> tuple[Unnamed, ...]:
         share = 1.0 - _pure_variance(table) / table.sigma_E**2
         rest.append(Unnamed("between replications: the parameters drift", float(np.clip(share, 0.0, 1.0))))
     return tuple(rest)
+
+
+def _part(table: Replication, share: float) -> float:
+    """Share of what is left that lies in a shape, from its share of the residual point by replication."""
+    known = np.isfinite(table.sigma_pr) and table.sigma_E > 0
+    return float(np.clip(share * table.sigma_pr**2 / table.sigma_E**2 if known else share, 0.0, 1.0))
 
 
 def _added(problem: Problem, after: Estimate, smooth: FoundEffect, i: int) -> Unnamed:

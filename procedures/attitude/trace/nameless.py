@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 
 import numpy as np
 from scipy import special
 
 from fitter.arrays import FloatArray
 from fitter.linear import orthonormal
+from fitter.trace.doubts import BUNDLE, DOUBT, EARNED, bundle, in_several, no_better, something_left
 from fitter.trace.flexible import Remainder, evidence, remainders, tried
+from fitter.trace.lines import Line, line
 from fitter.trace.search import names_of
+from procedures.attitude.trace.estimate import concerns
 from procedures.attitude.trace.levels import LEVELS, Level
 from procedures.attitude.trace.places import Place, places_of
 from procedures.attitude.trace.problem import Problem
@@ -37,6 +40,20 @@ class Left:
     place: Place
     remainder: Remainder
     p: float
+
+    def shows_in(self, i: int) -> bool:
+        """Whether sensor `i` has a part in it."""
+        if self.place.sensor is not None:
+            return self.place.sensor == i
+        n = self.remainder.shape.size // self.place.count
+        square = np.sum(self.remainder.shape.reshape(-1, n) ** 2, axis=1)
+        return bool(square[i] > 0.1 * square.max())
+
+    @property
+    def where(self) -> str:
+        """In words, with the level it is seen at."""
+        level = "between points" if self.place.level == "replications" else "within points"
+        return f"{level}, {self.place.block.place}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,61 +81,144 @@ class Nameless:
     def able(self) -> bool:
         return bool(np.all(self.sigma > 10 * rounding(self.problem)))
 
-    def left(self) -> list[Left]:
+    @cached_property
+    def left(self) -> tuple[Left, ...]:
         """Places that the residual follows, the clearest first."""
         if not self.able:
-            return []
+            return ()
+        problem, n = self.problem, len(self.problem.scene.data)
         count = tried(place.block for place in self.places)
         found = []
-        views = {level: _View(self.problem, level, self.chosen, self.sigma) for level in LEVELS[1:]}
-        rho = _memory(self.problem, views["points"].outputs)
+        views = {level: _View(problem, level, self.chosen, self.sigma) for level in LEVELS[1:]}
+        rho = _memory(problem, views["points"].outputs)
         for place in self.places:
-            view, n = views[place.level], len(self.problem.scene.data)
+            view = views[place.level]
             at = slice(None) if place.sensor is None else slice(place.sensor * n, (place.sensor + 1) * n)
             y = view.outputs.reshape(-1)[at]
-            rows = y.size // n
-            df = rows * self.problem.levels.df(place.level) - len(self.chosen)
+            df = y.size // n * problem.levels.df(place.level) - len(self.chosen)
             if df < 3:
                 continue
-            white = view.white(y, place.sensor, rho)
-            for one in remainders(
-                white, df, [place.block], lambda c, place=place, view=view: view.white(view.project(c, place.sensor), place.sensor, rho)
-            ):
+            project = partial(view.whitened, sensor=place.sensor, rho=rho)
+            for one in remainders(view.white(y, place.sensor, rho), df, [place.block], project):
                 p = one.p
                 if p * count < WALKED:
                     p = max(p, self._against_a_walk(place, y, one.basis))
                 found.append(Left(place, one, min(p * count, 1.0)))
-        return sorted(found, key=lambda one: one.p)
+        return tuple(sorted(found, key=lambda one: one.p))
 
-    def earned(self, name: str) -> tuple[float, float, str]:
-        """Evidence for an effect found, in nats; the best evidence for a shape without a name; and where that lives."""
+    def left_in(self, i: int, level: Level | None = None) -> Left | None:
+        """The clearest of what one sensor follows, at one level or any."""
+        sensors = (None, i)
+        own = (x for x in self.left if x.place.sensor in sensors and level in (None, x.place.level) and x.shows_in(i))
+        return next(own, None)
+
+    @cached_property
+    def lines(self) -> tuple[Line | None, ...]:
+        """The clearest period in each sensor's residual, p over all sensors."""
+        problem, data = self.problem, self.problem.scene.data
+        level: Level = "points" if problem.levels.df("points") > 0 else "declared"
+        if not self.able:
+            return (None,) * len(problem.sensors)
+        left = _View(problem, level, self.chosen, self.sigma).outputs
+        rows = problem.levels.executed
+        found = (line(one[rows], data.elapsed_s[rows], problem.levels.replicate[rows]) for one in left)
+        return tuple(None if x is None else replace(x, p=min(len(left) * x.p, 1.0)) for x in found)
+
+    @cached_property
+    def doubts(self) -> dict[str, str]:
+        """Why a name found should not be believed yet, by name."""
+        if not self.able:
+            return {}
+        out: dict[str, str] = {}
+        for level, names in self._groups:
+            for name in names:
+                found = self._left_beside(name, level)
+                if found is not None:
+                    out[name] = something_left(found.place.block.place, found.p)
+            if len(names) >= BUNDLE:
+                out |= {name: bundle(names) for name in names if name not in out}
+            for name in names:
+                sensors = self._own_of(name)
+                if len(sensors) > 1 and name not in out:
+                    out[name] = in_several(sensors)
+            named, nameless, where = self.earned(names)
+            if named - nameless < EARNED:
+                out |= {name: no_better(names, where) for name in names if name not in out}
+        return out
+
+    def _own_of(self, name: str) -> tuple[str, ...]:
+        """Sensors that have an effect each for itself which no common cause, time or temperature, gives to all."""
+        mine = [c for j in self.chosen if (c := self.problem.candidates[j]).effect.name == name]
+        if mine[0].effect.source != "sensor":
+            return ()
+        return tuple(dict.fromkeys(c.sensor for c in mine if c.sensor is not None))
+
+    def _left_beside(self, name: str, level: Level) -> Left | None:
         problem = self.problem
         mine = [j for j in self.chosen if problem.candidates[j].effect.name == name]
+        shown = np.flatnonzero(sum((concerns(problem, j) for j in mine), np.zeros(len(problem.sensors))) > 0.1)
+        found = [left for i in shown.tolist() if (left := self.left_in(i, level)) is not None and left.p < DOUBT]
+        return min(found, key=lambda one: one.p, default=None)
+
+    @cached_property
+    def _groups(self) -> tuple[tuple[Level, tuple[str, ...]], ...]:
+        """Names found that are seen at one level in sensors that they share."""
+        problem = self.problem
+        out: list[tuple[Level, tuple[str, ...]]] = []
+        for level in LEVELS[1:]:
+            groups: list[tuple[set[str], set[int]]] = []
+            for name in names_of(problem.candidates, self.chosen):
+                mine = [j for j in self.chosen if problem.candidates[j].effect.name == name]
+                if problem.judged_at[mine[0]] != level:
+                    continue
+                where = set(np.flatnonzero(np.max([concerns(problem, j) for j in mine], axis=0) > 0.05).tolist())
+                joined = [group for group in groups if group[1] & where]
+                groups = [group for group in groups if not group[1] & where]
+                groups.append(({name}.union(*(g[0] for g in joined)), where.union(*(g[1] for g in joined))))
+            order = list(names_of(problem.candidates, self.chosen))
+            out += [(level, tuple(sorted(names, key=order.index))) for names, _ in groups]
+        return tuple(out)
+
+    def earned(self, names: Sequence[str]) -> tuple[float, float, str]:
+        """Evidence for effects found, in nats; the best for one shape without a name; and where that lives."""
+        problem = self.problem
+        mine = [j for j in self.chosen if problem.candidates[j].effect.name in names]
         rest = tuple(j for j in self.chosen if j not in mine)
         level = problem.judged_at[mine[0]]
         view = _View(problem, level, rest, self.sigma)
-        own = view.of(mine)
-        y = view.outputs.reshape(-1)
-        effect = problem.candidates[mine[0]].effect
-        units = len({problem.unit_of[j] for j, c in enumerate(problem.candidates) if c.effect.name == name and c.sensor == problem.candidates[mine[0]].sensor})
-        named = evidence(y, own) - np.log(CATALOGUE_SIZE) - (np.log(units) if effect.searched else 0.0)
+        y, named = view.outputs.reshape(-1), 0.0
+        left, own = y, {name: view.of([j for j in mine if problem.candidates[j].effect.name == name]) for name in names}
+        taken = np.empty((y.size, 0))
+        for name, columns in own.items():
+            columns = columns - taken @ (taken.T @ columns)
+            named += evidence(left, columns) - self._price(name)
+            basis = orthonormal(columns, None, 1e-6)
+            left, taken = left - basis @ (basis.T @ left), np.column_stack([taken, basis])
         n, best, where = len(problem.scene.data), -np.inf, ""
-        sensors = [i for i in range(len(problem.sensors)) if np.any(own.reshape(len(problem.sensors), n, -1)[i] != 0)]
-        by_name: dict[tuple[str, Level], dict[int | None, Place]] = {}
+        every = np.concatenate(list(own.values()), axis=1).reshape(len(problem.sensors), n, -1)
+        sensors = [i for i in range(len(problem.sensors)) if np.any(every[i] != 0)]
+        by_text: dict[str, dict[int | None, Place]] = {}
         for place in self.places:
             if place.level == level:
-                by_name.setdefault((place.block.place, level), {})[place.sensor] = place
-        for (text, _), of in by_name.items():
-            total = 0.0
+                by_text.setdefault(place.block.place, {})[place.sensor] = place
+        for text, of in by_text.items():
+            total = -float(np.log(len(by_text)))
             for i, place in of.items():
-                if i is not None and i not in sensors:
-                    continue
-                at = slice(None) if i is None else slice(i * n, (i + 1) * n)
-                total += evidence(y[at], view.project(place.block.columns, i), place.block.roughness)
-            total -= np.log(len(by_name))
+                if i is None or i in sensors:
+                    at = slice(None) if i is None else slice(i * n, (i + 1) * n)
+                    total += evidence(y[at], view.project(place.block.columns, i), place.block.roughness)
             if total > best:
                 best, where = total, text
         return float(named), float(best), where
+
+    def _price(self, name: str) -> float:
+        """What it costs in nats to have chosen this name, and its constant where that was searched."""
+        candidates = self.problem.candidates
+        effect = next(c.effect for c in candidates if c.effect.name == name)
+        sensor = next(candidates[j].sensor for j in self.chosen if candidates[j].effect.name == name)
+        units = {self.problem.unit_of[j] for j, c in enumerate(candidates) if c.cause == (name, sensor)}
+        names = len({c.effect.name for c in candidates})
+        return float(np.log(names) + (np.log(len(units)) if effect.searched else 0.0))
 
     def _against_a_walk(self, place: Place, y: FloatArray, columns: FloatArray) -> float:
         """P by chance of columns beside a random walk of the offset that is as wide as makes the residual likeliest."""
@@ -128,9 +228,6 @@ class Nameless:
         spread = SPREAD if place.level == "points" else 1.0
         ratio = likelihood_ratio(self.problem.levels.walks(place.level), ys, xs, spread)
         return float(special.chdtrc(columns.shape[1], max(ratio, 0.0)))
-
-
-CATALOGUE_SIZE = 40.0
 
 
 class _View:
@@ -166,6 +263,10 @@ class _View:
         ]
         left = np.concatenate(parts)
         return np.asarray(left - self.basis @ (self.basis.T @ left))
+
+    def whitened(self, columns: FloatArray, *, sensor: int | None, rho: FloatArray) -> FloatArray:
+        """What is left of (n, m) of one sensor, or (S n, m) of all, less what the row before predicts."""
+        return self.white(self.project(columns, sensor), sensor, rho)
 
     def white(self, columns: FloatArray, sensor: int | None, rho: FloatArray) -> FloatArray:
         """The same less what the row before predicts."""
@@ -203,10 +304,12 @@ def _memory(problem: Problem, left: FloatArray) -> FloatArray:
 def report(problem: Problem, chosen: tuple[int, ...]) -> list[str]:
     one = Nameless(problem, chosen)
     lines = []
-    for left in one.left()[:3]:
+    for left in one.left[:3]:
         if left.p < 0.05:
-            lines.append(f"LEFT {left.place.block.place} {left.place.sensor} p={left.p:.1e} share={left.remainder.share:.3f}")
-    for name in names_of(problem.candidates, chosen):
-        a, b, w = one.earned(name)
-        lines.append(f"{name}: named {a:.1f} nameless {b:.1f} diff {a - b:.1f} {w}")
+            share = left.remainder.share
+            lines.append(f"LEFT {left.place.block.place} {left.place.sensor} p={left.p:.1e} share={share:.3f}")
+    lines += [f"LINE {x.where} p={x.p:.1e}" for x in one.lines if x is not None and x.p < 0.05]
+    for _, names in one._groups:
+        a, b, w = one.earned(names)
+        lines.append(f"{names}: named {a:.1f} nameless {b:.1f} diff {a - b:.1f} {w}")
     return lines

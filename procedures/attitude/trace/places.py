@@ -26,12 +26,14 @@ class Place:
         block: its columns are (S n, m), those of the first sensor first.
         level: at which what lives there is seen.
         sensor: its index; None for all.
+        count: sensors that there are.
 
     """
 
     block: Block
     level: Level
     sensor: int | None
+    count: int
 
 
 def places_of(scene: Scene) -> tuple[Place, ...]:
@@ -42,10 +44,10 @@ def places_of(scene: Scene) -> tuple[Place, ...]:
             orders = orders_of(columns(0), (3, 6, 12, 40) if level == "replications" else (3, 6, 12))
             each = [columns(i) for i in range(len(scene.data.sensors))]
             if place.startswith("package"):
-                found.append(Place(Block(place, np.concatenate(each), orders, rough), level, None))
+                found.append(Place(Block(place, np.concatenate(each), orders, rough), level, None, len(each)))
                 continue
             for i, own in enumerate(each):
-                found.append(Place(Block(place, own, orders, rough), level, i))
+                found.append(Place(Block(place, own, orders, rough), level, i, len(each)))
     return tuple(found)
 
 
@@ -77,7 +79,11 @@ def _between_points(scene: Scene) -> list[_Made]:
                 lambda i: _times(scene.per_roll(sensors[i]), rolled),
                 np.append(1.0, rough),
             ),
-            ("package: an error of pitch over the roll angle", lambda i: _times(scene.per_pitch(sensors[i]), roll), rough),
+            (
+                "package: an error of pitch over the roll angle",
+                lambda i: _times(scene.per_pitch(sensors[i]), roll),
+                rough,
+            ),
             ("over pitch and roll", lambda _i: both[0], both[1]),
         ]
     return found
@@ -95,13 +101,21 @@ def _within_points(scene: Scene) -> list[_Made]:
     ]
     if scene.roll:
         found.append(
-            ("package: an error of roll along the run", lambda i: _times(scene.per_roll(sensors[i]), time), _rough(time))
+            (
+                "package: an error of roll along the run",
+                lambda i: _times(scene.per_roll(sensors[i]), time),
+                _rough(time),
+            )
         )
     if scene.temperature_degC is not None and data.sensor_temperature_degC is not None:
         warm = waves(data.sensor_temperature_degC, TEMPERATURE)
         found += [
             ("over the temperature", lambda _i: warm, _rough(warm)),
-            ("over the temperature, times gravity", lambda _i: _times3(g, warm[:, :3]), np.repeat(_rough(warm[:, :3]), 3)),
+            (
+                "over the temperature, times gravity",
+                lambda _i: _times3(g, warm[:, :3]),
+                np.repeat(_rough(warm[:, :3]), 3),
+            ),
         ]
     sides = [("pitch", data.pitch_side, waves(data.pitch_deg, 6), 1.0)]
     if scene.roll:

@@ -24,6 +24,7 @@ from procedures.attitude.trace.estimate import concerns, estimate
 from procedures.attitude.trace.family import family_of
 from procedures.attitude.trace.findings import residual_of, sensor_trace
 from procedures.attitude.trace.judge import AttitudeJudge
+from procedures.attitude.trace.nameless import Nameless
 from procedures.attitude.trace.outliers import outliers
 from procedures.attitude.trace.plausible import plausible
 from procedures.attitude.trace.pose import pose
@@ -111,9 +112,12 @@ def trace(
         cv = left_out(problem.scene.data, search, family, anything=bool(found))
     wrong = refusals(judge, found, classes, {name: fit.parameters.S_V for name, fit in problem.fits.items()})
     wrong = (*judge.oversized, *wrong)
+    nameless = Nameless(problem, found)
     sensors = {
         sensor: replace(
-            sensor_trace(judge, data, aside, not_kept, before, after, classes, i, None if cv is None else cv[:, i]),
+            sensor_trace(
+                judge, data, aside, not_kept, before, after, classes, i, None if cv is None else cv[:, i], nameless
+            ),
             refused=tuple(one for one in wrong if sensor in one.sensors),
         )
         for i, sensor in enumerate(problem.sensors)

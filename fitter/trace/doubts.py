@@ -1,0 +1,39 @@
+"""Why a name should not be believed yet: sentences, and the limits at which they are said, for every kind of run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+DOUBT = 1e-2
+"""Something is left where an effect was found, of which chance makes as much less often than this: it is doubtful."""
+BUNDLE = 3
+"""Names that arrive together in the same sensors at one level, from which on they are rather parts of one shape."""
+EARNED = 3.0
+"""Nats by which a name must be likelier than the likeliest shape without one: odds of 20 to 1."""
+
+
+def something_left(place: str, p: float) -> str:
+    """Something is left beside it."""
+    return f"something is left {place} that it does not explain (p = {p:.1g})"
+
+
+def bundle(names: Sequence[str]) -> str:
+    """Several names arrive together."""
+    return (
+        f"{len(names)} effects were found together in the same readings ({', '.join(names)}): one unlisted cause "
+        "would look like this"
+    )
+
+
+def no_better(names: Sequence[str], place: str) -> str:
+    """One shape without a name explains as much."""
+    one = "it does" if len(names) == 1 else f"{' and '.join(names)} do together"
+    return f"a smooth shape without a name, {place}, explains as much as {one}"
+
+
+def in_several(sensors: Sequence[str]) -> str:
+    """An effect of single sensors arrives in several at once."""
+    return (
+        f"{', '.join(sensors)} show it at once, each with a coefficient of its own: a cause that they share would "
+        "look like this"
+    )

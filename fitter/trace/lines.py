@@ -1,0 +1,137 @@
+"""Periods in what is left: does a residual repeat itself, in the order of the readings or in time?
+
+Mains hum that beats with the readings, an air conditioner, a pump: none of them follows anything that was set. Power at
+each frequency is compared with that at the frequencies about it, so that noise that wanders or remembers, whose power
+is larger at low ones, is no line. A line whose phase wanders is spread over a few frequencies: sums of three are tried
+too, and sums over stretches between pauses.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from fitter.arrays import FloatArray, IntArray
+
+ABOUT = 20
+"""Frequencies to each side that the power at one is compared with."""
+SLOWEST = 8
+"""Periods over the series, at least: what is slower is a course along the run and no line."""
+FEWEST = 48
+"""Readings in which a period can be looked for."""
+IN_TIME = 600
+"""Frequencies in time that are tried, at most."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """The clearest period of a series.
+
+    Attributes:
+        period: in readings or in seconds.
+        unit: "readings" or "s".
+        p: probability of so clear a line by chance, over all frequencies tried.
+        share: of the sum of squares that lies at it.
+
+    """
+
+    period: float
+    unit: str
+    p: float
+    share: float
+
+    @property
+    def where(self) -> str:
+        """In words."""
+        if self.unit == "readings":
+            return f"along the run: periodic, one period in {self.period:.4g} readings"
+        return f"along the run: periodic, one period in {self.period / 60.0:.4g} min"
+
+
+def line(left: FloatArray, elapsed_s: FloatArray, stretch: IntArray) -> Line | None:
+    """The clearest period of a residual, in order or in time; None where there are too few readings.
+
+    Args:
+        left: (n,) residual in the order of running.
+        elapsed_s: (n,) time of each.
+        stretch: (n,) readings without a pause between them have the same number.
+
+    """
+    if left.size < FEWEST or not np.any(left):
+        return None
+    found = [_in_order(left, stretch)]
+    if np.ptp(elapsed_s) > 0:
+        found.append(_in_time(left, elapsed_s))
+    best = min(found, key=lambda one: one.p)
+    return Line(best.period, best.unit, min(len(found) * best.p, 1.0), best.share)
+
+
+def _in_order(left: FloatArray, stretch: IntArray) -> Line:
+    n, total = left.size, float(left @ left)
+    power = np.abs(np.fft.rfft(left)) ** 2
+    whole = _clearest(power[1:], 1)
+    out = Line(n / (whole[0] + 1.0), "readings", 3 * whole[1], min(2 * whole[2] / (n * total), 1.0))
+    parts = [left[stretch == one] for one in np.unique(stretch)]
+    parts = [part for part in parts if part.size >= FEWEST]
+    if len(parts) > 1:
+        length = max(part.size for part in parts)
+        summed = sum((np.abs(np.fft.rfft(part, length)) ** 2 for part in parts), np.zeros(length // 2 + 1))
+        each = _clearest(summed[1:], len(parts))
+        if 3 * each[1] < out.p:
+            out = Line(length / (each[0] + 1.0), "readings", 3 * each[1], min(2 * each[2] / (length * total), 1.0))
+    return out
+
+
+def _in_time(left: FloatArray, elapsed_s: FloatArray) -> Line:
+    n, length = left.size, float(np.ptp(elapsed_s)) * left.size / (left.size - 1)
+    cycles = np.arange(1, min(n // 2, IN_TIME) + 1)
+    turns = (elapsed_s - elapsed_s[0]) / length
+    power = np.empty(cycles.size)
+    for first in range(0, cycles.size, 64):
+        angle = 2 * np.pi * np.outer(cycles[first : first + 64], turns)
+        power[first : first + 64] = (np.cos(angle) @ left) ** 2 + (np.sin(angle) @ left) ** 2
+    at, p, value = _clearest(power, 1)
+    return Line(length / (at + 1.0), "s", p, min(2 * value / (n * float(left @ left)), 1.0))
+
+
+def _clearest(power: FloatArray, summed: int) -> tuple[float, float, float]:
+    """Index of the clearest line, p over all frequencies, and its power.
+
+    Args:
+        power: (m,) of each frequency.
+        summed: how many independent series it is the sum of.
+
+    """
+    best = (0.0, 1.0, 0.0)
+    for width in (1, 3):
+        if power.size < 3 * width + ABOUT:
+            continue
+        kernel = np.ones(width)
+        sums = np.convolve(power, kernel, "valid")
+        typical = _typical(power, summed) * width
+        typical = typical[width // 2 : power.size - width // 2]
+        nu, below = 2.0 * summed * width, float(ABOUT * summed)
+        p = _f_tail(sums / typical, nu, below) * power.size * 2
+        at = int(np.argmin(p))
+        if p[at] < best[1]:
+            best = (at + width // 2, float(p[at]), float(sums[at]))
+    return best
+
+
+def _typical(power: FloatArray, summed: int) -> FloatArray:
+    """(m,) mean power about each frequency, by medians: of those below it or above, whichever is larger."""
+    over = float(special.gammaincinv(summed, 0.5)) / summed  # the median of a gamma over its mean
+    m, out = power.size, np.full(power.size, np.inf)
+    medians = np.median(np.lib.stride_tricks.sliding_window_view(power, ABOUT), axis=1)  # of k to k + ABOUT - 1
+    at = np.arange(SLOWEST - 1, m)
+    below = np.array([np.median(power[:k]) for k in range(SLOWEST - 1, min(ABOUT, m))])
+    below = np.concatenate([below, medians[: max(m - ABOUT, 0)]])
+    above = np.where(at + ABOUT < m, medians[np.minimum(at + 1, medians.size - 1)], 0.0)
+    out[at] = np.maximum(np.maximum(below, above) / over, np.finfo(float).tiny)
+    return out
+
+
+def _f_tail(ratio: FloatArray, above: float, below: float) -> FloatArray:
+    return np.asarray(special.fdtrc(above, below, ratio))
