@@ -43,7 +43,13 @@ from procedures.attitude.effects.sensor import (
     THIRD_ORDER,
 )
 from procedures.attitude.effects.separation import separate
-from procedures.attitude.effects.steps import INDEX_SHIFT, OFFSET_STEP, OFFSET_STEP_UNRECORDED, SENSITIVITY_STEP
+from procedures.attitude.effects.steps import (
+    INDEX_SHIFT,
+    OFFSET_STEP,
+    OFFSET_STEP_UNRECORDED,
+    SENSITIVITY_STEP,
+    SENSITIVITY_STEP_UNRECORDED,
+)
 from procedures.attitude.effects.thermal import (
     ALIGNMENT_TEMPERATURE,
     OFFSET_TEMPERATURE,
@@ -106,6 +112,7 @@ CATALOGUE: tuple[Effect, ...] = (
     GEAR_PITCH,
     GEAR_ROLL,
     OFFSET_STEP_UNRECORDED,
+    SENSITIVITY_STEP_UNRECORDED,
     MOUNTING_SLIP_UNRECORDED,
 )
 

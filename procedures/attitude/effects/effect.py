@@ -74,6 +74,7 @@ PREREQUISITES: Mapping[str, Callable[[AttitudeData], bool]] = {
     "roll sides": lambda data: bool(np.ptp(data.roll_side) > 0) and data.has_roll,
     "blocks": lambda data: bool(np.ptp(data.block) > 0),
     "starts": lambda data: data.replicates.size > 1 or bool(np.ptp(data.block) > 0),
+    "replications": lambda data: data.replicates.size > 1,
     "several sensors": lambda data: len(data.sensors) > 1,
     "a night": lambda data: bool(np.ptp(data.elapsed_s) > 6 * 3600.0),
 }

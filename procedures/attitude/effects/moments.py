@@ -41,8 +41,12 @@ def blocks(data: AttitudeData) -> tuple[Moment, ...]:
 
 def starts(data: AttitudeData) -> tuple[Moment, ...]:
     """Every recorded interruption, and the start of every replication but the first."""
-    begun = (Moment(f"from replication {r}", "replicate", float(r)) for r in data.replicates[1:])
-    return (*blocks(data), *begun)
+    return (*blocks(data), *boundaries(data))
+
+
+def boundaries(data: AttitudeData) -> tuple[Moment, ...]:
+    """The start of every replication but the first: between two of them something is likeliest to be touched."""
+    return tuple(Moment(f"from replication {r}", "replicate", float(r)) for r in data.replicates[1:])
 
 
 def evenly(data: AttitudeData, count: int = SEARCHED) -> tuple[Moment, ...]:

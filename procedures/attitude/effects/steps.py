@@ -8,7 +8,7 @@ from fitter.effects.sizes import arcsec, micro, relative
 from procedures.attitude.data import AttitudeData
 from procedures.attitude.effects.effect import Effect, Term
 from procedures.attitude.effects.head import pitch_error
-from procedures.attitude.effects.moments import Moment, blocks, evenly, near, starts
+from procedures.attitude.effects.moments import Moment, blocks, boundaries, evenly, near, starts
 from procedures.attitude.effects.scene import Scene
 
 _EARLIER = "repeat a few points of the earlier block"
@@ -75,11 +75,28 @@ OFFSET_STEP_UNRECORDED = Effect(
     unit="V",
     size=micro("uV"),
     against="elapsed_s",
-    terms=lambda data: tuple(map(_sought, evenly(data))),
+    terms=lambda data: (*map(_step, boundaries(data)), *map(_sought, evenly(data))),
     separate_by="look up what happened in the laboratory then, and repeat a few points of before",
     usual_size="whatever happened",
     known_aliases={},
     needs=("time",),
+    searched=True,
+)
+
+SENSITIVITY_STEP_UNRECORDED = Effect(
+    name="sensitivity-step-unrecorded",
+    cause="the sensitivity changed between two replications, and nothing is recorded of it",
+    source="interruption",
+    scope="sensor",
+    stratum="point-by-replication",
+    unit="V/g",
+    size=relative("ppm"),
+    against="elapsed_s",
+    terms=lambda data: tuple(map(_gain, boundaries(data))),
+    separate_by="look up what happened in the laboratory then, and repeat a few points of before",
+    usual_size="whatever happened",
+    known_aliases={},
+    needs=("replications",),
     searched=True,
 )
 

@@ -17,11 +17,13 @@ from fitter.trace.lines import Line, line
 from fitter.trace.search import names_of
 from procedures.attitude.trace.estimate import concerns
 from procedures.attitude.trace.levels import LEVELS, Level
-from procedures.attitude.trace.places import Place, places_of
+from procedures.attitude.trace.places import Place, between_replications, places_of
 from procedures.attitude.trace.problem import Problem
 from procedures.attitude.trace.score import errors, rounding
 from procedures.attitude.trace.walks import SPREAD, likelihood_ratio
 
+SEEN = 6.0
+"""Nats of evidence within replications below which an effect was rather seen between them."""
 WALKED = 0.05
 """What is less clear than this is not held against a random walk too."""
 
@@ -180,36 +182,62 @@ class Nameless:
         return tuple(out)
 
     def earned(self, names: Sequence[str]) -> tuple[float, float, str]:
-        """Evidence for effects found, in nats; the best for one shape without a name; and where that lives."""
-        problem = self.problem
-        mine = [j for j in self.chosen if problem.candidates[j].effect.name in names]
-        rest = tuple(j for j in self.chosen if j not in mine)
-        level = problem.judged_at[mine[0]]
-        view = _View(problem, level, rest, self.sigma)
-        y, named = view.outputs.reshape(-1), 0.0
-        left, own = y, {name: view.of([j for j in mine if problem.candidates[j].effect.name == name]) for name in names}
-        taken = np.empty((y.size, 0))
-        for name, columns in own.items():
-            columns = columns - taken @ (taken.T @ columns)
-            named += evidence(left, columns) - self._price(name)
-            basis = orthonormal(columns, None, 1e-6)
+        """Evidence for effects found, in nats; the best for one shape without a name; and where that lives.
+
+        What is hardly seen within replications was found between them: there it is weighed, beside offsets and
+        sensitivities that differ from one to the next.
+        """
+        mine = [j for j in self.chosen if self.problem.candidates[j].effect.name in names]
+        level = self.problem.judged_at[mine[0]]
+        named = self._named(names, level)
+        if level == "points" and named < SEEN:
+            return self._named(names, "declared"), *self._nameless(names, level, "declared")
+        return named, *self._nameless(names, level, level)
+
+    def _named(self, names: Sequence[str], level: Level) -> float:
+        """Evidence in nats for effects found, one after the other, less their prices."""
+        view, every = self._without(names, level)
+        left, taken, total = view.outputs.reshape(-1), np.empty((view.outputs.size, 0)), 0.0
+        for name in names:
+            own = view.of([j for j in every if self.problem.candidates[j].effect.name == name])
+            own = own - taken @ (taken.T @ own)
+            total += evidence(left, own) - self._price(name)
+            basis = orthonormal(own, None, 1e-6)
             left, taken = left - basis @ (basis.T @ left), np.column_stack([taken, basis])
-        n, best, where = len(problem.scene.data), -np.inf, ""
-        every = np.concatenate(list(own.values()), axis=1).reshape(len(problem.sensors), n, -1)
+        return total
+
+    def _nameless(self, names: Sequence[str], of: Level, level: Level) -> tuple[float, str]:
+        """The best evidence in nats for one shape without a name in their place, and where that lives.
+
+        Args:
+            names: effects found.
+            of: level of the places that are looked at.
+            level: at which what is there is weighed.
+
+        """
+        problem, n = self.problem, len(self.problem.scene.data)
+        view, mine = self._without(names, level)
+        y, every = view.outputs.reshape(-1), view.of(mine).reshape(len(problem.sensors), n, -1)
         sensors = [i for i in range(len(problem.sensors)) if np.any(every[i] != 0)]
         by_text: dict[str, dict[int | None, Place]] = {}
-        for place in self.places:
-            if place.level == level:
+        for place in (*self.places, *(between_replications(problem.scene) if level == "declared" else ())):
+            if place.level == of:
                 by_text.setdefault(place.block.place, {})[place.sensor] = place
-        for text, of in by_text.items():
+        best, where = -np.inf, ""
+        for text, at in by_text.items():
             total = -float(np.log(len(by_text)))
-            for i, place in of.items():
+            for i, place in at.items():
                 if i is None or i in sensors:
-                    at = slice(None) if i is None else slice(i * n, (i + 1) * n)
-                    total += evidence(y[at], view.project(place.block.columns, i), place.block.roughness)
+                    rows = slice(None) if i is None else slice(i * n, (i + 1) * n)
+                    total += evidence(y[rows], view.project(place.block.columns, i), place.block.roughness)
             if total > best:
                 best, where = total, text
-        return float(named), float(best), where
+        return best, where
+
+    def _without(self, names: Sequence[str], level: Level) -> tuple[_View, list[int]]:
+        """What is left beside all but some effects, and their candidates."""
+        mine = [j for j in self.chosen if self.problem.candidates[j].effect.name in names]
+        return _View(self.problem, level, tuple(j for j in self.chosen if j not in mine), self.sigma), mine
 
     def _price(self, name: str) -> float:
         """What it costs in nats to have chosen this name, and its constant where that was searched."""

@@ -51,6 +51,18 @@ def places_of(scene: Scene) -> tuple[Place, ...]:
     return tuple(found)
 
 
+def between_replications(scene: Scene) -> tuple[Place, ...]:
+    """Offsets and sensitivities that differ from one replication to the next, without a course."""
+    own = np.eye(scene.data.replicates.size)[scene.data.replicate_index]
+    found = []
+    for i, sensor in enumerate(scene.data.sensors):
+        gain = _times(scene.along(sensor), own)
+        for text, columns in (("with an offset of each replication", own), ("with a sensitivity of each", gain)):
+            block = Block(text, columns, (columns.shape[1],), np.ones(columns.shape[1]))
+            found.append(Place(block, "points", i, len(scene.data.sensors)))
+    return tuple(found)
+
+
 _Made = tuple[str, Callable[[int], FloatArray], FloatArray]
 
 
