@@ -73,14 +73,17 @@ class Nameless:
 
     @cached_property
     def places(self) -> tuple[Place, ...]:
+        """Where something without a name is looked for."""
         return places_of(self.problem.scene)
 
     @cached_property
     def sigma(self) -> FloatArray:
+        """(S,) error of each sensor beside what was found, V."""
         return errors(self.problem, self.chosen)
 
     @cached_property
     def able(self) -> bool:
+        """Whether the residual is more than rounding."""
         return bool(np.all(self.sigma > 10 * rounding(self.problem)))
 
     @cached_property
@@ -171,7 +174,7 @@ class Nameless:
             groups: list[tuple[set[str], set[int]]] = []
             for name in names_of(problem.candidates, self.chosen):
                 mine = [j for j in self.chosen if problem.candidates[j].effect.name == name]
-                if problem.judged_at[mine[0]] != level:
+                if self._level(name) != level:
                     continue
                 where = set(np.flatnonzero(np.max([concerns(problem, j) for j in mine], axis=0) > 0.05).tolist())
                 joined = [group for group in groups if group[1] & where]
@@ -187,12 +190,16 @@ class Nameless:
         What is hardly seen within replications was found between them: there it is weighed, beside offsets and
         sensitivities that differ from one to the next.
         """
-        mine = [j for j in self.chosen if self.problem.candidates[j].effect.name in names]
-        level = self.problem.judged_at[mine[0]]
+        level = self._level(names[0])
         named = self._named(names, level)
         if level == "points" and named < SEEN:
             return self._named(names, "declared"), *self._nameless(names, level, "declared")
         return named, *self._nameless(names, level, level)
+
+    def _level(self, name: str) -> Level:
+        """Where an effect is seen; what a table's order of running hides within points is one of time all the same."""
+        effect = next(c.effect for c in self.problem.candidates if c.effect.name == name)
+        return "replications" if effect.stratum == "between-point" else "points"
 
     def _named(self, names: Sequence[str], level: Level) -> float:
         """Evidence in nats for effects found, one after the other, less their prices."""
@@ -330,6 +337,7 @@ def _memory(problem: Problem, left: FloatArray) -> FloatArray:
 
 
 def report(problem: Problem, chosen: tuple[int, ...]) -> list[str]:
+    """What is left, and the evidence for each group of names, one line each: for trials of limits."""
     one = Nameless(problem, chosen)
     lines = []
     for left in one.left[:3]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -39,7 +40,11 @@ class Place:
 def places_of(scene: Scene) -> tuple[Place, ...]:
     """All places of a run."""
     found: list[Place] = []
-    for level, make in (("replications", _between_points), ("points", _within_points)):
+    makers: tuple[tuple[Level, Callable[[Scene], list[_Made]]], ...] = (
+        ("replications", _between_points),
+        ("points", _within_points),
+    )
+    for level, make in makers:
         for place, columns, rough in make(scene):
             orders = orders_of(columns(0), (3, 6, 12, 40) if level == "replications" else (3, 6, 12))
             each = [columns(i) for i in range(len(scene.data.sensors))]
@@ -140,9 +145,8 @@ def _within_points(scene: Scene) -> list[_Made]:
                 by.append(scene.warmth()[:, None])
                 rough.append(np.ones(1))
             both = _times(side.astype(np.float64), np.column_stack(by))
-            found.append(
-                (f"over the side from which {axis} was approached", lambda _i, both=both: both, np.concatenate(rough))
-            )
+            place = f"over the side from which {axis} was approached"
+            found.append((place, partial(_same, both), np.concatenate(rough)))
     moves = [data.pitch_deg - data.previous_pitch_deg]
     if scene.roll:
         moves.append(_wrapped(data.roll_deg - data.previous_roll_deg))
@@ -151,6 +155,10 @@ def _within_points(scene: Scene) -> list[_Made]:
         both = np.column_stack(moved)
         found.append(("over the move before", lambda _i: both, np.concatenate([_rough(one) for one in moved])))
     return found
+
+
+def _same(columns: FloatArray, _i: int) -> FloatArray:
+    return columns
 
 
 def _rough(columns: FloatArray) -> FloatArray:
