@@ -6,7 +6,7 @@
     python -m benchmarks.bench_fit noise    the same with replications that wander, shaking heads, missing points
     python -m benchmarks.bench_fit delta    how often a true cause does not lead its alias class, by its width
 
-The bench is the one of the fitter's tests (tests/attitude_truth.py), written from rotations.
+The bench is the one of the fitter's tests (proving/truth/attitude.py), written from rotations.
 """
 
 import os
@@ -17,18 +17,14 @@ import sys
 import time
 from collections import Counter
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
-
-from attitude_truth import D1, Bench, Plan, Sensor, simulate, told_the_truth
 
 from fitter.trace import aliases
 from procedures.attitude.fit import fit_attitude
 from procedures.attitude.model import attitude_columns, fit_columns
 from procedures.attitude.trace import trace
+from proving.truth.attitude import D1, Bench, Plan, Sensor, simulate, told_the_truth
 
 CLEAN = Bench()
 # sigma_prec 1.5e-4 deg; pads 4e-4 deg on x; temperature as row 28(a) to (b) of Table 2

@@ -6,7 +6,7 @@
     python -m benchmarks.bench_inverse drift       the same where offset and sensitivity differ between replications
     python -m benchmarks.bench_inverse coverage 500
 
-The bench is the one of the fitter's tests (tests/attitude_truth.py), written from rotations.
+The bench is the one of the fitter's tests (proving/truth/attitude.py), written from rotations.
 """
 
 import os
@@ -16,14 +16,9 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # figures are per core
 import sys
 import time
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 from scipy.optimize import leastsq
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
-
-from attitude_truth import D1, Bench, Plan, Sensor, rows_of, simulate
 
 from fitter.quantiles import t_limit
 from procedures.attitude.data import AttitudeData
@@ -35,6 +30,7 @@ from procedures.attitude.model import (
     linear_coefficients,
     sensitive_axis,
 )
+from proving.truth.attitude import D1, Bench, Plan, Sensor, rows_of, simulate
 
 BENCH = Bench()
 NAMES = ("x_V", "y_V", "z_V")

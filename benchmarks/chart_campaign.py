@@ -4,7 +4,7 @@
     python -m benchmarks.chart_campaign 1000
 
 Every history is a sensor on the bench of the fitter's tests, with readings, replications and calibrations of its own
-(tests/chart_truth.py): 5 x 5 points three times, half a year apart, replications with offsets of their own.
+(proving/truth/chart.py): 5 x 5 points three times, half a year apart, replications with offsets of their own.
 """
 
 import os
@@ -20,9 +20,9 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 
-from chart_truth import KINDS, draw_history, largest_error_deg
-
 from fitter.history import Between, error_bound, homogeneity, limits, step, trend
+from procedures.attitude.history import attitude_charted, calibrated
+from proving.truth.chart import KINDS, draw_history, largest_error_deg
 
 COUNTS = (3, 6, 10, 20)
 SIZES = {"none": 0.0, "scatter": 2.0, "walk": 3.0, "together": 3.0, "step": 5.0, "linear": 3.0}
@@ -38,7 +38,8 @@ def cell(kind, count, histories):
     found = defaultdict(list)
     for _ in range(histories):
         history = draw_history(kind, count, rng, SIZES[kind])
-        charted, last = history.charted()
+        fits = [calibrated(run, "x_V") for run in history.runs()]
+        charted, last = attitude_charted(fits, history.years), fits[-1].coefficients
         for series in charted.series:
             tested = trend(series)
             found["homogeneity"].append(homogeneity(series).p < 0.05)

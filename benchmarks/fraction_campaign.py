@@ -2,7 +2,7 @@
 
     python -m benchmarks.fraction_campaign [--seeds 100]
 
-The bench is that of the fitter's tests (tests/attitude_truth.py): 1.5e-4 deg of scatter, pads so soft that sigma_bias
+The bench is that of the fitter's tests (proving/truth/attitude.py): 1.5e-4 deg of scatter, pads so soft that sigma_bias
 of the x sensor is the paper's 3.7e-4 deg. Beside them figures of NASA/TP-1999-209835: Table 2, sections 9.2.2 to 9.3.4.
 """
 
@@ -16,10 +16,10 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 
-from attitude_truth import D1, simulate
 from test_fractions import PADS, table_of
 
 from procedures.attitude.fractions_compared import compare_fractions
+from proving.truth.attitude import D1, simulate
 
 CASES = (
     ("13 x 25 over +-30 deg, 53 points", D1(30, 13, 25), "53", (26.2, 36.2, 1.005, 0.911)),

@@ -13,15 +13,14 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
-import attitude_truth
-import whole_plot_truth
-
 from fitter.arrays import FloatArray
 from fitter.gross import GrossErrors
 from procedures.attitude.gross import of_attitude
 from procedures.general.gross import of_table
 from procedures.pressure.fit import named_formula
 from procedures.pressure.gross import of_whole_plots
+from proving.truth import attitude as attitude_truth
+from proving.truth import whole_plot as whole_plot_truth
 
 Tables = Callable[[int], Iterator[GrossErrors]]
 FULL = named_formula("full", ())

@@ -3,9 +3,9 @@
     python -m benchmarks.interval_campaign [seeds]
 
 Effects of one coefficient, hidden at a size at which they are nearly always found: what is chosen for being large is
-then no matter. Nights of 13 x 13 points over +-90 deg, six replications, three sensors (tests/attitude_truth.py), with
-replications that agree and that have offsets of one reading's standard deviation; runs in whole plots
-(tests/whole_plot_truth.py); tables (tests/table_truth.py).
+then no matter. Nights of 13 x 13 points over +-90 deg, six replications, three sensors
+(proving/truth/attitude.py), with replications that agree and that have offsets of one reading's standard deviation; runs
+in whole plots (proving/truth/whole_plot.py); tables (proving/truth/table.py).
 """
 
 from __future__ import annotations
@@ -19,13 +19,6 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 
 import numpy as np
-from attitude_hidden import CLEAN, HIDDEN, sized
-from attitude_truth import D1
-from attitude_truth import simulate as simulate_night
-from table_truth import Lab, options
-from table_truth import simulate as simulate_table
-from whole_plot_truth import Bench, Run, Transducer
-from whole_plot_truth import simulate as simulate_whole_plots
 
 from procedures.attitude.evaluate import AttitudeTraced
 from procedures.attitude.trace import trace
@@ -35,6 +28,13 @@ from procedures.general.trace import trace_general
 from procedures.pressure.evaluate import Declared, WholePlotTraced
 from procedures.pressure.trace import trace_whole_plots
 from procedures.table import Table
+from proving.truth.attitude import D1
+from proving.truth.attitude import simulate as simulate_night
+from proving.truth.attitude_hidden import CLEAN, HIDDEN, sized
+from proving.truth.table import Lab, options
+from proving.truth.table import simulate as simulate_table
+from proving.truth.whole_plot import Bench, Run, Transducer
+from proving.truth.whole_plot import simulate as simulate_whole_plots
 
 GRID = D1(90, 13, 13)
 S = CLEAN.sensors[0].S

@@ -6,7 +6,7 @@
     python -m benchmarks.tables_campaign real FOLDER           measured tables, as FOLDER/commands.toml says
     python -m benchmarks.tables_campaign speed                 1,000 rows of six columns
 
-The laboratory is tests/table_truth.py, which shares no code with the fitter.
+The laboratory is proving/truth/table.py, which shares no code with the fitter.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 import numpy as np
-from table_truth import MISSING, Lab, options, simulate
 
 from procedures.general.column_roles import Roles, roles_of
 from procedures.general.evaluate import trace_general_table
 from procedures.general.trace import search_table, trace_general
 from procedures.table import Table
+from proving.truth.table import MISSING, Lab, options, simulate
 
 NOISE: dict[str, dict[str, Any]] = {
     "white": {},

@@ -3,7 +3,7 @@
     python -m benchmarks.tables_power size --seeds 40     size found with 95 % power, over that of a single told test
     python -m benchmarks.tables_power error --seeds 40    noise-free error after, over that of a fit told the truth
 
-The laboratory is tests/table_truth.py. Sizes are rms beside the declared straight line, in units of the scatter. The
+The laboratory is proving/truth/table.py. Sizes are rms beside the declared straight line, in units of the scatter. The
 told test knows the effect's column, its constants included, and tests nothing else: F at 5 % with independent errors.
 """
 
@@ -21,7 +21,7 @@ from procedures.general.trace import search_table
 from procedures.general.trace.estimate import estimate
 from procedures.table import Table
 
-from table_truth import MISSING, Missing, options, simulate  # isort: skip
+from proving.truth.table import MISSING, Missing, options, simulate  # isort: skip
 
 STEPS = (1.0, 1.3, 1.6, 2.0, 2.6, 3.4, 4.5)
 """Sizes tried, in units of that which the told test finds with 95 % power."""

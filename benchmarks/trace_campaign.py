@@ -9,7 +9,7 @@
     python -m benchmarks.trace_campaign outliers [runs]         a few readings far off, with and without an effect
     python -m benchmarks.trace_campaign speed                   time and memory
 
-The bench is the one of the fitter's tests (tests/attitude_truth.py), written from rotations; pitch and roll 25 x 13
+The bench is the one of the fitter's tests (proving/truth/attitude.py), written from rotations; pitch and roll 25 x 13
 over +-180 deg, six replications, three sensors, unless said otherwise.
 """
 
@@ -28,10 +28,9 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 
-from attitude_hidden import CLEAN, HIDDEN, sized, together
-from attitude_truth import D1, Plan, simulate, told_the_truth
-
 from procedures.attitude.trace import trace
+from proving.truth.attitude import D1, Plan, simulate, told_the_truth
+from proving.truth.attitude_hidden import CLEAN, HIDDEN, sized, together
 
 GRID = D1(180, 25, 13)
 

@@ -9,8 +9,9 @@
     python -m benchmarks.whole_plot_campaign spoilt --seeds 100     a cubic beside outliers, remembered errors
     python -m benchmarks.whole_plot_campaign speed                  time of a trace, 220 readings
 
-The bench is tests/whole_plot_truth.py, what is hidden in it tests/whole_plot_hidden.py; neither shares code with the
-fitter. Sizes are root mean squares of what the declared model cannot take up, over the error of the effect's stratum.
+The bench is proving/truth/whole_plot.py, what is hidden in it proving/truth/whole_plot_hidden.py; neither shares
+code with the fitter. Sizes are root mean squares of what the declared model cannot take up, over the error of
+the effect's stratum.
 """
 
 from __future__ import annotations
@@ -29,12 +30,12 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 import numpy as np
 from scipy.special import nctdtr, stdtrit
-from whole_plot_hidden import HIDDEN, Hiding, hide
-from whole_plot_truth import CUBIC, GROWING, Bench, Run, Transducer, simulate
 
 from fitter.split_plot import SplitPlotDesign
 from procedures.pressure.fit import named_formula
 from procedures.pressure.trace import trace_whole_plots
+from proving.truth.whole_plot import CUBIC, GROWING, Bench, Run, Transducer, simulate
+from proving.truth.whole_plot_hidden import HIDDEN, Hiding, hide
 
 SEVEN = tuple(Transducer(offset=0.1 * k, sensitivity=1.9 + 0.03 * k) for k in range(7))
 CLEAN = {

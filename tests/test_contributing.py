@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 import outside_package
 import pytest
-from attitude_truth import D1, Bench, simulate
 from command import rig
 
+from proving.truth.attitude import D1, Bench, simulate
 from rig.tables.csv_tables import write_csv
 
 ROOT = Path(__file__).parent.parent

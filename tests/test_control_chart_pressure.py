@@ -6,15 +6,15 @@ import json
 from dataclasses import replace
 from datetime import UTC, datetime
 
-import attitude_truth
 import numpy as np
 import pytest
-from pressure_truth import HOMOSCEDASTIC, SENSOR_CENTRE_DEGC, SSE_CENTRE_DEGC, simulate
 from scipy import stats
 
 from procedures.errors import DataError
 from procedures.pressure.fit import fit_pressure
 from procedures.pressure.history import pressure_charted
+from proving.truth import attitude as attitude_truth
+from proving.truth.pressure import HOMOSCEDASTIC, SENSOR_CENTRE_DEGC, SSE_CENTRE_DEGC, simulate
 from rig.closed_loop import fit_table
 from rig.closed_loop.chart import chart_calibrations
 from rig.closed_loop.chart_together import read_all

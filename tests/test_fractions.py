@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from attitude_truth import D1, Bench, Plan, Sensor, simulate
 from command import rig
 
 from procedures.attitude.data import AttitudeData
@@ -21,6 +20,7 @@ from procedures.attitude.fractions_compared import compare_fractions, family, ne
 from procedures.attitude.settings import PitchRollProcedure
 from procedures.errors import DataError
 from procedures.table import Table
+from proving.truth.attitude import D1, Bench, Plan, Sensor, simulate
 from rig.tables import write_csv
 
 DOCUMENT = Path(__file__).parent.parent / "docs" / "fractions.md"

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from attitude_truth import D1, simulate
 from test_inverse import BENCH, PACKAGES, true_calibration, turn, volts
 
 from procedures.attitude.infer import calibrate_package, infer_attitude, singularity
+from proving.truth.attitude import D1, simulate
 
 SIGMA_V = 2e-5
 SEED = 7

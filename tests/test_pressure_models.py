@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pressure_truth import HOMOSCEDASTIC, PRESSURES_PSIA, simulate
 
 from fitter import RankError
 from fitter.arithmetic_text import FormulaError
 from fitter.formula import Formula
 from procedures.pressure.fit import HIERARCHICAL, fit_pressure, named_formula, variance_inflation
 from procedures.pressure.fit.models import contains, without_whole_plot_terms
+from proving.truth.pressure import HOMOSCEDASTIC, PRESSURES_PSIA, simulate
 
 DATA, _ = simulate(HOMOSCEDASTIC, 3)
 

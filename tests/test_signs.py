@@ -8,13 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from attitude_hidden import HIDDEN
-from attitude_truth import D1, Bench, Plan, Sensor, simulate
 from command import rig
 from test_confirm import make, run
-from whole_plot_truth import Bench as PressureBench
-from whole_plot_truth import Transducer
-from whole_plot_truth import simulate as simulate_pressure
 
 from fitter.confirm import Member
 from procedures.attitude.effects import CATALOGUE
@@ -26,6 +21,11 @@ from procedures.attitude.trace import Trace, trace
 from procedures.pressure.effects import PRESSURE_CATALOGUE
 from procedures.pressure.trace import trace_whole_plots
 from procedures.table import Table
+from proving.truth.attitude import D1, Bench, Plan, Sensor, simulate
+from proving.truth.attitude_hidden import HIDDEN
+from proving.truth.whole_plot import Bench as PressureBench
+from proving.truth.whole_plot import Transducer
+from proving.truth.whole_plot import simulate as simulate_pressure
 from rig.closed_loop.confirm import (
     Confirmed,
     First,

@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from attitude_truth import D1, Bench, Plan, Sensor, simulate, told_the_truth
 
 from fitter.trace.aliases import PER_COLUMN, Products
 from procedures.attitude.trace import trace
+from proving.truth.attitude import D1, Bench, Plan, Sensor, simulate, told_the_truth
 
 X, Y, Z = "x_V", "y_V", "z_V"
 NIGHT = D1(180, 19, 13)  # half of the demo's, whose 2,886 points show no more than these

@@ -6,7 +6,6 @@ import re
 
 import numpy as np
 import pytest
-from table_truth import MISSING, options, simulate
 
 from procedures.errors import DataError
 from procedures.general import plots as general_plots
@@ -15,6 +14,7 @@ from procedures.general.effects import effects_of
 from procedures.general.evaluate import GeneralTraced
 from procedures.general.trace import family, trace_general
 from procedures.table import Table
+from proving.truth.table import MISSING, options, simulate
 from rig.report.frame import render
 
 

@@ -5,18 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from whole_plot_hidden import HIDDEN, hide
-from whole_plot_truth import (
-    CUBIC,
-    GROWING,
-    PAIRS,
-    SUBPLOT,
-    WHOLE_PLOT,
-    Bench,
-    Run,
-    Transducer,
-    simulate,
-)
 
 from fitter import RankError
 from fitter.arithmetic_text import FormulaError
@@ -29,6 +17,18 @@ from procedures.pressure.trace.null import family_of
 from procedures.pressure.trace.problem import pose
 from procedures.pressure.trace.run import scene_of
 from procedures.pressure.trace.score import score
+from proving.truth.whole_plot import (
+    CUBIC,
+    GROWING,
+    PAIRS,
+    SUBPLOT,
+    WHOLE_PLOT,
+    Bench,
+    Run,
+    Transducer,
+    simulate,
+)
+from proving.truth.whole_plot_hidden import HIDDEN, hide
 
 ONE = "bridge_1_mV"
 # the truth's coefficient at the amplitude in HIDDEN, where it has one in the unit of the effect

@@ -8,11 +8,11 @@ from pathlib import Path
 from unittest.mock import patch
 
 import pytest
-import whole_plot_truth
 from command import rig
 from dry import LAB, dry
 from small_run import write_small
 
+from proving.truth import whole_plot as whole_plot_truth
 from rig.atomic import check_files, check_writable, write_whole
 from rig.errors import UsageError
 from rig.run_file.live import live_path, read_json, replace_json, request_path, send_request

@@ -1,4 +1,4 @@
-"""A pressure bench written from its physics, for tests of the fitter: nothing here comes from `fitter` but the table.
+"""A pressure bench written from its physics, which shares no code with the fitter but the table.
 
 Twenty whole plots of eleven pressures, as the paper's: nine pairs of temperatures on a circle, in coded units of the
 two ranges, the corners and both sensor-temperature extremes twice, the centre six times; pressures in random order.
@@ -105,7 +105,7 @@ class Run:
     pressures: str = "random"  # or "ascending", "up and down", or "fixed": the same shuffle in every whole plot
 
 
-def simulate(bench: Bench = Bench(), run: Run = Run(), seed: int = 0) -> WholePlotData:
+def simulate(bench: Bench = Bench(), run: Run = Run(), seed: int = 0) -> WholePlotData:  # noqa: PLR0915 - a night in its order
     """One run: shuffled whole plots, shuffled pressures, temperatures that hold to 0.05 degC."""
     rng = np.random.default_rng([20261121, seed])
     order = rng.permutation(len(run.pairs))

@@ -1,4 +1,4 @@
-"""One hidden effect for every entry of the attitude catalogue, of any size: benches of `attitude_truth` with one fault.
+"""One hidden effect for every entry of the attitude catalogue, of any size: benches of `attitude` with one fault.
 
 Sizes are stated as the root mean square of what the declared model cannot take up, over the reading's standard
 deviation, in the sensor that shows most of it.
@@ -6,16 +6,19 @@ deviation, in the sensor that shows most of it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import numpy as np
-from attitude_truth import Bench, Sensor, simulate
+
+from proving.truth.attitude import Bench, Plan, Sensor, simulate
 
 CLEAN = Bench()
 
 
-def on_x(**errors) -> Bench:
+def on_x(**errors: float) -> Bench:
+    """The bench with errors of the x sensor."""
     return Bench(sensors=(Sensor("x", **errors), Sensor("y"), Sensor("z")))
 
 
@@ -27,7 +30,7 @@ class Hidden:
     bench: Callable[[float], Bench]
     unit: float
     """A size at which it is small and yet far above rounding."""
-    options: dict = field(default_factory=dict)
+    options: Mapping[str, Any] = field(default_factory=dict)
 
 
 BREAK = {"break_at": 0.4}
@@ -76,7 +79,7 @@ HIDDEN = {
 }
 
 
-def sized(name, rms, plan) -> Bench:
+def sized(name: str, rms: float, plan: Plan) -> Bench:
     """The bench with as much of one effect as leaves `rms` in the sensor that shows most of it."""
     hidden = HIDDEN[name]
     faulty = hidden.bench(hidden.unit)
@@ -92,16 +95,16 @@ def sized(name, rms, plan) -> Bench:
     return hidden.bench(hidden.unit * rms / worst)
 
 
-def together(benches, clean=CLEAN) -> Bench:
+def together(benches: Sequence[Bench], clean: Bench = CLEAN) -> Bench:
     """One bench with the faults of several."""
-    changed = {}
+    changed: dict[str, Any] = {}
     for f in fields(Bench):
         for bench in benches:
             if f.name != "sensors" and getattr(bench, f.name) != getattr(clean, f.name):
                 changed[f.name] = getattr(bench, f.name)
     sensors = []
     for i, sensor in enumerate(clean.sensors):
-        own = {}
+        own: dict[str, Any] = {}
         for f in fields(Sensor):
             for bench in benches:
                 if getattr(bench.sensors[i], f.name) != getattr(sensor, f.name):

@@ -1,4 +1,4 @@
-"""Effects to hide in runs of tests/whole_plot_truth.py, at any size: each by itself, or several at once.
+"""Effects to hide in runs of proving/truth/whole_plot.py, at any size: each by itself, or several at once.
 
 A size is the root mean square of what the declared model cannot take up, in the stratum the effect is judged in, over
 that stratum's own error: readings within whole plots, or whole plots' means. It is worked out here with least squares.
@@ -11,12 +11,12 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from whole_plot_truth import SUBPLOT, WHOLE_PLOT, Bench, Run, Transducer, simulate
 
 from procedures.pressure.data import WholePlotData
+from proving.truth.whole_plot import SUBPLOT, WHOLE_PLOT, Bench, Run, Transducer, simulate
 
 ORDINARY, NIGHT = Bench(), Run()
-WARM = ("P:T_sensor", "P:T_SSE")
+WARM, WARMED = ("P:T_sensor", "P:T_SSE"), Transducer().sensitivity_warm
 
 
 @dataclass(frozen=True)
@@ -110,8 +110,8 @@ def hide(
     several = [HIDDEN[name] for name in names]
     plain = tuple(Transducer(offset=0.3 + 0.1 * k, sensitivity=2.0 - 0.03 * k) for k in range(transducers))
     lacks = [term for one in several for term in one.lacks]
-    warm = tuple(0.0 if term in lacks else own for term, own in zip(WARM, plain[0].sensitivity_warm, strict=True))
-    plain = tuple(replace(one, sensitivity_warm=warm) for one in plain)
+    by_sensor, by_sse = (0.0 if term in lacks else own for term, own in zip(WARM, WARMED, strict=True))
+    plain = tuple(replace(one, sensitivity_warm=(by_sensor, by_sse)) for one in plain)
     bench = replace(bench, transducers=plain)
     for one in several:
         run = replace(run, **one.run)

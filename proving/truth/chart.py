@@ -1,4 +1,4 @@
-"""Histories of one sensor with a known kind of drift, read out as whole calibrations on the bench of attitude_truth.
+"""Histories of one sensor with a known kind of drift, read out as whole calibrations on the bench of `attitude`.
 
 A sensor's state is offset, sensitivity, and the two parts of its coning angle. Each moves on its own, in units of what
 one calibration can tell: `none` stays, `linear` drifts steadily, `walk` wanders, `scatter` is drawn again at every
@@ -10,9 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from attitude_truth import D1, Bench, Sensor, simulate
 
-from procedures.attitude.history import attitude_charted, calibrated
+from procedures.attitude.data import AttitudeData
+from proving.truth.attitude import D1, Array, Bench, Sensor, simulate
 
 KINDS = ("none", "scatter", "walk", "together", "step", "linear")
 BENCH = Bench(sensors=(Sensor("x"),), degC_daily=0.0, offset_sd=0.5)
@@ -35,18 +35,19 @@ class History:
         kind: of drift.
         size: of it.
         rng: what the future is drawn from.
+
     """
 
-    years: np.ndarray
-    states: np.ndarray
-    rate: np.ndarray
+    years: Array
+    states: Array
+    rate: Array
     kind: str
     size: float
     rng: np.random.Generator
 
-    def after(self, years):
+    def after(self, years: float) -> Array:
         """State so long after the last calibration."""
-        last = self.states[-1] + self.rate * years
+        last: Array = self.states[-1] + self.rate * years
         if self.kind == "walk":
             last = last + self.rng.normal(0, self.size * np.sqrt(years), 4) * UNIT
         if self.kind == "together":
@@ -55,17 +56,12 @@ class History:
             last = START + self.rng.normal(0, self.size, 4) * UNIT
         return last
 
-    def calibrations(self):
-        """Every calibration, fitted."""
-        return [calibrated(simulate(bench_of(s), PLAN, self.rng.integers(2**32))[0], "x_V") for s in self.states]
-
-    def charted(self):
-        """What is charted of it."""
-        self_made = self.calibrations()
-        return attitude_charted(self_made, self.years), self_made[-1]
+    def runs(self) -> list[AttitudeData]:
+        """What was read at every calibration."""
+        return [simulate(bench_of(s), PLAN, int(self.rng.integers(2**32)))[0] for s in self.states]
 
 
-def draw_history(kind, count, rng, size=3.0):
+def draw_history(kind: str, count: int, rng: np.random.Generator, size: float = 3.0) -> History:
     """A history of so many calibrations, half a year apart but for some weeks; `size` in units, and years of them."""
     years = np.arange(count) * 0.5 + rng.uniform(-0.05, 0.05, count)
     years = years - years[0]
@@ -86,17 +82,18 @@ def draw_history(kind, count, rng, size=3.0):
     return History(years, START + moved * UNIT, rate * UNIT, kind, size, rng)
 
 
-def bench_of(state):
+def bench_of(state: Array) -> Bench:
+    """The bench whose sensor is in a state."""
     b, S, along, across = state
     sensor = Sensor("x", b=b, S=S, Omega_deg=np.hypot(along, across), A_deg=np.degrees(np.arctan2(across, along)))
     return replace(BENCH, sensors=(sensor,))
 
 
-def largest_error_deg(state, last):
-    """Largest error of the output within +-30 deg of pitch, when a sensor in this state is used with `last`."""
+def largest_error_deg(state: Array, coefficients: Array) -> float:
+    """Largest error of the output within +-30 deg of pitch, of a sensor in this state used with (4,) coefficients."""
     pitch, roll = (angle.ravel() for angle in USAGE)
     zero = np.zeros_like(pitch)
     true = bench_of(state).outputs(pitch, roll, zero + 23.0, zero, zero, zero, zero)["x_V"]
     a, r = np.radians(pitch), np.radians(roll)
     h = np.column_stack([np.ones_like(a), np.sin(a), np.cos(a) * np.sin(r), np.cos(a) * np.cos(r)])
-    return float(np.degrees(np.abs(true - h @ last.coefficients).max() / state[1]))
+    return float(np.degrees(np.abs(true - h @ coefficients).max() / state[1]))

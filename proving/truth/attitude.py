@@ -1,4 +1,4 @@
-"""A bench of its own for the fitter's tests: gravity, rotations and physical causes, none of the fitter's formulas.
+"""A bench for pitch and roll: gravity, rotations and physical causes, none of the fitter's formulas.
 
 Follows appendix A of NASA/TP-1999-209835: a package is turned by pitch, then by roll; a sensor is turned in the
 package by its azimuth and coning angle and reads the component of gravity along its own axis.
@@ -6,29 +6,35 @@ package by its azimuth and coning angle and reads the component of gravity along
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from procedures.attitude.data import AttitudeData
+
+Array = NDArray[np.float64]
+Outputs = dict[str, Array]
+"""Volts by column name."""
 
 GRAVITY = np.array([0.0, 0.0, -1.0])
 
 
-def turn_pitch(a):
+def turn_pitch(a: Array) -> Array:
     """(n, 3, 3), eq. (110); radians."""
     c, s, o, i = np.cos(a), np.sin(a), np.zeros_like(a), np.ones_like(a)
     return np.stack([np.stack([c, o, -s], -1), np.stack([o, i, o], -1), np.stack([s, o, c], -1)], -2)
 
 
-def turn_roll(r):
+def turn_roll(r: Array) -> Array:
     """(n, 3, 3), eq. (111); radians."""
     c, s, o, i = np.cos(r), np.sin(r), np.zeros_like(r), np.ones_like(r)
     return np.stack([np.stack([i, o, o], -1), np.stack([o, c, s], -1), np.stack([o, -s, c], -1)], -2)
 
 
-def turn_yaw(y):
+def turn_yaw(y: Array) -> Array:
     """(n, 3, 3), eq. (112); radians."""
     c, s, o, i = np.cos(y), np.sin(y), np.zeros_like(y), np.ones_like(y)
     return np.stack([np.stack([c, s, o], -1), np.stack([-s, c, o], -1), np.stack([o, o, i], -1)], -2)
@@ -65,10 +71,10 @@ class Sensor:
     creep: float = 0.0
     """Share of the change of acceleration since the point before that is still to come."""
 
-    def gravity_along(self, g, warmth=0.0):
+    def gravity_along(self, g: Array, warmth: Array | float = 0.0) -> Array:
         """(n,) component along the sensitive axis, in g; eqs. (114) to (116)."""
         if self.Omega_deg_per_degC:
-            aside = replace(self, Omega_deg=self.Omega_deg + 1.0, Omega_deg_per_degC=0.0).gravity_along(g)
+            aside: Array = replace(self, Omega_deg=self.Omega_deg + 1.0, Omega_deg_per_degC=0.0).gravity_along(g)
             still = replace(self, Omega_deg_per_degC=0.0).gravity_along(g)
             return still + (aside - still) * self.Omega_deg_per_degC * warmth
         A, Om = np.radians(np.array([self.A_deg])), np.radians(np.array([self.Omega_deg]))
@@ -78,7 +84,8 @@ class Sensor:
             turned = turn_roll(Om) @ turn_pitch(A)
         else:
             turned = turn_pitch(Om) @ turn_yaw(A)
-        return g @ turned[0]["xyz".index(self.axis)]
+        along: Array = g @ turned[0]["xyz".index(self.axis)]
+        return along
 
 
 @dataclass(frozen=True)
@@ -133,20 +140,32 @@ class Bench:
     degC_phase: float = 0.9
     hours: float = 28.0
 
-    def temperature(self, hours):
-        return 23.0 + self.degC_daily * np.sin(2 * np.pi * hours / 24.0 + self.degC_phase)
+    def temperature(self, hours: Array) -> Array:
+        """Of the room, degC."""
+        degC: Array = 23.0 + self.degC_daily * np.sin(2 * np.pi * hours / 24.0 + self.degC_phase)
+        return degC
 
-    def lagged(self, hours):
+    def lagged(self, hours: Array) -> Array:
         """What a body of one time constant has of it, at rest at the start; solved by hand for a sine."""
         w, tau = 2 * np.pi / 24.0, self.lag_h
         behind = self.degC_daily / np.hypot(1, w * tau) * np.sin(w * hours + self.degC_phase - np.arctan(w * tau))
         start = self.degC_daily * np.sin(self.degC_phase)
         first = self.degC_daily / np.hypot(1, w * tau) * np.sin(self.degC_phase - np.arctan(w * tau))
-        return 23.0 + behind + (start - first) * np.exp(-hours / tau)
+        degC: Array = 23.0 + behind + (start - first) * np.exp(-hours / tau)
+        return degC
 
     def outputs(
-        self, pitch_deg, roll_deg, temperature, hours, pitch_side, roll_side, block, before=None, replicate=None
-    ):
+        self,
+        pitch_deg: Array,
+        roll_deg: Array,
+        temperature: Array,
+        hours: Array,
+        pitch_side: Array,
+        roll_side: Array,
+        block: NDArray[Any],
+        before: Sequence[Array] | None = None,
+        replicate: NDArray[Any] | None = None,
+    ) -> Outputs:
         """Noise-free outputs in volts, by column name; `before` are pitch and roll of the points before."""
         replicate = np.ones_like(pitch_deg) if replicate is None else replicate
         pitch_before, roll_before = (pitch_deg, roll_deg) if before is None else before
@@ -194,7 +213,7 @@ class Bench:
             out[f"{s.axis}_V"] = self._read(v, hours)
         return out
 
-    def _read(self, v, hours):
+    def _read(self, v: Array, hours: Array) -> Array:
         """What the voltmeter makes of them, in the order they are read."""
         upper, state = np.zeros_like(v), 0.0
         for k, size in enumerate(np.abs(v)):
@@ -205,33 +224,36 @@ class Bench:
         return v + upper * (zero + gain * v) + self.v_squared * v**2 + self.v_cubed * v**3 + drift
 
 
-def _teeth(angle_deg, teeth, sin_cos):
+def _teeth(angle_deg: Array, teeth: float, sin_cos: tuple[float, float]) -> Array:
     t = np.radians(angle_deg * teeth)
-    return np.radians(sin_cos[0] * np.sin(t) + sin_cos[1] * np.cos(t))
+    error: Array = np.radians(sin_cos[0] * np.sin(t) + sin_cos[1] * np.cos(t))
+    return error
 
 
-def _head(angle_deg, error_deg):
+def _head(angle_deg: Array, error_deg: tuple[float, float, float, float]) -> Array:
     t = np.radians(angle_deg)
     s1, c1, s2, c2 = error_deg
-    return t + np.radians(s1 * np.sin(t) + c1 * np.cos(t) + s2 * np.sin(2 * t) + c2 * np.cos(2 * t))
+    turned: Array = t + np.radians(s1 * np.sin(t) + c1 * np.cos(t) + s2 * np.sin(2 * t) + c2 * np.cos(2 * t))
+    return turned
 
 
 @dataclass(frozen=True)
 class Plan:
     """Grid, replications, and the order they are run in: "abba", "same" or "random"."""
 
-    pitch_deg: np.ndarray
-    roll_deg: np.ndarray
+    pitch_deg: Array
+    roll_deg: Array
     replications: int = 6
     order: str = "abba"
     up_and_down: bool = False
 
 
-def D1(pitch_max, pitch_count, roll_count=13, **kw):
+def D1(pitch_max: float, pitch_count: int, roll_count: int = 13, **kw: Any) -> Plan:  # noqa: N802 - the paper's name
+    """A grid over +-`pitch_max` deg and the whole turn of roll; the rest is as in `Plan`."""
     return Plan(np.linspace(-pitch_max, pitch_max, pitch_count), np.linspace(-180, 180, roll_count), **kw)
 
 
-def rows_of(plan, rng):
+def rows_of(plan: Plan, rng: np.random.Generator) -> Array:
     """pitch, roll, pitch side, roll side, replicate, in executed order."""
     rows = []
     for rep in range(plan.replications):
@@ -249,7 +271,9 @@ def rows_of(plan, rng):
     return np.array(rows, float).T
 
 
-def simulate(bench, plan, seed, *, break_at=None, drop=0.0):
+def simulate(
+    bench: Bench, plan: Plan, seed: int, *, break_at: float | None = None, drop: float = 0.0
+) -> tuple[AttitudeData, Outputs]:
     """(data, noise-free outputs) of one run; `break_at` starts a second block at that fraction of the run."""
     rng = np.random.default_rng(seed)
     pitch, roll, pitch_side, roll_side, replicate = rows_of(plan, rng)
@@ -296,17 +320,20 @@ def simulate(bench, plan, seed, *, break_at=None, drop=0.0):
     return data.take(np.flatnonzero(keep)), {name: v[keep] for name, v in truth.items()}
 
 
-def told_the_truth(bench, without, data, sensor):
+def told_the_truth(bench: Bench, without: Sequence[Bench], data: AttitudeData, sensor: str) -> Array:
     """(n,) outputs predicted by least squares that knows the true shape of every effect, and only has to size it.
 
     `without` are the same bench with one of its effects taken out, each; the difference is that effect's shape.
     """
-    hours = data.elapsed_s / 3600.0
-    recorded = (data.pitch_deg, data.roll_deg, data.sensor_temperature_degC, hours, data.pitch_side, data.roll_side)
+    hours, degC = data.elapsed_s / 3600.0, data.sensor_temperature_degC
+    assert degC is not None
+    side = data.pitch_side.astype(float), data.roll_side.astype(float)
+    recorded = (data.pitch_deg, data.roll_deg, degC, hours, *side, data.block)
     before = data.previous_pitch_deg, data.previous_roll_deg
-    full, *less = (b.outputs(*recorded, data.block, before, data.replicate)[sensor] for b in (bench, *without))
+    full, *less = (b.outputs(*recorded, before, data.replicate)[sensor] for b in (bench, *without))
     a, r = np.radians(data.pitch_deg), np.radians(data.roll_deg)
     model = [np.ones_like(a), np.sin(a), np.cos(a) * np.sin(r), np.cos(a) * np.cos(r)]
     shapes = [full - one for one in less]
     columns = np.column_stack(model + [s / np.linalg.norm(s) for s in shapes if np.linalg.norm(s) > 0])
-    return columns @ np.linalg.lstsq(columns, data.outputs[sensor], rcond=None)[0]
+    predicted: Array = columns @ np.linalg.lstsq(columns, data.outputs[sensor], rcond=None)[0]
+    return predicted

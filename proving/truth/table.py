@@ -1,4 +1,4 @@
-"""Tables as a laboratory might hand them over, written from what happens there; shares no code with the fitter."""
+"""Tables as a laboratory might hand them over, written from what happens there."""
 
 from __future__ import annotations
 

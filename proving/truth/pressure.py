@@ -1,4 +1,4 @@
-"""Pressure transducers of our own for the fitter's tests: a bridge, its amplifier and their errors, no fitted formula.
+"""Pressure transducers by their physics: a bridge, its amplifier and their errors, no fitted formula.
 
 The design is that of section II.B of McCollum, Commo and Parker: a spherical central composite in the two temperatures,
 with factorial points and sensor extremes twice and five more centres, and eight pressures in random order, three twice.
@@ -6,15 +6,15 @@ with factorial points and sensor extremes twice and five more centres, and eight
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from fitter.quantiles import t_limit
 from procedures.pressure.data import WholePlotData
-from procedures.pressure.fit import fit_pressure
-from procedures.pressure.fit.methods import fit_method
-from procedures.pressure.infer import Zero, infer_pressure
+
+Array = NDArray[np.float64]
 
 PRESSURES_PSIA = (0.01, 0.01, 0.12, 0.50, 0.79, 1.00, 2.50, 2.50, 4.00, 5.00, 5.00)
 UNIT_MV = 0.00453
@@ -22,7 +22,7 @@ UNIT_MV = 0.00453
 SENSOR_CENTRE_DEGC, SENSOR_REACH_DEGC, SSE_CENTRE_DEGC, SSE_REACH_DEGC = -90.0, 40.0, 0.0, 40.0
 
 
-def temperature_pairs():
+def temperature_pairs() -> Array:
     """(20, 2) sensor and SSE temperature of the whole plots."""
     corner = [(a, b) for a in (-1, 1) for b in (-1, 1)]
     coded = np.array(
@@ -54,7 +54,7 @@ class Transducer:
     subplot_mV_per_psi: float = 0.0
     replicate_mV: float = 0.0
 
-    def output_mV(self, pressure, sensor, sse):
+    def output_mV(self, pressure: Array | float, sensor: Array | float, sse: Array | float) -> Array:  # noqa: N802 - a unit
         """Without errors."""
         warm, hot = sensor - SENSOR_CENTRE_DEGC, sse - SSE_CENTRE_DEGC
         offset = self.offset_mV + self.offset_per_degC * warm + self.offset_per_degC2 * warm**2
@@ -62,9 +62,11 @@ class Transducer:
         sensitivity = self.sensitivity_mV_per_psi * (
             1 + self.sensitivity_per_degC * warm + self.gain_per_degC * hot + self.bend_per_psi * pressure
         )
-        return offset + sensitivity * pressure + self.cubic_mV_per_psi3 * pressure**3
+        mV: Array = np.asarray(offset + sensitivity * pressure + self.cubic_mV_per_psi3 * pressure**3)
+        return mV
 
-    def subplot_sd(self, pressure):
+    def subplot_sd(self, pressure: Array) -> Array:
+        """Of readings at each pressure."""
         return self.subplot_mV + self.subplot_mV_per_psi * pressure
 
 
@@ -76,11 +78,18 @@ GROWING_AND_CUBIC = replace(GROWING, cubic_mV_per_psi3=2.5e-3)
 """With these two the paper's four methods come out as in its figures."""
 
 
-def simulate(transducer, seed, *, replications=1, keep=None, readback_degC=0.0):
+def simulate(
+    transducer: Transducer,
+    seed: int,
+    *,
+    replications: int = 1,
+    keep: Mapping[int, int] | None = None,
+    readback_degC: float = 0.0,
+) -> tuple[WholePlotData, Array]:
     """(data, whole-plot errors by row) of one run; `keep` (whole plot, how many readings it got before it broke)."""
     rng = np.random.default_rng([20120109, seed])
     pairs = temperature_pairs()
-    columns = []
+    columns: list[list[tuple[float, ...]]] = []
     for replicate in range(1, replications + 1):
         shared = rng.normal(0, transducer.replicate_mV)
         for pair in rng.permutation(pairs):
@@ -104,49 +113,3 @@ def simulate(transducer, seed, *, replications=1, keep=None, readback_degC=0.0):
         replicate=replicate,
     )
     return data, error
-
-
-def coverage(transducer, method, seed, *, pressures=(0.12, 1.0, 4.5)):
-    """Whether each 95 % interval of one simulated calibration holds the truth.
-
-    In the whole-plot stratum coefficients, the mean output at given settings and the output of a new whole plot; below
-    it coefficients; and pressures inferred at other temperatures in a new whole plot, after a noisy zero and without.
-    """
-    data, _ = simulate(transducer, seed)
-    fit = fit_pressure(data, "bridge_mV")
-    rng = np.random.default_rng([19991231, seed])
-    sensor, sse = rng.uniform(-118, -62), rng.uniform(-28, 28)
-    at, at_pressure = {"P": np.array([1.0]), "T_sensor": np.array([sensor]), "T_SSE": np.array([sse])}, 1.0
-    error = rng.normal(0, transducer.wholeplot_mV)
-    inside = {}
-
-    def holds(name, centre, half, truth):
-        inside[name] = bool(abs(centre - truth) <= half)
-
-    clean = float(transducer.output_mV(at_pressure, sensor, sse))
-    if method == "GLS" and transducer.subplot_mV_per_psi == 0.0:
-        row = fit.formula.columns(at)[1]
-        mean = fit.reml.predict(row)[0]
-        holds("mean output (whole-plot stratum)", mean, fit.reml.interval(row)[0], clean)
-        new = clean + error + rng.normal() * transducer.subplot_sd(at_pressure)
-        half = fit.reml.interval(row, new_whole_plot=True, new_readings=1.0)[0]
-        holds("output of a new whole plot", mean, half, new)
-    found = fit_method(fit.problem, method)
-    for name, stratum, truth in (
-        ("T_SSE^2", "whole-plot", 0.0),
-        ("T_sensor:T_SSE", "whole-plot", transducer.cross_offset_per_degC2),
-        ("P:T_SSE", "subplot", transducer.sensitivity_mV_per_psi * transducer.gain_per_degC),
-        ("P^2", "subplot", transducer.sensitivity_mV_per_psi * transducer.bend_per_psi),
-    ):
-        i = found.names.index(name)
-        half = t_limit(0.95, found.df[i]) * found.stderr[i]
-        holds(f"coefficient {name} ({stratum} stratum)", found.coefficients[i], half, truth)
-    calibration = fit.calibration(method)
-    read = transducer.output_mV(np.array([0.0, *pressures]), sensor, sse) + error
-    read += rng.normal(size=len(read)) * transducer.subplot_sd(np.array([0.0, *pressures]))
-    for label, zero in (("after a zero", Zero(read[0], sensor, sse)), ("without a zero", None)):
-        inferred = infer_pressure(calibration, read[1:], sensor, sse, zero)
-        for i, pressure in enumerate(pressures):
-            low, high = inferred.lo95_psia[i], inferred.hi95_psia[i]
-            inside[f"pressure {pressure:g} psia {label}"] = bool(low <= pressure <= high)
-    return inside
