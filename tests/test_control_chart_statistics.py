@@ -241,7 +241,7 @@ def test_a_calibration_file_tells_the_same_as_the_run(roll_count):
 
 @pytest.mark.parametrize(("kind", "size"), [("none", 0.0), ("walk", 3.0), ("together", 3.0), ("linear", 3.0)])
 def test_a_sensor_is_within_tolerance_when_it_is_due(kind, size):
-    """A bounded share of benchmarks/chart_campaign.py: from readings to charts, and what the sensor then does.
+    """A bounded share of proving/statistics/charts.py: from readings to charts, and what the sensor then does.
 
     Binomial tests of as many as there are: ten histories, of four quantities each.
     """

@@ -1,17 +1,12 @@
-"""How often a clean table has a row named a gross error: docs/gross_errors.md.
-
-python benchmarks/gross_campaign.py [TABLES]
-"""
+"""How often a clean table has a row named a gross error: docs/gross_errors.md."""
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Iterator
-from pathlib import Path
+from functools import partial
+from typing import Any
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from fitter.arrays import FloatArray
 from fitter.gross import GrossErrors
@@ -19,8 +14,9 @@ from procedures.attitude.gross import of_attitude
 from procedures.general.gross import of_table
 from procedures.pressure.fit import named_formula
 from procedures.pressure.gross import of_whole_plots
-from proving.truth import attitude as attitude_truth
-from proving.truth import whole_plot as whole_plot_truth
+from proving.ledger import Result
+from proving.statistics.frame import Figures, Part, Results, Study
+from proving.truth import attitude, whole_plot
 
 Tables = Callable[[int], Iterator[GrossErrors]]
 FULL = named_formula("full", ())
@@ -38,28 +34,26 @@ def table(n: int, k: int, step: float = 0.0, growing: float = 0.0) -> Tables:
     return look
 
 
-def whole_plots(bench: whole_plot_truth.Bench) -> Tables:
+def whole_plots(bench: whole_plot.Bench) -> Tables:
     """The design of 20 whole plots of 11 pressures."""
 
     def look(seed: int) -> Iterator[GrossErrors]:
-        yield from of_whole_plots(whole_plot_truth.simulate(bench, seed=seed), FULL).values()
+        yield from of_whole_plots(whole_plot.simulate(bench, seed=seed), FULL).values()
 
     return look
 
 
-def attitude(**given: object) -> Tables:
+def nights(**given: Any) -> Tables:
     """Three sensors, six replications of 9 x 9 points."""
-    bench = attitude_truth.Bench(**given)
+    bench = attitude.Bench(**given)
 
     def look(seed: int) -> Iterator[GrossErrors]:
-        yield from of_attitude(attitude_truth.simulate(bench, attitude_truth.D1(180, 9, 9), seed)[0]).values()
+        yield from of_attitude(attitude.simulate(bench, attitude.D1(180, 9, 9), seed)[0]).values()
 
     return look
 
 
-GROWING = whole_plot_truth.Bench(
-    (whole_plot_truth.Transducer(cubic=whole_plot_truth.CUBIC),), subplot=whole_plot_truth.GROWING
-)
+GROWING = whole_plot.Bench((whole_plot.Transducer(cubic=whole_plot.CUBIC),), subplot=whole_plot.GROWING)
 CASES = {
     "12 rows, 2 coefficients": table(12, 2),
     "21 rows, 4 coefficients": table(21, 4),
@@ -69,19 +63,24 @@ CASES = {
     "60 rows rounded to 2 sd": table(60, 2, step=2.0),
     "60 rows rounded to 1 sd": table(60, 2, step=1.0),
     "120 rows, noise that grows": table(120, 2, growing=1.0),
-    "whole plots": whole_plots(whole_plot_truth.Bench()),
+    "whole plots": whole_plots(whole_plot.Bench()),
     "whole plots, cubic and noise that grows": whole_plots(GROWING),
-    "attitude, pads and drift": attitude(compliance={("y", "x"): 4e-3}, offset_sd=2.0),
-    "attitude, noise of the angles": attitude(sigma_deg=2e-5, jitter_deg=1e-3),
+    "attitude, pads and drift": nights(compliance={("y", "x"): 4e-3}, offset_sd=2.0),
+    "attitude, noise of the angles": nights(sigma_deg=2e-5, jitter_deg=1e-3),
 }
 
 
-def main(tables: int = 300) -> None:
-    """Print the share of tables with a row named, and of how many tables."""
-    for name, look in CASES.items():
-        named = sum(any(found.rows.size for found in look(seed)) for seed in range(tables))
-        print(f"{name:42} {named:3} of {tables}", flush=True)
+def gross_errors() -> Study:
+    """Tables with a row named, and of how many."""
+    return Study({name: partial(_named, case=name) for name in CASES}, _count, block=8)
 
 
-if __name__ == "__main__":
-    main(*(int(given) for given in sys.argv[1:]))
+def _named(seed: int, case: str) -> Result:
+    return {"named": any(found.rows.size for found in CASES[case](seed))}
+
+
+def _count(results: Results) -> Figures:
+    return {"named": sum(one["named"] for one in results), "of": len(results)}
+
+
+PARTS = {"": Part(gross_errors, 300)}
