@@ -1,4 +1,4 @@
-"""What a further run is promised to tell beside what comes; a small share of benchmarks/confirm_forecast.py.
+"""What a further run is promised to tell beside what comes; a small share of proving/statistics/forecasts.py.
 
 Worlds are those of proving/truth, which share no code with the fitter. Sizes, errors and drifts differ from world to
 world; the forecast sees the later run's settings, never its outputs.

@@ -8,7 +8,7 @@ import json
 import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -181,7 +181,7 @@ def _only(study: Study, words: str) -> Study:
     cases = {name: one for name, one in study.cases.items() if words in name}
     if not cases:
         raise UsageError(f"--only {words}: no case is called so; there are: {'; '.join(study.cases)}")
-    return Study(cases, study.figures, study.totals, study.enough, study.block)
+    return replace(study, cases=cases)
 
 
 def _asked(campaign: str, parts: Mapping[str, Part], words: Sequence[str]) -> argparse.Namespace:
@@ -205,13 +205,22 @@ def _options(parser: argparse.ArgumentParser, part: Part) -> None:
     for name, parameter in inspect.signature(part.study).parameters.items():
         kind = type(parameter.default)
         parser.add_argument(f"--{name}", type=kind, default=parameter.default, help=f"default: {parameter.default}")
-    parser.add_argument("--seeds", type=int, default=part.seeds, help=f"of each case; default: {part.seeds}")
-    parser.add_argument("--first", type=int, default=part.first, help=f"the first seed; default: {part.first}")
+    parser.add_argument("--seeds", type=_from(1), default=part.seeds, help=f"of each case; default: {part.seeds}")
+    parser.add_argument("--first", type=_from(0), default=part.first, help=f"the first seed; default: {part.first}")
     parser.add_argument("--only", default="", help="part of a case's name")
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes of this machine")
+    parser.add_argument("--jobs", type=_from(1), default=os.cpu_count() or 1, help="processes of this machine")
     parser.add_argument("--scheduler", help="a Dask cluster instead: its scheduler's address, tcp://host:8786")
     parser.add_argument("--ledger", type=Path, help="keep results in this file, and go on with what is in it")
     parser.add_argument("--json", action="store_true", help="figures and digest as JSON")
+
+
+def _from(least: int) -> Callable[[str], int]:
+    def number(word: str) -> int:
+        if int(word) < least:
+            raise argparse.ArgumentTypeError(f"{word}: less than {least}")
+        return int(word)
+
+    return number
 
 
 def said(value: Any) -> str:

@@ -1,34 +1,37 @@
 """Early warnings: how often they cry wolf over clean dry runs of both laboratories, and how soon they are right.
 
-    python benchmarks/early_warnings.py --runs 20 --synthetic 1000
-
 Clean: the examples' worlds without undeclared effects, in a laboratory whose temperature stands still. What goes wrong
 is planted in the observations of such a run from a point on, and the tests are fed with them as the controller does.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import random
 import statistics
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from procedures.expected import Previous
-from rig.controller import start_run
-from rig.engine.early_warning import EarlyWarnings, Warned
-from rig.engine.session import Signals
+from proving.ledger import Result
+from proving.statistics.dry_runs import dry
+from proving.statistics.frame import Figures, Part, Results, Study
+from rig.engine.early_warning import EarlyWarnings
 from rig.examples import example
 from rig.plans import load_plan, plan_of
 from rig.previous import read_previous
+from rig.run_file.events.bench import Warned
 from rig.run_file.reader import RunReader
 
 Body = dict[str, Any]
 Spoil = Callable[[str, int, float, Body], None]
+Lab = Literal["attitude", "pressure"]
 
+LABS: Mapping[Lab, tuple[str, int]] = {"attitude": ("x_V", 400), "pressure": ("bridge_3_mV", 50)}
+"""The output that is spoilt, and from which point on."""
 ATTITUDE = """
 seed = {seed}
 [sensors.x]
@@ -44,31 +47,34 @@ daily_amplitude_degC = 0
 """
 
 
-def pressure_world(seed: int) -> str:
-    lines = (example("pressure-lab") / "world.toml").read_text().split("[effects.third_order_pressure]")[0]
-    lines = lines.replace("daily_amplitude_degC = 2.0", "daily_amplitude_degC = 0")
-    return lines.replace("seed = 20080703", f"seed = {seed}")
-
-
-def dry(lab: str, seed: int, folder: Path) -> Path:
-    """A clean dry run; the run file."""
-    world = folder / f"{lab}.toml"
-    world.write_text(ATTITUDE.format(seed=seed) if lab == "attitude-lab" else pressure_world(seed))
-    plan = load_plan(example(lab) / "procedure.toml", example(lab) / "bench.toml", dry=True, world=world)
-    made: list[Path] = []
-    start_run(plan, folder, signals=Signals(), announce=made.append, on_progress=lambda _: None)
-    return made[0]
+def _world(lab: Lab, seed: int) -> str:
+    if lab == "attitude":
+        return ATTITUDE.format(seed=seed)
+    text = (example("pressure-lab") / "world.toml").read_text().split("[effects.third_order_pressure]")[0]
+    text = text.replace("daily_amplitude_degC = 2.0", "daily_amplitude_degC = 0")
+    return text.replace("seed = 20080703", f"seed = {seed}")
 
 
 class Night:
-    """The observations of a run, to be fed again and again."""
+    """The observations of a run, to be fed again and again, and the calibration that it gives."""
 
     def __init__(self, path: Path) -> None:
+        self.calibration = read_previous(path)
         with RunReader.open(path) as reader:
             self.run_list = reader.run_list()
             self.conduct = plan_of(reader.documents(), dry=True, stored=True).procedure.conduct
             observed = list(reader.records("observation"))
         self.records = [(r.run_index or 0, r.whole_plot, r.elapsed_s, r.body) for r in observed]
+
+    @classmethod
+    def of(cls, lab: Lab, seed: int) -> Night:
+        """A clean dry run: the same sensors, on a night of its own."""
+        files = example(f"{lab}-lab")
+        with tempfile.TemporaryDirectory() as made:
+            world = Path(made) / "world.toml"
+            world.write_text(_world(lab, seed))
+            plan = load_plan(files / "procedure.toml", files / "bench.toml", dry=True, world=world)
+            return cls(dry(plan, Path(made)))
 
     def feed(self, spoil: Spoil | None, previous: Previous | None) -> Iterator[tuple[int, Warned]]:
         """Warnings, each with the number of the observation that gave it."""
@@ -83,11 +89,12 @@ class Night:
 
 
 def reread(channel: Body, readings: list[float]) -> None:
+    """Give a channel other readings."""
     mean = statistics.fmean(readings)
     channel |= {"mean": mean, "sd": statistics.stdev(readings), "readings": readings}
 
 
-def planted(sensor: str, since: int, rng: random.Random, since_s: float) -> dict[str, tuple[str, Spoil]]:
+def spoilt(sensor: str, since: int, rng: random.Random, since_s: float) -> dict[str, tuple[str, Spoil]]:
     """What goes wrong, by name, with the cause that should be named."""
     held: dict[str, float] = {}
 
@@ -140,50 +147,61 @@ def planted(sensor: str, since: int, rng: random.Random, since_s: float) -> dict
     }
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--runs", type=int, default=20, help="clean dry runs of each laboratory")
-    parser.add_argument("--synthetic", type=int, default=1000, help="runs of normal readings fed straight to the tests")
-    parser.add_argument("--seed", type=int, default=1)
-    asked = parser.parse_args()
-    with tempfile.TemporaryDirectory() as made:
-        folder = Path(made)
-        for lab in ("attitude-lab", "pressure-lab"):
-            alarms(lab, asked.runs, asked.seed, folder)
-    synthetic(asked.synthetic, asked.seed)
+def alarms() -> Study:
+    """False alarms of clean runs, each held against the calibration from the run of the seed before; 1 has none."""
+    return Study({lab: partial(_alarms, lab=lab) for lab in LABS}, _wolves)
 
 
-def alarms(lab: str, runs: int, seed: int, folder: Path) -> None:
-    """Clean runs, each held against the calibration from the one before; then what is planted in the last of them."""
-    previous: Previous | None = None
-    wolf: list[tuple[int, int, str]] = []
-    night, points = None, 0
-    for number in range(runs):
-        path = dry(lab, seed + number, folder)  # the same sensors on another night: noise has another seed
-        night = Night(path)
-        points += len(night.records)
-        wolf += [(number, at, w.message) for at, w in night.feed(None, previous)]
-        previous = read_previous(path)
-        path.unlink()
-    print(f"{lab}: {runs} clean runs, {points} points: {len({n for n, _, _ in wolf})} with a false alarm")
-    for number, at, message in wolf:
-        print(f"  run {number}, point {at}: {message}")
-    assert night is not None
-    since, since_s = 400 if lab == "attitude-lab" else 50, 0.0
+def _alarms(seed: int, lab: Lab) -> Result:
+    previous = Night.of(lab, seed - 1).calibration if seed > 1 else None
+    night = Night.of(lab, seed)
+    told = [[at, warned.message] for at, warned in night.feed(None, previous)]
+    return {"seed": seed, "points": len(night.records), "told": told}
+
+
+def _wolves(results: Results) -> Figures:
+    when = {f"seed {one['seed']}": one["told"] for one in results if one["told"]}
+    return {"false alarm": len(when), "of": len(results), "points": sum(one["points"] for one in results), "in": when}
+
+
+def planted() -> Study:
+    """How soon what goes wrong is told: points and hours."""
+    return Study({lab: partial(_planted, lab=lab) for lab in LABS}, _soon)
+
+
+def _planted(seed: int, lab: Lab) -> Result:
+    night, (sensor, since) = Night.of(lab, seed), LABS[lab]
     since_s = night.records[since][2]
-    sensor = "x_V" if lab == "attitude-lab" else "bridge_3_mV"
-    for what, (cause, spoil) in planted(sensor, since, random.Random(seed), since_s).items():
-        held = previous if cause == "calibration" else None
-        told = [(at, w) for at, w in night.feed(spoil, held) if w.output == sensor and w.cause == cause]
+    out: Result = {}
+    for what, (cause, spoil) in spoilt(sensor, since, random.Random(seed), since_s).items():
+        previous = night.calibration if cause == "calibration" else None
+        told = [(at, w) for at, w in night.feed(spoil, previous) if w.output == sensor and w.cause == cause]
+        out[what] = None
         if told:
-            later_h = (night.records[told[0][0]][2] - since_s) / 3600.0
-            print(f"  {what}: after {told[0][0] - since + 1} points, {later_h:.1f} h: {told[0][1].message}")
-        else:
-            print(f"  {what}: not told")
+            at, warned = told[0]
+            hours = (night.records[at][2] - since_s) / 3600.0
+            out[what] = {"points": at - since + 1, "hours": hours, "message": warned.message}
+    return {"of what": out}
 
 
-def synthetic(runs: int, seed: int) -> None:
-    """Runs of normal readings at the attitude laboratory's points: the rate that was aimed at is below 1 %."""
+def _soon(results: Results) -> Figures:
+    out: Figures = {}
+    for what in results[0]["of what"]:
+        told = [one["of what"][what] for one in results if one["of what"][what] is not None]
+        out[what] = {"told": len(told), "of": len(results)}
+        if told:
+            points, hours = (statistics.median(one[name] for one in told) for name in ("points", "hours"))
+            out[what] |= {"points": points, "hours": hours, "first": told[0]["message"]}
+    return out
+
+
+def normal(runs: int = 100) -> Study:
+    """Normal readings at the attitude laboratory's points, fed straight to the tests; a seed is a stream of runs."""
+    return Study({"3 sensors": partial(_normal, runs=runs)}, _sums)
+
+
+def _normal(seed: int, runs: int) -> Result:
+    """Runs with a false alarm; the rate that was aimed at is below 1 %."""
     plan = load_plan(example("attitude-lab") / "procedure.toml", example("attitude-lab") / "bench.toml", dry=True)
     rng, wolf = random.Random(seed), 0
     for _ in range(runs):
@@ -196,8 +214,11 @@ def synthetic(runs: int, seed: int) -> None:
                 reread(outputs.setdefault(name, {}), readings)
             found += [w for w in warnings.add(point, None, {"outputs": outputs}) if w.cause != "response"]
         wolf += bool(found)
-    print(f"normal readings, 3 sensors, {len(plan.run_list)} points: {wolf} of {runs} runs with a false alarm")
+    return {"false alarm": wolf, "of": runs, "points": runs * len(plan.run_list)}
 
 
-if __name__ == "__main__":
-    main()
+def _sums(results: Results) -> Figures:
+    return {name: sum(one[name] for one in results) for name in results[0]}
+
+
+PARTS = {"alarms": Part(alarms, 20, 1), "planted": Part(planted, 1, 1), "normal": Part(normal, 10, 1)}
