@@ -16,6 +16,7 @@ from command import rig
 
 from proving.executor import Dask, WorkersDie
 from proving.seeds import Campaign, Place
+from proving.statistics.frame import main as statistics
 
 pytest.importorskip("distributed", reason="pip install -c constraints.txt -e '.[dask]'")
 
@@ -65,6 +66,16 @@ def test_nights_on_a_cluster_come_to_the_same_as_here(scheduler):
     there = rig(*command, "--scheduler", scheduler)
     assert there.returncode == 0, there.stderr
     assert json.loads(there.stdout) == json.loads(rig(*command, "--jobs", 1).stdout)
+
+
+def test_statistics_on_a_cluster_come_to_the_same_as_here(scheduler, capsys):
+    command = ("gross-errors", "--seeds", "20", "--only", "12 rows", "--json")
+
+    def told(*where: str) -> dict:
+        assert statistics((*command, *where)) == 0
+        return json.loads(capsys.readouterr().out)
+
+    assert told("--scheduler", scheduler) == told("--jobs", "1")
 
 
 def test_a_block_whose_worker_is_killed_on_a_cluster_is_done_again(scheduler, tmp_path):

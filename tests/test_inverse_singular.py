@@ -221,7 +221,7 @@ def test_pitch_up_or_down_of_y_and_z_must_be_said():
 
 
 def test_intervals_hold_over_calibrations():
-    """Calibrations drawn again and again; the whole campaign is benchmarks/bench_inverse.py coverage."""
+    """Calibrations drawn again and again; the whole campaign is proving/statistics/inference.py."""
     held = []
     pitch, roll = np.array([0.0, 45.0, -80.0, 85.0]), np.array([10.0, -170.0, 60.0, -30.0])
     names = PACKAGES["xyz"]

@@ -11,16 +11,18 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import fields, replace
 from functools import cache, partial
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 
+from fitter.trace import aliases
 from procedures.attitude.data import AttitudeData
 from procedures.attitude.trace import trace
 from procedures.attitude.trace.result import Trace
 from proving.ledger import Result
 from proving.statistics.frame import Figures, Part, Results, Study, pooled
-from proving.truth.attitude import D1, Bench, Outputs, Plan, simulate, told_the_truth
-from proving.truth.attitude_hidden import CLEAN, HIDDEN, sized, together
+from proving.truth.attitude import D1, Bench, Outputs, Plan, Sensor, simulate, told_the_truth
+from proving.truth.attitude_hidden import CLEAN, HIDDEN, PADS_AND_TEMPERATURE, sized, together
 
 GRID = D1(180, 25, 13)
 NO_ROLL = Plan(np.linspace(-180, 180, 37), np.array([0.0]))
@@ -40,7 +42,26 @@ CLEAN_RUNS: dict[str, tuple[Bench, Plan, dict[str, Any]]] = {
     "13 x 13, 6 replications that drift": (replace(CLEAN, offset_sd=3.0), D1(90, 13), {}),
     "13 x 13, 6 replications that walk": (replace(CLEAN, offset_sd=3.0, offset_walk=True), D1(90, 13), {}),
 }
-
+LINE, ONE = Plan(np.linspace(-180, 180, 73), np.array([0.0])), replace(CLEAN, sensors=(Sensor("x"),))
+NOISE: dict[str, tuple[Bench, Plan, dict[str, Any]]] = {
+    "19 x 13, +-90 deg": (CLEAN, D1(90, 19), {}),
+    "37 x 13, +-180 deg": (CLEAN, D1(180, 37, 13), {}),
+    "offsets of replications, 1 sd": (replace(CLEAN, offset_sd=1.0), D1(90, 19), {}),
+    "random walk of offsets, 5 sd": (replace(CLEAN, offset_sd=5.0, offset_walk=True), D1(90, 19), {}),
+    "offset wandering through the run, 2 sd": (replace(CLEAN, wander=2.0), D1(90, 19), {}),
+    "offset wandering through the run, 10 sd": (replace(CLEAN, wander=10.0), D1(90, 19), {}),
+    "head shaking by 2e-4 deg": (replace(CLEAN, jitter_deg=2e-4), D1(90, 19), {}),
+    "random order, a tenth of the points missing": (CLEAN, D1(90, 19, order="random"), {"drop": 0.1}),
+    "same path in every replication": (CLEAN, D1(90, 19, order="same"), {}),
+    "13 x 7, 4 replications": (CLEAN, D1(180, 13, 7, replications=4), {}),
+    "one sensor, no roll, 73 points": (ONE, LINE, {}),
+    "one sensor, no roll, random walk 1 sd": (replace(ONE, offset_sd=1.0, offset_walk=True), LINE, {}),
+    "one replication": (CLEAN, D1(90, 19, replications=1), {}),
+}
+WITHOUT = (replace(PADS_AND_TEMPERATURE, compliance={}), replace(PADS_AND_TEMPERATURE, sensors=CLEAN.sensors))
+EXPECTED = {("x", "isolation-pad-deflection"), ("z", "isolation-pad-deflection")} | {
+    (axis, "sensitivity-temperature") for axis in "xyz"
+}
 
 TOLD = {1: 3.60, 2: 3.93}
 """Standard errors that an effect must amount to for a single test at 5 %, told which one it is, to find it in 95 %, by
@@ -183,6 +204,16 @@ def _clean(seed: int, case: str) -> Result:
     return _reported(seed, bench, plan, options)
 
 
+def noise() -> Study:
+    """The same with further designs, replications that wander, shaking heads, missing points."""
+    return Study({name: partial(_noise, case=name) for name in NOISE}, _alarms, block=2)
+
+
+def _noise(seed: int, case: str) -> Result:
+    bench, plan, options = NOISE[case]
+    return _reported(seed, bench, plan, options)
+
+
 def wander() -> Study:
     """An offset that takes a random walk through the night."""
     return Study({f"random walk to {sd:g} sd": partial(_wander, sd=sd) for sd in (1.0, 2.0, 4.0, 10.0)}, _alarms)
@@ -269,12 +300,58 @@ def _pointed(results: Results) -> Figures:
     return {**counts, "of": len(results), "of readings": 5 * len(results)}
 
 
+def night() -> Study:
+    """Pads and a temperature coefficient at the paper's sizes, 37 x 13: both named on every sensor, error ratio."""
+    return Study({"pads and temperature": _night}, _both)
+
+
+def _night(seed: int) -> Result:
+    data, truth = simulate(PADS_AND_TEMPERATURE, D1(180, 37, 13), seed)
+    found = trace(data)
+    got = _by_sensor(found)
+    ratios = error_ratios(found, data, truth, PADS_AND_TEMPERATURE, WITHOUT)
+    return {"named": got >= EXPECTED, "besides": bool(got - EXPECTED), "ratios": ratios}
+
+
+def _by_sensor(found: Trace) -> set[tuple[str, str]]:
+    return {(sensor.removesuffix("_V"), e.effect) for sensor, t in found.sensors.items() for e in t.effects}
+
+
+def _both(results: Results) -> Figures:
+    ratios = [ratio for one in results for ratio in one["ratios"]]
+    return {
+        "named": sum(one["named"] for one in results),
+        "besides": sum(one["besides"] for one in results),
+        "of": len(results),
+        "error ratio": float(np.median(ratios)),
+        "90 %": float(np.quantile(ratios, 0.9)),
+    }
+
+
+def width() -> Study:
+    """How often a true cause does not lead its alias class, by the width of classes."""
+    return Study({f"class {width:g} wide": partial(_width, width=width) for width in (6.0, 9.0)}, _not_leading)
+
+
+def _width(seed: int, width: float) -> Result:
+    data, _ = simulate(PADS_AND_TEMPERATURE, D1(180, 13, 13), seed)
+    with patch.object(aliases, "DELTA", width):
+        return {"lost": not _by_sensor(trace(data)) >= EXPECTED}
+
+
+def _not_leading(results: Results) -> Figures:
+    return {"not leading": sum(one["lost"] for one in results), "of": len(results)}
+
+
 PARTS = {
     "singles": Part(singles),
     "pairs": Part(pairs, 100),
     "triples": Part(triples, 100),
     "clean": Part(clean, 50, 1000),
+    "noise": Part(noise, 100, 1000),
     "power": Part(power),
     "wander": Part(wander, 50, 1000),
     "outliers": Part(outliers),
+    "night": Part(night),
+    "width": Part(width, 120, 3000),
 }

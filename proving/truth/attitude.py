@@ -271,6 +271,22 @@ def rows_of(plan: Plan, rng: np.random.Generator) -> Array:
     return np.array(rows, float).T
 
 
+def volts(bench: Bench, pitch_deg: Array, roll_deg: Array, names: Sequence[str] = ("x_V", "y_V", "z_V")) -> Array:
+    """(n, sensors) outputs without noise at rest, at 23 degC."""
+    zero = np.zeros_like(pitch_deg)
+    out = bench.outputs(pitch_deg, roll_deg, zero + 23.0, zero + 14.0, zero, zero, zero)
+    return np.column_stack([out[name] for name in names])
+
+
+def without_noise(bench: Bench, plan: Plan) -> tuple[AttitudeData, Array]:
+    """A run without noise, and its (n, 3) outputs."""
+    pitch, roll, _, _, replicate = rows_of(plan, np.random.default_rng(0))
+    exact = volts(bench, pitch, roll)
+    n = len(pitch)
+    outputs = dict(zip(("x_V", "y_V", "z_V"), exact.T, strict=True))
+    return AttitudeData(replicate, np.arange(n), np.arange(float(n)), pitch, roll, None, outputs), exact
+
+
 def simulate(
     bench: Bench, plan: Plan, seed: int, *, break_at: float | None = None, drop: float = 0.0
 ) -> tuple[AttitudeData, Outputs]:

@@ -15,6 +15,11 @@ import numpy as np
 from proving.truth.attitude import Bench, Plan, Sensor, simulate
 
 CLEAN = Bench()
+PADS_AND_TEMPERATURE = Bench(
+    sensors=tuple(Sensor(axis, S_per_degC=1.1e-4) for axis in "xyz"),
+    compliance={("y", "x"): 8e-4},
+)
+"""At the sizes of NASA/TP-1999-209835: pads 4e-4 deg on x; temperature as row 28(a) to (b) of its Table 2."""
 
 
 def on_x(**errors: float) -> Bench:
