@@ -21,7 +21,7 @@ from fitter.trace.whitened import Whitened
 
 DELTA = 9.0
 """Units of the error's variance; three standard errors. Calibrated: in 120 runs of 13 x 13 points the true cause lost
-its place to a luckier one with more columns 4 times at 6 and once at 9 (python -m proving.statistics attitude width)."""
+its place to a luckier one with more columns 4 times at 6 and once at 9: python -m proving.statistics attitude width."""
 PER_COLUMN = 2.0
 """Price of a column in the same units, so that a cause with more columns is not better for having them. A constant that
 is searched costs as much as a column."""
