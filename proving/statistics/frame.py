@@ -113,27 +113,25 @@ def run(study: Study, name: str, seeds: range, place: Place) -> Told:
 
     """
     names, count = list(study.cases), len(study.cases)
-    one = partial(_one, cases=tuple(study.cases.values()))
+    campaign = Campaign(partial(_one, cases=tuple(study.cases.values())), name, study.block)
     numbers = range(seeds.start * count, seeds.stop * count)
+    # Where cases may have enough, one after the other: none is worked out further for another's sake.
+    parts = [numbers] if study.enough is None else [numbers[at::count] for at in range(count)]
     found: dict[str, list[Result]] = {case: [] for case in names}
     digest = Digest()
-    results = place.results(Campaign(one, name, study.block), numbers)
-    with counting(name.partition(" {")[0], len(numbers)) as one_more, closing(results):
-        for number, result in results:
-            case = names[number % count]
-            if not _enough(study, found[case]):
-                found[case].append(result)
-                digest.add(number, result)
-            one_more(case)
-            if study.enough is not None and all(_enough(study, known) for known in found.values()):
-                break
+    with counting(name.partition(" {")[0], len(numbers)) as one_more:
+        for part in parts:
+            with closing(place.results(campaign, part)) as results:
+                for number, result in results:
+                    case = names[number % count]
+                    found[case].append(result)
+                    digest.add(number, result)
+                    one_more(case)
+                    if study.enough is not None and study.enough(found[case]):
+                        break
     rows = {case: study.figures(known) for case, known in found.items()}
     totals = {} if study.totals is None else study.totals(found)
     return Told({**rows, **totals}, str(digest))
-
-
-def _enough(study: Study, known: Results) -> bool:
-    return study.enough is not None and study.enough(known)
 
 
 def _one(number: int, cases: Sequence[Callable[[int], Result]]) -> Result:
