@@ -24,6 +24,14 @@ HERE = Path(__file__).parent
 PATHS = os.pathsep.join([str(HERE), str(HERE.parent)])
 
 
+def wait_for_both(address):
+    """A worker that was killed is started again, which takes seconds on a busy machine."""
+    from distributed import Client  # noqa: PLC0415 - an extra
+
+    with Client(address, set_as_default=False) as client:
+        client.wait_for_workers(2, timeout=60)
+
+
 @pytest.fixture(scope="module")
 def scheduler(tmp_path_factory):
     """The address of a scheduler with two workers, started as docs/campaigns.md says."""
@@ -49,10 +57,7 @@ def scheduler(tmp_path_factory):
             if found.exists() and found.read_text().endswith("}"):
                 address = json.loads(found.read_text())["address"]
         workers = start("worker", address, "--nworkers", 2, "--nthreads", 2, "--no-dashboard", "--host", "127.0.0.1")
-        from distributed import Client  # noqa: PLC0415 - an extra
-
-        with Client(address, set_as_default=False) as client:
-            client.wait_for_workers(2, timeout=60)
+        wait_for_both(address)
         yield address
     finally:
         for process in (workers, one):
@@ -87,6 +92,7 @@ def test_a_block_whose_worker_is_killed_on_a_cluster_is_done_again(scheduler, tm
 
 def test_a_worker_of_a_cluster_does_one_thing_at_a_time(scheduler, tmp_path):
     """Each of the two has two threads."""
+    wait_for_both(scheduler)
     campaign = Campaign(partial(toys.alone, folder=tmp_path), "toys", block=1)
     with Place.open(1, scheduler, None) as place:
         found = [result for _, result in place.results(campaign, range(12))]

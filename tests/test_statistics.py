@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import json
+import re
 import sys
 from functools import partial
 from pathlib import Path
@@ -14,10 +15,13 @@ import toys
 from proving.executor import Processes
 from proving.seeds import Place
 from proving.statistics import frame, gross_errors
-from proving.statistics.frame import NAMES, Study, main, parts_of, run
+from proving.statistics.frame import NAMES, Study, asked, main, parts_of, run
 from proving.statistics.gross_errors import CASES
 
 FOLDER = Path(frame.__file__).parent
+DOCS = Path(__file__).parent.parent / "docs"
+NOT_QUOTED = {"intervals"}
+"""Campaigns that no document quotes a command of."""
 SEEDS = range(4, 12)
 
 
@@ -105,6 +109,22 @@ def test_figures_are_said_in_words(capsys):
     assert figures.startswith("12 rows, 2 coefficients: named ")
     assert figures.endswith(", of 8")
     assert len(digest.removeprefix("digest ")) == 64
+
+
+COMMANDS = [
+    command.split()
+    for document in sorted(DOCS.rglob("*.md"))
+    for command in re.findall(r"`python -m proving\.statistics ([^`]*)`", document.read_text(encoding="utf-8"))
+]
+
+
+def test_commands_in_the_documents_can_be_asked_for():
+    """Those without a part name the campaign in the caption of a table whose rows have the parts."""
+    whole = [command for command in COMMANDS if command[-1] != "..." and command != ["whole-plots"]]
+    assert len(whole) > 20
+    assert {name for name, *_ in COMMANDS} == {name.replace("_", "-") for name in NAMES} - NOT_QUOTED
+    for name, *words in whole:
+        asked(name, words)  # ends the program where there is no such option
 
 
 def test_what_is_no_case_or_lacks_its_folder_is_refused(capsys):

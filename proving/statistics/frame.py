@@ -143,9 +143,8 @@ def main(words: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(prog="python -m proving.statistics", description=__doc__)
     parser.add_argument("campaign", choices=[name.replace("_", "-") for name in NAMES])
     campaign = parser.parse_args(words[:1]).campaign
-    parts = parts_of(campaign)
-    given = _asked(campaign, parts, words[1:])
-    part = parts[given.part]
+    given = asked(campaign, words[1:])
+    part = parts_of(campaign)[given.part]
     options = {name: getattr(given, name) for name in inspect.signature(part.study).parameters}
     try:
         study = _only(part.study(**options), given.only)
@@ -184,7 +183,9 @@ def _only(study: Study, words: str) -> Study:
     return replace(study, cases=cases)
 
 
-def _asked(campaign: str, parts: Mapping[str, Part], words: Sequence[str]) -> argparse.Namespace:
+def asked(campaign: str, words: Sequence[str]) -> argparse.Namespace:
+    """Options of a campaign; argparse ends the program where they are none."""
+    parts = parts_of(campaign)
     about = import_module(f"proving.statistics.{campaign.replace('-', '_')}").__doc__
     shape = argparse.RawDescriptionHelpFormatter
     parser = argparse.ArgumentParser(
