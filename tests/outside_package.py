@@ -45,8 +45,8 @@ def _site() -> TemporaryDirectory[str]:
 
 
 def _taken_out() -> dict[str, ModuleType]:
-    """The command line's modules, which from now on are not imported."""
-    names = [name for name in sys.modules if name.split(".")[:2] == ["rig", "cli"]]
+    """The modules that commands are in, which from now on are not imported."""
+    names = [name for name in sys.modules if f"{name}.".startswith(("rig.cli.", "proving.command_"))]
     return {name: sys.modules.pop(name) for name in names}
 
 

@@ -107,7 +107,7 @@ def test_the_wheel_of_the_sdist_is_the_wheel_of_the_tree(wheel, tmp_path):
 def test_an_installed_wheel_runs_the_demo(wheel, tmp_path):
     venv.create(tmp_path / "env", with_pip=False, symlinks=True)
     python = tmp_path / "env" / "bin" / "python"
-    quietly(*PIP, "--python", python, "install", "--no-deps", wheel)
+    quietly(*PIP, "--python", python, "install", "--no-deps", "--no-compile", wheel)
     (site,) = (tmp_path / "env").glob("lib/python*/site-packages")
     (about,) = site.glob("*.dist-info")
     needed = required(Distribution.at(about))

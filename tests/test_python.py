@@ -21,6 +21,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
+from few_sensors import with_sensors
 from matplotlib.figure import Figure
 
 import rig
@@ -51,7 +52,9 @@ def line(seed: int) -> str:
 
 @pytest.fixture(scope="module")
 def pressure(tmp_path_factory):
-    return dry_pressure.dry(tmp_path_factory.mktemp("pressure"))
+    """Of one of the seven transducers: the pictures of each are drawn twice, alike."""
+    bench, world = with_sensors(dry_pressure.LAB, tmp_path_factory.mktemp("lab"), "bridge_1")
+    return dry_pressure.dry(tmp_path_factory.mktemp("pressure"), bench=bench, world=world)
 
 
 def printed(*arguments: object) -> object:
