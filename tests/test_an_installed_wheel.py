@@ -116,7 +116,7 @@ def test_an_installed_wheel_runs_the_demo(wheel, tmp_path):
     assert "pytest" not in needed
     for one in needed.values():
         lend(one, site)
-    # one sensor, and half as many points as the short demo has, in as many hours, through which temperature and time differ
+    # one sensor, half as many points as the short demo has, in as many hours, in which temperature and time differ
     lab = site / "rig" / "examples" / "attitude-lab"
     with_sensors(lab, lab, "x")
     night = lab / "night.toml"
