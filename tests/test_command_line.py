@@ -326,7 +326,9 @@ _AT_THE_END = "atexit.register(os.kill, os.getpid(), signal.SIGHUP)"
     ("when", "code", "says"), [(_WHILE_LOADED, -signal.SIGINT, ""), (_AT_THE_END, 2, "no run file")]
 )
 def test_a_signal_before_the_command_is_there_or_after_its_end(when, code, says):
+    # a process begun in the background of a shell ignores SIGINT, and so do those that it begins
     script = f"""import atexit, os, runpy, signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)
 {when}
 sys.argv = ["rig", "verify", "nowhere.sqlite"]
 runpy.run_module("rig", run_name="__main__")"""
