@@ -51,10 +51,6 @@ class Coded(Generic[Level]):
     def __iter__(self) -> Iterator[Level]:
         return map(self.levels.__getitem__, self._codes)
 
-    def codes(self) -> Iterator[int]:
-        """The number of each value's level, in order."""
-        return iter(self._codes)
-
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Coded):
             return NotImplemented
