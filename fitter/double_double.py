@@ -8,6 +8,7 @@ extended registers or fused multiplication. About 31 digits, at some twenty oper
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -108,7 +109,7 @@ def _whole(exponent: DoubleDouble) -> int | None:
     return int(value) if value.is_integer() and abs(value) <= _HIGHEST_POWER else None
 
 
-_EXACT = {
+_EXACT: Mapping[np.ufunc, Callable[..., DoubleDouble]] = {
     np.add: DoubleDouble.__add__,
     np.subtract: DoubleDouble.__sub__,
     np.multiply: DoubleDouble.__mul__,

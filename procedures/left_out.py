@@ -8,9 +8,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
+from fitter.arrays import IntArray
 from fitter.errors import FitError
 from fitter.gross import LEVEL, GrossErrors
+from fitter.json_values import if_finite
 from procedures.errors import DataError
 from procedures.table import Table
 
@@ -80,7 +81,7 @@ class FitSummary:
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
-        table = {n: {"estimate": _known(b), "stderr": _known(s)} for n, (b, s) in self.coefficients.items()}
+        table = {n: {"estimate": if_finite(b), "stderr": if_finite(s)} for n, (b, s) in self.coefficients.items()}
         return {**self.sigmas, "coefficients": table}
 
 
@@ -197,7 +198,7 @@ def kept_with(searched: Searched) -> dict[str, Any]:
 def _moved(first: FitSummary, other: FitSummary) -> dict[str, float | None]:
     """How far coefficients are from those of another fit, in its standard errors."""
     pairs = ((name, first.coefficients[name][0] - b, s) for name, (b, s) in other.coefficients.items())
-    return {name: _known(off / s) if s > 0 else None for name, off, s in pairs}
+    return {name: if_finite(off / s) if s > 0 else None for name, off, s in pairs}
 
 
 def _sentence(
@@ -250,7 +251,3 @@ def _compared(fits: tuple[FitSummary, FitSummary | str], moved: Mapping[str, flo
 
 def _listed(numbers: Sequence[int]) -> str:
     return ", ".join(str(n) for n in numbers[:SHOWN]) + (" ..." if len(numbers) > SHOWN else "")
-
-
-def _known(value: float | FloatArray) -> float | None:
-    return float(value) if np.isfinite(value) else None

@@ -17,7 +17,7 @@ from drivers.errors import BadReply, InstrumentError, NoReply, Unreachable
 from drivers.roles import ChamberState, Identity
 from procedures.attitude.settings import PitchRollProcedure
 from procedures.fault_policies import HeadFaults, Step, step_at
-from procedures.pressure.fault_policies import WholePlotFaults
+from procedures.pressure.settings import WholePlotFaults
 from procedures.words import incomplete
 from rig.bench import check_options, open_bench
 from rig.config import parse_bench, parse_procedure

@@ -15,6 +15,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.errors import FitError
+from fitter.json_values import if_finite
 from procedures.attitude.data import SAME_ANGLE_DEG, AttitudeData
 from procedures.attitude.designs import Design, fraction, grid, tumble
 from procedures.attitude.evaluate import with_temperature
@@ -261,16 +262,12 @@ def _sensor(part: PartFit, whole: PartFit) -> dict[str, Any]:
     shift = part.shift(whole.fit)
     return {
         **part.fit.to_dict(),
-        "interval95_deg": _known(sigma_deg(part.interval95_V, S_V)),
-        "interval_ratio": _known(part.interval95_V / whole.interval95_V) if whole.interval95_V > 0 else None,
-        "residual_deg": _known(sigma_deg(part.residual_V, S_V)),
-        "coverage95": _known(part.coverage95),
-        "shift": {name: _known(value) for name, value in zip(part.fit.linear.names, shift, strict=True)},
+        "interval95_deg": if_finite(sigma_deg(part.interval95_V, S_V)),
+        "interval_ratio": if_finite(part.interval95_V / whole.interval95_V) if whole.interval95_V > 0 else None,
+        "residual_deg": if_finite(sigma_deg(part.residual_V, S_V)),
+        "coverage95": if_finite(part.coverage95),
+        "shift": {name: if_finite(value) for name, value in zip(part.fit.linear.names, shift, strict=True)},
     }
-
-
-def _known(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
 
 
 @dataclass(frozen=True)

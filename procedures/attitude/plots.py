@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from procedures.attitude.parameters import SCALE, UNIT
-from procedures.pictures import colour_scale, legend_below, side_by_side
+from procedures.pictures import BEFORE_AFTER, colour_scale, dress, legend_below, side_by_side
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -46,15 +46,12 @@ class Picture:
 def residuals_against(picture: Picture, x: Array, label: str, *, legend: bool) -> Figure:
     """Residuals before and after over one variable, a colour for each replication, a legend if asked."""
     figure, axes = side_by_side(3.2)
-    for axis, residual, half, title in (
-        (axes[0], picture.before_deg, picture.interval_deg[0], "before: declared model"),
-        (axes[1], picture.after_deg, picture.interval_deg[1], "after: with the effects found"),
-    ):
+    sides = picture.before_deg, picture.after_deg
+    for axis, residual, half, title in zip(axes, sides, picture.interval_deg, BEFORE_AFTER, strict=True):
         _by_replication(axis, x, residual, picture.replicate)
         for side in (-half, half):
             axis.axhline(side * SCALE, color="0.35", linewidth=0.9, linestyle="-.")
-        axis.set_title(title, fontsize=9)
-        axis.set_xlabel(label, fontsize=9)
+        dress(axis, title, label)
     axes[0].set_ylabel(f"residual / {UNIT}", fontsize=9)
     if legend:
         handles, labels = axes[0].get_legend_handles_labels()
@@ -75,9 +72,6 @@ def _by_replication(axis: Axes, x: Array, residual: Array, replicate: np.ndarray
             alpha=0.55,
             label=f"replication {r}",
         )
-    axis.grid(color="0.9", linewidth=0.6)
-    axis.tick_params(labelsize=8)
-    axis.axhline(0, color="0.5", linewidth=0.7)
 
 
 def residual_map(picture: Picture) -> Figure:

@@ -6,10 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import PurePath
 from typing import Any
 
-import numpy as np
-
 from fitter.arrays import FloatArray
-from procedures.charting import Calibrations, Shown, View
+from procedures.charting import Calibrations, Charting, Shown, View
 from procedures.errors import DataError
 from procedures.general.history import curve_charted
 from procedures.general.infer import CurveCalibration
@@ -17,10 +15,8 @@ from procedures.table import Table
 from procedures.unused import unit_of
 
 
-class GeneralCharting:
+class GeneralCharting(Charting):
     """See `procedures.charting.Charting`."""
-
-    at_one_temperature = False
 
     def of_table(self, table: Table, formula: str | None) -> Calibrations:
         """A table does not say what is to be explained by what; a calibration file does."""
@@ -34,22 +30,6 @@ class GeneralCharting:
         curve, simulated = CurveCalibration.from_dict(content["calibration"]), bool(content["data"].get("simulated"))
         name = curve.response
         return Calibrations({name: curve}, {name: ()}, simulated, {"file": PurePath(source).name})
-
-    def model(self, sensor: CurveCalibration) -> str:
-        """Its formula."""
-        return str(sensor.formula)
-
-    def apart(self, first: CurveCalibration, later: CurveCalibration, between: str) -> str:
-        """Calibrations of one formula can be compared."""
-        return ""
-
-    def same(self, first: CurveCalibration, later: CurveCalibration) -> bool:
-        """By their coefficients."""
-        return np.array_equal(first.coefficients, later.coefficients)
-
-    def at(self, sensor: CurveCalibration, degC: float) -> CurveCalibration:
-        """No temperature is known to matter."""
-        return sensor
 
     def view(self, every: Sequence[CurveCalibration], years: FloatArray, usage: float | None) -> View:
         """Used over the range that all calibrations have."""

@@ -15,6 +15,7 @@ from fitter.arrays import FloatArray, IntArray
 from fitter.errors import FitError
 from fitter.formula import Formula
 from fitter.gross import GrossErrors
+from fitter.json_values import if_finite
 from fitter.scatter import uneven_scatter
 from fitter.split_plot import SplitPlotFit, fit_split_plot
 from procedures.blocks import Block
@@ -135,7 +136,7 @@ class _Rows:
 
 def _summary(fit: LinearFit | SplitPlotFit) -> FitSummary:
     if isinstance(fit, LinearFit):
-        sigmas: dict[str, float | None] = {"sigma_E": _finite(fit.sigma)}
+        sigmas: dict[str, float | None] = {"sigma_E": if_finite(fit.sigma)}
         stderr = fit.stderr
     else:
         sigmas = {name: getattr(fit, name) for name in ("sigma_subplot", "sigma_wholeplot", "sigma_replicate")}
@@ -175,9 +176,9 @@ def _of_rows(fit: LinearFit) -> dict[str, Any]:
 
 def _of_whole_plots(fit: SplitPlotFit) -> dict[str, Any]:
     """The same of a fit with whole plots."""
-    stderr = [_finite(error) for error in fit.kenward_roger().stderr]
+    stderr = [if_finite(error) for error in fit.kenward_roger().stderr]
     return {
-        "coefficients": _coefficients(fit.names, fit.coefficients.tolist(), stderr, [_finite(df) for df in fit.df]),
+        "coefficients": _coefficients(fit.names, fit.coefficients.tolist(), stderr, [if_finite(df) for df in fit.df]),
         "sigma_subplot": fit.sigma_subplot,
         "sigma_wholeplot": fit.sigma_wholeplot,
         "sigma_replicate": fit.sigma_replicate,
@@ -220,10 +221,6 @@ def _coefficients(
         name: {"estimate": b, "stderr": error, "df": freedom}
         for name, b, error, freedom in zip(names, estimates, stderr, df, strict=True)
     }
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
 
 
 def _calibration(

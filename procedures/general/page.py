@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from procedures.effects_page import effects_part
 from procedures.general.plots import residuals_over
+from procedures.numbers import number
 from procedures.results import Page
 
 if TYPE_CHECKING:
@@ -34,14 +35,14 @@ def trace_page(traced: GeneralTraced) -> Page:
         **found,
         "name": name,
         "rows": [
-            {"label": label, "before": _number(before[key]), "after": _number(after[key]), "meaning": meaning}
+            {"label": label, "before": number(before[key], 4), "after": number(after[key], 4), "meaning": meaning}
             for key, label, meaning in _ROWS
             if before[key] is not None or after[key] is not None
         ],
         "s": effects_part(found, {}),
         "plots": _plots(traced),
         "coefficients": [
-            {"name": term, "estimate": _number(value["estimate"], 6), "stderr": _number(value["stderr"], 3)}
+            {"name": term, "estimate": number(value["estimate"], 6), "stderr": number(value["stderr"], 3)}
             for term, value in found["fitted"]["coefficients"].items()
         ],
     }
@@ -61,7 +62,3 @@ def _plots(traced: GeneralTraced) -> list[dict[str, Any]]:
         }
         for name in shown
     ]
-
-
-def _number(value: float | None, digits: int = 4) -> str:
-    return "-" if value is None or value != value else f"{value:.{digits}g}"  # noqa: PLR0124 - NaN is not itself

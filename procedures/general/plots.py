@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from procedures.pictures import side_by_side
+from procedures.pictures import BEFORE_AFTER, dress, side_by_side
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -34,19 +34,13 @@ def residuals_over(
     """
     figure, axes = side_by_side(3.2)
     apart = levels is not None or len(np.unique(values)) <= _APART
-    for axis, residual, title in zip(
-        axes, left, ("before: declared model", "after: with the effects found"), strict=True
-    ):
+    for axis, residual, title in zip(axes, left, BEFORE_AFTER, strict=True):
         axis.plot(values, residual, "o", ms=3, alpha=0.5)
         if apart:
             axis.plot(*_means(values, residual, each=True), "_", color="C1", ms=18, mew=2.5, label="mean")
         else:
             axis.plot(*_means(values, residual), "-", color="C1", lw=1.5, label="running mean")
-        axis.axhline(0, color="0.5", linewidth=0.7)
-        axis.set_title(title, fontsize=9)
-        axis.set_xlabel(name, fontsize=9)
-        axis.grid(color="0.9", linewidth=0.6)
-        axis.tick_params(labelsize=8)
+        dress(axis, title, name)
         if apart:
             axis.margins(x=0.25)
             _name_ticks(axis, values, levels)

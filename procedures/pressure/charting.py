@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from fitter.arrays import FloatArray
-from procedures.charting import Calibrations, Shown, View
+from procedures.charting import Calibrations, Charting, Shown, View
 from procedures.errors import DataError
 from procedures.pressure.evaluate import fit_whole_plots
 from procedures.pressure.fit import PressureFit
@@ -14,10 +14,8 @@ from procedures.pressure.history import NAMES, pressure_charted
 from procedures.table import Table
 
 
-class PressureCharting:
+class PressureCharting(Charting):
     """See `procedures.charting.Charting`."""
-
-    at_one_temperature = False
 
     def of_table(self, table: Table, formula: str | None) -> Calibrations:
         """See `Charting`."""
@@ -30,21 +28,9 @@ class PressureCharting:
             f"{source} does not keep all that charting whole plots needs; give the run file or table instead"
         )
 
-    def model(self, sensor: PressureFit) -> str:
-        """Its formula."""
-        return str(sensor.formula)
-
-    def apart(self, first: PressureFit, later: PressureFit, between: str) -> str:
-        """Calibrations of one formula can be compared."""
-        return ""
-
     def same(self, first: PressureFit, later: PressureFit) -> bool:
         """It is not looked at: runs are told apart by their names."""
         return False
-
-    def at(self, sensor: PressureFit, degC: float) -> PressureFit:
-        """Parameters hold at the centre temperatures of all calibrations anyway."""
-        return sensor
 
     def view(self, every: Sequence[PressureFit], years: FloatArray, usage: float | None) -> View:
         """Used over the pressures that all calibrations have."""

@@ -9,6 +9,7 @@ import numpy as np
 from fitter.trace.outcome import Outcome
 from procedures.effect_plots import drawn
 from procedures.effects_page import effects_part
+from procedures.numbers import number
 from procedures.pressure.plots import Residuals, between_whole_plots, reading_errors, within_whole_plots
 from procedures.results import Page
 
@@ -41,19 +42,20 @@ def _transducer(outcome: Outcome, result: dict[str, Any], traced: WholePlotTrace
         **result,
         "name": name,
         "rows": [
-            {"label": label, "before": _number(before[key]), "after": _number(after[key]), "meaning": meaning}
+            {"label": label, "before": number(before[key]), "after": number(after[key]), "meaning": meaning}
             for key, label, meaning in _ROWS
         ],
         "reading_errors": [
-            {"pressure": pressure, "before": _number(value), "after": _number(after["reading_error_pct"].get(pressure))}
+            {"pressure": pressure, "before": number(value), "after": number(after["reading_error_pct"].get(pressure))}
             for pressure, value in before["reading_error_pct"].items()
         ],
         "coefficients": [
             {
                 "name": term,
-                **{key: _number(value[key], 6 if key == "estimate" else 3) for key in ("estimate", "stderr")},
+                "estimate": number(value["estimate"], 6),
+                "stderr": number(value["stderr"]),
+                "df": number(value["df"]),
             }
-            | {"df": _number(value["df"], 3)}
             for term, value in result["fitted"]["coefficients"].items()
         ],
         **effects_part(result, drawn(outcome.figures)),
@@ -63,7 +65,3 @@ def _transducer(outcome: Outcome, result: dict[str, Any], traced: WholePlotTrace
             {"alt": f"{name}: mean residual of each whole plot", "figure": between_whole_plots(residuals)},
         ],
     }
-
-
-def _number(value: float | None, digits: int = 3) -> str:
-    return "-" if value is None else f"{value:.{digits}g}"

@@ -6,15 +6,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from procedures.pictures import colour_scale, side_by_side
+from procedures.pictures import BEFORE_AFTER, colour_scale, dress, side_by_side
 from procedures.pressure.data import WholePlotData
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
-
-_TITLES = ("before: declared model", "after: with the effects found")
 
 
 @dataclass(frozen=True)
@@ -44,11 +41,11 @@ def within_whole_plots(residuals: Residuals) -> Figure:
     """Residuals less their whole plot's mean over pressure, a colour for each side of approach."""
     data, means = residuals.data, [_less_means(residuals.data, side) for side in residuals.sides]
     figure, axes = side_by_side(3.2)
-    for axis, left, title in zip(axes, means, _TITLES, strict=True):
+    for axis, left, title in zip(axes, means, BEFORE_AFTER, strict=True):
         for side, colour, label in ((1, "C0", "came from below"), (-1, "C1", "from above"), (0, "0.5", "first")):
             rows = data.pressure_side == side
             axis.plot(data.pressure_psia[rows], left[rows], "o", ms=3, alpha=0.6, color=colour, label=label)
-        _dress(axis, "pressure / psia", title)
+        dress(axis, title, "pressure / psia")
         axis.set_xscale("log")
     axes[0].set_ylabel("within whole plots / mV", fontsize=9)
     axes[0].legend(fontsize=7, frameon=False, ncols=3)
@@ -60,11 +57,11 @@ def reading_errors(residuals: Residuals) -> Figure:
     data = residuals.data
     figure, axes = side_by_side(3.2)
     nonzero = data.pressure_psia > 0
-    for axis, side, title in zip(axes, residuals.sides, _TITLES, strict=True):
+    for axis, side, title in zip(axes, residuals.sides, BEFORE_AFTER, strict=True):
         pressure = data.pressure_psia[nonzero]
         error = 100.0 * side[nonzero] / (residuals.sensitivity * pressure)
         axis.plot(pressure, error, "o", ms=3, alpha=0.6)
-        _dress(axis, "pressure / psia", title)
+        dress(axis, title, "pressure / psia")
         axis.set_xscale("log")
         axis.set_yscale("symlog", linthresh=1.0)
     axes[0].set_ylabel("reading error / %", fontsize=9)
@@ -79,10 +76,10 @@ def between_whole_plots(residuals: Residuals) -> Figure:
     position = np.argsort(np.argsort(began)) + 1
     warmth = np.bincount(index, data.sensor_temperature_degC) / count
     figure, axes = side_by_side(2.9)
-    for axis, side, title in zip(axes, residuals.sides, _TITLES, strict=True):
+    for axis, side, title in zip(axes, residuals.sides, BEFORE_AFTER, strict=True):
         mean = np.bincount(index, side) / count
         dots = axis.scatter(position, mean, c=warmth, s=28, cmap="coolwarm", edgecolors="0.4", linewidths=0.4)
-        _dress(axis, "whole plot, in the order of running", title)
+        dress(axis, title, "whole plot, in the order of running")
     axes[0].set_ylabel("mean residual / mV", fontsize=9)
     colour_scale(figure, dots, "sensor / degC")
     return figure
@@ -91,11 +88,3 @@ def between_whole_plots(residuals: Residuals) -> Figure:
 def _less_means(data: WholePlotData, side: Array) -> Array:
     index = data.whole_plot_index
     return np.asarray(side - (np.bincount(index, side) / np.bincount(index))[index])
-
-
-def _dress(axis: Axes, label: str, title: str) -> None:
-    axis.set_title(title, fontsize=9)
-    axis.set_xlabel(label, fontsize=9)
-    axis.grid(color="0.9", linewidth=0.6)
-    axis.tick_params(labelsize=8)
-    axis.axhline(0, color="0.5", linewidth=0.7)
