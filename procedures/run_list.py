@@ -9,12 +9,63 @@ from __future__ import annotations
 import hashlib
 import itertools
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from array import array
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, overload
+from typing import Any, Generic, TypeVar, overload
 
-from procedures.coded import Coded
+Level = TypeVar("Level", bound=Hashable)
+
+_WIDER = {"B": "H", "H": "I", "I": "Q"}
+
+
+class Coded(Generic[Level]):
+    """Values in order, each kept as the number of its level.
+
+    Attributes:
+        levels: the different values, in order of first appearance.
+
+    """
+
+    def __init__(self) -> None:
+        self.levels: list[Level] = []
+        self._code_of: dict[Level, int] = {}
+        self._codes = array("B")
+
+    def extend(self, values: Sequence[Level]) -> None:
+        """Add values at the end."""
+        for value in dict.fromkeys(values):
+            if value not in self._code_of:
+                self._code_of[value] = len(self.levels)
+                self.levels.append(value)
+        while len(self.levels) > 1 << 8 * self._codes.itemsize:
+            self._codes = array(_WIDER[self._codes.typecode], self._codes)
+        self._codes.extend(map(self._code_of.__getitem__, values))
+
+    def first(self, code: int) -> int:
+        """Index of the first value that is the level of this number."""
+        return self._codes.index(code)
+
+    def count(self, code: int) -> int:
+        """How many values are the level of this number."""
+        return self._codes.count(code)
+
+    def __len__(self) -> int:
+        return len(self._codes)
+
+    def __getitem__(self, index: int) -> Level:
+        return self.levels[self._codes[index]]
+
+    def __iter__(self) -> Iterator[Level]:
+        return map(self.levels.__getitem__, self._codes)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Coded):
+            return NotImplemented
+        return self.levels == other.levels and self._codes == other._codes
+
+    __hash__ = None  # type: ignore[assignment]
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,8 +13,8 @@ from pressure_truth import HOMOSCEDASTIC, SENSOR_CENTRE_DEGC, SSE_CENTRE_DEGC, s
 from scipy import stats
 
 from procedures.errors import DataError
+from procedures.pressure.charting import pressure_charted
 from procedures.pressure.fit import fit_pressure
-from procedures.pressure.history import pressure_charted
 from rig.closed_loop import fit_table
 from rig.closed_loop.chart import chart_calibrations
 from rig.closed_loop.chart_together import read_together

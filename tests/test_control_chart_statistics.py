@@ -16,8 +16,7 @@ from fitter.history.chart import holm
 from fitter.history.components import Profile
 from fitter.history.forecast import Prediction, predict
 from procedures.attitude.fit import fit_all
-from procedures.attitude.history import attitude_charted, calibrated
-from procedures.attitude.history_of_files import calibrated_from
+from procedures.attitude.history import attitude_charted, calibrated, calibrated_from
 from procedures.attitude.infer import calibrate_package
 
 BCG = """

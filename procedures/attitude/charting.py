@@ -11,8 +11,7 @@ from fitter.arrays import FloatArray
 from fitter.errors import FitError
 from fitter.quantiles import t_limit
 from procedures.attitude.evaluate import with_temperature
-from procedures.attitude.history import AttitudeCharted, Calibrated, attitude_charted, calibrated
-from procedures.attitude.history_of_files import calibrated_from
+from procedures.attitude.history import AttitudeCharted, Calibrated, attitude_charted, calibrated, calibrated_from
 from procedures.attitude.infer.calibrate import OFFSET, SENSITIVITY
 from procedures.attitude.table import attitude_data
 from procedures.charting import Calibrations, Charting, Shown, View
