@@ -11,9 +11,9 @@ The paper's T_b and T_S have lack of fit in their denominator, so removing a rea
 drift test is against SS_pr, which lack of fit does not enter.
 
 T_bias has the scatter of readings at one point as its denominator. Drift between replications and wander within them
-are in that scatter too, so a lack of fit smaller than they are is not significant: the test is blind to it. Drift of the
-parameters between replications can be taken out: lack of fit is then tested against SS_pr. Wander within replications
-cannot; it shows as correlation of neighbours in time.
+are in that scatter too, so a lack of fit smaller than they are is not significant: the test is blind to it. Drift of
+the parameters between replications can be taken out: lack of fit is then tested against SS_pr. Wander within
+replications cannot; it shows as correlation of neighbours in time.
 """
 
 from __future__ import annotations

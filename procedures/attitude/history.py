@@ -3,9 +3,9 @@
 The error within a calibration is not that of its pooled fit but what its replications show
 (`fitter.replication.between_replications`).
 
-Of what was kept, the JSON of `fit_attitude` and `calibrate_package`, replications one by one are not known, but the mean
-squares between them of offset and sensitivity (sigma_b, sigma_S) and of all parameters together; the last stands for
-how the sensitive axis turns.
+Of what was kept, the JSON of `fit_attitude` and `calibrate_package`, replications one by one are not known, but the
+mean squares between them of offset and sensitivity (sigma_b, sigma_S) and of all parameters together; the last stands
+for how the sensitive axis turns.
 """
 
 from __future__ import annotations
