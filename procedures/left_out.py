@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from fitter.arrays import IntArray
+from fitter.arrays import FloatArray, IntArray
 from fitter.errors import FitError
 from fitter.gross import LEVEL, GrossErrors
 from fitter.json_values import if_finite
@@ -79,6 +79,14 @@ class FitSummary:
     unit: str
     coefficients: Mapping[str, tuple[float, float]]
 
+    @staticmethod
+    def of(
+        sigmas: Mapping[str, float | None], unit: str, names: Sequence[str], estimates: FloatArray, stderr: FloatArray
+    ) -> FitSummary:
+        """Of (k,) estimates and their standard errors."""
+        values = zip(estimates.tolist(), stderr.tolist(), strict=True)
+        return FitSummary(sigmas, unit, dict(zip(names, values, strict=True)))
+
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
         table = {n: {"estimate": if_finite(b), "stderr": if_finite(s)} for n, (b, s) in self.coefficients.items()}
@@ -138,11 +146,7 @@ class Searched:
             return str(error)
 
     def of_sensor(
-        self,
-        name: str,
-        unit: str,
-        where: Where,
-        fits: tuple[FitSummary, FitSummary | str] | None,
+        self, name: str, unit: str, where: Where, kept_fit: FitSummary, other: FitSummary | str | None
     ) -> dict[str, Any]:
         """The `gross_errors` of one sensor for JSON.
 
@@ -150,9 +154,13 @@ class Searched:
             name: of the sensor.
             unit: of its output.
             where: a row's place in words.
-            fits: with the named rows and without them, or why it cannot be fitted without; None where none is named.
+            kept_fit: the fit that is kept.
+            other: that of `with_the_others`.
 
         """
+        fits: tuple[FitSummary, FitSummary | str] | None = None if other is None else (kept_fit, other)
+        if self.left_out.gross and isinstance(other, FitSummary):
+            fits = other, kept_fit
         found, kept = self.found[name], not self.left_out.gross
         rows = self.searched[found.rows]
         result: dict[str, Any] = {

@@ -129,7 +129,7 @@ class AttitudeConfirming:
         )
         kept = result["calibration"]
         kept["notes"] = [*kept["notes"], *(effect["used"] for effect in record["effects"])]
-        return AttitudeFitted(self.traced.table, result | {"confirmed_by": record})
+        return AttitudeFitted(result | {"confirmed_by": record}, self.traced.table)
 
     def _planned(self, variation: Variation, run_list: RunList) -> AttitudeData:
         data, procedure = self.data, variation.procedure

@@ -25,6 +25,7 @@ from procedures.attitude.model import sigma_deg
 from procedures.attitude.table import KNOWN, UNIT, attitude_data
 from procedures.blocks import Block
 from procedures.errors import DataError
+from procedures.results import PlainFitted
 from procedures.table import Table
 from procedures.unused import unused_in_fit
 
@@ -271,22 +272,14 @@ def _sensor(part: PartFit, whole: PartFit) -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
-class FractionsCompared:
+class FractionsCompared(PlainFitted):
     """A run and what fewer points would have cost, ready for JSON."""
 
     table: Table
     which: str
-    result: dict[str, Any]
-
-    def to_json(self) -> dict[str, Any]:
-        """What `rig fit --points --json` prints."""
-        return self.result
 
     def blocks(self) -> Iterator[Block]:
         """What a person reads of it."""
         from procedures.attitude.fractions_shown import show_fractions  # noqa: PLC0415 - which needs this module
 
         return show_fractions(PurePath(self.table.source).name, self.table, self.result, self.which)
-
-    def page(self) -> None:
-        """It has no report."""

@@ -18,7 +18,7 @@ from fitter import Triangle
 from fitter.arrays import FloatArray
 from fitter.errors import FitError
 from fitter.formula import Formula
-from fitter.json_values import if_finite
+from fitter.json_values import coefficient_table
 from fitter.split_plot import SplitPlotFit
 from procedures.pressure.data import WholePlotData
 from procedures.pressure.fit.errors import Errors, Layout
@@ -201,16 +201,6 @@ class MethodFit:
             "biased": self.biased,
             "note": self.note,
         }
-
-
-def coefficient_table(
-    names: tuple[str, ...], estimates: FloatArray, stderr: FloatArray, df: FloatArray
-) -> dict[str, dict[str, float | None]]:
-    """Estimate, standard error and degrees of freedom by name; None where one does not exist."""
-    return {
-        name: {"estimate": float(b), "stderr": if_finite(s), "df": if_finite(d)}
-        for name, b, s, d in zip(names, estimates, stderr, df, strict=True)
-    }
 
 
 def fit_method(problem: Problem, method: str, sensitivity_mV_per_psi: float | None = None) -> MethodFit:
