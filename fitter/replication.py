@@ -42,14 +42,12 @@ class Blind:
             the parameters do not drift between replications.
         bias: lack of fit against the latter, beside the replications' own parameters.
         wander: correlation of neighbours in time of what is left of them; 0 where it is not significant.
-        wander_p: probability of a larger one by chance.
 
     """
 
     inflation: float
     bias: FTest
     wander: float
-    wander_p: float
 
     @property
     def lacks_fit(self) -> bool:
@@ -113,7 +111,7 @@ def blind(
         every = orthonormal(np.column_stack([extra, own_parameters(columns, replicate)]))
         beyond = float(np.sum(off(output, every) ** 2))
         bias = ratio(beyond - rest, len(output) - every.shape[1] - drift.df_below, rest, drift.df_below)
-    return Blind(inflation if drifts else 1.0, bias, wander if p < _WANDERS else 0.0, p)
+    return Blind(inflation if drifts else 1.0, bias, wander if p < _WANDERS else 0.0)
 
 
 def _wander(left: FloatArray, within: FloatArray, point: IntArray, replicate: IntArray, df: int) -> tuple[float, float]:
