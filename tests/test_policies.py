@@ -27,7 +27,7 @@ from rig.engine.guard import Guard
 from rig.engine.session import Outcome
 from rig.errors import ConfigurationError
 from rig.examples import example
-from rig.report.story import story
+from rig.report.frame import story
 from rig.run_file.reader import RunReader
 from rig.simulated.dry_run import DryBench
 from rig.tables import run_table
