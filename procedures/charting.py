@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
+
+import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.history import Charted
@@ -79,7 +82,7 @@ class View:
     remarks: Sequence[str] = ()
 
 
-class Charting(Protocol):
+class Charting(ABC):
     """What a kind knows of calibrations to chart; sensors are those of its `Calibrations`.
 
     Attributes:
@@ -87,8 +90,9 @@ class Charting(Protocol):
 
     """
 
-    at_one_temperature: bool
+    at_one_temperature = False
 
+    @abstractmethod
     def of_table(self, table: Table, formula: str | None) -> Calibrations:
         """Calibrate every sensor of a table.
 
@@ -101,6 +105,7 @@ class Charting(Protocol):
 
         """
 
+    @abstractmethod
     def of_file(self, content: Mapping[str, Any], source: str) -> Calibrations:
         """What `rig fit --out` wrote of this kind.
 
@@ -116,6 +121,7 @@ class Charting(Protocol):
 
     def model(self, sensor: Any) -> str:
         """What was fitted to a sensor; only calibrations of one model are charted together."""
+        return str(sensor.formula)
 
     def apart(self, first: Any, later: Any, between: str) -> str:
         """Why two calibrations of one sensor and model cannot be compared; "" if they can.
@@ -126,13 +132,17 @@ class Charting(Protocol):
             between: "between FILE and FILE", to be said.
 
         """
+        return ""
 
     def same(self, first: Any, later: Any) -> bool:
-        """Whether two calibrations of one sensor are, as far as can be told, of the same data."""
+        """Whether two calibrations of one sensor are, as far as is known, of the same data: by their coefficients."""
+        return np.array_equal(first.coefficients, later.coefficients)
 
     def at(self, sensor: Any, degC: float) -> Any:
         """A sensor at another temperature, where that can be told."""
+        return sensor
 
+    @abstractmethod
     def view(self, every: Sequence[Any], years: FloatArray, usage: float | None) -> View:
         """One sensor over its calibrations.
 

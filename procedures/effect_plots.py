@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from fitter.trace.outcome import Figure as View
-from procedures.pictures import three_panels
+from procedures.pictures import dress, three_panels
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 Groups = np.ndarray[Any, np.dtype[np.int64]]
@@ -52,14 +52,14 @@ def _effect_plot(view: View, adds: Array) -> Figure:
             _means(axis, view.x[rows], residual[rows], bins[rows], colour, name)
             if axis is without:
                 axis.plot(*_averaged(view.x[rows], adds[rows], bins[rows])[:2], "-", lw=1.2, color=colour)
-        _dress(axis, title, view.label)
+        dress(axis, title, view.label)
     if len(series) > 1:
         without.legend(fontsize=7, frameon=False)
     added.plot(adds, left, ".", ms=2, alpha=0.25, color="0.6", zorder=1)
     _means(added, adds, left, _bins(adds), "C0", "")
     ends = np.array([adds.min(), adds.max()])
     added.plot(ends, ends, "-", color="C0", lw=1.2)
-    _dress(added, "without it, over what it adds", f"what the effect adds / {view.unit}")
+    dress(added, "without it, over what it adds", f"what the effect adds / {view.unit}")
     added.locator_params(axis="x", nbins=5)
     without.set_ylabel(f"residual / {view.unit}", fontsize=9)
     bound = 1.1 * float(np.percentile(np.abs(left), 99.5))
@@ -81,7 +81,7 @@ def _noise_plot(view: View) -> Figure:
     scatter.errorbar(at[several], sd[several], yerr=half[several], fmt="o", ms=3, lw=0.9, color="C0")
     scatter.set_ylim(bottom=0)
     for axis, title in ((readings, "readings"), (means, "their means"), (scatter, "their standard deviation")):
-        _dress(axis, title, view.label)
+        dress(axis, title, view.label)
     readings.set_ylabel(f"residual / {view.unit}", fontsize=9)
     return figure
 
@@ -117,11 +117,3 @@ def _averaged(x: Array, y: Array, bins: Groups) -> tuple[Array, Array, Array]:
     count = np.bincount(bins).astype(np.float64)
     kept = count > 0
     return np.bincount(bins, x)[kept] / count[kept], np.bincount(bins, y)[kept] / count[kept], count[kept]
-
-
-def _dress(axis: Axes, title: str, label: str) -> None:
-    axis.set_title(title, fontsize=9)
-    axis.set_xlabel(label, fontsize=9)
-    axis.grid(color="0.9", linewidth=0.6)
-    axis.tick_params(labelsize=8)
-    axis.axhline(0, color="0.5", linewidth=0.7)

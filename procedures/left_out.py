@@ -11,6 +11,7 @@ import numpy as np
 from fitter.arrays import FloatArray, IntArray
 from fitter.errors import FitError
 from fitter.gross import LEVEL, GrossErrors
+from fitter.json_values import if_finite
 from procedures.errors import DataError
 from procedures.table import Table
 
@@ -78,9 +79,17 @@ class FitSummary:
     unit: str
     coefficients: Mapping[str, tuple[float, float]]
 
+    @staticmethod
+    def of(
+        sigmas: Mapping[str, float | None], unit: str, names: Sequence[str], estimates: FloatArray, stderr: FloatArray
+    ) -> FitSummary:
+        """Of (k,) estimates and their standard errors."""
+        values = zip(estimates.tolist(), stderr.tolist(), strict=True)
+        return FitSummary(sigmas, unit, dict(zip(names, values, strict=True)))
+
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
-        table = {n: {"estimate": _known(b), "stderr": _known(s)} for n, (b, s) in self.coefficients.items()}
+        table = {n: {"estimate": if_finite(b), "stderr": if_finite(s)} for n, (b, s) in self.coefficients.items()}
         return {**self.sigmas, "coefficients": table}
 
 
@@ -137,11 +146,7 @@ class Searched:
             return str(error)
 
     def of_sensor(
-        self,
-        name: str,
-        unit: str,
-        where: Where,
-        fits: tuple[FitSummary, FitSummary | str] | None,
+        self, name: str, unit: str, where: Where, kept_fit: FitSummary, other: FitSummary | str | None
     ) -> dict[str, Any]:
         """The `gross_errors` of one sensor for JSON.
 
@@ -149,9 +154,13 @@ class Searched:
             name: of the sensor.
             unit: of its output.
             where: a row's place in words.
-            fits: with the named rows and without them, or why it cannot be fitted without; None where none is named.
+            kept_fit: the fit that is kept.
+            other: that of `with_the_others`.
 
         """
+        fits: tuple[FitSummary, FitSummary | str] | None = None if other is None else (kept_fit, other)
+        if self.left_out.gross and isinstance(other, FitSummary):
+            fits = other, kept_fit
         found, kept = self.found[name], not self.left_out.gross
         rows = self.searched[found.rows]
         result: dict[str, Any] = {
@@ -197,7 +206,7 @@ def kept_with(searched: Searched) -> dict[str, Any]:
 def _moved(first: FitSummary, other: FitSummary) -> dict[str, float | None]:
     """How far coefficients are from those of another fit, in its standard errors."""
     pairs = ((name, first.coefficients[name][0] - b, s) for name, (b, s) in other.coefficients.items())
-    return {name: _known(off / s) if s > 0 else None for name, off, s in pairs}
+    return {name: if_finite(off / s) if s > 0 else None for name, off, s in pairs}
 
 
 def _sentence(
@@ -250,7 +259,3 @@ def _compared(fits: tuple[FitSummary, FitSummary | str], moved: Mapping[str, flo
 
 def _listed(numbers: Sequence[int]) -> str:
     return ", ".join(str(n) for n in numbers[:SHOWN]) + (" ..." if len(numbers) > SHOWN else "")
-
-
-def _known(value: float | FloatArray) -> float | None:
-    return float(value) if np.isfinite(value) else None

@@ -31,6 +31,6 @@ def _places(error: float) -> int:
     return max(0, 1 - int(f"{error:.1e}".partition("e")[2]))  # the exponent of the error as it will be rounded
 
 
-def number(value: float | None, digits: int) -> str:
+def number(value: float | None, digits: int = 3) -> str:
     """A number, or a dash where there is none."""
     return "-" if value is None or isnan(value) else f"{value:.{digits}g}"

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
@@ -20,6 +21,9 @@ _NUMBERS, _CLOSE, _TITLES = 0.72, 0.16, 0.38
 """Between plots: beside each other with numbers between them, or without; above each other, room for a title."""
 _SCALE, _SCALE_WIDTH = 1.1, 0.14
 _LEGEND_LINE = 0.17
+
+BEFORE_AFTER = ("before: declared model", "after: with the effects found")
+"""Titles of two plots of residuals on one scale."""
 
 
 def side_by_side(height: float, count: int = 2, *, width: float = 9.6, share_y: bool = True) -> tuple[Figure, Any]:
@@ -93,6 +97,15 @@ def colour_scale(figure: Figure, mappable: ScalarMappable, label: str) -> None:
     left = 1.0 - (_SCALE - _CLOSE) / width
     beside = figure.add_axes((left, margins.bottom, _SCALE_WIDTH / width, margins.top - margins.bottom))
     figure.colorbar(mappable, cax=beside, label=label)
+
+
+def dress(axis: Axes, title: str, label: str) -> None:
+    """Titles, a grid and a line at zero for residuals over a variable."""
+    axis.set_title(title, fontsize=9)
+    axis.set_xlabel(label, fontsize=9)
+    axis.grid(color="0.9", linewidth=0.6)
+    axis.tick_params(labelsize=8)
+    axis.axhline(0, color="0.5", linewidth=0.7)
 
 
 def png(figure: Figure) -> str:

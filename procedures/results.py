@@ -86,6 +86,20 @@ class Fitted(Protocol):
         """Its report; None where it has none."""
 
 
+@dataclass(frozen=True)
+class PlainFitted:
+    """A calibration, ready for JSON, that has no report but its trace's."""
+
+    result: dict[str, Any]
+
+    def to_json(self) -> dict[str, Any]:
+        """What `rig fit --json` prints."""
+        return self.result
+
+    def page(self) -> None:
+        """It has none."""
+
+
 class Traced(Protocol):
     """A table and what was traced in it."""
 

@@ -9,12 +9,63 @@ from __future__ import annotations
 import hashlib
 import itertools
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from array import array
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, overload
+from typing import Any, Generic, TypeVar, overload
 
-from procedures.coded import Coded
+Level = TypeVar("Level", bound=Hashable)
+
+_WIDER = {"B": "H", "H": "I", "I": "Q"}
+
+
+class Coded(Generic[Level]):
+    """Values in order, each kept as the number of its level.
+
+    Attributes:
+        levels: the different values, in order of first appearance.
+
+    """
+
+    def __init__(self) -> None:
+        self.levels: list[Level] = []
+        self._code_of: dict[Level, int] = {}
+        self._codes = array("B")
+
+    def extend(self, values: Sequence[Level]) -> None:
+        """Add values at the end."""
+        for value in dict.fromkeys(values):
+            if value not in self._code_of:
+                self._code_of[value] = len(self.levels)
+                self.levels.append(value)
+        while len(self.levels) > 1 << 8 * self._codes.itemsize:
+            self._codes = array(_WIDER[self._codes.typecode], self._codes)
+        self._codes.extend(map(self._code_of.__getitem__, values))
+
+    def first(self, code: int) -> int:
+        """Index of the first value that is the level of this number."""
+        return self._codes.index(code)
+
+    def count(self, code: int) -> int:
+        """How many values are the level of this number."""
+        return self._codes.count(code)
+
+    def __len__(self) -> int:
+        return len(self._codes)
+
+    def __getitem__(self, index: int) -> Level:
+        return self.levels[self._codes[index]]
+
+    def __iter__(self) -> Iterator[Level]:
+        return map(self.levels.__getitem__, self._codes)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Coded):
+            return NotImplemented
+        return self.levels == other.levels and self._codes == other._codes
+
+    __hash__ = None  # type: ignore[assignment]
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,22 +191,10 @@ class Points(Sequence[Point]):
             raise KeyError(f"the run list has no whole plot {whole_plot}")
         return min(self.places.first(code) for code in codes), sum(self.places.count(code) for code in codes)
 
-    def texts(self) -> Iterator[str]:
-        """Every point as JSON, as it is hashed: [index, replication, whole plot, [setpoints], [sides]]."""
-        places = [json.dumps(place)[1:-1] for place in self.places.levels]
-        values = [[json.dumps(value) for value, _ in column.levels] for column in self.settings]
-        sides = [[json.dumps(side) for _, side in column.levels] for column in self.settings]
-        known: dict[tuple[int, ...], str] = {}
-        coded = zip(self.places.codes(), zip(*(column.codes() for column in self.settings), strict=True), strict=True)
-        for index, (place, at) in enumerate(coded):
-            text = known.get(at)
-            if text is None:
-                if len(known) >= _TEXTS_KEPT:
-                    known.clear()
-                setpoints = ", ".join([texts[code] for texts, code in zip(values, at, strict=True)])
-                from_sides = ", ".join([texts[code] for texts, code in zip(sides, at, strict=True)])
-                text = known[at] = f"[{setpoints}], [{from_sides}]]"
-            yield f"[{index}, {places[place]}, {text}"
+    def rows(self) -> Iterator[tuple[Any, ...]]:
+        """Every point as (index, replication, whole plot, setpoints..., sides...)."""
+        for index, place, *at in zip(itertools.count(), self.places, *self.settings, strict=False):
+            yield (index, *place, *[value for value, _ in at], *[side for _, side in at])
 
 
 def _in_order(points: list[Point], first: int, width: int) -> bool:
@@ -230,8 +269,8 @@ class RunList:
 
     def sha256(self) -> str:
         """Hash of everything that decides what the bench will do; two equal lists have equal hashes."""
-        texts = self.points.texts()
-        return _sha256(self.factors, self.seed, iter(lambda: "".join(itertools.islice(texts, _AT_ONCE)), ""))
+        rows = self.points.rows()
+        return rows_sha256(self.factors, self.seed, iter(lambda: list(itertools.islice(rows, _AT_ONCE)), []))
 
     def extremes(self) -> Mapping[str, tuple[float, float]]:
         """Lowest and highest value each factor can be commanded to, overtravel included, by factor name."""
@@ -262,7 +301,7 @@ class RunList:
 
 
 def rows_sha256(factors: Sequence[Factor], seed: int, slices: Iterable[Sequence[tuple[Any, ...]]]) -> str:
-    """The hash that the run list of these points has (`RunList.sha256`), without making it.
+    """The hash of a run list with these points: of the JSON of [index, replication, whole plot, [setpoints], [sides]].
 
     Args:
         factors: what the setpoints mean, in that order.
@@ -272,11 +311,12 @@ def rows_sha256(factors: Sequence[Factor], seed: int, slices: Iterable[Sequence[
     """
     width = len(factors)
     places, settings = _Texts(_place_text), _Texts(lambda row: _setting_text(row, width))
-    parts = (
-        "".join([f"[{row[0]}, {places[row[1:3]]}, {settings[row[3:]]}" for row in rows])  # as `Points.texts` has it
-        for rows in slices
-    )
-    return _sha256(factors, seed, parts)
+    head = {"factors": [[f.name, f.axis, f.overtravel, f.hard, f.stays] for f in factors], "seed": seed}
+    digest = hashlib.sha256(json.dumps(head, sort_keys=True).encode())
+    for rows in slices:
+        text = "".join([f"[{row[0]}, {places[row[1:3]]}, {settings[row[3:]]}" for row in rows])
+        digest.update(text.encode())
+    return digest.hexdigest()
 
 
 class _Texts(dict[tuple[Any, ...], str]):
@@ -298,11 +338,3 @@ def _place_text(row: tuple[Any, ...]) -> str:
 
 def _setting_text(row: tuple[Any, ...], width: int) -> str:
     return f"{json.dumps(row[:width])}, {json.dumps(row[width:])}]"
-
-
-def _sha256(factors: Sequence[Factor], seed: int, parts: Iterable[str]) -> str:
-    head = {"factors": [[f.name, f.axis, f.overtravel, f.hard, f.stays] for f in factors], "seed": seed}
-    digest = hashlib.sha256(json.dumps(head, sort_keys=True).encode())
-    for part in parts:
-        digest.update(part.encode())
-    return digest.hexdigest()

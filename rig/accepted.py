@@ -11,8 +11,8 @@ from rich.markup import escape
 
 from procedures.blocks import Block, Line
 from procedures.errors import DataError
-from procedures.kind import Procedure
-from rig.errors import RigError
+from procedures.kind import Procedure, kind_of
+from rig.errors import RigError, UsageError
 from rig.plans import has_plan, stored_plan
 from rig.run_file.reader import RunReader
 
@@ -38,8 +38,6 @@ class Acceptance:
         """Of a complete run by the limits of a procedure. Nothing that fits is loaded where there are none."""
         if not procedure.acceptance.limited:
             return cls()
-        from rig.acceptance import judge  # noqa: PLC0415
-
         try:
             return cls(judge(procedure, run_file))
         except (RigError, DataError) as error:
@@ -80,3 +78,18 @@ class Acceptance:
             return None
         sensors = {one.sensor: {"inside": one.inside, "found": one.found, "limit": one.limit} for one in self.verdicts}
         return {"inside": None if self.problem else not self.outside, "problem": self.problem, "sensors": sensors}
+
+
+def judge(procedure: Procedure, run_file: Path) -> Sequence[Verdict]:
+    """Every sensor of a complete run against the procedure's limit; [] where there is none.
+
+    Raises:
+        RigError: the run cannot be fitted.
+
+    """
+    from rig.tables import run_table  # noqa: PLC0415 - few runs have limits
+
+    try:
+        return kind_of(procedure).judge(procedure, run_table(run_file))
+    except DataError as error:
+        raise UsageError(str(error)) from error

@@ -39,7 +39,7 @@ from rig.run_file.live import live_path, read_json
 from rig.run_file.reader import RunReader
 from rig.run_file.state import RunState, fold
 from rig.run_file.writer import RunWriter
-from rig.versions import versions
+from rig.version import versions
 from rig.who import Operator, operator
 
 """In the first record of a dry run: how old its world was when the run began, if it was not new."""

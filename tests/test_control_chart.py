@@ -16,7 +16,7 @@ from few_sensors import with_sensors
 from rig.cli import app
 from rig.closed_loop import fit_table
 from rig.closed_loop.chart import chart_calibrations
-from rig.closed_loop.chart_together import read_all
+from rig.closed_loop.chart_together import read_together
 from rig.errors import UsageError
 from rig.report.chart import chart_page
 from rig.report.frame import render
@@ -48,7 +48,7 @@ def runs(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def charted(runs):
-    return chart_calibrations(read_all(runs), TODAY, sensors=["x_V"], tolerance=1e-3, usage_deg=30)
+    return chart_calibrations(read_together(runs)[0], TODAY, sensors=["x_V"], tolerance=1e-3, usage_deg=30)
 
 
 @pytest.fixture(scope="module")
@@ -110,7 +110,7 @@ def test_the_tolerance_that_nobody_gave_is_the_interval_of_one_reading(charted):
 
 
 def test_two_calibrations_are_compared_and_no_more(runs):
-    found = chart_calibrations(read_all([runs[0], runs[4]]), TODAY, sensors=["x_V"]).to_json()["sensors"]["x_V"]
+    found = chart_calibrations(read_together([runs[0], runs[4]])[0], TODAY, sensors=["x_V"]).to_json()["sensors"]["x_V"]
     assert found["quantities"]["S_V"]["trend"] is None
     assert found["quantities"]["S_V"]["homogeneity"]["p"] < 0.01
     assert found["due"]["status"] == "too few"
@@ -123,7 +123,7 @@ def test_a_step_is_dated_and_put_beside_a_change_of_instruments(runs, tmp_path):
     bench.write_text(before.read_text().replace("DVM-0102", "DVM-0999"))
     first = [make_run(tmp_path, number, ppm=0.0, bench=before, text=SHORT) for number in range(4)]
     after = [make_run(tmp_path, number, ppm=200.0, bench=bench, text=SHORT) for number in range(4, 7)]
-    charted = chart_calibrations(read_all([*first, *after]), TODAY, sensors=["x_V"])
+    charted = chart_calibrations(read_together([*first, *after])[0], TODAY, sensors=["x_V"])
     sentences = " ".join(charted.to_json()["sensors"]["x_V"]["sentences"])
     stepped = re.search(r"sensitivity stepped by \+(\S+) \+- (\S+) ppm between 2025-07-14 and 2026-01-12", sentences)
     assert stepped, sentences
@@ -135,7 +135,7 @@ def test_a_step_is_dated_and_put_beside_a_change_of_instruments(runs, tmp_path):
 
 
 def test_tables_with_dates_give_the_same(charted, tables):
-    found = chart_calibrations(read_all(tables), TODAY, sensors=["x_V"], tolerance=1e-3, usage_deg=30)
+    found = chart_calibrations(read_together(tables)[0], TODAY, sensors=["x_V"], tolerance=1e-3, usage_deg=30)
     mine, theirs = (c.to_json()["sensors"]["x_V"]["quantities"]["S_V"] for c in (found, charted))
     assert mine["values"] == pytest.approx(theirs["values"], rel=1e-12)
     assert mine["trend"]["per_year"] == pytest.approx(theirs["trend"]["per_year"], rel=1e-3)
@@ -149,14 +149,14 @@ def test_calibration_files_stand_for_their_runs(runs, charted, tmp_path):
         if number % 2 == 0:  # any mixture will do
             files[-1] = str(tmp_path / f"{number}.json")
             (tmp_path / f"{number}.json").write_text(json.dumps(fit_table(run_table(Path(run))).to_json()))
-    found = chart_calibrations(read_all(files), TODAY, sensors=["x_V"], tolerance=1e-3, usage_deg=30)
+    found = chart_calibrations(read_together(files)[0], TODAY, sensors=["x_V"], tolerance=1e-3, usage_deg=30)
     mine, theirs = (c.to_json()["sensors"]["x_V"] for c in (found, charted))
     for name in ("b_V", "S_V"):
         assert mine["quantities"][name]["stderr"] == pytest.approx(theirs["quantities"][name]["stderr"], rel=1e-3)
     assert mine["quantities"]["S_V"]["values"] == pytest.approx(theirs["quantities"]["S_V"]["values"], rel=1e-9)
     assert found.simulated
     with pytest.raises(UsageError, match="are the same run"):
-        read_all([files[0], runs[0], runs[1]])
+        read_together([files[0], runs[0], runs[1]])
 
 
 def test_what_does_not_belong_together_is_refused(runs, tables, tmp_path):
@@ -172,12 +172,12 @@ def test_what_does_not_belong_together_is_refused(runs, tables, tmp_path):
         ([str(tmp_path / "no.sqlite"), runs[0]], "there is no file"),
     ):
         with pytest.raises(UsageError, match=re.escape(message)):
-            read_all(given)
+            read_together(given)
     with pytest.raises(UsageError, match="has no sensor w_V; it has x_V"):
-        chart_calibrations(read_all(runs[:2]), TODAY, sensors=["w_V"])
+        chart_calibrations(read_together(runs[:2])[0], TODAY, sensors=["w_V"])
     flat = make_run(tmp_path, 9, text=PROCEDURE.replace("roll_deg = [-120, 0, 120]", "roll_deg = [0]"))
     with pytest.raises(UsageError, match=r"attitude-x in .* and attitude-no-roll in"):
-        chart_calibrations(read_all([runs[0], flat]), TODAY)
+        chart_calibrations(read_together([runs[0], flat])[0], TODAY)
 
 
 def test_what_cannot_be_compared_is_left_out_and_named(runs, tables, tmp_path, capsys):
@@ -198,7 +198,7 @@ def test_what_cannot_be_compared_is_left_out_and_named(runs, tables, tmp_path, c
 
 def test_notes_say_what_is_doubtful(runs, tmp_path):
     once = [make_run(tmp_path, n, text=SHORT.replace("replications = 2", "replications = 1")) for n in (0, 1)]
-    charted = chart_calibrations(read_all(once), TODAY, sensors=["x_V"], usage_deg=120)
+    charted = chart_calibrations(read_together(once)[0], TODAY, sensors=["x_V"], usage_deg=120)
     assert any("no calibration has two replications" in note for note in charted.notes)
     assert any("more than was calibrated last" in note for note in charted.notes)
 

@@ -14,8 +14,7 @@ from fitter.history.chart import holm
 from fitter.history.components import Profile
 from fitter.history.forecast import Prediction, predict
 from procedures.attitude.fit import fit_all
-from procedures.attitude.history import attitude_charted, calibrated
-from procedures.attitude.history_of_files import calibrated_from
+from procedures.attitude.history import attitude_charted, calibrated, calibrated_from
 from procedures.attitude.infer import calibrate_package
 from proving.truth.attitude import D1, Bench, Plan, Sensor, simulate
 from proving.truth.chart import BENCH, PLAN, START, UNIT, bench_of, draw_history, largest_error_deg

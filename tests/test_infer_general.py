@@ -12,8 +12,8 @@ from scipy import optimize, stats
 from fitter import least_squares
 from fitter.formula import Formula
 from fitter.split_plot import fit_split_plot
+from procedures.general.charting import curve_charted
 from procedures.general.fit import fit_general
-from procedures.general.history import curve_charted
 from procedures.general.infer import CurveCalibration, infer_curve
 from rig.tables import FileSource
 

@@ -14,7 +14,7 @@ from rig.bench import check_options
 from rig.contract_files import read_bench
 from rig.errors import ConfigurationError
 from rig.plans import load_plan, plan_of, stored_plan
-from rig.report.story import story
+from rig.report.frame import story
 from rig.run_file.reader import RunReader
 from rig.unattended.doctor.instruments import check_twins
 

@@ -16,7 +16,7 @@ from procedures.kind import kind_of_table
 from procedures.pressure import settings as whole_plot
 from procedures.pressure.evaluate import fit_whole_plots
 from procedures.pressure.table import whole_plot_data
-from rig.acceptance import judge
+from rig.accepted import judge
 from rig.controller import resume_run, start_run
 from rig.engine.session import Outcome, Signals
 from rig.errors import ConfigurationError

@@ -22,7 +22,7 @@ from rig.run_file.last_word import head_path
 from rig.run_file.live import replace_json, request_path
 from rig.run_file.reader import RunReader
 from rig.run_file.writer import RunWriter
-from rig.versions import versions
+from rig.version import versions
 
 
 def edited(path, statement="UPDATE record SET utc_s = utc_s + 1 WHERE seq = 9"):

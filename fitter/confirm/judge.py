@@ -34,8 +34,7 @@ class SensorError:
         after: with the effects found in it.
         sigma: scatter of one reading, which no model goes below.
         slope: output per unit of what is inferred: V/g, or mV/psi.
-        residual_before: (m,) of the readings of the later run, by the declared model.
-        residual_after: (m,) with the effects.
+        residual_after: (m,) of the readings of the later run, with the effects.
 
     """
 
@@ -43,7 +42,6 @@ class SensorError:
     after: float
     sigma: float
     slope: float
-    residual_before: FloatArray
     residual_after: FloatArray
 
 
@@ -352,7 +350,7 @@ def _errors(
         free = outputs[i][at].size - lost
         before, after = (float(np.sqrt(np.sum(r**2) / free)) if free > 0 else float("nan") for r in rests)
         sigma = float(np.sqrt(np.mean(both.sigma[i][at] ** 2)))
-        errors[sensor] = SensorError(before, after, sigma, float(both.slope[i]), *rests)
+        errors[sensor] = SensorError(before, after, sigma, float(both.slope[i]), rests[1])
         start = 0
         for name, mine in effects.items():
             part = slice(start, start + len(mine))

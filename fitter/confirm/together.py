@@ -66,8 +66,13 @@ class Together(ABC):
 
     @property
     @abstractmethod
+    def data(self) -> Any:
+        """Observations of both runs."""
+
+    @property
     def sensors(self) -> tuple[str, ...]:
         """Names of the S outputs."""
+        return tuple(self.data.outputs)
 
     @property
     @abstractmethod
@@ -85,9 +90,9 @@ class Together(ABC):
         """(n, l) what is the later run's own and taken from it when it is predicted; none, a zero, or an alignment."""
 
     @property
-    @abstractmethod
     def raw_outputs(self) -> FloatArray:
         """(S, n) outputs as they were read."""
+        return np.stack([self.data.outputs[s] for s in self.sensors])
 
     @property
     @abstractmethod

@@ -80,7 +80,6 @@ def gross_errors(
     columns: FloatArray,
     *,
     group: IntArray | None = None,
-    spread: FloatArray | None = None,
     step: float = 0.0,
     responses: int = 1,
     drivers: Mapping[str, FloatArray] | None = None,
@@ -94,7 +93,6 @@ def gross_errors(
         columns: (n, k) of the model; they may be collinear.
         group: (n,) from 0: rows of a group share a level of their own, such as a whole plot's error; -1 for a row that
             shares none.
-        spread: (n,) relative standard deviations of the rows; None for all alike.
         step: that the response was rounded to.
         responses: of the table; the limit holds for all together.
         drivers: (n,) what the standard deviation may grow with, by name; where the rows that are not off show that it
@@ -104,8 +102,8 @@ def gross_errors(
 
     """
     asked = _Asked(y, columns, group, step, responses, designed, level)
-    found = _search(asked, spread)
-    if drivers and spread is None and not found.not_looked:
+    found = _search(asked, None)
+    if drivers and not found.not_looked:
         grown = _growth(asked, np.setdiff1d(np.arange(len(y)), found.rows), drivers)
         if grown is not None:
             found = _search(asked, grown)

@@ -22,7 +22,6 @@ class Limits:
 
     Attributes:
         centre: weighted mean of all calibrations.
-        centre_stderr: its standard error.
         warning: (m,) half-width that a calibration exceeds with 5 % probability if nothing changed.
         action: (m,) the same with 0.3 %.
         deviation: (m,) value less centre.
@@ -30,7 +29,6 @@ class Limits:
     """
 
     centre: float
-    centre_stderr: float
     warning: FloatArray
     action: FloatArray
     deviation: FloatArray
@@ -67,7 +65,7 @@ def limits(series: Series) -> Limits | None:
         np.maximum(sd * _thompson(level, m), own * t_limit(level, series.df)) for level in (WARNING, ACTION)
     )
     deviation = series.values - found.coefficients[0]
-    return Limits(float(found.coefficients[0]), float(np.sqrt(found.covariance[0, 0])), warning, action, deviation)
+    return Limits(float(found.coefficients[0]), warning, action, deviation)
 
 
 def _thompson(level: float, m: int) -> float:

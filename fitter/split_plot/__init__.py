@@ -8,7 +8,7 @@ Where many responses share one design, or one is fitted often, decompose it once
 """
 
 from fitter.split_plot.batch import SplitPlotBatch
-from fitter.split_plot.design import SplitPlotDesign, fit_many, fit_split_plot, plan_precision
+from fitter.split_plot.design import SplitPlotDesign, fit_split_plot, plan_precision
 from fitter.split_plot.fit import SplitPlotFit
 from fitter.split_plot.kenward_roger import KenwardRoger, ScaledF
 from fitter.split_plot.plan import Precision
@@ -22,7 +22,6 @@ __all__ = [
     "SplitPlotDesign",
     "SplitPlotFit",
     "Variances",
-    "fit_many",
     "fit_split_plot",
     "plan_precision",
 ]

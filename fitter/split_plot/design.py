@@ -229,11 +229,6 @@ def fit_split_plot(
     return SplitPlotDesign(columns, whole_plot, names, replicate=replicate).fit(y)
 
 
-def fit_many(columns: ArrayLike, ys: ArrayLike, whole_plot: ArrayLike, names: Sequence[str]) -> SplitPlotBatch:
-    """Fit each column of (n, m) `ys`; see `SplitPlotDesign.fit_many`."""
-    return SplitPlotDesign(columns, whole_plot, names).fit_many(ys)
-
-
 def plan_precision(
     columns: ArrayLike,
     whole_plot: ArrayLike,

@@ -24,7 +24,7 @@ from procedures.attitude.merit import (
     worst_variance,
 )
 from procedures.attitude.model import attitude_columns, fit_columns
-from procedures.attitude.package_advice import Package, advise_package
+from procedures.attitude.package_advice import Package, advise_package, not_for
 from procedures.attitude.settings import PitchRollProcedure
 
 RANGE_RATIO = 1.5
@@ -131,9 +131,9 @@ def _pitch_range(case: _Case) -> Advice:
     low, high = float(case.points.pitch_deg.min()), float(case.points.pitch_deg.max())
     half, used = (high - low) / 2.0, case.usage.pitch_half_deg
     if case.tumble:
-        return _not_for(1, said, "a tumble is about as precise at every pitch")
+        return not_for(1, said, "a tumble is about as precise at every pitch")
     if not case.told:
-        return _not_for(1, said, f"no usage range was told; calibrated {_span(low, high)}, it suits {case.usage}")
+        return not_for(1, said, f"no usage range was told; calibrated {_span(low, high)}, it suits {case.usage}")
     wanted, centre = min(RANGE_RATIO * used, 180.0), sum(case.usage.pitch_deg) / 2.0
     ideal = (centre - wanted, centre + wanted)
     covered = case.points.covers(case.usage)
@@ -156,9 +156,9 @@ def _roll_range(case: _Case) -> Advice:
     if not case.points.roll:
         error = np.degrees(np.sin(np.radians(1.0)) * np.radians(1.0))
         sentence = f"each degree of roll in use costs up to {error:.3f} deg of pitch at 1 deg of coning"
-        return _not_for(2, said, f"calibrated without roll: {sentence}")
+        return not_for(2, said, f"calibrated without roll: {sentence}")
     if case.tumble:
-        return _not_for(2, said, "a tumble turns the package over in pitch")
+        return not_for(2, said, "a tumble turns the package over in pitch")
     angles = np.unique(np.mod(case.points.roll_deg, 360.0))
     gap = float(np.max(np.diff([*angles, angles[0] + 360.0])))
     if gap <= 1.5 * float(np.median(np.diff(angles))):
@@ -173,7 +173,7 @@ def _roll_range(case: _Case) -> Advice:
 def _uniform(case: _Case) -> Advice:
     said = "points are uniformly spaced in pitch and in roll"
     if case.tumble:
-        return _not_for(3, said, "a tumble has cardinal angles only")
+        return not_for(3, said, "a tumble has cardinal angles only")
     uneven = [
         f"{what} in steps of {min(steps):g} to {max(steps):g} deg"
         for what, values in (("pitch", case.design.pitch_deg), ("roll", case.design.roll_deg))
@@ -209,20 +209,20 @@ def _up_and_back(case: _Case) -> Advice:
 def _fraction(case: _Case) -> Advice:
     said = "a fraction of the grid is enough where that has been established by experiment"
     if case.tumble:
-        return _not_for(5, said, "a tumble is no grid")
+        return not_for(5, said, "a tumble is no grid")
     whole = grid(case.design.name, case.design.pitch_deg, case.design.roll_deg)
     full, rows, columns = case.like(whole), len(whole.pitch_deg), len(whole.roll_deg)
     if case.procedure.design.fraction is None:
         every = [next((k for k in (2, 3, 5, 7) if n > k and (n - 1) % k == 0), 0) for n in (rows, columns)]
         if not all(every):
-            return _not_for(5, said, f"all of the grid is run; {rows} x {columns} has no interior to thin evenly")
+            return not_for(5, said, f"all of the grid is run; {rows} x {columns} has no interior to thin evenly")
         part = case.like(fraction(whole, pitch_every=every[0], roll_every=every[1]))
         keys = f"fraction = {{ pitch_every = {every[0]}, roll_every = {every[1]} }}"
         try:
             cost = f"{part.points} of {full.points} points a replication and be {_less_precise(part, full, case.usage)}"
         except RankError:
-            return _not_for(5, said, f"all of the grid is run; {keys} would not determine a sensor")
-        return _not_for(5, said, f"all of the grid is run; {keys} would take {cost}")
+            return not_for(5, said, f"all of the grid is run; {keys} would not determine a sensor")
+        return not_for(5, said, f"all of the grid is run; {keys} would take {cost}")
     taken = case.points
     merits = [figure_of_merit(d, case.usage) for d in (taken, full)]
     lof = taken.points - taken.parameters
@@ -297,10 +297,6 @@ _CHECKS: tuple[Callable[[_Case], Advice], ...] = (
 
 def _advice(number: int, said: str, holds: bool, sentence: str) -> Advice:
     return Advice(number, said, bool(holds), sentence)
-
-
-def _not_for(number: int, said: str, sentence: str) -> Advice:
-    return Advice(number, said, True, sentence, applies=False)
 
 
 def _points(name: str, design: Design, replications: int, times: int) -> DesignPoints:

@@ -11,11 +11,10 @@ from fitter.arrays import FloatArray
 from fitter.errors import FitError
 from fitter.quantiles import t_limit
 from procedures.attitude.evaluate import with_temperature
-from procedures.attitude.history import AttitudeCharted, Calibrated, attitude_charted, calibrated
-from procedures.attitude.history_of_files import calibrated_from
+from procedures.attitude.history import AttitudeCharted, Calibrated, attitude_charted, calibrated, calibrated_from
 from procedures.attitude.infer.calibrate import OFFSET, SENSITIVITY
 from procedures.attitude.table import attitude_data
-from procedures.charting import Calibrations, Shown, View
+from procedures.charting import Calibrations, Charting, Shown, View
 from procedures.errors import DataError
 from procedures.table import Table
 
@@ -26,7 +25,7 @@ _TURNED_DEG = 45.0
 """Between the sensitive axes of one sensor: no misalignment is as large, a remounted or exchanged sensor is."""
 
 
-class AttitudeCharting:
+class AttitudeCharting(Charting):
     """See `procedures.charting.Charting`."""
 
     at_one_temperature = True
@@ -80,10 +79,6 @@ class AttitudeCharting:
             f"its sensitive axis was turned by {turned:.0f} deg {between}: it was mounted otherwise, or is another "
             f"sensor; chart them apart"
         )
-
-    def same(self, first: Calibrated, later: Calibrated) -> bool:
-        """By their coefficients."""
-        return np.array_equal(first.coefficients, later.coefficients)
 
     def at(self, sensor: Calibrated, degC: float) -> Calibrated:
         """See `Charting`."""

@@ -20,8 +20,7 @@ from procedures.attitude.parameters import SCALE, UNIT
 from procedures.attitude.settings import PitchRollProcedure
 from procedures.attitude.table import attitude_data
 from procedures.attitude.together import AttitudeTogether
-from procedures.attitude.trace import Trace
-from procedures.confirming import SETTLED
+from procedures.confirming import SETTLED, Confirming
 from procedures.errors import DataError
 from procedures.further_runs import Variation
 from procedures.run_list import RunList
@@ -36,7 +35,7 @@ GOES_ON = 0.0, 0.5, 1.0
 
 
 @dataclass(frozen=True, eq=False)
-class AttitudeConfirming:
+class AttitudeConfirming(Confirming):
     """See `procedures.confirming.Confirming`."""
 
     traced: AttitudeTraced
@@ -45,17 +44,6 @@ class AttitudeConfirming:
     output_unit = "V"
     per_slope = float(np.degrees(1.0))
     drawn = UNIT, SCALE
-    caution = ""
-
-    @property
-    def found(self) -> Trace:
-        """What was found."""
-        return self.traced.trace
-
-    @property
-    def data(self) -> AttitudeData:
-        """Of the run."""
-        return self.traced.data
 
     def own_words(self, *, realigned: bool) -> str:
         """See `Confirming`."""
@@ -129,7 +117,7 @@ class AttitudeConfirming:
         )
         kept = result["calibration"]
         kept["notes"] = [*kept["notes"], *(effect["used"] for effect in record["effects"])]
-        return AttitudeFitted(self.traced.table, result | {"confirmed_by": record})
+        return AttitudeFitted(result | {"confirmed_by": record}, self.traced.table)
 
     def _planned(self, variation: Variation, run_list: RunList) -> AttitudeData:
         data, procedure = self.data, variation.procedure

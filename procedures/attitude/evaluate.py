@@ -32,7 +32,7 @@ from procedures.certificate import Change, Errors, certified, with_words
 from procedures.effects_shown import show_confirmed
 from procedures.errors import DataError
 from procedures.left_out import FitSummary, LeaveOut, Searched, kept_with, search
-from procedures.results import Page
+from procedures.results import Page, PlainFitted
 from procedures.table import Table
 from procedures.unused import unused_in_fit
 from procedures.words import noise_of, part, verdict
@@ -106,23 +106,17 @@ def _gross(
     data: AttitudeData, searched: Searched, fit: AttitudeFit, others: Mapping[str, AttitudeFit] | str | None
 ) -> dict[str, Any]:
     """A sensor's gross errors for JSON; `data` are all rows of the table."""
-    fits: tuple[FitSummary, FitSummary | str] | None = None
-    if isinstance(others, str):
-        fits = _summary(fit), others
-    elif others is not None:
-        own, other = _summary(fit), _summary(others[fit.sensor])
-        fits = (other, own) if searched.left_out.gross else (own, other)
+    other = _summary(others[fit.sensor]) if isinstance(others, Mapping) else others
 
     def where(row: int) -> str:
         return f"order {data.order[row]} at pitch {data.pitch_deg[row]:g} deg, roll {data.roll_deg[row]:g} deg"
 
-    return searched.of_sensor(fit.sensor, "V", where, fits)
+    return searched.of_sensor(fit.sensor, "V", where, _summary(fit), other)
 
 
 def _summary(fit: AttitudeFit) -> FitSummary:
     linear = fit.linear
-    values = zip(linear.coefficients.tolist(), linear.stderr.tolist(), strict=True)
-    return FitSummary({"sigma_E": linear.sigma}, "V", dict(zip(linear.names, values, strict=True)))
+    return FitSummary.of({"sigma_E": linear.sigma}, "V", linear.names, linear.coefficients, linear.stderr)
 
 
 def _kept(
@@ -381,15 +375,10 @@ def _degrees(volts: float, sensitivity: float) -> str:
 
 
 @dataclass(frozen=True)
-class AttitudeFitted:
+class AttitudeFitted(PlainFitted):
     """A table and the calibration fitted to it, ready for JSON."""
 
     table: Table
-    result: dict[str, Any]
-
-    def to_json(self) -> dict[str, Any]:
-        """What `rig fit --json` prints."""
-        return self.result
 
     def blocks(self) -> Iterator[Block]:
         """What a person reads of it."""
@@ -399,6 +388,3 @@ class AttitudeFitted:
         yield from show_attitude_fit(self.result)
         if "confirmed_by" in self.result:
             yield from show_confirmed(self.result["confirmed_by"])
-
-    def page(self) -> None:
-        """It has no report but its trace's."""

@@ -10,7 +10,7 @@ import numpy as np
 from fitter import LinearFit
 from fitter.arrays import FloatArray, IntArray
 from fitter.errors import FitError
-from fitter.json_values import JsonValue
+from fitter.json_values import JsonValue, if_finite
 from fitter.misfit import covered, lacks_fit, reach_of_misfit
 from fitter.quantiles import t_limit
 from fitter.replication import Replication, analyse, between_replications
@@ -273,23 +273,23 @@ def errors_of(
 def table_2(r: Replication, S_V: float) -> dict[str, JsonValue]:
     """The columns of Table 2 for JSON: sigmas in volts, and in degrees (`_deg`) as the paper prints them."""
     sigmas = {name: getattr(r, name) for name in (*_SIGMAS, "sigma_pr")}
-    table: dict[str, JsonValue] = {name: _known(value) for name, value in sigmas.items()}
-    table |= {f"{name}_deg": _known(sigma_deg(value, S_V)) for name, value in sigmas.items()}
+    table: dict[str, JsonValue] = {name: if_finite(value) for name, value in sigmas.items()}
+    table |= {f"{name}_deg": if_finite(sigma_deg(value, S_V)) for name, value in sigmas.items()}
     table |= {
-        "T_bias": _known(r.bias.value),
-        "F_bias_95": _known(r.bias.limit_95),
-        "p_bias": _known(r.bias.p),
+        "T_bias": if_finite(r.bias.value),
+        "F_bias_95": if_finite(r.bias.limit_95),
+        "p_bias": if_finite(r.bias.p),
         "T_bias_blind": None if r.blind is None else r.blind.sentence,
         "df_bias": [r.bias.df_above, r.bias.df_below],
-        "T_b": _known(r.drift_b.value),
-        "T_S": _known(r.drift_S.value),
-        "F_bS_95": _known(r.drift_b.limit_95),
-        "p_b": _known(r.drift_b.p),
-        "p_S": _known(r.drift_S.p),
+        "T_b": if_finite(r.drift_b.value),
+        "T_S": if_finite(r.drift_S.value),
+        "F_bS_95": if_finite(r.drift_b.limit_95),
+        "p_b": if_finite(r.drift_b.p),
+        "p_S": if_finite(r.drift_S.p),
         "df_bS": [r.drift_b.df_above, r.drift_b.df_below],
-        "T_drift": _known(r.drift.value),
-        "F_drift_95": _known(r.drift.limit_95),
-        "p_drift": _known(r.drift.p),
+        "T_drift": if_finite(r.drift.value),
+        "F_drift_95": if_finite(r.drift.limit_95),
+        "p_drift": if_finite(r.drift.p),
         "df_drift": [r.drift.df_above, r.drift.df_below],
     }
     return table
@@ -331,10 +331,10 @@ def _rows(
 ) -> dict[str, JsonValue]:
     return {
         name: {
-            "estimate": _known(value),
-            "stderr": None if interval is None else _known(error),
+            "estimate": if_finite(value),
+            "stderr": None if interval is None else if_finite(error),
             "df": df,
-            "interval95": None if interval is None else [_known(end) for end in interval],
+            "interval95": None if interval is None else [if_finite(end) for end in interval],
         }
         for name, value, error, interval in zip(names, values, errors, intervals, strict=True)
     }
@@ -343,7 +343,7 @@ def _rows(
 def coefficient_table(fit: LinearFit) -> dict[str, JsonValue]:
     """Estimate, standard error and degrees of freedom of every coefficient, by column name."""
     return {
-        name: {"estimate": float(value), "stderr": _known(float(error)), "df": fit.df}
+        name: {"estimate": float(value), "stderr": if_finite(float(error)), "df": fit.df}
         for name, value, error in zip(fit.names, fit.coefficients, fit.stderr, strict=True)
     }
 
@@ -353,7 +353,3 @@ def fit_all(
 ) -> Mapping[str, AttitudeFit]:
     """`fit_attitude` for every output."""
     return {s: fit_attitude(data, s, temperature=temperature, at_degC=at_degC) for s in data.sensors}
-
-
-def _known(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

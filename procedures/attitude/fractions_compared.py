@@ -15,6 +15,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.errors import FitError
+from fitter.json_values import if_finite
 from procedures.attitude.data import SAME_ANGLE_DEG, AttitudeData
 from procedures.attitude.designs import Design, fraction, grid, tumble
 from procedures.attitude.evaluate import with_temperature
@@ -24,6 +25,7 @@ from procedures.attitude.model import sigma_deg
 from procedures.attitude.table import KNOWN, UNIT, attitude_data
 from procedures.blocks import Block
 from procedures.errors import DataError
+from procedures.results import PlainFitted
 from procedures.table import Table
 from procedures.unused import unused_in_fit
 
@@ -261,35 +263,23 @@ def _sensor(part: PartFit, whole: PartFit) -> dict[str, Any]:
     shift = part.shift(whole.fit)
     return {
         **part.fit.to_dict(),
-        "interval95_deg": _known(sigma_deg(part.interval95_V, S_V)),
-        "interval_ratio": _known(part.interval95_V / whole.interval95_V) if whole.interval95_V > 0 else None,
-        "residual_deg": _known(sigma_deg(part.residual_V, S_V)),
-        "coverage95": _known(part.coverage95),
-        "shift": {name: _known(value) for name, value in zip(part.fit.linear.names, shift, strict=True)},
+        "interval95_deg": if_finite(sigma_deg(part.interval95_V, S_V)),
+        "interval_ratio": if_finite(part.interval95_V / whole.interval95_V) if whole.interval95_V > 0 else None,
+        "residual_deg": if_finite(sigma_deg(part.residual_V, S_V)),
+        "coverage95": if_finite(part.coverage95),
+        "shift": {name: if_finite(value) for name, value in zip(part.fit.linear.names, shift, strict=True)},
     }
 
 
-def _known(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
-
-
 @dataclass(frozen=True)
-class FractionsCompared:
+class FractionsCompared(PlainFitted):
     """A run and what fewer points would have cost, ready for JSON."""
 
     table: Table
     which: str
-    result: dict[str, Any]
-
-    def to_json(self) -> dict[str, Any]:
-        """What `rig fit --points --json` prints."""
-        return self.result
 
     def blocks(self) -> Iterator[Block]:
         """What a person reads of it."""
         from procedures.attitude.fractions_shown import show_fractions  # noqa: PLC0415 - which needs this module
 
         return show_fractions(PurePath(self.table.source).name, self.table, self.result, self.which)
-
-    def page(self) -> None:
-        """It has no report."""

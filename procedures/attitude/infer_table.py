@@ -12,10 +12,8 @@ from numpy.typing import NDArray
 from fitter.errors import FitError
 from procedures.attitude.infer import AttitudeCalibration, InferredAttitude, infer_attitude
 from procedures.errors import DataError
-from procedures.inference import Inference
-from procedures.missing import empty_rows, incomplete_rows
+from procedures.inference import Inference, empty_rows, free_name, no_column, unused_beside
 from procedures.table import Reader, Table
-from procedures.unused import Unused, other_unit, why_unused
 
 _TEMPERATURE = "sensor_temperature_degC"
 
@@ -80,8 +78,8 @@ def infer_attitudes(
         angles = (found.roll_deg, found.roll_sd_deg, found.roll_lo95_deg, found.roll_hi95_deg)
         added |= _columns(table, "roll_deg", *angles)
     if found.assumed.any():
-        added["assumed" if "assumed" not in {*table.columns, *table.text} else "inferred_assumed"] = found.assumed * 1
-    added["flag" if "flag" not in table.columns and "flag" not in table.text else "inferred_flag"] = found.flag
+        added[free_name("assumed", table)] = found.assumed * 1
+    added[free_name("flag", table)] = found.flag
     notes = list(calibration.notes)
     if found.assumed.any():
         side = (
@@ -93,16 +91,13 @@ def infer_attitudes(
         )
     if measured_roll is not None and roll_sd_deg == 0:
         notes.append("the measured roll is taken as exact: --roll-sd tells its standard deviation")
-    columns: dict[str, Any] = {**table.columns, **table.text, **added}
-    spare = {name: why_unused(name, needed) for name in table.names if name not in {*needed, "simulated"}}
-    rows = [(row, name, "no value: the result of the row is empty") for row, name in incomplete_rows(table, inputs)]
     return Inference(
-        columns,
+        {**table.columns, **table.text, **added},
         tuple(added),
         tuple(notes),
         int(np.sum(found.flag != "")),
         quantities=tuple(name.removesuffix("_sd") for name in added if name.endswith("_sd")),
-        unused=Unused(spare, rows),
+        unused=unused_beside(table, needed, inputs),
     )
 
 
@@ -111,11 +106,9 @@ def _check_columns(table: Table, needed: Sequence[str], calibration: AttitudeCal
     for name in needed:
         if name in table.columns:
             continue
-        like = next((other for other in table.names if other_unit(other, [name])), None)
-        hint = f"; {like}: {why_unused(like, [name])}" if like else ""
-        if name in calibration.names and len(calibration.names) > 1:
-            hint += f"; to infer from fewer sensors name them: --sensors {calibration.names[0]},..."
-        raise DataError(f"{table.source}: there is no column {name!r}; it has {', '.join(table.names)}{hint}")
+        fewer = name in calibration.names and len(calibration.names) > 1
+        hint = f"; to infer from fewer sensors name them: --sensors {calibration.names[0]},..."
+        raise no_column(table, name, hint if fewer else "")
 
 
 def _in_all_rows(answer: InferredAttitude, complete: NDArray[np.bool_]) -> InferredAttitude:
@@ -130,6 +123,6 @@ def _in_all_rows(answer: InferredAttitude, complete: NDArray[np.bool_]) -> Infer
 
 
 def _columns(table: Table, name: str, value: Any, sd: Any, low: Any, high: Any) -> dict[str, Any]:
-    """Columns of one quantity; nothing of the input is overwritten."""
-    name = f"inferred_{name}" if name in table.columns or name in table.text else name
+    """Columns of one quantity."""
+    name = free_name(name, table)
     return {name: value, f"{name}_sd": np.where(np.isfinite(sd), sd, np.nan), f"{name}_lo95": low, f"{name}_hi95": high}

@@ -76,7 +76,7 @@ class AttitudeKind(Kind):
             leave_out=leave_out,
             own=own,
         )
-        return AttitudeFitted(source.table, result)
+        return AttitudeFitted(result, source.table)
 
     def _fractions(self, source: Source, options: FitOptions, leave_out: Sequence[str], *, keep: bool) -> Fitted:
         from procedures.attitude.fractions_compared import FractionsCompared, compare_fractions  # noqa: PLC0415
@@ -89,7 +89,7 @@ class AttitudeKind(Kind):
                     f"--points holds fractions against the whole run and keeps nothing; leave {option} away"
                 )
         result = compare_fractions(source.table, options.points, temperature=options.temperature)
-        return FractionsCompared(source.table, options.points, result)
+        return FractionsCompared(result, source.table, options.points)
 
     def trace(self, source: Source, options: TraceOptions, *, own: Sequence[Entry]) -> Traced:
         """See `Kind`."""

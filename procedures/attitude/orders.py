@@ -44,7 +44,7 @@ def reversed_pass(replication: int, pattern: str) -> bool:
     raise ValueError(f"unknown pattern {pattern!r}: use abba, alternate or same")
 
 
-def serpentine(design: Design, *, backwards: bool, up_and_down: bool) -> list[Visit]:
+def walk(design: Design, *, backwards: bool, up_and_down: bool) -> Iterator[Visit]:
     """Boustrophedon pass: pitch row after row, roll to and fro (recommendation 4 of the paper).
 
     Args:
@@ -54,11 +54,6 @@ def serpentine(design: Design, *, backwards: bool, up_and_down: bool) -> list[Vi
             it one pass goes up and the reversed replications bring it down. Walked backwards it is the same path.
 
     """
-    return list(walk(design, backwards=backwards, up_and_down=up_and_down))
-
-
-def walk(design: Design, *, backwards: bool, up_and_down: bool) -> Iterator[Visit]:
-    """The visits of a `serpentine` one by one."""
     if up_and_down or not backwards:
         yield from _sweep(design, 1)
     if up_and_down or backwards:

@@ -113,7 +113,7 @@ def _single(package: Package | None, usage: Usage) -> Advice:
         why = (
             f"a roll known to {RATIO:g} times the pitch adds {_percent(np.hypot(1, RATIO * share) - 1)} at 1 deg coning"
         )
-        return _not_for(8, said, f"{_has(package)}; {why}" if package is None else _has(package))
+        return not_for(8, said, f"{_has(package)}; {why}" if package is None else _has(package))
     wanted = package.wanted_pitch_sd_deg or package.sigma_deg["x"]
     pitch = _worst(package, usage)[0]
     end = f"were roll known exactly, pitch within {usage} {_known(pitch)}"
@@ -131,7 +131,7 @@ def _single(package: Package | None, usage: Usage) -> Advice:
 def _three(package: Package | None, usage: Usage) -> Advice:
     said = "a three-axis package measures everywhere but roll near +-90 deg of pitch; y and z within 10 times x"
     if package is None or package.axes != "xyz":
-        return _not_for(9, said, _has(package))
+        return not_for(9, said, _has(package))
     pitch, roll = _worst(package, usage)
     ratio = max(package.sigma_deg["y"], package.sigma_deg["z"]) / package.sigma_deg["x"]
     best = min(package.sigma_deg["y"], package.sigma_deg["z"])
@@ -142,7 +142,7 @@ def _three(package: Package | None, usage: Usage) -> Advice:
 def _x_y(package: Package | None, usage: Usage) -> Advice:
     said = "an x-y package measures only away from +-90 deg of pitch and of roll; y within 10 times x"
     if package is None or package.axes != "xy":
-        return _not_for(10, said, _has(package))
+        return not_for(10, said, _has(package))
     pitch, roll = _worst(package, usage)
     ratio = package.sigma_deg["y"] / package.sigma_deg["x"]
     sentence = f"y has {ratio:.3g} times the uncertainty of x; within {usage} pitch {_known(pitch)}"
@@ -168,7 +168,8 @@ def _has(package: Package | None) -> str:
     return "no sensors were told" if package is None else f"the package has {', '.join(package.axes)}"
 
 
-def _not_for(number: int, said: str, sentence: str) -> Advice:
+def not_for(number: int, said: str, sentence: str) -> Advice:
+    """A recommendation that does not concern the procedure."""
     return Advice(number, said, True, sentence, applies=False)
 
 

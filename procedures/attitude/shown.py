@@ -87,15 +87,7 @@ def _show_sensor(name: str, sensor: Mapping[str, Any]) -> Iterator[Block]:
 
 
 def _show_parameters_of(heading: str, parameters: Mapping[str, Any]) -> Iterator[Block]:
-    table = Grid(
-        (
-            "parameter",
-            "estimate",
-            "standard error",
-            "95 % interval",
-        ),
-        title=heading,
-    )
+    table = Grid(("parameter", "estimate", "standard error", "95 % interval"), title=heading)
     for parameter in (rows := shown(parameters)):
         table.add_row(LABELS[parameter], *with_interval(parameters[parameter]))
     yield table
@@ -120,13 +112,7 @@ def show_attitude_trace(traced: AttitudeTraced) -> Iterator[Block]:
     yield headline(result["data"]["file"], traced.table)
     for name, sensor in result["sensors"].items():
         yield Line(f"\n[bold]{name}[/] ({sensor['declared']}): [bold]{escape(verdict_of(sensor))}[/]", wrapped=True)
-        table = Grid(
-            (
-                "",
-                "before",
-                "after",
-            )
-        )
+        table = Grid(("", "before", "after"))
         for key, label, scale in _BEFORE_AFTER:
             table.add_row(label, *(_cell(sensor[side], key, scale) for side in ("before", "after")))
         yield table
@@ -151,15 +137,7 @@ def _cell(side: Mapping[str, Any], key: str, scale: float) -> str:
 
 
 def _show_parameters(outcome: Outcome) -> Iterator[Block]:
-    table = Grid(
-        (
-            "parameter",
-            "before",
-            "standard error",
-            "after",
-            "standard error",
-        )
-    )
+    table = Grid(("parameter", "before", "standard error", "after", "standard error"))
     for one in outcome.parameters:
         sides = (one.before or one.after, one.after)
         table.add_row(one.label, *(text for side in sides for text in with_error(side.value, side.stderr)))

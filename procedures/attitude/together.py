@@ -99,11 +99,6 @@ class AttitudeTogether(Together):
         return self.scene.data
 
     @property
-    def sensors(self) -> tuple[str, ...]:
-        """See `Together`."""
-        return self.data.sensors
-
-    @property
     def df(self) -> int:
         """See `Together`."""
         return min(noise.df for noise in self.noise.values())
@@ -120,11 +115,6 @@ class AttitudeTogether(Together):
     def loose(self) -> FloatArray:
         """(n, 0) or, where the package sits again, (n, 4) its offset and axes."""
         return self._h if self.realigned else np.empty((len(self.data), 0))
-
-    @property
-    def raw_outputs(self) -> FloatArray:
-        """(S, n) V."""
-        return np.stack([self.data.outputs[s] for s in self.sensors])
 
     @property
     def sigma(self) -> FloatArray:

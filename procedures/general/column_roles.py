@@ -16,7 +16,7 @@ from fitter.formula import Formula
 from procedures.errors import DataError
 from procedures.file_rows import rows_of_file
 from procedures.general.effects.scene import Grouping, TableScene
-from procedures.general.order import Parts, alike, codes, time_of
+from procedures.general.order import Parts, alike, identities, time_of
 from procedures.general.trace import TableData
 from procedures.table import Reader, Table
 
@@ -148,7 +148,7 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
         columns=hi,
         tails=lo,
         scene=scene,
-        shared=_identities(columns, shared) if shared else None,
+        shared=identities(columns, shared) if shared else None,
         points=_points(formula, columns, roles.group),
         order_unknown=along,
         numbers=table.numbers[order],
@@ -263,12 +263,7 @@ def _grouping(values: Any, *, declared: bool) -> Grouping:
     )
 
 
-def _identities(columns: Mapping[str, Any], names: Sequence[str]) -> IntArray:
-    keys = np.column_stack([codes(columns[name]) for name in names])
-    return np.asarray(np.unique(keys, axis=0, return_inverse=True)[1], np.int64).reshape(-1)
-
-
 def _points(formula: Formula, columns: Mapping[str, Any], group: Sequence[str]) -> IntArray | None:
     """(n,) which rows repeat one setting; None where nothing is set."""
     names = tuple(dict.fromkeys((*formula.names, *group)))
-    return _identities(columns, names) if formula.names else None
+    return identities(columns, names) if formula.names else None

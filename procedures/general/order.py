@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -112,3 +113,9 @@ def alike(v: FloatArray, time: Timeline, notes: list[str], name: str) -> bool:
 def codes(values: Any) -> IntArray:
     """(n,) place of each value among the distinct ones, ascending."""
     return np.asarray(np.unique(values, return_inverse=True)[1], np.int64)
+
+
+def identities(columns: Mapping[str, Any], names: Sequence[str]) -> IntArray:
+    """(n,) one whole number for each combination of values of these columns."""
+    keys = np.column_stack([codes(columns[name]) for name in names])
+    return np.asarray(np.unique(keys, axis=0, return_inverse=True)[1], np.int64).reshape(-1)

@@ -22,13 +22,7 @@ def show_general_trace(result: Mapping[str, Any]) -> Iterator[Block]:
             f"[bold]{escape(name)}[/] (declared {escape(found['declared'])}): [bold]{escape(verdict_of(found))}[/]",
             wrapped=True,
         )
-        table = Grid(
-            (
-                "",
-                "before",
-                "after",
-            )
-        )
+        table = Grid(("", "before", "after"))
         for key, label in (
             ("sigma_E", "standard error of one row"),
             ("sigma_pure", "of rows that repeat one setting"),
@@ -52,15 +46,7 @@ def show_general_fit(file: str, result: Mapping[str, Any]) -> Iterator[Block]:
     """Coefficients with standard errors and degrees of freedom, and the errors they stand on."""
     title = f"{escape(result['response'])} ~ {escape(result['formula'])}"
     yield Line(f"[bold]{escape(file)}[/]: {result['data']['points']} rows")
-    table = Grid(
-        (
-            "term",
-            "estimate",
-            "standard error",
-            "df",
-        ),
-        title=title,
-    )
+    table = Grid(("term", "estimate", "standard error", "df"), title=title)
     for name, value in result["coefficients"].items():
         table.add_row(escape(name), number(value["estimate"], 8), number(value["stderr"], 3), number(value["df"], 4))
     yield table

@@ -12,7 +12,7 @@ import numpy as np
 from fitter.confirm import Confirmation, Question
 from fitter.effects.entry import Entry
 from procedures.blocks import Block
-from procedures.confirming import SETTLED
+from procedures.confirming import SETTLED, Confirming
 from procedures.effects_shown import show_confirmed
 from procedures.further_runs import Variation
 from procedures.pressure.data import WholePlotData
@@ -23,14 +23,13 @@ from procedures.pressure.options import FitOptions
 from procedures.pressure.settings import WholePlotProcedure
 from procedures.pressure.table import whole_plot_data
 from procedures.pressure.together import WholePlotTogether
-from procedures.pressure.trace import WholePlotTrace
 from procedures.results import Page
 from procedures.run_list import RunList
 from procedures.table import Table
 
 
 @dataclass(frozen=True, eq=False)
-class WholePlotConfirming:
+class WholePlotConfirming(Confirming):
     """See `procedures.confirming.Confirming`."""
 
     traced: WholePlotTraced
@@ -43,16 +42,6 @@ class WholePlotConfirming:
         "of the standard errors between two explanations of whole plots about two thirds came in simulated worlds "
         "(half of them 0.5 to 0.9, docs/confirm.md): count on that much"
     )
-
-    @property
-    def found(self) -> WholePlotTrace:
-        """What was found."""
-        return self.traced.trace
-
-    @property
-    def data(self) -> WholePlotData:
-        """Of the run."""
-        return self.traced.data
 
     def own_words(self, *, realigned: bool) -> str:
         """See `Confirming`."""
@@ -82,9 +71,6 @@ class WholePlotConfirming:
         design = procedure.design
         plots = len(design.pairs()) * procedure.replications
         return f"{plots} whole plots x {len(design.pressures_psia) + len(design.repeated_psia)}"
-
-    def mounting(self, procedure: WholePlotProcedure) -> None:
-        """There is nothing to turn."""
 
     def separated_by(self, one: Entry, other: Entry) -> str:
         """See `Confirming`."""

@@ -148,26 +148,19 @@ class WholePlotFitted:
 
     def gross(self, name: str) -> dict[str, Any]:
         """The gross errors of a transducer for JSON."""
-        own, columns = _summary(self.fits[name]), self.table.columns
-        fits: tuple[FitSummary, FitSummary | str] | None = None
-        if isinstance(self.others, str):
-            fits = own, self.others
-        elif self.others is not None:
-            other = _summary(self.others[name])
-            fits = (other, own) if self.searched.left_out.gross else (own, other)
+        columns, others = self.table.columns, self.others
+        other = _summary(others[name]) if isinstance(others, Mapping) else others
 
         def where(row: int) -> str:
             return f"order {columns['order'][row]:.0f} at {columns['pressure_psia'][row]:.3g} psia"
 
-        return self.searched.of_sensor(name, "mV", where, fits)
+        return self.searched.of_sensor(name, "mV", where, _summary(self.fits[name]), other)
 
 
 def _summary(fit: PressureFit) -> FitSummary:
     reml = fit.reml
-    stderr = np.sqrt(np.diag(reml.covariance))
-    values = zip(reml.coefficients.tolist(), stderr.tolist(), strict=True)
     sigmas = {"sigma_subplot": reml.sigma_subplot, "sigma_wholeplot": reml.sigma_wholeplot}
-    return FitSummary(sigmas, "mV", dict(zip(reml.names, values, strict=True)))
+    return FitSummary.of(sigmas, "mV", reml.names, reml.coefficients, np.sqrt(np.diag(reml.covariance)))
 
 
 def fit_whole_plots(

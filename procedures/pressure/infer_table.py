@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from fitter.errors import FitError
 from procedures.errors import DataError
-from procedures.inference import Inference
-from procedures.missing import empty_rows, incomplete_rows
+from procedures.inference import Inference, empty_results, empty_rows, free_name, incomplete_rows
 from procedures.pressure.fit import PressureCalibration
 from procedures.pressure.infer import Zero, infer_pressure
 from procedures.pressure.zeros import (
@@ -62,7 +61,7 @@ def infer_pressures(
         found = _of_output(output, calibrations[output], table, of_zero, meaning)
         alone = len(outputs) == 1
         name = "pressure_psia" if alone else f"{output.removesuffix('_mV')}_pressure_psia"
-        name = f"inferred_{name}" if name in given else name
+        name = free_name(name, table)
         flag = "flag" if alone and "flag" not in given else f"{name}_flag"
         columns |= {f"{name}{end}": values for end, values in found.values.items()} | {flag: found.flag}
         flags |= found.flag != ""
@@ -195,7 +194,7 @@ def _unused(
     in_zero = {PRESSURE, PRESSURE_SD, WHOLE_PLOT}
     here = used if of_zero is not None or marked is None or not marked.any() else used | in_zero
     found = {name: why_unused(name, calibrations) for name in table.names if name not in here}
-    rows = [(row, name, "no value: the result of the row is empty") for row, name in gaps.get(table.source, ())]
+    rows = empty_results(gaps.get(table.source, ()))
     if of_zero is None:
         return Unused(found, rows)
     for name in of_zero.names:

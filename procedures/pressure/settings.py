@@ -10,13 +10,14 @@ from __future__ import annotations
 import itertools
 import random
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Literal, Self
+from math import sqrt
+from types import MappingProxyType
+from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
 from procedures.conduct import Conduct, SoakSettings, WholePlotConduct
-from procedures.pressure.central_composite import spherical
-from procedures.pressure.fault_policies import WholePlotFaults
+from procedures.fault_policies import ABORT, HOLD, RE_SOAK, RETRY, SKIP, FaultSettings, Policy
 from procedures.run_list import Factor, Point, RunList, Settle
 from procedures.settings import Acceptance, Name, Positive, Strict, WarningSettings
 
@@ -58,6 +59,26 @@ class RangeSettings(Strict):
     def at(self, coded: float) -> float:
         """Temperature of a coded level between -1 and 1, degrees Celsius."""
         return round(self.centre_degC + coded * self.half_range_degC, 6)
+
+
+def spherical(factorial: int, axial_first: int, axial_second: int, centre: int) -> list[tuple[float, float]]:
+    """Spherical central composite design in two coded factors: every outer point at distance 1 from the centre.
+
+    Args:
+        factorial: how often each of the four factorial points stands in it.
+        axial_first: how often each of the two axial points of the first factor does.
+        axial_second: the same of the second factor.
+        centre: how often the centre does.
+
+    Returns:
+        Coded pairs; -1 and 1 are a factor's extremes, which its axial points reach (Myers and Montgomery, Response
+        Surface Methodology, chapter 7, with axial distance sqrt(2) scaled to 1).
+
+    """
+    c = sqrt(0.5)
+    corners = [(x, y) for x in (-c, c) for y in (-c, c)]
+    first, second = [(-1.0, 0.0), (1.0, 0.0)], [(0.0, -1.0), (0.0, 1.0)]
+    return factorial * corners + axial_first * first + axial_second * second + centre * [(0.0, 0.0)]
 
 
 class WholePlotDesign(Strict):
@@ -192,6 +213,25 @@ def square_of_pressure(given: Mapping[str, float]) -> tuple[float, ...]:
     """One, pressure and its square; offsets differ between temperatures."""
     psia = given[PRESSURE]
     return (1.0, psia, psia**2)
+
+
+class WholePlotFaults(FaultSettings):
+    """What to do when something goes wrong: steps for each class of fault; see docs/policies.md."""
+
+    supply_failure: Policy = Field(["retry 8", ABORT], description="the pressure controller lost its supply or vacuum")
+    soak: Policy = Field(ABORT, description="a soak that does not settle")
+    temperature_left: Policy = Field(
+        [RE_SOAK, ABORT],
+        description="a whole plot's temperatures left their band; how often: `recovery.whole_plot_repeats`",
+    )
+
+    actions: ClassVar[tuple[str, ...]] = (RETRY, RE_SOAK, SKIP, HOLD, ABORT)
+    special: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType(
+        {**FaultSettings.special, "soak": (RETRY, HOLD, ABORT), "temperature_left": (RE_SOAK, HOLD, ABORT)}
+    )
+    follows: ClassVar[Mapping[str, str]] = MappingProxyType(
+        {**FaultSettings.follows, "supply_failure": "instrument_error"}
+    )
 
 
 class WholePlotProcedure(Strict):

@@ -33,13 +33,7 @@ def show_whole_plot_summary(result: Mapping[str, Any]) -> Iterator[Block]:
     first = next(iter(sensors.values()))["methods"]
     at, low = low_pressure(result)
     title = "Largest reading error in use / % by method"
-    table = Grid(
-        (
-            f"at {low:.3g} psia",
-            *first,
-        ),
-        title=title,
-    )
+    table = Grid((f"at {low:.3g} psia", *first), title=title)
     for name, sensor in sensors.items():
         fits = (sensor["methods"].get(method) for method in first)
         table.add_row(name, *(in_use_words(fit, at) if fit else "-" for fit in fits))
@@ -104,17 +98,7 @@ def _kept(sensor: Mapping[str, Any]) -> Grid:
     """The calibration that is kept."""
     method = sensor["calibration"]["method"]
     title = f"calibration kept, by {method}"
-    table = Grid(
-        (
-            "term",
-            "estimate",
-            "standard error",
-            "df",
-            "VIF",
-            "unit",
-        ),
-        title=title,
-    )
+    table = Grid(("term", "estimate", "standard error", "df", "VIF", "unit"), title=title)
     for term, value in sensor["methods"][method]["coefficients"].items():
         inflation = sensor["variance_inflation"].get(term)
         keys = (("estimate", 6), ("stderr", 3), ("df", 3))
@@ -158,13 +142,7 @@ def show_whole_plot_trace(traced: WholePlotTraced) -> Iterator[Block]:
 
 
 def _before_after(sensor: Mapping[str, Any]) -> Grid:
-    table = Grid(
-        (
-            "",
-            "before",
-            "after",
-        )
-    )
+    table = Grid(("", "before", "after"))
     sides = sensor["before"], sensor["after"]
     for key, label in (
         ("sigma_subplot", "within whole plots / mV"),

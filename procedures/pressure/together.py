@@ -49,11 +49,6 @@ class WholePlotTogether(Together):
         return self.scene.data
 
     @property
-    def sensors(self) -> tuple[str, ...]:
-        """See `Together`."""
-        return self.data.transducers
-
-    @property
     def df(self) -> int:
         """See `Together`."""
         return max(min(s.after.residual_mV.size - len(s.after.fit.names) for s in self.found.sensors.values()), 1)
@@ -72,11 +67,6 @@ class WholePlotTogether(Together):
     def again(self) -> FloatArray:
         """(S n, 0): a transducer that stays where it is keeps its response; whole plots draw their errors anyway."""
         return np.zeros((len(self.sensors) * len(self.data), 0))
-
-    @property
-    def raw_outputs(self) -> FloatArray:
-        """(S, n) mV."""
-        return np.stack([self.data.outputs[s] for s in self.sensors])
 
     @cached_property
     def sigma(self) -> FloatArray:

@@ -6,12 +6,11 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.markup import escape
 
 from rig.atomic import check_files
 from rig.cli import app
 from rig.cli.run import JsonOption
-from rig.cli.show import err, show_result
+from rig.cli.show import show_result, write_report
 from rig.errors import ExitCode
 
 
@@ -72,8 +71,6 @@ def chart(
     charted = chart_files(
         calibrations, tolerance=tolerance, usage=usage, sensors=sensor or (), formula=formula, today=today
     )
-    if report is not None:
-        charted.report(report)
-        err.print(f"report: {escape(str(report))}", soft_wrap=True)
+    write_report(charted, report)
     show_result(charted, as_json=as_json)
     return ExitCode.DONE

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 from rich.markup import escape
@@ -14,12 +14,9 @@ from rig.atomic import check_files
 from rig.cli import app
 from rig.cli.kind_options import with_options_of_kinds
 from rig.cli.run import JsonOption
-from rig.cli.show import err, out, show_notes, show_result
+from rig.cli.show import err, out, show_notes, show_result, write_report
 from rig.errors import ExitCode
 from rig.present.terminal import show
-
-if TYPE_CHECKING:
-    from rig.results.result import Reported
 
 DataArgument = Annotated[Path, typer.Argument(help="a run file, or a CSV table", show_default=False)]
 
@@ -65,8 +62,7 @@ def fit(
 
     check_files([out_file, report], [data, *filter(None, (confirmed_by,))])
     fitted = fit_source(FileSource(data), given, leave_out or (), confirmed_by, keep=out_file is not None)
-    if report is not None:
-        _write_report(fitted, report)
+    write_report(fitted, report)
     if out_file is not None:
         fitted.save(out_file)
         err.print(f"calibration: {escape(str(out_file))}", soft_wrap=True)
@@ -93,8 +89,7 @@ def trace(
 
     check_files([report], [data])
     found = trace_source(FileSource(data), given)
-    if report is not None:
-        _write_report(found, report)
+    write_report(found, report)
     if as_json:
         show_result(found, as_json=True)
     else:
@@ -112,8 +107,3 @@ def _show_trace(kind: Kind, traced: Traced) -> None:
             f"\nto confirm what was found by a further run: rig confirm {escape(traced.table.source)} --list",
             soft_wrap=True,
         )
-
-
-def _write_report(result: Reported, path: Path) -> None:
-    result.report(path)
-    err.print(f"report: {escape(str(path))}", soft_wrap=True)

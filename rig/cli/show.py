@@ -23,8 +23,10 @@ from rig.present.terminal import show
 from rig.present.visible import visible
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from procedures.table import Table
-    from rig.results.result import Result
+    from rig.results.result import Reported, Result
 
 
 class _Console(Console):
@@ -68,6 +70,13 @@ def show_result(result: Result, *, as_json: bool) -> None:
     else:
         show(result.blocks(), out)
     show_notes(result)
+
+
+def write_report(result: Reported, path: Path | None) -> None:
+    """Write the report of a result where one was asked for. Raises `UsageError` where it has none."""
+    if path is not None:
+        result.report(path)
+        err.print(f"report: {escape(str(path))}", soft_wrap=True)
 
 
 class _Bar(Progress):

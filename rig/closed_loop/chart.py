@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 
 from fitter.errors import FitError
-from fitter.history import Between, Chart, chart
+from fitter.history import Between, Chart, QuantityChart, chart
 from procedures.charting import View
 from rig.closed_loop.chart_inputs import Given, notes
-from rig.closed_loop.chart_json import quantity_json
 from rig.closed_loop.chart_together import LeftOut
 from rig.closed_loop.chart_words import due_sentence, quantity_sentences
 from rig.errors import UsageError
@@ -114,7 +113,7 @@ class SensorChart:
                 }
                 for i, one in enumerate(self.given)
             ],
-            "quantities": {q.name: quantity_json(q, dates) for q in self.chart.quantities},
+            "quantities": {q.name: _quantity_json(q, dates) for q in self.chart.quantities},
             "errors_from_replications": table.replicated,
             "usage": list(self.view.usage),
             "tolerance_asked_for": self.told,
@@ -140,6 +139,54 @@ class SensorChart:
             if q.limits is not None and q.limits.warned[i]:
                 found[q.name] = "99.7 %" if q.limits.out[i] else "95 %"
         return found
+
+
+def _quantity_json(q: QuantityChart, dates: Sequence[str]) -> dict[str, Any]:
+    """Values, tests and limits of one parameter; None for what too few calibrations cannot tell."""
+    series, spread = q.series, q.homogeneity
+    result: dict[str, Any] = {
+        "values": [float(v) for v in series.values],
+        "stderr": [float(v) for v in np.sqrt(series.variance)],
+        "df": series.df,
+        "homogeneity": {
+            "F": spread.F,
+            "F_95": spread.limit_95,
+            "df": list(spread.df),
+            "p": spread.p,
+            "p_adjusted": q.adjusted["homogeneity"],
+            "between_sd": spread.between_sd,
+        },
+        "trend": None,
+        "step": None,
+        "limits": None,
+    }
+    if q.trend is not None:
+        result["trend"] = {
+            "per_year": q.trend.per_year,
+            "stderr": q.trend.stderr,
+            "half_width_95": q.trend.half_width_95,
+            "df": q.trend.df,
+            "p": q.trend.p,
+            "p_adjusted": q.adjusted["trend"],
+            "p_walk": q.trend.p_walk,
+            "favoured": q.trend.favoured.value,
+        }
+    if q.step is not None:
+        result["step"] = {
+            "after": dates[q.step.before - 1],
+            "before": dates[q.step.before],
+            "size": q.step.size,
+            "stderr": q.step.stderr,
+            "p": q.step.p,
+            "p_adjusted": q.adjusted["step"],
+        }
+    if q.limits is not None:
+        result["limits"] = {
+            "centre": q.limits.centre,
+            "half_width_95": [float(v) for v in q.limits.warning],
+            "half_width_99_7": [float(v) for v in q.limits.action],
+        }
+    return result
 
 
 @dataclass(frozen=True, eq=False)

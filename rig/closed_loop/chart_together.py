@@ -27,11 +27,6 @@ class LeftOut:
     reason: str
 
 
-def read_all(sources: Sequence[str], formula: str | None = None) -> list[Given]:
-    """Every calibration that can be charted, in order of time; see `read_together`."""
-    return read_together(sources, formula)[0]
-
-
 def read_together(
     sources: Sequence[str], formula: str | None = None, sensors: Sequence[str] = ()
 ) -> tuple[list[Given], list[LeftOut]]:

@@ -69,11 +69,6 @@ def _no_calibration(source: str, error: Exception) -> UsageError:
     return UsageError(f"{source} is not a calibration file of `rig fit --out`: {error}")
 
 
-def calibration_of(given: Mapping[str, Any]) -> Any:
-    """The calibration in what `rig fit --out` writes. Raises ValueError, KeyError, TypeError or AttributeError."""
-    return _kind(given).calibration_of(given)
-
-
 def _kind(given: Mapping[str, Any]) -> Kind:
     name = given["data"]["kind"]
     if name not in kinds():

@@ -19,7 +19,6 @@ from rig.closed_loop.chart import ControlCharts, chart_calibrations
 from rig.closed_loop.chart_together import read_together
 from rig.closed_loop.chart_words import due_date
 from rig.errors import UsageError
-from rig.present.as_json import finite
 from rig.results.data import Data
 from rig.results.frames import Frame, of_rows
 from rig.results.result import Reported
@@ -39,11 +38,6 @@ class ControlChart(Reported):
     @cached_property
     def _told(self) -> dict[str, Any]:
         return self.charted.to_json()
-
-    def to_json(self) -> dict[str, Any]:
-        """What `rig chart --json` prints."""
-        found: dict[str, Any] = finite(self._told)
-        return found
 
     def blocks(self) -> Iterable[Block]:
         """What a person reads of it."""

@@ -18,7 +18,6 @@ from rig.effects import laboratory_effects
 from rig.errors import UsageError
 from rig.inference import calibration_in
 from rig.options import chosen
-from rig.present.as_json import finite
 from rig.results.frames import Frame, of_rows
 from rig.results.inferred import Inferred, check_readings, infer_from
 from rig.results.observations import Observations
@@ -35,37 +34,44 @@ _EFFECTS = (
 )
 
 
-class Calibration(Reported):
-    """A fit of the declared model to every sensor.
+class Evaluated(Reported):
+    """A table that was fitted or traced.
 
     Attributes:
-        fitted: as its kind has it.
         kind: of calibration.
-        source: the file that was fitted.
+        source: the file.
 
     """
 
-    def __init__(self, fitted: Fitted, kind: Kind, source: str) -> None:
-        self.fitted = fitted
+    def __init__(self, evaluated: Fitted | Traced, kind: Kind, source: str) -> None:
+        self._evaluated = evaluated
         self.kind = kind
         self.source = source
 
     @cached_property
-    def _kept(self) -> dict[str, Any]:
-        return self.fitted.to_json()
-
-    def to_json(self) -> dict[str, Any]:
-        """What `rig fit --json` prints."""
-        found: dict[str, Any] = finite(self._kept)
-        return found
+    def _told(self) -> dict[str, Any]:
+        return self._evaluated.to_json()
 
     def blocks(self) -> Iterable[Block]:
         """What a person reads of it."""
-        return self.fitted.blocks()
+        return self._evaluated.blocks()
 
     def notes(self) -> Sequence[str]:
         """What of the table was not used."""
-        return sentences(self._kept["unused"])
+        return sentences(self._told["unused"])
+
+
+class Calibration(Evaluated):
+    """A fit of the declared model to every sensor.
+
+    Attributes:
+        fitted: as its kind has it.
+
+    """
+
+    def __init__(self, fitted: Fitted, kind: Kind, source: str) -> None:
+        super().__init__(fitted, kind, source)
+        self.fitted = fitted
 
     @cached_property
     def _page(self) -> Page:
@@ -77,61 +83,41 @@ class Calibration(Reported):
 
     def frame(self) -> Frame:
         """A row a coefficient and parameter. Raises `UsageError` where nothing was estimated."""
-        rows = list(_estimates(self._kept))
+        rows = list(_estimates(self._told))
         if not rows:
             raise UsageError(f"what was asked of {self.source} is no calibration: it has no table of estimates")
         return of_rows(rows, *_ESTIMATES, {"source": self.source, "kind": self.kind.name})
 
     def save(self, path: str | Path) -> None:
         """Write it as `rig fit --out` does. Raises `UsageError` if the disk refuses."""
-        write_whole(Path(path), lambda file: json.dump(self._kept, file, indent=2, allow_nan=False))
+        write_whole(Path(path), lambda file: json.dump(self._told, file, indent=2, allow_nan=False))
 
     def infer(self, readings: Readings, *, out: str | Path | None = None, **options: Any) -> Inferred:
         """Infer what it is a calibration of; arguments and errors as for `rig.infer`."""
         check_readings(readings, out, [Path(self.source)], options)
-        file = calibration_in(json.dumps(self._kept), f"the fit of {self.source}")
+        file = calibration_in(json.dumps(self._told), f"the fit of {self.source}")
         return infer_from(file, readings, out, options)
 
     def __repr__(self) -> str:
         return f"<rig.Calibration of {self.source}: {self.kind.title}>"
 
 
-class Trace(Reported):
+class Trace(Evaluated):
     """What the declared model lacks.
 
     Attributes:
         traced: as its kind has it.
-        kind: of calibration.
-        source: the file that was traced.
 
     """
 
     def __init__(self, traced: Traced, kind: Kind, source: str) -> None:
+        super().__init__(traced, kind, source)
         self.traced = traced
-        self.kind = kind
-        self.source = source
-
-    @cached_property
-    def _told(self) -> dict[str, Any]:
-        return self.traced.to_json()
-
-    def to_json(self) -> dict[str, Any]:
-        """What `rig trace --json` prints."""
-        found: dict[str, Any] = finite(self._told)
-        return found
 
     @property
     def verdicts(self) -> Mapping[str, str]:
         """By sensor: "explained", "nothing to add", "partly explained" or "unexplained"."""
         return {name: str(found["verdict"]) for name, found in self._told["sensors"].items()}
-
-    def blocks(self) -> Iterable[Block]:
-        """What a person reads of it."""
-        return self.traced.blocks()
-
-    def notes(self) -> Sequence[str]:
-        """What of the table was not used."""
-        return sentences(self._told["unused"])
 
     @cached_property
     def _page(self) -> Page:

@@ -17,10 +17,9 @@ from rig import inference
 from rig.atomic import check_files
 from rig.inference import CalibrationFile, csv_reader, read_calibration
 from rig.options import options_of
-from rig.present.as_json import finite
 from rig.results.frames import Frame, of_columns
-from rig.results.observations import first_rows
-from rig.results.result import Plots, Result
+from rig.results.observations import Columned
+from rig.results.result import Plots
 from rig.tables.csv_tables import write_csv
 from rig.tables.given import table_given
 
@@ -31,7 +30,7 @@ if TYPE_CHECKING:
     """A CSV file, or columns by name."""
 
 
-class Inferred(Result):
+class Inferred(Columned):
     """What was inferred from readings, with standard deviations and 95 % intervals.
 
     Attributes:
@@ -46,23 +45,16 @@ class Inferred(Result):
         self.simulated = simulated
         self.file = file
 
-    def __len__(self) -> int:
-        return len(next(iter(self.columns.values())))
-
-    def __getitem__(self, name: str) -> np.ndarray[Any, Any]:
-        """(n,) values of a column. Raises `KeyError`."""
-        return self.columns[name]
-
     @property
     def columns(self) -> Mapping[str, np.ndarray[Any, Any]]:
         """(n,) values by column name: those of the readings, then those that were added."""
         return {name: np.asarray(values) for name, values in self.found.columns.items()}
 
-    def to_json(self) -> dict[str, Any]:
-        """What `rig infer --json` prints; "file" is None where none was written."""
+    @property
+    def _told(self) -> dict[str, Any]:
+        """With "file" None where none was written."""
         file = None if self.file is None else str(self.file)
-        found: dict[str, Any] = finite({"file": file, "simulated": self.simulated, **self.found.to_json()})
-        return found
+        return {"file": file, "simulated": self.simulated, **self.found.to_json()}
 
     @property
     def words(self) -> str:
@@ -73,7 +65,7 @@ class Inferred(Result):
     def blocks(self) -> Iterable[Block]:
         """In short, and the first rows of what was inferred."""
         yield Line(f"{simulated_mark(self.simulated)}{escape(self.words)}")
-        yield from first_rows({name: self.columns[name] for name in self.found.added})
+        yield from self._first_rows(self.found.added)
 
     def notes(self) -> Sequence[str]:
         """Of the calibration and of the readings, and what of them was not used."""

@@ -29,7 +29,6 @@ from rig.forecast import ALLOWANCE, SOAK_ALLOWANCE, Forecast, rehearse
 from rig.plans import Plan as Checked
 from rig.plans import load_plan
 from rig.plugins import driver_class
-from rig.present.as_json import finite
 from rig.results.frames import Frame, of_rows
 from rig.results.result import Plots, Result
 
@@ -70,10 +69,10 @@ class Plan(Result):
         """Instruments whose own calibration is due before the end, or nobody knows, a sentence each."""
         return list(_due(self.checked.bench.instruments, self.finish_latest.date()))
 
-    def to_json(self) -> dict[str, Any]:
-        """What `rig plan --json` prints."""
+    @property
+    def _told(self) -> dict[str, Any]:
         run_list, forecast = self.checked.run_list, self.forecast
-        told = {
+        return {
             "procedure": self.checked.procedure.name,
             "bench": self.checked.bench.name,
             "points": len(run_list),
@@ -103,8 +102,6 @@ class Plan(Result):
                 for a in self.advice
             ],
         }
-        found: dict[str, Any] = finite(told)
-        return found
 
     @property
     def _limits(self) -> Mapping[str, tuple[float, float]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +13,7 @@ from rich.markup import escape
 
 from procedures.blocks import Block, Line
 from procedures.results import Page
+from rig.present.as_json import finite
 from rig.present.html import html
 from rig.present.terminal import show
 from rig.present.visible import visible
@@ -40,9 +41,15 @@ class Plots(tuple["Figure", ...]):
 class Result(ABC):
     """A result: what a command prints, as an object."""
 
-    @abstractmethod
     def to_json(self) -> dict[str, Any]:
         """What the command prints with `--json`, read back: dictionaries, lists, text, numbers, None."""
+        found: dict[str, Any] = finite(self._told)
+        return found
+
+    @property
+    @abstractmethod
+    def _told(self) -> Mapping[str, Any]:
+        """The same with NaN and infinity as they are."""
 
     @abstractmethod
     def blocks(self) -> Iterable[Block]:

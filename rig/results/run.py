@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
@@ -50,9 +50,10 @@ class Run(Result):
         """What it measured: to fit, to trace. Raises `RunFileError`."""
         return Data(self.path)
 
-    def to_json(self) -> dict[str, Any]:
+    @property
+    def _told(self) -> Mapping[str, Any]:
         """What `rig status RUN --json` prints."""
-        return status_of(self.path).to_json()
+        return status_of(self.path).told
 
     def blocks(self) -> Iterable[Block]:
         """What `rig status RUN` shows."""

@@ -31,10 +31,18 @@ from procedures.attitude.infer.answer import (
     turn_over,
 )
 from procedures.attitude.infer.calibration import AttitudeCalibration
-from procedures.attitude.infer.given import each, near_of, noise_of
 from procedures.attitude.infer.known_roll import DECISIVE, KnownRoll, polish, wrap
 from procedures.attitude.infer.package import NORMAL_95, Propagation, angles, directions, gravity, t_limits, tangent
-from procedures.attitude.infer.question import Question, absurd_squares, beyond, f_absurd, worse_at_most
+from procedures.attitude.infer.question import (
+    Question,
+    absurd_squares,
+    beyond,
+    each,
+    f_absurd,
+    near_of,
+    noise_of,
+    worse_at_most,
+)
 from procedures.attitude.infer.singular import FEWEST_SD, normal
 from procedures.attitude.infer.three_axis import ThreeAxis
 

@@ -12,12 +12,13 @@ import numpy as np
 from fitter.arrays import FloatArray
 from fitter.errors import FitError
 from fitter.formula import Formula
+from fitter.json_values import coefficient_table
 from fitter.split_plot import SplitPlotFit, fit_split_plot
 from fitter.sums_of_squares import FTest
 from procedures.pressure.data import WholePlotData
 from procedures.pressure.fit import lack_of_fit
 from procedures.pressure.fit.errors import Errors, Layout, estimate_errors
-from procedures.pressure.fit.methods import METHODS, MethodFit, Problem, coefficient_table, fit_method
+from procedures.pressure.fit.methods import METHODS, MethodFit, Problem, fit_method
 from procedures.pressure.fit.models import HIERARCHICAL, check_determined, named_formula, reduced
 
 NOT_NESTED = "too little was measured to give replications an error of their own: it is part of the whole plots'"
@@ -208,9 +209,7 @@ class PressureFit:
             "formula": str(self.formula),
             "points": reml.n,
             "whole_plots": len(reml.whole_plots),
-            "coefficients": coefficient_table(
-                reml.names, reml.coefficients, np.sqrt(np.diag(roger.covariance)), reml.df
-            ),
+            "coefficients": coefficient_table(reml.names, reml.coefficients, roger.stderr, reml.df),
             "df_method": reml.df_method,
             "sigma_subplot": reml.sigma_subplot,
             "sigma_wholeplot": reml.sigma_wholeplot,

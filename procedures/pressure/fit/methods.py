@@ -18,6 +18,7 @@ from fitter import Triangle
 from fitter.arrays import FloatArray
 from fitter.errors import FitError
 from fitter.formula import Formula
+from fitter.json_values import coefficient_table
 from fitter.split_plot import SplitPlotFit
 from procedures.pressure.data import WholePlotData
 from procedures.pressure.fit.errors import Errors, Layout
@@ -202,16 +203,6 @@ class MethodFit:
         }
 
 
-def coefficient_table(
-    names: tuple[str, ...], estimates: FloatArray, stderr: FloatArray, df: FloatArray
-) -> dict[str, dict[str, float | None]]:
-    """Estimate, standard error and degrees of freedom by name; None where one does not exist."""
-    return {
-        name: {"estimate": float(b), "stderr": _known(s), "df": _known(d)}
-        for name, b, s, d in zip(names, estimates, stderr, df, strict=True)
-    }
-
-
 def fit_method(problem: Problem, method: str, sensitivity_mV_per_psi: float | None = None) -> MethodFit:
     """Calibrate by one of `METHODS`.
 
@@ -286,7 +277,3 @@ def _pseudo_inverse(columns: FloatArray, names: Sequence[str]) -> FloatArray:
     """(k, n) least-squares solution of `columns` as a matrix; RankError where there is none."""
     root = Triangle(tuple(names)).add(columns, np.zeros(len(columns))).solve().root
     return np.asarray(root @ (root.T @ columns.T))
-
-
-def _known(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

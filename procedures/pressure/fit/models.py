@@ -80,11 +80,6 @@ def of_whole_plot(term: Term) -> bool:
     return all(name in _OF_WHOLE_PLOTS for name in term.names)
 
 
-def without_whole_plot_terms(formula: Formula) -> Formula:
-    """What can be estimated beside an indicator for every whole plot."""
-    return formula.without(*(term for term in formula.terms if of_whole_plot(term)))
-
-
 def contains(term: Term, other: Term) -> bool:
     """Whether `other` is a lower-order part of `term`, as P and T_SSE are of P:T_SSE, and P is of P^2."""
     high, low = _powers(term), _powers(other)

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from rig.unattended.doctor.findings import Finding, ok, problem, warning
-from rig.versions import versions
+from rig.version import versions
 
 
 def check_power(root: Path = Path("/")) -> Iterator[Finding]:
