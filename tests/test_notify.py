@@ -393,7 +393,7 @@ COMMAND = '[[channel]]\nkind = "command"\nargv = ["x"]\n'
             'security = "none"\n',
             "would send the password in clear",
         ),
-        ('[[channel]]\nkind = "mail"\nto = ["a@b\\nBcc: x@y"]\nsender = "c@d"\nhost = "h"\n', "no plain e-mail"),
+        ('[[channel]]\nkind = "mail"\nto = ["a@b\\nBcc: x@y"]\nsender = "c@d"\nhost = "h"\n', "not a plain e-mail"),
     ],
 )
 def test_a_wrong_file_is_refused_with_what_is_wrong(tmp_path, text, says):

@@ -302,7 +302,7 @@ def test_a_session_after_a_crash_says_so(tmp_path):
         for record in run.records("session"):
             listeners.recorded(record)
     assert [h.kind for h in seen] == [Kind.START, Kind.CRASH]
-    assert "ended without a word" in seen[1].text
+    assert "ended without a record" in seen[1].text
 
 
 def test_status_of_a_folder_lists_its_runs_newest_first_damaged_ones_too(tmp_path):

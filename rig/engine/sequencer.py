@@ -61,7 +61,7 @@ class Sequencer:
         clock: bench time.
         session: this start of the controller.
         signals: checked wherever the sequencer waits.
-                on_progress: called often, with the progress.
+        on_progress: called often, with the progress.
         previous: the last calibration of these sensors, for early warnings.
 
     """

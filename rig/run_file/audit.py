@@ -40,11 +40,11 @@ class Finding:
     Attributes:
         where: "file", "schema", "record", "document", "run list", "log", "head" or "sense".
         what: a sentence.
-                record: sequence number of its record, if any.
-                kind: kind of that record.
-                point: its point of the run list, if any.
-                column: the changed column, if known.
-                name: name of the document or object of the schema.
+        record: sequence number of its record, if any.
+        kind: kind of that record.
+        point: its point of the run list, if any.
+        column: the changed column, if known.
+        name: name of the document or object of the schema.
 
     """
 

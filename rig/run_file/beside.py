@@ -48,7 +48,7 @@ class Alone:
 
     Attributes:
         records: number of records.
-                known: number and hash of its last record and of others that the log could hide; each hash was checked.
+        known: number and hash of its last record and of others that the log could hide; each hash was checked.
 
     """
 

@@ -46,9 +46,9 @@ class Record(_Columns):
         elapsed_s: bench seconds since the run was created; UTC-based across a reboot.
         utc_s: seconds since 1970-01-01.
         run_index: its point, if any.
-                whole_plot: its whole plot, if any.
-                attempt: number of the attempt at this point, from 1.
-                status: for an observation "accepted" or "rejected"; for other kinds a word of their own.
+        whole_plot: its whole plot, if any.
+        attempt: number of the attempt at this point, from 1.
+        status: for an observation "accepted" or "rejected"; for other kinds a word of their own.
         body: JSON text.
 
     A tuple in the order of the table's columns, for speed: resuming a run may create a hundred thousand of them.
@@ -98,15 +98,15 @@ def link(previous: bytes, seq: int, record: Record) -> bytes:
 def followed(rows: Sequence[StoredRow], seq: int, previous: bytes) -> int:
     """Number of rows, from the first, that are consecutive records with correct hashes.
 
-        Nearly all records have values of the right types and an ASCII body. They are hashed here instead of by `link`,
-        in half the time: only quotation marks and backslashes of the body are escaped. No two bodies get the same text
-        in this way, and none gets the text of another body by `link`: control characters, which `link` escapes too,
-        stay visible. So a hash that is correct here is correct by `link`.
+    Nearly all records have values of the right types and an ASCII body. They are hashed here instead of by `link`,
+    in half the time: only quotation marks and backslashes of the body are escaped. No two bodies get the same text
+    in this way, and none gets the text of another body by `link`: control characters, which `link` escapes too,
+    stay visible. So a hash that is correct here is correct by `link`.
 
     Args:
         rows: rows as stored.
-                seq: expected number of the first.
-                previous: hash of the record before it.
+        seq: expected number of the first.
+        previous: hash of the record before it.
 
     """
     sha256 = hashlib.sha256

@@ -57,7 +57,7 @@ def senseless(record: Record, points: int) -> tuple[str, str] | None:
     """The first inconsistent column of a record, given the run's number of points: (column, sentence); None if there is
     none.
 
-        The body of an observation is not checked here: it is evidence, and its reader checks it.
+    The body of an observation is not checked here: it is evidence, and its reader checks it.
     """
     if _plain_observation(record, points):  # nearly all of them are
         return None

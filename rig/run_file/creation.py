@@ -44,7 +44,7 @@ def create(path: Path, genesis: Genesis, *, elapsed_s: float, utc_s: float, vfs:
 
     Raises:
         StorageError: the file cannot be written.
-                RunFileError: the name exists already.
+        RunFileError: the name exists already.
 
     """
     if path.exists():

@@ -17,8 +17,8 @@ def goes_on_in(run: RunReader, state: RunState, instead_of: Path | None = None) 
 
     Args:
         run: this file, which may have been moved since, or be an older copy under its name.
-                state: state of the run by this file.
-                instead_of: the file that this one was restored from; the copy would be beside it.
+        state: state of the run by this file.
+        instead_of: the file that this one was restored from; the copy would be beside it.
 
     """
     if state.ended is not None:

@@ -125,11 +125,11 @@ def size_of(path: Path) -> int:
 
 
 def rolled_back(path: Path) -> bool:
-    """Let SQLite roll back a half-written change of the file's mode; False if there is none, or another program is
+    """Let SQLite undo a half-written change of the file's mode; False if there is none, or another program is
     writing.
 
-        Entering and leaving WAL mode uses a journal, and a read-only connection cannot roll back a journal left by a
-        power cut. Raises `ForeignFileError` if the journal belongs to another file.
+    Entering and leaving WAL mode uses a journal, and a read-only connection cannot apply a journal left by a
+    power cut. Raises `ForeignFileError` if the journal belongs to another file.
     """
     check_journal(path)
     if not path.with_name(path.name + "-journal").exists():

@@ -35,9 +35,9 @@ class Other:
 
     Attributes:
         run: the run's id, "" if it is not in its first record.
-                records: number of records.
-                head: hash of the last record, hexadecimal.
-                same_until: number of the last record in common with the restored chain, 0 for another run.
+        records: number of records.
+        head: hash of the last record, hexadecimal.
+        same_until: number of the last record in common with the restored chain, 0 for another run.
         ended: whether its last record ends the run.
 
     """

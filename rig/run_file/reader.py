@@ -266,9 +266,9 @@ class RunReader:
         open.
 
         Args:
-                    what: the key, other columns, and the table.
-                    where: condition for the rows.
-                    values: values for the placeholders in `where`.
+            what: the key, other columns, and the table.
+            where: condition for the rows.
+            values: values for the placeholders in `where`.
 
         """
         key = what.partition(",")[0]

@@ -40,8 +40,8 @@ def rescue(
     Args:
         path: the run file.
         happened: what happened to it; the end of a sentence.
-                sources: connections that may still have the contents, the file's own first; None for a missing one.
-                head: number of records and hash of the last one, which a copy must have.
+        sources: connections that may still have the contents, the file's own first; None for a missing one.
+        head: number of records and hash of the last one, which a copy must have.
 
     Returns:
         the error to raise: what happened, where the copy is, what to do next.

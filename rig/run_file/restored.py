@@ -65,14 +65,14 @@ def restore(path: Path, to: Path, expand: Expand, head: str = "") -> Restored:
     Args:
         path: the damaged file.
         to: the new file; neither it nor a file beside it may exist.
-                expand: generates the run list from documents; None if it cannot.
-                head: first hexadecimal digits of the hash of a record that the chain must have; "" for the longest
-                    chain.
+        expand: generates the run list from documents; None if it cannot.
+        head: first hexadecimal digits of the hash of a record that the chain must have; "" for the longest
+            chain.
 
     Raises:
         UsageError: the new file or a file beside it exists already, or the old file does not exist.
-                RunFileError: not even the definition of the run can be read, or no chain has that record.
-                StorageError: the new file cannot be written.
+        RunFileError: not even the definition of the run can be read, or no chain has that record.
+        StorageError: the new file cannot be written.
 
     """
     _check_free(to)

@@ -36,23 +36,23 @@ class RunState:
         put_off: indexes of postponed points, to be tried again at the end.
         attempts: index to number of attempts so far.
         elapsed_s: elapsed time of the last record.
-                utc_s: UTC of the last record.
+        utc_s: UTC of the last record.
         latest_zero_s: UTC at which elapsed time was zero, by the session with the latest such value.
-                identities: last accepted identities of the instruments, by name.
-                operators: known operators of the sessions, each once.
-                session: start of the last session: boot id, clock reading and elapsed time.
-                last_index: index of the last observed point.
-                whole_plot: identity of the open or last whole plot; None before the first and after a loss.
-                planned: number of its planned whole plot.
-                whole_plots: number of identities given so far.
+        identities: last accepted identities of the instruments, by name.
+        operators: known operators of the sessions, each once.
+        session: start of the last session: boot id, clock reading and elapsed time.
+        last_index: index of the last observed point.
+        whole_plot: identity of the open or last whole plot; None before the first and after a loss.
+        planned: number of its planned whole plot.
+        whole_plots: number of identities given so far.
         left_for: the planned whole plot for which temperatures have been left since the last was measured.
         lost: identity to reason, for whole plots that were given up and measured again.
         decisions: number of decisions, by class of fault and decision ("no_reply: retry").
-                faults: records of the last faults, for people.
-                safe: body of the last event of bringing the bench to its safe state.
-    ended: status of the end record, None while the run can be resumed.
+        faults: records of the last faults, for people.
+        safe: body of the last event of bringing the bench to its safe state.
+        ended: status of the end record, None while the run can be resumed.
         rescued: the rescued copy in which the run continues; "" if it continues here.
-                simulated: whether no real instrument is involved.
+        simulated: whether no real instrument is involved.
 
     """
 

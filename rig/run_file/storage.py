@@ -46,7 +46,7 @@ class Storage:
 
         After a failed fsync Linux keeps the data in memory and marks them as written, although the disk never took
                 them. A later fsync succeeds, but a power cut still loses them. Rewriting them makes the next fsync
-                write them.
+        write them.
         """
         with path.open("r+b", buffering=0) as file:
             at = 0

@@ -40,10 +40,10 @@ class Verification:
     Attributes:
         path: the file.
         records: number of its records, 0 if it cannot be opened.
-    head: hash of the last record.
-    simulated: whether no real instrument was involved, None if unknown.
-            findings: defects; empty if the file is sound.
-            notes: remarks that are not defects.
+        head: hash of the last record.
+        simulated: whether no real instrument was involved, None if unknown.
+        findings: defects; empty if the file is sound.
+        notes: remarks that are not defects.
 
     """
 
@@ -110,12 +110,12 @@ def glance(path: Path, most: int) -> tuple[RunReader, RunState, Finding | None, 
     """Open a run file, read its state, and verify it in the same pass.
 
     Args:
-            path: the run file.
-            most: a file with more records is not verified, because that would take seconds.
+        path: the run file.
+        most: a file with more records is not verified, because that would take seconds.
 
     Returns:
-            the reader, which the caller closes; the state; the first defect, None if none is known; whether the file
-            was verified.
+        the reader, which the caller closes; the state; the first defect, None if none is known; whether the file
+        was verified.
 
     Raises:
         RunFileError: it cannot be read at all.

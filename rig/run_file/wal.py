@@ -59,7 +59,7 @@ def _checksum(data: bytes, order: Order, s0: int, s1: int) -> tuple[int, int]:
     """Add to the format's running checksum: for each pair of words, s0 += x + s1, then s1 += y + s0, modulo 2^32.
 
     This is linear: n pairs multiply (s0, s1) by the nth power of [[1, 1], [1, 2]]. Each pair adds (x, x + y),
-        multiplied by the power of its number of later pairs.
+    multiplied by the power of its number of later pairs.
     """
     words = np.frombuffer(data, np.dtype(np.uint32).newbyteorder(order)).astype(np.uint32)
     x, both = words[::2], words[::2] + words[1::2]

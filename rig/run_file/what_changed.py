@@ -23,7 +23,7 @@ class Change:
 
     Attributes:
         column: changed column, None if unknown; "predecessor" if the record itself is sound.
-    what: a sentence.
+        what: a sentence.
 
     """
 
@@ -41,7 +41,7 @@ def changed_column(
         expected: the predecessor's hash.
         claimed: this record's hash according to the record after it, None for the last one.
         points: number of points of the run list.
-                search: try possible original values.
+        search: try possible original values.
 
     """
     seq, record, previous, own = row

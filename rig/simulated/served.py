@@ -28,16 +28,16 @@ def serve_bench(
 
     Args:
         bench: the bench file.
-        world: the truth behind it; a plain world if None.
+        world: the world file; the default world if None.
         speed: bench seconds per real second.
         live: where to write the bench file with the addresses served; removed at the end.
-        seconds: real seconds after which to stop by itself; None for never.
-        tape: to which every answer and what truly happens is added; None for no tape.
+        seconds: real seconds after which it stops by itself; None for never.
+        tape: file to which all answers and true events are appended; None for no tape.
         announce: called with a line for each instrument.
 
     Raises:
         ConfigurationError: one of the files is wrong.
-        UsageError: `tape` is one of the other files, a run file, or no file.
+        UsageError: `tape` is one of the other files, a run file, or not a regular file.
         RigError: a port cannot be opened, or `live` or `tape` cannot be written.
 
     """

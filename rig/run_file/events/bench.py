@@ -136,14 +136,14 @@ class Fault(Event, kind="fault", exported=True):
     Attributes:
         decision: "retry", "skip", "abort"...
         message: description of the fault.
-                evidence: data of the error.
-                error: name of the error's class.
-                fault: class of the fault, as policies name it; None if no policy covered it.
-                where: the state in which it occurred.
-                failure: number of failures at this place.
-                number: number of failures in the session.
-                pause_s: pause before the next attempt, seconds.
-                state: the state in which the session was given up.
+        evidence: data of the error.
+        error: name of the error's class.
+        fault: class of the fault, as policies name it; None if no policy covered it.
+        where: the state in which it occurred.
+        failure: number of failures at this place.
+        number: number of failures in the session.
+        pause_s: pause before the next attempt, seconds.
+        state: the state in which the session was given up.
 
     """
 
@@ -208,8 +208,8 @@ class Warned(
 
     Attributes:
         cause: "noise", "drift", "calibration", "response" or "thermometer"; "itself" if the warnings have ended.
-                output: name of the output or thermometer.
-                message: a sentence with figures.
+        output: name of the output or thermometer.
+        message: a sentence with figures.
 
     """
 

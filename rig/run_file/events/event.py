@@ -110,8 +110,8 @@ class Event:
             matters: see `Event`.
             exported: see `Event`.
             says: its sentence, with fields in braces; `{at}` is the place, `{record.whole_plot}` a column of its
-            record.
-                        ends: how it ends its session, in words; this is then its sentence too.
+                record.
+            ends: how it ends its session, in words; this is then its sentence too.
 
         """
         cls.kind, cls._status, cls.matters, cls.exported = kind, status, matters, exported

@@ -33,7 +33,7 @@ class RunCreated(Event, kind="run", says="run created, {points} points, run list
     Attributes:
         run_id: its name.
         simulated: whether no real instrument is involved.
-                documents: digests of its documents, by name.
+        documents: digests of its documents, by name.
         run_list: hash of the run list.
         points: length of the run list.
         seed: seed of the run list.
@@ -74,16 +74,16 @@ class SessionBegan(Event, kind="session", matters=Importance("session", "info", 
 
     Attributes:
         operator: person who runs it, and source of the name.
-                simulated: whether no real instrument is involved.
-                pid: process id of the controller, on its `host`.
-                boot: identifier of this boot of the bench's clock.
-                software: versions, by name.
-                utc_step_s: step of UTC relative to bench time since the previous record.
-                clock_s: reading of the bench's clock, at `elapsed_s` since the run was created.
-                gap_s: time since the last record; `gap_certain` unless bridged by UTC, `gap_known` unless UTC was
-                    wrong.
-                wal_frames_dropped: dropped frames of a damaged log, with `wal_commits_lost` records, because of
-                    `wal_damage`.
+        simulated: whether no real instrument is involved.
+        pid: process id of the controller, on its `host`.
+        boot: identifier of this boot of the bench's clock.
+        software: versions, by name.
+        utc_step_s: step of UTC relative to bench time since the previous record.
+        clock_s: reading of the bench's clock, at `elapsed_s` since the run was created.
+        gap_s: time since the last record; `gap_certain` unless bridged by UTC, `gap_known` unless UTC was
+            wrong.
+        wal_frames_dropped: dropped frames of a damaged log, with `wal_commits_lost` records, because of
+            `wal_damage`.
 
     """
 
@@ -216,11 +216,11 @@ class Ended(
     Attributes:
         how: "complete".
         accepted: number of observed points.
-                skipped: reasons, by index of the point.
-                whole_plots: number of identities given; None if no factor is hard to change.
-                lost: reasons, by identity of the whole plot.
-                records: number of records before this one; filled in by the writer of the file.
-                head: hash of the record before this one; likewise.
+        skipped: reasons, by index of the point.
+        whole_plots: number of identities given; None if no factor is hard to change.
+        lost: reasons, by identity of the whole plot.
+        records: number of records before this one; filled in by the writer of the file.
+        head: hash of the record before this one; likewise.
 
     """
 

@@ -102,7 +102,7 @@ class Rule(Protocol):
         Args:
             record: the record.
             event: its event.
-                        fold: state of the run before it.
+            fold: state of the run before it.
 
         """
         ...
