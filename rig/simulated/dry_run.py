@@ -1,4 +1,4 @@
-"""A dry run: the same bench file, every address replaced by that driver's twin, under virtual time."""
+"""A dry run: the same bench file, with every address replaced by the driver's twin, under virtual time."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _keys = itertools.count(1)
 
 @cache
 def twin_class(driver: str) -> MakesTwins:
-    """The twin registered for a driver, entry-point group `rig.twins`; raises `ConfigurationError` if it has none."""
+    """The twin registered for a driver, entry-point group `rig.twins`. Raises `ConfigurationError` if it has none."""
     known = installed("rig.twins")
     if driver not in known:
         raise ConfigurationError(f"driver {driver!r} has no twin, so it cannot run dry (twins: {', '.join(known)})")

@@ -1,4 +1,4 @@
-"""`rig sim`: the simulated bench behind the operating system's own ports, for controllers in other processes."""
+"""`rig sim`: the simulated bench on ports of the operating system, for controllers in other processes."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def serve_bench(
     config, _ = read_bench(bench)
     check_options(config, str(bench))
     truth = {} if world is None else parse_toml(read_text(world, "world"), str(world))
-    announce("SIMULATED bench; nothing here is a real instrument")
+    announce("SIMULATED bench; no instrument is real")
     try:
         serve(
             plain(config),
