@@ -1,4 +1,4 @@
-"""Whether a finished calibration is fit for use, by the limits its procedure set beforehand."""
+"""Whether a finished calibration is fit for use, by the acceptance limits of its procedure."""
 
 from __future__ import annotations
 
@@ -13,11 +13,10 @@ from rig.tables import run_table
 
 
 def judge(procedure: Procedure, path: Path) -> Sequence[Verdict]:
-    """Every sensor of a complete run against the procedure's limit; [] where there is none.
+    """Verdicts on every sensor of a complete run, by the procedure's limit; [] without a limit.
 
     Raises:
         RigError: the run cannot be fitted.
-
     """
     try:
         return kind_of(procedure).judge(procedure, run_table(path))

@@ -1,4 +1,4 @@
-"""The version of this program, as its package has it."""
+"""The version of this program, from its package."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from importlib.metadata import PackageNotFoundError, version
 def _version() -> str:
     try:
         return version("calibration-rig")
-    except PackageNotFoundError:  # a source tree that was never installed
+    except PackageNotFoundError:  # a source tree without installation
         return "0+source"
 
 

@@ -1,4 +1,4 @@
-"""What computes: our version, Python's, and the libraries whose answers matter."""
+"""Versions of the software that computes: ours, Python's, and those of relevant libraries."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rig.version import VERSION
 
 
 def versions(drivers: Iterable[str] = ()) -> dict[str, str]:
-    """By name, for the run file and reports; with the packages that these drivers come with, if not with ours."""
+    """Versions by name, for the run file and reports; with the packages of these drivers, if not ours."""
     import apsw  # noqa: PLC0415
     import numpy as np  # noqa: PLC0415
 

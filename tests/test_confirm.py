@@ -128,7 +128,7 @@ def test_what_cannot_be_confirmed_is_refused(tmp_path: Path, sagging: Path) -> N
         ((first,), "add --dry"),
         ((tmp_path / "table.csv", "--dry"), "no run file"),
         ((first, "--dry", "--take", "99"), "--list shows them"),
-        ((first, "--world", tmp_path / "table.csv"), "it goes with --dry"),
+        ((first, "--world", tmp_path / "table.csv"), "it requires --dry"),
         ((first, "--by", first), "has to come after it"),
     ):
         done = rig("confirm", *words, "--out", tmp_path)

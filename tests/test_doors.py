@@ -174,7 +174,7 @@ def test_a_dict_for_a_name_in_a_charted_calibration(whole, tmp_path):
 
 
 def test_a_pipe_to_write_to_keeps_nobody_waiting(tmp_path):
-    with pytest.raises(UsageError, match="no ordinary file"):
+    with pytest.raises(UsageError, match="not a regular file"):
         check_writable(pipe(tmp_path / "answer.csv"))
 
 

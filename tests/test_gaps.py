@@ -182,7 +182,7 @@ def test_a_run_in_a_place_that_may_only_be_read_is_not_begun_again_and_the_way_o
     monkeypatch.setattr("rig.disk_space.os.access", lambda place, how: not how & os.W_OK or str(place) != closed)
     refused = rig("resume", path)
     assert refused.returncode == 2
-    assert f"{closed} may not be written to" in refused.stderr
+    assert f"{closed} cannot be written to" in refused.stderr
     assert f"copy {path} elsewhere" in refused.stderr
     assert rig("status", path).returncode == 0
 

@@ -424,7 +424,7 @@ def test_a_missing_secret_is_named_before_anything_moves_but_does_not_end_a_resu
     assert made.returncode == 0, made.stderr
     resumed = rig("resume", made.stdout.strip(), "--notify", "--notify-file", path)
     assert resumed.returncode == 0, resumed.stderr
-    assert "nobody will be told of anything" in resumed.stderr
+    assert "nobody will be notified" in resumed.stderr
 
 
 def test_what_could_not_be_told_is_in_the_run_file_and_in_the_log(tmp_path):

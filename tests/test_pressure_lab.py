@@ -199,7 +199,7 @@ def test_acceptance_is_by_reading_error(tmp_path, run):
             ('sse_temperature_degC = "sse_chamber"', 'sse_temperature_degC = "scanner"'),
             "scanner cannot set sse_temperature",
         ),
-        (('pressure_psia = "supply"', 'pressure_psia = "suply"'), "is no instrument here"),
+        (('pressure_psia = "supply"', 'pressure_psia = "suply"'), "is not an instrument here"),
         (("sensor_chamber_degC = [-140, 40]", "sensor_chamber_degC = [15, 40]"), "outside 15 to 40"),
         (
             ("pressure_psia = [0, 15.5]", "pressure_psia = [0, 6]"),
@@ -210,7 +210,7 @@ def test_acceptance_is_by_reading_error(tmp_path, run):
         (('pressure_psia = "supply"', 'pitch_deg = "supply"'), "factors.pitch_deg is no factor"),
         (('sse_temperature_degC = "sse_chamber"', 'sse_temperature_degC = "sensor_chamber"'), "cannot set both"),
         (('unit = "mV"', 'unit = "V"'), 'unit = "mV"'),
-        (('unit = "mV"', 'unit = "mV"\naxis = "x"'), "has an axis"),
+        (('unit = "mV"', 'unit = "mV"\naxis = "x"'), "must not have an axis"),
     ],
 )
 def test_a_bench_that_cannot_carry_the_design_out_is_refused_before_anything_moves(tmp_path, change, message):

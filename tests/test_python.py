@@ -166,7 +166,7 @@ def test_errors_are_those_of_the_command_line(tmp_path, table):
     assert str(error.value) in said("fit", ATTITUDE, "--report", tmp_path / "report.html")
     with pytest.raises(rig.UsageError, match=r"there is no option colour; .*, whose options are: traced, temperature"):
         rig.open(ATTITUDE).fit(colour="red")
-    with pytest.raises(rig.UsageError, match="is what is read and is not overwritten"):
+    with pytest.raises(rig.UsageError, match="is an input and is not overwritten"):
         rig.open(table).fit(**GENERAL).infer(table, out=table)
 
 
@@ -299,7 +299,7 @@ def test_a_run_is_what_status_prints(tmp_path, monkeypatch):
 
 
 def test_a_run_that_cannot_begin_says_why(tmp_path):
-    with pytest.raises(rig.UsageError, match="--world describes a simulated bench; it goes with --dry"):
+    with pytest.raises(rig.UsageError, match="--world describes a simulated bench; it requires --dry"):
         rig.run(dry.write_short(tmp_path), dry.LAB / "bench.toml", dry=False, world=dry.LAB / "world.toml")
     with pytest.raises(rig.ConfigurationError, match=r"none\.toml"):
         rig.run(tmp_path / "none.toml", dry.LAB / "bench.toml", out=tmp_path)

@@ -185,7 +185,7 @@ def test_a_unit_of_the_machine_is_confined(tmp_path):
 def test_a_controller_does_not_run_as_root(tmp_path):
     path = new_run(tmp_path)
     refused = rig("service", path, "--system", "--run-as", "root")
-    assert (refused.returncode, "needs no rights of root" in refused.stderr) == (2, True)
+    assert (refused.returncode, "does not need root" in refused.stderr) == (2, True)
     assert "User=nobody" in rig("service", path, "--system", "--run-as", "nobody").stdout
 
 

@@ -128,7 +128,7 @@ def test_status_of_a_file_cut_short_says_what_is_gone_and_that_a_resume_measures
     shown = rig("status", path)
     assert shown.returncode == 0
     assert "cut short: head: its last 3 record(s) are missing" in " ".join(shown.stdout.split())
-    assert "carry on with: rig resume" in shown.stdout
+    assert "continue with: rig resume" in shown.stdout
 
 
 # --- instruments at other addresses -----------------------------------------------------------------------------------
@@ -250,15 +250,15 @@ def test_a_file_that_was_rescued_says_where_the_run_goes_on_and_is_not_carried_o
     before = path.read_bytes()
     refused = rig("resume", path)
     assert refused.returncode == 2, refused.stderr
-    assert f"the run goes on: rig resume {copy}" in refused.stderr
+    assert f"which continues: rig resume {copy}" in refused.stderr
     assert path.read_bytes() == before
     assert rig("service", path).returncode == 2
     shown = rig("status", path).stdout
-    assert f"carry on with: rig resume {copy}" in shown
+    assert f"continue with: rig resume {copy}" in shown
     checked = rig("verify", path)
     assert checked.returncode == (1 if how == "replaced" else 0), "an older copy lacks what came after it"
     assert f"the run goes on in {copy}" in checked.stdout
-    assert f"carry on with: rig resume {copy}" in rig("status", copy).stdout
+    assert f"continue with: rig resume {copy}" in rig("status", copy).stdout
     assert run_session(copy)[0] is Outcome.COMPLETE
     assert rig("resume", path).returncode == 2
 
