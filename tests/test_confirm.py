@@ -126,10 +126,10 @@ def test_what_cannot_be_confirmed_is_refused(tmp_path: Path, sagging: Path) -> N
     (tmp_path / "table.csv").write_text("a,b\n1,2\n")
     for words, why in (
         ((first,), "add --dry"),
-        ((tmp_path / "table.csv", "--dry"), "no run file"),
+        ((tmp_path / "table.csv", "--dry"), "not a run file"),
         ((first, "--dry", "--take", "99"), "--list shows them"),
         ((first, "--world", tmp_path / "table.csv"), "it requires --dry"),
-        ((first, "--by", first), "has to come after it"),
+        ((first, "--by", first), "must be later"),
     ):
         done = rig("confirm", *words, "--out", tmp_path)
         assert done.returncode == 2, done.stderr

@@ -131,8 +131,8 @@ def test_missing_values_may_be_nan_none_or_pandas_own(table):
 @pytest.mark.parametrize(
     ("columns", "message"),
     [
-        ({}, "the table given has no columns"),
-        ({"y_mV": []}, "the table given has no rows"),
+        ({}, "the given table has no columns"),
+        ({"y_mV": []}, "the given table has no rows"),
         ({"y_mV": [1.0], "z": [1.0, 2.0]}, "column z: 2 values, where other columns have 1"),
         ({"y_mV": [[1.0]]}, r"column y_mV: it is of shape \(1, 1\)"),
         ({"y_mV": [1.0, np.inf]}, "row 2, column y_mV: inf is not a finite number"),

@@ -116,7 +116,7 @@ def test_status_of_a_whole_file_says_nothing_of_it_and_of_one_too_long_that_it_i
     monkeypatch.setattr("rig.results.status.VERIFIED", 5)
     shown = rig("status", edited(path))
     assert shown.returncode == 0
-    assert f"not verified, {RunReader.open(path).head()[0]} records take a while: rig verify" in shown.stdout
+    assert f"not verified, {RunReader.open(path).head()[0]} records need some time: rig verify" in shown.stdout
     assert json.loads(rig("status", path, "--json").stdout)["whole"] is None
 
 
@@ -268,5 +268,5 @@ def test_all_that_was_observed_is_in_the_file_that_was_moved_too_and_it_can_go_o
     with RunReader.open(copy) as one, RunReader.open(path) as other:
         assert list(one.chained()) == list(other.chained())[:-1]
     copy.unlink()
-    assert "which is not there: look for it before you carry on here" in rig("status", path).stdout
+    assert "which does not exist: look for it before you resume here" in rig("status", path).stdout
     assert run_session(path)[0] is Outcome.COMPLETE

@@ -1,4 +1,4 @@
-"""Tables of observations: what a run measured, or a CSV file holds."""
+"""Tables of observations of a run or a CSV file."""
 
 from __future__ import annotations
 
@@ -25,8 +25,7 @@ class Observations(Result):
     """A table: columns of numbers and of text, with units in their names.
 
     Attributes:
-        table: as fits and traces take it.
-
+        table: the object used by fits and traces.
     """
 
     def __init__(self, table: Table) -> None:
@@ -41,27 +40,27 @@ class Observations(Result):
 
     @property
     def columns(self) -> Mapping[str, np.ndarray[Any, Any]]:
-        """(n,) values by column name; a column with gaps in it is not here."""
+        """(n,) values by column name, without columns that have gaps."""
         return {**self.table.columns, **self.table.text}
 
     @property
     def simulated(self) -> bool:
-        """Whether no real instrument was involved, as far as is known."""
+        """Whether no real instrument was involved, if known."""
         return self.table.simulated
 
     @property
     def provenance(self) -> Mapping[str, Any]:
-        """What is known of where the numbers come from."""
+        """Provenance of the numbers."""
         return self.table.provenance
 
     def to_json(self) -> dict[str, Any]:
-        """Where it comes from and all of its columns; no command prints this."""
+        """Source and all columns; no command prints this."""
         about = {"source": self.table.source, "simulated": self.simulated, "provenance": dict(self.provenance)}
         found: dict[str, Any] = finite({**about, "columns": {n: v.tolist() for n, v in self.columns.items()}})
         return found
 
     def blocks(self) -> Iterable[Block]:
-        """Where it comes from, and its first rows."""
+        """Source and the first rows."""
         yield headline(PurePath(self.table.source).name, self.table)
         yield from first_rows(self.columns)
 
@@ -70,7 +69,7 @@ class Observations(Result):
         return of_columns(self.columns, {"source": self.table.source, "simulated": int(self.simulated)})
 
     def plot(self) -> Plots:
-        """One figure: every column of numbers that varies, in the order of the rows, or over time."""
+        """One figure: every column of numbers that varies, in the order of rows, or over time."""
         from procedures.pictures import grid  # noqa: PLC0415 - matplotlib takes a second to import
 
         shown = {n: v for n, v in self.table.columns.items() if n != _TIME and np.ptp(v) > 0}
@@ -90,7 +89,7 @@ class Observations(Result):
 
 
 def first_rows(columns: Mapping[str, np.ndarray[Any, Any]]) -> Iterable[Block]:
-    """A table of the first rows, and how many more there are."""
+    """A table of the first rows, and the number of further ones."""
     grid = Grid([escape(name) for name in columns], frame="rule")
     every = list(columns.values())
     for i in range(min(_SHOWN, len(every[0]))):
