@@ -46,7 +46,7 @@ def check_room(place: Path, points: int) -> None:
     largest, will_be = largest_file_bytes(), needed + (place.stat().st_size if goes_on else 0)
     if largest is not None and largest < will_be:
         raise StorageError(
-            f"this process may create files of at most {largest / 1e6:.1f} MB, but the run may need  "
+            f"this process may create files of at most {largest / 1e6:.1f} MB, but the run may need "
             f"{will_be / 1e6:.0f} MB: raise the limit (ulimit -f unlimited, or LimitFSIZE= of the service)"
         )
 

@@ -48,7 +48,7 @@ def load(group: str, name: str, needs: Sequence[str]) -> Any:
         needs: required attributes.
 
     Raises:
-        ConfigurationError: two packages have one by this name, it cannot be imported, or it lacks an attribute.
+        ConfigurationError: two packages have one by this name, it cannot be loaded, or it lacks an attribute.
     """
     points = {point.value: point for point in _points(group) if point.name == name}
     what = f"the {group.removeprefix('rig.').removesuffix('s')} {name!r}"
@@ -58,7 +58,7 @@ def load(group: str, name: str, needs: Sequence[str]) -> Any:
     try:
         found = point.load()
     except (ImportError, AttributeError) as error:
-        raise ConfigurationError(f"{what} of {_package(point)} cannot be imported: {error}") from error
+        raise ConfigurationError(f"{what} of {_package(point)} cannot be loaded: {error}") from error
     if lacking := [need for need in needs if not hasattr(found, need)]:
         raise ConfigurationError(f"{what} of {_package(point)} lacks {', '.join(lacking)}")
     return found

@@ -50,7 +50,7 @@ REFUSED: list[tuple[Wire, str, str]] = [
     ("serial", "ASRL/dev/ttyUSB0::INSTR", "use /dev/ttyUSB0"),
     ("serial", "ASRL3::INSTR", "COM3"),
     ("serial", "USB0::0x2A8D::0x0101::MY1::INSTR", "VISA names are not supported yet"),
-    ("serial", "spy:///dev/ttyUSB0?file=/tmp/x", "spy: is not a wire of this driver, or is not allowed"),
+    ("serial", "spy:///dev/ttyUSB0?file=/tmp/x", "spy: is not a wire of this driver, or is not permitted"),
     ("serial", "loop://", "loop: is not"),
     ("serial", "alt:///dev/ttyUSB0?class=PosixPollSerial", "alt: is not"),
     ("serial", "hwgrep://USB", "hwgrep: is not"),
@@ -197,7 +197,7 @@ def test_over_tcp_baud_plays_no_part_in_a_dry_run() -> None:
 
 def test_a_twins_address_in_a_real_bench_file_is_refused() -> None:
     config = parse_bench(DVM.format(address="sim://dry1/dvm", baud=9600), "bench.toml")
-    with pytest.raises(ConfigurationError, match=r"instruments\.dvm\.address: sim://dry1/dvm is a twin's"):
+    with pytest.raises(ConfigurationError, match=r"instruments\.dvm\.address: sim://dry1/dvm belongs to a twin"):
         check_options(config, "bench.toml")
 
 

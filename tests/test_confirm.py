@@ -266,6 +266,8 @@ def test_a_run_that_is_unlikely_to_decide_does_not_come_first_and_is_said_to_be(
     assert (long.likely, good.likely) == (False, True)
     never = [Inseparable(("pads", "head"), 1.0, "")]
     (said,) = otherwise(opened[0], long, never)
-    assert said.startswith("it is UNLIKELY to settle everything: a chance of 8% for what it settles least, and 12 h")
+    assert said.startswith(
+        "it is UNLIKELY to settle everything: probability 8% for its most difficult question, and 12 h"
+    )
     assert not list(otherwise(opened[0], good, never))
     assert long.to_json()["likely"] is False

@@ -114,7 +114,7 @@ def test_two_calibrations_are_compared_and_no_more(runs):
     assert found["quantities"]["S_V"]["trend"] is None
     assert found["quantities"]["S_V"]["homogeneity"]["p"] < 0.01
     assert found["due"]["status"] == "too few"
-    assert "no due date before there are three calibrations, there are 2" in found["sentences"][-1]
+    assert "a due date needs three calibrations; there are 2" in found["sentences"][-1]
 
 
 def test_a_step_is_dated_and_put_beside_a_change_of_instruments(runs, tmp_path):
@@ -168,7 +168,7 @@ def test_what_does_not_belong_together_is_refused(runs, tables, tmp_path):
         ([tables[0], tables[1].partition("@")[0] + "@soon"], "'soon' is not a date"),
         ([runs[0] + "@2024-01-01", runs[1]], "contains its date of measurement"),
         ([tables[0], tables[1].partition("@")[0] + "@2024-01-15"], "of the same time"),
-        ([tables[0], tables[0].partition("@")[0] + "@2025-01-01"], "are of the same data: x_V has"),
+        ([tables[0], tables[0].partition("@")[0] + "@2025-01-01"], "have the same data: x_V has"),
         ([str(tmp_path / "no.sqlite"), runs[0]], "there is no file"),
     ):
         with pytest.raises(UsageError, match=re.escape(message)):

@@ -178,7 +178,7 @@ def test_a_run_file_that_cannot_be_made_durable_is_not_left_behind(tmp_path, nth
         made(tmp_path / "whole", disk)
         syncs = disk.syncs
         disk.fail_sync(nth=syncs + 1 - nth)
-        with pytest.raises(StorageError, match="no partial file remains"):
+        with pytest.raises(StorageError, match="nothing is left behind"):
             made(tmp_path / "torn", disk)
     assert not list((tmp_path / "torn").iterdir())
 

@@ -167,7 +167,7 @@ def test_a_limit_on_the_size_of_files_is_found_before_anything_moves(tmp_path, m
     monkeypatch.setattr(resource, "getrlimit", lambda _: (1_000_000, resource.RLIM_INFINITY))
     for refused in (rig("run", *arguments), rig("resume", path)):
         assert refused.returncode == 1
-        assert "files of 1.0 MB at most and the run may need 10 MB: raise the limit (ulimit -f" in refused.stderr
+        assert "files of at most 1.0 MB, but the run may need 10 MB: raise the limit (ulimit -f" in refused.stderr
     seen = rig("doctor", *arguments[1:4], "--procedure", arguments[0], "--out", tmp_path, "--json")
     assert "files may have 1.0 MB at most here" in seen.stdout
 

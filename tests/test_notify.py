@@ -373,15 +373,15 @@ COMMAND = '[[channel]]\nkind = "command"\nargv = ["x"]\n'
     [
         ('[[channel]]\nkind = "pigeon"\n', "pigeon"),
         (COMMAND + COMMAND, "two channels are called command"),
-        (COMMAND.replace("argv", "arv"), "channel.0.command.arv is not known here; did you mean argv"),
-        (COMMAND.replace('"command"', '"comand"'), "channel.0.kind = 'comand' is not known; did you mean 'command'"),
+        (COMMAND.replace("argv", "arv"), "channel.0.command.arv is unknown here; did you mean argv"),
+        (COMMAND.replace('"command"', '"comand"'), "channel.0.kind = 'comand' is unknown; did you mean 'command'"),
         (COMMAND.replace('kind = "command"', ""), "channel.0.kind is missing"),
         (COMMAND + 'on = ["party"]\n', "party"),
-        (COMMAND + 'on = ["finsh"]\n', "'finsh' is not known; did you mean 'finish'"),
+        (COMMAND + 'on = ["finsh"]\n', "'finsh' is unknown; did you mean 'finish'"),
         (COMMAND + 'simulated = "no"\n', "channel.0.command.simulated: should be true or false"),
         (COMMAND.replace('"x"', '"x", "{haedline}"'), r"argv.0: there is no {haedline}; did you mean {headline}"),
         ("most_per_hour = 10.5", "most_per_hour: should be a whole number"),
-        ("[[chanel]]", "chanel is not known here; did you mean channel"),
+        ("[[chanel]]", "chanel is unknown here; did you mean channel"),
         (
             '[[channel]]\nkind = "webhook"\nurl = "http://x/"\nbody = { a = [{ b = "{mesage}" }] }\n',
             r"body.a.0.b: there is no {mesage}; did you mean {message}\?.*write {{mesage}}",
@@ -504,6 +504,6 @@ def test_a_resumed_run_leaves_out_the_channel_that_is_out_of_order_and_tells_the
     made = rig("run", write_small(tmp_path), "-b", LAB / "bench.toml", "--dry", "--out", tmp_path, "--create-only")
     resumed = rig("resume", made.stdout.strip(), "--notify", "--notify-file", path, "--log", log)
     assert resumed.returncode == 0, resumed.stderr
-    assert "nobody will be told there" in resumed.stderr
+    assert "nobody will be notified there" in resumed.stderr
     assert "channel bell: there is no program" in resumed.stderr
     assert "command was told: SIMULATED attitude-lab: finished" in log.read_text()

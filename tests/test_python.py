@@ -134,10 +134,10 @@ def test_missing_values_may_be_nan_none_or_pandas_own(table):
         ({}, "the given table has no columns"),
         ({"y_mV": []}, "the given table has no rows"),
         ({"y_mV": [1.0], "z": [1.0, 2.0]}, "column z: 2 values, where other columns have 1"),
-        ({"y_mV": [[1.0]]}, r"column y_mV: it is of shape \(1, 1\)"),
+        ({"y_mV": [[1.0]]}, r"column y_mV: it has the shape \(1, 1\)"),
         ({"y_mV": [1.0, np.inf]}, "row 2, column y_mV: inf is not a finite number"),
         ({"y_mV": np.array(["2026-01-15"], "M8[D]")}, "column y_mV: it holds datetime64"),
-        ({3: [1.0]}, "a column is called 3, which is no text"),
+        ({3: [1.0]}, "a column is called 3, which is not a text"),
         ({"x": [1.0]}, "y_mV"),
     ],
 )

@@ -204,7 +204,7 @@ def test_damage_in_the_middle_is_reported_not_raised_as_a_traceback(path):
 
 def test_creating_on_a_full_disk_leaves_nothing(tmp_path, monkeypatch):
     monkeypatch.setattr("rig.run_file.storage.os.replace", _refuse)
-    with pytest.raises(StorageError, match="no partial file remains"):
+    with pytest.raises(StorageError, match="nothing is left behind"):
         create(tmp_path / "a.sqlite", genesis(), elapsed_s=0, utc_s=0)
     assert list(tmp_path.iterdir()) == []
 

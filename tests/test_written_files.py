@@ -163,7 +163,7 @@ def test_faults_do_not_overwrite_a_file_that_nobody_named(finished, tmp_path):
     (tmp_path / "night.faults.csv").write_text("precious\n")
     done = rig("export", finished, "--all", "-o", "night.csv", cwd=tmp_path)
     assert done.returncode == 2
-    assert "night.faults.csv, where faults and decisions go with --all, is there and no table of them" in done.stderr
+    assert "night.faults.csv, the file of faults and decisions with --all, is not such a table" in done.stderr
     assert {p.name: p.read_text() for p in tmp_path.iterdir()} == {"night.faults.csv": "precious\n"}
 
 
@@ -243,9 +243,9 @@ def test_a_masked_unit_is_not_installed_without_a_word(tmp_path):
     ("options", "code", "says"),
     [
         (("--world", "."), 78, ". is a folder; name the world file in it"),
-        (("--bench", "none.toml"), 78, "there is no bench file none.toml"),
+        (("--bench", "none.toml"), 78, "bench file none.toml does not exist"),
         (("--world", "wrong.toml"), 78, "wrong.toml is not valid TOML"),
-        (("--out", "wrong.toml"), 2, "wrong.toml is no folder; name one for the run file with --out"),
+        (("--out", "wrong.toml"), 2, "wrong.toml is not a folder; name one for the run file with --out"),
     ],
 )
 def test_a_confirming_run_looks_at_its_files_before_its_work(finished, tmp_path, options, code, says):

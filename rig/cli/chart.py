@@ -57,7 +57,7 @@ def chart(
     as_json: JsonOption = False,
     today: Annotated[str | None, typer.Option(help="date for 'in N days'", show_default="today")] = None,
 ) -> int:
-    """Chart the parameters of sensors over several calibrations: is one drifting, and when is it due again?
+    """Chart the parameters of sensors over several calibrations: drift, and the next due date.
 
     Two calibrations are compared; three give a trend and a due date; four can show a step. Errors come from the
     differences between the replications of each calibration. The due date is the last day on which the last

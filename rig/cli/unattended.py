@@ -161,7 +161,7 @@ def _add_notifier(listeners: Listeners, asked: Listening, warn: Callable[[str], 
     if wrong and asked.strict:
         raise ConfigurationError("\n".join(wrong))
     for text in wrong:  # the other channels still work
-        said = f"nobody will be told {'there' if sends else 'of anything'}: {text}"
+        said = f"nobody will be notified{' there' if sends else ''}: {text}"
         listeners.say("warning", said)
         warn(said)
     listeners.notifier = Notifier(settings, sends, told=listeners.told, failed=listeners.not_told)

@@ -144,8 +144,8 @@ def test_the_unit_is_what_the_drive_itself_says_not_what_its_eds_has_as_default(
 @pytest.mark.parametrize(
     ("values", "options", "message"),
     [
-        ({(0x60A9, 0): 0}, {}, r"60A9h says nothing\); look it up in its manual and write velocity_unit ="),
-        ({(0x60A9, 0): 0x00010300}, {}, r"its 60A9h is 00010300h, which is not known here\); .* velocity_unit ="),
+        ({(0x60A9, 0): 0}, {}, r"60A9h does not name one\); look it up in its manual and write velocity_unit ="),
+        ({(0x60A9, 0): 0x00010300}, {}, r"its 60A9h is 00010300h, which is unknown\); .* velocity_unit ="),
         ({(0x60A9, 0): 0x00B44700}, {"velocity_unit": "counts/s"}, r"says velocity_unit = 'counts/s' and .* says rpm"),
         ({(0x60A9, 0): 0x00B44700}, {}, r"write turns_per_table_turn = N in the bench file"),
     ],
