@@ -169,7 +169,7 @@ def test_a_limit_on_the_size_of_files_is_found_before_anything_moves(tmp_path, m
         assert refused.returncode == 1
         assert "files of at most 1.0 MB, but the run may need 10 MB: raise the limit (ulimit -f" in refused.stderr
     seen = rig("doctor", *arguments[1:4], "--procedure", arguments[0], "--out", tmp_path, "--json")
-    assert "files may have 1.0 MB at most here" in seen.stdout
+    assert "the size of files is limited to 1.0 MB here" in seen.stdout
 
 
 @pytest.mark.parametrize("what", ["file", "folder"])
