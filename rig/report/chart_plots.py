@@ -19,7 +19,7 @@ from rig.closed_loop.chart import DAYS, SensorChart
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
 _COLOURS = {Between.SCATTER: "#4477aa", Between.WALK: "#b3460b"}
-_WORDS = {Between.SCATTER: "if calibrations scatter", Between.WALK: "if the sensor has a random walk"}
+_WORDS = {Between.SCATTER: "if calibrations scatter", Between.WALK: "for a random walk"}
 
 
 def parameter_charts(sensor: SensorChart) -> Figure:

@@ -137,7 +137,7 @@ def _sensor(name: str, view: View, found: Mapping[str, Any]) -> Iterator[Block]:
     if found["due"]["status"] == "too few":
         return
     due_dates = Grid(
-        (f"tolerance / {found['due']['unit']}", "due", "if calibrations scatter", "if the sensor has a random walk")
+        (f"tolerance / {found['due']['unit']}", "due", "if calibrations scatter", "for a random walk")
     )
     for due in found["due_by_tolerance"]:
         by_variation = (value or "-" for value in due["by_variation"].values())
