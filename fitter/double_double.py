@@ -17,12 +17,12 @@ from numpy.typing import ArrayLike
 
 from fitter.arrays import FloatArray
 
-_SPLITTER = 134217729.0  # 2^27 + 1: halves the 53 bits of a double
+_SPLITTER = 134217729.0  # 2^27 + 1: splits the 53 bits of a double
 _HIGHEST_POWER = 64
 _LARGEST_ANGLE = 1e8
 _QUARTER_TURN = (1.5707963267948966, 6.123233995736766e-17, -1.4973849048591833e-33)  # pi/2, the sum of three
 _LOG_2 = (0.6931471805599453, 2.3190468138462996e-17)
-_HALVINGS = 9  # of an exponent, before its series
+_HALVINGS = 9  # limit of an exponent for its series
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ class DoubleDouble:
 
     @classmethod
     def of(cls, values: ArrayLike) -> DoubleDouble:
-        """These doubles, exactly."""
+        """These doubles without error."""
         hi = np.asarray(values, np.float64)
         return cls(hi, np.zeros_like(hi))
 
@@ -83,7 +83,7 @@ class DoubleDouble:
         return result if exponent >= 0 else DoubleDouble.of(1.0) / result
 
     def sum(self) -> DoubleDouble:
-        """Sum over the first axis, by halves."""
+        """Sum over the first axis, by halving."""
         total = self
         while len(total.hi) > 1:
             half = len(total.hi) // 2
@@ -111,7 +111,7 @@ def _power(base: DoubleDouble, exponent: DoubleDouble) -> DoubleDouble:
 
 
 def _sqrt(x: DoubleDouble) -> DoubleDouble:
-    """By one step of Newton's from that in doubles."""
+    """By one Newton step from the value in doubles."""
     root = np.sqrt(x.hi)
     rest = x - DoubleDouble.of(root) * root
     return DoubleDouble(*_quick_sum(root, np.where(root > 0.0, rest.hi / (2.0 * root), rest.hi)))
@@ -132,14 +132,14 @@ def _exp(x: DoubleDouble) -> DoubleDouble:
 
 
 def _log(x: DoubleDouble) -> DoubleDouble:
-    """By one step of Newton's for exp, and its second order, from that in doubles."""
+    """By one Newton step for exp, with its second order, from the value in doubles."""
     first = DoubleDouble.of(np.log(x.hi))
     rest = x * _exp(-first) - 1.0
     return first + (rest - rest * rest * 0.5)
 
 
 def _sin(x: DoubleDouble, quarters: int = 0) -> DoubleDouble:
-    """sin(x + quarters pi/2): the series of what is left of whole quarters of a turn."""
+    """sin(x + quarters pi/2): the series of the remainder after whole quarters of a turn."""
     k = np.rint(x.hi / _QUARTER_TURN[0])
     r = x
     for part in _QUARTER_TURN:
@@ -168,7 +168,7 @@ def _sign(x: DoubleDouble) -> DoubleDouble:
 
 
 def _maximum(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble:
-    """NaN where one of the two is, as of arrays."""
+    """NaN if an operand is, as for arrays."""
     ahead = np.sign((a - b).hi)
     return _where(np.isnan(ahead), DoubleDouble.of(ahead), _where(ahead >= 0.0, a, b))
 
@@ -201,20 +201,20 @@ _UFUNCS: Mapping[np.ufunc, Callable[..., DoubleDouble]] = {
 
 
 def _two_sum(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """a + b, rounded, and what rounding left out (Knuth)."""
+    """a + b rounded, and its rounding error (Knuth)."""
     s = a + b
     t = s - a
     return s, (a - (s - t)) + (b - t)
 
 
 def _quick_sum(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The same where |a| >= |b| (Dekker)."""
+    """The same for |a| >= |b| (Dekker)."""
     s = a + b
     return s, b - (s - a)
 
 
 def _two_product(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """a * b, rounded, and what rounding left out (Veltkamp, Dekker)."""
+    """a * b rounded, and its rounding error (Veltkamp, Dekker)."""
     p = a * b
     a1, b1 = _upper_half(a), _upper_half(b)
     a2, b2 = a - a1, b - b1
