@@ -1,4 +1,4 @@
-"""A long column of few different values, packed: a run list of a million points takes a few bytes a point."""
+"""A long column with few different values, packed: a run list of a million points takes a few bytes per point."""
 
 from __future__ import annotations
 
@@ -12,11 +12,10 @@ _WIDER = {"B": "H", "H": "I", "I": "Q"}
 
 
 class Coded(Generic[Level]):
-    """Values in order, each kept as the number of its level.
+    """Values in order, each stored as the number of its level.
 
     Attributes:
         levels: the different values, in order of first appearance.
-
     """
 
     def __init__(self) -> None:
@@ -25,7 +24,7 @@ class Coded(Generic[Level]):
         self._codes = array("B")
 
     def extend(self, values: Sequence[Level]) -> None:
-        """Add values at the end."""
+        """Append values."""
         for value in dict.fromkeys(values):
             if value not in self._code_of:
                 self._code_of[value] = len(self.levels)
@@ -35,11 +34,11 @@ class Coded(Generic[Level]):
         self._codes.extend(map(self._code_of.__getitem__, values))
 
     def first(self, code: int) -> int:
-        """Index of the first value that is the level of this number."""
+        """Index of the first value of this level."""
         return self._codes.index(code)
 
     def count(self, code: int) -> int:
-        """How many values are the level of this number."""
+        """Number of values of this level."""
         return self._codes.count(code)
 
     def __len__(self) -> int:

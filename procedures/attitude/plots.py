@@ -1,4 +1,4 @@
-"""Residual plots: before beside after, on one scale."""
+"""Residual plots: before and after, on one scale."""
 
 from __future__ import annotations
 
@@ -19,18 +19,17 @@ _MARKS = "osD^v<>ph*"
 
 @dataclass(frozen=True)
 class Picture:
-    """What is plotted of one sensor.
+    """Plotted values of one sensor.
 
     Attributes:
         pitch_deg: (n,) setpoints.
         roll_deg: (n,) setpoints.
         elapsed_h: (n,) hours since the start of the run.
-        temperature_degC: (n,) at the sensor, None where it was not recorded.
-        replicate: (n,) which pass over the design.
+        temperature_degC: (n,) at the sensor, None if it was not recorded.
+        replicate: (n,) number of the pass over the design.
         before_deg: (n,) residual of the declared model.
-        after_deg: (n,) residual with the effects that were found.
+        after_deg: (n,) residual with the effects found.
         interval_deg: half-width of the 95 % prediction interval before and after, one number each.
-
     """
 
     pitch_deg: Array
@@ -44,7 +43,7 @@ class Picture:
 
 
 def residuals_against(picture: Picture, x: Array, label: str, *, legend: bool) -> Figure:
-    """Residuals before and after over one variable, a colour for each replication, a legend if asked."""
+    """Residuals before and after over one variable, with a colour for each replication, and a legend on request."""
     figure, axes = side_by_side(3.2)
     for axis, residual, half, title in (
         (axes[0], picture.before_deg, picture.interval_deg[0], "before: declared model"),
