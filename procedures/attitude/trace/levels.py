@@ -1,8 +1,8 @@
 """The levels of a replicated run: parts that are removed from an output before the search for an effect.
 
-declared       the declared model\nreplications   the declared model in every replication, so that effects of a whole
-replication are removed\npoints         also the mean of every point, so that only variation point by replication
-remains
+declared       the declared model
+replications   the declared model in every replication, so that effects of a whole replication are removed
+points         also the mean of every point, so that only variation point by replication remains
 
 Effects between points are judged at `replications`, effects of time, temperature or direction at `points`: so neither
 offsets of replications nor lack of fit can be taken for them.
