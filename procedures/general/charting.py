@@ -1,4 +1,4 @@
-"""Control charts of a column of tables of any kind: its values at places of the range."""
+"""Control charts of a column of any tables: its values at places of the range."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class GeneralCharting:
     at_one_temperature = False
 
     def of_table(self, table: Table, formula: str | None) -> Calibrations:
-        """A table does not say what is to be explained by what; a calibration file does."""
+        """A table does not define response and formula; a calibration file does."""
         raise DataError(
             f"Make a calibration of any other table first, rig fit {table.source} --response Y --formula '1 + X' --out "
             f"C.json, and chart C.json@DATE"
@@ -48,11 +48,11 @@ class GeneralCharting:
         return np.array_equal(first.coefficients, later.coefficients)
 
     def at(self, sensor: CurveCalibration, degC: float) -> CurveCalibration:
-        """No temperature is known to matter."""
+        """No temperature is known to be relevant."""
         return sensor
 
     def view(self, every: Sequence[CurveCalibration], years: FloatArray, usage: float | None) -> View:
-        """Used over the range that all calibrations have."""
+        """Use over the common range of all calibrations."""
         if usage is not None:
             raise DataError("--usage is a range of pitch; others are charted over the range calibrated")
         charted, last = curve_charted(every, years), every[-1]

@@ -1,4 +1,4 @@
-"""The report of a trace in a table of any kind: what was found, error before and after, residuals."""
+"""The report of a trace in any table: findings, error before and after, residuals."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def trace_page(traced: GeneralTraced) -> Page:
 
 
 def _plots(traced: GeneralTraced) -> list[dict[str, Any]]:
-    """Residuals before and after, over each effect's own variable; over all there are where nothing was found."""
+    """Residuals before and after, over each effect's own variable; over all variables without findings."""
     trace = traced.trace
     wanted = dict.fromkeys(effect.against for effect in trace.added if effect.against in trace.variables)
     shown = list(wanted or trace.variables)[:_PLOTS]
