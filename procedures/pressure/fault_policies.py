@@ -1,4 +1,4 @@
-"""What can go wrong with a pressure controller and a chamber, beside what can on any bench."""
+"""Policies for faults of a pressure controller and a chamber, in addition to those of any bench."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from procedures.fault_policies import ABORT, HOLD, RE_SOAK, RETRY, SKIP, FaultSe
 
 
 class WholePlotFaults(FaultSettings):
-    """What to do when something goes wrong: steps for each class of fault; see docs/policies.md."""
+    """Policies for faults: steps for each class of fault; see docs/policies.md."""
 
     supply_failure: Policy = Field(["retry 8", ABORT], description="the pressure controller lost its supply or vacuum")
     soak: Policy = Field(ABORT, description="a soak that does not settle")
